@@ -1,0 +1,1 @@
+"""POSFET readout boards: CAN protocol, drivers and the simulated board. Needs python-can and NumPy, not ROS."""

@@ -1,0 +1,24 @@
+from setuptools import find_packages, setup
+
+package_name = "posfet_driver"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    package_data={package_name: ["py.typed", "protocol/*.dbc"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="posfet maintainers",
+    maintainer_email="maintainers@posfet.invalid",
+    description="CAN protocol, boards and simulated board of POSFET tactile arrays.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": [
+            "driver_node = posfet_driver.driver_node:main",
+            "sim_board_node = posfet_driver.sim_board_node:main",
+        ]},
+)

@@ -1,0 +1,1 @@
+"""POSFET tactile sensing: device physics, reconstruction of force, contacts. Needs NumPy and PyYAML, not ROS."""

@@ -1,0 +1,57 @@
+"""Checks of arguments: what a physical function accepts, said in one line when it is not given."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+FloatArray: TypeAlias = NDArray[np.floating[Any]]
+
+
+def _interval(low: float, high: float, exclusive: bool) -> str:
+    opening, closing = ("(", ")") if exclusive else ("[", "]")
+    left = f"{'(' if math.isinf(low) else opening}{low:g}"
+    return f"{left}, {high:g}{')' if math.isinf(high) else closing}"
+
+
+def real_array(
+    name: str, value: ArrayLike, low: float = -math.inf, high: float = math.inf, *, exclusive: bool = False
+) -> FloatArray:
+    """Return `value` as a floating-point array, any shape; float32 stays float32, everything else becomes float64.
+
+    Raises ValueError, naming the argument, its range and the first offending value, when `value` is not numeric, is
+    complex, is not finite, or leaves the closed interval [low, high] (open with `exclusive`).
+    """
+    array = np.asarray(value)
+    if array.dtype.kind not in "iuf":
+        raise ValueError(f"{name} must be real numbers, got {value!r:.60} of type {array.dtype}")
+    if array.dtype != np.float32:
+        array = array.astype(np.float64, copy=False)
+    inside = (array > low) & (array < high) if exclusive else (array >= low) & (array <= high)
+    inside &= np.isfinite(array)
+    if not inside.all():
+        offender = array[~inside].flat[0] if array.ndim else array[()]
+        raise ValueError(f"{name} must be in {_interval(low, high, exclusive)}, got {float(offender):g}")
+    return array
+
+
+def real_number(
+    name: str, value: float, low: float = -math.inf, high: float = math.inf, *, exclusive: bool = False
+) -> float:
+    """Return `value` as a float; the same checks as `real_array`, and ValueError when it is not a scalar."""
+    array = real_array(name, value, low, high, exclusive=exclusive)
+    if array.ndim:
+        raise ValueError(f"{name} must be a single number, got an array of shape {array.shape}")
+    return float(array)
+
+
+def whole_number(name: str, value: int, low: int, high: int) -> int:
+    """Return `value` as an int; ValueError when it is not a whole number in [low, high]."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
+        raise ValueError(f"{name} must be a whole number in [{low}, {high}], got {value!r:.60}")
+    if not low <= value <= high:
+        raise ValueError(f"{name} must be in [{low}, {high}], got {value}")
+    return int(value)

@@ -1,0 +1,21 @@
+from setuptools import find_packages, setup
+
+package_name = "posfet_model"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    package_data={package_name: ["py.typed", "netlists/*"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="posfet maintainers",
+    maintainer_email="maintainers@posfet.invalid",
+    description="Device physics, force reconstruction and contacts of POSFET tactile arrays.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": ["model_node = posfet_model.model_node:main"]},
+)
