@@ -11,10 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
 
 
-def _interval(low: float, high: float, exclusive: bool) -> str:
-    opening, closing = ("(", ")") if exclusive else ("[", "]")
-    left = f"{'(' if math.isinf(low) else opening}{low:g}"
-    return f"{left}, {high:g}{')' if math.isinf(high) else closing}"
+def interval(low: float, high: float, exclusive: bool = False) -> str:
+    """Return an interval as it is written: closed ends in brackets, open and infinite ends in parentheses."""
+    left = "(" if exclusive or math.isinf(low) else "["
+    right = ")" if exclusive or math.isinf(high) else "]"
+    return f"{left}{low:g}, {high:g}{right}"
 
 
 def real_array(
@@ -34,7 +35,7 @@ def real_array(
     inside &= np.isfinite(array)
     if not inside.all():
         offender = array[~inside].flat[0] if array.ndim else array[()]
-        raise ValueError(f"{name} must be in {_interval(low, high, exclusive)}, got {float(offender):g}")
+        raise ValueError(f"{name} must be in {interval(low, high, exclusive)}, got {float(offender):g}")
     return array
 
 

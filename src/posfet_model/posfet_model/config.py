@@ -1,0 +1,190 @@
+"""Reading of YAML files: every key is taken, checked and named, or the file is refused in one line."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import yaml
+
+from posfet_model.checks import interval
+
+
+class ConfigError(ValueError):
+    """A file or parameter cannot be used; the message is one line: source, key, what is allowed, what was found."""
+
+
+class _UniqueKeyLoader(yaml.SafeLoader):
+    """SafeLoader that refuses a key given twice instead of keeping the last one."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen: set[object] = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if not isinstance(key, str):
+                raise yaml.MarkedYAMLError(problem=f"key {key!r} is not text", problem_mark=key_node.start_mark)
+            if key in seen:
+                raise yaml.MarkedYAMLError(problem=f"key '{key}' is given twice", problem_mark=key_node.start_mark)
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+_REQUIRED: Final = object()
+
+
+class Section:
+    """One mapping of a YAML file, read key by key.
+
+    Each reader takes its key out; `end` then refuses what is left. `source` names the file in messages.
+    """
+
+    def __init__(self, source: str, key: str, value: object) -> None:
+        self.source = source
+        self.key = key
+        if not isinstance(value, dict):
+            raise self.error("", f"must be a mapping of keys to values, got {_shown(value)}")
+        self._values: dict[str, object] = dict(value)
+        self._known: list[str] = []
+
+    def error(self, name: str, reason: str) -> ConfigError:
+        """Return the error for key `name` of this section ('' for the section itself)."""
+        path = ".".join(part for part in (self.key, name) if part)
+        return ConfigError(f"{self.source}: {path}: {reason}" if path else f"{self.source}: {reason}")
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._values
+
+    def _take(self, name: str, default: object, expected: str) -> object:
+        self._known.append(name)
+        if name in self._values:
+            return self._values.pop(name)
+        if default is _REQUIRED:
+            raise self.error(name, f"missing, must be {expected}")
+        return default
+
+    def number(
+        self,
+        name: str,
+        low: float = -math.inf,
+        high: float = math.inf,
+        *,
+        exclusive: bool = False,
+        default: object = _REQUIRED,
+    ) -> float:
+        """Take a finite number in [low, high], or in (low, high) with `exclusive`."""
+        expected = f"a number in {interval(low, high, exclusive)}"
+        return self._checked_number(name, self._take(name, default, expected), low, high, exclusive, expected)
+
+    def numbers(self, name: str, count: int, low: float = -math.inf, high: float = math.inf) -> tuple[float, ...]:
+        """Take a list of `count` finite numbers, each in [low, high]."""
+        expected = f"a list of {count} numbers in {interval(low, high)}"
+        value = self._take(name, _REQUIRED, expected)
+        if not isinstance(value, list) or len(value) != count:
+            raise self.error(name, f"must be {expected}, got {_shown(value)}")
+        return tuple(self._checked_number(name, item, low, high, False, expected) for item in value)
+
+    def _checked_number(
+        self, name: str, value: object, low: float, high: float, exclusive: bool, expected: str
+    ) -> float:
+        if isinstance(value, str) and _reads_as_number(value):
+            raise self.error(name, f"must be {expected}, got the text '{value}' (YAML wants a point: 1.0e-3)")
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise self.error(name, f"must be {expected}, got {_shown(value)}")
+        if not (low < value < high if exclusive else low <= value <= high):
+            raise self.error(name, f"must be {expected}, got {value:g}")
+        return float(value)
+
+    def whole(self, name: str, low: int, high: int, *, default: object = _REQUIRED) -> int:
+        """Take a whole number in [low, high]."""
+        expected = f"a whole number in [{low}, {high}]"
+        value = self._take(name, default, expected)
+        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+            raise self.error(name, f"must be {expected}, got {_shown(value)}")
+        return value
+
+    def flag(self, name: str, *, default: object = _REQUIRED) -> bool:
+        """Take true or false."""
+        value = self._take(name, default, "true or false")
+        if not isinstance(value, bool):
+            raise self.error(name, f"must be true or false, got {_shown(value)}")
+        return value
+
+    def text(self, name: str, choices: Sequence[str] = (), *, default: object = _REQUIRED) -> str:
+        """Take a text; one of `choices` when any are given."""
+        expected = f"one of {', '.join(choices)}" if choices else "text"
+        value = self._take(name, default, expected)
+        if not isinstance(value, str) or (choices and value not in choices):
+            raise self.error(name, f"must be {expected}, got {_shown(value)}")
+        return value
+
+    def section(self, name: str) -> Section:
+        """Take a mapping."""
+        value = self._take(name, _REQUIRED, "a mapping of keys to values")
+        return Section(self.source, ".".join(part for part in (self.key, name) if part), value)
+
+    def sections(self, name: str) -> list[Section]:
+        """Take a list of mappings."""
+        value = self._take(name, _REQUIRED, "a list of mappings")
+        if not isinstance(value, list):
+            raise self.error(name, f"must be a list of mappings, got {_shown(value)}")
+        prefix = f"{self.key}." if self.key else ""
+        return [Section(self.source, f"{prefix}{name}[{index}]", item) for index, item in enumerate(value)]
+
+    def end(self) -> None:
+        """Refuse the keys that nobody took."""
+        if self._values:
+            name = sorted(self._values)[0]
+            raise self.error(name, f"unknown key, known here are {', '.join(self._known)}")
+
+
+def _shown(value: object) -> str:
+    text = "nothing" if value is None else repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _reads_as_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def read_yaml(path: str | Path) -> Section:
+    """Return the top mapping of a YAML file.
+
+    Raises ConfigError, one line, when the file cannot be read, is not YAML, or repeats a key.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
+        raise ConfigError(f"{path}: cannot be read: {reason}") from error
+    try:
+        value = yaml.load(text, _UniqueKeyLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        place = f" (line {mark.line + 1}, column {mark.column + 1})" if mark else ""
+        raise ConfigError(f"{path}: is not valid YAML: {error.problem}{place}") from error
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{path}: is not valid YAML: {' '.join(str(error).split())}") from error
+    return Section(str(path), "", value)
+
+
+def find_file(name: str, folder: Path, kind: str) -> Path:
+    """Return the path of a shipped file given by its bare name, or `name` itself when it is a path.
+
+    Raises ConfigError naming the shipped ones when there is no such file.
+    """
+    path = Path(name).expanduser()
+    if path.suffix or path.parent != Path():
+        if not path.is_file():
+            raise ConfigError(f"{name}: no such {kind} file")
+        return path
+    shipped = folder / f"{name}.yaml"
+    if not shipped.is_file():
+        names = ", ".join(sorted(entry.stem for entry in folder.glob("*.yaml")))
+        raise ConfigError(f"{name}: no such {kind}; give the path of a YAML file or one of {names}")
+    return shipped
