@@ -1,0 +1,99 @@
+"""Helpers shared by the tests of the device model: corners, strategies, reference tables, refusals, maps of error."""
+
+from __future__ import annotations
+
+import csv
+import inspect
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+
+DATA = Path(__file__).resolve().parents[1] / "data" / "device"
+
+NOT_REAL_NUMBERS: tuple[Any, ...] = (math.nan, math.inf, -math.inf, 1 + 1j, "one", None, True)
+"""Refused by every real argument of the model."""
+
+
+def decades(low: float, high: float) -> st.SearchStrategy[float]:
+    """Positive floats, evenly spread over the decades between `low` and `high`, both ends included."""
+
+    def power(exponent: float) -> float:
+        return min(max(10.0**exponent, low), high)
+
+    return st.one_of(st.sampled_from((low, high)), st.floats(math.log10(low), math.log10(high)).map(power))
+
+
+def signed_decades(low: float, high: float) -> st.SearchStrategy[float]:
+    """Zero and floats of both signs with magnitudes as in `decades`."""
+    return st.one_of(st.just(0.0), decades(low, high), decades(low, high).map(lambda value: -value))
+
+
+def corners(**values: Sequence[float]) -> dict[str, np.ndarray[Any, Any]]:
+    """Every combination of the given values, one flat float64 array an argument."""
+    grid = np.array(list(itertools.product(*values.values())), dtype=np.float64).reshape(-1, len(values))
+    return {name: grid[:, column].copy() for column, name in enumerate(values)}
+
+
+def reference(name: str) -> dict[str, np.ndarray[Any, Any]]:
+    """The columns of test/data/device/NAME.csv, each 40-digit number rounded once to float64."""
+    with (DATA / f"{name}.csv").open(newline="", encoding="ascii") as file:
+        rows = list(csv.reader(line for line in file if not line.startswith("#")))
+    columns = np.array([[float(cell) for cell in row] for row in rows[1:]]).T
+    return dict(zip(rows[0], columns, strict=True))
+
+
+def refusals(function: Callable[..., Any], good: Mapping[str, Any], **outside: Sequence[Any]) -> Iterator[Any]:
+    """One pytest parameter (function, arguments, name) for each value that one argument must refuse.
+
+    `outside` names the values out of range; those that are no real number at all are added to each argument named.
+    Every argument of the function without a default has to be in `good`, so that none is forgotten silently.
+    """
+    required = {p.name for p in inspect.signature(function).parameters.values() if p.default is p.empty}
+    assert required <= set(good), f"{function.__name__}: no good value of {required - set(good)}"
+    for name, values in outside.items():
+        for value in (*values, *NOT_REAL_NUMBERS):
+            yield pytest.param(function, {**good, name: value}, name, id=f"{function.__name__}-{name}-{value}")
+
+
+def assert_refused(function: Callable[..., Any], arguments: Mapping[str, Any], name: str) -> None:
+    """The call raises ValueError, and its message names the argument."""
+    with pytest.raises(ValueError, match=rf"\b{name}\b"):
+        function(**arguments)
+
+
+def assert_finite(value: Any) -> None:
+    """Every element is a finite number."""
+    assert np.isfinite(np.asarray(value)).all()
+
+
+def assert_monotone(values: Any, *, rising: bool, slack: Any = 0.0) -> None:
+    """The last axis never runs against its direction by more than `slack`, the stated rounding."""
+    steps = np.diff(np.asarray(values), axis=-1)
+    assert ((steps if rising else -steps) >= -np.asarray(slack)).all()
+
+
+class ErrorMap:
+    """The largest error met in each region of a sweep, and the bound that the whole sweep is held to."""
+
+    def __init__(self, bound: float) -> None:
+        self.bound = bound
+        self.worst: dict[str, float] = {}
+
+    def add(self, region: str, error: Any) -> None:
+        """Take the largest of `error` into the region; NaN counts as infinite."""
+        largest = float(np.max(np.nan_to_num(np.abs(error), nan=math.inf), initial=0.0))
+        self.worst[region] = max(largest, self.worst.get(region, 0.0))
+
+    def check(self, record_property: Callable[[str, object], None]) -> None:
+        """Write the error found per region into the test's record, then hold each to the bound."""
+        for region, error in self.worst.items():
+            record_property(region, f"{error:.2e}")
+            print(f"{region}: {error:.2e} (bound {self.bound:.0e})")
+        assert self.worst
+        assert max(self.worst.values()) <= self.bound, self.worst
