@@ -1,0 +1,45 @@
+"""Make the ROS 2 wheels of this virtual environment buildable against.
+
+Their CMake exports and parent_prefix_path entries name the Python of the machine they were built on; this writes the
+virtual environment's own paths in their place. Running it again changes nothing.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+import sysconfig
+from pathlib import Path
+
+import numpy as np
+
+BUILD_PREFIX = r"/opt/python/cp3\d+-cp3\d+"
+
+
+def main() -> int:
+    """Rewrite the files below sys.prefix/share and print how many were changed."""
+    prefix = Path(sys.prefix)
+    replacements = [
+        (rf"{BUILD_PREFIX}/include/python3\.\d+", sysconfig.get_path("include")),
+        (rf"{BUILD_PREFIX}/lib/python3\.\d+/site-packages/numpy/_?core/include", np.get_include()),
+        (BUILD_PREFIX, str(prefix)),
+    ]
+    candidates = [
+        *prefix.glob("share/*/cmake/*.cmake"),
+        *prefix.glob("share/ament_index/resource_index/parent_prefix_path/*"),
+    ]
+    changed = 0
+    for path in candidates:
+        text = path.read_text(encoding="utf-8")
+        moved = text
+        for pattern, replacement in replacements:
+            moved = re.sub(pattern, lambda _, to=replacement: to, moved)
+        if moved != text:
+            path.write_text(moved, encoding="utf-8")
+            changed += 1
+    print(f"      {changed} CMake files of the ROS 2 wheels now point at {prefix.name}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,74 @@
+#!/usr/bin/env bash
+# Prepares what the stack is built and run with. With a ROS 2 sourced: checks that its packages are there.
+# Without one: makes .venv with ROS 2 Jazzy, NumPy, python-can and colcon, pinned in tools/requirements.txt.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+fail() {
+    printf 'posfet: %s\n' "$@" >&2
+    exit 1
+}
+
+require_tools() { # pairs of command and apt package
+    local missing=() packages=()
+    while (($#)); do
+        command -v "$1" >/dev/null || { missing+=("$1"); packages+=("$2"); }
+        shift 2
+    done
+    ((${#missing[@]} == 0)) || fail "missing: ${missing[*]}. Install with: sudo apt-get install ${packages[*]}"
+}
+
+require_python_modules() { # triples of module, apt package, PyPI name
+    local missing=() packages=()
+    while (($#)); do
+        python3 -c "import $1" 2>/dev/null || { missing+=("$1"); packages+=("$2"); }
+        shift 2
+    done
+    ((${#missing[@]} == 0)) ||
+        fail "missing Python modules: ${missing[*]}. Install with: sudo apt-get install ${packages[*]}"
+}
+
+supported() { "$1" -c 'import sys; sys.exit(not (3, 10) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null; }
+
+find_python() {
+    local candidate
+    for candidate in ${PYTHON:-python3 python3.13 python3.12 python3.11 python3.10}; do
+        if command -v "$candidate" >/dev/null && supported "$candidate"; then
+            command -v "$candidate"
+            return
+        fi
+    done
+    fail "Python 3.10 to 3.13 is needed${PYTHON:+ (PYTHON=$PYTHON is not one)}. Install with: sudo apt-get install python3 python3-venv, or name one: make PYTHON=/path/to/python3"
+}
+
+setup_sourced_ros() {
+    require_tools colcon python3-colcon-common-extensions cmake cmake g++ g++
+    require_python_modules rclpy "ros-$ROS_DISTRO-rclpy" can python3-can numpy python3-numpy yaml python3-yaml \
+        rich python3-rich pytest python3-pytest
+    echo "posfet: using the sourced ROS 2 $ROS_DISTRO"
+}
+
+setup_venv() {
+    [[ "$(uname -sm)" == "Linux x86_64" ]] ||
+        fail "without a sourced ROS 2 this needs Linux on x86-64, this is $(uname -sm). Source a ROS 2 first."
+    require_tools git git make make gcc gcc g++ g++ cmake cmake
+    local python
+    python=$(find_python)
+    "$python" -c 'import ensurepip, venv' 2>/dev/null ||
+        fail "$python cannot make virtual environments. Install with: sudo apt-get install python3-venv"
+
+    echo "posfet: [1/3] virtual environment .venv with $("$python" --version)"
+    rm -rf .venv
+    "$python" -m venv .venv
+    echo "posfet: [2/3] packages of tools/requirements.txt (about 250 MB, once)"
+    # The wheels' start-up hook would start every pip process twice.
+    export _ROS_WHEELS_BOOTSTRAP_COMPLETE=1
+    .venv/bin/python -m pip install --disable-pip-version-check --progress-bar off --requirement tools/requirements.txt |
+        awk '/^Collecting/ { printf "      %s\n", $2; fflush() } /^Installing/ { print "      installing"; fflush() }'
+    echo "posfet: [3/3] paths of the ROS 2 wheels"
+    .venv/bin/python tools/relocate.py
+    cp tools/venv_setup.bash .venv/local_setup.bash
+    touch .venv/.ready
+}
+
+if [[ -n "${ROS_DISTRO:-}" ]]; then setup_sourced_ros; else setup_venv; fi
