@@ -106,7 +106,7 @@ def propagate_first_order_hold(
     Examples
     --------
     >>> print(f"{propagate_first_order_hold(0.0, 0.0, 1e-5, 0.01, 0.27):.6g}")
-    9.81707e-06
+    9.81708e-06
     """
     charge, source_start, source_end = _charges(charge=charge, source_start=source_start, source_end=source_end)
     ratio = _step_ratio(charge.shape, step, time_constant)

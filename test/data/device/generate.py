@@ -17,6 +17,7 @@ import mpmath
 from mpmath import mpf
 
 DIGITS = 40
+VACUUM_PERMITTIVITY = 8.8541878188e-12  # F/m, CODATA 2022
 mpmath.mp.dps = 2 * DIGITS
 
 
@@ -62,7 +63,74 @@ def leak(variable: mpf, tau: mpf) -> Sequence[mpf]:
     return turn**2 / (1 + turn**2), turn / (1 + turn**2), mpmath.exp(-variable / tau)
 
 
+FILMS = [(160e5, 0.02, 0.05, 12.0), (500e5, 0.06, 0.065, 7.5), (1e6, 1e-4, 0.25, 300.0)]
+"""Table I, a well poled copolymer, a nearly linear film: Ec, Pr, Ps, epsF."""
+
+
+def film_cases() -> Iterable[Sequence[float]]:
+    """Fields of both signs, every half decade to 1e12 V/m, and the neighbourhood of the coercive field."""
+    near = [0.0, 0.5, 0.99, 1.0, 1.01, 2.0, 3.0, 5.0]
+    for film in FILMS:
+        fields = [film[0] * value for value in near] + [10 ** (k / 2) for k in range(25)]
+        yield from ((sign * field, *film) for field in fields for sign in (1, -1))
+
+
+def film_branches(field: mpf, coercive: mpf, remnant: mpf, saturation: mpf, permittivity: mpf) -> Sequence[mpf]:
+    """Steepness, rising and falling branch: eq. (3), (2), (4)."""
+    delta = coercive / mpmath.log((1 + remnant / saturation) / (1 - remnant / saturation))
+    linear = permittivity * mpf(VACUUM_PERMITTIVITY) * field
+    rising = saturation * mpmath.tanh((field - coercive) / (2 * delta)) + linear
+    falling = saturation * mpmath.tanh((field + coercive) / (2 * delta)) + linear
+    return delta, rising, falling
+
+
+def minor_loop_cases() -> Iterable[Sequence[float]]:
+    """A film never poled: up to one field, down to a second, up to a third that may pass the first."""
+    ups, downs, ends = (0.3, 1.0, 2.5, 10.0), (-10.0, -1.5, -0.2, 0.1), (0.2, 0.99, 2.0, 4.0, 12.0)
+    for film in FILMS:
+        yield from ((*(film[0] * x for x in path), *film) for path in itertools.product(ups, downs, ends))
+
+
+def minor_loop(
+    up: mpf, down: mpf, end: mpf, coercive: mpf, remnant: mpf, saturation: mpf, permittivity: mpf
+) -> Sequence[mpf]:
+    """Polarisation at the three fields, from the branches scaled between turning points."""
+    delta = coercive / mpmath.log((1 + remnant / saturation) / (1 - remnant / saturation))
+
+    def rise(field: mpf) -> mpf:
+        return saturation * mpmath.tanh((field - coercive) / (2 * delta))
+
+    def fall(field: mpf) -> mpf:
+        return saturation * mpmath.tanh((field + coercive) / (2 * delta))
+
+    def to_saturation(field: mpf, start: mpf, switched: mpf) -> mpf:
+        return saturation - (saturation - switched) * (saturation - rise(field)) / (saturation - rise(start))
+
+    first = to_saturation(up, mpf(0), mpf(0))
+    second = -saturation + (saturation + first) * (saturation + fall(down)) / (saturation + fall(up))
+    if end < up:
+        third = first + (second - first) * (rise(up) - rise(end)) / (rise(up) - rise(down))
+    else:
+        third = to_saturation(end, up, first)
+    linear = permittivity * mpf(VACUUM_PERMITTIVITY)
+    return first + linear * up, second + linear * down, third + linear * end
+
+
 TABLES = {
+    "film_branches": Table(
+        "branch steepness [V/m] and polarisation [C/m2] on the saturated branches at a field [V/m]",
+        ("field", "coercive_field", "remnant", "saturation", "permittivity"),
+        ("steepness", "rising", "falling"),
+        film_cases,
+        film_branches,
+    ),
+    "film_minor_loops": Table(
+        "polarisation [C/m2] of a film never poled, at three fields [V/m] one after the other",
+        ("up", "down", "end", "coercive_field", "remnant", "saturation", "permittivity"),
+        ("at_up", "at_down", "at_end"),
+        minor_loop_cases,
+        minor_loop,
+    ),
     "charge_step": Table(
         "charge density [C/m2] after one step [s] with the time constant [s]",
         ("charge", "source_start", "source_end", "step", "time_constant"),
