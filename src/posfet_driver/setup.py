@@ -6,7 +6,7 @@ setup(
     name=package_name,
     version="0.1.0",
     packages=find_packages(exclude=["test"]),
-    package_data={package_name: ["py.typed", "protocol/*.dbc"]},
+    package_data={package_name: ["py.typed", "protocol/*.dbc", "scenes/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
@@ -17,8 +17,10 @@ setup(
     maintainer_email="maintainers@posfet.invalid",
     description="CAN protocol, boards and simulated board of POSFET tactile arrays.",
     license="Apache-2.0",
-    entry_points={"console_scripts": [
+    entry_points={
+        "console_scripts": [
             "driver_node = posfet_driver.driver_node:main",
             "sim_board_node = posfet_driver.sim_board_node:main",
-        ]},
+        ]
+    },
 )
