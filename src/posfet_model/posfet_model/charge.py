@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from posfet_model.arrays import alike
 from posfet_model.checks import FloatArray, real_array
+from posfet_model.constants import VACUUM_PERMITTIVITY
 
 STEP_RANGE: Final = (1e-12, 1e9)
 """Accepted time steps [s]."""
@@ -47,7 +48,7 @@ def source_charge(
 ) -> FloatArray:
     """Return the charge density q [C/m2] of a film without leak: ``q = d33*T3 + p*dTheta``.
 
-    The direct piezoelectric effect of eq. (1) at zero field, with the primary and secondary pyroelectric effect added.
+    The direct piezoelectric effect of eq. (1) at zero field, and the pyroelectric effect.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ def source_charge(
 
     Notes
     -----
-    The paper prints eq. (1) with T3 in both terms; the second one is the field E3. It has no pyroelectric term.
+    The paper has no pyroelectric term.
 
     Examples
     --------
@@ -78,6 +79,35 @@ def source_charge(
         pyroelectric_coefficient=real_array("pyroelectric_coefficient", pyroelectric_coefficient, -0.1, 0.1),
     )
     return piezoelectric_coefficient * stress + pyroelectric_coefficient * temperature_change
+
+
+def electric_displacement(
+    stress: ArrayLike, field: ArrayLike, piezoelectric_coefficient: ArrayLike, relative_permittivity: ArrayLike
+) -> FloatArray:
+    """Return D3 [C/m2] of the poled film: ``D3 = d33*T3 + eps33*E3``, eq. (1).
+
+    Parameters
+    ----------
+    stress : T3 [Pa], tension positive, within +-1e16.
+    field : E3 [V/m], within +-1e12.
+    piezoelectric_coefficient : d33 [C/N], within +-1e-6.
+    relative_permittivity : eps33/eps0 [1], in [1, 1e5].
+
+    Raises
+    ------
+    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+
+    Notes
+    -----
+    The paper prints T3 in both terms; the second one is the field E3. `posfet_model.as_printed` has the printed form.
+    """
+    stress, field, piezoelectric_coefficient, relative_permittivity = alike(
+        stress=real_array("stress", stress, -STRESS_LIMIT, STRESS_LIMIT),
+        field=real_array("field", field, -1e12, 1e12),
+        piezoelectric_coefficient=real_array("piezoelectric_coefficient", piezoelectric_coefficient, -1e-6, 1e-6),
+        relative_permittivity=real_array("relative_permittivity", relative_permittivity, 1, 1e5),
+    )
+    return piezoelectric_coefficient * stress + relative_permittivity * VACUUM_PERMITTIVITY * field
 
 
 def propagate_first_order_hold(
