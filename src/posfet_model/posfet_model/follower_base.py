@@ -1,0 +1,199 @@
+"""What all follower models share: limits, state, whole time series, frequency response. The models: `follower`."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from posfet_model.checks import FloatArray, real_array
+
+VOLTAGE_LIMIT: Final = 1e6
+"""Largest accepted magnitude of a voltage [V]."""
+
+STEP_LIMIT: Final = 1e9
+"""Longest accepted step [s]; a step of 0 is a jump of the input."""
+
+
+@dataclass(frozen=True)
+class FollowerLimits:
+    """Where a follower model holds. The defaults say nothing: give what is known of the circuit."""
+
+    v_low: float = -math.inf
+    """Lowest input voltage, offset included [V]."""
+    v_high: float = math.inf
+    """Highest input voltage, offset included [V]."""
+    slew_rate: float = math.inf
+    """Fastest output the amplifier can drive [V/s]; a linear model that asks for more is flagged."""
+    frequency: float = math.inf
+    """Highest frequency [Hz] at which the response is believed, usually the first pole that the model leaves out."""
+
+    def __post_init__(self) -> None:
+        if not self.v_low < self.v_high:
+            raise ValueError(f"v_high must be in ({self.v_low:g}, inf], got {self.v_high:g}")
+        for name in ("slew_rate", "frequency"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be in (0, inf], got {getattr(self, name):g}")
+
+
+@dataclass(frozen=True, eq=False)
+class FollowerState:
+    """What a follower remembers between steps."""
+
+    v_in: NDArray[np.float64]
+    """Input voltage at the end of the last step, held at the limits, offset included [V], any shape."""
+    lags: tuple[NDArray[Any], ...]
+    """Lag of each internal node behind v_in [V], in v_in's shape; complex where poles are; the last one's real part
+    is the lag of the output."""
+    valid: NDArray[np.bool_]
+    """False where the model does not hold, in v_in's shape."""
+
+
+@dataclass(frozen=True, eq=False)
+class FollowerOutput:
+    """Output of a follower, both fields in the input's shape."""
+
+    v_out: NDArray[np.float64]
+    """Output voltage [V]."""
+    valid: NDArray[np.bool_]
+    """False where the input or the slew asked for is beyond the limits: v_out is then not to be relied on."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Small-signal response of a follower, all fields in the frequency's shape."""
+
+    gain: NDArray[np.float64]
+    """Magnitude [V/V]."""
+    phase: NDArray[np.float64]
+    """Phase [rad], in (-pi, 0]."""
+    valid: NDArray[np.bool_]
+    """False beyond the limit in frequency."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Follower(ABC):
+    """What all follower models share. float32 input is welcome; state and output are float64."""
+
+    offset: float | FloatArray = 0.0
+    """Input offset [V], a number or one for each taxel, within +-1e6."""
+    limits: FollowerLimits = field(default_factory=FollowerLimits)
+
+    def __post_init__(self) -> None:
+        real_array("offset", self.offset, -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
+
+    @property
+    @abstractmethod
+    def static_gain(self) -> float:
+        """Gain at frequency 0 [V/V]."""
+
+    def _start_lags(self, v_in: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
+        """Return the lags at rest, zeros of v_in's shape; none where the model has no memory."""
+        del v_in
+        return ()
+
+    def _advance_lags(
+        self, lags: tuple[NDArray[Any], ...], change: NDArray[np.float64], step: NDArray[np.float64]
+    ) -> tuple[NDArray[Any], ...]:
+        """Return the lags after `step` [s] in which the input moved by `change` [V] in a straight line."""
+        del change, step
+        return lags
+
+    def _series_lags(
+        self, start: tuple[NDArray[Any], ...], change: NDArray[np.float64], step: NDArray[np.float64]
+    ) -> tuple[NDArray[Any], ...]:
+        """Return the lags after each of many steps; change is [t] or [t, n], step broadcasts to it, t >= 1."""
+        del change, step
+        return start
+
+    def _transfer(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the transfer function in units of the static gain at s = j*2*pi*f [1/s]."""
+        return np.ones_like(s)
+
+    def _demanded_rate(
+        self, lags: tuple[NDArray[Any], ...], change: NDArray[np.float64], step: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the slope [V/s] that the output has at the end of a step, which a slew limit has to allow."""
+        del lags
+        slope = np.abs(change) / np.where(step > 0, step, 1.0)
+        return self.static_gain * np.where(step > 0, slope, np.where(change == 0, 0.0, np.inf))
+
+    def start(self, v_in: ArrayLike) -> FollowerState:
+        """Return the state at rest with the input voltage v_in [V], any shape, within +-1e6: no lag is left."""
+        held, valid = self._hold(v_in)
+        return FollowerState(v_in=held, lags=self._start_lags(held), valid=valid)
+
+    def advance(self, state: FollowerState, v_in: ArrayLike, step: ArrayLike) -> FollowerState:
+        """Return the state after `step` [s], in [0, 1e9], in which the input moved in a straight line to v_in [V].
+
+        v_in has the state's shape; step is a number or has that shape. Raises ValueError otherwise.
+        """
+        held, valid = self._hold(v_in)
+        duration = real_array("step", step, 0, STEP_LIMIT).astype(np.float64, copy=False)
+        if held.shape != state.v_in.shape or duration.shape not in ((), held.shape):
+            raise ValueError(
+                f"v_in and step must have the state's shape {state.v_in.shape}, got {held.shape} and {duration.shape}"
+            )
+        change = held - state.v_in
+        lags = self._advance_lags(state.lags, change, duration)
+        valid &= self._demanded_rate(lags, change, duration) <= self.limits.slew_rate
+        return FollowerState(v_in=held, lags=lags, valid=valid)
+
+    def output(self, state: FollowerState) -> FollowerOutput:
+        """Return the output voltage of a state."""
+        return FollowerOutput(v_out=self._out(state.v_in, state.lags), valid=state.valid)
+
+    def run(self, time: ArrayLike, v_in: ArrayLike) -> FollowerOutput:
+        """Return the output over a whole time series, from rest at the first sample.
+
+        Parameters
+        ----------
+        time : [s], shape [t], t >= 1, never falling; steps may be uneven, and 0 is a jump of the input.
+        v_in : input voltage [V], shape [t], or [t, n] for n taxels, within +-1e6.
+
+        Raises
+        ------
+        ValueError : an argument is not real, not finite, out of range or of another shape, or time runs backwards.
+        """
+        instants = real_array("time", time, -STEP_LIMIT, STEP_LIMIT).astype(np.float64, copy=False)
+        held, valid = self._hold(v_in)
+        if instants.ndim != 1 or not instants.size or held.ndim not in (1, 2) or len(held) != len(instants):
+            raise ValueError(f"time must be [t] and v_in [t] or [t, n], got {instants.shape} and {held.shape}")
+        step = np.diff(instants)
+        if step.size and step.min() < 0:
+            raise ValueError(f"time must never fall, got a step of {step.min():g} s at sample {step.argmin() + 1}")
+        step = step.reshape(-1, *(1,) * (held.ndim - 1))
+        change = np.diff(held, axis=0)
+        at_rest = self._start_lags(held[0])
+        lags = tuple(lag[None] for lag in at_rest)
+        if len(change):
+            later = self._series_lags(at_rest, change, step)
+            valid[1:] &= self._demanded_rate(later, change, step) <= self.limits.slew_rate
+            lags = tuple(np.concatenate(parts) for parts in zip(lags, later, strict=True))
+        return FollowerOutput(v_out=self._out(held, lags), valid=valid)
+
+    def response(self, frequency: ArrayLike) -> FrequencyResponse:
+        """Return gain and phase for small signals at `frequency` [Hz], any shape, in [0, 1e18]."""
+        hertz = real_array("frequency", frequency, 0, 1e18).astype(np.float64, copy=False)
+        transfer = self.static_gain * self._transfer(np.asarray(2j * math.pi * hertz, np.complex128))
+        return FrequencyResponse(
+            gain=np.abs(transfer), phase=np.angle(transfer), valid=np.asarray(hertz <= self.limits.frequency)
+        )
+
+    def _hold(self, v_in: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return the input with its offset, held at the limits, and where it is within them."""
+        voltage = real_array("v_in", v_in, -VOLTAGE_LIMIT, VOLTAGE_LIMIT).astype(np.float64, copy=False)
+        try:
+            wanted = voltage + np.broadcast_to(np.asarray(self.offset, np.float64), voltage.shape)
+        except ValueError:
+            raise ValueError(f"offset {np.shape(self.offset)} must broadcast to v_in {voltage.shape}") from None
+        held = np.clip(wanted, self.limits.v_low, self.limits.v_high)
+        return np.asarray(held), np.asarray(held == wanted)
+
+    def _out(self, v_in: NDArray[np.float64], lags: tuple[NDArray[Any], ...]) -> NDArray[np.float64]:
+        lag = lags[-1].real if lags else 0.0
+        return np.asarray(self.static_gain * (v_in - lag))

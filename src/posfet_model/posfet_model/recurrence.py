@@ -1,0 +1,38 @@
+"""Linear recurrences over a whole time series at once."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_BLOCK_ELEMENTS: Final = 1 << 14  # a block and its copies stay in the cache of the processor
+
+
+def linear_recurrence(factor: NDArray[Any], addend: NDArray[Any], start: NDArray[Any]) -> NDArray[Any]:
+    """Return x with ``x[k] = factor[k]*x[k-1] + addend[k]`` and ``x[-1] = start``.
+
+    factor and addend have shape [t] or [t, n], start the shape of one row; |factor| <= 1 is needed for accuracy. The
+    series is cut into blocks; within one, neighbouring rows are merged into rows of double reach until each reaches the
+    start of the block (Kogge and Stone 1973), which takes log2 passes of whole-array arithmetic instead of a loop.
+    """
+    result = np.empty_like(addend)
+    row = start
+    rows = max(1, _BLOCK_ELEMENTS // max(1, start.size))
+    for begin in range(0, len(addend), rows):
+        block = slice(begin, begin + rows)
+        _solve_block(factor[block], addend[block], row, result[block])
+        row = result[block][-1]
+    return result
+
+
+def _solve_block(factor: NDArray[Any], addend: NDArray[Any], start: NDArray[Any], result: NDArray[Any]) -> None:
+    """Solve one block into `result`."""
+    result[...] = addend
+    result[0] += factor[0] * start
+    product, reach = factor.copy(), 1
+    while reach < len(result) and product.any():
+        result[reach:] += product[reach:] * result[:-reach]
+        product[reach:] = product[reach:] * product[:-reach]
+        reach *= 2
