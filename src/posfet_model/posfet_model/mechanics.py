@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from posfet_model.arrays import alike
 from posfet_model.checks import FloatArray, real_array, real_number
 
-SQUARE_PLATE_COEFFICIENT: Final = 0.00126531908706
+SQUARE_PLATE_COEFFICIENT: Final = 0.00126531908748
 """Deflection at the centre of a clamped square plate, in P*a^4/D [1]; Timoshenko's table rounds it to 0.00126."""
 
 LENGTH_RANGE: Final = (1e-9, 1.0)

@@ -73,7 +73,7 @@ SILICON_POISSON_RATIO: Final = Quantity(
 )
 FILM_MODULUS: Final = Quantity("Young's modulus of the film", 3e9, "Pa", _MANUAL, assumed=True)
 FILM_POISSON_RATIO: Final = Quantity("Poisson's ratio of the film", 0.35, "1", "usual for polymers", assumed=True)
-WAFER_THICKNESS: Final = Quantity("wafer thickness at the back-side etch", 450e-6, "m", "Sec. IV")
+WAFER_THICKNESS: Final = Quantity("wafer thickness at the back-side etch", 450e-6, "m", "text below eq. (11)")
 
 _TABLE_II: Final = "Table II"
 AMPLIFIER_SIZES: Final = (
