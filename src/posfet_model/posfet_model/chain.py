@@ -73,6 +73,17 @@ def volts_per_count(sensor: Sensor) -> float:
     return adc.lsb(SCALE_BITS, sensor.adc.low, sensor.adc.high)
 
 
+def noise_of_a_scan(sensor: Sensor) -> float:
+    """Return the standard deviation of one reading of a taxel [N]: noise of the input, and of quantisation lsb^2/12.
+
+    Quantisation is taken as noise independent from scan to scan. Where a step is much larger than the noise it is not,
+    but then its error at rest, before and after a touch, is the same and cancels.
+    """
+    bits = sensor.adc.bits if sensor.can.fd else min(sensor.adc.bits, COARSEST_BITS)
+    step = adc.lsb(bits, sensor.adc.low, sensor.adc.high)
+    return math.sqrt(sensor.adc.noise**2 + step**2 / 12) / sensor.volts_per_newton
+
+
 class ForwardChain:
     """The array as a device: forces [N] and film temperature [degC] in, ADC counts out.
 

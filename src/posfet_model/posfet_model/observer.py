@@ -1,0 +1,275 @@
+"""Static force from the leaking signal.
+
+The charge of a held force leaks with the time constant tau. In units of force, x = sigma*A/(-d33), a scan at the end of
+a step h tells by how much the source of charge has changed (the inverse of the first-order hold, charge.py):
+
+    dF = (x1 - x0)/m + (h/tau)*(x0 - o) - dTheta*p*A/(-d33),    m = (1 - exp(-h/tau))/(h/tau)
+
+with the offset o that is left of the amplifier's. F is the sum of the dF: it holds as long as the force does. Two
+errors add up in it: white noise s per scan to a random walk of variance s^2*(h/tau)^2 per scan, and an error e of the
+offset to a ramp -e*t/tau. So with d, the error of F, each taxel carries the covariance of (d, e):
+
+    d <- d - (T/tau)*e + white noise + unseen temperature,    e <- e + wander
+
+over a block of scans of duration T. Where nothing touches, F is d itself: the mean of F over the block is then a
+measurement of d with variance s^2/n, and a Kalman filter corrects both F and o. Elsewhere the covariance just grows.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model.chain import charge_per_newton, leak_step, noise_of_a_scan
+from posfet_model.sensor import Sensor
+from posfet_model.thermal import FilmTemperature
+
+LONG_STEP: Final = 0.05
+"""h/tau above which it matters when within a step the force changed."""
+
+
+@dataclass(frozen=True)
+class ObserverSettings:
+    """What the observer takes for granted. All values are assumed."""
+
+    block: float = 0.02
+    """Duration of a block of scans, after which zero and offset are corrected [s]."""
+    settle: float = 0.1
+    """A taxel must agree with a constant force for this long before its offset counts as known [s]."""
+    offset_deviation: float = 0.02
+    """Standard deviation of the offset before anything is known [V]."""
+    offset_wander: float = 1e-5
+    """Random walk of the offset [V/sqrt(s)]."""
+    temperature_wander: float = 3e-4
+    """Random walk of the film's temperature that the chip's sensors do not see [K/sqrt(s)]."""
+    gate: float = 5.0
+    """Standard deviations within which a mean of a block agrees with what was expected [1]."""
+    zero_slew: float = 0.25
+    """Fastest motion of a settled taxel's zero, in contact thresholds per second [1/s]: slower presses are lost."""
+    steady: float = 0.2
+    """A force below zero is a wrong zero once it has been steady for this long [s]."""
+    resume: float = 0.04
+    """Nothing is valid for this long after an interruption [s]."""
+    recover: float = 2.0
+    """A taxel that stays below zero for this long without becoming steady starts anew [s]."""
+
+
+class ForceObserver:
+    """Force [N] of every taxel, with its variance, from charge densities; row by row, shape [rows * cols].
+
+    Call `advance` per scan, and `close_block` whenever `block_due` says so. No force at the start is assumed: a taxel
+    that is loaded then reads zero, below zero once the load goes, and soon after that zero again.
+    """
+
+    def __init__(self, sensor: Sensor, settings: ObserverSettings | None = None) -> None:
+        taxels = sensor.layout.taxels
+        device = sensor.device
+        self._settings = settings or ObserverSettings()
+        self._newton_per_charge = 1.0 / charge_per_newton(sensor)
+        self._newton_per_kelvin = device.pyroelectric_coefficient * self._newton_per_charge
+        self._tau = device.leak_time_constant
+        self._noise_variance = noise_of_a_scan(sensor) ** 2
+        self._prior = self._settings.offset_deviation / sensor.volts_per_newton
+        self._wander = (self._settings.offset_wander / sensor.volts_per_newton) ** 2
+        self._drift = (self._settings.temperature_wander * self._newton_per_kelvin) ** 2
+        self._slew = self._settings.zero_slew * sensor.contact.threshold
+        self._negative = sensor.contact.threshold
+        self._runaway = 1.2 * device.force_max
+        self._known_offset = (0.5 * sensor.contact.threshold * self._tau) ** 2
+        self.film = FilmTemperature(device.thermal_time_constant)
+
+        self.force = np.zeros(taxels)
+        """Estimated force [N]; meaningful where `settled`. Owned by the observer."""
+        self.settled = np.zeros(taxels, np.bool_)
+        """Where the offset is known."""
+        self.valid = False
+        """Whether every taxel is settled."""
+        self.restarts = 0
+        """Taxels that had to start anew because their signal fitted no force."""
+        self._offset = np.zeros(taxels)
+        self._signal = np.zeros(taxels)
+        self._change = np.zeros(taxels)
+        self._scratch = np.zeros(taxels)
+        self._started = False
+        self._recovering = 0.0
+        self._variance = np.zeros(taxels)
+        self._covariance = np.zeros(taxels)
+        self._offset_variance = np.zeros(taxels)
+        self._prior_deviation = np.full(taxels, 0.5 * self._prior)  # doubled by the first start
+        self._agreed = np.zeros(taxels)
+        self._steady = np.zeros(taxels)
+        self._below_zero = np.zeros(taxels)
+        self._last_mean = np.zeros(taxels)
+        self._sum = np.zeros(taxels)
+        self._start_block()
+        self._restart(np.ones(taxels, np.bool_))
+        self.restarts = 0
+
+    @property
+    def block_due(self) -> bool:
+        """Whether `close_block` has to be called before the next scan."""
+        return self._elapsed >= self._settings.block
+
+    @property
+    def common_variance(self) -> float:
+        """Variance [N^2] that all taxels share: what is not known of the film's temperature."""
+        return (self.film.standard_deviation * self._newton_per_kelvin) ** 2
+
+    def variance(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the variance of `force` [N^2] in `out`, the common one included."""
+        return np.add(self._variance, self._noise_variance + self.common_variance, out=out)
+
+    def interrupt(self) -> None:
+        """Take note that an unknown time passes before the next scan: what the force did in it cannot be known.
+
+        Offsets stay known. The next scan takes as force what charge it finds: that much at least was pressed lately.
+        """
+        self._started = False
+        self.valid = False
+        self._recovering = self._settings.resume
+
+    def advance(self, charge: NDArray[np.float64], temperatures: NDArray[np.float32], step: float) -> None:
+        """Take the charge densities [C/m2] of the scan that ends a step [s], and the chip's temperatures [degC]."""
+        warmed = self.film.update(temperatures, step)
+        if not self._started:
+            self._first(charge)
+            return
+        leak = leak_step(step, self._tau)
+        signal, change, scratch = self._signal, self._change, self._scratch
+        np.subtract(signal, self._offset, out=scratch)
+        np.multiply(scratch, leak.ratio, out=scratch)
+        np.multiply(charge, self._newton_per_charge, out=change)
+        np.subtract(change, signal, out=signal)
+        np.divide(signal, leak.mean, out=signal)
+        np.add(scratch, signal, out=scratch)
+        self._signal, self._change = change, signal
+        if warmed:
+            scratch -= warmed * self._newton_per_kelvin
+        np.add(self.force, scratch, out=self.force)
+        np.add(self._sum, self.force, out=self._sum)
+        self._scans += 1
+        self._elapsed += step
+        self._ratio += leak.ratio
+        self._ratio_square += leak.ratio * leak.ratio
+        if leak.ratio > LONG_STEP:
+            # A jump at an unknown moment of the step has leaked by an unknown share of h/tau, evenly distributed.
+            self._variance += (scratch * leak.ratio) ** 2 / 12.0
+
+    def lose(self, saturated: NDArray[np.bool_], step: float) -> None:
+        """Count as unknown the charge that leaks beyond the end of the range during a step [s] of the masked taxels."""
+        lost = np.abs(self._signal[saturated]) * (step / self._tau)
+        self._variance[saturated] = (np.sqrt(self._variance[saturated]) + lost) ** 2
+
+    def close_block(self, touched: NDArray[np.bool_]) -> None:
+        """Correct zero and offset where nothing touched during the block; everywhere else let the covariance grow.
+
+        `touched` masks the taxels in or near a contact at any time of the block. It is not heeded where the offset is
+        not known yet: there a force held constant tells the offset just as well.
+        """
+        s = self._settings
+        mean = self._sum / self._scans
+        self._grow()
+        reach = 0.5 * self._ratio  # the mean was true half a block ago; since then d has moved by -e*ratio/2
+        with_d = self._variance + reach * self._covariance
+        with_e = self._covariance + reach * self._offset_variance
+        expected = with_d + reach * with_e + self._noise_variance / self._scans
+        agrees = mean * mean <= s.gate * s.gate * expected
+        free = ~touched | ~self.settled
+        self._correct(free & agrees, mean, expected, with_d, with_e)
+        self._creep(free & self.settled & ~agrees, mean)
+        self._heal(free & self.settled, mean)
+        failed = ~self.settled & ~agrees
+        failed |= np.abs(self.force) > self._runaway
+        failed |= self._below_zero >= s.recover
+        self._agreed += self._elapsed
+        if failed.any():
+            self._restart(failed)
+        self.settled |= (self._agreed >= s.settle) & (self._offset_variance <= self._known_offset)
+        self._recovering = max(0.0, self._recovering - self._elapsed)
+        self.valid = self._recovering == 0.0 and bool(self.settled.all())
+        self._last_mean = mean
+        self._start_block()
+
+    def _first(self, charge: NDArray[np.float64]) -> None:
+        """Begin with a scan that has none before it."""
+        np.multiply(charge, self._newton_per_charge, out=self._signal)
+        known = self._offset_variance <= self._known_offset
+        self.force[:] = np.where(known, np.maximum(self._signal - self._offset, 0.0), 0.0)
+        self._variance[:] = self._noise_variance + np.where(known, self._offset_variance, 0.0)
+        self._covariance[:] = np.where(known, -self._offset_variance, 0.0)
+        self._started = True
+        self._start_block()
+
+    def _start_block(self) -> None:
+        self._sum[:] = 0.0
+        self._scans = 0
+        self._elapsed = 0.0
+        self._ratio = 0.0
+        self._ratio_square = 0.0
+
+    def _grow(self) -> None:
+        """Propagate the covariance of (d, e) over the block."""
+        ratio, block = self._ratio, self._elapsed
+        self._variance += ratio * (ratio * self._offset_variance - 2.0 * self._covariance)
+        self._variance += self._noise_variance * self._ratio_square + self._drift * block
+        self._covariance -= ratio * self._offset_variance
+        self._offset_variance += self._wander * block
+
+    def _correct(
+        self,
+        where: NDArray[np.bool_],
+        mean: NDArray[np.float64],
+        expected: NDArray[np.float64],
+        with_d: NDArray[np.float64],
+        with_e: NDArray[np.float64],
+    ) -> None:
+        """Update force and offset by the mean of a block in which force was zero; a slow press is not to be eaten."""
+        gain_d, gain_e = with_d / expected, with_e / expected
+        limit = self._slew * self._elapsed + 3.0 * math.sqrt(self._noise_variance / self._scans)
+        correction = gain_d * mean
+        limited = self.settled & (correction > limit)
+        self.force -= np.where(where, np.where(limited, limit, correction), 0.0)
+        learn = where & ~limited
+        self._offset -= np.where(learn, gain_e * mean, 0.0)
+        self._variance -= np.where(learn, gain_d * with_d, 0.0)
+        self._covariance -= np.where(learn, gain_d * with_e, 0.0)
+        self._offset_variance -= np.where(learn, gain_e * with_e, 0.0)
+
+    def _creep(self, where: NDArray[np.bool_], mean: NDArray[np.float64]) -> None:
+        """Move the zero slowly towards a force that is neither a contact nor within the errors known of."""
+        limit = self._slew * self._elapsed
+        self.force -= np.where(where, np.clip(mean, -limit, limit), 0.0)
+
+    def _heal(self, where: NDArray[np.bool_], mean: NDArray[np.float64]) -> None:
+        """Set a zero right that was taken under load: force below zero, steady (not still settling), cannot be."""
+        below = where & (mean < -self._negative)
+        self._below_zero = np.where(below, self._below_zero + self._elapsed, 0.0)
+        gate = self._settings.gate * math.sqrt(2.0 * self._noise_variance / self._scans)
+        steady = below & (np.abs(mean - self._last_mean) <= gate)
+        self._steady = np.where(steady, self._steady + self._elapsed, 0.0)
+        ripe = self._steady >= self._settings.steady
+        if ripe.any():
+            self.force[ripe] -= mean[ripe]
+            self._variance[ripe] = self._noise_variance
+            self._covariance[ripe] = 0.0
+            self._steady[ripe] = 0.0
+
+    def _restart(self, where: NDArray[np.bool_]) -> None:
+        """Forget zero and offset of the masked taxels; allow for a larger offset where none was found."""
+        again = where & ~self.settled
+        self._prior_deviation[again] = np.minimum(2.0 * self._prior_deviation[again], self._runaway)
+        self._prior_deviation[where & self.settled] = self._prior
+        self.restarts += int(np.count_nonzero(where))
+        self.force[where] = 0.0
+        self._offset[where] = 0.0
+        self._variance[where] = self._noise_variance
+        self._covariance[where] = 0.0
+        self._offset_variance[where] = self._prior_deviation[where] ** 2
+        self._agreed[where] = 0.0
+        self._steady[where] = 0.0
+        self._below_zero[where] = 0.0
+        self.settled[where] = False
