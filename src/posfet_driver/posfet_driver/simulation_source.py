@@ -1,0 +1,89 @@
+"""Scans of a simulated board in real time, as a driver would hand them on."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from posfet_driver.scene import Scene
+from posfet_driver.simulated_board import SimulatedBoard
+from posfet_driver.source import Clock, Health, SourceReport, SystemClock
+from posfet_model.scan import Scan
+from posfet_model.sensor import Sensor
+
+_NANOSECONDS: Final = 1_000_000_000
+LATE: Final = 0.1
+"""Delay [s] from which a source says that the machine cannot keep up."""
+
+
+class SimulationSource:
+    """Hands on scan k of a board k scan intervals after `open`.
+
+    A reader that comes late gets every scan that is due, one after the other: none is skipped, and the stamps keep the
+    board's rhythm. After a `close` the next `open` starts a fresh board.
+    """
+
+    def __init__(self, sensor: Sensor, scene: Scene, seed: int, clock: Clock | None = None) -> None:
+        """Take what the board is made of (see `SimulatedBoard`), and the clock (that of this machine by default).
+
+        Raises ValueError for a negative seed.
+        """
+        self.board = SimulatedBoard(sensor, scene, seed)
+        """The board that the scans come from, for its ground truth; another one after each `open`."""
+        self._seed = seed
+        self._clock = clock or SystemClock()
+        self._scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
+        self._running = False
+        self._start = 0
+        self._epoch = 0
+        self._next = 0
+        self._delivered = 0
+        self._delay = 0.0
+
+    @property
+    def simulated(self) -> bool:
+        """True: the signals come from a model."""
+        return True
+
+    def open(self) -> None:
+        """Start the scene at this moment; scan 0 is due at once."""
+        self.board = SimulatedBoard(self.board.sensor, self.board.scene, self._seed)
+        self._start = self._clock.monotonic()
+        self._epoch = self._clock.wall()
+        self._next = 0
+        self._delay = 0.0
+        self._running = True
+
+    def read(self, timeout: float) -> Scan | None:
+        """Return the next scan when it is due within `timeout` [s], else None after that time."""
+        due = self._start + round(self._next / self.board.sensor.can.scan_rate * _NANOSECONDS)
+        wait = (due - self._clock.monotonic()) / _NANOSECONDS
+        if wait > 0:
+            self._clock.sleep(min(wait, timeout))
+            if wait > timeout:
+                return None
+        self._delay = max(-wait, 0.0)
+        self.board.scan(self._next, self._scan)
+        self._scan.stamp += self._epoch
+        self._next += 1
+        self._delivered += 1
+        return self._scan
+
+    def close(self) -> None:
+        """Stop the scene."""
+        self._running = False
+
+    def report(self) -> SourceReport:
+        """Return the state for diagnostics."""
+        if not self._running:
+            health, state = Health.STALE, "simulation stopped"
+        elif self._delay > LATE:
+            health, state = Health.WARN, "simulation late: this machine cannot keep up with the scan rate"
+        else:
+            health, state = Health.OK, f"simulating scene '{self.board.scene.name}'"
+        return SourceReport(
+            health=health,
+            state=state,
+            scans=self._delivered,
+            frames_lost=0,
+            values={"scene": self.board.scene.name, "delay [ms]": f"{self._delay * 1e3:.1f}"},
+        )
