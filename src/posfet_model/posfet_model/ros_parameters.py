@@ -1,0 +1,84 @@
+"""Parameters of a node as one table: declared with description and range, checked, returned as plain values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
+
+from posfet_model.checks import interval
+from posfet_model.config import ConfigError
+
+Value: TypeAlias = "bool | int | float | str | list[str]"
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter, set at start-up and read-only from then on. The type is that of the default."""
+
+    name: str
+    default: Value
+    description: str
+    low: float = -math.inf
+    high: float = math.inf
+    choices: tuple[str, ...] = ()
+
+    @property
+    def allowed(self) -> str:
+        """What may be given, in words."""
+        if self.choices:
+            return f"one of {', '.join(self.choices)}"
+        kind = _KINDS[type(self.default)]
+        bounded = math.isfinite(self.low) or math.isfinite(self.high)
+        return f"{kind} in {interval(self.low, self.high)}" if bounded else kind
+
+    def check(self, value: object) -> str:
+        """Return '' when `value` may be given, else what may be given and what was."""
+        fits = type(value) is type(self.default) or (isinstance(self.default, float) and type(value) is int)
+        if fits and isinstance(value, (int, float)) and not isinstance(value, bool):
+            fits = math.isfinite(value) and self.low <= value <= self.high
+        if fits and isinstance(value, list):
+            fits = all(isinstance(item, str) for item in value)
+        if fits and self.choices:
+            fits = value in self.choices
+        return "" if fits else f"must be {self.allowed}, got {value!r}"
+
+
+_KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text", list: "a list of texts"}
+
+SENSOR_FILE = Parameter(
+    "sensor_file", "posfet_5x5", "Sensor description: path of a YAML file, or name of a shipped one"
+)
+FRAME_ID = Parameter("frame_id", "posfet_array", "Frame of the array: x along columns, y along rows, z outward")
+
+
+def declare(node: Node, table: Sequence[Parameter]) -> Mapping[str, Any]:
+    """Declare the parameters of `table`, all that `node` has, and return their checked values by name.
+
+    Raises ConfigError, one line naming node, parameter, what is allowed and what was given; also for a parameter that
+    the node does not know, which rclpy would ignore.
+    """
+    name = node.get_fully_qualified_name()
+    known = [parameter.name for parameter in table]
+    for given in sorted(node._parameter_overrides):
+        if given not in known and not given.startswith(STANDARD):
+            raise ConfigError(f"{name}: {given}: unknown parameter, known are {', '.join(known)}")
+    values: dict[str, Any] = {}
+    for parameter in table:
+        # rclpy's own ranges let lists and NaN through and its types end in a traceback: all of it is checked here.
+        descriptor = ParameterDescriptor(
+            description=parameter.description,
+            additional_constraints=parameter.allowed,
+            read_only=True,
+            dynamic_typing=True,
+        )
+        value = node.declare_parameter(parameter.name, parameter.default, descriptor).value
+        reason = parameter.check(value)
+        if reason:
+            raise ConfigError(f"{name}: {parameter.name}: {reason}")
+        values[parameter.name] = float(value) if isinstance(parameter.default, float) else value
+    return values

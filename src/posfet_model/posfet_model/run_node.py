@@ -1,0 +1,68 @@
+"""The main function of every node: start, spin on the fastest executor there is, end cleanly, report bad input."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections.abc import Callable, Sequence
+
+import rclpy
+from rclpy.executors import ExternalShutdownException
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+
+from posfet_model.config import ConfigError
+
+try:
+    from rclpy.experimental import EventsExecutor as NodeExecutor
+except ImportError:  # rclpy before Jazzy's
+    from rclpy.executors import SingleThreadedExecutor as NodeExecutor
+
+RCLError = rclpy_implementation.RCLError
+NODE_ERROR = 1
+
+POLL = 0.1
+"""Longest time that an end asked for by a signal or by `until` waits for its turn [s]."""
+
+
+def spin(nodes: Sequence[Node], until: Callable[[], bool] = lambda: False) -> None:
+    """Serve the callbacks of `nodes` in this thread until Ctrl-C, SIGTERM, shutdown, or until `until()` is true.
+
+    `until` is asked after each callback and at least every `POLL` seconds.
+    """
+    executor = NodeExecutor()
+    for node in nodes:
+        executor.add_node(node)
+    try:
+        # Not executor.spin(): where its wait has no end, libstdc++ 12 computes a time-out that has passed already, and
+        # the EventsExecutor of rclpy 7.1 turns round and round with its queue locked.
+        while rclpy.ok() and not until():
+            executor.spin_once(POLL)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        executor.shutdown()
+
+
+def run_node(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
+    """Run one node until Ctrl-C or SIGTERM and return the exit code of the process.
+
+    0 after a clean end; 1 with one line on stderr when a file or parameter cannot be used.
+    """
+    node = None
+    try:
+        rclpy.init(args=arguments)
+        node = make_node()
+        spin([node])
+    except (ConfigError, RCLError) as error:
+        print(" ".join(str(error).split()), file=sys.stderr)
+        return NODE_ERROR
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        # A second Ctrl-C, as launch sends one after the terminal's, must not break the end.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        if node is not None:
+            node.destroy_node()
+        rclpy.try_shutdown()
+    return 0
