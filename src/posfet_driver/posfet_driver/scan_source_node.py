@@ -1,0 +1,186 @@
+"""The lifecycle node around a source of scans: what the driver and the simulated board have in common."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSProfile
+
+from posfet_driver.conversions import RawMessage, diagnostic_array
+from posfet_driver.source import Health, ScanSource, SourceError, SourceReport
+from posfet_model.config import ConfigError
+from posfet_model.ros_parameters import FRAME_ID, SENSOR_FILE, Parameter, declare
+from posfet_model.scan import Scan
+from posfet_model.sensor import Sensor, load_sensor
+from posfet_msgs.msg import TactileRaw
+
+AUTOSTART = Parameter("autostart", True, "Configure and activate at start-up; false: wait for lifecycle transitions")
+RAW_DEPTH = 100
+READ_TIMEOUT = 0.1
+"""Longest wait of the data thread [s]: bounds the time that an end takes."""
+SUBSCRIPTIONS_AGE = 100_000_000
+"""For how long a count of subscriptions is believed [ns]."""
+REPORT_PERIOD = 1.0
+"""Time between two diagnostics [s]."""
+
+
+class Listeners:
+    """Tells whether a publisher has subscriptions, looked up at most ten times a second."""
+
+    def __init__(self, publisher: Publisher) -> None:
+        self._publisher = publisher
+        self._next = 0
+        self._any = False
+
+    def any(self, now: int) -> bool:
+        """Return whether anybody listened when it was last looked up; `now` is a monotonic time [ns]."""
+        if now >= self._next:
+            self._next = now + SUBSCRIPTIONS_AGE
+            self._any = self._publisher.get_subscription_count() > 0
+        return self._any
+
+
+class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
+    """Publishes the scans of a source.
+
+    configure opens the source and starts the one data thread; activate lets scans out, to `sink` and, when somebody
+    subscribes, to `raw`; deactivate holds them back, while the source is still read so that nothing old is waiting;
+    cleanup closes the source. Raises ConfigError at construction for a parameter or file that cannot be used.
+    """
+
+    def __init__(self, node_name: str, parameters: Sequence[Parameter] = (), **node_arguments: Any) -> None:
+        super().__init__(node_name, **node_arguments)
+        self.sink: Callable[[Scan], None] | None = None
+        """Called with every scan in the data thread, before anything is published; set it while not active."""
+        try:
+            self.parameters = declare(self, (SENSOR_FILE, FRAME_ID, AUTOSTART, *parameters))
+            self.sensor = load_sensor(self.parameters["sensor_file"])
+            self.source = self.make_source(self.sensor, self.parameters)
+        except ConfigError:
+            self.destroy_node()
+            raise
+        self._raw_message = RawMessage(self.sensor.layout, self.parameters["frame_id"])
+        self._raw = self.create_publisher(TactileRaw, "raw", RAW_DEPTH)
+        self._raw_listeners = Listeners(self._raw)
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
+        self._report_timer = self.create_timer(REPORT_PERIOD, self._report, autostart=False)
+        self._thread: threading.Thread | None = None
+        self._stop = threading.Event()
+        self._active = False
+        self._failure = ""
+        self._said = ""
+        self._reported = (0, 0)
+
+    def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ScanSource:
+        """Return the source, not opened yet. Raises ConfigError for what cannot work."""
+        raise NotImplementedError
+
+    def start(self) -> None:
+        """Configure and activate, unless the parameter autostart is false.
+
+        Raises ConfigError, one line, when the source cannot be opened.
+        """
+        if not self.parameters["autostart"]:
+            return
+        if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
+            raise ConfigError(f"{self.get_fully_qualified_name()}: {self._failure}")
+        self.trigger_activate()
+
+    def deliver(self, scan: Scan, now: int) -> None:
+        """Hand on one scan in the data thread; `now` is a monotonic time [ns]."""
+        if self.sink:
+            self.sink(scan)
+        if self._raw_listeners.any(now):
+            self._raw.publish(self._raw_message.fill(scan))
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Open the source and start reading."""
+        try:
+            self.source.open()
+        except (ConfigError, SourceError) as error:
+            self._failure = str(error)
+            self.get_logger().error(self._failure)
+            return TransitionCallbackReturn.FAILURE
+        self._reported = (self.source.report().scans, time.monotonic_ns())
+        self._stop.clear()
+        self._thread = threading.Thread(target=self._run, name=f"{self.get_name()} data", daemon=True)
+        self._thread.start()
+        self._report_timer.reset()
+        self._say(self.source.report())
+        return super().on_configure(state)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Let scans out."""
+        self._active = True
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Hold scans back."""
+        self._active = False
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop reading and close the source."""
+        self._end()
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop reading and close the source."""
+        self._end()
+        return super().on_shutdown(state)
+
+    def destroy_node(self) -> None:
+        """End the data thread, close the source, then give back what the node holds."""
+        if hasattr(self, "_stop"):
+            self._end()
+        super().destroy_node()
+
+    def _end(self) -> None:
+        self._active = False
+        self._stop.set()
+        self._report_timer.cancel()
+        if self._thread:
+            self._thread.join()
+            self._thread = None
+            self.source.close()
+
+    def _run(self) -> None:
+        read = self.source.read
+        try:
+            while not self._stop.is_set():
+                scan = read(READ_TIMEOUT)
+                if scan is not None and self._active:
+                    self.deliver(scan, time.monotonic_ns())
+        except rclpy_implementation.RCLError:
+            if self.context.ok():  # else the process is being ended, which nobody tells this thread first
+                raise
+
+    def _report(self) -> None:
+        report = self.source.report()
+        now = time.monotonic_ns()
+        scans, before = self._reported
+        self._reported = (report.scans, now)
+        scan_rate = (report.scans - scans) * 1e9 / max(now - before, 1)
+        name = f"{self.get_fully_qualified_name()}: board"
+        hardware_id = self.sensor.serial or self.sensor.name
+        self._diagnostics.publish(diagnostic_array(report, name, hardware_id, scan_rate, time.time_ns()))
+        self._say(report)
+
+    def _say(self, report: SourceReport) -> None:
+        """Log the state once a change, however often it is reported."""
+        if report.state == self._said:
+            return
+        self._said = report.state
+        if report.health == Health.OK:
+            self.get_logger().info(report.state)
+        elif report.health == Health.WARN:
+            self.get_logger().warning(report.state)
+        else:
+            self.get_logger().error(report.state)
