@@ -116,7 +116,55 @@ def minor_loop(
     return first + linear * up, second + linear * down, third + linear * end
 
 
+def transistor_cases() -> Iterable[Sequence[float]]:
+    """Overdrives and drain voltages either side of each other, beta over its decades, with and without lambda."""
+    overdrives = [-1e6, -1.0, -1e-9, 0.0, 1e-9, 1e-3, 0.25, 1.0, 1.5, 5.0, 1e3, 1e6]
+    drains = [0.0, 1e-9, 1e-3, 0.25, 1.0, 5.0, 1e3, 1e6]
+    gains = [(1e-12, 0.0), (9.3446e-4, 0.0), (9.3446e-4, 0.1), (1e6, 10.0)]
+    return [(over, drain, *gain) for over, drain, gain in itertools.product(overdrives, drains, gains)]
+
+
+def transistor(overdrive: mpf, drain: mpf, beta: mpf, modulation: mpf) -> Sequence[mpf]:
+    """Eq. (9) and (10) region by region with 1 + lambda*Vds, and the derivatives of each region."""
+    longer = 1 + modulation * drain
+    if overdrive <= 0:
+        return mpf(0), mpf(0), mpf(0)
+    if drain < overdrive:
+        shape = overdrive * drain - drain**2 / 2
+        return beta * shape * longer, beta * drain * longer, beta * ((overdrive - drain) * longer + shape * modulation)
+    shape = overdrive**2 / 2
+    return beta * shape * longer, beta * overdrive * longer, beta * shape * modulation
+
+
+def membrane_cases() -> Iterable[Sequence[float]]:
+    """Pressures, sizes, thicknesses, moduli and Poisson's ratios, from nanometre and pascal to the limits."""
+    sizes = [(1e-9, 1e-9), (5e-3, 20e-6), (5e-3, 50e-6), (1e-2, 450e-6), (1.0, 1e-3)]
+    stuff = [(169e9, 0.3), (3e9, 0.35), (1e3, 0.5), (2e12, -0.9)]
+    return [(p, *size, *what) for p, size, what in itertools.product([0.0, 1e-3, 98.0, 1e5, 1e12], sizes, stuff)]
+
+
+def membrane(pressure: mpf, span: mpf, thickness: mpf, modulus: mpf, poisson: mpf) -> Sequence[mpf]:
+    """Clamped plates: P*r^4/(64*D) for the circle, 0.00126531908748*P*a^4/D for the square."""
+    rigidity = modulus * thickness**3 / (12 * (1 - poisson**2))
+    load = pressure * span**4 / rigidity
+    return load / 64, mpf("0.00126531908748") * load
+
+
 TABLES = {
+    "transistor": Table(
+        "drain current [A], transconductance and output conductance [S] at an overdrive and drain voltage [V]",
+        ("overdrive", "drain_voltage", "gain_factor", "channel_length_modulation"),
+        ("drain_current", "transconductance", "output_conductance"),
+        transistor_cases,
+        transistor,
+    ),
+    "membrane": Table(
+        "deflection [m] of clamped membranes, circular (span is the radius) and square (span is the side)",
+        ("pressure", "span", "thickness", "young_modulus", "poisson_ratio"),
+        ("circular", "square"),
+        membrane_cases,
+        membrane,
+    ),
     "film_branches": Table(
         "branch steepness [V/m] and polarisation [C/m2] on the saturated branches at a field [V/m]",
         ("field", "coercive_field", "remnant", "saturation", "permittivity"),
