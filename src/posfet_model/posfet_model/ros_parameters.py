@@ -50,9 +50,10 @@ class Parameter:
 
 _KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text", list: "a list of texts"}
 
-SENSOR_FILE = Parameter(
-    "sensor_file", "posfet_5x5", "Sensor description: path of a YAML file, or name of a shipped one"
-)
+STANDARD = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+"""Parameters that every node has or may be given."""
+
+SENSOR_FILE = Parameter("sensor_file", "posfet_5x5", "Sensor description: a YAML file, or the name of a shipped one")
 FRAME_ID = Parameter("frame_id", "posfet_array", "Frame of the array: x along columns, y along rows, z outward")
 
 
