@@ -191,7 +191,7 @@ def _approach_rest(x: Float64Array, rho: Float64Array, duration: Float64Array) -
         angle[moving] = _angle_later(
             angle[moving], duration[moving], scaled, a[moving], b[moving], rho[moving], rest[moving]
         )
-    return 2 * np.sin(rest + angle)
+    return np.asarray(2 * np.sin(rest + angle))
 
 
 def _angle_later(
@@ -237,7 +237,7 @@ def _run_away(x: Float64Array, rho: Float64Array, duration: Float64Array) -> Flo
 
     def time_to(p: Float64Array, q: Float64Array) -> Float64Array:
         in_q = np.minimum(b * (q - q_start) / (b * b - q * q_start), 1 - 1e-16)
-        return np.arctan2(c * (p - p_start), c * c + p * p_start) / c + np.arctanh(in_q) / b
+        return np.asarray(np.arctan2(c * (p - p_start), c * c + p * p_start) / c + np.arctanh(in_q) / b)
 
     def lateness(now: Float64Array) -> tuple[Float64Array, Float64Array]:
         p, q = np.sin(now) - np.cos(now), np.sin(now) + np.cos(now)
@@ -246,7 +246,7 @@ def _run_away(x: Float64Array, rho: Float64Array, duration: Float64Array) -> Flo
     escape = time_to(np.zeros_like(x), np.full_like(x, EDGE))
     wanted = np.where(duration < escape, duration, 0.0)
     inside = 2 * np.sin(_newton(lateness, angle, np.full_like(x, math.pi / 4), angle))
-    return np.where(duration < escape, inside, EDGE + (rho - 1) * (duration - escape))
+    return np.asarray(np.where(duration < escape, inside, EDGE + (rho - 1) * (duration - escape)))
 
 
 def _newton(

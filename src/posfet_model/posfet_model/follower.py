@@ -25,6 +25,7 @@ from posfet_model.checks import real_number
 from posfet_model.differential_pair import pair_current, settle, settle_series
 from posfet_model.exponential import mean_decay
 from posfet_model.follower_base import (
+    VOLTAGE_LIMIT,
     Follower,
     FollowerLimits,
     FollowerOutput,
@@ -34,6 +35,7 @@ from posfet_model.follower_base import (
 from posfet_model.recurrence import linear_recurrence
 
 __all__ = [
+    "VOLTAGE_LIMIT",
     "ClosedLoop",
     "Follower",
     "FollowerLimits",
