@@ -1,0 +1,252 @@
+"""The simulated board: the same bytes again, the same state by any way, the full computation's result for less work."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from posfet_driver.contact_pressure import SphereOnArray
+from posfet_driver.scene import SCENE_FOLDER, Scene, Track, load_scene
+from posfet_driver.simulated_board import OVERTEMPERATURE, SimulatedBoard
+from posfet_model.chain import ForwardChain, charge_per_newton
+from posfet_model.scan import Scan, ScanStatus
+from posfet_model.sensor import Sensor, load_sensor
+
+SENSOR = load_sensor()
+QUIET = replace(SENSOR, adc=replace(SENSOR.adc, noise=0.0))
+SHIPPED = sorted(path.stem for path in SCENE_FOLDER.glob("*.yaml"))
+TAXELS = SENSOR.layout.taxels
+RATE = SENSOR.can.scan_rate
+FULL_SCALE = SENSOR.device.force_max * charge_per_newton(SENSOR)  # [C/m2]
+SAME = 1e-12 * FULL_SCALE
+
+
+def warming(scene: Scene) -> Scene:
+    """The scene with 5 K more for a while."""
+    return replace(scene, temperature=Track((0.6, 1.1, 2.0, 2.4), ((25.0,), (30.0,), (30.0,), (25.0,))))
+
+
+def run(board: SimulatedBoard, indices: Iterable[int]) -> bytes:
+    scan = Scan.empty(0, TAXELS)
+    recorded = b""
+    for index in indices:
+        board.scan(index, scan)
+        recorded += scan.counts.tobytes() + scan.temperatures.tobytes()
+    return recorded
+
+
+def charge(board: SimulatedBoard) -> np.ndarray:
+    """The charge at the last scan; only the taxels' own state is looked at, as counts are 8e4 times coarser."""
+    return board._chain.charge
+
+
+def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not() -> None:
+    scene = load_scene("two_fingers", SENSOR)
+    first, second, other = (run(SimulatedBoard(SENSOR, scene, seed), range(1500)) for seed in (7, 7, 8))
+    assert first == second
+    assert first != other
+
+
+def test_without_noise_the_counts_do_not_depend_on_the_seed() -> None:
+    scene = load_scene("two_fingers", QUIET)
+    assert run(SimulatedBoard(QUIET, scene, 1), range(800)) == run(SimulatedBoard(QUIET, scene, 2), range(800))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("warm", [False, True])
+def test_a_gap_leads_to_the_state_that_stepping_leads_to(name: str, warm: bool) -> None:
+    scene = load_scene(name, QUIET)
+    scene = warming(scene) if warm else scene
+    stepped, jumped = SimulatedBoard(QUIET, scene, 0), SimulatedBoard(QUIET, scene, 0)
+    last = -1
+    for index in (0, 1, 320, 700, 701, 2500, 3050, 4450):
+        there = run(stepped, range(last + 1, index + 1))[-TAXELS * 2 - 8 :]
+        assert run(jumped, [index]) == there
+        np.testing.assert_allclose(charge(jumped), charge(stepped), rtol=0, atol=SAME)
+        last = index
+
+
+def test_a_gap_longer_than_the_memory_forgets_what_was_before() -> None:
+    scene = warming(load_scene("press_slide_lift", QUIET))
+    stepped, jumped = SimulatedBoard(QUIET, scene, 0), SimulatedBoard(QUIET, scene, 0)
+    for board in (stepped, jumped):
+        run(board, range(600))
+    run(stepped, range(600, 13_201))
+    run(jumped, [13_200])
+    np.testing.assert_allclose(charge(jumped), charge(stepped), rtol=0, atol=SAME)
+    assert jumped.taxel_updates < 0.7 * stepped.taxel_updates
+    assert stepped.touched
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_work_that_is_saved_changes_nothing(name: str) -> None:
+    scene = load_scene(name, QUIET)
+    scene = replace(scene, temperature=Track((0.6, 1.1), ((25.0,), (30.0,)))) if name == "idle" else scene
+    board = SimulatedBoard(QUIET, scene, 0)
+    scan = Scan.empty(0, TAXELS)
+    reference = np.zeros(TAXELS, np.uint16)
+    for index, chain in enumerate(full_computation(QUIET, scene, 5200)):
+        board.scan(index, scan)
+        np.testing.assert_array_equal(scan.counts, chain.counts(reference))
+        if board._charge_index == index:
+            np.testing.assert_allclose(charge(board), chain.charge, rtol=0, atol=SAME)
+
+
+def full_computation(sensor: Sensor, scene: Scene, scans: int) -> Iterable[ForwardChain]:
+    """Every taxel in every scan, and the film's temperature by its own formula."""
+    chain = ForwardChain(sensor)
+    spheres = [
+        SphereOnArray(sensor.layout, sensor.device.contact_spread, item.radius, item.effective_modulus)
+        for item in scene.objects
+    ]
+    ratio = 1 / RATE / sensor.device.thermal_time_constant
+    (chip,) = (film,) = scene.temperature.at(0.0)
+    for index in range(scans):
+        local = scene.local_time(index / RATE)
+        forces = np.zeros((sensor.layout.rows, sensor.layout.cols))
+        for sphere, item in zip(spheres, scene.objects, strict=True):
+            sphere.add(forces, *item.path.at(local))
+        before, (chip,) = chip, scene.temperature.at(local)
+        slope = (chip - before) / ratio  # change of the chip in one time constant: the lag of a steady ramp
+        film = chip - slope + (film - before + slope) * math.exp(-ratio)
+        chain.advance(forces.ravel(), film, 1 / RATE)
+        yield chain
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_truth_adds_up(name: str) -> None:
+    scene = load_scene(name, SENSOR)
+    board = SimulatedBoard(SENSOR, scene, 0)
+    touched = 0
+    for index in range(0, 4000, 37):
+        run(board, [index])
+        truth = board.truth()
+        local = scene.local_time(index / RATE)
+        poses = [item.path.at(local) for item in scene.objects]
+        touching = [pose for pose in poses if pose[-1] > 0]
+        assert truth.sequence == index
+        assert truth.objects == tuple(item.name for item in scene.objects)
+        assert truth.positions.shape == (len(poses), 3)
+        np.testing.assert_array_equal(truth.contact_centres, np.reshape([pose[:2] for pose in touching], (-1, 2)))
+        np.testing.assert_array_equal(truth.contact_forces, [pose[-1] for pose in touching])
+        assert truth.force.sum() <= truth.contact_forces.sum() + 1e-12
+        assert truth.force.sum() == pytest.approx(truth.contact_forces.sum(), rel=0.01)  # the cover's tails are lost
+        assert board.touched == bool(touching)
+        touched += board.touched
+    assert bool(touched) == (name != "idle")
+
+
+def test_the_truth_is_a_copy_that_the_next_scan_leaves_alone() -> None:
+    board = SimulatedBoard(SENSOR, load_scene("press_slide_lift", SENSOR), 0)
+    run(board, [500])
+    truth = board.truth()
+    before = truth.force.copy()
+    run(board, [1500])
+    np.testing.assert_array_equal(truth.force, before)
+    assert not np.array_equal(board.truth().force, before)
+
+
+def test_the_sphere_sinks_in_by_the_indentation() -> None:
+    scene = load_scene("hold", SENSOR)
+    board = SimulatedBoard(SENSOR, scene, 0)
+    (ball,) = scene.objects
+    run(board, [100])
+    assert board.truth().positions[0, 2] == ball.radius
+    run(board, [10_000])
+    indentation = (9 * 1.5**2 / (16 * ball.radius * ball.effective_modulus**2)) ** (1 / 3)
+    np.testing.assert_allclose(board.truth().positions, [[0.2e-3, -0.1e-3, ball.radius - indentation]], atol=1e-15)
+
+
+def test_a_push_raises_the_count_of_the_taxel_under_it_as_the_sensor_says() -> None:
+    # The press of 0.2 s is short against the leak of 0.27 s only roughly: charge lies between half and all of it.
+    board = SimulatedBoard(QUIET, load_scene("hold", QUIET), 0)
+    scan = Scan.empty(0, TAXELS)
+    board.scan(0, scan)
+    rest = scan.counts[12]
+    board.scan(500, scan)
+    volts = (float(scan.counts[12]) - float(rest)) * (QUIET.adc.high - QUIET.adc.low) / 65535
+    assert 0.5 < volts / (board.truth().force[12] * QUIET.volts_per_newton) < 1.0
+
+
+def test_an_idle_board_moves_no_charge() -> None:
+    board = SimulatedBoard(SENSOR, load_scene("idle", SENSOR), 0)
+    scan = Scan.empty(0, TAXELS)
+    for index in range(3000):
+        board.scan(index, scan)
+    assert board.taxel_updates == TAXELS
+    run(board, [600_000])
+    assert board.taxel_updates == TAXELS
+
+
+def test_a_held_force_costs_nothing_once_it_has_leaked_away() -> None:
+    board = SimulatedBoard(SENSOR, load_scene("hold", SENSOR), 0)
+    memory = math.ceil(30 * SENSOR.device.leak_time_constant * RATE)
+    run(board, range(500 + memory + 1))
+    settled = board.taxel_updates
+    run(board, range(500 + memory + 1, 12_000))
+    assert board.taxel_updates == settled
+    run(board, [60_500])
+    assert board.taxel_updates == settled
+    run(board, [60_501])  # the charge is brought up to the end of the rest, then moved on
+    assert board.taxel_updates == settled + 2 * TAXELS
+
+
+def test_a_gap_at_rest_is_one_jump() -> None:
+    board = SimulatedBoard(SENSOR, load_scene("press_slide_lift", SENSOR), 0)
+    run(board, range(3000))
+    before = board.taxel_updates
+    run(board, [4250])
+    assert board.taxel_updates == before + TAXELS
+
+
+def test_chip_sensors_read_the_scene_and_the_film_lags() -> None:
+    slope = 5.0  # [K/s]
+    idle = load_scene("idle", SENSOR)
+    steps = np.arange(0, 1.001, 0.01)
+    ramp = Track(tuple(steps), tuple((25 + slope * time,) for time in steps))  # short keyframes: a straight line
+    board = SimulatedBoard(SENSOR, replace(idle, temperature=ramp), 0)
+    scan = Scan.empty(0, TAXELS)
+    for index in range(1001):
+        board.scan(index, scan)
+    assert scan.temperatures.tolist() == [30.0, 30.0]
+    lag = slope * SENSOR.device.thermal_time_constant
+    assert board.truth().film_temperature == pytest.approx(30.0 - lag, abs=5e-3 * lag + 0.02 * lag)
+    run(board, [5000])
+    assert board.truth().film_temperature == 30.0
+
+
+def test_a_film_without_lag_has_the_chips_temperature() -> None:
+    sensor = replace(SENSOR, device=replace(SENSOR.device, thermal_time_constant=0.0))
+    board = SimulatedBoard(sensor, warming(load_scene("idle", sensor)), 0)
+    run(board, [850])
+    assert board.truth().film_temperature == pytest.approx(27.5, abs=1e-9)
+
+
+def test_a_hot_chip_raises_the_boards_flag(tmp_path: Path) -> None:
+    text = (SCENE_FOLDER / "idle.yaml").read_text(encoding="utf-8")
+    for temperature, status in ((OVERTEMPERATURE, ScanStatus.OK), (OVERTEMPERATURE + 1, ScanStatus.OVERTEMPERATURE)):
+        path = tmp_path / "hot.yaml"
+        path.write_text(text.replace("25.0", str(temperature)), encoding="utf-8")
+        scan = Scan.empty(0, TAXELS)
+        SimulatedBoard(SENSOR, load_scene(path, SENSOR), 0).scan(0, scan)
+        assert scan.status == status
+
+
+def test_a_scan_is_filled_wholly() -> None:
+    scan = Scan.empty(0, TAXELS)
+    SimulatedBoard(SENSOR, load_scene("idle", SENSOR), 0).scan(1234, scan)
+    assert (scan.layout_id, scan.sequence, scan.stamp, scan.device_time) == (1, 1234, 1_234_000_000, 1_234_000)
+    assert scan.frames_lost == 0
+
+
+def test_what_cannot_be_is_refused() -> None:
+    scene = load_scene("idle", SENSOR)
+    with pytest.raises(ValueError, match=r"seed must be in \[0, inf\), got -1"):
+        SimulatedBoard(SENSOR, scene, -1)
+    board = SimulatedBoard(SENSOR, scene, 0)
+    run(board, [5])
+    with pytest.raises(ValueError, match="index must be above 5"):
+        run(board, [5])
