@@ -78,16 +78,24 @@ class ContactFinder:
         """Mask of the taxels in contact in the last scan, shape [rows * cols]; overwritten by the next."""
         return self._touched
 
-    def around(self, reach: int, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return in `out` the taxels within `reach` taxels of a contact of the last scan."""
-        bits = self._bitmap.pack(self._touched)
+    def around(self, taxels: NDArray[np.bool_], reach: int, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return in `out` the mask of what lies within `reach` taxels of the masked ones."""
+        if not taxels.any():
+            out[:] = False
+            return out
+        bits = self._bitmap.pack(taxels)
         for _ in range(reach):
             bits = self._bitmap.grow(bits)
         return self._bitmap.mask(bits, out)
 
-    def adapt(self, variance: NDArray[np.float64], usable: NDArray[np.bool_] | None) -> None:
-        """Set the thresholds for a variance of the forces [N2]; taxels not `usable` are left out of contacts."""
-        deviation = np.sqrt(variance)
+    def adapt(
+        self, variance: NDArray[np.float64], common_variance: float, usable: NDArray[np.bool_] | None = None
+    ) -> None:
+        """Set the thresholds for a variance of the forces [N2], that of each taxel and the one that all share.
+
+        Taxels that are not `usable` are left out of contacts; None: all are usable.
+        """
+        deviation = np.sqrt(variance + common_variance)
         np.maximum(self._threshold, ENTER_DEVIATIONS * deviation, out=self._enter)
         np.maximum(self._stay_threshold, STAY_DEVIATIONS * deviation, out=self._stay)
         np.multiply(deviation, STAY_DEVIATIONS, out=self._floor)

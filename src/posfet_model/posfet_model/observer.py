@@ -116,12 +116,12 @@ class ForceObserver:
 
     @property
     def common_variance(self) -> float:
-        """Variance [N^2] that all taxels share: what is not known of the film's temperature."""
+        """Variance [N2] that all taxels share: what is not known of the film's temperature."""
         return (self.film.standard_deviation * self._newton_per_kelvin) ** 2
 
     def variance(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the variance of `force` [N^2] in `out`, the common one included."""
-        return np.add(self._variance, self._noise_variance + self.common_variance, out=out)
+        """Return in `out` the variance of `force` [N2] that each taxel has alone, the common one left out."""
+        return np.add(self._variance, self._noise_variance, out=out)
 
     def interrupt(self) -> None:
         """Take note that an unknown time passes before the next scan: what the force did in it cannot be known.

@@ -1,0 +1,189 @@
+"""The hot path of the model: a scan in, forces and contacts out. Everything is allocated once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model.chain import InverseChain
+from posfet_model.contacts import ContactFinder
+from posfet_model.observer import ForceObserver
+from posfet_model.scan import Scan
+from posfet_model.scan_clock import ScanClock, ScanCounts
+from posfet_model.sensor import Sensor
+from posfet_model.tracker import Contact, ContactTracker
+
+
+class TaxelStatus(IntEnum):
+    """Status of a taxel; the values are those of TAXEL_* in posfet_msgs/TactileImage."""
+
+    OK = 0
+    DEAD = 1
+    STUCK = 2
+    SATURATED = 3
+    ABSENT = 4
+
+
+@dataclass(slots=True)
+class Reconstruction:
+    """What became of the last scan. Made once and filled again and again; a reader copies what it keeps."""
+
+    accepted: bool
+    """False: the scan was refused, everything else is of the scan before."""
+    stamp: int
+    """Acquisition time [ns] since the Unix epoch."""
+    sequence: int
+    valid: bool
+    """False: not fit for control."""
+    contacts: tuple[Contact, ...]
+    """Ascending by id; released ones once."""
+    saturated: int
+    """Number of taxels at the end of their range."""
+
+
+@dataclass(slots=True)
+class ForceImage:
+    """Forces of all taxels, shapes [rows * cols], row by row. Made once and filled again and again."""
+
+    force: NDArray[np.float32]
+    """[N], positive when pushed; NaN: not known."""
+    standard_deviation: NDArray[np.float32]
+    """[N]; NaN: not known."""
+    status: NDArray[np.uint8]
+    """Values of TaxelStatus."""
+    total: float
+    """Sum of the known forces [N]; NaN: none is known."""
+    total_standard_deviation: float
+    """[N]; NaN: not known."""
+
+
+class Reconstructor:
+    """Forces and contacts of one sensor, scan by scan."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        taxels = sensor.layout.taxels
+        self._clock = ScanClock(sensor)
+        self._inverse = InverseChain(sensor)
+        self._observer = ForceObserver(sensor)
+        self._finder = ContactFinder(sensor)
+        self._tracker = ContactTracker(sensor)
+        pitch = min(sensor.layout.pitch_x, sensor.layout.pitch_y)
+        self._reach = math.ceil(3.0 * sensor.device.contact_spread / pitch) + 1
+        self._charge = np.zeros(taxels)
+        self._variance = np.zeros(taxels)
+        self._saturated = np.zeros(taxels, np.bool_)
+        self._touched = np.zeros(taxels, np.bool_)
+        self._near = np.zeros(taxels, np.bool_)
+        self._set_thresholds()
+        self._result = Reconstruction(False, 0, 0, False, (), 0)
+        self._image = ForceImage(
+            np.full(taxels, np.nan, np.float32),
+            np.full(taxels, np.nan, np.float32),
+            np.zeros(taxels, np.uint8),
+            math.nan,
+            math.nan,
+        )
+
+    @property
+    def counts(self) -> ScanCounts:
+        """Scans counted by what became of them."""
+        return self._clock.counts
+
+    @property
+    def restarts(self) -> int:
+        """Taxels that had to find their zero anew since the start."""
+        return self._observer.restarts
+
+    @property
+    def unsettled(self) -> int:
+        """Taxels whose offset is not known yet."""
+        return int(np.count_nonzero(~self._observer.settled))
+
+    @property
+    def temperature_known(self) -> bool:
+        """Whether a temperature sensor is known."""
+        return self._observer.film.known
+
+    @property
+    def rate(self) -> float:
+        """Scans per second by the board's clock [Hz]."""
+        return self._clock.rate
+
+    def process(self, scan: Scan) -> Reconstruction:
+        """Take one scan; the result is overwritten by the next call."""
+        result = self._result
+        clock, observer = self._clock, self._observer
+        result.accepted = clock.admit(scan)
+        if not result.accepted:
+            return result
+        self._inverse.charge(scan.counts, self._charge)
+        self._inverse.saturated(scan.counts, self._saturated)
+        if clock.interrupted:
+            observer.interrupt()
+        observer.advance(self._charge, scan.temperatures, clock.step)
+        result.saturated = 0
+        if self._saturated.any():
+            result.saturated = int(np.count_nonzero(self._saturated))
+            observer.lose(self._saturated, clock.step)
+        regions = self._finder.find(observer.force)
+        if regions or not self._tracker.idle:
+            result.contacts = self._follow(regions, clock.step)
+        elif result.contacts:
+            result.contacts = ()
+        if observer.block_due:
+            self._close_block()
+        result.stamp = scan.stamp
+        result.sequence = scan.sequence
+        result.valid = observer.valid and not clock.suspect
+        return result
+
+    def image(self) -> ForceImage:
+        """Return the forces of the last scan taken; overwritten by the next call."""
+        image, observer = self._image, self._observer
+        known = observer.settled
+        self._variance = observer.variance(self._variance)
+        common = observer.common_variance
+        np.copyto(image.force, observer.force, casting="same_kind")
+        np.sqrt(self._variance + common, out=image.standard_deviation, casting="same_kind")
+        image.status[:] = TaxelStatus.OK
+        if not observer.valid:
+            image.force[~known] = math.nan
+            image.standard_deviation[~known] = math.nan
+        image.total, image.total_standard_deviation = math.nan, math.nan
+        count = int(np.count_nonzero(known))
+        if count:
+            image.total = float(observer.force.sum(where=known))
+            variance = float(self._variance.sum(where=known)) + count * count * common
+            image.total_standard_deviation = math.sqrt(variance)
+        if self._result.saturated:
+            image.status[self._saturated] = TaxelStatus.SATURATED
+            image.standard_deviation[self._saturated] = math.nan
+            image.total_standard_deviation = math.nan
+        return image
+
+    def _follow(self, regions: list[int], step: float) -> tuple[Contact, ...]:
+        """Measure the regions in contact and continue the contacts."""
+        observer = self._observer
+        np.logical_or(self._touched, self._finder.touched, out=self._touched)
+        self._variance = observer.variance(self._variance)
+        saturated = self._saturated if self._result.saturated else None
+        measured = self._finder.measure(regions, observer.force, self._variance, observer.common_variance, saturated)
+        return self._tracker.update(measured, step)
+
+    def _close_block(self) -> None:
+        """Let the observer correct its zeros away from contacts, and set the thresholds by what it knows then."""
+        observer = self._observer
+        observer.close_block(self._finder.around(self._touched, self._reach, self._near))
+        self._touched[:] = self._finder.touched
+        self._set_thresholds()
+
+    def _set_thresholds(self) -> None:
+        """Let contacts be only where a force is told from none."""
+        observer = self._observer
+        self._variance = observer.variance(self._variance)
+        usable = None if observer.valid else observer.settled
+        self._finder.adapt(self._variance, observer.common_variance, usable)

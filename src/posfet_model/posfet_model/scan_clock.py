@@ -1,0 +1,129 @@
+"""Which scans to take, and the time that passed between them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from posfet_model.scan import Scan, ScanStatus
+from posfet_model.sensor import Sensor
+
+LONGEST_GAP: Final = 2.0
+"""Longest interval in which the force is followed, in time constants of the leak; beyond, little of it is left [1]."""
+
+JUMP_FACTOR: Final = 4.0
+"""An interval this many times longer than the scans missed explain is a jump of the clock [1]."""
+
+JUMP_LEAST: Final = 0.02
+"""Shortest difference that counts as a jump of the clock [s]."""
+
+MOST_LATE: Final = 10
+"""After this many late scans in a row the board is taken to have begun anew."""
+
+
+@dataclass
+class ScanCounts:
+    """Scans counted by what became of them."""
+
+    accepted: int = 0
+    layout_mismatch: int = 0
+    """Refused: another layout, or not as many counts as the layout has taxels."""
+    repeated: int = 0
+    """Refused: the scan had been there already."""
+    late: int = 0
+    """Refused: older than one that was taken."""
+    adc_fault: int = 0
+    """Refused: the board reports a fault of its ADC."""
+    missed: int = 0
+    """Never came: gaps of the sequence. The force is followed across them."""
+    resets: int = 0
+    """Interruptions: the board began anew."""
+    time_jumps: int = 0
+    """The board's clock jumped; the interval is taken from the sequence."""
+    gaps: int = 0
+    """Interruptions: an interval too long to follow the force."""
+
+
+class ScanClock:
+    """Admits scans one by one; `step` and `interrupted` then tell about the interval before the last one admitted."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        self._layout_id = sensor.layout.id
+        self._shape = (sensor.layout.taxels,)
+        self._longest = LONGEST_GAP * sensor.device.leak_time_constant
+        self._period = 1.0 / sensor.can.scan_rate
+        self._late_in_a_row = 0
+        self._sequence = -1
+        self._device_time = 0
+        self._stamp = 0
+        self._estimated = True
+        self.counts = ScanCounts()
+        self.step = self._period
+        """Interval [s] before the scan."""
+        self.interrupted = False
+        """Whether the interval is not known, or too long."""
+        self.suspect = False
+        """Whether the interval had to be guessed."""
+
+    def admit(self, scan: Scan) -> bool:
+        """Return whether to take a scan."""
+        if scan.layout_id != self._layout_id or scan.counts.shape != self._shape:
+            self.counts.layout_mismatch += 1
+            return False
+        if scan.status & ScanStatus.ADC_FAULT:
+            self.counts.adc_fault += 1
+            return False
+        self.interrupted = self.suspect = False
+        ahead = scan.sequence - self._sequence
+        if self._sequence < 0:
+            self.step = self._period
+        elif scan.status & ScanStatus.BOARD_RESET:
+            self._reset()
+        elif ahead == 0:
+            self.counts.repeated += 1
+            return False
+        elif ahead < 0:
+            self._late_in_a_row += 1
+            if scan.stamp <= self._stamp and self._late_in_a_row <= MOST_LATE:
+                self.counts.late += 1
+                return False
+            self._reset()
+        else:
+            self._measure(scan, ahead)
+        self._sequence = scan.sequence
+        self._device_time = scan.device_time
+        self._stamp = scan.stamp
+        self._estimated = bool(scan.status & ScanStatus.TIME_ESTIMATED)
+        self._late_in_a_row = 0
+        self.counts.accepted += 1
+        return True
+
+    def _reset(self) -> None:
+        self.counts.resets += 1
+        self.interrupted = True
+        self.step = self._period
+
+    def _measure(self, scan: Scan, ahead: int) -> None:
+        """Find the interval before a scan that is `ahead` in sequence of the last one."""
+        self.counts.missed += ahead - 1
+        expected = ahead * self._period
+        estimated = self._estimated or scan.status & ScanStatus.TIME_ESTIMATED
+        ticks = (scan.stamp - self._stamp) * 1e-9 if estimated else (scan.device_time - self._device_time) * 1e-6
+        beyond = ticks - expected
+        if ticks <= 0.0 or (beyond > JUMP_LEAST and ticks > JUMP_FACTOR * expected):
+            self.counts.time_jumps += 1
+            self.suspect = True
+            ticks = expected
+        elif ahead == 1 and not estimated:
+            self._period += 0.01 * (ticks - self._period)
+        self.step = ticks
+        if ticks > self._longest:
+            self.counts.gaps += 1
+            self.interrupted = True
+            self.step = self._period
+
+    @property
+    def rate(self) -> float:
+        """Scans per second by the board's clock [Hz]."""
+        return 1.0 / self._period if self._period > 0 else math.nan
