@@ -1,0 +1,61 @@
+"""Starts the whole stack and shows it: `posfet bringup`, `ros2 run posfet bringup`, and the launch file's default."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from collections.abc import Sequence
+
+from ament_index_python.packages import get_package_share_directory
+
+from posfet.arguments import describe, parse
+from posfet.graph import graph
+from posfet_model.config import ConfigError
+
+BAD_INPUT = 1
+
+
+def default_params_file() -> str:
+    """Return the parameter file that is shipped."""
+    return f"{get_package_share_directory('posfet')}/config/parameters.yaml"
+
+
+def _duration(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not 0 < seconds < math.inf:
+        raise argparse.ArgumentTypeError(f"must be a number of seconds above 0, got '{text}'")
+    return seconds
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run the stack until Ctrl-C or for the time asked for; return the exit code.
+
+    0 after a clean end; 1, with one line on stderr, for bad input, or when no scan arrived in the time asked for.
+    """
+    words = list(sys.argv[1:] if words is None else words)
+    if "--ros-args" in words:  # launch adds it, with nothing behind that means anything here
+        words = words[: words.index("--ros-args")]
+    parser = argparse.ArgumentParser(prog="posfet bringup", description="Start the POSFET tactile stack.")
+    parser.add_argument("arguments", nargs="*", metavar="name:=value", help="see --show-args")
+    parser.add_argument("--for", dest="seconds", type=_duration, default=math.inf, help="stop after this many seconds")
+    parser.add_argument("-s", "--show-args", action="store_true", help="print every argument and stop")
+    options = parser.parse_args(words)
+    if options.show_args:
+        print(describe())
+        return 0
+    try:
+        arguments = parse(options.arguments)
+        specs = graph(arguments, arguments["params_file"] or default_params_file())
+        # rclpy is loaded only now, so that bad arguments and --show-args answer at once.
+        if arguments["composed"] == "true":
+            from posfet.composed_node import run
+        else:
+            from posfet.separate_node import run
+        return run(specs, options.seconds)
+    except ConfigError as error:
+        print(error, file=sys.stderr)
+        return BAD_INPUT

@@ -1,0 +1,33 @@
+"""The command `posfet`: finds the subcommand and loads nothing else."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Final
+
+COMMANDS: Final = {
+    "bringup": ("posfet.bringup", "start the stack: board or simulated board, driver, model"),
+    "view": ("posfet.view_node", "show the live force map and the contacts of a running stack"),
+}
+"""Subcommands: module whose `main` takes the remaining words and returns the exit code, and what it does."""
+
+
+def usage() -> str:
+    """Return the help text."""
+    rows = [f"  {name:10}{purpose}" for name, (_, purpose) in COMMANDS.items()]
+    return "\n".join(["usage: posfet COMMAND [...]", "", *rows, "", "posfet COMMAND --help tells more."])
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run one subcommand and return its exit code; 2 with one line when there is no such command."""
+    words = sys.argv[1:] if words is None else words
+    if not words or words[0] in {"-h", "--help"}:
+        print(usage())
+        return 0 if words else 2
+    if words[0] not in COMMANDS:
+        print(f"posfet: unknown command '{words[0]}', known are {', '.join(COMMANDS)}", file=sys.stderr)
+        return 2
+    module, _ = COMMANDS[words[0]]
+    return int(import_module(module).main(words[1:]))

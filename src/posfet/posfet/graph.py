@@ -1,0 +1,86 @@
+"""Which nodes run, with which parameters: one description for the launch file and for the `bringup` executable."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from posfet_model.config import ConfigError
+
+Value = bool | int | float | str
+
+
+@dataclass(frozen=True)
+class NodeSpec:
+    """One node of the graph."""
+
+    package: str
+    executable: str
+    """Name of the executable, and of the node."""
+    namespace: str
+    params_file: str
+    log_level: str
+    parameters: Mapping[str, Value] = field(default_factory=dict)
+    """Parameters of this start; they win over those of the file."""
+
+    @property
+    def arguments(self) -> list[str]:
+        """Arguments of the ROS command line that start this node as described."""
+        words = ["--ros-args", "-r", f"__node:={self.executable}", "-r", f"__ns:=/{self.namespace}"]
+        words += ["--log-level", self.log_level, "--params-file", self.params_file]
+        for name, value in self.parameters.items():
+            words += ["-p", f"{name}:={_yaml(value)}"]
+        return words
+
+
+def _yaml(value: Value) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return "'" + value.replace("'", "''") + "'"  # a bare 5 or true would become another type
+    return repr(value)
+
+
+def emulated_adapter(namespace: str) -> Path:
+    """Return the path at which the emulated adapter of a namespace appears, private to user and ROS domain."""
+    folder = os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()
+    domain = os.environ.get("ROS_DOMAIN_ID") or "0"
+    name = f"posfet-{os.getuid()}-{domain}-{namespace.replace('/', '-')}"
+    return Path(folder) / name
+
+
+def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
+    """Return the nodes for bring-up `arguments`, the source of scans last, so that nobody misses its first one.
+
+    Raises ConfigError when the namespace or the parameter file cannot be used.
+    """
+    namespace = arguments["namespace"].strip("/")
+    if not namespace or not all(part.isidentifier() for part in namespace.split("/")):
+        raise ConfigError(f"namespace: must be names joined by '/', got '{arguments['namespace']}'")
+    if not Path(params_file).is_file():
+        raise ConfigError(f"params_file: no such file: {params_file}")
+    source = arguments["source"]
+    sensor: dict[str, Value] = {"sensor_file": arguments["sensor_file"]}
+    can_fd: dict[str, Value] = {"can_fd": arguments["can_fd"]}
+    adapter = str(emulated_adapter(namespace)) if source == "emulator" else ""
+
+    def node(package: str, executable: str, parameters: Mapping[str, Value]) -> NodeSpec:
+        own = {**sensor, **parameters}
+        return NodeSpec(package, executable, namespace, params_file, arguments["log_level"], own)
+
+    nodes = [node("posfet_model", "model_node", {"simulated": source != "can"})]
+    if source != "can":
+        scene: dict[str, Value] = {"scene": arguments["scene"], "adapter_link": adapter, **can_fd}
+        nodes.append(node("posfet_driver", "sim_board_node", scene))
+    if source != "sim":
+        bus: dict[str, Value] = {
+            "can_interface": "slcan" if adapter else arguments["can_interface"],
+            "can_channel": adapter or arguments["can_channel"],
+            "can_bitrate": int(arguments["can_bitrate"]),
+            **can_fd,
+        }
+        nodes.append(node("posfet_driver", "driver_node", bus))
+    return nodes

@@ -1,0 +1,74 @@
+"""The live picture of the force map with the contacts beside it."""
+
+from __future__ import annotations
+
+import math
+
+from rich.columns import Columns
+from rich.console import Group, RenderableType
+from rich.panel import Panel
+from rich.table import Table
+from rich.text import Text
+
+from posfet.snapshot import Snapshot, off_scene
+
+SHADES = " .:-=+*#%@"
+"""From no force to full scale, so that the picture can be read without colour."""
+NUMBERED_COLUMNS = 10
+"""Widest array whose taxels are shown with their force."""
+
+
+def render(snapshot: Snapshot, scan_rate: float, full_scale: float) -> RenderableType:
+    """Return the picture of `snapshot`; `scan_rate` in Hz, `full_scale` in N gives the strongest colour."""
+    map_title = "force on each taxel [mN]" if snapshot.cols <= NUMBERED_COLUMNS else "force"
+    picture = Panel(_force_map(snapshot, full_scale), title=map_title, expand=False)
+    lost = "red" if snapshot.frames_lost or snapshot.scans_lost else "green"
+    total = f"{snapshot.total_force:.3f} N" if snapshot.data_valid else "settling"
+    head = Text.assemble(
+        f"{scan_rate:6.0f} scans/s   total force {total}   ",
+        (f"{snapshot.frames_lost} frames lost, {snapshot.scans_lost} scans missing", lost),
+    )
+    return Group(head, Columns([picture, _contacts(snapshot)]), Text(snapshot.state, style="dim"))
+
+
+def _force_map(snapshot: Snapshot, full_scale: float) -> Text:
+    """Return the map, highest row first, because y points up."""
+    numbered = snapshot.cols <= NUMBERED_COLUMNS
+    force = snapshot.force.reshape(snapshot.rows, snapshot.cols)
+    text = Text()
+    for row in range(snapshot.rows - 1, -1, -1):
+        for value in force[row]:
+            text.append_text(_cell(float(value), full_scale, numbered))
+        if row:
+            text.append("\n\n" if numbered else "\n")
+    return text
+
+
+def _cell(force: float, full_scale: float, numbered: bool) -> Text:
+    if math.isnan(force):
+        return Text("   ?   " if numbered else "??", style="white on red")
+    level = min(max(force / full_scale, 0.0), 1.0)
+    shade = SHADES[round(level * (len(SHADES) - 1))]
+    red, green, blue = round(255 * min(1.0, 2 * level)), round(200 * level), round(90 * (1 - level))
+    style = f"{'black' if level > 0.5 else 'white'} on rgb({red},{green},{blue})"
+    return Text(f"{shade}{force * 1e3:5.0f} " if numbered else 2 * shade, style=style)
+
+
+def _contacts(snapshot: Snapshot) -> Table:
+    table = Table(title="contacts", title_justify="left")
+    for heading in ("id", "state", "x [mm]", "y [mm]", "force [N]", "area [mm2]", "age [s]"):
+        table.add_column(heading, justify="left" if heading == "state" else "right", min_width=len(heading))
+    for contact in snapshot.contacts:
+        table.add_row(
+            str(contact.id),
+            contact.state,
+            f"{contact.x * 1e3:+.2f}",
+            f"{contact.y * 1e3:+.2f}",
+            f"{contact.force:.3f} ± {contact.standard_deviation:.3f}",
+            f"{contact.area * 1e6:.1f}",
+            f"{contact.age:.1f}",
+        )
+    distances = [off_scene(snapshot, true) for true in snapshot.truth]
+    if distances and snapshot.contacts:
+        table.caption = f"at most {max(distances) * 1e3:.2f} mm off the scene's"
+    return table

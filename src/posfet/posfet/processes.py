@@ -1,0 +1,62 @@
+"""The graph as one process per node."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+
+from posfet.graph import NodeSpec
+from posfet_model.config import ConfigError
+
+STOP_TIMEOUT = 5.0
+"""Time that the nodes are given to end before they are killed [s]."""
+
+
+def executable(spec: NodeSpec) -> Path:
+    """Return the installed executable of a node; raise ConfigError when there is none."""
+    try:
+        path = Path(get_package_prefix(spec.package)) / "lib" / spec.package / spec.executable
+    except PackageNotFoundError as error:
+        raise ConfigError(f"{spec.package}: not installed; source install/setup.bash first") from error
+    if not path.is_file():
+        raise ConfigError(f"{path}: no such executable; build the workspace again")
+    return path
+
+
+class Processes:
+    """Starts the nodes when entered, and has ended every one of them when left."""
+
+    def __init__(self, specs: Sequence[NodeSpec]) -> None:
+        self._commands = [[str(executable(spec)), *spec.arguments] for spec in specs]
+        self._running: list[subprocess.Popen[bytes]] = []
+
+    def __enter__(self) -> Processes:
+        for command in self._commands:
+            # A session of its own: the terminal's Ctrl-C comes here alone, and the nodes end in order.
+            self._running.append(subprocess.Popen(command, start_new_session=True))
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in self._running:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        deadline = time.monotonic() + STOP_TIMEOUT
+        for process in self._running:
+            try:
+                process.wait(max(0.0, deadline - time.monotonic()))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+    def ended(self) -> bool:
+        """Tell whether a node has ended by itself."""
+        return any(process.poll() is not None for process in self._running)
+
+    def failed(self) -> bool:
+        """Tell whether a node has ended with an exit code other than 0."""
+        return any(process.returncode not in {None, 0} for process in self._running)

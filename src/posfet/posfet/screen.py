@@ -1,0 +1,75 @@
+"""Shows snapshots as they come: a picture where there is a terminal, one line a second elsewhere."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from contextlib import ExitStack
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from posfet.picture import render
+from posfet.snapshot import Record, SnapshotSource, line
+
+PICTURE_PERIOD = 0.1
+LINE_PERIOD = 1.0
+RATE_WINDOW = 10
+"""Pictures over which the shown scan rate is taken."""
+FULL_SCALE_FLOOR = 0.2
+"""Least force [N] of the strongest colour, so that noise stays dark."""
+
+
+class Screen:
+    """A picture or lines, called again and again; a context manager that gives the terminal back."""
+
+    def __init__(self, source: SnapshotSource, console: Console | None = None) -> None:
+        self._source = source
+        self._console = console or Console()
+        self._live: Live | None = None
+        self._stack = ExitStack()
+        self._next = 0.0
+        self._next_line = LINE_PERIOD
+        self._rates: list[float] = []
+        self._full_scale = FULL_SCALE_FLOOR
+        self.record = Record()
+
+    def __enter__(self) -> Screen:
+        if self._console.is_terminal:
+            waiting = Text("waiting for the first scan ...")
+            self._live = Live(waiting, console=self._console, screen=True, auto_refresh=False)
+            self._stack.enter_context(self._live)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+        sys.stdout.flush()
+
+    def update(self, now: float | None = None) -> None:
+        """Look at the source when it is time to; `now` is a monotonic time [s]. Cheap to call often."""
+        now = time.monotonic() if now is None else now
+        if now < self._next:
+            return
+        self._next = now + PICTURE_PERIOD
+        snapshot = self._source.snapshot()
+        if snapshot is None:
+            return
+        scan_rate = self.record.add(snapshot)
+        self._rates = [*self._rates, scan_rate][-RATE_WINDOW:]
+        known = [value for value in self._rates if not math.isnan(value)]
+        mean_rate = sum(known) / len(known) if known else math.nan
+        if self._live:
+            self._full_scale = max(self._full_scale, float(max(snapshot.force, default=0.0)))
+            self._live.update(render(snapshot, mean_rate, self._full_scale), refresh=True)
+        elif self.record.first and self._line_is_due(snapshot.time - self.record.first.time):
+            self._console.print(
+                line(snapshot, snapshot.time - self.record.first.time, mean_rate), soft_wrap=True, highlight=False
+            )
+
+    def _line_is_due(self, elapsed: float) -> bool:
+        if elapsed < self._next_line:
+            return False
+        self._next_line = (math.floor(elapsed / LINE_PERIOD) + 1) * LINE_PERIOD
+        return True
