@@ -204,12 +204,9 @@ def test_a_scene_rests_exactly_as_long_as_nothing_changes(name: str) -> None:
 
 def test_the_two_fingers_stay_two_contacts() -> None:
     scene = load_scene("two_fingers", SENSOR)
-    between = (
-        np.add.outer(np.arange(5), np.arange(5)) == 4
-    )  # the diagonal from corner to corner that both stay clear of
     for time in np.linspace(0, scene.period, 81):
         forces = np.zeros((5, 5))
         for item in scene.objects:
             sphere = SphereOnArray(SENSOR.layout, SENSOR.device.contact_spread, item.radius, item.effective_modulus)
             sphere.add(forces, *item.path.at(float(time)))
-        assert forces[between].max() < SENSOR.contact.threshold / 2
+        assert max(forces[2].max(), forces[:, 2].max()) < SENSOR.contact.threshold  # the cross between them
