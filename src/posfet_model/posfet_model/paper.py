@@ -56,8 +56,8 @@ GAIN_BANDWIDTH: Final = Quantity("gain-bandwidth product of the amplifier", 1.5e
 THRESHOLD_VOLTAGE: Final = Quantity(
     "threshold voltage before poling", 0.7, "V", "usual for such a process", assumed=True
 )
-UNCOMPENSATED_FRACTION: Final = Quantity(
-    "share of the switched polarisation not compensated", 0.010962, "1", "gives a shift of 1 V", assumed=True
+POLING_SHIFT: Final = Quantity(
+    "threshold shift by poling", -1.0, "V", "kappa = 0.010962 on the oxide, 0.00060716 at the gate", assumed=True
 )
 PIEZOELECTRIC_COEFFICIENT: Final = Quantity("d33 of the saturated copolymer", -38e-12, "C/N", _MANUAL)
 PYROELECTRIC_COEFFICIENT: Final = Quantity("pyroelectric coefficient", 40e-6, "C/(m2 K)", _MANUAL)

@@ -1,0 +1,32 @@
+"""Command line of the figures: draw all, or those named, as SVG and PNG."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from posfet_model.figures.registry import FIGURES
+from posfet_model.figures.style import save
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Draw the figures asked for and name the files written."""
+    parser = argparse.ArgumentParser(
+        prog="python -m posfet_model.figures", description="Draw the figures as SVG and PNG."
+    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"which (default: all): {', '.join(FIGURES)}")
+    parser.add_argument("--out", type=Path, default=Path("docs/figures"), help="folder (default: %(default)s)")
+    options = parser.parse_args(arguments)
+    unknown = [name for name in options.names if name not in FIGURES]
+    if unknown:
+        parser.error(f"no figure {', '.join(unknown)}; there are {', '.join(FIGURES)}")
+    options.out.mkdir(parents=True, exist_ok=True)
+    for name in options.names or FIGURES:
+        for path in save(FIGURES[name], options.out / name):
+            print(path)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,92 @@
+"""Hysteresis of the film (the paper's Fig. 2) and what poling leaves behind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from posfet_model import paper
+from posfet_model.figures.style import (
+    BLACK,
+    BLUE,
+    DASH_DOT,
+    DASHED,
+    DOTTED,
+    GREEN,
+    GREY,
+    SOLID,
+    VERMILION,
+    label,
+    new_figure,
+    second_axis,
+)
+from posfet_model.film import VIRGIN, History, falling_branch, polarise, remnant_after, rising_branch
+
+_KV_PER_CM = 1e5
+_UC_PER_CM2 = 1e-2
+_FILM = paper.FILM
+
+
+def hysteresis() -> Figure:
+    """Polarisation against field: saturated loop, minor loops, first poling."""
+    figure, (axes,) = new_figure(4.3)
+    fields = np.linspace(-600, 600, 601) * _KV_PER_CM
+    for branch in (rising_branch, falling_branch):
+        axes.plot(fields / _KV_PER_CM, branch(fields, _FILM) / _UC_PER_CM2, color=BLACK, linestyle=SOLID)
+    for volts, colour, dashes in ((80, BLUE, DASHED), (40, VERMILION, DASH_DOT)):
+        limit = volts / paper.FILM_THICKNESS.value
+        up, down = np.linspace(-limit, limit, 201), np.linspace(limit, -limit, 201)
+        start = polarise([limit, -limit], _FILM).history
+        axes.plot(*_curve(np.concatenate([up, down]), start), color=colour, linestyle=dashes)
+    axes.plot(*_curve(np.linspace(0, 600, 301) * _KV_PER_CM, VIRGIN), color=GREEN, linestyle=DOTTED)
+    axes.plot([0, 0], [2, -2], linestyle="none", marker="o", markersize=5, color=BLACK, zorder=6)
+    label(axes, 12, 2.35, "$P_r$", BLACK)
+    label(axes, 12, -2.65, "$-P_r$", BLACK)
+    label(axes, -545, 2.9, "saturated loop,\neq. (2) to (4)", BLACK, ha="left")
+    axes.annotate("", (-155, 1.35), (-300, 2.75), arrowprops={"arrowstyle": "-", "color": BLACK, "linewidth": 0.7})
+    label(axes, 325, 3.0, "±80 V", BLUE)
+    label(axes, 165, 0.55, "±40 V", VERMILION)
+    label(axes, 250, 1.55, "first poling", GREEN, ha="left")
+    axes.set(
+        xlabel="electric field  $E$  [kV/cm]",
+        ylabel="polarisation  $P$  [µC/cm²]",
+        xlim=(-600, 600),
+        ylim=(-6.2, 6.2),
+    )
+    second_axis(axes, "top", _KV_PER_CM * paper.FILM_THICKNESS.value, "voltage across 2.5 µm  [V]")
+    return figure
+
+
+def poling() -> Figure:
+    """Polarisation left, and d33 with it, against the voltage of poling, for one and for two pulses."""
+    figure, (axes,) = new_figure(3.4)
+    volts = np.linspace(0, 160, 161)
+    once = np.array([remnant_after([volt / paper.FILM_THICKNESS.value], _FILM) for volt in volts])
+    saturated = polarise([1e10, 0.0], _FILM).history
+    back = np.array([remnant_after([-volt / paper.FILM_THICKNESS.value], _FILM, saturated) for volt in volts])
+    axes.plot(volts, once / _UC_PER_CM2, color=BLUE, linestyle=SOLID)
+    axes.plot(volts, back / _UC_PER_CM2, color=VERMILION, linestyle=DASHED)
+    axes.axhline(0, color=GREY, linewidth=0.8)
+    label(axes, 62, 0.55, "one pulse of $+V$, new film", BLUE)
+    label(axes, 62, -0.75, "one pulse of $-V$, film saturated before", VERMILION)
+    axes.set(
+        xlabel="voltage of the pulse across 2.5 µm  [V]",
+        ylabel="polarisation left  [µC/cm²]",
+        xlim=(0, 160),
+        ylim=(-2.2, 2.2),
+    )
+    scale = paper.PIEZOELECTRIC_COEFFICIENT.value * 1e12 / (_FILM.remnant_polarisation / _UC_PER_CM2)
+    second_axis(axes, "right", scale, "$d_{33}$  [pC/N]")
+    return figure
+
+
+def _curve(fields: NDArray[np.float64], history: History) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Field and polarisation in the paper's units."""
+    return fields / _KV_PER_CM, polarise(fields, _FILM, history).polarisation / _UC_PER_CM2
+
+
+FIGURES: Final[dict[str, Callable[[], Figure]]] = {"fig2_hysteresis": hysteresis, "poling": poling}

@@ -1,0 +1,77 @@
+"""Deflection of the membrane against its thickness (eq. 12 and 13), and strain of a bent chip."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from posfet_model import paper
+from posfet_model.figures.style import BLACK, BLUE, DASHED, DOTTED, GREY, SOLID, VERMILION, label, new_figure
+from posfet_model.mechanics import Layer, bend_on_cylinder, circular_deflection, square_deflection
+
+_SILICON = (paper.SILICON_MODULUS.value, paper.SILICON_POISSON_RATIO.value)
+_MICRO = 1e-6
+
+
+def deflection() -> Figure:
+    """Deflection of membranes of 1 cm, circular and square; dotted where small-deflection theory has ended."""
+    figure, (axes,) = new_figure(4.2)
+    thickness = np.logspace(np.log10(10e-6), np.log10(450e-6), 400)
+    microns = thickness / _MICRO
+    for pressure, name in ((1e2, "100 Pa"), (1e3, "1 kPa"), (1e4, "10 kPa"), (1e5, "100 kPa")):
+        for bent, colour, dashes in (
+            (square_deflection(pressure, 1e-2, thickness, *_SILICON), BLUE, SOLID),
+            (circular_deflection(pressure, 5e-3, thickness, *_SILICON), VERMILION, DASHED),
+        ):
+            height = bent.deflection / _MICRO
+            axes.plot(microns, np.where(bent.small, height, np.nan), color=colour, linestyle=dashes)
+            axes.plot(microns, np.where(bent.small, np.nan, height), color=colour, linestyle=DOTTED, linewidth=0.9)
+        place = 415e-6
+        low = float(circular_deflection(pressure, 5e-3, place, *_SILICON).deflection) / _MICRO
+        label(axes, place / _MICRO, low * 0.52, name, BLACK, ha="right", va="top", bbox=None)
+    axes.plot(microns, microns / 2, color=GREY, linewidth=1.1)
+    label(axes, 11, 3.3, "$y = h/2$", GREY)
+    label(axes, 330, 320, "dotted: beyond small-deflection theory", GREY, ha="right")
+    axes.plot([], [], color=BLUE, linestyle=SOLID, label="square, $a$ = 1 cm, eq. (13)")
+    axes.plot([], [], color=VERMILION, linestyle=DASHED, label="circular, $r$ = 0.5 cm, eq. (12)")
+    axes.legend(loc="lower left", frameon=False, fontsize=8.5, handlelength=3.2)
+    axes.set(
+        xlabel="thickness of the membrane  $h$  [µm]",
+        ylabel="deflection  $y$  [µm]",
+        xscale="log",
+        yscale="log",
+        xlim=(10, 450),
+        ylim=(1e-4, 1e3),
+    )
+    axes.set_xticks([10, 20, 50, 100, 200, 450], ["10", "20", "50", "100", "200", "450"])
+    axes.minorticks_off()
+    return figure
+
+
+def bending() -> Figure:
+    """Strain in the film of a chip on a cylinder, against the cylinder's radius."""
+    figure, (axes,) = new_figure(3.6)
+    radius = np.logspace(-3, 0, 200)
+    film = Layer(paper.FILM_THICKNESS.value, paper.FILM_MODULUS.value, paper.FILM_POISSON_RATIO.value)
+    for thickness, colour, dashes in ((450, BLACK, DOTTED), (50, VERMILION, DASHED), (20, BLUE, SOLID)):
+        chip = [Layer(thickness * _MICRO, *_SILICON), film]
+        strain = [100 * bend_on_cylinder(chip, value).film_strain for value in radius]
+        axes.plot(radius * 1e3, strain, color=colour, linestyle=dashes)
+        place = int(np.searchsorted(radius, 0.09))
+        label(axes, radius[place] * 1e3, strain[place], f"chip of {thickness} µm", colour, ha="center", va="center")
+    axes.axhspan(0.5, 1.0, color="#dddddd", zorder=0)
+    label(axes, 900, 0.7, "silicon breaks", GREY, ha="right", va="center", bbox=None)
+    axes.set(
+        xlabel="radius of the cylinder  [mm]",
+        ylabel="strain in the film  [%]",
+        xscale="log",
+        yscale="log",
+        xlim=(1, 1e3),
+    )
+    return figure
+
+
+FIGURES: Final[dict[str, Callable[[], Figure]]] = {"deflection": deflection, "bending": bending}

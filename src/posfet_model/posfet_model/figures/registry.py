@@ -1,0 +1,19 @@
+"""All figures by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+from matplotlib.figure import Figure
+
+from posfet_model.figures import charge, errata, film, mechanics, transistor
+
+FIGURES: Final[dict[str, Callable[[], Figure]]] = {
+    **film.FIGURES,
+    **transistor.FIGURES,
+    **charge.FIGURES,
+    **mechanics.FIGURES,
+    **errata.FIGURES,
+}
+"""The name of each file, and the function that draws it."""
