@@ -81,18 +81,18 @@ class MomentFinder:
         A contact that is round is as wide one way as the other: the width that carries one profile on is that of the
         other, carried on itself. It starts from the profile's own flank where both are cut.
         """
-        wholes = [_carried_on(profile, math.inf) for profile in profiles]
-        cut = [len(_beyond(profile, 0.0)) + len(_beyond(profile[::-1], 0.0)) > 0 for profile in profiles]
-        bends = [
-            self._flank_bend(axis, profiles[axis]) if cut[1 - axis] else self._bend(axis, wholes[1 - axis].variance)
-            for axis in (0, 1)
-        ]
-        centres = [0.0, 0.0]
-        for _ in range(COMPLETIONS):
-            carried = [_carried_on(profile, bend) for profile, bend in zip(profiles, bends, strict=True)]
-            bends = [self._bend(axis, carried[1 - axis].variance) for axis in (0, 1)]
-            centres = [self._first[axis] + self._pitch[axis] * carried[axis].mean for axis in (0, 1)]
-        return centres[0], centres[1]
+        along_x, along_y = profiles
+        cut_x, cut_y = _is_cut(along_x), _is_cut(along_y)
+        mean_x, variance_x = _carried_on(along_x, math.inf)
+        mean_y, variance_y = _carried_on(along_y, math.inf)
+        if cut_x or cut_y:
+            bend_x = self._flank_bend(0, along_x) if cut_y else self._bend(0, variance_y)
+            bend_y = self._flank_bend(1, along_y) if cut_x else self._bend(1, variance_x)
+            for _ in range(COMPLETIONS if cut_x and cut_y else 1):
+                mean_x, variance_x = _carried_on(along_x, bend_x)
+                mean_y, variance_y = _carried_on(along_y, bend_y)
+                bend_x, bend_y = self._bend(0, variance_y), self._bend(1, variance_x)
+        return self._first[0] + self._pitch[0] * mean_x, self._first[1] + self._pitch[1] * mean_y
 
     def _bend(self, axis: int, variance_across: float) -> float:
         """Return (pitch/width)^2 [1] along an axis for a variance across it, in squares of the other pitch."""
@@ -133,32 +133,43 @@ def principal_axes(xx: float, yy: float, xy: float) -> tuple[tuple[float, float]
     return (large * cosine, large * sine), (-small * sine, small * cosine)
 
 
-@dataclass(frozen=True, slots=True)
-class _Profile:
-    """Mean, counted from the first taxel, and variance of a profile, in units of the pitch."""
-
-    mean: float
-    variance: float
+def _is_cut(profile: list[float]) -> bool:
+    """Return whether a profile reaches its first or last taxel."""
+    return max(profile[0], profile[-1]) >= CUT_SHARE * max(profile)
 
 
-def _carried_on(profile: list[float], bend: float) -> _Profile:
-    """Return the moments of a profile with what lies beyond its two ends."""
-    before, after = _beyond(profile[::-1], bend), _beyond(profile, bend)
-    values = [*before[::-1], *profile, *after]
-    total = sum(values)
-    mean = sum(index * value for index, value in enumerate(values, -len(before))) / total
-    variance = sum((index - mean) ** 2 * value for index, value in enumerate(values, -len(before))) / total
-    return _Profile(mean, variance)
+def _carried_on(profile: list[float], bend: float) -> tuple[float, float]:
+    """Return mean and variance of a profile with what lies beyond its two ends, counted from its first taxel [pitch].
 
-
-def _beyond(profile: list[float], bend: float) -> list[float]:
-    """Return the values by which a profile goes on after its last one; `bend` is (pitch/width)^2 [1], inf for none."""
+    `bend` is (pitch/width)^2 [1] of what lies beyond, inf for nothing.
+    """
     least = CUT_SHARE * max(profile)
-    if len(profile) < 2 or profile[-1] < least or math.isinf(bend):
-        return []
-    inner, last, values = profile[-2], profile[-1], list[float]()
-    while last >= least and len(values) < MOST_BEYOND:
+    total = first = second = 0.0
+    for index, value in enumerate(profile):
+        total += value
+        first += index * value
+        second += index * index * value
+    if bend < math.inf and len(profile) > 1:
+        fall = math.exp(-bend)
+        last = len(profile) - 1
+        for inner, edge, index, way in (
+            (profile[1], profile[0], 0, -1),
+            (profile[last - 1], profile[last], last, 1),
+        ):
+            for step, beyond in enumerate(_beyond(inner, edge, fall, least), 1):
+                place = index + way * step
+                total += beyond
+                first += place * beyond
+                second += place * place * beyond
+    mean = first / total
+    return mean, second / total - mean * mean
+
+
+def _beyond(inner: float, edge: float, fall: float, least: float) -> list[float]:
+    """Return the values that follow the last two of a profile, until they are below `least`."""
+    values: list[float] = []
+    while edge >= least and len(values) < MOST_BEYOND:
         # Not above the last one: a contact whose middle is beyond the edge cannot be told from a stronger one.
-        inner, last = last, min(last, last * last / max(inner, least) * math.exp(-bend))
-        values.append(last)
+        inner, edge = edge, min(edge, edge * edge / max(inner, least) * fall)
+        values.append(edge)
     return values
