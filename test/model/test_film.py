@@ -106,6 +106,13 @@ class TestMinorLoops:
         assert_monotone(rising_outer, rising=True, slack=2 * EPS)
         assert_monotone(falling_outer, rising=True, slack=2 * EPS)
 
+    @given(st.lists(st.floats(0.01, 1).map(lambda share: share * SPAN), min_size=1, max_size=8))
+    def test_growing_cycles_of_a_new_film_are_symmetric_about_the_curve_of_first_poling(self, amplitudes) -> None:
+        growing = sorted(amplitudes)
+        tips = _switched([sign * field for field in growing for sign in (1, -1)])
+        np.testing.assert_allclose(tips[0::2], -tips[1::2], rtol=0, atol=4 * EPS)
+        np.testing.assert_allclose(tips[0::2], _switched(growing), rtol=0, atol=4 * EPS)
+
     @given(FIELDS)
     def test_the_way_between_two_fields_does_not_matter(self, fields) -> None:
         dense = [0.0]

@@ -72,7 +72,7 @@ class Film:
 
 @dataclass(frozen=True)
 class TurningPoint:
-    """Where the field turned round: field [V/m] and switched part of the polarisation [C/m2]."""
+    """Where the field turned round: field [V/m], infinite for saturation, and switched polarisation [C/m2]."""
 
     field: float
     switched: float
@@ -97,7 +97,9 @@ class History:
         whole_number("direction", self.direction, -1, 1)
         low, high, side = self.field, self.field, self.direction
         for point in reversed(self.turning_points):
-            field = real_number("turning_points", point.field, -FIELD_LIMIT, FIELD_LIMIT)
+            field = point.field
+            if not math.isinf(field):
+                field = real_number("turning_points", field, -FIELD_LIMIT, FIELD_LIMIT)
             if side == 0 or (side > 0 and field > low) or (side < 0 and field < high):
                 raise ValueError(f"turning_points must alternate and close in on the field, got {self.turning_points}")
             low, high, side = min(low, field), max(high, field), -side
@@ -194,7 +196,8 @@ def falling_branch(field: ArrayLike, film: Film) -> FloatArray:
 def saturated(film: Film, *, positive: bool) -> History:
     """Return the memory of a film that has been saturated and brought back to no field, its polarisation +-Pr."""
     sign = 1 if positive else -1
-    return History(0.0, sign * film.remnant_polarisation, -sign, ())
+    came_from = TurningPoint(sign * math.inf, sign * film.saturation_polarisation)
+    return History(0.0, sign * film.remnant_polarisation, -sign, (came_from,))
 
 
 def polarise(fields: ArrayLike, film: Film, history: History = VIRGIN) -> Poling:
@@ -219,7 +222,9 @@ def polarise(fields: ArrayLike, film: Film, history: History = VIRGIN) -> Poling
     -----
     From the point (E0, P0) towards the turning point (Et, Pt), rising,
     ``P(E) = Pt + (P0 - Pt)*(S(Et) - S(E))/(S(Et) - S(E0))`` with ``S(E) = Ps*tanh((E - Ec)/(2*delta))``; when no
-    turning point is left, (Et, Pt) is (infinity, Ps). Falling is the mirror image. Since dS+/dS- rises with the field,
+    turning point is left, (Et, Pt) is (infinity, Ps). Falling is the mirror image. A film never poled starts at no
+    polarisation towards saturation, and where it first turns it heads for the mirror image of that point, so that its
+    loops are symmetric and their tips lie on the curve of first poling. Since dS+/dS- rises with the field,
     a rising branch between two points lies below the falling one between them, hence loops are nested and bounded by
     the saturated loop; and since both pass through both points, they close.
 
@@ -235,7 +240,7 @@ def polarise(fields: ArrayLike, film: Film, history: History = VIRGIN) -> Poling
 
     >>> film = Film(160e5, 0.02, 0.05, 12.0)
     >>> [f"{value:.5f}" for value in polarise([160e5, 0, -100e5, 0], film).polarisation]
-    ['0.01599', '0.00327', '-0.00702', '0.00072']
+    ['0.01599', '0.00229', '-0.00882', '-0.00049']
     """
     fields = real_array("fields", fields, -FIELD_LIMIT, FIELD_LIMIT)
     if fields.ndim != 1:
@@ -257,7 +262,7 @@ def remnant_after(fields: ArrayLike, film: Film, history: History = VIRGIN) -> f
     --------
     >>> film = Film(160e5, 0.02, 0.05, 12.0)
     >>> [f"{remnant_after([volt / 2.5e-6], film):.5f}" for volt in (20, 40, 80, 160)]
-    ['0.00094', '0.00327', '0.00933', '0.01731']
+    ['0.00057', '0.00229', '0.00788', '0.01675']
     """
     return float(polarise([0.0], film, polarise(fields, film, history).history).polarisation[0])
 
@@ -317,11 +322,15 @@ class _Walker:
             return self._switched
         direction = 1 if field > self._field else -1
         if self._direction == -direction:
+            if not self._turns:  # first turn of a film never saturated
+                self._turns.append((-self._field, -self._switched))
             self._turns.append((self._field, self._switched))
         self._direction = direction
         while len(self._turns) > 1 and direction * (field - self._turns[-2][0]) >= 0:
             self._field, self._switched = self._turns[-2]
             del self._turns[-2:]
+        if len(self._turns) == 1 and math.isfinite(self._turns[0][0]):  # back on the curve of first poling
+            self._turns.clear()
         if field != self._field:
             self._switched = direction * self._risen(direction, direction * field)
             self._field = field

@@ -107,11 +107,16 @@ def minor_loop(
         return saturation - (saturation - switched) * (saturation - rise(field)) / (saturation - rise(start))
 
     first = to_saturation(up, mpf(0), mpf(0))
-    second = -saturation + (saturation + first) * (saturation + fall(down)) / (saturation + fall(up))
-    if end < up:
-        third = first + (second - first) * (rise(up) - rise(end)) / (rise(up) - rise(down))
+    if down > -up:
+        second = -first + 2 * first * (fall(down) - fall(-up)) / (fall(up) - fall(-up))
+        tip, height = up, first
     else:
-        third = to_saturation(end, up, first)
+        second = -to_saturation(-down, mpf(0), mpf(0))
+        tip, height = -down, -second
+    if end < tip:
+        third = height + (second - height) * (rise(tip) - rise(end)) / (rise(tip) - rise(down))
+    else:
+        third = to_saturation(end, mpf(0), mpf(0))
     linear = permittivity * mpf(VACUUM_PERMITTIVITY)
     return first + linear * up, second + linear * down, third + linear * end
 

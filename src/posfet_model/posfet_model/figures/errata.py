@@ -37,7 +37,7 @@ def _saturation(axes: Axes) -> None:
     axes.plot(drain, current, **_RIGHT)
     label(axes, 2.95, 0.98, "as printed", VERMILION, ha="right", bbox=None)
     label(axes, 2.95, 0.51, "right", BLUE, ha="right", bbox=None)
-    axes.set(xlabel="$V_{ds}$  [V]", ylabel="$I_d$  [mA]", xlim=(0, 3), ylim=(0, 1.15), title="Eq. (10): factor 1/2")
+    axes.set(xlabel="$V_{ds}$  [V]", ylabel="$I_d$  [mA]", xlim=(0, 3), ylim=(0, 1.1), title="Eq. (10): factor 1/2")
 
 
 def _planes(axes: Axes) -> None:
@@ -61,12 +61,14 @@ def _shift(axes: Axes) -> None:
     axes.plot(1.0, -as_printed.threshold_shift(charge, _STACK), marker="s", color=VERMILION, clip_on=False, zorder=6)
     breakdown = 1e9 * paper.OXIDE_THICKNESS.value
     axes.axhline(breakdown, color=GREY, linewidth=1.0)
-    label(axes, 1.15e-3, breakdown, "oxide breaks down, 10 MV/cm", GREY, va="center")
-    label(axes, 0.75, 115, "as printed", VERMILION, ha="right", bbox=None)
+    label(
+        axes, 1.15e-3, breakdown * 1.12, "oxide breaks down,\n10 MV/cm", GREY, va="bottom", bbox=None, linespacing=1.1
+    )
+    label(axes, 0.7, 115, "as printed", VERMILION, ha="right", bbox=None)
     axes.plot(0.010962, 1.0, marker="o", color=BLACK, markersize=5)
-    label(axes, 0.0145, 0.72, "1 V: κ = 0.011", BLACK, bbox=None)
+    label(axes, 0.0145, 0.72, "1 V at κ = 0.011", BLACK, bbox=None)
     axes.set(xlabel="uncompensated fraction κ", ylabel="threshold shift  −ΔV  [V]", xscale="log", yscale="log")
-    axes.set(xlim=(1e-3, 1), ylim=(0.08, 250), title="Eq. (6), (7): compensation")
+    axes.set(xlim=(1e-3, 1), ylim=(0.08, 300), title="Eq. (6), (7): compensation")
 
 
 def _deflection(axes: Axes) -> None:
@@ -75,7 +77,7 @@ def _deflection(axes: Axes) -> None:
     axes.plot(thickness * 1e6, circular_deflection(*plate).deflection * 1e6, **_RIGHT)
     axes.plot(thickness * 1e6, as_printed.circular_deflection(*plate) * 1e6, **_PRINTED)
     label(axes, 33, 1.35, "right", BLUE, bbox=None)
-    label(axes, 22.5, 0.12, "as printed,\nπ times less", VERMILION, bbox=None)
+    label(axes, 21.5, 0.03, "as printed,\nπ times less", VERMILION, bbox=None)
     axes.set(xlabel="thickness  [µm]", ylabel="deflection at 50 Pa  [µm]", yscale="log", xlim=(20, 100))
     axes.set_title("Eq. (12): a further π")
 

@@ -44,13 +44,12 @@ def hysteresis() -> Figure:
         axes.plot(*_curve(np.concatenate([up, down]), start), color=colour, linestyle=dashes)
     axes.plot(*_curve(np.linspace(0, 600, 301) * _KV_PER_CM, VIRGIN), color=GREEN, linestyle=DOTTED)
     axes.plot([0, 0], [2, -2], linestyle="none", marker="o", markersize=5, color=BLACK, zorder=6)
-    label(axes, 12, 2.35, "$P_r$", BLACK)
-    label(axes, 12, -2.65, "$-P_r$", BLACK)
-    label(axes, -545, 2.9, "saturated loop,\neq. (2) to (4)", BLACK, ha="left")
-    axes.annotate("", (-155, 1.35), (-300, 2.75), arrowprops={"arrowstyle": "-", "color": BLACK, "linewidth": 0.7})
-    label(axes, 325, 3.0, "±80 V", BLUE)
-    label(axes, 165, 0.55, "±40 V", VERMILION)
-    label(axes, 250, 1.55, "first poling", GREEN, ha="left")
+    label(axes, -15, 2.2, "$P_r$", BLACK, ha="right")
+    label(axes, 15, -2.5, "$-P_r$", BLACK)
+    label(axes, 75, 4.25, "saturated loop", BLACK, ha="right")
+    label(axes, -335, -3.0, "±80 V", BLUE, ha="right", va="center")
+    label(axes, -185, -1.2, "±40 V", VERMILION, ha="right", va="center")
+    label(axes, 430, 3.75, "first poling", GREEN, ha="right", va="bottom")
     axes.set(
         xlabel="electric field  $E$  [kV/cm]",
         ylabel="polarisation  $P$  [µC/cm²]",
@@ -71,8 +70,8 @@ def poling() -> Figure:
     axes.plot(volts, once / _UC_PER_CM2, color=BLUE, linestyle=SOLID)
     axes.plot(volts, back / _UC_PER_CM2, color=VERMILION, linestyle=DASHED)
     axes.axhline(0, color=GREY, linewidth=0.8)
-    label(axes, 62, 0.55, "one pulse of $+V$, new film", BLUE)
-    label(axes, 62, -0.75, "one pulse of $-V$, film saturated before", VERMILION)
+    label(axes, 96, 1.42, "new film, pulse of $+V$", BLUE, ha="right")
+    label(axes, 87, -0.72, "saturated film, pulse of $-V$", VERMILION, ha="right")
     axes.set(
         xlabel="voltage of the pulse across 2.5 µm  [V]",
         ylabel="polarisation left  [µC/cm²]",

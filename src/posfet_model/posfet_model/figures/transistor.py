@@ -26,14 +26,14 @@ def output_curves() -> Figure:
         current = drain_current(gate, drain, _BEFORE, _BETA) / _MILLI
         axes.plot(drain, current, color=BLUE, linestyle=SOLID)
         label(axes, 5.95, current[-1] + 0.28, f"$V_{{gs}}$ = {gate:.0f} V", BLUE, ha="right", bbox=None)
-    overdrive = np.linspace(0, 4.6, 101)
+    overdrive = np.linspace(0, 4.45, 101)
     axes.plot(
         overdrive, drain_current(_BEFORE + overdrive, overdrive, _BEFORE, _BETA) / _MILLI, color=GREY, linestyle=DOTTED
     )
-    label(axes, 3.5, 9.35, "$V_{ds} = V_{gs} - V_{th}$", GREY, ha="right")
-    label(axes, 0.15, 9.35, "linear", BLACK, style="italic")
-    label(axes, 5.95, 9.95, "saturation", BLACK, ha="right", style="italic")
-    axes.set(xlabel="drain voltage  $V_{ds}$  [V]", ylabel="drain current  $I_d$  [mA]", xlim=(0, 6), ylim=(0, 10.5))
+    label(axes, 4.45, 9.4, "$V_{ds} = V_{gs} - V_{th}$", GREY, ha="center")
+    label(axes, 1.6, 9.4, "linear region", BLACK, ha="center", style="italic")
+    label(axes, 5.5, 9.4, "saturation", BLACK, ha="center", style="italic")
+    axes.set(xlabel="drain voltage  $V_{ds}$  [V]", ylabel="drain current  $I_d$  [mA]", xlim=(0, 6), ylim=(0, 10.2))
     return figure
 
 
