@@ -31,8 +31,8 @@ SECOND_POLE_QUALITY: Final = 0.4
 gain-bandwidth product. Circuit C has it at 4 times, circuit B hides it behind a zero."""
 
 OVERDRIVE: Final = 0.39
-"""Overdrive of the differential pair [V] where nothing is known of its current: the pair of Table II at 142 uA, assumed.
-100 uA give 0.33 V, 200 uA 0.46 V."""
+"""Overdrive of the differential pair [V] where nothing is known of its current: the pair of Table II at 142 uA, assumed
+(100 uA give 0.33 V, 200 uA 0.46 V)."""
 
 OVERDRIVE_SEARCH: Final = (0.01, 10.0)
 """Range in which the overdrive is fitted [V]."""
