@@ -1,0 +1,97 @@
+"""Node of the simulated board: publishes its scans as `raw`, or speaks as a CAN adapter; and the ground truth."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import Point, Pose
+
+from posfet_driver.conversions import NANOSECONDS
+from posfet_driver.scan_source_node import Listeners, ScanSourceNode
+from posfet_driver.scene import DEFAULT_SCENE, load_scene
+from posfet_driver.simulated_board import Truth
+from posfet_driver.simulation_source import SimulationSource
+from posfet_driver.source import ScanSource
+from posfet_model.ros_parameters import Parameter
+from posfet_model.run_node import run_node
+from posfet_model.scan import Scan
+from posfet_model.sensor import Layout, Sensor
+from posfet_msgs.msg import TactileTruth
+
+PARAMETERS = (
+    Parameter("scene", DEFAULT_SCENE, "Scene: path of a YAML file, or name of a shipped one"),
+    Parameter("seed", 0, "Seed of the noise: the same seed gives the same counts", 0, 2**63 - 1),
+)
+TRUTH_DEPTH = 10
+
+
+class TruthMessage:
+    """One TactileTruth that is filled again and again."""
+
+    def __init__(self, layout: Layout, frame_id: str) -> None:
+        self._message = TactileTruth(layout_id=layout.id, rows=layout.rows, cols=layout.cols)
+        self._message.header.frame_id = frame_id
+        self._message.status = array("B", bytes(layout.taxels))  # no imperfections are simulated: every taxel is OK
+
+    def fill(self, truth: Truth, stamp: int) -> TactileTruth:
+        """Return the message of `truth` at `stamp` [ns] since the epoch; the next call overwrites it."""
+        message = self._message
+        message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, NANOSECONDS)
+        message.sequence = truth.sequence
+        message.force = _floats(truth.force)
+        message.temperature = truth.film_temperature
+        message.objects = list(truth.objects)
+        message.poses = [Pose(position=_point(x, y, z)) for x, y, z in truth.positions.tolist()]
+        message.contact_centres = [_point(x, y, 0.0) for x, y in truth.contact_centres.tolist()]
+        message.contact_forces = _floats(truth.contact_forces)
+        return message
+
+
+class SimBoardNode(ScanSourceNode):
+    """The simulated board as a node; what `ScanSourceNode` says of life and end holds here.
+
+    `truth` is computed and published only when somebody subscribes. Raises ConfigError at construction for a
+    parameter, sensor or scene that cannot be used.
+    """
+
+    source: SimulationSource
+
+    def __init__(self, node_name: str = "sim_board", **node_arguments: Any) -> None:
+        super().__init__(node_name, PARAMETERS, **node_arguments)
+        self._truth_message = TruthMessage(self.sensor.layout, self.parameters["frame_id"])
+        self._truth = self.create_publisher(TactileTruth, "truth", TRUTH_DEPTH)
+        self._truth_listeners = Listeners(self._truth)
+
+    def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ScanSource:
+        """Return the simulated board in real time."""
+        return SimulationSource(sensor, load_scene(parameters["scene"], sensor), parameters["seed"])
+
+    def deliver(self, scan: Scan, now: int) -> None:
+        """Hand on one scan, then what truly was."""
+        super().deliver(scan, now)
+        if self._truth_listeners.any(now):
+            self._truth.publish(self._truth_message.fill(self.source.board.truth(), scan.stamp))
+
+
+def _floats(values: np.ndarray[Any, Any]) -> array[float]:
+    """Return values as float32, in the form that rclpy takes without looking at each one."""
+    return array("f", values.astype(np.float32).tobytes())
+
+
+def _point(x: float, y: float, z: float) -> Point:
+    return Point(x=x, y=y, z=z)
+
+
+def make_node() -> SimBoardNode:
+    """Return the node, started unless its parameter autostart says otherwise."""
+    node = SimBoardNode()
+    node.start()
+    return node
+
+
+def main() -> None:
+    """Run the simulated board until it is interrupted."""
+    raise SystemExit(run_node(make_node))

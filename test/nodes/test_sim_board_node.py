@@ -1,0 +1,175 @@
+"""The simulated board as a node: its topics, its parameters, its life and its end."""
+
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+
+from lifecycle_msgs.msg import State  # noqa: E402
+from rclpy.executors import SingleThreadedExecutor  # noqa: E402
+from rclpy.node import Node  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
+
+from posfet_driver.scene import load_scene  # noqa: E402
+from posfet_driver.sim_board_node import SimBoardNode  # noqa: E402
+from posfet_driver.simulated_board import SimulatedBoard  # noqa: E402
+from posfet_model.config import ConfigError  # noqa: E402
+from posfet_model.scan import Scan  # noqa: E402
+from posfet_model.sensor import load_sensor  # noqa: E402
+from posfet_msgs.msg import TactileRaw, TactileTruth  # noqa: E402
+
+pytestmark = pytest.mark.ros
+PATIENCE = 10.0
+"""After this time [s] a test has failed."""
+
+
+@pytest.fixture
+def context() -> Iterator[rclpy.Context]:
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    yield context
+    context.try_shutdown()
+
+
+@pytest.fixture
+def spin(context) -> Iterator[SingleThreadedExecutor]:
+    """An executor of the test's own; its nodes are destroyed at the end."""
+    executor = SingleThreadedExecutor(context=context)
+    yield executor
+    for node in executor.get_nodes():
+        node.destroy_node()
+    executor.shutdown()
+
+
+def make_board(spin, **parameters) -> SimBoardNode:
+    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+    node = SimBoardNode(context=spin.context, namespace="/tactile", parameter_overrides=overrides)
+    spin.add_node(node)
+    return node
+
+
+class Listener(Node):
+    """Keeps what comes on some topics."""
+
+    def __init__(self, spin, *topics: tuple[str, type]) -> None:
+        super().__init__("listener", context=spin.context)
+        self.spin = spin
+        self.messages = {name: [] for name, _ in topics}
+        for name, kind in topics:
+            self.create_subscription(kind, f"/tactile/{name}", self.messages[name].append, 100)
+        spin.add_node(self)
+
+    def wait(self, name: str, count: int) -> list:
+        """Spin until `count` messages came on a topic."""
+        deadline = self.get_clock().now().nanoseconds + PATIENCE * 1e9
+        while len(self.messages[name]) < count:
+            assert self.get_clock().now().nanoseconds < deadline, f"{len(self.messages[name])} of {count} on {name}"
+            self.spin.spin_once(timeout_sec=0.1)
+        return self.messages[name]
+
+
+def test_raw_carries_the_scans_of_the_board(spin) -> None:
+    listener = Listener(spin, ("raw", TactileRaw))
+    node = make_board(spin, seed=5, scene="press_slide_lift", frame_id="thumb")
+    node.start()
+    messages = listener.wait("raw", 300)
+    sensor = load_sensor()
+    board = SimulatedBoard(sensor, load_scene("press_slide_lift", sensor), 5)
+    scan = Scan.empty(0, sensor.layout.taxels)
+    expected = {}
+    for index in range(messages[-1].sequence + 1):
+        board.scan(index, scan)
+        expected[index] = scan.counts.copy()
+    first = messages[0]
+    start = first.header.stamp.sec * 10**9 + first.header.stamp.nanosec - first.sequence * 10**6
+    sequences = [message.sequence for message in messages]
+    assert sequences == sorted(set(sequences))
+    for message in messages:
+        np.testing.assert_array_equal(message.counts, expected[message.sequence])
+        assert message.header.frame_id == "thumb"
+        assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == start + message.sequence * 10**6
+        assert (message.layout_id, message.rows, message.cols, message.status, message.frames_lost) == (1, 5, 5, 0, 0)
+        assert list(message.temperatures) == [25.0, 25.0]
+
+
+def test_truth_is_that_of_the_scan_with_its_sequence(spin) -> None:
+    listener = Listener(spin, ("raw", TactileRaw), ("truth", TactileTruth))
+    make_board(spin, scene="two_fingers").start()
+    listener.wait("raw", 1)
+    while not any(message.contact_forces for message in listener.messages["truth"][-1:]):
+        listener.wait("truth", len(listener.messages["truth"]) + 1)
+    truth = listener.messages["truth"][-1]
+    while listener.messages["raw"][-1].sequence < truth.sequence:
+        listener.wait("raw", len(listener.messages["raw"]) + 1)
+    assert [truth.header] == [raw.header for raw in listener.messages["raw"] if raw.sequence == truth.sequence]
+    sensor = load_sensor()
+    board = SimulatedBoard(sensor, load_scene("two_fingers", sensor), 0)
+    board.scan(truth.sequence, Scan.empty(0, sensor.layout.taxels))
+    expected = board.truth()
+    np.testing.assert_array_equal(truth.force, expected.force.astype(np.float32))
+    assert list(truth.status) == [0] * 25
+    assert truth.temperature == 25.0
+    assert truth.objects == ["lower", "upper"]
+    assert [(pose.position.x, pose.position.y, pose.position.z) for pose in truth.poses] == [
+        tuple(position) for position in expected.positions.tolist()
+    ]
+    assert [(point.x, point.y, point.z) for point in truth.contact_centres] == [(-2e-3, -2e-3, 0.0)]
+    np.testing.assert_array_equal(truth.contact_forces, expected.contact_forces.astype(np.float32))
+
+
+def test_what_nobody_listens_to_is_not_computed(spin, monkeypatch) -> None:
+    node = make_board(spin)
+    asked = []
+    monkeypatch.setattr(SimulatedBoard, "truth", lambda self: asked.append(1))
+    seen = threading.Semaphore(0)
+    node.sink = lambda scan: seen.release()
+    node.start()
+    for _ in range(50):
+        assert seen.acquire(timeout=PATIENCE)
+    assert not asked
+
+
+def test_without_autostart_it_waits_for_its_transitions(spin) -> None:
+    node = make_board(spin, autostart=False)
+    listener = Listener(spin, ("raw", TactileRaw))
+    node.start()
+    assert node._state_machine.current_state[0] == State.PRIMARY_STATE_UNCONFIGURED
+    node.trigger_configure()
+    node.trigger_activate()
+    listener.wait("raw", 10)
+    board = node.source.board
+    node.trigger_deactivate()
+    node.trigger_cleanup()
+    listener.messages["raw"].clear()
+    node.trigger_configure()
+    node.trigger_activate()
+    listener.wait("raw", 10)
+    assert node.source.board is not board
+
+
+@pytest.mark.parametrize(
+    ("parameters", "reason"),
+    [
+        ({"scene": "no_such"}, "no_such: no such scene; .* press_slide_lift"),
+        ({"scene": "/no/such.yaml"}, "/no/such.yaml: no such scene file"),
+        ({"seed": -1}, r"/tactile/sim_board: seed: must be a whole number in \[0, .*, got -1"),
+        ({"seed": 1.5}, "/tactile/sim_board: seed: must be a whole number .*1.5"),
+        ({"scene": 3}, "/tactile/sim_board: scene: must be text, got 3"),
+        ({"sensor_file": "no_such"}, "no_such: no such sensor"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_one_line(spin, parameters, reason) -> None:
+    with pytest.raises(ConfigError, match=reason) as caught:
+        make_board(spin, **parameters)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_wrong_scene_file_is_refused_at_start(spin, tmp_path: Path) -> None:
+    path = tmp_path / "wrong.yaml"
+    path.write_text("name: wrong\ndescription: no objects\ntemperature_degC: 25\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=f"{path}: objects: missing"):
+        make_board(spin, scene=str(path))
