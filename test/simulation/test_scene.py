@@ -1,6 +1,7 @@
 """Scenes: what is read is what happens, and what cannot be is refused in one line."""
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from posfet_model.config import ConfigError
 from posfet_model.sensor import load_sensor
 
 SENSOR = load_sensor()
+DOCUMENT = (Path(__file__).resolve().parents[2] / "docs" / "scenes.md").read_text(encoding="utf-8")
 SHIPPED = sorted(path.stem for path in SCENE_FOLDER.glob("*.yaml"))
 
 GOOD = """\
@@ -210,3 +212,15 @@ def test_the_two_fingers_stay_two_contacts() -> None:
             sphere = SphereOnArray(SENSOR.layout, SENSOR.device.contact_spread, item.radius, item.effective_modulus)
             sphere.add(forces, *item.path.at(float(time)))
         assert max(forces[2].max(), forces[:, 2].max()) < SENSOR.contact.threshold  # the cross between them
+
+
+def test_the_example_of_the_document_is_a_scene(tmp_path: Path) -> None:
+    (example,) = re.findall(r"```yaml\n(.*?)```", DOCUMENT, re.DOTALL)
+    scene = load_scene(write(tmp_path, example), SENSOR)
+    taps = [time for time in np.arange(0, 1, 0.01) if scene.objects[0].path.at(float(time))[-1] > 0.99]
+    assert len(taps) == 3
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_document_names_each_shipped_scene(name: str) -> None:
+    assert f"| `{name}`" in DOCUMENT
