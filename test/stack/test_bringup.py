@@ -1,0 +1,170 @@
+"""The `bringup` executable as users start it: real processes, their topics, their ends."""
+
+from __future__ import annotations
+
+import os
+import pty
+import re
+import shutil
+import signal
+import subprocess
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2")
+pytest.importorskip("posfet_msgs", reason="needs the built workspace")
+if shutil.which("posfet") is None:
+    pytest.skip("needs the built workspace on PATH: source install/setup.bash", allow_module_level=True)
+
+from expectations import TIMEOUT, Listener, expect_info, expect_stack
+
+pytestmark = [pytest.mark.ros, pytest.mark.process, pytest.mark.usefixtures("ros_domain")]
+
+VARIANTS = {
+    "composed, simulated board": ["source:=sim"],
+    "composed, emulated adapter, CAN FD": ["source:=emulator"],
+    "composed, emulated adapter, classic CAN": ["source:=emulator", "can_fd:=false"],
+    "separate, simulated board": ["source:=sim", "composed:=false"],
+    "separate, emulated adapter": ["source:=emulator", "composed:=false"],
+}
+
+
+@contextmanager
+def running(*arguments: str) -> Iterator[subprocess.Popen[str]]:
+    """Run `posfet bringup`; end it with Ctrl-C's signal if the test has not."""
+    command = ["posfet", "bringup", *arguments]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        try:
+            process.communicate(timeout=TIMEOUT)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()
+
+
+def finish(process: subprocess.Popen[str]) -> tuple[str, str]:
+    """Send Ctrl-C's signal and return what was written, after a clean end."""
+    process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=TIMEOUT)
+    assert process.returncode == 0, errors
+    assert "Traceback" not in errors, errors
+    return output, errors
+
+
+def bringup(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        ["posfet", "bringup", *arguments], capture_output=True, text=True, timeout=TIMEOUT, check=False
+    )
+
+
+@pytest.mark.parametrize("arguments", VARIANTS.values(), ids=VARIANTS.keys())
+def test_stack_finds_what_the_scene_does(arguments: Sequence[str]) -> None:
+    with running(*arguments) as process, Listener() as listener:
+        expect_stack(listener)
+        output, _ = finish(process)
+    assert re.search(r"posfet: .* 0 frames lost, 0 scans missing", output), output
+
+
+def test_two_sensors_live_side_by_side() -> None:
+    with running("namespace:=hand/thumb"), running("namespace:=hand/palm", "scene:=idle"):
+        for namespace in ("hand/thumb", "hand/palm"):
+            with Listener(namespace) as listener:
+                expect_info(listener)
+
+
+@pytest.mark.parametrize("composed", ["true", "false"])
+def test_stops_by_itself_with_a_summary(composed: str) -> None:
+    result = bringup("--for", "2", f"composed:={composed}")
+    assert result.returncode == 0, result.stderr
+    lines = result.stdout.splitlines()
+    assert "scans/s" in lines[0]
+    assert re.fullmatch(r"posfet: .* scans/s, 0 frames lost, 0 scans missing, .*", lines[-1])
+
+
+def test_picture_in_a_terminal() -> None:
+    """With a terminal there is a live picture with map and contacts instead of lines."""
+    master, slave = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "120", "LINES": "40"}
+    command = ["posfet", "bringup", "--for", "3"]
+    process = subprocess.Popen(command, stdout=slave, stderr=subprocess.PIPE, env=environment)
+    os.close(slave)
+    shown = b""
+    try:
+        while chunk := os.read(master, 65536):
+            shown += chunk
+    except OSError:  # Linux reports the end of a pseudo-terminal so
+        pass
+    _, errors = process.communicate(timeout=TIMEOUT)
+    os.close(master)
+    assert process.returncode == 0, errors
+    for expected in ("force on each taxel [mN]", "contacts", "held", "0 frames lost"):
+        assert expected in shown.decode(errors="replace")
+
+
+BAD_INPUT = {
+    "unknown argument": (["sourse:=sim"], "sourse: unknown argument, known are source"),
+    "not an argument": (["sim"], "sim: must be an argument name:=value"),
+    "not a choice": (["source:=usb"], "source: must be one of sim, can, emulator, got 'usb'"),
+    "not a bitrate": (["can_bitrate:=fast"], "can_bitrate: must be a whole number"),
+    "no such sensor": (["sensor_file:=posfet_9x9"], "posfet_9x9: no such sensor"),
+    "no such sensor file": (["sensor_file:=/nowhere/s.yaml"], "/nowhere/s.yaml: no such sensor file"),
+    "no such scene": (["scene:=nowhere"], "nowhere: no such scene"),
+    "no such parameter file": (["params_file:=/nowhere/p.yaml"], "params_file: no such file: /nowhere/p.yaml"),
+    "no such interface": (["source:=can", "can_interface:=carrier_pigeon"], "carrier_pigeon"),
+    "bad namespace": (["namespace:=9 lives"], "namespace: must be names joined by '/'"),
+}
+
+
+@pytest.mark.parametrize("composed", ["true", "false"])
+@pytest.mark.parametrize(("arguments", "expected"), BAD_INPUT.values(), ids=BAD_INPUT.keys())
+def test_bad_input_ends_with_one_line(arguments: list[str], expected: str, composed: str) -> None:
+    result = bringup("--for", "20", f"composed:={composed}", *arguments)
+    assert result.returncode == 1, result.stdout
+    assert expected in result.stderr
+    assert len(result.stderr.splitlines()) == 1, result.stderr
+
+
+def test_bad_parameters_end_with_one_line(tmp_path: os.PathLike[str]) -> None:
+    path = os.path.join(tmp_path, "parameters.yaml")
+    for text, expected in (
+        ("frame_id: 5", "frame_id: must be text, got 5"),
+        ("frame: hand", "frame: unknown parameter, known are"),
+    ):
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(f"/**:\n  ros__parameters:\n    {text}\n")
+        result = bringup("--for", "20", f"params_file:={path}")
+        assert result.returncode == 1
+        assert expected in result.stderr
+        assert "Traceback" not in result.stderr
+
+
+def test_interface_that_cannot_be_opened_is_named_with_the_reason() -> None:
+    result = bringup("--for", "2", "source:=can", "can_interface:=socketcan", "can_channel:=can_nowhere")
+    assert result.returncode == 1
+    assert "can_nowhere" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_show_args_describes_every_argument() -> None:
+    result = bringup("--show-args")
+    assert result.returncode == 0
+    for name in (
+        "source",
+        "can_interface",
+        "can_channel",
+        "can_bitrate",
+        "can_fd",
+        "namespace",
+        "sensor_file",
+        "params_file",
+        "scene",
+        "composed",
+        "log_level",
+    ):
+        assert re.search(rf"^  {name}$", result.stdout, re.MULTILINE), name
