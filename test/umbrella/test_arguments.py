@@ -1,0 +1,46 @@
+from __future__ import annotations
+
+import pytest
+
+from posfet.arguments import ARGUMENTS, defaults, describe, parse
+from posfet_model.config import ConfigError
+
+
+def test_defaults_are_themselves_allowed() -> None:
+    assert parse([]) == defaults()
+
+
+def test_given_values_win() -> None:
+    arguments = parse(["source:=emulator", "namespace:=hand/thumb"])
+    assert arguments["source"] == "emulator"
+    assert arguments["namespace"] == "hand/thumb"
+    assert arguments["scene"] == defaults()["scene"]
+
+
+@pytest.mark.parametrize(
+    ("word", "reason"),
+    [
+        ("sourse:=sim", "sourse: unknown argument, known are source, can_interface"),
+        ("source=sim", "source=sim: must be an argument name:=value"),
+        ("source:=usb", "source: must be one of sim, can, emulator, got 'usb'"),
+        ("composed:=yes", "composed: must be one of true, false, got 'yes'"),
+        ("can_bitrate:=1e6", "can_bitrate: must be a whole number in bit/s, got '1e6'"),
+    ],
+)
+def test_bad_words_are_refused_in_one_line(word: str, reason: str) -> None:
+    with pytest.raises(ConfigError) as refused:
+        parse([word])
+    assert str(refused.value).startswith(reason)
+    assert "\n" not in str(refused.value)
+
+
+def test_an_argument_given_twice_is_refused() -> None:
+    with pytest.raises(ConfigError, match="scene: is given twice"):
+        parse(["scene:=hold", "scene:=idle"])
+
+
+def test_every_argument_is_described() -> None:
+    text = describe()
+    for argument in ARGUMENTS:
+        assert argument.name in text
+        assert argument.description in text

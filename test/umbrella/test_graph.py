@@ -1,0 +1,65 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from posfet.arguments import parse
+from posfet.graph import NodeSpec, graph
+from posfet_model.config import ConfigError
+
+
+@pytest.fixture
+def params_file(tmp_path: Path) -> str:
+    path = tmp_path / "parameters.yaml"
+    path.write_text("/**:\n  ros__parameters:\n    frame_id: hand\n", encoding="utf-8")
+    return str(path)
+
+
+def nodes(params_file: str, *words: str) -> dict[str, NodeSpec]:
+    return {spec.executable: spec for spec in graph(parse(words), params_file)}
+
+
+def test_the_simulated_board_needs_no_driver(params_file: str) -> None:
+    specs = nodes(params_file, "scene:=hold")
+    assert list(specs) == ["model_node", "sim_board_node"]
+    assert specs["sim_board_node"].parameters["scene"] == "hold"
+    assert specs["sim_board_node"].parameters["adapter_link"] == ""
+    assert specs["model_node"].parameters["simulated"] is True
+
+
+def test_a_board_on_a_bus_needs_no_simulation(params_file: str) -> None:
+    specs = nodes(params_file, "source:=can", "can_interface:=pcan", "can_channel:=PCAN_USBBUS1", "can_bitrate:=500000")
+    assert list(specs) == ["model_node", "driver_node"]
+    assert specs["model_node"].parameters["simulated"] is False
+    bus = specs["driver_node"].parameters
+    assert (bus["can_interface"], bus["can_channel"], bus["can_bitrate"]) == ("pcan", "PCAN_USBBUS1", 500_000)
+
+
+def test_the_driver_reads_the_emulated_adapter_of_its_own_namespace(params_file: str) -> None:
+    thumb, palm = (nodes(params_file, "source:=emulator", f"namespace:={name}") for name in ("hand/thumb", "hand/palm"))
+    for specs in (thumb, palm):
+        link = specs["sim_board_node"].parameters["adapter_link"]
+        assert link
+        assert specs["driver_node"].parameters["can_channel"] == link
+        assert specs["driver_node"].parameters["can_interface"] == "slcan"
+    assert thumb["driver_node"].parameters["can_channel"] != palm["driver_node"].parameters["can_channel"]
+
+
+def test_arguments_of_the_command_line_keep_their_types(params_file: str) -> None:
+    words = nodes(params_file, "sensor_file:=5", "scene:=it's")["sim_board_node"].arguments
+    assert "sensor_file:='5'" in words  # text stays text
+    assert "scene:='it''s'" in words
+    assert words[:5] == ["--ros-args", "-r", "__node:=sim_board_node", "-r", "__ns:=/tactile"]
+    assert words[words.index("--params-file") + 1] == params_file
+
+
+@pytest.mark.parametrize("namespace", ["", "/", "9lives", "a b", "a//b"])
+def test_bad_namespaces_are_refused(params_file: str, namespace: str) -> None:
+    with pytest.raises(ConfigError, match="namespace: must be names"):
+        graph(parse([f"namespace:={namespace}"]), params_file)
+
+
+def test_a_missing_parameter_file_is_refused() -> None:
+    with pytest.raises(ConfigError, match=r"params_file: no such file: nowhere\.yaml"):
+        graph(parse([]), "nowhere.yaml")

@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+import io
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from posfet.picture import render
+from posfet.screen import Screen
+from posfet.snapshot import ContactView, Record, Snapshot, TrueContact, line
+
+TOUCH = ContactView(7, "held", 1e-3, -0.5e-3, 1.25, 0.004, 9e-6, 2.5)
+SNAPSHOT = Snapshot(
+    time=10.0,
+    scans=1000,
+    frames_lost=0,
+    scans_lost=0,
+    rows=2,
+    cols=3,
+    force=np.array([0.0, 0.1, 1.15, 0.0, math.nan, 0.0]),
+    total_force=1.25,
+    data_valid=True,
+    contacts=(TOUCH,),
+    truth=(TrueContact(1.03e-3, -0.46e-3, 1.25),),
+    state="simulated board runs",
+)
+
+
+def shown(snapshot: Snapshot) -> str:
+    console = Console(file=io.StringIO(), width=120, no_color=True)
+    console.print(render(snapshot, 1000.0, 1.0))
+    return console.file.getvalue()
+
+
+def test_record_counts_and_compares_with_the_scene() -> None:
+    record = Record()
+    assert math.isnan(record.add(SNAPSHOT))
+    assert record.add(replace(SNAPSHOT, time=12.0, scans=3000)) == pytest.approx(1000.0)
+    assert record.summary() == (
+        "posfet: 2.0 s, 3000 scans, 1000 scans/s, 0 frames lost, 0 scans missing, 1 contact, "
+        "centre of pressure off the scene's by 0.050 mm (median), 0.050 mm (95 %)"
+    )
+
+
+def test_a_missed_contact_is_not_hidden() -> None:
+    record = Record()
+    record.add(replace(SNAPSHOT, contacts=()))
+    assert record.errors == [math.inf]
+
+
+def test_what_is_settling_is_not_compared() -> None:
+    record = Record()
+    record.add(replace(SNAPSHOT, contacts=(), data_valid=False))
+    assert record.errors == []
+
+
+def test_no_scan_is_said() -> None:
+    assert Record().summary() == "posfet: no scan arrived"
+
+
+def test_line_names_force_place_and_loss() -> None:
+    text = line(replace(SNAPSHOT, frames_lost=3), 10.0, 998.7)
+    assert "999 scans/s" in text
+    assert "#7 held 1.25 N at (+1.00, -0.50) mm" in text
+    assert text.endswith("3 frames lost")
+
+
+def test_picture_shows_forces_in_numbers_and_unknown_as_unknown() -> None:
+    text = shown(SNAPSHOT)
+    for expected in ("1150", "100", "?", "held", "+1.00", "-0.50", "1.250 ± 0.004", "0.05 mm off the scene's"):
+        assert expected in text
+    assert text.index("?") < text.index("1150")  # y points up: row 1 stands above row 0
+
+
+def test_large_arrays_are_shown_without_numbers() -> None:
+    force = np.linspace(0.0, 1.0, 32 * 32)
+    assert "@" in shown(replace(SNAPSHOT, rows=32, cols=32, force=force, contacts=(), truth=()))
+
+
+class Replay:
+    """Gives one snapshot after the other."""
+
+    def __init__(self, *snapshots: Snapshot | None) -> None:
+        self._snapshots = list(snapshots)
+
+    def snapshot(self) -> Snapshot | None:
+        return self._snapshots.pop(0)
+
+
+def test_without_a_terminal_one_line_a_second() -> None:
+    console = Console(file=io.StringIO(), width=200)
+    later = [replace(SNAPSHOT, time=10.0 + step / 4, scans=1000 + 250 * step) for step in range(13)]
+    with Screen(Replay(None, *later), console) as screen:
+        for step in range(14):
+            screen.update(100.0 + step / 4)
+    lines = console.file.getvalue().splitlines()
+    assert [text.split()[0] for text in lines] == ["1.0", "2.0", "3.0"]
+    assert all("1000 scans/s" in text for text in lines)
