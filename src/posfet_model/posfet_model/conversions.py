@@ -1,0 +1,303 @@
+"""Scans and reconstructions as ROS messages. Each message is made once and filled again and again."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Pose, WrenchStamped
+from numpy.typing import NDArray
+from sensor_msgs.msg import Image, PointCloud2, PointField
+from visualization_msgs.msg import Marker, MarkerArray
+
+from posfet_model.chain import InverseChain, charge_per_newton, volts_per_count
+from posfet_model.reconstruction import ForceImage, Reconstruction
+from posfet_model.scan import Scan
+from posfet_model.sensor import Layout, Sensor
+from posfet_model.tracker import Contact, ContactState
+from posfet_msgs.msg import TactileContact, TactileContacts, TactileImage, TactileInfo, TactileRaw
+
+NANOSECONDS = 1_000_000_000
+FOREIGN_LAYOUT = 0
+"""Stands for a layout that is none: those of sensors begin at 1."""
+
+LARGEST_INT32 = 0x7FFF_FFFF
+
+
+def set_stamp(stamp: Time, nanoseconds: int) -> None:
+    """Set a message's time to nanoseconds since the Unix epoch."""
+    stamp.sec, stamp.nanosec = divmod(nanoseconds, NANOSECONDS)
+
+
+class ScanReader:
+    """TactileRaw messages as scans."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._shape = layout.rows, layout.cols
+        self._scan = Scan.empty(layout.id, layout.taxels)
+
+    def read(self, message: TactileRaw) -> Scan:
+        """Return the message as a scan; it holds the message's own arrays and is overwritten by the next call."""
+        scan = self._scan
+        stamp = message.header.stamp
+        scan.stamp = stamp.sec * NANOSECONDS + stamp.nanosec
+        # A scan does not say how its counts are arranged: another arrangement is another layout.
+        fits = (message.rows, message.cols) == self._shape
+        scan.layout_id = message.layout_id if fits else FOREIGN_LAYOUT
+        scan.sequence = message.sequence
+        scan.device_time = message.device_time
+        scan.counts = np.asarray(message.counts)
+        scan.temperatures = np.asarray(message.temperatures)
+        scan.status = message.status
+        scan.frames_lost = message.frames_lost
+        return scan
+
+
+class _Floats:
+    """A float32[] of a message, filled from an array without building Python numbers."""
+
+    def __init__(self, size: int) -> None:
+        self.values = array("f", bytes(4 * size))
+        self._view = np.frombuffer(self.values, np.float32)
+
+    def fill(self, source: NDArray[np.float32]) -> array[float]:
+        """Return the values of `source`."""
+        self._view[:] = source
+        return self.values
+
+
+class ImageMessage:
+    """A TactileImage."""
+
+    def __init__(self, layout: Layout, frame_id: str) -> None:
+        self._message = TactileImage(layout_id=layout.id, rows=layout.rows, cols=layout.cols)
+        self._message.header.frame_id = frame_id
+        self._force, self._deviation = _Floats(layout.taxels), _Floats(layout.taxels)
+        self._status = array("B", bytes(layout.taxels))
+
+    def fill(self, result: Reconstruction, image: ForceImage) -> TactileImage:
+        """Return the message; the next call overwrites it."""
+        message = self._message
+        set_stamp(message.header.stamp, result.stamp)
+        message.sequence = result.sequence
+        message.force = self._force.fill(image.force)
+        message.standard_deviation = self._deviation.fill(image.standard_deviation)
+        memoryview(self._status)[:] = image.status.data
+        message.status = self._status
+        message.total_force = image.total
+        message.total_force_standard_deviation = image.total_standard_deviation
+        message.data_valid = result.valid
+        return message
+
+
+class ContactsMessage:
+    """A TactileContacts; the messages of the single contacts are kept for reuse."""
+
+    def __init__(self, sensor: Sensor, frame_id: str) -> None:
+        self._message = TactileContacts(layout_id=sensor.layout.id, name=sensor.name)
+        self._message.header.frame_id = frame_id
+        self._message.threshold = sensor.contact.threshold
+        self._message.deadband = sensor.contact.deadband
+        self._pool: list[TactileContact] = []
+
+    def fill(self, result: Reconstruction) -> TactileContacts:
+        """Return the message; the next call overwrites it."""
+        message, contacts = self._message, result.contacts
+        while len(self._pool) < len(contacts):
+            self._pool.append(_empty_contact())
+        set_stamp(message.header.stamp, result.stamp)
+        message.sequence = result.sequence
+        message.data_valid = result.valid
+        message.contacts = self._pool[: len(contacts)]
+        for slot, contact in zip(self._pool, contacts, strict=False):
+            _fill_contact(slot, contact)
+        return message
+
+
+def _empty_contact() -> TactileContact:
+    message = TactileContact()
+    message.normal.z = 1.0
+    message.force_covariance[:] = math.nan
+    return message
+
+
+def _fill_contact(message: TactileContact, contact: Contact) -> None:
+    region = contact.region
+    message.id = contact.id
+    message.state = int(contact.state)
+    message.centre_of_pressure.x, message.centre_of_pressure.y = region.centre_of_pressure
+    message.geometric_centre.x, message.geometric_centre.y = region.geometric_centre
+    message.force.z = -region.force
+    message.force_covariance[8] = region.force_variance
+    message.area = region.area
+    message.peak_pressure = region.peak_pressure
+    message.major_axis.x, message.major_axis.y = region.major_axis
+    message.minor_axis.x, message.minor_axis.y = region.minor_axis
+    message.velocity.x, message.velocity.y = contact.velocity
+    message.velocity.z = 0.0 if contact.velocity[0] == contact.velocity[0] else math.nan
+    message.age.sec, message.age.nanosec = divmod(round(contact.age * NANOSECONDS), NANOSECONDS)
+    message.taxels = array("H", region.taxels.tolist())
+
+
+class WrenchMessage:
+    """The force of all taxels together, acting on the sensor, and its torque about the origin of the frame."""
+
+    def __init__(self, layout: Layout, frame_id: str) -> None:
+        self._message = WrenchStamped()
+        self._message.header.frame_id = frame_id
+        self._arms = np.ascontiguousarray(layout.positions.T)
+
+    def fill(self, result: Reconstruction, image: ForceImage) -> WrenchStamped:
+        """Return the message; the next call overwrites it. NaN when no force is known."""
+        message = self._message
+        set_stamp(message.header.stamp, result.stamp)
+        known = np.nan_to_num(image.force) if math.isfinite(image.total) else image.force
+        moment_x, moment_y = (self._arms @ known).tolist()
+        message.wrench.force.z = -image.total
+        message.wrench.torque.x = -moment_y  # r x F with F = (0, 0, -f)
+        message.wrench.torque.y = moment_x
+        return message
+
+
+class ForceImageMessage:
+    """The force map [N] as sensor_msgs/Image of encoding 32FC1; the first line is the first row, at the least y."""
+
+    def __init__(self, layout: Layout, frame_id: str) -> None:
+        self._message = Image(height=layout.rows, width=layout.cols, encoding="32FC1", step=4 * layout.cols)
+        self._message.header.frame_id = frame_id
+        self._data = array("B", bytes(4 * layout.taxels))
+
+    def fill(self, result: Reconstruction, image: ForceImage) -> Image:
+        """Return the message; the next call overwrites it. NaN where the force is not known."""
+        set_stamp(self._message.header.stamp, result.stamp)
+        memoryview(self._data)[:] = image.force.data.cast("B")
+        self._message.data = self._data
+        return self._message
+
+
+class PointsMessage:
+    """The taxels as PointCloud2 with fields x, y, z [m] and force [N], one row of the cloud a row of the array."""
+
+    def __init__(self, layout: Layout, frame_id: str) -> None:
+        fields = [
+            PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
+            for index, name in enumerate(("x", "y", "z", "force"))
+        ]
+        self._message = PointCloud2(height=layout.rows, width=layout.cols, fields=fields, point_step=16)
+        self._message.header.frame_id = frame_id
+        self._message.row_step = 16 * layout.cols
+        self._data = array("B", bytes(16 * layout.taxels))
+        self._points = np.frombuffer(self._data, np.float32).reshape(layout.taxels, 4)
+        self._points[:, :2] = layout.positions
+
+    def fill(self, result: Reconstruction, image: ForceImage) -> PointCloud2:
+        """Return the message; the next call overwrites it. `is_dense` is false where a force is NaN."""
+        message = self._message
+        set_stamp(message.header.stamp, result.stamp)
+        self._points[:, 3] = image.force
+        message.data = self._data
+        message.is_dense = not bool(np.isnan(image.force).any())
+        return message
+
+
+class MarkersMessage:
+    """Contacts to look at: a sphere of the contact's area and an arrow along the force, ids those of the contacts.
+
+    Some scans may be left out: what was shown and is no longer in contact is deleted by the next message.
+    """
+
+    ARROW_PER_NEWTON = 5e-3
+    """Length of the arrow [m/N]."""
+
+    def __init__(self, frame_id: str) -> None:
+        self._frame_id = frame_id
+        self._shown: set[int] = set()
+
+    def fill(self, result: Reconstruction) -> MarkerArray:
+        """Return the message for the contacts of a scan."""
+        live = [contact for contact in result.contacts if contact.state is not ContactState.RELEASED]
+        ids = {contact.id for contact in live}
+        markers = []
+        for gone in sorted(self._shown - ids):
+            markers += [self._marker(result, name, gone, action=Marker.DELETE) for name in ("contact", "force")]
+        for contact in live:
+            markers += [self._sphere(result, contact), self._arrow(result, contact)]
+        self._shown = ids
+        return MarkerArray(markers=markers)
+
+    def _marker(self, result: Reconstruction, name: str, number: int, **fields: Any) -> Marker:
+        marker = Marker(ns=name, id=number & LARGEST_INT32, **fields)
+        marker.header.frame_id = self._frame_id
+        set_stamp(marker.header.stamp, result.stamp)
+        marker.color.r, marker.color.g, marker.color.b, marker.color.a = 0.95, 0.35, 0.1, 0.9
+        marker.pose.orientation.w = 1.0
+        return marker
+
+    def _sphere(self, result: Reconstruction, contact: Contact) -> Marker:
+        marker = self._marker(result, "contact", contact.id, type=Marker.SPHERE)
+        marker.pose.position.x, marker.pose.position.y = contact.region.centre_of_pressure
+        marker.scale.x = marker.scale.y = 2.0 * math.sqrt(contact.region.area / math.pi)
+        marker.scale.z = 0.1 * marker.scale.x
+        marker.color.a = 0.5
+        return marker
+
+    def _arrow(self, result: Reconstruction, contact: Contact) -> Marker:
+        marker = self._marker(result, "force", contact.id, type=Marker.ARROW)
+        marker.pose.position.x, marker.pose.position.y = contact.region.centre_of_pressure
+        marker.pose.position.z = self.ARROW_PER_NEWTON * contact.region.force
+        marker.pose.orientation.y = marker.pose.orientation.w = math.sqrt(0.5)  # the arrow's x axis turned to -z
+        marker.scale.x = max(marker.pose.position.z, 1e-6)
+        marker.scale.y = marker.scale.z = 0.4e-3
+        return marker
+
+
+def info_message(sensor: Sensor, frame_id: str, simulated: bool, stamp: int) -> TactileInfo:
+    """Return the description of `sensor`, valid from `stamp` [ns since the epoch]."""
+    layout = sensor.layout
+    low, high = (limit / charge_per_newton(sensor) for limit in InverseChain(sensor).charge_range)
+    message = TactileInfo(layout_id=layout.id, name=sensor.name, serial=sensor.serial, simulated=simulated)
+    message.header.frame_id = frame_id
+    set_stamp(message.header.stamp, stamp)
+    message.rows, message.cols = layout.rows, layout.cols
+    message.pitch[:] = layout.pitch_x, layout.pitch_y
+    message.taxel_area = layout.taxel_area
+    message.taxel_poses = [_taxel_pose(x, y) for x, y in layout.positions.tolist()]
+    message.force_min, message.force_max = low, high
+    steps_per_count = 0xFFFF / ((1 << sensor.adc.bits) - 1)
+    message.force_resolution = volts_per_count(sensor) * steps_per_count / sensor.volts_per_newton
+    message.contact_threshold = sensor.contact.threshold
+    message.contact_deadband = sensor.contact.deadband
+    message.leak_time_constant = sensor.device.leak_time_constant
+    message.scan_rate = sensor.can.scan_rate
+    message.adc_range[:] = sensor.adc.low, sensor.adc.high
+    message.adc_bits = sensor.adc.bits
+    message.force_unit, message.length_unit = "N", "m"
+    return message
+
+
+def _taxel_pose(x: float, y: float) -> Pose:
+    pose = Pose()
+    pose.position.x, pose.position.y = x, y
+    pose.orientation.w = 1.0
+    return pose
+
+
+def diagnostic_array(
+    level: int, name: str, text: str, hardware_id: str, values: Mapping[str, str], stamp: int
+) -> DiagnosticArray:
+    """Return one status of /diagnostics at `stamp` [ns since the epoch]; `level` is that of DiagnosticStatus."""
+    status = DiagnosticStatus(
+        level=bytes([level]),
+        name=name,
+        message=text,
+        hardware_id=hardware_id,
+        values=[KeyValue(key=key, value=value) for key, value in values.items()],
+    )
+    message = DiagnosticArray(status=[status])
+    set_stamp(message.header.stamp, stamp)
+    return message

@@ -1,0 +1,193 @@
+"""The model as a node: scans in, forces and contacts out, each only where somebody listens."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from numpy.typing import NDArray
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import Image, PointCloud2
+from visualization_msgs.msg import MarkerArray
+
+from posfet_model.config import ConfigError
+from posfet_model.conversions import (
+    ContactsMessage,
+    ForceImageMessage,
+    ImageMessage,
+    MarkersMessage,
+    PointsMessage,
+    ScanReader,
+    WrenchMessage,
+    diagnostic_array,
+    info_message,
+)
+from posfet_model.health import Period, judge
+from posfet_model.reconstruction import ForceImage, Reconstruction, Reconstructor
+from posfet_model.ros_parameters import FRAME_ID, SENSOR_FILE, Parameter, declare
+from posfet_model.run_node import run_node
+from posfet_model.scan import Scan
+from posfet_model.scan_clock import ScanCounts
+from posfet_model.sensor import load_sensor
+from posfet_model.tracker import Contact
+from posfet_msgs.msg import TactileContacts, TactileImage, TactileInfo, TactileRaw
+
+PARAMETERS = (
+    SENSOR_FILE,
+    FRAME_ID,
+    Parameter("simulated", False, "Told to others in `info`: the signals come from a model, not from a device"),
+    Parameter("direct", False, "Scans are handed over in the process; true: do not subscribe to `raw`"),
+)
+OUTPUT_DEPTH = 10
+RAW_DEPTH = 100
+SUBSCRIPTIONS_AGE = 100_000_000
+"""For how long counts of subscriptions are believed [ns]."""
+REPORT_PERIOD = 1.0
+"""Time between two diagnostics [s]."""
+MARKER_PERIOD = 33_000_000
+"""Least time between two marker messages [ns]: they are for eyes."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The newest reconstruction, copied for a display."""
+
+    stamp: int
+    """Acquisition time [ns] since the Unix epoch."""
+    sequence: int
+    valid: bool
+    force: NDArray[np.float32]
+    """[N], shape [rows, cols]; NaN: not known."""
+    status: NDArray[np.uint8]
+    """Values of TaxelStatus, shape [rows, cols]."""
+    total: float
+    """[N]; NaN: not known."""
+    contacts: tuple[Contact, ...]
+    scans: int
+    """Scans taken since the start."""
+    missed: int
+    """Scans that never came."""
+
+
+class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
+    """Publishes what the reconstruction finds in the scans of `raw`, or in those handed to `process`.
+
+    Raises ConfigError at construction for a parameter or file that cannot be used.
+    """
+
+    def __init__(self, **node_arguments: Any) -> None:
+        super().__init__("model_node", **node_arguments)
+        try:
+            parameters = declare(self, PARAMETERS)
+            self.sensor = load_sensor(parameters["sensor_file"])
+        except ConfigError:
+            self.destroy_node()
+            raise
+        layout, frame_id = self.sensor.layout, parameters["frame_id"]
+        self._reconstructor = Reconstructor(self.sensor)
+        self._lock = threading.Lock()
+        self._result: Reconstruction | None = None
+        self._reader = ScanReader(layout)
+        image, wrench = ImageMessage(layout, frame_id), WrenchMessage(layout, frame_id)
+        force_image, points = ForceImageMessage(layout, frame_id), PointsMessage(layout, frame_id)
+        self._contacts_message = ContactsMessage(self.sensor, frame_id)
+        self._markers_message = MarkersMessage(frame_id)
+        self._contacts = self.create_publisher(TactileContacts, "contacts", OUTPUT_DEPTH)
+        self._markers = self.create_publisher(MarkerArray, "markers", OUTPUT_DEPTH)
+        self._maps: tuple[tuple[Publisher, Callable[[Reconstruction, ForceImage], Any]], ...] = (
+            (self.create_publisher(TactileImage, "image", OUTPUT_DEPTH), image.fill),
+            (self.create_publisher(WrenchStamped, "wrench", OUTPUT_DEPTH), wrench.fill),
+            (self.create_publisher(Image, "force_image", OUTPUT_DEPTH), force_image.fill),
+            (self.create_publisher(PointCloud2, "points", OUTPUT_DEPTH), points.fill),
+        )
+        self._contacts_wanted = self._markers_wanted = False
+        self._maps_wanted: list[tuple[Publisher, Callable[[Reconstruction, ForceImage], Any]]] = []
+        self._next_look = self._next_markers = 0
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._info = self.create_publisher(TactileInfo, "info", latched)
+        self._info.publish(info_message(self.sensor, frame_id, parameters["simulated"], time.time_ns()))
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", OUTPUT_DEPTH)
+        self._reported = ScanCounts()
+        self.create_timer(REPORT_PERIOD, self._report)
+        if not parameters["direct"]:
+            self.create_subscription(TactileRaw, "raw", self._receive, RAW_DEPTH)
+
+    def process(self, scan: Scan) -> None:
+        """Take one scan and publish what is subscribed, contacts first. For one thread at a time."""
+        with self._lock:
+            result = self._reconstructor.process(scan)
+            if not result.accepted:
+                return
+            self._result = result
+            now = time.monotonic_ns()
+            if now >= self._next_look:
+                self._look_for_subscriptions(now)
+            if self._contacts_wanted:
+                self._contacts.publish(self._contacts_message.fill(result))
+            if self._maps_wanted:
+                image = self._reconstructor.image()
+                for publisher, fill in self._maps_wanted:
+                    publisher.publish(fill(result, image))
+            if self._markers_wanted and now >= self._next_markers:
+                self._next_markers = now + MARKER_PERIOD
+                self._markers.publish(self._markers_message.fill(result))
+
+    def latest(self) -> Snapshot | None:
+        """Return a copy of the newest reconstruction, None before the first scan. For any thread."""
+        with self._lock:
+            if self._result is None:
+                return None
+            image, counts = self._reconstructor.image(), self._reconstructor.counts
+            shape = self.sensor.layout.rows, self.sensor.layout.cols
+            return Snapshot(
+                stamp=self._result.stamp,
+                sequence=self._result.sequence,
+                valid=self._result.valid,
+                force=image.force.reshape(shape).copy(),
+                status=image.status.reshape(shape).copy(),
+                total=image.total,
+                contacts=self._result.contacts,
+                scans=counts.accepted,
+                missed=counts.missed,
+            )
+
+    def _receive(self, message: TactileRaw) -> None:
+        self.process(self._reader.read(message))
+
+    def _look_for_subscriptions(self, now: int) -> None:
+        self._next_look = now + SUBSCRIPTIONS_AGE
+        self._contacts_wanted = self._contacts.get_subscription_count() > 0
+        self._markers_wanted = self._markers.get_subscription_count() > 0
+        self._maps_wanted = [entry for entry in self._maps if entry[0].get_subscription_count() > 0]
+
+    def _report(self) -> None:
+        with self._lock:
+            counts = replace(self._reconstructor.counts)
+            saturated = self._result.saturated if self._result else 0
+            unsettled, restarts = self._reconstructor.unsettled, self._reconstructor.restarts
+            temperature_known = self._reconstructor.temperature_known
+        before, self._reported = self._reported, counts
+        verdict = judge(Period.between(before, counts, unsettled, saturated, temperature_known))
+        values = {name.replace("_", " "): str(count) for name, count in asdict(counts).items()}
+        values["scans per second [Hz]"] = f"{(counts.accepted - before.accepted) / REPORT_PERIOD:.0f}"
+        values["taxels without a zero"] = str(unsettled)
+        values["taxels saturated"] = str(saturated)
+        values["zeros found anew"] = str(restarts)
+        name = f"{self.get_fully_qualified_name()}: reconstruction"
+        hardware_id = self.sensor.serial or self.sensor.name
+        self._diagnostics.publish(
+            diagnostic_array(verdict.level, name, verdict.text, hardware_id, values, time.time_ns())
+        )
+
+
+def main() -> None:
+    """Run the node."""
+    raise SystemExit(run_node(ModelNode))
