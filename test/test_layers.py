@@ -14,8 +14,21 @@ LAYERS = ["posfet_msgs", "posfet_model", "posfet_driver", "posfet"]
 """From the lowest to the highest: each may import those before it."""
 ROS_FILES = ("_node.py", "conversions.py", "ros_parameters.py")
 ROS_PACKAGES = set(
-    "rclpy rcl_interfaces builtin_interfaces std_msgs geometry_msgs sensor_msgs diagnostic_msgs visualization_msgs "
-    "lifecycle_msgs posfet_msgs tf2_ros launch launch_ros".split()
+    [
+        "rclpy",
+        "rcl_interfaces",
+        "builtin_interfaces",
+        "std_msgs",
+        "geometry_msgs",
+        "sensor_msgs",
+        "diagnostic_msgs",
+        "visualization_msgs",
+        "lifecycle_msgs",
+        "posfet_msgs",
+        "tf2_ros",
+        "launch",
+        "launch_ros",
+    ]
 )
 
 FILES = ("_node.py", "conversions.py", "ros_parameters.py")
@@ -65,8 +78,7 @@ def test_the_model_loads_neither_ros_nor_matplotlib() -> None:
     modules = ["posfet_model.reconstruction", "posfet_model.transistor", "posfet_model.film", "posfet_model.follower"]
     program = f"import sys, {', '.join(modules)}; print(*sys.modules)"
     command = [sys.executable, "-c", program]
-    loaded = subprocess.run(
-        command, capture_output=True, text=True, check=True, cwd=SOURCES / "posfet_model"
-    ).stdout.split()
+    result = subprocess.run(command, capture_output=True, text=True, check=True, cwd=SOURCES / "posfet_model")
+    loaded = result.stdout.split()
     assert "posfet_model.film" in loaded
     assert not {"rclpy", "matplotlib", "scipy", "can"} & set(loaded)
