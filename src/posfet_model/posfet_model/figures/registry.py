@@ -7,13 +7,15 @@ from typing import Final
 
 from matplotlib.figure import Figure
 
-from posfet_model.figures import charge, errata, film, mechanics, transistor
+from posfet_model.figures import amplifier, charge, errata, film, mechanics, stability, transistor
 
 FIGURES: Final[dict[str, Callable[[], Figure]]] = {
     **film.FIGURES,
     **transistor.FIGURES,
     **charge.FIGURES,
+    **amplifier.FIGURES,
     **mechanics.FIGURES,
     **errata.FIGURES,
+    **stability.FIGURES,
 }
 """The name of each file, and the function that draws it."""

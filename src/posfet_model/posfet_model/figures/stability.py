@@ -1,0 +1,105 @@
+"""Map of the error of each integration scheme over step and time constant."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+
+from posfet_model.figures.schemes import BLOWN_UP, SCHEMES, Scheme, largest_error, last_error
+from posfet_model.figures.style import (
+    BLACK,
+    BLUE,
+    DASH_DOT,
+    DASHED,
+    DOTTED,
+    GREEN,
+    GREY,
+    PURPLE,
+    SOLID,
+    VERMILION,
+    label,
+    new_figure,
+)
+
+_STEP_DECADES: Final = (-9, 3)
+_TIME_CONSTANT_DECADES: Final = (-9, 9)
+_PER_DECADE: Final = 20
+_LEVELS: Final = [0.0, 1e-6, 1e-3, 1e-2, 1e-1, 1.0, BLOWN_UP, np.inf]
+_NAMES: Final = ["< 1 µV", "< 1 mV", "< 10 mV", "< 0.1 V", "< 1 V", "< 1 MV", "> 1 MV, inf"]
+_SHADES: Final = ListedColormap(["#ffffff", "#e8eef5", "#bcd0e3", "#84a7c9", "#4a76a8", "#1f3f6b", "#000000"])
+_FOLLOWER: Final = 105.3e-9
+"""Time constant of the follower of 42.3 dB and 1.5 MHz [s]."""
+
+
+def stability_map() -> Figure:
+    """One panel a scheme: largest error of 200 steps after an input jump of 1 V. Last: what is left after them."""
+    figure, panels = new_figure(8.6, rows=4, columns=2)
+    for axes, scheme in zip(panels, SCHEMES, strict=False):
+        _draw_map(axes, scheme)
+    _draw_remainder(panels[len(SCHEMES)])
+    for axes in panels[: len(SCHEMES)][-3:]:
+        axes.set_xlabel("step  [s]")
+    shades = figure.colorbar(
+        panels[0].collections[0], ax=panels, location="bottom", fraction=0.035, aspect=45, pad=0.01
+    )
+    shades.set_ticks([k + 0.5 for k in range(len(_NAMES))], labels=_NAMES)
+    shades.ax.tick_params(length=0)
+    shades.set_label("largest error within 200 steps after an input jump of 1 V")
+    return figure
+
+
+def _draw_map(axes: Axes, scheme: Scheme) -> None:
+    step = np.logspace(*_STEP_DECADES, (_STEP_DECADES[1] - _STEP_DECADES[0]) * _PER_DECADE + 1)
+    tau = np.logspace(
+        *_TIME_CONSTANT_DECADES, (_TIME_CONSTANT_DECADES[1] - _TIME_CONSTANT_DECADES[0]) * _PER_DECADE + 1
+    )
+    error = largest_error(scheme, step[None, :] / tau[:, None])
+    band = np.searchsorted(_LEVELS[1:-1], error, side="right")
+    norm = BoundaryNorm(np.arange(len(_LEVELS)), _SHADES.N)
+    axes.pcolormesh(step, tau, band, cmap=_SHADES, norm=norm, rasterized=True)
+    axes.axhline(_FOLLOWER, color=VERMILION, linestyle=DASHED, linewidth=1.2)
+    axes.set(xscale="log", yscale="log", title=scheme.name, ylabel="time constant  [s]")
+    axes.set_xticks([1e-9, 1e-6, 1e-3, 1e0, 1e3])
+    axes.set_yticks([1e-9, 1e-3, 1e3, 1e9])
+    axes.minorticks_off()
+    axes.grid(visible=False)
+    label(axes, 1.3e-9, _FOLLOWER * 12, "follower", VERMILION, fontsize=7.5)
+
+
+def _draw_remainder(axes: Axes) -> None:
+    ratio = np.logspace(-0.7, 4, 941)
+    looks = [
+        (VERMILION, SOLID),
+        (VERMILION, DASHED),
+        (VERMILION, DOTTED),
+        (PURPLE, DASH_DOT),
+        (BLUE, SOLID),
+        (BLUE, DASHED),
+        (GREEN, SOLID),
+    ]
+    for scheme, (colour, dashes) in zip(SCHEMES, looks, strict=True):
+        left = np.clip(last_error(scheme, ratio), 1e-9, 1e9)
+        axes.plot(ratio, left, color=colour, linestyle=dashes, linewidth=1.4)
+    axes.axhline(1.0, color=GREY, linewidth=0.8)
+    label(axes, 4, 1e6, "Euler, Heun and Runge-Kutta\nblow up", VERMILION, fontsize=7.5, va="center")
+    label(axes, 60, 1.5e2, "clipped Euler", PURPLE, fontsize=7.5, ha="right")
+    label(axes, 8000, 2e-5, "trapezoidal rings", BLUE, fontsize=7.5, ha="right")
+    label(axes, 3.2, 2e-8, "exact, backward\nEuler: nothing left", BLACK, fontsize=7.5)
+    axes.set(
+        xscale="log",
+        yscale="log",
+        ylim=(1e-9, 1e9),
+        xlim=(0.2, 1e4),
+        title="error left after 200 steps",
+        xlabel="step / time constant",
+        ylabel="error  [V]",
+    )
+    axes.set_yticks([1e-9, 1e-6, 1e-3, 1e0, 1e3, 1e6, 1e9])
+
+
+FIGURES: Final[dict[str, Callable[[], Figure]]] = {"stability": stability_map}
