@@ -57,7 +57,7 @@ THRESHOLD_VOLTAGE: Final = Quantity(
     "threshold voltage before poling", 0.7, "V", "usual for such a process", assumed=True
 )
 POLING_SHIFT: Final = Quantity(
-    "threshold shift by poling", -1.0, "V", "kappa = 0.010962 on the oxide, 0.00060716 at the gate", assumed=True
+    "threshold shift by poling", -1.0, "V", "kappa = 0.010962 on the oxide, 0.00060714 at the gate", assumed=True
 )
 PIEZOELECTRIC_COEFFICIENT: Final = Quantity("d33 of the saturated copolymer", -38e-12, "C/N", _MANUAL)
 PYROELECTRIC_COEFFICIENT: Final = Quantity("pyroelectric coefficient", 40e-6, "C/(m2 K)", _MANUAL)

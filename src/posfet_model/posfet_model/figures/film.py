@@ -35,21 +35,21 @@ def hysteresis() -> Figure:
     """Polarisation against field: saturated loop, minor loops, first poling."""
     figure, (axes,) = new_figure(4.3)
     fields = np.linspace(-600, 600, 601) * _KV_PER_CM
-    for branch in (rising_branch, falling_branch):
-        axes.plot(fields / _KV_PER_CM, branch(fields, _FILM) / _UC_PER_CM2, color=BLACK, linestyle=SOLID)
+    for branch, name in ((rising_branch, "saturated loop"), (falling_branch, None)):
+        polarisation = branch(fields, _FILM) / _UC_PER_CM2
+        axes.plot(fields / _KV_PER_CM, polarisation, color=BLACK, linestyle=SOLID, label=name)
     for volts, colour, dashes in ((80, BLUE, DASHED), (40, VERMILION, DASH_DOT)):
         limit = volts / paper.FILM_THICKNESS.value
         up, down = np.linspace(-limit, limit, 201), np.linspace(limit, -limit, 201)
         start = polarise([limit, -limit], _FILM).history
-        axes.plot(*_curve(np.concatenate([up, down]), start), color=colour, linestyle=dashes)
-    axes.plot(*_curve(np.linspace(0, 600, 301) * _KV_PER_CM, VIRGIN), color=GREEN, linestyle=DOTTED)
+        axes.plot(*_curve(np.concatenate([up, down]), start), color=colour, linestyle=dashes, label=f"±{volts} V")
+    axes.plot(
+        *_curve(np.linspace(0, 600, 301) * _KV_PER_CM, VIRGIN), color=GREEN, linestyle=DOTTED, label="first poling"
+    )
     axes.plot([0, 0], [2, -2], linestyle="none", marker="o", markersize=5, color=BLACK, zorder=6)
+    axes.legend(loc="lower right", frameon=False, fontsize=8.5, handlelength=3.6)
     label(axes, -15, 2.2, "$P_r$", BLACK, ha="right")
     label(axes, 15, -2.5, "$-P_r$", BLACK)
-    label(axes, 75, 4.25, "saturated loop", BLACK, ha="right")
-    label(axes, -335, -3.0, "±80 V", BLUE, ha="right", va="center")
-    label(axes, -185, -1.2, "±40 V", VERMILION, ha="right", va="center")
-    label(axes, 430, 3.75, "first poling", GREEN, ha="right", va="bottom")
     axes.set(
         xlabel="electric field  $E$  [kV/cm]",
         ylabel="polarisation  $P$  [µC/cm²]",

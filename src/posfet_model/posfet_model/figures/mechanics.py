@@ -28,13 +28,13 @@ def deflection() -> Figure:
         ):
             height = bent.deflection / _MICRO
             axes.plot(microns, np.where(bent.small, height, np.nan), color=colour, linestyle=dashes)
-            axes.plot(microns, np.where(bent.small, np.nan, height), color=colour, linestyle=DOTTED, linewidth=0.9)
+            axes.plot(microns, np.where(bent.small, np.nan, height), color=GREY, linestyle=DOTTED, linewidth=1.0)
         place = 235e-6
         low = float(circular_deflection(pressure, 5e-3, place, *_SILICON).deflection) / _MICRO
-        label(axes, place / _MICRO, low * 0.62, name, BLACK, ha="right", va="top")
-    axes.plot(microns, microns / 2, color=GREY, linewidth=1.1)
+        label(axes, place / _MICRO, low * 0.66, name, BLACK, ha="right", va="top", bbox=None)
+    axes.plot(microns, microns / 2, color=GREY, linewidth=1.2)
     label(axes, 11, 3.3, "$y = h/2$", GREY)
-    label(axes, 430, 420, "dotted: beyond\nsmall-deflection theory", GREY, ha="right", va="center")
+    label(axes, 330, 480, "dotted: beyond\nsmall-deflection theory", GREY, ha="right", va="center")
     axes.plot([], [], color=BLUE, linestyle=SOLID, label="square, $a$ = 1 cm, eq. (13)")
     axes.plot([], [], color=VERMILION, linestyle=DASHED, label="circular, $r$ = 0.5 cm, eq. (12)")
     axes.legend(loc="lower left", frameon=False, fontsize=8.5, handlelength=3.2)
@@ -56,14 +56,17 @@ def bending() -> Figure:
     figure, (axes,) = new_figure(3.6)
     radius = np.logspace(-3, 0, 200)
     film = Layer(paper.FILM_THICKNESS.value, paper.FILM_MODULUS.value, paper.FILM_POISSON_RATIO.value)
-    for thickness, colour, dashes in ((450, BLACK, DASH_DOT), (50, VERMILION, DASHED), (20, BLUE, SOLID)):
+    for thickness, colour, dashes, shift in (
+        (450, BLACK, DASH_DOT, 1.2),
+        (50, VERMILION, DASHED, 1.2),
+        (20, BLUE, SOLID, 0.45),
+    ):
         chip = [Layer(thickness * _MICRO, *_SILICON), film]
         strain = [100 * bend_on_cylinder(chip, value).film_strain for value in radius]
         axes.plot(radius * 1e3, strain, color=colour, linestyle=dashes)
-        place = int(np.searchsorted(radius, 0.03))
-        label(
-            axes, radius[place] * 1e3, strain[place] * 1.12, f"chip of {thickness} µm", colour, va="bottom", bbox=None
-        )
+        place = int(np.searchsorted(radius, 0.1 if shift > 1 else 0.05))
+        left = {"ha": "left"} if shift > 1 else {"ha": "right"}
+        label(axes, radius[place] * 1e3, strain[place] * shift, f"chip of {thickness} µm", colour, bbox=None, **left)
     axes.axhspan(0.5, 1.0, color="#e6e6e6", zorder=0)
     label(axes, 900, 0.71, "silicon breaks at 0.5 to 1 %", GREY, ha="right", va="center", bbox=None)
     axes.set(
