@@ -13,27 +13,9 @@ SOURCES = Path(__file__).parent.parent / "src"
 LAYERS = ["posfet_msgs", "posfet_model", "posfet_driver", "posfet"]
 """From the lowest to the highest: each may import those before it."""
 ROS_FILES = ("_node.py", "conversions.py", "ros_parameters.py")
-ROS_PACKAGES = set(
-    [
-        "rclpy",
-        "rcl_interfaces",
-        "builtin_interfaces",
-        "std_msgs",
-        "geometry_msgs",
-        "sensor_msgs",
-        "diagnostic_msgs",
-        "visualization_msgs",
-        "lifecycle_msgs",
-        "posfet_msgs",
-        "tf2_ros",
-        "launch",
-        "launch_ros",
-    ]
-)
-
-FILES = ("_node.py", "conversions.py", "ros_parameters.py")
-ROS_PACKAGES = {"rclpy", "rcl_interfaces", "builtin_interfaces", "std_msgs", "geometry_msgs", "sensor_msgs",
-                "diagnostic_msgs", "visualization_msgs", "lifecycle_msgs", "posfet_msgs", "tf2_ros", "launch", "launch_ros"}  # fmt: skip
+ROS_PACKAGES = {"rclpy", "rcl_interfaces", "builtin_interfaces", "tf2_ros", "launch", "launch_ros"} | {
+    f"{name}_msgs" for name in ("std", "geometry", "sensor", "diagnostic", "visualization", "lifecycle", "posfet")
+}
 
 FILES = sorted(path for layer in LAYERS for path in (SOURCES / layer / layer).rglob("*.py"))
 

@@ -34,9 +34,7 @@ ARGUMENTS: Final = (
     Argument("can_channel", "can0", "Channel of that interface: can0, /dev/ttyACM0, PCAN_USBBUS1, ..."),
     Argument("can_bitrate", "0", "Nominal bitrate in bit/s; 0: as in the sensor file"),
     Argument("can_fd", "auto", "CAN FD or classic CAN; auto: as in the sensor file", ("auto", *BOOLEAN)),
-    Argument(
-        "namespace", "tactile", "Namespace of nodes and topics, one for each sensor"
-    ),
+    Argument("namespace", "tactile", "Namespace of nodes and topics, one for each sensor"),
     Argument("sensor_file", "posfet_5x5", "Sensor description: a YAML file, or the name of a shipped one"),
     Argument("params_file", "", "YAML file with node parameters; empty: config/parameters.yaml of this package"),
     Argument("scene", "press_slide_lift", "What happens to the simulated board: a YAML file, or a shipped scene"),

@@ -6,6 +6,8 @@ import argparse
 import math
 import sys
 from collections.abc import Sequence
+from importlib import import_module
+from typing import Final
 
 from ament_index_python.packages import get_package_share_directory
 
@@ -13,6 +15,8 @@ from posfet.arguments import describe, parse
 from posfet.graph import graph
 from posfet_model.config import ConfigError
 
+RUNNERS: Final = {"true": "posfet.composed_node", "false": "posfet.separate_node"}
+"""Module that runs the graph, by the argument `composed`; loaded late, so that bad arguments are answered at once."""
 BAD_INPUT = 1
 
 
@@ -50,12 +54,7 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         arguments = parse(options.arguments)
         specs = graph(arguments, arguments["params_file"] or default_params_file())
-        # rclpy is loaded only now, so that bad arguments and --show-args answer at once.
-        if arguments["composed"] == "true":
-            from posfet.composed_node import run
-        else:
-            from posfet.separate_node import run
-        return run(specs, options.seconds)
+        return int(import_module(RUNNERS[arguments["composed"]]).run(specs, options.seconds))
     except ConfigError as error:
         print(error, file=sys.stderr)
         return BAD_INPUT

@@ -44,7 +44,12 @@ class Screen:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the terminal back; may be called twice."""
         self._stack.close()
+        self._live = None
         sys.stdout.flush()
 
     def update(self, now: float | None = None) -> None:

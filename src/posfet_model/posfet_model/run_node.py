@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
@@ -18,7 +19,6 @@ try:
 except ImportError:  # rclpy before Jazzy's
     from rclpy.executors import SingleThreadedExecutor as NodeExecutor
 
-RCLError = rclpy_implementation.RCLError
 NODE_ERROR = 1
 
 POLL = 0.1
@@ -44,25 +44,40 @@ def spin(nodes: Sequence[Node], until: Callable[[], bool] = lambda: False) -> No
         executor.shutdown()
 
 
+@contextmanager
+def ros(arguments: Sequence[str] | None = None) -> Iterator[ExitStack]:
+    """Run the block with rclpy, and end cleanly on Ctrl-C and SIGTERM.
+
+    Yields a stack for what has to be undone before rclpy shuts down, first of all `destroy_node`. Raises ConfigError
+    for a ROS command line or parameter file that cannot be read.
+    """
+    try:
+        rclpy.init(args=arguments)
+    except rclpy_implementation.RCLError as error:
+        raise ConfigError(" ".join(str(error).split())) from error
+    with ExitStack() as stack:
+        stack.callback(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT))
+        stack.callback(rclpy.try_shutdown)
+        try:
+            yield stack
+        except (KeyboardInterrupt, ExternalShutdownException):
+            pass
+        finally:
+            # A second Ctrl-C, as launch sends one after the terminal's, must not break the end.
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 def run_node(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
     """Run one node until Ctrl-C or SIGTERM and return the exit code of the process.
 
     0 after a clean end; 1 with one line on stderr when a file or parameter cannot be used.
     """
-    node = None
     try:
-        rclpy.init(args=arguments)
-        node = make_node()
-        spin([node])
-    except (ConfigError, RCLError) as error:
-        print(" ".join(str(error).split()), file=sys.stderr)
+        with ros(arguments) as stack:
+            node = make_node()
+            stack.callback(node.destroy_node)
+            spin([node])
+    except ConfigError as error:
+        print(error, file=sys.stderr)
         return NODE_ERROR
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        # A second Ctrl-C, as launch sends one after the terminal's, must not break the end.
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        if node is not None:
-            node.destroy_node()
-        rclpy.try_shutdown()
     return 0

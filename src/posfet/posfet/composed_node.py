@@ -1,0 +1,116 @@
+"""The whole graph in one process: the source of scans calls the model directly, no message in between."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from rclpy.node import Node
+
+from posfet.graph import NodeSpec
+from posfet.screen import Screen
+from posfet.show_node import show
+from posfet.snapshot import ContactView, Snapshot, TrueContact
+from posfet_driver.driver_node import DriverNode
+from posfet_driver.scan_source_node import ScanSourceNode
+from posfet_driver.sim_board_node import SimBoardNode
+from posfet_model.model_node import ModelNode
+from posfet_model.run_node import ros
+from posfet_model.tracker import Contact, ContactState
+
+NODES = {"model_node": ModelNode, "sim_board_node": SimBoardNode, "driver_node": DriverNode}
+
+
+class Graph:
+    """The nodes of one graph, joined in this process. Raises ConfigError for a parameter or file of no use."""
+
+    def __init__(self, specs: Sequence[NodeSpec]) -> None:
+        self.nodes: dict[str, Node] = {}
+        try:
+            for spec in specs:
+                arguments = spec.arguments
+                if spec.executable == "model_node":
+                    arguments = [*arguments, "-p", "direct:=true"]
+                node: Any = NODES[spec.executable](cli_args=arguments, use_global_arguments=False)
+                self.nodes[spec.executable] = node
+        except BaseException:
+            self.destroy()
+            raise
+        self._model: ModelNode = self.nodes["model_node"]
+        self._simulation: SimBoardNode | None = self.nodes.get("sim_board_node")
+        self._source: ScanSourceNode = self.nodes[specs[-1].executable]
+        self._source.sink = self._model.process
+
+    def start(self) -> None:
+        """Let scans flow; raises ConfigError when a source cannot be opened and trying again would not help."""
+        for node in self.nodes.values():
+            if isinstance(node, ScanSourceNode):
+                node.start()
+
+    def destroy(self) -> None:
+        """End the sources, then the rest."""
+        for node in reversed(self.nodes.values()):
+            node.destroy_node()
+
+    def snapshot(self) -> Snapshot | None:
+        """Return the newest snapshot, or None before the first scan."""
+        latest = self._model.latest()
+        if latest is None:
+            return None
+        report = self._source.source.report()
+        rows, cols = latest.force.shape
+        return Snapshot(
+            time=time.monotonic(),
+            scans=latest.scans,
+            frames_lost=report.frames_lost,
+            scans_lost=latest.missed,
+            rows=rows,
+            cols=cols,
+            force=latest.force.ravel(),
+            total_force=latest.total,
+            data_valid=latest.valid,
+            contacts=tuple(_view(contact) for contact in latest.contacts if contact.state != ContactState.RELEASED),
+            truth=self._truth(),
+            state=report.state,
+        )
+
+    def state(self) -> str:
+        """Return what the source of scans says of itself."""
+        return self._source.source.report().state
+
+    def _truth(self) -> tuple[TrueContact, ...]:
+        if self._simulation is None:
+            return ()
+        truth = self._simulation.truth()
+        touching = zip(truth.contact_centres.tolist(), truth.contact_forces.tolist(), strict=True)
+        return tuple(TrueContact(x, y, force) for (x, y), force in touching)
+
+
+def _view(contact: Contact) -> ContactView:
+    region = contact.region
+    x, y = region.centre_of_pressure
+    return ContactView(
+        id=contact.id,
+        state=contact.state.name.lower(),
+        x=x,
+        y=y,
+        force=region.force,
+        standard_deviation=region.force_variance**0.5,
+        area=region.area,
+        age=contact.age,
+    )
+
+
+def run(specs: Sequence[NodeSpec], seconds: float) -> int:
+    """Run the graph and show it for `seconds` [s] or until Ctrl-C; return the exit code.
+
+    Raises ConfigError, one line, for a parameter or file of no use.
+    """
+    with ros(["--ros-args", "--log-level", specs[0].log_level]) as stack:
+        graph = Graph(specs)
+        stack.callback(graph.destroy)
+        with Screen(graph) as screen:
+            graph.start()
+            return show(screen, list(graph.nodes.values()), seconds, graph.state)
+    return 0

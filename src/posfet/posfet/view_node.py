@@ -1,0 +1,125 @@
+"""Shows a running stack from its topics: `posfet view`."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.node import Node
+
+from posfet.screen import Screen
+from posfet.show_node import show
+from posfet.snapshot import ContactView, Snapshot, TrueContact
+from posfet_model.config import ConfigError
+from posfet_model.run_node import ros
+from posfet_model.tracker import ContactState
+from posfet_msgs.msg import TactileContacts, TactileImage, TactileTruth
+
+FAILED = 1
+
+
+class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
+    """Keeps the newest messages of one stack; they are looked at only when a snapshot is asked for."""
+
+    def __init__(self, namespace: str) -> None:
+        super().__init__("view_node", namespace=namespace, use_global_arguments=False)
+        self._image: TactileImage | None = None
+        self._contacts: TactileContacts | None = None
+        self._truth: TactileTruth | None = None
+        self._state = ""
+        self._frames_lost = 0
+        self._scans = 0
+        self._first_sequence = 0
+        depth = 100
+        self.create_subscription(TactileImage, "image", self._take_image, depth)
+        self.create_subscription(TactileContacts, "contacts", self._take_contacts, depth)
+        self.create_subscription(TactileTruth, "truth", self._take_truth, depth)
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, depth)
+
+    def snapshot(self) -> Snapshot | None:
+        """Return the newest snapshot, or None before the first image and contacts."""
+        image, contacts = self._image, self._contacts
+        if image is None or contacts is None:
+            return None
+        return Snapshot(
+            time=time.monotonic(),
+            scans=self._scans,
+            frames_lost=self._frames_lost,
+            scans_lost=int(image.sequence) - self._first_sequence + 1 - self._scans,
+            rows=image.rows,
+            cols=image.cols,
+            force=np.asarray(image.force),
+            total_force=image.total_force,
+            data_valid=contacts.data_valid,
+            contacts=tuple(_view(contact) for contact in contacts.contacts if contact.state != ContactState.RELEASED),
+            truth=_true_contacts(self._truth),
+            state=self._state,
+        )
+
+    def state(self) -> str:
+        """Return what the source of scans says of itself."""
+        return self._state or f"nothing on {self.get_namespace()}/image and {self.get_namespace()}/contacts"
+
+    def _take_image(self, message: TactileImage) -> None:
+        if self._image is None or message.sequence <= self._image.sequence:  # the first, or the board started anew
+            self._first_sequence, self._scans = int(message.sequence), 0
+        self._scans += 1
+        self._image = message
+
+    def _take_contacts(self, message: TactileContacts) -> None:
+        self._contacts = message
+
+    def _take_truth(self, message: TactileTruth) -> None:
+        self._truth = message
+
+    def _take_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {pair.key: pair.value for pair in status.values}
+            if status.name.startswith(f"{self.get_namespace()}/") and "frames lost" in values:
+                self._state = status.message
+                # The simulated board reports 0 beside the driver of an emulated adapter: the greater one counts.
+                self._frames_lost = max(self._frames_lost, int(values["frames lost"]))
+
+
+def _view(contact: Any) -> ContactView:
+    return ContactView(
+        id=contact.id,
+        state=ContactState(contact.state).name.lower(),
+        x=contact.centre_of_pressure.x,
+        y=contact.centre_of_pressure.y,
+        force=-contact.force.z,
+        standard_deviation=math.sqrt(contact.force_covariance[8]),
+        area=contact.area,
+        age=contact.age.sec + contact.age.nanosec * 1e-9,
+    )
+
+
+def _true_contacts(truth: TactileTruth | None) -> tuple[TrueContact, ...]:
+    if truth is None:
+        return ()
+    touching = zip(truth.contact_centres, truth.contact_forces, strict=True)
+    return tuple(TrueContact(centre.x, centre.y, force) for centre, force in touching)
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Run `posfet view` and return the exit code."""
+    parser = argparse.ArgumentParser(prog="posfet view", description="Show the live force map of a running stack.")
+    parser.add_argument("--namespace", default="tactile", help="namespace of the sensor (default: tactile)")
+    parser.add_argument("--for", dest="seconds", type=float, default=math.inf, help="stop after this many seconds")
+    options = parser.parse_args(words)
+    try:
+        with ros([]) as stack:
+            node = ViewNode(options.namespace)
+            stack.callback(node.destroy_node)
+            with Screen(node) as screen:
+                return show(screen, [node], options.seconds, node.state)
+    except ConfigError as error:
+        print(error, file=sys.stderr)
+        return FAILED
+    return 0
