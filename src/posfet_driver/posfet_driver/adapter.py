@@ -1,0 +1,173 @@
+"""An emulated slcan adapter on a pseudo-terminal, with a board behind it: the wire path without any hardware."""
+
+from __future__ import annotations
+
+import os
+import select
+import threading
+import tty
+from pathlib import Path
+from typing import Final, Protocol
+
+from posfet_driver.frames import Frame
+from posfet_driver.slcan_lines import END, REFUSED, LineReader, encode_line, parse_line
+from posfet_driver.source import Clock, SourceError, SystemClock
+
+OUTPUT_LIMIT: Final = 1 << 16
+"""Bytes that wait for a reader; what comes when they are there already is lost, as on a wire nobody reads."""
+READ_SIZE: Final = 4096
+IDLE: Final = 0.5
+"""Longest wait for commands [s]."""
+
+
+class Node(Protocol):
+    """What is on the bus behind the adapter, such as a BoardFirmware. Times are monotonic [ns]."""
+
+    def next_due(self) -> int:
+        """Return when the next frame is due."""
+        ...
+
+    def due(self, now: int) -> list[Frame]:
+        """Return the frames that are due."""
+        ...
+
+    def receive(self, frame: Frame, now: int) -> list[Frame]:
+        """Take a frame and return those that answer it."""
+        ...
+
+
+class EmulatedAdapter:
+    """Serves one pseudo-terminal in a thread of its own, from `open` to `close`, at the stable path `link`.
+
+    Commands as in LAWICEL's manual and CANable's firmware: O L C (open, listen only, close), S Y (bitrates), V N F
+    (version, serial number, status), and frames t T r R d D b B. Commands that set what an emulation does not have are
+    accepted. Not emulated: the time a bus takes, arbitration, bus errors, other nodes, and the time stamps of command
+    Z, which is refused.
+    """
+
+    def __init__(self, link: Path | str, node: Node, clock: Clock | None = None) -> None:
+        self.link = Path(link)
+        self.frames_sent = 0
+        """Frames written to the terminal."""
+        self.frames_dropped = 0
+        """Frames lost because nobody read the terminal."""
+        self._node = node
+        self._clock = clock or SystemClock()
+        self._reader = LineReader()
+        self._output = bytearray()
+        self._channel_open = False
+        self._listen_only = False
+        self._thread: threading.Thread | None = None
+        self._terminals: tuple[int, ...] = ()
+        self._wake: tuple[int, ...] = ()
+
+    def open(self) -> None:
+        """Make the terminal, link it, and serve it.
+
+        Raises SourceError when the link cannot be made, or something else is at its path.
+        """
+        self._terminals = os.openpty()
+        self._wake = os.pipe()
+        master, slave = self._terminals
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        try:
+            self._make_link(os.ttyname(slave))
+        except OSError as error:
+            self._release()
+            raise SourceError(f"{self.link}: the adapter cannot be linked here: {error.strerror}") from error
+        self._thread = threading.Thread(target=self._run, args=(master,), name="slcan adapter", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread and take the terminal away, as when the adapter is unplugged; may be called twice."""
+        if not self._thread:
+            return
+        os.write(self._wake[1], b"x")
+        self._thread.join()
+        self._thread = None
+        if self.link.is_symlink() and os.readlink(self.link) == os.ttyname(self._terminals[1]):
+            self.link.unlink()
+        self._release()
+
+    def _make_link(self, target: str) -> None:
+        if self.link.exists() and not self.link.is_symlink():
+            raise FileExistsError(0, "there is something else already")
+        self.link.parent.mkdir(parents=True, exist_ok=True)
+        fresh = self.link.with_name(f"{self.link.name}.{os.getpid()}")
+        fresh.symlink_to(target)
+        fresh.replace(self.link)
+
+    def _release(self) -> None:
+        for descriptor in (*self._terminals, *self._wake):
+            os.close(descriptor)
+        self._terminals = self._wake = ()
+        self._channel_open = False
+        self._output.clear()
+        self._reader.clear()
+
+    def _run(self, master: int) -> None:
+        poll = select.poll()
+        poll.register(self._wake[0], select.POLLIN)
+        while True:
+            events = select.POLLIN | (select.POLLOUT if self._output else 0)
+            poll.register(master, events)
+            wait = (self._node.next_due() - self._clock.monotonic()) / 1e9
+            ready = dict(poll.poll(min(max(wait, 0.0), IDLE) * 1000))
+            if self._wake[0] in ready:
+                return
+            if ready.get(master, 0) & select.POLLIN:
+                for line in self._reader.lines(os.read(master, READ_SIZE)):
+                    self._obey(line)
+            for frame in self._node.due(self._clock.monotonic()):
+                self._send(frame)
+            self._flush(master)
+
+    def _obey(self, line: bytes) -> None:
+        """Carry out one line and reply to it."""
+        letter = line[:1]
+        if letter in {b"O", b"L"}:
+            self._reply(REFUSED if self._channel_open else END)
+            if not self._channel_open:
+                self._channel_open, self._listen_only = True, letter == b"L"
+        elif letter == b"C":
+            self._channel_open = False
+            self._output.clear()
+            self._reply(END)
+        elif letter in {b"", b"S", b"s", b"Y"}:
+            self._reply(REFUSED if self._channel_open and letter else END)
+        elif line in _ANSWERS:
+            self._reply(_ANSWERS[line])
+        else:
+            self._transmit(line)
+
+    def _transmit(self, line: bytes) -> None:
+        frame = parse_line(line)
+        if frame is None or not self._channel_open or self._listen_only:
+            self._reply(REFUSED)
+            return
+        self._reply(b"Z\r" if line[0] < ord("a") else b"z\r")
+        for answer in self._node.receive(frame, self._clock.monotonic()):
+            self._send(answer)
+
+    def _reply(self, reply: bytes) -> None:
+        self._output += reply
+
+    def _send(self, frame: Frame) -> None:
+        if not self._channel_open:
+            return
+        if len(self._output) > OUTPUT_LIMIT:
+            self.frames_dropped += 1
+            return
+        self._output += encode_line(frame)
+        self.frames_sent += 1
+
+    def _flush(self, master: int) -> None:
+        while self._output:
+            try:
+                del self._output[: os.write(master, self._output)]
+            except BlockingIOError:
+                return
+
+
+_ANSWERS: Final = {b"V": b"V1013\r", b"N": b"NPSFT\r", b"F": b"F00\r"}

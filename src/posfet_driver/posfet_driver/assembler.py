@@ -1,0 +1,170 @@
+"""Blocks to whole scans: what is torn, lost, repeated or late is told apart and counted, never handed on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from posfet_driver.codec import FD_CLOCK, ScanCodec
+
+CLASSIC_LATE: Final = 3
+"""A 4-bit counter that is up to this far behind belongs to a late frame; further, and scans were lost."""
+QUIET_LIMIT: Final = 8.0
+"""Scan periods of silence on the bus within a scan, from which the same 4-bit counter means another scan."""
+SCAN_PAGE: Final = 0x1_0000
+NUMBER_WRAP: Final = 0x1_0000_0000
+
+
+@dataclass(slots=True)
+class Losses:
+    """What did not become a scan, by cause; never falls."""
+
+    malformed: int = 0
+    """Frames with the board's identifier that cannot be its."""
+    repeated: int = 0
+    """Frames that came twice."""
+    late: int = 0
+    """Frames of a scan that was given up already."""
+    torn_scans: int = 0
+    """Scans of which only a part came."""
+    lost_scans: int = 0
+    """Scans of which nothing came."""
+    frames: int = 0
+    """Frames that did not come, of torn and of lost scans."""
+
+
+class Assembler:
+    """Collects the blocks of one board's scans.
+
+    Frames of one scan share its counter and, with CAN FD, its time. Boards send scans in order, so a scan is given up
+    when a later one begins. A classic counter has 4 bits and is the same again after 16 scans: two such scans are told
+    apart by the silence between them, which the caller measures (`feed`).
+    """
+
+    def __init__(self, codec: ScanCodec) -> None:
+        self.codec = codec
+        self.losses = Losses()
+        self.counts = np.zeros(codec.taxels, np.uint16)
+        """Counts of the last whole scan."""
+        self.sequence = -1
+        """Number of the scan that was begun last, wraps undone; -1 before the first."""
+        self.device_time = 0
+        """Its time on the board's clock [us], wraps undone."""
+        self.status = 0
+        """Its status, from the block that came last."""
+        self._whole = (1 << codec.blocks) - 1
+        self._half = (codec.counter_mask + 1) // 2
+        self._seen = 0  # blocks of the scan being collected
+        self._given_up = True  # nothing is being collected
+        self._clock = 0  # device time on the wire
+        self._synced = False  # `sequence` is a scan of this board
+        self._clock_synced = False  # and so is `device_time`
+        self._begun_quiet = 0.0
+
+    def resync(self, next_scan: int, count_gap: bool = True) -> bool:
+        """Take the low 32 bits of the number of the scan that comes next; return whether the board was reset.
+
+        With `count_gap` what lies between the last scan and this one is counted as lost. After a reset numbers and time
+        begin anew.
+        """
+        self._give_up()
+        ahead = (next_scan - self.sequence + NUMBER_WRAP // 2) % NUMBER_WRAP - NUMBER_WRAP // 2
+        reset = self._synced and ahead <= 0
+        if self._synced and not reset:
+            if count_gap:
+                self._lose(ahead - 1)
+            self.sequence += ahead - 1
+        else:
+            self.sequence = next_scan - 1
+            self._clock_synced = False
+        self._synced = True
+        self._begun_quiet = math.inf
+        return reset
+
+    def align(self, scan: int) -> None:
+        """Take the low 16 bits of the newest scan's number, as boards send them with their status.
+
+        A classic counter does not show that a multiple of 16 scans was lost; this does.
+        """
+        if self.codec.fd or not self._synced:
+            return
+        ahead = (scan - self.sequence + SCAN_PAGE // 2) % SCAN_PAGE - SCAN_PAGE // 2
+        missed = round(ahead / 16) * 16
+        if missed > 0:
+            self._lose(missed)
+            self.sequence += missed
+
+    def feed(self, offset: int, kind: int, data: bytes, quiet: float = 0.0) -> bool:
+        """Take one frame; return True when it made a scan whole.
+
+        `offset` is its identifier less the board's base, `quiet` the silence on the bus [scan periods] since any fixed
+        moment.
+        """
+        header = self.codec.header(offset, kind, data)
+        if header is None:
+            self.losses.malformed += 1
+            return False
+        clock, counter, block, status = header
+        same = counter == self.sequence & self.codec.counter_mask and clock == self._clock
+        if not same or (not self.codec.fd and quiet - self._begun_quiet > QUIET_LIMIT):
+            if not self._begin(counter, clock, quiet):
+                return False
+        elif self._given_up:
+            self.losses.late += 1
+            return False
+        bit = 1 << block
+        if self._seen & bit:
+            self.losses.repeated += 1
+            return False
+        self._seen |= bit
+        self.status = status
+        length = self.codec.block_length
+        self.codec.wire[block * length : (block + 1) * length] = data
+        if self._seen != self._whole:
+            return False
+        self.codec.decode(self.counts)
+        return True
+
+    def _begin(self, counter: int, clock: int, quiet: float) -> bool:
+        """Begin the scan that a frame belongs to; False when the frame is of no use."""
+        mask = self.codec.counter_mask
+        ahead = (counter - self.sequence) & mask
+        if not self._synced:
+            self.sequence, ahead = counter - 1, 1
+        elif self.codec.fd:
+            if ahead == 0:  # the counter stands still while the clock runs
+                self.losses.malformed += 1
+                return False
+            if ahead >= self._half:
+                self.losses.late += 1
+                return False
+        elif ahead == 0:
+            ahead = mask + 1
+        elif ahead > mask - CLASSIC_LATE:
+            self.losses.late += 1
+            self._give_up()
+            return False
+        self._give_up()
+        self._lose(ahead - 1)
+        self.sequence += ahead
+        self.device_time = self.device_time + ((clock - self._clock) & FD_CLOCK) if self._clock_synced else clock
+        self._synced = self._clock_synced = True
+        self._clock = clock
+        self._begun_quiet = quiet
+        self._seen = 0
+        self._given_up = False
+        return True
+
+    def _give_up(self) -> None:
+        """Count the scan being collected as torn, unless it is whole or was counted already."""
+        if not self._given_up and self._seen != self._whole:
+            self.losses.torn_scans += 1
+            self.losses.frames += (self._whole ^ self._seen).bit_count()
+        self._given_up = True
+
+    def _lose(self, scans: int) -> None:
+        self.losses.lost_scans += scans
+        self.losses.frames += scans * self.codec.blocks

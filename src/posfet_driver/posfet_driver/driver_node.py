@@ -1,0 +1,59 @@
+"""The node that reads one board from a CAN bus."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+from posfet_driver.board import Board
+from posfet_driver.bus import FD_CHOICES, bus_settings, open_bus
+from posfet_driver.scan_source_node import ScanSourceNode
+from posfet_model.ros_parameters import Parameter
+from posfet_model.run_node import run_node
+from posfet_model.sensor import Sensor
+
+PARAMETERS = (
+    Parameter("can_interface", "slcan", "Interface of python-can; slcan is the buffered reader of this package"),
+    Parameter("can_channel", "/dev/ttyACM0", "Channel of the interface: can0, /dev/ttyACM0, ..."),
+    Parameter("can_bitrate", 0, "Nominal bitrate [bit/s]; 0: as in the sensor file", 0, 1_000_000),
+    Parameter("can_data_bitrate", 0, "Bitrate of the data phase of CAN FD [bit/s]; 0: as in the file", 0, 8_000_000),
+    Parameter("can_fd", "auto", "Whether the board sends CAN FD; auto: as in the sensor file", choices=FD_CHOICES),
+    Parameter("can_options", [""], "Further options of the interface, each as key=value"),
+)
+
+
+class DriverNode(ScanSourceNode):
+    """Publishes the scans of a board on a CAN bus."""
+
+    def __init__(self, **node_arguments: Any) -> None:
+        super().__init__("driver", PARAMETERS, **node_arguments)
+
+    def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> Board:
+        """Return the board on the bus that the parameters name. Raises ConfigError for what cannot work."""
+        settings = bus_settings(
+            parameters["can_interface"],
+            parameters["can_channel"],
+            sensor.can,
+            bitrate=parameters["can_bitrate"],
+            data_bitrate=parameters["can_data_bitrate"],
+            fd=parameters["can_fd"],
+            options=parameters["can_options"],
+        )
+        return Board(sensor, partial(open_bus, settings), settings.fd)
+
+
+def make_node() -> DriverNode:
+    """Return the node, started."""
+    node = DriverNode()
+    node.start()
+    return node
+
+
+def main() -> None:
+    """Run the node until it is told to end."""
+    raise SystemExit(run_node(make_node))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,153 @@
+"""Everything a board sends, made into scans, status and answers. Knows no bus and no clock."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from posfet_driver.assembler import Assembler
+from posfet_driver.board_clock import BoardClock
+from posfet_driver.codec import ScanCodec, make_codec
+from posfet_driver.frames import CLASSIC, ERROR, EXTENDED, Frame
+from posfet_driver.messages import (
+    RESPONSE_OFFSET,
+    STATUS_OFFSET,
+    Page,
+    Response,
+    Status,
+)
+from posfet_model.scan import Scan, ScanStatus
+from posfet_model.sensor import Sensor
+
+PERIOD_UNIT: Final = 1e9
+"""Nanoseconds in a second."""
+
+
+@dataclass(slots=True)
+class Traffic:
+    """Frames that carry no scan of the board, by cause; never falls."""
+
+    foreign: int = 0
+    """Frames of other nodes on the bus."""
+    bus_errors: int = 0
+    """Error frames."""
+    malformed: int = 0
+    """Status frames and answers of a wrong form."""
+
+
+class Receiver:
+    """Takes the frames of a bus one by one and picks out one board's.
+
+    `scan` is filled anew by each frame that makes a scan whole.
+    """
+
+    def __init__(self, sensor: Sensor, fd: bool) -> None:
+        """Raise ConfigError when the layout does not fit the frames."""
+        codec: ScanCodec = make_codec(sensor, fd)
+        self.assembler = Assembler(codec)
+        self.traffic = Traffic()
+        self.scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
+        self.scan.counts = self.assembler.counts
+        self.listening = True
+        """False: the board's scans are passed over, not even counted."""
+        self.scans = 0
+        """Whole scans so far."""
+        self.response: Response | None = None
+        """The newest answer, until somebody takes it."""
+        self.status = Status((math.nan, math.nan), math.nan, 0, Page.LAYOUT, 0)
+        """The newest status."""
+        self.layout_id: int | None = None
+        self.firmware: int | None = None
+        """Of the board, from its status frames; None: not known yet."""
+        self._base = sensor.can.base_id
+        self._fd = fd
+        self._blocks = codec.blocks
+        self._period = PERIOD_UNIT / sensor.can.scan_rate
+        self._clock = BoardClock()
+        self._quiet = 0.0
+        self._arrival = 0
+        self._wall_offset = 0
+        self._reset = False
+        self._first_block = codec.offset(0)
+        self._last_block = codec.offset(codec.blocks - 1)
+
+    @property
+    def frames_lost(self) -> int:
+        """Frames of the board that did not arrive or could not be used."""
+        losses = self.assembler.losses
+        return losses.frames + losses.malformed + self.traffic.malformed
+
+    def resync(self, next_scan: int, count_gap: bool) -> None:
+        """Take the number of the next scan, as the board answers a start; `count_gap` as in `Assembler.resync`."""
+        if self.assembler.resync(next_scan, count_gap):
+            self._reset = True
+            self._clock.reset()
+
+    def begin_batch(self, frames: list[Frame], arrival: int, wall_offset: int) -> None:
+        """Take note that `frames` were read at `arrival` [ns, monotonic]; `wall_offset` [ns] leads to wall time.
+
+        The silence on the bus is what remains of the time since the last batch when the time that the frames of this
+        one took to be sent is taken off: a reader that was held up finds as many frames as time went by.
+        """
+        if not self._fd:
+            low, high = self._base + self._first_block, self._base + self._last_block
+            scans = sum(1 for identifier, _, _ in frames if low <= identifier <= high) / self._blocks
+            self._quiet += max((arrival - self._arrival) / self._period - scans, 0.0)
+        self._arrival = arrival
+        self._wall_offset = wall_offset
+
+    def feed(self, frame: Frame) -> bool:
+        """Take one frame; return True when `scan` is a new one."""
+        identifier, kind, data = frame
+        offset = identifier - self._base
+        if self._first_block <= offset <= self._last_block and not kind & (EXTENDED | ERROR):
+            if not self.listening or not self.assembler.feed(offset, kind, data, self._quiet):
+                return False
+            self._complete()
+            return True
+        self._other(offset, kind, data)
+        return False
+
+    def _complete(self) -> None:
+        scan, assembler = self.scan, self.assembler
+        scan.sequence = assembler.sequence
+        scan.frames_lost = self.frames_lost
+        if self._fd:
+            scan.device_time = assembler.device_time
+            scan.status = assembler.status
+            scan.stamp = self._clock.to_monotonic(assembler.device_time, self._arrival) + self._wall_offset
+        else:
+            scan.status = self.status.flags | ScanStatus.TIME_ESTIMATED
+            scan.stamp = self._arrival + self._wall_offset
+        if self._reset:
+            scan.status |= ScanStatus.BOARD_RESET
+            self._reset = False
+        self.scans += 1
+
+    def _other(self, offset: int, kind: int, data: bytes) -> None:
+        if kind & ERROR:
+            self.traffic.bus_errors += 1
+        elif offset == STATUS_OFFSET and not kind & EXTENDED:
+            self._take_status(Status.unpack(data) if kind == CLASSIC else None)
+        elif offset == RESPONSE_OFFSET and not kind & EXTENDED:
+            response = Response.unpack(data) if kind == CLASSIC else None
+            if response is None:
+                self.traffic.malformed += 1
+            else:
+                self.response = response
+        else:
+            self.traffic.foreign += 1
+
+    def _take_status(self, status: Status | None) -> None:
+        if status is None:
+            self.traffic.malformed += 1
+            return
+        self.status = status
+        self.scan.temperatures[:] = status.temperatures
+        if status.page == Page.LAYOUT:
+            self.layout_id = status.value
+        elif status.page == Page.FIRMWARE:
+            self.firmware = status.value
+        elif status.page == Page.SCAN:
+            self.assembler.align(status.value)
