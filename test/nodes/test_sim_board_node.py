@@ -14,9 +14,12 @@ from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.parameter import Parameter  # noqa: E402
 
+from posfet_driver.frames import CLASSIC, FD, RATE_SWITCH  # noqa: E402
+from posfet_driver.messages import COMMAND_OFFSET, FD_BLOCK_OFFSET, Command, Request  # noqa: E402
 from posfet_driver.scene import load_scene  # noqa: E402
 from posfet_driver.sim_board_node import SimBoardNode  # noqa: E402
 from posfet_driver.simulated_board import SimulatedBoard  # noqa: E402
+from posfet_driver.slcan_lines import LineReader, encode_line  # noqa: E402
 from posfet_model.config import ConfigError  # noqa: E402
 from posfet_model.scan import Scan  # noqa: E402
 from posfet_model.sensor import load_sensor  # noqa: E402
@@ -151,6 +154,41 @@ def test_without_autostart_it_waits_for_its_transitions(spin) -> None:
     assert node.source.board is not board
 
 
+@pytest.mark.parametrize("fd", [False, True])
+def test_behind_an_adapter_it_speaks_frames_and_tells_the_truth(spin, tmp_path: Path, fd: bool) -> None:
+    link = tmp_path / "board"
+    listener = Listener(spin, ("raw", TactileRaw), ("truth", TactileTruth))
+    node = make_board(spin, adapter_link=str(link), can_fd=str(fd).lower(), scene="hold")
+    node.start()
+    sensor = load_sensor()
+    with link.open("r+b", buffering=0) as terminal:
+        start = (sensor.can.base_id + COMMAND_OFFSET, CLASSIC, Request(Command.START, tag=1).pack())
+        terminal.write(b"O\r" + encode_line(start))
+        reader, frames = LineReader(), []
+        while len({data for identifier, _, data in frames if identifier >= sensor.can.base_id + FD_BLOCK_OFFSET}) < 50:
+            frames += reader.frames(terminal.read(4096))
+        truth = listener.wait("truth", 20)[-1]
+    assert {kind for identifier, kind, _ in frames if identifier >= sensor.can.base_id + FD_BLOCK_OFFSET} == {
+        FD | RATE_SWITCH if fd else CLASSIC
+    }
+    assert not listener.messages["raw"]
+    assert truth.objects == ["fingertip"]
+    board = SimulatedBoard(sensor, load_scene("hold", sensor), 0)
+    board.scan(truth.sequence, Scan.empty(0, sensor.layout.taxels))
+    np.testing.assert_array_equal(truth.force, board.truth().force.astype(np.float32))
+    node.trigger_deactivate()
+    node.trigger_cleanup()
+    assert not link.exists()
+
+
+def test_an_adapter_that_cannot_be_linked_is_said_so(spin, tmp_path: Path) -> None:
+    taken = tmp_path / "file"
+    taken.touch()
+    node = make_board(spin, adapter_link=str(taken))
+    with pytest.raises(ConfigError, match=f"{taken}: the adapter cannot be linked here: there is something else"):
+        node.start()
+
+
 @pytest.mark.parametrize(
     ("parameters", "reason"),
     [
@@ -159,6 +197,7 @@ def test_without_autostart_it_waits_for_its_transitions(spin) -> None:
         ({"seed": -1}, r"/tactile/sim_board: seed: must be a whole number in \[0, .*, got -1"),
         ({"seed": 1.5}, "/tactile/sim_board: seed: must be a whole number .*1.5"),
         ({"scene": 3}, "/tactile/sim_board: scene: must be text, got 3"),
+        ({"can_fd": "maybe"}, "/tactile/sim_board: can_fd: must be one of auto, true, false, got 'maybe'"),
         ({"sensor_file": "no_such"}, "no_such: no such sensor"),
     ],
 )

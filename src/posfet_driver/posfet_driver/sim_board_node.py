@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import time
 from array import array
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import Point, Pose
+from rclpy.impl.implementation_singleton import rclpy_implementation
 
+from posfet_driver.adapter_source import AdapterSource
 from posfet_driver.conversions import NANOSECONDS
 from posfet_driver.scan_source_node import Listeners, ScanSourceNode
 from posfet_driver.scene import DEFAULT_SCENE, load_scene
@@ -23,8 +26,18 @@ from posfet_msgs.msg import TactileTruth
 
 PARAMETERS = (
     Parameter("scene", DEFAULT_SCENE, "Scene: path of a YAML file, or name of a shipped one"),
-    Parameter("seed", 0, "Seed of the noise: the same seed gives the same counts", 0, 2**63 - 1),
+    Parameter("seed", 0, "Seed of the noise: the same seed gives the same counts", 0, 1_000_000_000),
+    Parameter(
+        "adapter_link", "", "Path at which to appear as a CAN adapter (slcan) instead of publishing raw; '': none"
+    ),
+    Parameter(
+        "can_fd",
+        "auto",
+        "Frames of the emulated adapter; auto: as in the sensor file",
+        choices=("auto", "true", "false"),
+    ),
 )
+_FD = {"auto": None, "true": True, "false": False}
 TRUTH_DEPTH = 10
 
 
@@ -36,11 +49,11 @@ class TruthMessage:
         self._message.header.frame_id = frame_id
         self._message.status = array("B", bytes(layout.taxels))  # no imperfections are simulated: every taxel is OK
 
-    def fill(self, truth: Truth, stamp: int) -> TactileTruth:
-        """Return the message of `truth` at `stamp` [ns] since the epoch; the next call overwrites it."""
+    def fill(self, truth: Truth, sequence: int, stamp: int) -> TactileTruth:
+        """Return the message of `truth` for the scan of that number and stamp [ns]; the next call overwrites it."""
         message = self._message
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, NANOSECONDS)
-        message.sequence = truth.sequence
+        message.sequence = sequence
         message.force = _floats(truth.force)
         message.temperature = truth.film_temperature
         message.objects = list(truth.objects)
@@ -57,7 +70,7 @@ class SimBoardNode(ScanSourceNode):
     parameter, sensor or scene that cannot be used.
     """
 
-    source: SimulationSource
+    source: SimulationSource | AdapterSource
 
     def __init__(self, node_name: str = "sim_board", **node_arguments: Any) -> None:
         super().__init__(node_name, PARAMETERS, **node_arguments)
@@ -66,14 +79,32 @@ class SimBoardNode(ScanSourceNode):
         self._truth_listeners = Listeners(self._truth)
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ScanSource:
-        """Return the simulated board in real time."""
-        return SimulationSource(sensor, load_scene(parameters["scene"], sensor), parameters["seed"])
+        """Return the simulated board in real time, bare or behind an adapter."""
+        scene = load_scene(parameters["scene"], sensor)
+        if not parameters["adapter_link"]:
+            return SimulationSource(sensor, scene, parameters["seed"])
+        fd = _FD[parameters["can_fd"]]
+        source = AdapterSource(sensor, scene, parameters["seed"], parameters["adapter_link"], fd)
+        source.on_scan = self._scan_sent
+        return source
 
     def deliver(self, scan: Scan, now: int) -> None:
         """Hand on one scan, then what truly was."""
         super().deliver(scan, now)
+        self._tell_truth(scan.sequence, scan.stamp, now)
+
+    def _scan_sent(self, scan: Scan, stamp: int) -> None:
+        """Tell what truly was in a scan that went out on the adapter, in whose thread this is."""
+        try:
+            if self._active:
+                self._tell_truth(scan.sequence, stamp, time.monotonic_ns())
+        except rclpy_implementation.RCLError:
+            if self.context.ok():  # else the process is being ended
+                raise
+
+    def _tell_truth(self, sequence: int, stamp: int, now: int) -> None:
         if self._truth_listeners.any(now):
-            self._truth.publish(self._truth_message.fill(self.source.board.truth(), scan.stamp))
+            self._truth.publish(self._truth_message.fill(self.source.board.truth(), sequence, stamp))
 
 
 def _floats(values: np.ndarray[Any, Any]) -> array[float]:
