@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from typing import Any
+from importlib import import_module
+from typing import Any, Final
 
 from rclpy.node import Node
 
@@ -12,14 +13,13 @@ from posfet.graph import NodeSpec
 from posfet.screen import Screen
 from posfet.show_node import show
 from posfet.snapshot import ContactView, Snapshot, TrueContact
-from posfet_driver.driver_node import DriverNode
 from posfet_driver.scan_source_node import ScanSourceNode
-from posfet_driver.sim_board_node import SimBoardNode
 from posfet_model.model_node import ModelNode
 from posfet_model.run_node import ros
 from posfet_model.tracker import Contact, ContactState
 
-NODES = {"model_node": ModelNode, "sim_board_node": SimBoardNode, "driver_node": DriverNode}
+CLASSES: Final = {"model_node": "ModelNode", "sim_board_node": "SimBoardNode", "driver_node": "DriverNode"}
+"""Class of each node, in the module that is named as its executable; what a graph does not need is not loaded."""
 
 
 class Graph:
@@ -32,13 +32,14 @@ class Graph:
                 arguments = spec.arguments
                 if spec.executable == "model_node":
                     arguments = [*arguments, "-p", "direct:=true"]
-                node: Any = NODES[spec.executable](cli_args=arguments, use_global_arguments=False)
+                module = import_module(f"{spec.package}.{spec.executable}")
+                node = getattr(module, CLASSES[spec.executable])(cli_args=arguments, use_global_arguments=False)
                 self.nodes[spec.executable] = node
         except BaseException:
             self.destroy()
             raise
         self._model: ModelNode = self.nodes["model_node"]
-        self._simulation: SimBoardNode | None = self.nodes.get("sim_board_node")
+        self._simulation: Any = self.nodes.get("sim_board_node")
         self._source: ScanSourceNode = self.nodes[specs[-1].executable]
         self._source.sink = self._model.process
 
@@ -82,7 +83,7 @@ class Graph:
     def _truth(self) -> tuple[TrueContact, ...]:
         if self._simulation is None:
             return ()
-        truth = self._simulation.truth()
+        truth = self._simulation.source.board.truth()
         touching = zip(truth.contact_centres.tolist(), truth.contact_forces.tolist(), strict=True)
         return tuple(TrueContact(x, y, force) for (x, y), force in touching)
 
