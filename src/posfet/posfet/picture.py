@@ -6,6 +6,7 @@ import math
 
 from rich.columns import Columns
 from rich.console import Group, RenderableType
+from rich.markup import escape
 from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
@@ -20,7 +21,7 @@ NUMBERED_COLUMNS = 10
 
 def render(snapshot: Snapshot, scan_rate: float, full_scale: float) -> RenderableType:
     """Return the picture of `snapshot`; `scan_rate` in Hz, `full_scale` in N gives the strongest colour."""
-    map_title = "force on each taxel [mN]" if snapshot.cols <= NUMBERED_COLUMNS else "force"
+    map_title = r"force on each taxel \[mN]" if snapshot.cols <= NUMBERED_COLUMNS else "force"
     picture = Panel(_force_map(snapshot, full_scale), title=map_title, expand=False)
     lost = "red" if snapshot.frames_lost or snapshot.scans_lost else "green"
     total = f"{snapshot.total_force:.3f} N" if snapshot.data_valid else "settling"
@@ -33,31 +34,48 @@ def render(snapshot: Snapshot, scan_rate: float, full_scale: float) -> Renderabl
 
 def _force_map(snapshot: Snapshot, full_scale: float) -> Text:
     """Return the map, highest row first, because y points up."""
-    numbered = snapshot.cols <= NUMBERED_COLUMNS
+    cell = _numbered_cell if snapshot.cols <= NUMBERED_COLUMNS else _small_cell
     force = snapshot.force.reshape(snapshot.rows, snapshot.cols)
-    text = Text()
+    lines = []
     for row in range(snapshot.rows - 1, -1, -1):
-        for value in force[row]:
-            text.append_text(_cell(float(value), full_scale, numbered))
-        if row:
-            text.append("\n\n" if numbered else "\n")
-    return text
+        cells = [
+            cell(float(value), _style(float(value), full_scale), _shade(float(value), full_scale))
+            for value in force[row]
+        ]
+        lines += [Text.assemble(*parts) for parts in zip(*cells, strict=True)]
+    return Text("\n").join(lines)
 
 
-def _cell(force: float, full_scale: float, numbered: bool) -> Text:
+def _level(force: float, full_scale: float) -> float:
+    return min(max(force / full_scale, 0.0), 1.0)
+
+
+def _shade(force: float, full_scale: float) -> str:
+    return "?" if math.isnan(force) else SHADES[round(_level(force, full_scale) * (len(SHADES) - 1))]
+
+
+def _style(force: float, full_scale: float) -> str:
     if math.isnan(force):
-        return Text("   ?   " if numbered else "??", style="white on red")
-    level = min(max(force / full_scale, 0.0), 1.0)
-    shade = SHADES[round(level * (len(SHADES) - 1))]
+        return "white on red"
+    level = _level(force, full_scale)
     red, green, blue = round(255 * min(1.0, 2 * level)), round(200 * level), round(90 * (1 - level))
-    style = f"{'black' if level > 0.5 else 'white'} on rgb({red},{green},{blue})"
-    return Text(f"{shade}{force * 1e3:5.0f} " if numbered else 2 * shade, style=style)
+    return f"{'black' if level > 0.5 else 'white'} on rgb({red},{green},{blue})"
+
+
+def _numbered_cell(force: float, style: str, shade: str) -> list[tuple[str, str]]:
+    """Return the two lines of a taxel: its force, and a bar of its shade."""
+    number = "   ?   " if math.isnan(force) else f"{force * 1e3:5.0f}  "
+    return [(number, style), (f" {shade * 5} ", style)]
+
+
+def _small_cell(force: float, style: str, shade: str) -> list[tuple[str, str]]:
+    return [(2 * shade, style)]
 
 
 def _contacts(snapshot: Snapshot) -> Table:
     table = Table(title="contacts", title_justify="left")
     for heading in ("id", "state", "x [mm]", "y [mm]", "force [N]", "area [mm2]", "age [s]"):
-        table.add_column(heading, justify="left" if heading == "state" else "right", min_width=len(heading))
+        table.add_column(escape(heading), justify="left" if heading == "state" else "right", min_width=len(heading))
     for contact in snapshot.contacts:
         table.add_row(
             str(contact.id),
