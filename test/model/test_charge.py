@@ -30,6 +30,23 @@ def test_source_charge_of_one_newton_and_one_kelvin() -> None:
     np.testing.assert_allclose(values, [3.8e-5, 4e-5, -1.9e-5 - 8e-5], rtol=0, atol=1e-19)
 
 
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_source_and_displacement_against_the_40_digit_table(dtype) -> None:
+    table = reference("source")
+    stress, change, field, piezo, pyro, permittivity = (table[name].astype(dtype) for name in list(table)[:6])
+    for computed, column, second in (
+        (charge.source_charge(stress, change, piezo, pyro), "charge", pyro * change),
+        (
+            charge.electric_displacement(stress, field, piezo, permittivity),
+            "displacement",
+            9e-12 * permittivity * field,
+        ),
+    ):
+        assert computed.dtype == dtype
+        scale = np.abs(piezo * stress) + np.abs(second)
+        assert (np.abs(computed - table[column]) <= 4 * np.finfo(dtype).eps * scale).all()
+
+
 @pytest.mark.parametrize(
     ("function", "column"),
     [(charge.propagate_first_order_hold, "first_order_hold"), (charge.propagate_step, "step_hold")],
@@ -212,6 +229,14 @@ class TestManySteps:
                 step=[0, -1e-3, 1e10],
                 time_constant=[0, -1, 1e16],
             )
+        ),
+        *refusals(
+            charge.electric_displacement,
+            {"stress": 0.0, "field": 0.0, "piezoelectric_coefficient": -38e-12, "relative_permittivity": 12.0},
+            stress=[1.1e16],
+            field=[1.1e12],
+            piezoelectric_coefficient=[-38],
+            relative_permittivity=[0.5, -12],
         ),
         *refusals(
             charge.invert_first_order_hold,

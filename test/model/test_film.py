@@ -157,6 +157,39 @@ class TestMinorLoops:
         assert abs(poling.history.switched) <= PAPER.saturation_polarisation
 
 
+def _dipole_equation(start: float, end: float, switched: float, steps: int = 400) -> float:
+    """Miller et al. (1991), dP/dE = (1 - tanh(sqrt((P - Psat)/(xi*Ps - P))))*dPsat/dE, by Runge-Kutta."""
+    way = 1 if end > start else -1
+    saturation, delta = PAPER.saturation_polarisation, PAPER.steepness
+
+    def slope(field: float, now: float) -> float:
+        angle = (field - way * EC) / (2 * delta)
+        share = max((now - saturation * math.tanh(angle)) / (way * saturation - now), 0.0)
+        return (1 - math.tanh(math.sqrt(share))) * saturation / (2 * delta * math.cosh(angle) ** 2)
+
+    step = (end - start) / steps
+    for i in range(steps):
+        field = start + i * step
+        first = slope(field, switched)
+        second = slope(field + step / 2, switched + step / 2 * first)
+        third = slope(field + step / 2, switched + step / 2 * second)
+        last = slope(field + step, switched + step * third)
+        switched += step / 6 * (first + 2 * second + 2 * third + last)
+    return switched
+
+
+def test_the_dipole_equation_creeps_where_the_turning_points_close() -> None:
+    state = _dipole_equation(0.0, 2 * EC, 0.0)
+    upper = []
+    for _ in range(6):
+        state = _dipole_equation(EC / 2, 2 * EC, _dipole_equation(2 * EC, EC / 2, state))
+        upper.append(state)
+    assert upper[0] == pytest.approx(0.0266, rel=0, abs=5e-5)
+    assert upper[-1] == pytest.approx(0.0294, rel=0, abs=5e-5)
+    ours = _switched([2 * EC, *[EC / 2, 2 * EC] * 6])[::2]
+    assert np.ptp(ours) == 0.0
+
+
 class TestPoling:
     def test_the_remnant_state_grows_with_the_poling_field_to_the_remnant_polarisation(self) -> None:
         states = [film.remnant_after([field], PAPER) for field in np.linspace(0, 1e9, 201)]

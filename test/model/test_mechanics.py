@@ -96,6 +96,21 @@ def test_mask_opening_of_the_paper() -> None:
     assert mechanics.mask_opening(1e-2, 450e-6) - 1e-2 == pytest.approx(636.3961e-6, rel=0, abs=1e-10)
 
 
+def test_bending_and_mask_opening_against_the_40_digit_table() -> None:
+    table = reference("bending")
+    for row in range(table["radius"].size):
+        now = {name: float(column[row]) for name, column in table.items()}
+        chip = Layer(now["chip"], now["chip_modulus"], now["chip_poisson"])
+        film = Layer(now["film"], now["film_modulus"], now["film_poisson"])
+        bent = mechanics.bend_on_cylinder([chip, film], now["radius"])
+        height = now["chip"] + now["film"]
+        assert abs(bent.neutral_axis - now["neutral_axis"]) <= 8 * EPS * height
+        for name in ("back_strain", "top_strain", "film_strain"):  # a difference of heights, over the radius
+            assert abs(getattr(bent, name) - now[name]) <= 16 * EPS * height / (now["radius"] + now["neutral_axis"])
+        opening = mechanics.mask_opening(now["film"], now["chip"])
+        assert abs(opening - now["opening"]) <= 2 * EPS * now["opening"]
+
+
 class TestBending:
     def test_one_layer_bends_about_its_middle(self) -> None:
         bent = mechanics.bend_on_cylinder([Layer(50e-6, 169e9, 0.3)], 10e-3)

@@ -39,6 +39,23 @@ class TestStack:
         assert STACK.film == pytest.approx(4.2500e-5, rel=0, abs=5e-10)
         assert STACK.series == pytest.approx(4.0270e-5, rel=0, abs=5e-10)
 
+    def test_against_the_40_digit_table(self) -> None:
+        table = reference("stack")
+        oxide = transistor.capacitance_per_area(table["oxide"], table["oxide_height"])
+        film = transistor.capacitance_per_area(table["film"], table["film_height"])
+        stacks = [Stack(*pair) for pair in zip(oxide.tolist(), film.tolist(), strict=True)]
+        charges = list(zip(table["charge"], stacks, table["kappa"], strict=True))
+        computed = {
+            "of_oxide": oxide,
+            "of_film": film,
+            "series": [stack.series for stack in stacks],
+            "shift_gate": [transistor.threshold_shift(q, stack, Plane.GATE, kappa) for q, stack, kappa in charges],
+            "shift_oxide": [transistor.threshold_shift(q, stack, Plane.OXIDE, kappa) for q, stack, kappa in charges],
+            "gain_factor": transistor.gain_factor(0.085, [stack.series for stack in stacks], 3276e-6, 12e-6),
+        }
+        for name, values in computed.items():
+            assert (np.abs(values - table[name]) <= 8 * EPS * np.abs(table[name])).all(), name
+
     @given(decades(1e-12, 1e3), decades(1e-12, 1e3))
     def test_in_series_the_inverses_add(self, oxide: float, film: float) -> None:
         series = Stack(oxide, film).series

@@ -228,8 +228,8 @@ def polarise(fields: ArrayLike, film: Film, history: History = VIRGIN) -> Poling
     a rising branch between two points lies below the falling one between them, hence loops are nested and bounded by
     the saturated loop; and since both pass through both points, they close.
 
-    Miller et al. (1991) give a differential equation, dP/dE = Gamma*dPs/dE, instead; its minor loops do not close, and
-    its outcome depends on the step of the integration. The closed form here has neither trouble.
+    Miller et al. (1991) give a differential equation, dP/dE = Gamma*dPs/dE, instead. It has to be integrated, and its
+    minor loops do not close: between Ec/2 and 2*Ec the upper end creeps from 2.66 to 2.94 uC/cm2 within six cycles.
 
     The error is a few roundings of Ps at each turn and does not add up: a turning point passed again is reached
     exactly. Time grows with n and hardly with the number of turning points.
