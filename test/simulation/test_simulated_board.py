@@ -17,6 +17,7 @@ from posfet_model.sensor import Sensor, load_sensor
 
 SENSOR = load_sensor()
 QUIET = replace(SENSOR, adc=replace(SENSOR.adc, noise=0.0))
+FORGETFUL = replace(QUIET, device=replace(QUIET.device, leak_time_constant=0.01, thermal_time_constant=0.005))
 SHIPPED = sorted(path.stem for path in SCENE_FOLDER.glob("*.yaml"))
 TAXELS = SENSOR.layout.taxels
 RATE = SENSOR.can.scan_rate
@@ -62,7 +63,7 @@ def test_a_gap_leads_to_the_state_that_stepping_leads_to(name: str, warm: bool) 
     scene = warming(scene) if warm else scene
     stepped, jumped = SimulatedBoard(QUIET, scene, 0), SimulatedBoard(QUIET, scene, 0)
     last = -1
-    for index in (0, 1, 320, 700, 701, 2500, 3050, 4450):
+    for index in (0, 1, 320, 700, 701, 2000, 3050):
         there = run(stepped, range(last + 1, index + 1))[-TAXELS * 2 - 8 :]
         assert run(jumped, [index]) == there
         np.testing.assert_allclose(charge(jumped), charge(stepped), rtol=0, atol=SAME)
@@ -82,13 +83,14 @@ def test_a_gap_longer_than_the_memory_forgets_what_was_before() -> None:
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_the_work_that_is_saved_changes_nothing(name: str) -> None:
-    scene = load_scene(name, QUIET)
+@pytest.mark.parametrize("sensor", [QUIET, FORGETFUL], ids=["slow leak", "fast leak"])
+def test_the_work_that_is_saved_changes_nothing(name: str, sensor: Sensor) -> None:
+    scene = load_scene(name, sensor)
     scene = replace(scene, temperature=Track((0.6, 1.1), ((25.0,), (30.0,)))) if name == "idle" else scene
-    board = SimulatedBoard(QUIET, scene, 0)
+    board = SimulatedBoard(sensor, scene, 0)
     scan = Scan.empty(0, TAXELS)
     reference = np.zeros(TAXELS, np.uint16)
-    for index, chain in enumerate(full_computation(QUIET, scene, 5200)):
+    for index, chain in enumerate(full_computation(sensor, scene, 1700)):
         board.scan(index, scan)
         np.testing.assert_array_equal(scan.counts, chain.counts(reference))
         if board._charge_index == index:
@@ -174,7 +176,7 @@ def test_a_push_raises_the_count_of_the_taxel_under_it_as_the_sensor_says() -> N
 def test_an_idle_board_moves_no_charge() -> None:
     board = SimulatedBoard(SENSOR, load_scene("idle", SENSOR), 0)
     scan = Scan.empty(0, TAXELS)
-    for index in range(3000):
+    for index in range(500):
         board.scan(index, scan)
     assert board.taxel_updates == TAXELS
     run(board, [600_000])
@@ -184,9 +186,9 @@ def test_an_idle_board_moves_no_charge() -> None:
 def test_a_held_force_costs_nothing_once_it_has_leaked_away() -> None:
     board = SimulatedBoard(SENSOR, load_scene("hold", SENSOR), 0)
     memory = math.ceil(30 * SENSOR.device.leak_time_constant * RATE)
-    run(board, range(500 + memory + 1))
+    run(board, [500, 600, 500 + memory])
     settled = board.taxel_updates
-    run(board, range(500 + memory + 1, 12_000))
+    run(board, range(500 + memory + 1, 500 + memory + 300))
     assert board.taxel_updates == settled
     run(board, [60_500])
     assert board.taxel_updates == settled
@@ -244,7 +246,7 @@ def test_a_scan_is_filled_wholly() -> None:
 
 def test_what_cannot_be_is_refused() -> None:
     scene = load_scene("idle", SENSOR)
-    with pytest.raises(ValueError, match=r"seed must be in \[0, inf\), got -1"):
+    with pytest.raises(ValueError, match=r"seed must be in \[0, 1000000000\], got -1"):
         SimulatedBoard(SENSOR, scene, -1)
     board = SimulatedBoard(SENSOR, scene, 0)
     run(board, [5])

@@ -31,7 +31,7 @@ class AdapterSource:
     ) -> None:
         """Take what the board is made of, the path of the adapter, the frames (None: as in the sensor file), a clock.
 
-        Raises ValueError for a negative seed.
+        Raises ValueError for a seed outside [0, 1e9].
         """
         self.board = SimulatedBoard(sensor, scene, seed)
         """The board behind the adapter; another one after each `open`."""

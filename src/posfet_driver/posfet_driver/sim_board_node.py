@@ -15,7 +15,7 @@ from posfet_driver.adapter_source import AdapterSource
 from posfet_driver.conversions import NANOSECONDS
 from posfet_driver.scan_source_node import Listeners, ScanSourceNode
 from posfet_driver.scene import DEFAULT_SCENE, load_scene
-from posfet_driver.simulated_board import Truth
+from posfet_driver.simulated_board import SEED_MAX, Truth
 from posfet_driver.simulation_source import SimulationSource
 from posfet_driver.source import ScanSource
 from posfet_model.ros_parameters import Parameter
@@ -26,7 +26,7 @@ from posfet_msgs.msg import TactileTruth
 
 PARAMETERS = (
     Parameter("scene", DEFAULT_SCENE, "Scene: path of a YAML file, or name of a shipped one"),
-    Parameter("seed", 0, "Seed of the noise: the same seed gives the same counts", 0, 1_000_000_000),
+    Parameter("seed", 0, "Seed of the noise: the same seed gives the same counts", 0, SEED_MAX),
     Parameter(
         "adapter_link", "", "Path at which to appear as a CAN adapter (slcan) instead of publishing raw; '': none"
     ),

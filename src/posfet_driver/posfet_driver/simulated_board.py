@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 from posfet_driver.contact_pressure import SphereOnArray, hertz_sphere
 from posfet_driver.scene import Scene
 from posfet_model.chain import ForwardChain, leak_step
+from posfet_model.checks import whole_number
 from posfet_model.scan import Scan, ScanStatus
 from posfet_model.sensor import Sensor
 
+SEED_MAX: Final = 1_000_000_000
 OVERTEMPERATURE: Final = 85.0
 """Chip temperature above which the board raises its flag [degC]; assumed."""
 
@@ -63,17 +65,15 @@ class SimulatedBoard:
     def __init__(self, sensor: Sensor, scene: Scene, seed: int) -> None:
         """Put a fresh board at the beginning of `scene`, read for this `sensor`.
 
-        Raises ValueError for a negative seed.
+        Raises ValueError for a seed outside [0, 1e9].
         """
-        if seed < 0:
-            raise ValueError(f"seed must be in [0, inf), got {seed}")
         layout = sensor.layout
         self.sensor = sensor
         self.scene = scene
         self.taxel_updates = 0
         """How many times a taxel's charge was moved on so far: the work done, to be held against taxels times scans."""
         self._rate = sensor.can.scan_rate
-        self._chain = ForwardChain(sensor, np.random.default_rng(seed))
+        self._chain = ForwardChain(sensor, np.random.default_rng(whole_number("seed", seed, 0, SEED_MAX)))
         self._spheres = [
             SphereOnArray(layout, sensor.device.contact_spread, item.radius, item.effective_modulus)
             for item in scene.objects
@@ -115,8 +115,12 @@ class SimulatedBoard:
         out.status = ScanStatus.OVERTEMPERATURE if self._chip > OVERTEMPERATURE else ScanStatus.OK
 
     def truth(self) -> Truth:
-        """Return the ground truth of the last scan."""
-        time = self.scene.local_time(max(self._index, 0) / self._rate)
+        """Return the ground truth of the last scan.
+
+        Another thread may ask, too; while a scan is being computed, the fields may be of two neighbouring scans.
+        """
+        index = self._index
+        time = self.scene.local_time(max(index, 0) / self._rate)
         poses = [item.path.at(time) for item in self.scene.objects]
         positions = np.array(
             [
@@ -126,8 +130,8 @@ class SimulatedBoard:
         )
         touching = [pose for pose in poses if pose[-1] > 0]
         return Truth(
-            sequence=self._index,
-            force=self._forces.ravel().copy(),
+            sequence=index,
+            force=self._forces.ravel(),
             film_temperature=self._chip - self._film_lag,
             objects=tuple(item.name for item in self.scene.objects),
             positions=positions.reshape(-1, 3),
@@ -169,9 +173,11 @@ class SimulatedBoard:
         if poses == self._poses:
             return
         self._poses = poses
-        self._forces[:] = 0.0
+        forces = np.zeros_like(self._forces)  # not in place: a ground truth may hold the last ones
         for sphere, (x, y, force) in zip(self._spheres, poses, strict=True):
-            sphere.add(self._forces, x, y, force)
+            sphere.add(forces, x, y, force)
+        forces.flags.writeable = False
+        self._forces = forces
 
     def _set_film(self, chip: float, step: float) -> None:
         """Let the film's temperature follow the chip's [degC], which moved in a straight line over `step` [s].

@@ -25,7 +25,7 @@ class SimulationSource:
     def __init__(self, sensor: Sensor, scene: Scene, seed: int, clock: Clock | None = None) -> None:
         """Take what the board is made of (see `SimulatedBoard`), and the clock (that of this machine by default).
 
-        Raises ValueError for a negative seed.
+        Raises ValueError for a seed outside [0, 1e9].
         """
         self.board = SimulatedBoard(sensor, scene, seed)
         """The board that the scans come from, for its ground truth; another one after each `open`."""
