@@ -300,6 +300,14 @@ def test_bad_arguments_are_refused_by_name(function, arguments, name) -> None:
     assert_refused(function, arguments, name)
 
 
+@pytest.mark.parametrize("plane", ["gate", "GATE", None, 0])
+def test_a_plane_that_is_none_is_refused(plane) -> None:
+    with pytest.raises(ValueError, match=r"plane must be Plane.GATE or Plane.OXIDE, got"):
+        STACK.drive(plane)
+    with pytest.raises(ValueError, match=r"plane must be"):
+        transistor.threshold_shift(0.07, STACK, plane, 1.0)
+
+
 def test_shapes_that_do_not_fit_are_named() -> None:
     with pytest.raises(ValueError, match=r"shapes must broadcast.*gate_voltage \(3,\), drain_voltage \(2,\)"):
         transistor.drain_current(np.zeros(3), np.zeros(2), 0.7, 1e-3)

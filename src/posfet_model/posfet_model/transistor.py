@@ -66,11 +66,11 @@ class Stack:
 
     def drive(self, plane: Plane) -> float:
         """The capacitance [F/m2] through which a voltage on the plane drives the channel."""
-        return self.series if plane is Plane.GATE else self.oxide
+        return {Plane.GATE: self.series, Plane.OXIDE: self.oxide}[_known(plane)]
 
     def charge_divisor(self, plane: Plane) -> float:
         """The capacitance [F/m2] that turns charge at the interface of film and oxide into a voltage on the plane."""
-        return self.film if plane is Plane.GATE else self.oxide
+        return {Plane.GATE: self.film, Plane.OXIDE: self.oxide}[_known(plane)]
 
 
 def capacitance_per_area(relative_permittivity: ArrayLike, thickness: ArrayLike) -> FloatArray:
@@ -294,6 +294,12 @@ def gate_voltage(
     saturated = np.sqrt(2 * scaled)
     linear = scaled / drain_voltage + drain_voltage / 2
     return threshold_voltage + np.where(saturated <= drain_voltage, saturated, linear)
+
+
+def _known(plane: Plane) -> Plane:
+    if not isinstance(plane, Plane):
+        raise ValueError(f"plane must be Plane.GATE or Plane.OXIDE, got {plane!r:.60}")
+    return plane
 
 
 @dataclass(frozen=True)
