@@ -3,20 +3,30 @@
 import csv
 import importlib.util
 import sys
+from typing import Any
 
 import pytest
 from model.sweep import DATA
 
-_spec = importlib.util.spec_from_file_location("device_tables", DATA / "generate.py")
-assert _spec is not None and _spec.loader is not None
-_generate = importlib.util.module_from_spec(_spec)
-sys.modules[_spec.name] = _generate
-_spec.loader.exec_module(_generate)
+
+def _tables() -> dict[str, Any]:
+    """The tables of both generators; the second one imports the first by the name it has beside it."""
+    tables = {}
+    for module in ("generate", "generate_follower"):
+        spec = importlib.util.spec_from_file_location(module, DATA / f"{module}.py")
+        assert spec is not None and spec.loader is not None
+        loaded = sys.modules[module] = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(loaded)
+        tables.update(loaded.TABLES)
+    return tables
 
 
-@pytest.mark.parametrize("name", _generate.TABLES)
+TABLES = _tables()
+
+
+@pytest.mark.parametrize("name", TABLES)
 def test_a_sample_is_made_again_digit_by_digit(name: str) -> None:
-    table = _generate.TABLES[name]
+    table = TABLES[name]
     with (DATA / f"{name}.csv").open(newline="", encoding="ascii") as file:
         header, *stored = csv.reader(line for line in file if not line.startswith("#"))
     cases = list(table.cases())

@@ -224,7 +224,8 @@ def _time_at(angle: Float64Array, a: Float64Array, b: Float64Array) -> Float64Ar
     half_sine, half_cosine = np.sin(angle / 2), np.cos(angle / 2)
     from_p = 2 * half_sine * (b * half_cosine + a * half_sine)
     from_q = 2 * half_sine * (b * half_sine - a * half_cosine)
-    in_p = np.log(np.abs((from_p - 2 * a) / from_p)) / (2 * a)
+    # |1 - 2*a/from_p| as 1 + something small where a is small, on either side of rest.
+    in_p = np.log1p(np.where(from_p < 0, -2 * a, 2 * (a - from_p)) / from_p) / (2 * a)
     in_q = np.log(np.abs((2 * b - from_q) / from_q)) / (2 * b)
     return np.asarray(in_p + in_q)
 

@@ -217,14 +217,19 @@ class TwoPoleFollower(StaticFollower):
     def _coefficients(self, step: Float64Array) -> tuple[NDArray[Any], ...]:
         """Return decay and input weight of the first lag, decay, coupling and input weight of the second.
 
-        From ``l1' = u' - p1*l1`` and ``l2' = u' - p2*(l2 - l1)``; the coupling is a divided difference of exponentials,
-        written so that equal poles are nothing special.
+        From ``l1' = u' - p1*l1`` and ``l2' = u' - p2*(l2 - l1)``. The second weight is
+        ``(p2*mean(p1*h) - p1*mean(p2*h))/(p2 - p1)``; for poles near each other it is written with the divided
+        difference of exponentials that is the coupling too, so that equal poles are nothing special.
         """
         p1, p2 = self._poles()
         decay1, decay2 = np.exp(-p1 * step), np.exp(-p2 * step)
         between = decay1 * mean_decay(np.asarray((p2 - p1) * step))
         mean1, mean2 = mean_decay(np.asarray(p1 * step)), mean_decay(np.asarray(p2 * step))
-        return decay1, mean1, decay2, p2 * step * between, mean2 + (p2 / p1) * (mean2 - between)
+        if abs(p2 - p1) > abs(p1):
+            weight2 = mean1 + (mean1 - mean2) * (p1 / (p2 - p1))
+        else:
+            weight2 = mean2 + (mean2 - between) * (p2 / p1)
+        return decay1, mean1, decay2, p2 * step * between, weight2
 
     def _start_lags(self, v_in: Float64Array) -> Lags:
         lag = np.zeros(v_in.shape, np.result_type(self._poles()[0]))

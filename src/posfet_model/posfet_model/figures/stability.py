@@ -78,9 +78,9 @@ def _draw_remainder(axes: Axes) -> None:
         (VERMILION, DASHED),
         (VERMILION, DOTTED),
         (PURPLE, DASH_DOT),
-        (BLUE, SOLID),
-        (BLUE, DASHED),
-        (GREEN, SOLID),
+        (BLUE, (0, (3, 1))),
+        (BLUE, (0, (1, 3))),
+        (GREEN, (0, (10, 3))),
     ]
     for scheme, (colour, dashes) in zip(SCHEMES, looks, strict=True):
         left = np.clip(last_error(scheme, ratio), 1e-9, 1e9)
@@ -88,8 +88,8 @@ def _draw_remainder(axes: Axes) -> None:
     axes.axhline(1.0, color=GREY, linewidth=0.8)
     label(axes, 4, 1e6, "Euler, Heun and Runge-Kutta\nblow up", VERMILION, fontsize=7.5, va="center")
     label(axes, 60, 1.5e2, "clipped Euler", PURPLE, fontsize=7.5, ha="right")
-    label(axes, 8000, 2e-5, "trapezoidal rings", BLUE, fontsize=7.5, ha="right")
-    label(axes, 3.2, 2e-8, "exact, backward\nEuler: nothing left", BLACK, fontsize=7.5)
+    label(axes, 8000, 1e-3, "trapezoidal rings", BLUE, fontsize=7.5, ha="right")
+    label(axes, 0.22, 1e-7, "exact,\nbackward\nEuler:\nnothing\nleft", BLACK, fontsize=7.5)
     axes.set(
         xscale="log",
         yscale="log",

@@ -1,0 +1,339 @@
+"""The follower models: against 40 digits, against themselves in other steps, and over the whole range of arguments."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from model.sweep import (
+    ErrorMap,
+    assert_finite,
+    assert_monotone,
+    assert_refused,
+    decades,
+    reference,
+    refusals,
+    signed_decades,
+)
+
+from posfet_model.exponential import mean_decay
+from posfet_model.follower import (
+    Follower,
+    FollowerLimits,
+    IdealFollower,
+    OnePoleFollower,
+    SquareLawFollower,
+    StaticFollower,
+    TwoPoleFollower,
+    close_loop,
+)
+from posfet_model.recurrence import linear_recurrence
+
+EPS = np.finfo(np.float64).eps
+LOOP = close_loop(10 ** (42.3 / 20), 1.5e6)
+
+
+def followers(time_constant: float = 1 / (2 * math.pi * LOOP.bandwidth), gain: float = LOOP.gain) -> list[Follower]:
+    bandwidth = 1 / (2 * math.pi * time_constant)
+    two_poles = [TwoPoleFollower(gain=gain, natural_frequency=bandwidth, quality=q) for q in (0.05, 0.5, 0.7, 50.0)]
+    return [
+        IdealFollower(),
+        StaticFollower(gain=gain),
+        OnePoleFollower(gain=gain, bandwidth=bandwidth),
+        *two_poles,
+        SquareLawFollower(gain=gain, bandwidth=bandwidth, overdrive=0.4),
+    ]
+
+
+def name(follower: Follower) -> str:
+    return f"{type(follower).__name__}{getattr(follower, 'quality', '')}"
+
+
+FOLLOWERS = [pytest.param(follower, id=name(follower)) for follower in followers()]
+
+
+def test_mean_decay_against_the_40_digit_table() -> None:
+    table = reference("mean_decay")
+    np.testing.assert_allclose(mean_decay(table["x"]) / table["mean_decay"], 1, rtol=0, atol=4 * EPS)
+    assert mean_decay(np.array(0.0)) == 1
+    assert abs(mean_decay(np.array([1e-300j]))[0] - 1) <= EPS
+
+
+def test_the_published_amplifier_as_a_follower() -> None:
+    assert pytest.approx(130.32 / 131.32, abs=1e-6) == LOOP.gain
+    follower = OnePoleFollower(gain=LOOP.gain, bandwidth=LOOP.bandwidth)
+    assert follower.time_constant == pytest.approx(105.3e-9, abs=5e-11)
+    assert SquareLawFollower(gain=1.0, bandwidth=1.0, overdrive=2.0).slew_rate == pytest.approx(4 * math.pi, abs=1e-14)
+
+
+@pytest.mark.parametrize("quality", [0.05, 0.4, 0.5, 0.7, 5.0, 50.0])
+def test_two_poles_against_the_40_digit_table(quality: float) -> None:
+    table = reference("two_pole_step")
+    rows = np.isclose(table["quality"], quality, rtol=0, atol=0)
+    follower = TwoPoleFollower(gain=1.0, natural_frequency=1 / (2 * math.pi), quality=quality)
+    state = follower.advance(follower.start(np.zeros(rows.sum())), np.ones(rows.sum()), table["phase"][rows])
+    np.testing.assert_allclose(1 - follower.output(state).v_out, table["lag"][rows], rtol=0, atol=4 * EPS)
+
+
+def test_one_pole_against_the_40_digit_table() -> None:
+    table = reference("mean_decay")
+    follower = OnePoleFollower(gain=1.0, bandwidth=1 / (2 * math.pi))
+    kept = table["x"] <= 1e9
+    ratio = table["x"][kept]
+    state = follower.advance(follower.start(np.zeros(ratio.size)), np.ones(ratio.size), ratio)
+    np.testing.assert_allclose(state.lags[0], table["mean_decay"][kept], rtol=0, atol=4 * EPS)
+
+
+def test_gain_and_phase_against_the_40_digit_table() -> None:
+    table = reference("follower_response")
+    for quality in np.unique(table["quality"]):
+        rows = table["quality"] == quality
+        one = OnePoleFollower(gain=1.0, bandwidth=1.5e6).response(table["frequency"][rows])
+        two = TwoPoleFollower(gain=1.0, natural_frequency=1.5e6, quality=quality).response(table["frequency"][rows])
+        for computed, column in (
+            (one.gain, "one_gain"),
+            (one.phase, "one_phase"),
+            (two.gain / max(1, quality), "two_gain"),
+            (two.phase, "two_phase"),
+        ):
+            expected = table[column][rows] / (max(1, quality) if column == "two_gain" else 1)
+            # At resonance 1 - (f/f0)^2 is a small difference, multiplied by the quality.
+            np.testing.assert_allclose(computed, expected, rtol=0, atol=8 * EPS * max(1, quality))
+
+
+@pytest.mark.parametrize("quality", [0.05, 0.4, 1 / math.sqrt(2), 3.0, 50.0])
+def test_bandwidth_is_where_the_gain_has_fallen_by_3_db(quality: float) -> None:
+    follower = TwoPoleFollower.from_bandwidth(0.99, 2e6, quality)
+    assert follower.response(2e6).gain / 0.99 == pytest.approx(math.sqrt(0.5), abs=1e-13)
+    assert OnePoleFollower(gain=0.99, bandwidth=2e6).response(2e6).gain == pytest.approx(0.99 / math.sqrt(2), abs=1e-14)
+
+
+@pytest.mark.parametrize("follower", FOLLOWERS)
+def test_a_cut_step_is_one_step(follower: Follower) -> None:
+    generator = np.random.default_rng(3)
+    size = 2000
+    start, change = generator.normal(size=size), generator.normal(size=size)
+    step = 105e-9 * 10 ** generator.uniform(-6, 4, size)
+    part = generator.uniform(0, 1, size)
+    state = follower.advance(follower.start(np.zeros(size)), start, 1e-8)
+    whole = follower.advance(state, start + change, step)
+    half = follower.advance(state, start + part * change, part * step)
+    end = follower.advance(half, start + change, step - part * step)
+    # A long slewing part is seen through the rounding of its time.
+    atol = 2e-13 if isinstance(follower, SquareLawFollower) else 1e-14
+    np.testing.assert_allclose(follower.output(end).v_out, follower.output(whole).v_out, rtol=0, atol=atol)
+
+
+@pytest.mark.parametrize("follower", FOLLOWERS)
+def test_a_series_is_its_steps_in_a_row(follower: Follower) -> None:
+    generator = np.random.default_rng(4)
+    step = 105e-9 * 10 ** generator.uniform(-4, 2, 399)
+    step[::20] = 0
+    time = np.append(0, np.cumsum(step))
+    v_in = generator.normal(size=(time.size, 3))
+    state = follower.start(v_in[0])
+    rows = [follower.output(state).v_out]
+    for k in range(1, time.size):
+        state = follower.advance(state, v_in[k], time[k] - time[k - 1])
+        rows.append(follower.output(state).v_out)
+    np.testing.assert_allclose(follower.run(time, v_in).v_out, rows, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(follower.run(time, v_in[:, 1]).v_out, np.array(rows)[:, 1], rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("follower", FOLLOWERS)
+def test_a_sine_comes_out_with_gain_and_phase_of_the_response(follower: Follower) -> None:
+    frequency, per_cycle = 1e6, 4000
+    if getattr(follower, "quality", 0) > 1:
+        pytest.skip("rings for longer than the run")
+    time = np.arange(20 * per_cycle + 1) / (frequency * per_cycle)
+    small = 1e-5
+    v_out = follower.run(time, small * np.sin(2 * np.pi * frequency * time)).v_out
+    last = slice(-per_cycle, None)
+    seen = 2j * np.mean(v_out[last] * np.exp(-2j * np.pi * frequency * time[last])) / small
+    response = follower.response(frequency)
+    # The chord of the sine is (w*dt)^2/12 = 2e-7 short; two slow poles leave 1e-4 of their transient.
+    assert abs(seen - response.gain * np.exp(1j * response.phase)) <= (
+        1e-3 if getattr(follower, "quality", 1) < 0.1 else 1e-6
+    )
+
+
+def test_square_law_is_one_pole_for_small_signals_and_slews_for_large_ones() -> None:
+    one = OnePoleFollower(gain=LOOP.gain, bandwidth=LOOP.bandwidth)
+    slewing = SquareLawFollower(gain=LOOP.gain, bandwidth=LOOP.bandwidth, overdrive=0.4)
+    time = np.linspace(0, 3e-6, 3001)
+    small = 1e-3 * np.sin(2 * np.pi * 1e6 * time)
+    np.testing.assert_allclose(slewing.run(time, small).v_out, one.run(time, small).v_out, rtol=0, atol=1e-9)
+    large = np.where(time > 0, 5.0, 0.0)
+    slope = np.diff(slewing.run(time, large).v_out)[10:1000] / np.diff(time)[10:1000]
+    np.testing.assert_allclose(slope / slewing.slew_rate, 1, rtol=0, atol=1e-6)
+    assert slewing.run([0, 1.0], [0.0, 5.0]).v_out[1] == pytest.approx(5 * LOOP.gain, abs=1e-5)
+
+
+def test_offset_is_added_at_the_input_for_each_taxel() -> None:
+    offset = np.array([1e-3, -2e-3])
+    follower = OnePoleFollower(gain=0.9, bandwidth=1e6, offset=offset)
+    np.testing.assert_allclose(follower.run([0.0, 1.0], np.zeros((2, 2))).v_out, [0.9 * offset] * 2, rtol=0, atol=1e-18)
+    assert_refused(follower.start, {"v_in": np.zeros(3)}, "offset")
+
+
+class TestLimits:
+    def test_beyond_the_rails_the_input_is_held_and_flagged(self) -> None:
+        follower = StaticFollower(gain=0.5, limits=FollowerLimits(v_low=-1, v_high=2))
+        output = follower.run([0, 1, 2, 3], [0.0, 3.0, 2.0, -1.1])
+        np.testing.assert_array_equal(output.valid, [True, False, True, False])
+        np.testing.assert_allclose(output.v_out, [0, 1, 1, -0.5], rtol=0, atol=0)
+
+    @pytest.mark.parametrize("follower", FOLLOWERS)
+    def test_faster_than_the_slew_rate_is_flagged(self, follower: Follower) -> None:
+        arguments = {k: getattr(follower, k) for k in follower.__dataclass_fields__ if k != "limits"}
+        limited = type(follower)(**arguments, limits=FollowerLimits(slew_rate=1e6))
+        time = np.linspace(0, 1e-5, 101)
+        assert limited.run(time, 0.4e6 * time).valid.all()
+        assert not limited.run(time, 4e6 * time).valid[-1]
+        state = limited.advance(limited.start(0.0), 40.0, 1e-5)
+        assert not limited.output(state).valid
+
+    def test_response_is_flagged_beyond_its_frequency(self) -> None:
+        follower = OnePoleFollower(gain=1.0, bandwidth=1e6, limits=FollowerLimits(frequency=5e6))
+        np.testing.assert_array_equal(follower.response([1e3, 5e6, 6e6]).valid, [True, True, False])
+
+    @pytest.mark.parametrize(
+        ("arguments", "argument"),
+        [
+            ({"v_low": 1.0, "v_high": 1.0}, "v_high"),
+            ({"v_low": math.nan}, "v_high"),
+            ({"slew_rate": 0.0}, "slew_rate"),
+            ({"frequency": math.nan}, "frequency"),
+        ],
+    )
+    def test_limits_that_make_no_sense(self, arguments, argument) -> None:
+        assert_refused(FollowerLimits, arguments, argument)
+
+
+class TestSweep:
+    """Steps from 1e-9 to 1e3 s, time constants from 1e-9 to 1e9 s, voltages to 1e6 V."""
+
+    STEP, TAU = (axis.ravel() for axis in np.meshgrid(10.0 ** np.arange(-9, 4), 10.0 ** np.arange(-9, 10)))
+
+    @pytest.mark.parametrize("change", [1e-9, 1.0, -1e6])
+    def test_finite_and_within_the_input(self, change: float) -> None:
+        for tau in np.unique(self.TAU):
+            for follower in followers(tau, gain=1.0):
+                ringing = getattr(follower, "quality", 0) > 0.5
+                with np.errstate(over="raise", invalid="raise", divide="raise"):
+                    state = follower.advance(follower.start(np.zeros(13)), np.full(13, change), np.unique(self.STEP))
+                    for _ in range(3):
+                        state = follower.advance(state, np.full(13, change), np.unique(self.STEP))
+                v_out = follower.output(state).v_out / change
+                assert_finite(v_out)
+                assert (v_out >= -1e-12 - ringing).all()
+                assert (v_out <= 1 + 1e-12 + ringing).all()
+
+    @pytest.mark.parametrize("tau", [1e-9, 105e-9, 1.0, 1e9])
+    def test_output_comes_nearer_with_the_length_of_the_step(self, tau: float) -> None:
+        step = np.logspace(-9, 3, 1201)
+        for follower in followers(tau, gain=1.0):
+            if getattr(follower, "quality", 0) > 0.5:
+                continue
+            state = follower.advance(follower.start(np.zeros(step.size)), np.ones(step.size), step)
+            assert_monotone(follower.output(state).v_out, rising=True, slack=1e-13)
+
+    @given(decades(1e-9, 1e3), decades(1e-9, 1e9), signed_decades(1e-9, 1e6), st.floats(0.0, 1.0))
+    def test_two_parts_of_a_step_are_the_step(self, step: float, tau: float, change: float, part: float) -> None:
+        for follower in followers(tau):
+            start = follower.start(0.0)
+            whole = follower.output(follower.advance(start, change, step)).v_out
+            first = follower.advance(start, part * change, part * step)
+            both = follower.output(follower.advance(first, change, step - part * step)).v_out
+            # The parts' times round too, seen through the slew rate; 4e-16 V is a rounding of the overdrive.
+            assert abs(both - whole) <= 4e-13 * (abs(change) + 1e-3 * step / tau) + 4e-16
+
+    def test_error_per_region_of_step_over_time_constant(self, record_property) -> None:
+        table = reference("mean_decay")
+        follower = OnePoleFollower(gain=1.0, bandwidth=1 / (2 * math.pi))
+        found = ErrorMap(bound=4 * EPS)
+        for low in range(-18, 9, 3):
+            rows = (table["x"] >= 0.99 * 10.0**low) & (table["x"] < 0.99 * 10.0 ** (low + 3))
+            state = follower.advance(follower.start(np.zeros(rows.sum())), np.ones(rows.sum()), table["x"][rows])
+            found.add(f"step/tau 1e{low}..1e{low + 3}", state.lags[0] - table["mean_decay"][rows])
+        found.check(record_property)
+
+    @pytest.mark.parametrize("size", [0, 1, 25, 1_000_000])
+    @pytest.mark.parametrize("dtype", [np.float32, np.float64])
+    def test_any_number_of_taxels(self, size: int, dtype) -> None:
+        v_in = np.linspace(-1, 1, size, dtype=dtype)
+        for follower in (followers()[2], followers()[-1]):
+            state = follower.advance(follower.start(np.zeros(size, dtype)), v_in, 1e-3)
+            output = follower.output(state)
+            assert output.v_out.shape == output.valid.shape == (size,)
+            np.testing.assert_allclose(output.v_out, LOOP.gain * v_in, rtol=0, atol=2e-4)
+            assert follower.run([0.0, 1.0], np.zeros((2, size))).v_out.shape == (2, size)
+
+    def test_a_hundred_million_steps_do_not_drift(self) -> None:
+        """The lag is what rounds, and it is multiplied by exp(-h/tau): 1e8 equal steps are checked through 1e5."""
+        for ratio in (1e-12, 1e-6, 1e-3, 1.0):
+            count = 100_000
+            follower = OnePoleFollower(gain=1.0, bandwidth=1 / (2 * math.pi))
+            time = np.arange(count + 1) * ratio
+            v_out = follower.run(time, np.where(time > 0, 1.0, 0.0)).v_out
+            # From the second sample on the input is held: the lag is a product of equal factors.
+            exact = 1 - mean_decay(np.array(ratio)) * np.exp(-(time[1:] - ratio))
+            bound = 1e-15 * min(count, 3 / ratio) + 4 * EPS  # 1e-7 after 1e8 steps at the worst
+            assert np.abs(v_out[1:] - exact).max() <= bound
+
+
+def test_a_recurrence_is_its_loop() -> None:
+    generator = np.random.default_rng(5)
+    for shape in ((1,), (40_000,), (300, 7), (5, 0), (3, 20_000)):
+        factor, addend = generator.uniform(0, 1, shape), generator.normal(size=shape)
+        row = start = generator.normal(size=shape[1:])
+        looped = []
+        for f, a in zip(factor, addend, strict=True):
+            row = f * row + a
+            looped.append(row)
+        np.testing.assert_allclose(linear_recurrence(factor, addend, np.asarray(start)), looped, rtol=0, atol=1e-12)
+
+
+ONE_POLE = OnePoleFollower(gain=1.0, bandwidth=1e6)
+GOOD_ONE_POLE = {"gain": 0.99, "bandwidth": 1e6}
+GOOD_TWO_POLES = {"gain": 0.99, "natural_frequency": 1e6, "quality": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "argument"),
+    [
+        *refusals(
+            close_loop,
+            {"open_loop_gain": 130.0, "gain_bandwidth": 1e6},
+            open_loop_gain=[0.0, -1.0, 1e10],
+            gain_bandwidth=[0.0, -1.0, 1e15],
+        ),
+        *refusals(StaticFollower, {"gain": 1.0}, gain=[0.0, -1.0, 1e4], offset=[1e7]),
+        *refusals(OnePoleFollower, GOOD_ONE_POLE, gain=[0.0], bandwidth=[0.0, -1.0, 1e16]),
+        *refusals(TwoPoleFollower, GOOD_TWO_POLES, natural_frequency=[0.0, 1e16], quality=[0.0, 51.0]),
+        *refusals(
+            TwoPoleFollower.from_bandwidth,
+            {"gain": 0.99, "bandwidth": 1e6, "quality": 0.5},
+            bandwidth=[0.0],
+            quality=[0.0],
+        ),
+        *refusals(SquareLawFollower, {**GOOD_ONE_POLE, "overdrive": 0.4}, overdrive=[0.0, -1.0, 1e4]),
+        *refusals(ONE_POLE.response, {"frequency": 1.0}, frequency=[-1.0, 1e19]),
+        *refusals(ONE_POLE.start, {"v_in": 0.0}, v_in=[2e6, -2e6]),
+        *refusals(
+            ONE_POLE.advance,
+            {"state": ONE_POLE.start(0.0), "v_in": 0.0, "step": 1.0},
+            v_in=[2e6, [0.0, 1.0]],
+            step=[-1.0, 1e10, [1.0, 2.0]],
+        ),
+        *refusals(
+            ONE_POLE.run,
+            {"time": [0.0, 1.0], "v_in": [0.0, 1.0]},
+            time=[[0.0, -1.0], [0.0, 2e9], [0.0], [[0.0, 1.0]], []],
+            v_in=[[0.0, 2e6], [0.0]],
+        ),
+    ],
+)
+def test_bad_arguments_are_named(function, arguments, argument) -> None:
+    assert_refused(function, arguments, argument)
