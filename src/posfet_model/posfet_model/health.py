@@ -26,7 +26,7 @@ class Period:
     layout_mismatch: int
     """Scans refused for another layout."""
     adc_fault: int
-    """Scans refused for a fault of the ADC."""
+    """Scans refused because the ADC failed, by its own word or by what it gave."""
     refused: int
     """Scans refused because they came twice or late."""
     missed: int
@@ -50,7 +50,7 @@ class Period:
         return cls(
             scans=after.accepted - before.accepted,
             layout_mismatch=after.layout_mismatch - before.layout_mismatch,
-            adc_fault=after.adc_fault - before.adc_fault,
+            adc_fault=after.adc_fault + after.implausible - before.adc_fault - before.implausible,
             refused=after.repeated + after.late - before.repeated - before.late,
             missed=after.missed - before.missed,
             interruptions=after.resets + after.gaps - before.resets - before.gaps,
@@ -74,7 +74,7 @@ def judge(period: Period) -> Verdict:
     """Return the worst that can be said of a period."""
     faults = (
         (period.layout_mismatch > 0, Level.ERROR, "scans of another layout refused: give this board's sensor file"),
-        (period.adc_fault > 0, Level.ERROR, "the board reports a fault of its ADC: scans refused, check the board"),
+        (period.adc_fault > 0, Level.ERROR, "the ADC failed, scans refused: check supply and wiring of the board"),
         (period.scans == 0, Level.STALE, "no scans: check that the driver runs and is active"),
         (period.interruptions > 0, Level.WARN, "interrupted: forces held meanwhile are not known; check the bus"),
         (period.time_jumps > 0, Level.WARN, "the board's clock jumped: intervals were taken from the sequence"),

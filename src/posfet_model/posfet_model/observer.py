@@ -31,6 +31,9 @@ from posfet_model.thermal import FilmTemperature
 LONG_STEP: Final = 0.05
 """h/tau above which it matters when within a step the force changed."""
 
+RUNAWAY: Final = 4.0
+"""A taxel whose force grew beyond this many times its greatest one starts anew [1]; saturated ones may exceed it."""
+
 
 @dataclass(frozen=True)
 class ObserverSettings:
@@ -78,7 +81,7 @@ class ForceObserver:
         self._drift = (self._settings.temperature_wander * self._newton_per_kelvin) ** 2
         self._slew = self._settings.zero_slew * sensor.contact.threshold
         self._negative = sensor.contact.threshold
-        self._runaway = 1.2 * device.force_max
+        self._runaway = RUNAWAY * device.force_max
         self._known_offset = (0.5 * sensor.contact.threshold * self._tau) ** 2
         self.film = FilmTemperature(device.thermal_time_constant)
 
@@ -159,6 +162,16 @@ class ForceObserver:
             # A jump at an unknown moment of the step has leaked by an unknown share of h/tau, evenly distributed.
             self._variance += (scratch * leak.ratio) ** 2 / 12.0
 
+    def follow_common(self) -> None:
+        """Where nothing touches, take what all taxels show together as the film's own temperature.
+
+        The median, so that a touch not found yet is not taken for it. It fills the time between two readings of the
+        chip's sensors and makes up for a lag that is not the true one.
+        """
+        ordered = np.sort(self.force)
+        common = float(ordered[len(ordered) // 2])
+        self.force -= self.film.nudge(common / self._newton_per_kelvin) * self._newton_per_kelvin
+
     def lose(self, saturated: NDArray[np.bool_], step: float) -> None:
         """Count as unknown the charge that leaks beyond the end of the range during a step [s] of the masked taxels."""
         lost = np.abs(self._signal[saturated]) * (step / self._tau)
@@ -190,7 +203,8 @@ class ForceObserver:
             self._restart(failed)
         self.settled |= (self._agreed >= s.settle) & (self._offset_variance <= self._known_offset)
         self._recovering = max(0.0, self._recovering - self._elapsed)
-        self.valid = self._recovering == 0.0 and bool(self.settled.all())
+        sound = self.settled & (self._below_zero == 0.0)
+        self.valid = self._recovering == 0.0 and bool(sound.all())
         self._last_mean = mean
         self._start_block()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from posfet_model.scan import Scan
 from posfet_model.scan_clock import ScanClock, ScanCounts
 from posfet_model.sensor import Sensor
 from posfet_model.tracker import Contact, ContactTracker
+
+MOST_IMPLAUSIBLE: Final = 10
+"""After this many scans in a row with most taxels at the end of their range it is taken for true."""
 
 
 class TaxelStatus(IntEnum):
@@ -79,6 +83,8 @@ class Reconstructor:
         self._touched = np.zeros(taxels, np.bool_)
         self._near = np.zeros(taxels, np.bool_)
         self._set_thresholds()
+        self._saturated_now = 0
+        self._implausible_in_a_row = 0
         self._result = Reconstruction(False, 0, 0, False, (), 0)
         self._image = ForceImage(
             np.full(taxels, np.nan, np.float32),
@@ -117,23 +123,23 @@ class Reconstructor:
         """Take one scan; the result is overwritten by the next call."""
         result = self._result
         clock, observer = self._clock, self._observer
-        result.accepted = clock.admit(scan)
+        result.accepted = clock.fits(scan) and self._plausible(scan) and clock.admit(scan)
         if not result.accepted:
             return result
         self._inverse.charge(scan.counts, self._charge)
-        self._inverse.saturated(scan.counts, self._saturated)
         if clock.interrupted:
             observer.interrupt()
         observer.advance(self._charge, scan.temperatures, clock.step)
-        result.saturated = 0
-        if self._saturated.any():
-            result.saturated = int(np.count_nonzero(self._saturated))
+        result.saturated = self._saturated_now
+        if result.saturated:
             observer.lose(self._saturated, clock.step)
         regions = self._finder.find(observer.force)
         if regions or not self._tracker.idle:
             result.contacts = self._follow(regions, clock.step)
         elif result.contacts:
             result.contacts = ()
+        if not regions and observer.film.changing and observer.valid:
+            observer.follow_common()
         if observer.block_due:
             self._close_block()
         result.stamp = scan.stamp
@@ -164,6 +170,19 @@ class Reconstructor:
             image.standard_deviation[self._saturated] = math.nan
             image.total_standard_deviation = math.nan
         return image
+
+    def _plausible(self, scan: Scan) -> bool:
+        """Look for taxels at the end of their range; refuse a scan in which most are, unless it goes on."""
+        self._inverse.saturated(scan.counts, self._saturated)
+        self._saturated_now = int(np.count_nonzero(self._saturated))
+        if 2 * self._saturated_now <= len(self._saturated):
+            self._implausible_in_a_row = 0
+            return True
+        self._implausible_in_a_row += 1
+        if self._implausible_in_a_row > MOST_IMPLAUSIBLE:
+            return True
+        self._clock.counts.implausible += 1
+        return False
 
     def _follow(self, regions: list[int], step: float) -> tuple[Contact, ...]:
         """Measure the regions in contact and continue the contacts."""

@@ -35,10 +35,12 @@ class ScanCounts:
     """Refused: older than one that was taken."""
     adc_fault: int = 0
     """Refused: the board reports a fault of its ADC."""
+    implausible: int = 0
+    """Refused: most taxels at the end of their range at once."""
     missed: int = 0
     """Never came: gaps of the sequence. The force is followed across them."""
     resets: int = 0
-    """Interruptions: the board began anew."""
+    """The board began anew; the interval is taken from the stamps."""
     time_jumps: int = 0
     """The board's clock jumped; the interval is taken from the sequence."""
     gaps: int = 0
@@ -66,20 +68,24 @@ class ScanClock:
         self.suspect = False
         """Whether the interval had to be guessed."""
 
-    def admit(self, scan: Scan) -> bool:
-        """Return whether to take a scan."""
+    def fits(self, scan: Scan) -> bool:
+        """Return whether a scan is one of this sensor, fit to be looked at."""
         if scan.layout_id != self._layout_id or scan.counts.shape != self._shape:
             self.counts.layout_mismatch += 1
             return False
         if scan.status & ScanStatus.ADC_FAULT:
             self.counts.adc_fault += 1
             return False
+        return True
+
+    def admit(self, scan: Scan) -> bool:
+        """Return whether to take a scan that fits."""
         self.interrupted = self.suspect = False
         ahead = scan.sequence - self._sequence
         if self._sequence < 0:
             self.step = self._period
         elif scan.status & ScanStatus.BOARD_RESET:
-            self._reset()
+            self._reset(scan)
         elif ahead == 0:
             self.counts.repeated += 1
             return False
@@ -88,7 +94,7 @@ class ScanClock:
             if scan.stamp <= self._stamp and self._late_in_a_row <= MOST_LATE:
                 self.counts.late += 1
                 return False
-            self._reset()
+            self._reset(scan)
         else:
             self._measure(scan, ahead)
         self._sequence = scan.sequence
@@ -99,10 +105,16 @@ class ScanClock:
         self.counts.accepted += 1
         return True
 
-    def _reset(self) -> None:
+    def _reset(self, scan: Scan) -> None:
+        """Bridge a restart of the board by the stamps, which go on."""
         self.counts.resets += 1
-        self.interrupted = True
-        self.step = self._period
+        self.suspect = True
+        self._bridge((scan.stamp - self._stamp) * 1e-9)
+
+    def _bridge(self, interval: float) -> None:
+        """Set the interval; one out of range interrupts the force."""
+        self.interrupted = not 0.0 < interval <= self._longest
+        self.step = self._period if self.interrupted else interval
 
     def _measure(self, scan: Scan, ahead: int) -> None:
         """Find the interval before a scan that is `ahead` in sequence of the last one."""
@@ -117,11 +129,8 @@ class ScanClock:
             ticks = expected
         elif ahead == 1 and not estimated:
             self._period += 0.01 * (ticks - self._period)
-        self.step = ticks
-        if ticks > self._longest:
-            self.counts.gaps += 1
-            self.interrupted = True
-            self.step = self._period
+        self._bridge(ticks)
+        self.counts.gaps += self.interrupted
 
     @property
     def rate(self) -> float:

@@ -14,53 +14,122 @@ UNKNOWN_WANDER: Final = 0.05
 LAG_UNCERTAINTY: Final = 0.3
 """Relative standard deviation of the thermal lag [1], assumed."""
 
+SLOPE_SHARE: Final = 0.3
+"""Share of a new slope in the running one, and of a new error of prediction in its variance [1], assumed."""
+
+OVERDUE: Final = 1.5
+"""A reading is not carried on for longer than this many times the interval before it [1]: then there was a new one, the
+same as the last."""
+
+LONGEST_INTERVAL: Final = 0.5
+"""Readings further apart than this are not carried on [s], assumed: board status comes at 10 Hz."""
+
+FASTEST_NUDGE: Final = 2.0
+"""The film leaves the temperature that was followed no faster than this [K/s], assumed."""
+
+SETTLED: Final = 1e-9
+"""A lag below this is none [K]."""
+
 
 class FilmTemperature:
     """Change of the film's temperature since the start, from sensors that may come and go.
 
-    The film follows the mean of the known sensors with a first-order lag. A sensor counts by its changes only, and only
-    from one reading to the next, so that one that drops out or comes back does not shift the mean. While none is known
-    the film's temperature is held and its uncertainty grows.
+    Readings come less often than scans, so between two of them the chip's temperature is carried on along its slope.
+    The film follows it with a first-order lag. A sensor counts by its change since it was first seen, so that one that
+    drops out or comes back does not shift the mean. While none is known the temperature is held and its uncertainty
+    grows.
     """
 
     def __init__(self, time_constant: float) -> None:
         """Follow with the lag `time_constant` [s], >= 0; 0 follows at once."""
         self._time_constant = time_constant
         self._last: list[float] = []
+        self._bias: dict[int, float] = {}
+        self._chip = 0.0
+        self._slope = 0.0
+        self._carried = 0.0
+        self._step = 0.0
+        self._age = 0.0
+        self._interval = 0.0
         self._lag = 0.0
+        self._prediction_variance = 0.0
         self._unknown_variance = 0.0
 
     @property
     def standard_deviation(self) -> float:
-        """Standard deviation of the film's temperature change [K] beyond the noise of the sensors."""
-        return math.sqrt(self._unknown_variance + (LAG_UNCERTAINTY * self._lag) ** 2)
+        """Standard deviation of the film's temperature change [K]."""
+        lag = LAG_UNCERTAINTY * self._lag
+        return math.sqrt(self._unknown_variance + self._prediction_variance + lag * lag)
 
     @property
     def known(self) -> bool:
         """Whether a sensor was known at the last update."""
-        return any(value == value for value in self._last)  # noqa: PLR0124 - NaN is the value that differs from itself
+        return any(math.isfinite(value) for value in self._last)
+
+    @property
+    def changing(self) -> bool:
+        """Whether the film is warming or cooling, or the last readings were not where they were expected."""
+        return self._lag != 0.0 or self._slope != 0.0
+
+    def nudge(self, change: float) -> float:
+        """Take note that the film seems warmer by `change` [K] than followed; return how much of it is believed.
+
+        No more than `FASTEST_NUDGE` allows for the last step: what is faster has another cause.
+        """
+        limit = FASTEST_NUDGE * self._step
+        believed = min(max(change, -limit), limit)
+        self._lag -= believed
+        return believed
 
     def update(self, temperatures: NDArray[np.float32], step: float) -> float:
-        """Return by how much [K] the film warmed over the last `step` [s], for the sensors' readings [degC] at its end.
-
-        The sensors' readings jump at the start of the step and hold: they come less often than the scans.
-        """
+        """Return by how much [K] the film warmed over the last `step` [s], for the readings [degC] at its end."""
         readings: list[float] = temperatures.tolist()
+        self._step = step
+        self._age += step
         if readings != self._last:  # always so while one is NaN
-            self._lag += self._chip_change(readings, step)
             self._last = readings
+            self._take(readings, step)
+        elif self._slope:
+            self._carry_on(step)
         if self._lag == 0.0:
             return 0.0
         share = -math.expm1(-step / self._time_constant) if self._time_constant > 0 else 1.0
         change = share * self._lag
         self._lag -= change
-        if abs(self._lag) < 1e-9:
+        if abs(self._lag) < SETTLED:
             self._lag = 0.0
         return change
 
-    def _chip_change(self, readings: list[float], step: float) -> float:
-        """Return the mean change [K] of the sensors known both before and now; keep count of what is not known."""
-        changes = [new - old for new, old in zip(readings, self._last, strict=False) if math.isfinite(new - old)]
-        if not changes and self._last:
-            self._unknown_variance += UNKNOWN_WANDER**2 * step
-        return sum(changes) / len(changes) if changes else 0.0
+    def _carry_on(self, step: float) -> None:
+        """Move the chip's temperature along its slope; back to the last reading when a new one is overdue."""
+        if self._age <= OVERDUE * self._interval:
+            change = self._slope * step
+            self._carried += change
+        else:
+            change = -self._carried
+            self._slope = self._carried = 0.0
+        self._chip += change
+        self._lag += change
+
+    def _take(self, readings: list[float], step: float) -> None:
+        """Move the chip's temperature to new readings; keep the slope, and count what was not foreseen or not known."""
+        known = [(index, value) for index, value in enumerate(readings) if math.isfinite(value)]
+        if not known:
+            self._unknown_variance += UNKNOWN_WANDER**2 * step if self._bias else 0.0
+            self._slope = self._carried = 0.0
+            return
+        for index, value in known:
+            self._bias.setdefault(index, value - self._chip)
+        chip = sum(value - self._bias[index] for index, value in known) / len(known)
+        # What the slope promised up to this scan: the part of the last step is not in it yet.
+        error = chip - self._chip - self._slope * step
+        self._lag += chip - self._chip
+        self._chip = chip
+        self._carried = 0.0
+        if self._unknown_variance or self._age > LONGEST_INTERVAL:
+            self._unknown_variance = 0.0  # what was missed meanwhile is made up for at once
+            self._slope = 0.0
+        else:
+            self._slope += SLOPE_SHARE * error / self._age
+            self._prediction_variance += SLOPE_SHARE * (error * error - self._prediction_variance)
+        self._interval, self._age = self._age, 0.0
