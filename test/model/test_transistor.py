@@ -171,7 +171,7 @@ class TestSweep:
     @pytest.mark.parametrize("size", [0, 1, 1_000_000])
     def test_any_number_of_taxels(self, size: int, dtype) -> None:
         gate = np.linspace(0, 5, size, dtype=dtype)
-        rest = [np.asarray(value, dtype) for value in (5.0, 0.7, 9.3446e-4, 0.0)]
+        rest = (5.0, 0.7, 9.3446e-4, 0.0)  # scalars do not widen the array
         currents = transistor.drain_current(gate, *rest)
         assert currents.shape == (size,) and currents.dtype == dtype
         back = transistor.gate_voltage(currents, *rest)

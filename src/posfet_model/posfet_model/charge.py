@@ -9,8 +9,8 @@ pyroelectric coefficient p [C/(m2 K)], the change of temperature dTheta [K] and 
 q is called the *source* here: the charge density a film without leak would show. The equation is linear, so a step is
 propagated by its exponential solution: any step is stable and, for a source of the named shape, right to rounding.
 
-Arrays of any shapes that broadcast together are accepted. Results are float32 when all charge densities are float32,
-else float64; all-scalar input gives a NumPy scalar.
+Arrays of any shapes that broadcast together are accepted. float32 arrays stay float32, whatever scalars, steps and time
+constants beside them are; anything else gives float64. All-scalar input gives a NumPy scalar.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 Deflections are those of thin plates clamped all round under uniform pressure (S. Timoshenko and S. Woinowsky-Krieger,
 Theory of Plates and Shells, 2nd ed., 1959, eq. 62 and Table 35), small against the thickness. Lengths in m, pressure
-and moduli in Pa. Arrays of any shapes that broadcast together are accepted; float32 arguments alone give float32.
+and moduli in Pa. Arrays of any shapes that broadcast together are accepted; float32 arrays stay float32 beside
+scalars.
 """
 
 from __future__ import annotations
