@@ -129,8 +129,8 @@ def figures_of_merit(bias: AmplifierBias | None = None) -> AmplifierFigures:
 
     Notes
     -----
-    Against ngspice with the defaults (circuit B): open-loop gain +1.6 %, gain-bandwidth product +4 %, offset 2.42 for
-    2.45 mV. The poles are those of the two-node circuit, ``p1 = 1/a1`` and ``p2 = a1/a2``, valid while p2 is well above
+    Against ngspice with the defaults (circuit B): open-loop gain +1.6 %, dominant pole +2.3 %, offset 2.42 for 2.45 mV.
+    The poles are those of the two-node circuit, ``p1 = 1/a1`` and ``p2 = a1/a2``, valid while p2 is well above
     p1; the second gain is only about 4.3 here, so the usual ``gm1/Cc`` and ``I/Cc`` are too high by a quarter.
     """
     bias = bias or AmplifierBias()

@@ -104,11 +104,18 @@ def _parse(path: Path, lines: list[str], rows: list[int]) -> NDArray[np.float64]
         if len(cells) != 3:
             raise RunFileError(f"{path}:{i}: 3 values ({HEADER}) wanted, got {len(cells)}")
         for name, cell in zip(HEADER.split(","), cells, strict=True):
-            try:
-                float(cell)
-            except ValueError:
-                raise RunFileError(f"{path}:{i}: {name} must be a number, got {cell.strip()[:40]!r}") from None
+            if not _is_number(cell):
+                raise RunFileError(f"{path}:{i}: {name} must be a number, got {cell.strip()[:40]!r}")
     raise RunFileError(f"{path}: cannot be read as numbers")
+
+
+def _is_number(cell: str) -> bool:
+    """Return whether a cell is a number as other programs write them: Python alone takes 1_000 for one."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell
 
 
 def _check(path: Path, table: NDArray[np.float64], rows: list[int]) -> None:

@@ -1,0 +1,106 @@
+"""The differential pair: current and transconductance, and the exact way from one overdrive to another."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from model.sweep import ErrorMap, assert_finite, assert_monotone, assert_refused, decades, reference, refusals
+
+from posfet_model.differential_pair import EDGE, pair_current, pair_transconductance, settle, settle_series
+
+EPS = np.finfo(np.float64).eps
+
+
+def test_current_and_transconductance_against_the_40_digit_table() -> None:
+    table = reference("pair_current")
+    np.testing.assert_allclose(pair_current(table["overdrive"]), table["current"], rtol=0, atol=2 * EPS)
+    np.testing.assert_allclose(
+        pair_transconductance(table["overdrive"]), table["transconductance"], rtol=0, atol=4 * EPS
+    )
+
+
+def test_the_pair_saturates_at_the_tail_current_without_a_kink() -> None:
+    x = np.linspace(-3, 3, 6001)
+    assert_monotone(pair_current(x), rising=True, slack=EPS)
+    assert pair_current(EDGE) == pytest.approx(1, abs=EPS)
+    assert pair_transconductance(EDGE) == pytest.approx(0, abs=4 * EPS)
+    numeric = (pair_current(x + 1e-6) - pair_current(x - 1e-6)) / 2e-6
+    np.testing.assert_allclose(pair_transconductance(x), numeric, rtol=0, atol=1e-6)
+
+
+def test_settling_against_the_40_digit_table(record_property) -> None:
+    table = reference("pair_settling")
+    end = settle(table["start"], table["slope"] * table["duration"], table["duration"])
+    error = (end - table["end"]) / np.maximum(1, np.abs(table["end"]))
+    found = ErrorMap(bound=4 * EPS)
+    for region, rows in {
+        "slope below 1": table["slope"] < 0.99,
+        "slope near 1": np.abs(table["slope"] - 1) < 0.01,
+        "slope above 1": table["slope"] > 1.01,
+    }.items():
+        found.add(region, error[rows])
+    found.check(record_property)
+
+
+@given(
+    st.floats(-50, 50),
+    st.one_of(st.floats(-3, 3), decades(1e-12, 1e6), st.sampled_from([1.0, -1.0, 1 - EPS, 1 + EPS, 0.0])),
+    decades(1e-12, 1e12),
+    st.floats(0, 1),
+)
+def test_any_way_is_its_parts(start: float, slope: float, duration: float, part: float) -> None:
+    x, s = np.array([start]), np.array([duration])
+    with np.errstate(over="raise", invalid="raise", divide="raise"):
+        whole = settle(x, slope * s, s)
+        first = settle(x, slope * part * s, part * s)
+        both = settle(first, slope * (s - part * s), s - part * s)
+    assert_finite(whole)
+    # Time rounds in proportion to its length, x in proportion to the way that the input goes.
+    way = abs(start) + (1 + abs(slope)) * duration
+    assert abs(both - whole) <= 8 * EPS * (4 + (way if abs(slope) >= 1 or abs(start) > EDGE else 0))
+
+
+def test_rest_is_where_the_current_is_the_slope() -> None:
+    slope = np.array([0.0, 1e-9, 0.1, 0.5, 0.9, 0.999, -0.7])
+    x = settle(np.full(7, 40.0), slope * 1e6, np.full(7, 1e6))
+    np.testing.assert_allclose(pair_current(x), slope, rtol=0, atol=4 * EPS)
+    np.testing.assert_allclose(settle(x, slope, np.ones(7)), x, rtol=0, atol=4 * EPS / math.sqrt(1e-3))
+
+
+def test_settling_is_odd_and_keeps_the_order() -> None:
+    start = np.linspace(-4, 4, 801)
+    for slope in (0.0, 0.3, 1.0, 2.5):
+        for duration in (1e-3, 1.0, 30.0):
+            x = settle(start, np.full_like(start, slope * duration), np.full_like(start, duration))
+            back = settle(-start, np.full_like(start, -slope * duration), np.full_like(start, duration))
+            np.testing.assert_allclose(x, -back, rtol=0, atol=4 * EPS)
+            assert_monotone(x, rising=True, slack=8 * EPS)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 0.5, 20.0])
+def test_a_series_is_its_steps_in_a_row(scale: float) -> None:
+    generator = np.random.default_rng(6)
+    change = scale * generator.normal(size=5000)
+    duration = 10 ** generator.uniform(-3, 1, 5000)
+    duration[::50] = 0
+    x = np.array(0.0)
+    looped = []
+    for c, d in zip(change, duration, strict=True):
+        x = settle(x, c, d)
+        looped.append(float(x))
+    np.testing.assert_allclose(
+        settle_series(np.array(0.0), change, duration), looped, rtol=0, atol=1e-12 * max(1, scale)
+    )
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "argument"),
+    [
+        *refusals(pair_current, {"overdrive": 0.0}, overdrive=[]),
+        *refusals(pair_transconductance, {"overdrive": 0.0}, overdrive=[]),
+    ],
+)
+def test_bad_arguments_are_named(function, arguments, argument) -> None:
+    assert_refused(function, arguments, argument)

@@ -1,0 +1,197 @@
+"""ngspice against the models: stored runs everywhere, live runs where ngspice is on PATH."""
+
+import math
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from model.spice_data import small_signal, transient
+from model.sweep import NOT_REAL_NUMBERS, assert_refused
+
+from posfet_model import spice, spice_reference
+from posfet_model.follower_run import FollowerRun, blind_models, calibrated_models, deviation, fit_overdrive
+
+needs_ngspice = pytest.mark.skipif(shutil.which("ngspice") is None, reason="ngspice is not on PATH")
+
+Run = Callable[[str, str], FollowerRun]
+
+
+def live(circuit: str, stimulus: str) -> FollowerRun:
+    what = spice_reference.stimuli()[stimulus]
+    run = spice.run_follower(spice.netlist(circuit), what.source, what.stop, what.largest_step)
+    return FollowerRun(run.time, run.v_in, run.v_out)
+
+
+@pytest.fixture(params=["stored", pytest.param("live", marks=[pytest.mark.spice, needs_ngspice])])
+def run(request: pytest.FixtureRequest) -> Run:
+    return transient if request.param == "stored" else live
+
+
+@pytest.mark.parametrize("circuit", spice.CIRCUITS)
+@pytest.mark.parametrize(("stimulus", "bound"), [("press", 0.25), ("tap", 0.25), ("sine", 0.15)])
+@pytest.mark.parametrize("model", ["one_pole", "two_pole", "square_law_slew"])
+def test_blind_models(run: Run, circuit: str, stimulus: str, bound: float, model: str) -> None:
+    assert deviation(run(circuit, stimulus), blind_models()[model]).max_pct <= bound
+
+
+@pytest.mark.parametrize("circuit", spice.CIRCUITS)
+@pytest.mark.parametrize("stimulus", ["press", "tap", "sine"])
+@pytest.mark.parametrize("model", ["one_pole", "two_pole", "square_law_slew"])
+def test_calibrated_models(run: Run, circuit: str, stimulus: str, model: str) -> None:
+    follower = calibrated_models(spice.closed_loop(small_signal(circuit, "ac")), 0.39)[model]
+    assert deviation(run(circuit, stimulus), follower).max_pct <= 0.05
+
+
+@pytest.mark.parametrize(("circuit", "bound"), [("opamp_b", 1.0), ("opamp_c", 2.0)])
+def test_step_with_slew(run: Run, circuit: str, bound: float) -> None:
+    step = run(circuit, "step")
+    loop = spice.closed_loop(small_signal(circuit, "ac"))
+    follower = calibrated_models(loop, fit_overdrive(step, loop))["square_law_slew"]
+    assert deviation(step, follower).rms_pct <= bound
+
+
+@pytest.mark.parametrize("circuit", spice.CIRCUITS)
+def test_circuits_have_the_published_gain_and_bandwidth(circuit: str) -> None:
+    open_loop = small_signal(circuit, "open_loop")
+    gain = abs(open_loop.transfer)
+    assert 20 * math.log10(gain[0]) == pytest.approx(42.3, abs=0.02)
+    unity = math.exp(float(np.interp(0, -np.log(gain), np.log(open_loop.frequency))))
+    assert unity == pytest.approx(
+        1.5e6, abs=0.07e6
+    )  # the output follower of circuit C adds a little above the crossing
+
+
+@pytest.mark.parametrize("circuit", spice.CIRCUITS)
+def test_a_fit_of_the_overdrive_needs_a_run_that_slews(circuit: str) -> None:
+    loop = spice.closed_loop(small_signal(circuit, "ac"))
+    assert fit_overdrive(transient(circuit, "press"), loop) == 0.39
+    assert fit_overdrive(transient(circuit, "step"), loop) != 0.39
+
+
+@pytest.mark.spice
+@needs_ngspice
+class TestLive:
+    @pytest.mark.parametrize("circuit", spice.CIRCUITS)
+    def test_stored_runs_are_what_ngspice_gives_now(self, circuit: str) -> None:
+        now = spice.run_follower_ac(spice.netlist(circuit), per_decade=20)
+        np.testing.assert_allclose(now.transfer, small_signal(circuit, "ac").transfer, rtol=0, atol=1e-4)
+        for stimulus in ("tap", "step"):
+            stored, fresh = transient(circuit, stimulus), live(circuit, stimulus)
+            at_stored = np.interp(stored.time, fresh.time, fresh.v_out)
+            # Two versions step differently; straight lines between steps of 10 ns are 1 mV off at the sharpest bend.
+            np.testing.assert_allclose(at_stored, stored.v_out, rtol=0, atol=2e-3)
+
+    @pytest.mark.parametrize("circuit", spice.CIRCUITS)
+    def test_half_the_step_is_the_same_run(self, circuit: str) -> None:
+        what = spice_reference.stimuli()["step"]
+        runs = [
+            spice.run_follower(spice.netlist(circuit), what.source, what.stop, step)
+            for step in (what.largest_step, what.largest_step / 2)
+        ]
+        at_coarse = np.interp(runs[0].time, runs[1].time, runs[1].v_out)
+        assert np.abs(at_coarse - runs[0].v_out).max() <= 2e-3
+
+    def test_a_circuit_that_is_refused(self) -> None:
+        with pytest.raises(spice.SpiceError, match="ngspice failed"):
+            spice.run_follower(
+                ".subckt opamp plus minus out\nm1 out plus 0 0 nomodel\n.ends", "sin(0 1 1k)", 1e-3, 1e-5
+            )
+
+    def test_a_run_that_is_aborted(self) -> None:
+        chatter = "cx out 0 1f\nbout out 0 i=v(out)>v(plus)*(time>5e-4) ? 1e6 : -1e6\nrx out 0 1g\nrm minus plus 1k"
+        with pytest.raises(spice.SpiceError, match=r"ngspice failed|stopped at"):
+            spice.run_follower(f".subckt opamp plus minus out\n{chatter}\n.ends", "sin(0 1 1k)", 1e-3, 1e-5)
+
+    def test_a_run_too_coarse_for_its_output(self) -> None:
+        wire = ".subckt opamp plus minus out\nrwire plus out 1\nrload out 0 1meg\n.ends"
+        with pytest.raises(spice.SpiceError, match="coarse"):
+            spice.run_follower(wire, "sin(0 1 1k)", 1e-3, 5e-5)
+
+    def test_reference_files_are_written_with_their_origin(self, tmp_path: Path, monkeypatch) -> None:
+        monkeypatch.setattr(spice, "CIRCUITS", ("opamp_c",))
+        assert spice_reference.main([str(tmp_path)]) == 0
+        assert len(list(tmp_path.glob("*.csv"))) == 6
+        head = (tmp_path / "opamp_c_tap.csv").read_text().splitlines()[:3]
+        assert head[0].startswith("# opamp_c.cir")
+        assert "ngspice-" in head[1]
+        assert head[2] == "time,v_in,v_out"
+
+
+class TestWithoutNgspice:
+    @pytest.fixture(autouse=True)
+    def _no_program(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        monkeypatch.setenv("PATH", str(tmp_path))
+
+    def test_it_is_missing(self, tmp_path: Path, capsys) -> None:
+        assert not spice.available()
+        with pytest.raises(spice.SpiceError, match="not on PATH"):
+            spice.run_follower(spice.netlist("opamp_b"), "sin(0 1 1k)", 1e-3, 1e-6)
+        assert spice_reference.main([str(tmp_path / "new")]) == 1
+        assert capsys.readouterr().err.startswith("spice_reference: ngspice is not on PATH")
+
+    @pytest.mark.parametrize(
+        ("script", "reason"),
+        [
+            ("echo 'doAnalyses: TRAN:  Timestep too small'", "too small"),
+            ("exit 3", "status 3"),
+            ("true", "no output"),
+            ("printf 'Title: x\\nBinary:\\n' > out.raw", "no proper head"),
+            ("printf 'Flags: real\\nNo. Variables: 3\\nNo. Points: 9\\nBinary:\\nabc' > out.raw", "ends before its 9"),
+            (
+                "printf 'Flags: complex\\nNo. Variables: 3\\nNo. Points: 9\\nBinary:\\n' > out.raw",
+                "not of the analysis",
+            ),
+        ],
+    )
+    def test_a_run_that_failed_is_an_error(self, tmp_path: Path, monkeypatch, script: str, reason: str) -> None:
+        program = tmp_path / "ngspice"
+        program.write_text(f"#!/bin/sh\n{script}\n")
+        program.chmod(0o755)
+        monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
+        with pytest.raises(spice.SpiceError, match=reason):
+            spice.run_follower(spice.netlist("opamp_b"), "sin(0 1 1k)", 1e-3, 1e-6)
+
+
+def raw(time: np.ndarray, v_out: np.ndarray) -> bytes:
+    head = f"Title: follower\nFlags: real\nNo. Variables: 3\nNo. Points: {time.size}\nBinary:\n"
+    return head.encode() + np.c_[time, v_out, v_out].tobytes()
+
+
+@pytest.mark.parametrize(
+    ("time", "v_out", "reason"),
+    [
+        (np.linspace(0, 0.5e-3, 501), np.linspace(0, 1, 501), "stopped at 0.0005 s of 0.001 s"),
+        (np.linspace(0, 1e-3, 101), np.linspace(0, 1, 101), "steps reach"),
+        (np.linspace(0, 1e-3, 1001), np.linspace(0, 1, 1001) > 0.5, "coarse"),
+        (np.linspace(0, 1e-3, 1001), np.full(1001, math.nan), "not finite"),
+    ],
+)
+def test_a_run_that_is_not_whole_or_not_fine_is_an_error(monkeypatch, time, v_out, reason: str) -> None:
+    content = raw(time, v_out.astype(float))
+    monkeypatch.setattr(
+        spice, "_simulate", lambda deck, complex_values: spice.read_raw(content, complex_values=complex_values)
+    )
+    with pytest.raises(spice.SpiceError, match=reason):
+        spice.run_follower("", "sin(0 1 1k)", 1e-3, 1.01e-6)
+
+
+def test_a_gain_that_never_falls_has_no_bandwidth() -> None:
+    flat = spice.SmallSignal(frequency=np.array([1.0, 10.0]), transfer=np.array([1.0 + 0j, 0.9]))
+    with pytest.raises(spice.SpiceError, match="does not fall"):
+        spice.closed_loop(flat)
+
+
+def test_bad_arguments_are_named() -> None:
+    assert_refused(spice.netlist, {"circuit": "opamp_z"}, "circuit")
+    assert_refused(spice.piecewise_linear, {"time": [0, 1], "volts": [0]}, "volts")
+    for time in ([1, 2], [0, 0], [0, -1]):
+        assert_refused(spice.piecewise_linear, {"time": time, "volts": [0, 1]}, "time")
+    good = {"circuit": "", "source": "", "stop": 1.0, "largest_step": 1e-3}
+    for value in (0.0, -1.0, *NOT_REAL_NUMBERS):
+        assert_refused(spice.run_follower, {**good, "stop": value}, "stop")
+        assert_refused(spice.run_follower, {**good, "largest_step": value}, "largest_step")
+    assert_refused(spice.run_follower, {**good, "largest_step": 0.1}, "largest_step")
+    assert_refused(spice.run_follower_ac, {"circuit": "", "lowest": 0.0}, "lowest")
+    assert_refused(spice.run_open_loop_ac, {"circuit": "", "lowest": 1.0, "highest": 2.0}, "highest")
