@@ -224,3 +224,9 @@ def test_the_example_of_the_document_is_a_scene(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_document_names_each_shipped_scene(name: str) -> None:
     assert f"| `{name}`" in DOCUMENT
+
+
+def test_a_force_that_ends_at_zero_never_falls_below_it() -> None:
+    track = Track(times=(2.6, 2.9), values=((1.8,), (0.0,)))
+    below_the_end = np.nextafter(2.9, 0.0) - np.arange(20_000) * 1e-9
+    assert min(track.at(float(time))[0] for time in below_the_end) >= 0.0

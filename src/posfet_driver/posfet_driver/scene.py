@@ -53,7 +53,7 @@ class Track:
         if start == end:
             return start
         u = (time - self.times[index]) / (self.times[index + 1] - self.times[index])
-        share = u * u * u * (10 + u * (6 * u - 15))
+        share = min(u * u * u * (10 + u * (6 * u - 15)), 1.0)  # rounding may carry it past 1, and a force below 0
         return tuple([a + (b - a) * share for a, b in zip(start, end, strict=True)])
 
 
