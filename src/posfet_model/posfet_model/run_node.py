@@ -6,11 +6,13 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from types import FrameType
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 from posfet_model.config import ConfigError
 
@@ -25,20 +27,41 @@ POLL = 0.1
 """Longest time that an end asked for by a signal or by `until` waits for its turn [s]."""
 
 
+class Ending:
+    """What SIGINT and SIGTERM do: before nodes spin they interrupt, from then on they ask for an orderly end.
+
+    rclpy's own handlers would shut the context down under threads that publish, and raise in the middle of callbacks.
+    """
+
+    def __init__(self) -> None:
+        self.asked = False
+        self.orderly = False
+
+    def __call__(self, _signal: int, _frame: FrameType | None) -> None:
+        """Take a signal."""
+        self.asked = True
+        if not self.orderly:
+            raise KeyboardInterrupt
+
+
+_ending = Ending()
+
+
 def spin(nodes: Sequence[Node], until: Callable[[], bool] = lambda: False) -> None:
     """Serve the callbacks of `nodes` in this thread until Ctrl-C, SIGTERM, shutdown, or until `until()` is true.
 
-    `until` is asked after each callback and at least every `POLL` seconds.
+    `until` is asked after each callback and at least every `POLL` seconds. For the block of `ros`.
     """
+    _ending.orderly = True
     executor = NodeExecutor()
     for node in nodes:
         executor.add_node(node)
     try:
         # Not executor.spin(): where its wait has no end, libstdc++ 12 computes a time-out that has passed already, and
         # the EventsExecutor of rclpy 7.1 turns round and round with its queue locked.
-        while rclpy.ok() and not until():
+        while rclpy.ok() and not _ending.asked and not until():
             executor.spin_once(POLL)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    except ExternalShutdownException:
         pass
     finally:
         executor.shutdown()
@@ -52,19 +75,20 @@ def ros(arguments: Sequence[str] | None = None) -> Iterator[ExitStack]:
     for a ROS command line or parameter file that cannot be read.
     """
     try:
-        rclpy.init(args=arguments)
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except rclpy_implementation.RCLError as error:
         raise ConfigError(" ".join(str(error).split())) from error
+    _ending.asked = _ending.orderly = False
     with ExitStack() as stack:
-        stack.callback(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT))
+        for number in (signal.SIGINT, signal.SIGTERM):
+            stack.callback(signal.signal, number, signal.signal(number, _ending))
         stack.callback(rclpy.try_shutdown)
         try:
             yield stack
-        except (KeyboardInterrupt, ExternalShutdownException):
+        except KeyboardInterrupt:
             pass
         finally:
-            # A second Ctrl-C, as launch sends one after the terminal's, must not break the end.
-            signal.signal(signal.SIGINT, signal.SIG_IGN)
+            _ending.orderly = True  # a second Ctrl-C, as launch sends one after the terminal's, must not break the end
 
 
 def run_node(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
