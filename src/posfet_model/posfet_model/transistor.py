@@ -7,8 +7,8 @@ The square-law model of the paper (eq. 6-10) for an n-channel device with its so
     saturation    Vds >= Vgs - Vth          Id = beta/2*(Vgs - Vth)^2*(1 + lambda*Vds)
 
 with beta = mu*C*W/L [A/V2]. With v = min(Vds, max(Vgs - Vth, 0)) all three are one expression, continuous with its
-first derivatives. Voltages in V, currents in A, capacitances per area in F/m2. Arrays of
-any shapes that broadcast together are accepted; float32 arrays stay float32 beside scalars.
+first derivatives. Voltages in V, currents in A, capacitances per area in F/m2. Arrays of any shapes that broadcast
+together are accepted; float32 arrays stay float32 beside scalars.
 """
 
 from __future__ import annotations

@@ -61,13 +61,13 @@ def _draw_map(axes: Axes, scheme: Scheme) -> None:
     error = largest_error(scheme, step[None, :] / tau[:, None])
     band = np.searchsorted(_LEVELS[1:-1], error, side="right")
     norm = BoundaryNorm(np.arange(len(_LEVELS)), _SHADES.N)
+    axes.grid(visible=False)
     axes.pcolormesh(step, tau, band, cmap=_SHADES, norm=norm, rasterized=True)
     axes.axhline(_FOLLOWER, color=VERMILION, linestyle=DASHED, linewidth=1.2)
     axes.set(xscale="log", yscale="log", title=scheme.name, ylabel="time constant  [s]")
     axes.set_xticks([1e-9, 1e-6, 1e-3, 1e0, 1e3])
     axes.set_yticks([1e-9, 1e-3, 1e3, 1e9])
     axes.minorticks_off()
-    axes.grid(visible=False)
     label(axes, 1.3e-9, _FOLLOWER * 12, "follower", VERMILION, fontsize=7.5)
 
 
