@@ -47,9 +47,13 @@ def test_the_driver_reads_the_emulated_adapter_of_its_own_namespace(params_file:
 
 
 def test_arguments_of_the_command_line_keep_their_types(params_file: str) -> None:
-    words = nodes(params_file, "sensor_file:=5", "scene:=it's")["sim_board_node"].arguments
-    assert "sensor_file:='5'" in words  # text stays text
+    spec = NodeSpec(
+        "package", "sim_board_node", "tactile", params_file, "info", {"text": "5", "scene": "it's", "on": True}
+    )
+    words = spec.arguments
+    assert "text:='5'" in words  # text stays text
     assert "scene:='it''s'" in words
+    assert "on:=true" in words
     assert words[:5] == ["--ros-args", "-r", "__node:=sim_board_node", "-r", "__ns:=/tactile"]
     assert words[words.index("--params-file") + 1] == params_file
 
@@ -63,3 +67,11 @@ def test_bad_namespaces_are_refused(params_file: str, namespace: str) -> None:
 def test_a_missing_parameter_file_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"params_file: no such file: nowhere\.yaml"):
         graph(parse([]), "nowhere.yaml")
+
+
+@pytest.mark.parametrize(
+    ("word", "reason"), [("sensor_file:=nowhere", "no such sensor"), ("scene:=nowhere", "no such scene")]
+)
+def test_bad_files_are_refused_before_a_node_is_started(params_file: str, word: str, reason: str) -> None:
+    with pytest.raises(ConfigError, match=reason):
+        graph(parse([word]), params_file)

@@ -8,7 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from posfet_driver.scene import load_scene
 from posfet_model.config import ConfigError
+from posfet_model.sensor import load_sensor
 
 Value = bool | int | float | str
 
@@ -55,7 +57,7 @@ def emulated_adapter(namespace: str) -> Path:
 def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
     """Return the nodes for bring-up `arguments`, the source of scans last, so that nobody misses its first one.
 
-    Raises ConfigError when the namespace or the parameter file cannot be used.
+    Raises ConfigError when the namespace or a file cannot be used: said once here, not by every node.
     """
     namespace = arguments["namespace"].strip("/")
     if not namespace or not all(part.isidentifier() for part in namespace.split("/")):
@@ -63,6 +65,9 @@ def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
     if not Path(params_file).is_file():
         raise ConfigError(f"params_file: no such file: {params_file}")
     source = arguments["source"]
+    described = load_sensor(arguments["sensor_file"])
+    if source != "can":
+        load_scene(arguments["scene"], described)
     sensor: dict[str, Value] = {"sensor_file": arguments["sensor_file"]}
     can_fd: dict[str, Value] = {"can_fd": arguments["can_fd"]}
     adapter = str(emulated_adapter(namespace)) if source == "emulator" else ""

@@ -25,7 +25,10 @@ FAILED = 1
 
 
 class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
-    """Keeps the newest messages of one stack; they are looked at only when a snapshot is asked for."""
+    """Keeps the newest messages of one stack; they are looked at only when a snapshot is asked for.
+
+    What was lost is taken from the diagnostics: messages that this node itself misses are none of the stack's.
+    """
 
     def __init__(self, namespace: str) -> None:
         super().__init__("view_node", namespace=namespace, use_global_arguments=False)
@@ -34,8 +37,8 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._truth: TactileTruth | None = None
         self._state = ""
         self._frames_lost = 0
-        self._scans = 0
-        self._first_sequence = 0
+        self._scans_lost = 0
+        self._first_sequence: int | None = None
         depth = 100
         self.create_subscription(TactileImage, "image", self._take_image, depth)
         self.create_subscription(TactileContacts, "contacts", self._take_contacts, depth)
@@ -49,9 +52,9 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
             return None
         return Snapshot(
             time=time.monotonic(),
-            scans=self._scans,
+            scans=int(image.sequence) - (self._first_sequence or 0) + 1 - self._scans_lost,
             frames_lost=self._frames_lost,
-            scans_lost=int(image.sequence) - self._first_sequence + 1 - self._scans,
+            scans_lost=self._scans_lost,
             rows=image.rows,
             cols=image.cols,
             force=np.asarray(image.force),
@@ -68,8 +71,7 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def _take_image(self, message: TactileImage) -> None:
         if self._image is None or message.sequence <= self._image.sequence:  # the first, or the board started anew
-            self._first_sequence, self._scans = int(message.sequence), 0
-        self._scans += 1
+            self._first_sequence = int(message.sequence)
         self._image = message
 
     def _take_contacts(self, message: TactileContacts) -> None:
@@ -81,10 +83,14 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
     def _take_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
-            if status.name.startswith(f"{self.get_namespace()}/") and "frames lost" in values:
+            if not status.name.startswith(f"{self.get_namespace()}/"):
+                continue
+            if "frames lost" in values:
                 self._state = status.message
                 # The simulated board reports 0 beside the driver of an emulated adapter: the greater one counts.
                 self._frames_lost = max(self._frames_lost, int(values["frames lost"]))
+            if "missed" in values:
+                self._scans_lost = int(values["missed"])
 
 
 def _view(contact: Any) -> ContactView:
