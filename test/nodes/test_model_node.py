@@ -1,6 +1,5 @@
 """The model node in process: scans of the forward chain published on raw, what comes out received as others would."""
 
-# ruff: noqa: E402
 from __future__ import annotations
 
 import math
@@ -78,7 +77,7 @@ class Bench:
 
 
 @pytest.fixture
-def bench(ros_domain: int) -> Iterator[Bench]:
+def bench() -> Iterator[Bench]:
     made = Bench()
     yield made
     made.close()

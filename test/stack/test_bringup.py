@@ -20,7 +20,7 @@ if shutil.which("posfet") is None:
 
 from expectations import TIMEOUT, Listener, expect_info, expect_stack
 
-pytestmark = [pytest.mark.ros, pytest.mark.process, pytest.mark.usefixtures("ros_domain")]
+pytestmark = [pytest.mark.ros, pytest.mark.process]
 
 VARIANTS = {
     "composed, simulated board": ["source:=sim"],

@@ -1,0 +1,49 @@
+"""The shipped launch file, run by launch_testing: topics, contacts of the scene, exit codes."""
+
+from __future__ import annotations
+
+import unittest
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2")
+launch_testing = pytest.importorskip(
+    "launch_testing", reason="needs launch_testing; test_bringup.py expects the same of the bringup executable"
+)
+pytest.importorskip("launch_ros", reason="needs launch_ros")
+
+from expectations import Listener, expect_stack
+from launch import LaunchDescription
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch_testing.actions import ReadyToTest
+from launch_testing.asserts import assertExitCodes
+
+LAUNCH_FILE = Path(__file__).parents[2] / "launch" / "bringup.launch.py"
+VARIANTS = [
+    {"source": "sim"},
+    {"source": "emulator"},
+    {"source": "sim", "composed": "false"},
+    {"source": "emulator", "composed": "false"},
+]
+
+
+@pytest.mark.launch_test
+@launch_testing.parametrize("arguments", VARIANTS)
+def generate_test_description(arguments: dict[str, str]) -> LaunchDescription:
+    source = PythonLaunchDescriptionSource(str(LAUNCH_FILE))
+    bringup = IncludeLaunchDescription(source, launch_arguments=arguments.items())
+    return LaunchDescription([bringup, ReadyToTest()])
+
+
+class TestStack(unittest.TestCase):
+    def test_stack_finds_what_the_scene_does(self) -> None:
+        with Listener() as listener:
+            expect_stack(listener)
+
+
+@launch_testing.post_shutdown_test()
+class TestEnd(unittest.TestCase):
+    def test_every_process_ended_cleanly(self, proc_info: launch_testing.ProcInfoHandler) -> None:
+        assertExitCodes(proc_info)
