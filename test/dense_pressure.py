@@ -6,6 +6,7 @@ over the cells of the taxels. Nothing is shared with the closed forms of the sim
 
 from __future__ import annotations
 
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +17,15 @@ HALF = 9e-3
 AXIS = (np.arange(round(2 * HALF / GRID)) + 0.5) * GRID - HALF
 
 
+@lru_cache
+def blur_matrix(spread: float) -> NDArray[np.float64]:
+    """Return the convolution with a sampled Gaussian [m] along one axis of the grid as a matrix."""
+    kernel_axis = np.arange(-round(5 * spread / GRID), round(5 * spread / GRID) + 1) * GRID
+    kernel = np.exp(-0.5 * (kernel_axis / spread) ** 2)
+    kernel /= kernel.sum()
+    return np.array([np.convolve(np.eye(1, len(AXIS), k)[0], kernel, "same") for k in range(len(AXIS))])
+
+
 def sphere_forces(
     x: float, y: float, force: float, radius: float, modulus: float, spread: float, pitch: float, side: int
 ) -> NDArray[np.float64]:
@@ -24,10 +34,7 @@ def sphere_forces(
     squared = ((AXIS[None, :] - x) ** 2 + (AXIS[:, None] - y) ** 2) / contact_radius**2
     pressure = np.sqrt(np.maximum(0.0, 1.0 - squared))
     pressure *= force / pressure.sum()
-    kernel_axis = np.arange(-round(5 * spread / GRID), round(5 * spread / GRID) + 1) * GRID
-    kernel = np.exp(-0.5 * (kernel_axis / spread) ** 2)
-    kernel /= kernel.sum()
-    blur = np.array([np.convolve(np.eye(1, len(AXIS), k)[0], kernel, "same") for k in range(len(AXIS))])
+    blur = blur_matrix(spread)
     blurred = blur @ pressure @ blur.T
     edges = (np.arange(side + 1) - side / 2) * pitch
     cell = np.array([(low < AXIS) & (high > AXIS) for low, high in pairwise(edges)], float)

@@ -92,7 +92,12 @@ class MomentFinder:
                 mean_x, variance_x = _carried_on(along_x, bend_x)
                 mean_y, variance_y = _carried_on(along_y, bend_y)
                 bend_x, bend_y = self._bend(0, variance_y), self._bend(1, variance_x)
-        return self._first[0] + self._pitch[0] * mean_x, self._first[1] + self._pitch[1] * mean_y
+        return self._position(0, mean_x), self._position(1, mean_y)
+
+    def _position(self, axis: int, mean: float) -> float:
+        """Return the coordinate [m] of a mean counted in taxels, not beyond the outermost cells."""
+        last = self._size[axis] - 1
+        return self._first[axis] + self._pitch[axis] * min(max(mean, -0.5), last + 0.5)
 
     def _bend(self, axis: int, variance_across: float) -> float:
         """Return (pitch/width)^2 [1] along an axis for a variance across it, in squares of the other pitch."""

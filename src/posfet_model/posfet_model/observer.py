@@ -34,6 +34,9 @@ LONG_STEP: Final = 0.05
 RUNAWAY: Final = 4.0
 """A taxel whose force grew beyond this many times its greatest one starts anew [1]; saturated ones may exceed it."""
 
+DOUBT: Final = 0.2
+"""Standard deviation, in contact thresholds, from which a small force is more likely an error than a slow press [1]."""
+
 
 @dataclass(frozen=True)
 class ObserverSettings:
@@ -80,6 +83,7 @@ class ForceObserver:
         self._wander = (self._settings.offset_wander / sensor.volts_per_newton) ** 2
         self._drift = (self._settings.temperature_wander * self._newton_per_kelvin) ** 2
         self._slew = self._settings.zero_slew * sensor.contact.threshold
+        self._doubt = (DOUBT * sensor.contact.threshold) ** 2
         self._negative = sensor.contact.threshold
         self._runaway = RUNAWAY * device.force_max
         self._known_offset = (0.5 * sensor.contact.threshold * self._tau) ** 2
@@ -241,11 +245,14 @@ class ForceObserver:
         with_d: NDArray[np.float64],
         with_e: NDArray[np.float64],
     ) -> None:
-        """Update force and offset by the mean of a block in which force was zero; a slow press is not to be eaten."""
+        """Update force and offset by the mean of a block in which force was zero.
+
+        Where the force is well known the zero moves only slowly, so that a slow press is not eaten.
+        """
         gain_d, gain_e = with_d / expected, with_e / expected
         limit = self._slew * self._elapsed + 3.0 * math.sqrt(self._noise_variance / self._scans)
         correction = gain_d * mean
-        limited = self.settled & (correction > limit)
+        limited = self.settled & (correction > limit) & (expected < self._doubt)
         self.force -= np.where(where, np.where(limited, limit, correction), 0.0)
         learn = where & ~limited
         self._offset -= np.where(learn, gain_e * mean, 0.0)
