@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -121,6 +122,13 @@ class StaticFollower(Follower):
         return self.gain
 
 
+@lru_cache(maxsize=256)
+def _one_pole_step(time_constant: float, step: float) -> tuple[float, float]:
+    """Return what one step makes of lag and input; kept, because a simulation repeats few different steps."""
+    ratio = step / time_constant
+    return math.exp(-ratio), float(mean_decay(np.asarray(ratio)))
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OnePoleFollower(StaticFollower):
     """One pole: ``tau*d(v_out)/dt = gain*(v_in + offset) - v_out`` with ``tau = 1/(2*pi*bandwidth)``.
@@ -144,13 +152,16 @@ class OnePoleFollower(StaticFollower):
         return (np.zeros_like(v_in),)
 
     def _advance_lags(self, lags: Lags, change: Float64Array, step: Float64Array) -> Lags:
-        ratio = step / self.time_constant
-        return (lags[0] * np.exp(-ratio) + change * mean_decay(ratio),)
+        decay, weight = _one_pole_step(self.time_constant, float(step)) if step.ndim == 0 else self._weights(step)
+        return (lags[0] * decay + change * weight,)
 
     def _series_lags(self, start: Lags, change: Float64Array, step: Float64Array) -> Lags:
+        decay, weight = self._weights(step)
+        return (linear_recurrence(np.broadcast_to(decay, change.shape), change * weight, start[0]),)
+
+    def _weights(self, step: Float64Array) -> tuple[Float64Array, Float64Array]:
         ratio = step / self.time_constant
-        decay = np.broadcast_to(np.exp(-ratio), change.shape)
-        return (linear_recurrence(decay, change * mean_decay(ratio), start[0]),)
+        return np.exp(-ratio), mean_decay(ratio)
 
     def _demanded_rate(self, lags: Lags, change: Float64Array, step: Float64Array) -> Float64Array:
         return np.asarray(self.gain * np.abs(lags[0]) / self.time_constant)

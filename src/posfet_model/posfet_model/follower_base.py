@@ -133,14 +133,16 @@ class Follower(ABC):
         v_in has the state's shape; step is a number or has that shape. Raises ValueError otherwise.
         """
         held, valid = self._hold(v_in)
-        duration = real_array("step", step, 0, STEP_LIMIT).astype(np.float64, copy=False)
+        usual = isinstance(step, float) and 0 <= step <= STEP_LIMIT  # spares the hot path a general check
+        duration = np.asarray(step if usual else real_array("step", step, 0, STEP_LIMIT), np.float64)
         if held.shape != state.v_in.shape or duration.shape not in ((), held.shape):
             raise ValueError(
                 f"v_in and step must have the state's shape {state.v_in.shape}, got {held.shape} and {duration.shape}"
             )
         change = held - state.v_in
         lags = self._advance_lags(state.lags, change, duration)
-        valid &= self._demanded_rate(lags, change, duration) <= self.limits.slew_rate
+        if self.limits.slew_rate < math.inf:
+            valid &= self._demanded_rate(lags, change, duration) <= self.limits.slew_rate
         return FollowerState(v_in=held, lags=lags, valid=valid)
 
     def output(self, state: FollowerState) -> FollowerOutput:
@@ -172,7 +174,8 @@ class Follower(ABC):
         lags = tuple(lag[None] for lag in at_rest)
         if len(change):
             later = self._series_lags(at_rest, change, step)
-            valid[1:] &= self._demanded_rate(later, change, step) <= self.limits.slew_rate
+            if self.limits.slew_rate < math.inf:
+                valid[1:] &= self._demanded_rate(later, change, step) <= self.limits.slew_rate
             lags = tuple(np.concatenate(parts) for parts in zip(lags, later, strict=True))
         return FollowerOutput(v_out=self._out(held, lags), valid=valid)
 
@@ -188,11 +191,15 @@ class Follower(ABC):
         """Return the input with its offset, held at the limits, and where it is within them."""
         voltage = real_array("v_in", v_in, -VOLTAGE_LIMIT, VOLTAGE_LIMIT).astype(np.float64, copy=False)
         try:
-            wanted = voltage + np.broadcast_to(np.asarray(self.offset, np.float64), voltage.shape)
+            wanted = np.asarray(voltage + self.offset)
         except ValueError:
-            raise ValueError(f"offset {np.shape(self.offset)} must broadcast to v_in {voltage.shape}") from None
+            wanted = np.empty(0)
+        if wanted.shape != voltage.shape:
+            raise ValueError(f"offset {np.shape(self.offset)} must broadcast to v_in {voltage.shape}")
+        if self.limits.v_low == -math.inf and self.limits.v_high == math.inf:
+            return wanted, np.ones(wanted.shape, np.bool_)
         held = np.clip(wanted, self.limits.v_low, self.limits.v_high)
-        return np.asarray(held), np.asarray(held == wanted)
+        return held, np.asarray(held == wanted)
 
     def _out(self, v_in: NDArray[np.float64], lags: tuple[NDArray[Any], ...]) -> NDArray[np.float64]:
         lag = lags[-1].real if lags else 0.0

@@ -1,0 +1,112 @@
+"""Speed of the follower model against ngspice at equal step, for arrays: `python benchmarks/sim_vs_ngspice.py`.
+
+ngspice gets one netlist with an op-amp of circuit B for each taxel, all fed with sines of different amplitude. The cost
+of a step is the difference of two runs of different length, so that reading the netlist and finding the operating point
+do not count. The model takes the same steps: one after the other as in real time, and as a whole series. Prints one
+line an array, with the largest error against ngspice in percent of full scale. Needs ngspice; about a minute.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_model"))
+
+from posfet_model import spice
+from posfet_model.follower import OnePoleFollower, close_loop
+from posfet_model.paper import AMPLIFIER_GAIN, GAIN_BANDWIDTH
+
+STEP = 1e-6
+FREQUENCY = 10e3
+ARRAYS = {64: (100, 400), 4096: (5, 15)}
+"""Taxels, and the numbers of steps of the short and the long run."""
+MODEL_STEPS = 500
+
+
+def amplitudes(taxels: int) -> np.ndarray:
+    """Amplitude of each taxel's sine [V]."""
+    return np.linspace(0.05, 0.25, taxels)
+
+
+def ngspice_seconds(taxels: int, steps: int) -> tuple[float, int, np.ndarray, np.ndarray]:
+    """Run ngspice; return wall time [s], time points, times [s] and the last taxel's output [V]."""
+    lines = ["array", spice.netlist("opamp_b")]
+    for k, volts in enumerate(amplitudes(taxels)):
+        lines += [f"vin{k} in{k} 0 sin(0 {volts:.6g} {FREQUENCY:g})", f"x{k} in{k} out{k} out{k} opamp"]
+    stop = steps * STEP
+    lines += [
+        f".options method=gear reltol={spice.RELATIVE_TOLERANCE:g}",
+        f".save v(in{taxels - 1}) v(out{taxels - 1})",
+        f".tran {STEP:g} {stop:g} 0 {STEP:g}",
+        ".end",
+        "",
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "deck.cir").write_text("\n".join(lines), encoding="ascii")
+        begin = time.perf_counter()
+        subprocess.run(
+            [spice.PROGRAM, "-n", "-b", "-r", "out.raw", "deck.cir"], cwd=folder, check=True, capture_output=True
+        )
+        seconds = time.perf_counter() - begin
+        values = spice.read_raw((Path(folder) / "out.raw").read_bytes(), complex_values=False).real
+    return seconds, values.shape[1], values[0], values[2]
+
+
+def model_seconds(taxels: int, steps: int) -> tuple[float, float]:
+    """Return the wall time [s] of the model's steps, one after the other and as a whole series."""
+    loop = close_loop(AMPLIFIER_GAIN.value, GAIN_BANDWIDTH.value)
+    follower = OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth)
+    instants = np.arange(steps + 1) * STEP
+    v_in = np.sin(2 * np.pi * FREQUENCY * instants)[:, None] * amplitudes(taxels)
+    begin = time.perf_counter()
+    state = follower.start(v_in[0])
+    for k in range(1, steps + 1):
+        state = follower.advance(state, v_in[k], STEP)
+        follower.output(state)
+    middle = time.perf_counter()
+    follower.run(instants, v_in)
+    return middle - begin, time.perf_counter() - middle
+
+
+def error_percent(instants: np.ndarray, v_out: np.ndarray, volts: float) -> float:
+    """Return the model's largest error at its own even steps, in percent of peak-to-peak, first values removed."""
+    loop = close_loop(AMPLIFIER_GAIN.value, GAIN_BANDWIDTH.value)
+    even = np.arange(0, instants[-1], STEP)
+    answer = OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth).run(
+        even, volts * np.sin(2 * np.pi * FREQUENCY * even)
+    )
+    reference = np.interp(even, instants, v_out)
+    return 100 * float(np.max(np.abs(answer.v_out - reference + reference[0]))) / float(np.ptp(v_out))
+
+
+def main() -> int:
+    """Measure and print."""
+    if not spice.available():
+        print(f"{spice.PROGRAM} is not on PATH", file=sys.stderr)
+        return 1
+    for taxels, (short, long) in ARRAYS.items():
+        first = ngspice_seconds(taxels, short)
+        second = ngspice_seconds(taxels, long)
+        per_step = (second[0] - first[0]) / (long - short)
+        runs = np.array([model_seconds(taxels, MODEL_STEPS) for _ in range(3)]) / MODEL_STEPS
+        stepped, series = runs.min(axis=0)
+        accuracy = ""
+        if long * STEP * FREQUENCY > 1:  # a whole period
+            error = error_percent(second[2], second[3], float(amplitudes(taxels)[-1]))
+            accuracy = f"; error {error:.2f} % of full scale"
+        print(
+            f"{taxels} taxels, {STEP * 1e6:g} us: ngspice {per_step * 1e6:.0f} us a step; model step by step "
+            f"{stepped * 1e6:.1f} us, ratio {per_step / stepped:.0f}; as a series {series * 1e6:.1f} us, "
+            f"ratio {per_step / series:.0f}{accuracy}"
+        )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
