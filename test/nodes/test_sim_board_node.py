@@ -9,21 +9,21 @@ import pytest
 
 rclpy = pytest.importorskip("rclpy")
 
-from lifecycle_msgs.msg import State  # noqa: E402
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
+from lifecycle_msgs.msg import State
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
 
-from posfet_driver.frames import CLASSIC, FD, RATE_SWITCH  # noqa: E402
-from posfet_driver.messages import COMMAND_OFFSET, FD_BLOCK_OFFSET, Command, Request  # noqa: E402
-from posfet_driver.scene import load_scene  # noqa: E402
-from posfet_driver.sim_board_node import SimBoardNode  # noqa: E402
-from posfet_driver.simulated_board import SimulatedBoard  # noqa: E402
-from posfet_driver.slcan_lines import LineReader, encode_line  # noqa: E402
-from posfet_model.config import ConfigError  # noqa: E402
-from posfet_model.scan import Scan  # noqa: E402
-from posfet_model.sensor import load_sensor  # noqa: E402
-from posfet_msgs.msg import TactileRaw, TactileTruth  # noqa: E402
+from posfet_driver.frames import CLASSIC, FD, RATE_SWITCH
+from posfet_driver.messages import COMMAND_OFFSET, FD_BLOCK_OFFSET, Command, Request
+from posfet_driver.scene import load_scene
+from posfet_driver.sim_board_node import SimBoardNode
+from posfet_driver.simulated_board import SimulatedBoard
+from posfet_driver.slcan_lines import LineReader, encode_line
+from posfet_model.config import ConfigError
+from posfet_model.scan import Scan
+from posfet_model.sensor import load_sensor
+from posfet_msgs.msg import TactileRaw, TactileTruth
 
 pytestmark = pytest.mark.ros
 PATIENCE = 10.0
@@ -194,10 +194,10 @@ def test_an_adapter_that_cannot_be_linked_is_said_so(spin, tmp_path: Path) -> No
     [
         ({"scene": "no_such"}, "no_such: no such scene; .* press_slide_lift"),
         ({"scene": "/no/such.yaml"}, "/no/such.yaml: no such scene file"),
-        ({"seed": -1}, r"/tactile/sim_board: seed: must be a whole number in \[0, .*, got -1"),
-        ({"seed": 1.5}, "/tactile/sim_board: seed: must be a whole number .*1.5"),
-        ({"scene": 3}, "/tactile/sim_board: scene: must be text, got 3"),
-        ({"can_fd": "maybe"}, "/tactile/sim_board: can_fd: must be one of auto, true, false, got 'maybe'"),
+        ({"seed": -1}, r"/tactile/sim_board_node: seed: must be a whole number in \[0, .*, got -1"),
+        ({"seed": 1.5}, "/tactile/sim_board_node: seed: must be a whole number .*1.5"),
+        ({"scene": 3}, "/tactile/sim_board_node: scene: must be text, got 3"),
+        ({"can_fd": "maybe"}, "/tactile/sim_board_node: can_fd: must be one of auto, true, false, got 'maybe'"),
         ({"sensor_file": "no_such"}, "no_such: no such sensor"),
     ],
 )
@@ -212,3 +212,12 @@ def test_a_wrong_scene_file_is_refused_at_start(spin, tmp_path: Path) -> None:
     path.write_text("name: wrong\ndescription: no objects\ntemperature_degC: 25\n", encoding="utf-8")
     with pytest.raises(ConfigError, match=f"{path}: objects: missing"):
         make_board(spin, scene=str(path))
+
+
+def test_the_scene_begins_with_its_first_listener(spin) -> None:
+    node = make_board(spin, scene="press_slide_lift")
+    node.start()
+    assert node.source.report().scans == 0
+    assert "begins when somebody subscribes" in node.source.report().state
+    first = Listener(spin, ("raw", TactileRaw)).wait("raw", 1)[0]
+    assert first.sequence < 300  # the scene touches at 0.3 s: nobody comes in the middle of it

@@ -14,8 +14,8 @@ from posfet_model.run_node import run_node
 from posfet_model.sensor import Sensor
 
 PARAMETERS = (
-    Parameter("can_interface", "slcan", "Interface of python-can; slcan is the buffered reader of this package"),
-    Parameter("can_channel", "/dev/ttyACM0", "Channel of the interface: can0, /dev/ttyACM0, ..."),
+    Parameter("can_interface", "socketcan", "Interface of python-can; slcan is the buffered reader of this package"),
+    Parameter("can_channel", "can0", "Channel of the interface: can0, /dev/ttyACM0, ..."),
     Parameter("can_bitrate", 0, "Nominal bitrate [bit/s]; 0: as in the sensor file", 0, 1_000_000),
     Parameter("can_data_bitrate", 0, "Bitrate of the data phase of CAN FD [bit/s]; 0: as in the file", 0, 8_000_000),
     Parameter("can_fd", "auto", "Whether the board sends CAN FD; auto: as in the sensor file", choices=FD_CHOICES),
@@ -27,7 +27,7 @@ class DriverNode(ScanSourceNode):
     """Publishes the scans of a board on a CAN bus."""
 
     def __init__(self, **node_arguments: Any) -> None:
-        super().__init__("driver", PARAMETERS, **node_arguments)
+        super().__init__("driver_node", PARAMETERS, **node_arguments)
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> Board:
         """Return the board on the bus that the parameters name. Raises ConfigError for what cannot work."""

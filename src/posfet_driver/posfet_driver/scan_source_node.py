@@ -25,6 +25,8 @@ AUTOSTART = Parameter("autostart", True, "Configure and activate at start-up; fa
 RAW_DEPTH = 100
 READ_TIMEOUT = 0.1
 """Longest wait of the data thread [s]: bounds the time that an end takes."""
+WANTED_PERIOD = 0.01
+"""Time between two questions whether the source is wanted [s]."""
 SUBSCRIPTIONS_AGE = 100_000_000
 """For how long a count of subscriptions is believed [ns]."""
 REPORT_PERIOD = 1.0
@@ -93,6 +95,10 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
             raise ConfigError(f"{self.get_fully_qualified_name()}: {self._failure}")
         self.trigger_activate()
 
+    def wanted(self, now: int) -> bool:
+        """Return whether to read the source already; `now` is a monotonic time [ns]. A board is read from the start."""
+        return True
+
     def deliver(self, scan: Scan, now: int) -> None:
         """Hand on one scan in the data thread; `now` is a monotonic time [ns]."""
         if self.sink:
@@ -155,6 +161,9 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         read = self.source.read
         try:
             while not self._stop.is_set():
+                if not self.wanted(time.monotonic_ns()):
+                    self._stop.wait(WANTED_PERIOD)
+                    continue
                 scan = read(READ_TIMEOUT)
                 if scan is not None and self._active:
                     self.deliver(scan, time.monotonic_ns())
@@ -163,6 +172,8 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
                 raise
 
     def _report(self) -> None:
+        if self._thread and not self._thread.is_alive():
+            raise RuntimeError("the data thread has ended on the error above")  # better gone than silent
         report = self.source.report()
         now = time.monotonic_ns()
         scans, before = self._reported

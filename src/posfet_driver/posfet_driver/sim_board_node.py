@@ -72,11 +72,12 @@ class SimBoardNode(ScanSourceNode):
 
     source: SimulationSource | AdapterSource
 
-    def __init__(self, node_name: str = "sim_board", **node_arguments: Any) -> None:
+    def __init__(self, node_name: str = "sim_board_node", **node_arguments: Any) -> None:
         super().__init__(node_name, PARAMETERS, **node_arguments)
         self._truth_message = TruthMessage(self.sensor.layout, self.parameters["frame_id"])
         self._truth = self.create_publisher(TactileTruth, "truth", TRUTH_DEPTH)
         self._truth_listeners = Listeners(self._truth)
+        self._begun = False
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ScanSource:
         """Return the simulated board in real time, bare or behind an adapter."""
@@ -87,6 +88,13 @@ class SimBoardNode(ScanSourceNode):
         source = AdapterSource(sensor, scene, parameters["seed"], parameters["adapter_link"], fd)
         source.on_scan = self._scan_sent
         return source
+
+    def wanted(self, now: int) -> bool:
+        """Return whether the scene may begin: once scans are listened to, so that nobody comes amid a touch."""
+        if not self._begun:
+            adapter = bool(self.parameters["adapter_link"])
+            self._begun = adapter or bool(self.sink) or self._raw_listeners.any(now)
+        return self._begun
 
     def deliver(self, scan: Scan, now: int) -> None:
         """Hand on one scan, then what truly was."""

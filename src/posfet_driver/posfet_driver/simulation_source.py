@@ -45,16 +45,20 @@ class SimulationSource:
         return True
 
     def open(self) -> None:
-        """Start the scene at this moment; scan 0 is due at once."""
+        """Put a fresh board at the beginning of the scene, which the first `read` starts."""
         self.board = SimulatedBoard(self.board.sensor, self.board.scene, self._seed)
-        self._start = self._clock.monotonic()
-        self._epoch = self._clock.wall()
         self._next = 0
         self._delay = 0.0
         self._running = True
 
     def read(self, timeout: float) -> Scan | None:
-        """Return the next scan when it is due within `timeout` [s], else None after that time."""
+        """Return the next scan when it is due within `timeout` [s], else None after that time.
+
+        The first call starts the scene: scan 0 is due at once.
+        """
+        if self._next == 0:
+            self._start = self._clock.monotonic()
+            self._epoch = self._clock.wall()
         due = self._start + round(self._next / self.board.sensor.can.scan_rate * _NANOSECONDS)
         wait = (due - self._clock.monotonic()) / _NANOSECONDS
         if wait > 0:
@@ -76,6 +80,8 @@ class SimulationSource:
         """Return the state for diagnostics."""
         if not self._running:
             health, state = Health.STALE, "simulation stopped"
+        elif self._next == 0:
+            health, state = Health.OK, f"scene '{self.board.scene.name}' begins when somebody subscribes to raw"
         elif self._delay > LATE:
             health, state = Health.WARN, "simulation late: this machine cannot keep up with the scan rate"
         else:
