@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Callable
 from types import TracebackType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,6 +70,23 @@ class Listener:
         while not condition():
             assert time.monotonic() < end, f"{what} did not come within {TIMEOUT:g} s"
             self._executor.spin_once(0.1)
+
+    def call(self, kind: type, name: str, request: object) -> Any:
+        """Call a service and return its response."""
+        client = self._node.create_client(kind, name)
+        self.wait(client.service_is_ready, f"service {name}")
+        future = client.call_async(request)
+        self.wait(future.done, f"response of {name}")
+        self._node.destroy_client(client)
+        return future.result()
+
+    def published_topics(self, nodes: set[str]) -> dict[str, list[str]]:
+        """Return the topics that these nodes publish, with their types."""
+        topics: dict[str, list[str]] = {}
+        for node in nodes:
+            namespace, _, name = node.rpartition("/")
+            topics.update(self._node.get_publisher_names_and_types_by_node(name, namespace))
+        return topics
 
     def node_names(self) -> set[str]:
         """Return the full names of the nodes that are seen, this one left out."""

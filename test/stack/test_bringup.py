@@ -5,22 +5,18 @@ from __future__ import annotations
 import os
 import pty
 import re
-import shutil
-import signal
 import subprocess
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 
 import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2")
 pytest.importorskip("posfet_msgs", reason="needs the built workspace")
-if shutil.which("posfet") is None:
-    pytest.skip("needs the built workspace on PATH: source install/setup.bash", allow_module_level=True)
 
+from bringup_process import bringup, finish, needs_installation, running
 from expectations import TIMEOUT, Listener, expect_info, expect_stack
 
-pytestmark = [pytest.mark.ros, pytest.mark.process]
+pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
 VARIANTS = {
     "composed, simulated board": ["source:=sim"],
@@ -31,43 +27,11 @@ VARIANTS = {
 }
 
 
-@contextmanager
-def running(*arguments: str) -> Iterator[subprocess.Popen[str]]:
-    """Run `posfet bringup`; end it with Ctrl-C's signal if the test has not."""
-    command = ["posfet", "bringup", *arguments]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        yield process
-    finally:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-        try:
-            process.communicate(timeout=TIMEOUT)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.communicate()
-
-
-def finish(process: subprocess.Popen[str]) -> tuple[str, str]:
-    """Send Ctrl-C's signal and return what was written, after a clean end."""
-    process.send_signal(signal.SIGINT)
-    output, errors = process.communicate(timeout=TIMEOUT)
-    assert process.returncode == 0, errors
-    assert "Traceback" not in errors, errors
-    return output, errors
-
-
-def bringup(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        ["posfet", "bringup", *arguments], capture_output=True, text=True, timeout=TIMEOUT, check=False
-    )
-
-
 @pytest.mark.parametrize("arguments", VARIANTS.values(), ids=VARIANTS.keys())
 def test_stack_finds_what_the_scene_does(arguments: Sequence[str]) -> None:
     with running(*arguments) as process, Listener() as listener:
         expect_stack(listener)
-        output, _ = finish(process)
+        output = finish(process)
     assert re.search(r"posfet: .* 0 frames lost, 0 scans missing", output), output
 
 

@@ -81,7 +81,7 @@ class SimulationSource:
         if not self._running:
             health, state = Health.STALE, "simulation stopped"
         elif self._next == 0:
-            health, state = Health.OK, f"scene '{self.board.scene.name}' begins when somebody subscribes to raw"
+            health, state = Health.OK, f"scene '{self.board.scene.name}' waits for its first listener"
         elif self._delay > LATE:
             health, state = Health.WARN, "simulation late: this machine cannot keep up with the scan rate"
         else:

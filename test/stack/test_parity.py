@@ -1,0 +1,51 @@
+"""One process or several: the same nodes, topics and parameters."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2")
+pytest.importorskip("posfet_msgs", reason="needs the built workspace")
+
+from bringup_process import needs_installation, running
+from expectations import Listener
+from rcl_interfaces.srv import GetParameters, ListParameters
+from rclpy.parameter import parameter_value_to_python
+
+pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
+
+DIFFERENT = {("/tactile/model_node", "direct")}
+"""What must differ: in one process the model is called directly, and the view needs no node."""
+
+
+def describe(listener: Listener, nodes: set[str]) -> tuple[dict[str, list[str]], dict[tuple[str, str], object]]:
+    """Return topics with their types, and the value of every parameter by node and name."""
+    listener.wait(lambda: nodes <= listener.node_names(), f"the nodes {sorted(nodes)}")
+    parameters = {}
+    for node in sorted(nodes):
+        names = listener.call(ListParameters, f"{node}/list_parameters", ListParameters.Request()).result.names
+        request = GetParameters.Request(names=names)
+        values = listener.call(GetParameters, f"{node}/get_parameters", request).values
+        for name, value in zip(names, values, strict=True):
+            if (node, name) not in DIFFERENT:
+                parameters[node, name] = parameter_value_to_python(value)
+    return listener.published_topics(nodes), parameters
+
+
+@pytest.mark.parametrize(
+    ("source", "nodes"),
+    [
+        ("sim", {"/tactile/model_node", "/tactile/sim_board_node"}),
+        ("emulator", {"/tactile/model_node", "/tactile/sim_board_node", "/tactile/driver_node"}),
+    ],
+)
+def test_both_graphs_are_the_same(source: str, nodes: set[str]) -> None:
+    described = []
+    for composed in ("true", "false"):
+        with running(f"source:={source}", f"composed:={composed}", "scene:=hold"), Listener() as listener:
+            described.append(describe(listener, nodes))
+    (topics, parameters), (separate_topics, separate_parameters) = described
+    assert topics == separate_topics
+    assert parameters == separate_parameters
+    assert {"/tactile/raw", "/tactile/contacts", "/tactile/info", "/tactile/truth"} <= set(topics)
+    assert parameters["/tactile/sim_board_node", "scene"] == "hold"
