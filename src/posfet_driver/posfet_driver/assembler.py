@@ -8,8 +8,9 @@ from typing import Final
 
 import numpy as np
 
-from posfet_driver.codec import FD_CLOCK, ScanCodec
+from posfet_driver.codec import CLASSIC_COUNTER, FD_CLOCK, ScanCodec
 
+CLASSIC_WRAP: Final = CLASSIC_COUNTER + 1
 CLASSIC_LATE: Final = 3
 """A 4-bit counter that is up to this far behind belongs to a late frame; further, and scans were lost."""
 QUIET_LIMIT: Final = 8.0
@@ -87,15 +88,17 @@ class Assembler:
     def align(self, scan: int) -> None:
         """Take the low 16 bits of the newest scan's number, as boards send them with their status.
 
-        A classic counter does not show that a multiple of 16 scans was lost; this does.
+        A classic counter does not show that a multiple of 16 scans was lost, and the silence they leave tells their
+        number only as well as the rate is known; this does.
         """
         if self.codec.fd or not self._synced:
             return
         ahead = (scan - self.sequence + SCAN_PAGE // 2) % SCAN_PAGE - SCAN_PAGE // 2
-        missed = round(ahead / 16) * 16
+        missed = ahead // CLASSIC_WRAP * CLASSIC_WRAP
         if missed > 0:
             self._lose(missed)
             self.sequence += missed
+            self._begun_quiet += missed
 
     def feed(self, offset: int, kind: int, data: bytes, quiet: float = 0.0) -> bool:
         """Take one frame; return True when it made a scan whole.
@@ -141,8 +144,9 @@ class Assembler:
             if ahead >= self._half:
                 self.losses.late += 1
                 return False
-        elif ahead == 0:
-            ahead = mask + 1
+        elif quiet - self._begun_quiet > QUIET_LIMIT:
+            unseen = quiet - self._begun_quiet + 1 - ahead  # scans that the silence had room for beyond `ahead`
+            ahead += CLASSIC_WRAP * max(round(unseen / CLASSIC_WRAP), ahead == 0)
         elif ahead > mask - CLASSIC_LATE:
             self.losses.late += 1
             self._give_up()

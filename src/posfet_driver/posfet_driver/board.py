@@ -44,7 +44,8 @@ class Phase(Enum):
     BUS = "bus"
     IDENTITY = "identity"
     REFUSED = "refused"
-    """Another board than the sensor file describes."""
+    """Not the board that the sensor file describes."""
+    RATE = "rate"
     START = "start"
     SCANS = "scans"
     COMMAND = "command"
@@ -84,7 +85,9 @@ class Board:
         self._tag = 0
         self._opened = 0
         self._stopped = True  # nothing is lost that a board does not send because it was told so
-        self._silence = round(max(SILENCE, SILENT_SCANS / sensor.can.scan_rate) * _NANOSECONDS)
+        self._period = 0
+        self._silence = 0
+        self._take_period(round(1e6 / sensor.can.scan_rate))
 
     def open(self) -> None:
         """Begin to look for the board; a bus that cannot be opened yet is tried again by `read`.
@@ -206,8 +209,8 @@ class Board:
                 f"no board answers at base identifier 0x{self._sensor.can.base_id:X}: "
                 "check power, cable, bitrate and base_id"
             )
-        elif self._phase == Phase.START:
-            self._reason = "the board does not start"
+        elif self._phase in {Phase.RATE, Phase.START}:
+            self._reason = "the board answers, but does not start"
         self._identify()
 
     def _connect(self) -> None:
@@ -235,6 +238,17 @@ class Board:
                 wanted = self._sensor.layout.id
                 self._enter(Phase.REFUSED, f"the board has layout {layout}, the sensor file {wanted}", REFUSED_PERIOD)
                 return
+            self._enter(Phase.RATE, self._reason, ANSWER_TIMEOUT)
+            self._send(Command.SET_RATE, self._period)
+        elif self._phase == Phase.RATE and response.command == Command.SET_RATE:
+            if response.result != Result.OK:
+                self._enter(
+                    Phase.REFUSED,
+                    f"the board refuses a scan period of {self._period} us: {response.reason}",
+                    REFUSED_PERIOD,
+                )
+                return
+            self._take_period(response.value)
             self._enter(Phase.START, self._reason, ANSWER_TIMEOUT)
             self._send(Command.START)
         elif self._phase == Phase.START and response.command == Command.START and response.result == Result.OK:
@@ -251,13 +265,19 @@ class Board:
         """Go on after a command was answered."""
         done = answer.result == Result.OK
         if command == Command.SET_RATE and done:
-            self._silence = max(round(SILENCE * _NANOSECONDS), SILENT_SCANS * answer.value * 1000)
+            self._take_period(answer.value)
         if command == Command.STOP and done:
             self._stopped = True
         elif command == Command.START and done:
             self._started(answer)
         elif not self._stopped:
             self._enter(Phase.IDENTITY, self._reason, 0.0)
+
+    def _take_period(self, period: int) -> None:
+        """Note the time from scan to scan [us] that the board has set; it is set again when the board is started."""
+        self._period = period
+        self.receiver.scan_period = period * 1e3
+        self._silence = max(round(SILENCE * _NANOSECONDS), SILENT_SCANS * period * 1000)
 
     def _answer(self, deadline: int) -> Response | None:
         """Return the answer to the command that was sent last, or None when none comes before `deadline`."""
@@ -312,7 +332,8 @@ class Board:
 
     def _enter(self, phase: Phase, reason: str, timeout: float) -> None:
         self._phase = phase
-        self.receiver.listening = phase == Phase.SCANS
+        if phase != Phase.SCANS:
+            self.receiver.listening = False
         self._reason = reason
         self._deadline = self._clock.monotonic() + round(timeout * _NANOSECONDS)
 
@@ -322,6 +343,7 @@ _HEALTH: Final = {
     Phase.BUS: Health.ERROR,
     Phase.IDENTITY: Health.WARN,
     Phase.REFUSED: Health.ERROR,
+    Phase.RATE: Health.WARN,
     Phase.START: Health.WARN,
     Phase.SCANS: Health.OK,
     Phase.COMMAND: Health.OK,

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from posfet_driver.assembler import Assembler
+from posfet_driver.assembler import QUIET_LIMIT, Assembler
 from posfet_driver.board_clock import BoardClock
 from posfet_driver.codec import ScanCodec, make_codec
 from posfet_driver.frames import CLASSIC, ERROR, EXTENDED, Frame
@@ -20,8 +20,7 @@ from posfet_driver.messages import (
 from posfet_model.scan import Scan, ScanStatus
 from posfet_model.sensor import Sensor
 
-PERIOD_UNIT: Final = 1e9
-"""Nanoseconds in a second."""
+NANOSECONDS: Final = 1e9
 
 
 @dataclass(slots=True)
@@ -49,8 +48,10 @@ class Receiver:
         self.traffic = Traffic()
         self.scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
         self.scan.counts = self.assembler.counts
-        self.listening = True
-        """False: the board's scans are passed over, not even counted."""
+        self.listening = False
+        """False until the number of the next scan is known: scans are passed over, not even counted."""
+        self.scan_period = NANOSECONDS / sensor.can.scan_rate
+        """Time from scan to scan that the board was told [ns]."""
         self.scans = 0
         """Whole scans so far."""
         self.response: Response | None = None
@@ -63,9 +64,9 @@ class Receiver:
         self._base = sensor.can.base_id
         self._fd = fd
         self._blocks = codec.blocks
-        self._period = PERIOD_UNIT / sensor.can.scan_rate
         self._clock = BoardClock()
         self._quiet = 0.0
+        self._skip = False
         self._arrival = 0
         self._wall_offset = 0
         self._reset = False
@@ -80,6 +81,7 @@ class Receiver:
 
     def resync(self, next_scan: int, count_gap: bool) -> None:
         """Take the number of the next scan, as the board answers a start; `count_gap` as in `Assembler.resync`."""
+        self.listening = True
         if self.assembler.resync(next_scan, count_gap):
             self._reset = True
             self._clock.reset()
@@ -87,13 +89,18 @@ class Receiver:
     def begin_batch(self, frames: list[Frame], arrival: int, wall_offset: int) -> None:
         """Take note that `frames` were read at `arrival` [ns, monotonic]; `wall_offset` [ns] leads to wall time.
 
-        The silence on the bus is what remains of the time since the last batch when the time that the frames of this
-        one took to be sent is taken off: a reader that was held up finds as many frames as time went by.
+        Classic blocks need the silence on the bus: what remains of the time since the last batch when the time in which
+        the scans of this one were acquired is taken off. A reader that was held up finds as many frames as time went
+        by, and no silence. Where in a batch a long silence lies is not known, so the blocks of such a batch are lost.
         """
-        if not self._fd:
+        self._skip = False
+        if not self._fd and self.listening:
             low, high = self._base + self._first_block, self._base + self._last_block
             scans = sum(1 for identifier, _, _ in frames if low <= identifier <= high) / self._blocks
-            self._quiet += max((arrival - self._arrival) / self._period - scans, 0.0)
+            elapsed = (arrival - self._arrival) / self.scan_period
+            silence = max(elapsed - scans, 0.0)
+            self._skip = silence > QUIET_LIMIT
+            self._quiet += elapsed if self._skip else silence
         self._arrival = arrival
         self._wall_offset = wall_offset
 
@@ -102,7 +109,7 @@ class Receiver:
         identifier, kind, data = frame
         offset = identifier - self._base
         if self._first_block <= offset <= self._last_block and not kind & (EXTENDED | ERROR):
-            if not self.listening or not self.assembler.feed(offset, kind, data, self._quiet):
+            if self._skip or not self.listening or not self.assembler.feed(offset, kind, data, self._quiet):
                 return False
             self._complete()
             return True
