@@ -227,8 +227,9 @@ class TestSweep:
                         state = follower.advance(state, np.full(13, change), np.unique(self.STEP))
                 v_out = follower.output(state).v_out / change
                 assert_finite(v_out)
-                assert (v_out >= -1e-12 - ringing).all()
-                assert (v_out <= 1 + 1e-12 + ringing).all()
+                slack = ringing + 1e-12 + 4e-16 / abs(change)  # the last part: rounding of the overdrive
+                assert (v_out >= -slack).all()
+                assert (v_out <= 1 + slack).all()
 
     @pytest.mark.parametrize("tau", [1e-9, 105e-9, 1.0, 1e9])
     def test_output_comes_nearer_with_the_length_of_the_step(self, tau: float) -> None:
