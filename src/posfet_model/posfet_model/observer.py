@@ -34,6 +34,9 @@ LONG_STEP: Final = 0.05
 RUNAWAY: Final = 4.0
 """A taxel whose force grew beyond this many times its greatest one starts anew [1]; saturated ones may exceed it."""
 
+RESTLESS_WORTH: Final = 0.1
+"""Worth of time for learning an offset while the temperature changes [1]."""
+
 DOUBT: Final = 0.2
 """Standard deviation, in contact thresholds, from which a small force is more likely an error than a slow press [1]."""
 
@@ -102,6 +105,7 @@ class ForceObserver:
         self._change = np.zeros(taxels)
         self._scratch = np.zeros(taxels)
         self._started = False
+        self._restless = False
         self._recovering = 0.0
         self._variance = np.zeros(taxels)
         self._covariance = np.zeros(taxels)
@@ -193,16 +197,21 @@ class ForceObserver:
         reach = 0.5 * self._ratio  # the mean was true half a block ago; since then d has moved by -e*ratio/2
         with_d = self._variance + reach * self._covariance
         with_e = self._covariance + reach * self._offset_variance
-        expected = with_d + reach * with_e + self._noise_variance / self._scans
+        # An error of the film's temperature is the same through the block: the mean does not make it smaller.
+        expected = with_d + reach * with_e + self._noise_variance / self._scans + self.common_variance
         agrees = mean * mean <= s.gate * s.gate * expected
         free = ~touched | ~self.settled
         self._correct(free & agrees, mean, expected, with_d, with_e)
         self._creep(free & self.settled & ~agrees, mean)
         self._heal(free & self.settled, mean)
         failed = ~self.settled & ~agrees
+        if self._restless and self.film.quiet:
+            failed = ~self.settled  # what was learnt meanwhile was the film's
+        self._restless = not self.film.quiet
         failed |= np.abs(self.force) > self._runaway
         failed |= self._below_zero >= s.recover
-        self._agreed += self._elapsed
+        # While the film is elsewhere than followed, all taxels together can pretend an offset for a while.
+        self._agreed += self._elapsed * (1.0 if self.film.quiet else RESTLESS_WORTH)
         if failed.any():
             self._restart(failed)
         self.settled |= (self._agreed >= s.settle) & (self._offset_variance <= self._known_offset)

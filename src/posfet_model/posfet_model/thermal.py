@@ -27,6 +27,18 @@ LONGEST_INTERVAL: Final = 0.5
 FASTEST_NUDGE: Final = 2.0
 """The film leaves the temperature that was followed no faster than this [K/s], assumed."""
 
+NOTICEABLE_ERROR: Final = 5e-3
+"""A chip this far from where it was expected may leave the film elsewhere than followed [K]."""
+
+NOTICEABLE_SLOPE: Final = 0.2
+"""A chip that warms or cools this fast may leave the film elsewhere than followed [K/s]."""
+
+CAUGHT_UP: Final = 1e-3
+"""A lag below this makes no difference to an offset [K]: it changes the force by 1 mN within 50 ms."""
+
+RESTLESS: Final = 5.0
+"""For how many lags of the film that lasts [1]."""
+
 SETTLED: Final = 1e-9
 """A lag below this is none [K]."""
 
@@ -48,6 +60,7 @@ class FilmTemperature:
         self._chip = 0.0
         self._slope = 0.0
         self._carried = 0.0
+        self._restless = 0.0
         self._step = 0.0
         self._age = 0.0
         self._interval = 0.0
@@ -68,8 +81,13 @@ class FilmTemperature:
 
     @property
     def changing(self) -> bool:
-        """Whether the film is warming or cooling, or the last readings were not where they were expected."""
-        return self._lag != 0.0 or self._slope != 0.0
+        """Whether the chip's temperature changed so lately that the film may still be elsewhere than followed."""
+        return self._restless > 0.0
+
+    @property
+    def quiet(self) -> bool:
+        """Whether the film is where it is followed to: the chip's temperature rests, and the film has caught up."""
+        return self._restless <= 0.0 and abs(self._lag) < CAUGHT_UP
 
     def nudge(self, change: float) -> float:
         """Take note that the film seems warmer by `change` [K] than followed; return how much of it is believed.
@@ -86,10 +104,11 @@ class FilmTemperature:
         readings: list[float] = temperatures.tolist()
         self._step = step
         self._age += step
+        self._restless -= step
         if readings != self._last:  # always so while one is NaN
             self._last = readings
             self._take(readings, step)
-        elif self._slope:
+        elif self._slope or self._prediction_variance:
             self._carry_on(step)
         if self._lag == 0.0:
             return 0.0
@@ -102,12 +121,17 @@ class FilmTemperature:
 
     def _carry_on(self, step: float) -> None:
         """Move the chip's temperature along its slope; back to the last reading when a new one is overdue."""
-        if self._age <= OVERDUE * self._interval:
+        interval = min(self._interval, LONGEST_INTERVAL)
+        if self._age <= OVERDUE * interval:
             change = self._slope * step
             self._carried += change
         else:
             change = -self._carried
             self._slope = self._carried = 0.0
+            # Readings that do not change are foreseen without error.
+            self._prediction_variance *= math.exp(-SLOPE_SHARE * step / interval)
+            if self._prediction_variance < SETTLED * SETTLED:
+                self._prediction_variance = 0.0
         self._chip += change
         self._lag += change
 
@@ -123,6 +147,8 @@ class FilmTemperature:
         chip = sum(value - self._bias[index] for index, value in known) / len(known)
         # What the slope promised up to this scan: the part of the last step is not in it yet.
         error = chip - self._chip - self._slope * step
+        if abs(error) > NOTICEABLE_ERROR or abs(self._slope) > NOTICEABLE_SLOPE:
+            self._restless = RESTLESS * self._time_constant + 2.0 * min(self._age, LONGEST_INTERVAL)
         self._lag += chip - self._chip
         self._chip = chip
         self._carried = 0.0

@@ -1,0 +1,273 @@
+"""The whole path from counts to contacts, on pressure integrated elsewhere, on other devices, and on broken scans."""
+
+from __future__ import annotations
+
+import copy
+import math
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from dense_pressure import sphere_forces
+from scan_player import START, press, scans
+
+from posfet_model.chain import ForwardChain
+from posfet_model.reconstruction import Reconstruction, Reconstructor, TaxelStatus
+from posfet_model.scan import Scan, ScanStatus
+from posfet_model.sensor import Sensor, load_sensor
+from posfet_model.tracker import Contact, ContactState
+
+SENSOR = load_sensor()
+LAYOUT = SENSOR.layout
+
+
+def sphere(x: float, y: float) -> Any:
+    """Force of each taxel for a fingertip of 1 N."""
+    return sphere_forces(x, y, 1.0, 6e-3, 1e6, SENSOR.device.contact_spread, LAYOUT.pitch_x, LAYOUT.rows)
+
+
+FINGER = sphere(0.6e-3, -0.4e-3)
+
+
+def run(
+    reconstructor: Reconstructor,
+    duration: float,
+    edit: Callable[[int, Scan], bool | None] = lambda index, scan: None,
+    device: Sensor = SENSOR,
+    **scene: Any,
+) -> list[Reconstruction]:
+    """Results of all scans; `edit` may change a scan, or return False to lose it."""
+    results = []
+    for time, scan in scans(device, duration, **scene):
+        if edit(round(time * 1000), scan) is not False:
+            results.append(copy.copy(reconstructor.process(scan)))
+    return results
+
+
+def at(results: list[Reconstruction], seconds: float) -> Reconstruction:
+    """The newest result that was taken at a time [s] of the scene."""
+    return [result for result in results if result.stamp <= START + round(seconds * 1e9)][-1]
+
+
+def contacts_of(results: list[Reconstruction]) -> list[Contact]:
+    return [contact for result in results for contact in result.contacts]
+
+
+def test_a_fingertip_presses_and_lifts() -> None:
+    reconstructor = Reconstructor(SENSOR)
+    results = run(reconstructor, 2.0, force=press(1.5, 0.5, 1.5), shape=FINGER)
+    assert not results[0].valid
+    assert all(result.valid for result in results[100:])
+    assert not contacts_of(results[:501])
+    [contact] = at(results, 1.0).contacts
+    assert contact.region.force == pytest.approx(1.5, abs=0.02)
+    assert math.dist(contact.region.centre_of_pressure, (0.6e-3, -0.4e-3)) < 0.05e-3
+    assert {other.id for other in contacts_of(results)} == {contact.id}
+    assert contacts_of(results)[-1].state is ContactState.RELEASED
+    assert contacts_of(results)[0].state is ContactState.NEW
+    image = reconstructor.image()
+    assert abs(image.total) < 3 * image.total_standard_deviation
+
+
+@pytest.mark.parametrize("newton", [0.5, 2.0])
+def test_a_slide_across_the_array_keeps_its_id_and_place(newton: float) -> None:
+    reconstructor = Reconstructor(SENSOR)
+    chain = ForwardChain(SENSOR, np.random.default_rng(8))
+    scan = Scan.empty(LAYOUT.id, LAYOUT.taxels)
+    places = np.linspace(-3e-3, 3e-3, 41)
+    shapes = [sphere(x, 0.5e-3) * newton for x in places]
+    errors, ids, speeds = [], set(), []
+    for index in range(1100):
+        # 200 ms without touch, 100 ms of pressing, then 6 mm in 800 ms between the tabulated places.
+        where = max(0.0, (index - 300) / 800) * 40
+        low = min(int(where), 39)
+        forces = shapes[low] + (where - low) * (shapes[low + 1] - shapes[low])
+        chain.advance(forces * min(max((index - 200) / 100, 0.0), 1.0), 25.0, 1e-3)
+        chain.counts(scan.counts)
+        scan.temperatures[:] = 25.0
+        scan.sequence, scan.device_time, scan.stamp = index, 1000 * index, START + 1_000_000 * index
+        result = reconstructor.process(scan)
+        if index > 300:
+            [contact] = result.contacts
+            truth = places[0] + (places[-1] - places[0]) * where / 40
+            errors.append(math.dist(contact.region.centre_of_pressure, (truth, 0.5e-3)))
+            ids.add(contact.id)
+            speeds.append(contact.velocity[0])
+    assert max(errors) < 0.3e-3
+    assert float(np.mean(errors)) < 0.05e-3
+    assert len(ids) == 1
+    assert np.median(speeds[100:]) == pytest.approx(7.5e-3, rel=0.05)
+
+
+def test_a_light_step_is_found_within_two_scans() -> None:
+    results = run(Reconstructor(SENSOR), 0.6, force=press(0.021, 0.5, 9.0, rise=1e-6))
+    first = next(index for index, result in enumerate(results) if result.contacts)
+    assert 500 <= first <= 502
+
+
+@pytest.mark.parametrize(
+    ("device", "scale"),
+    [
+        ({"leak_time_constant": 0.27 * 1.2}, 1.2),
+        ({"leak_time_constant": 0.27 / 1.2}, 1 / 1.2),
+        ({"piezoelectric_coefficient": -38e-12 * 1.1}, 1.1),
+    ],
+)
+def test_another_device_than_described_still_gives_one_contact_in_its_place(
+    device: dict[str, float], scale: float
+) -> None:
+    other = replace(SENSOR, device=replace(SENSOR.device, **device))
+    reconstructor = Reconstructor(SENSOR)
+    results = run(reconstructor, 5.0, device=other, force=press(1.5, 0.5, 2.5), shape=FINGER)
+    [contact] = at(results, 2.4).contacts
+    assert contact.region.force == pytest.approx(1.5 * scale, rel=0.02)
+    assert math.dist(contact.region.centre_of_pressure, (0.6e-3, -0.4e-3)) < 0.1e-3
+    assert results[-1].valid
+    assert not results[-1].contacts
+
+
+def lose(first: int, last: int) -> Callable[[int, Scan], bool | None]:
+    return lambda index, scan: False if first <= index <= last else None
+
+
+def board_reset(index: int, scan: Scan) -> None:
+    if index >= 1000:
+        scan.sequence -= 1000
+        scan.device_time -= 1_000_000
+        scan.status = int(ScanStatus.BOARD_RESET) if index == 1000 else 0
+
+
+def clock_jump(index: int, scan: Scan) -> None:
+    scan.device_time += 3_600_000_000 if index >= 1000 else 0
+
+
+def full_scale(index: int, scan: Scan) -> None:
+    if index in (1000, 1002):
+        scan.counts[:] = 0xFFFF if index == 1000 else 0
+
+
+def adc_fault(index: int, scan: Scan) -> None:
+    if index == 1000:
+        scan.status = int(ScanStatus.ADC_FAULT)
+        scan.counts[:] = 7
+
+
+def other_layout(index: int, scan: Scan) -> None:
+    scan.layout_id = 77 if index == 1000 else LAYOUT.id
+
+
+def no_temperature(index: int, scan: Scan) -> None:
+    if 1000 <= index < 1005:
+        scan.temperatures[:] = math.nan
+
+
+def repeated(index: int, scan: Scan) -> None:
+    if index == 1001:
+        scan.sequence, scan.device_time, scan.stamp = 1000, 1_000_000, START + 1_000_000_000
+
+
+@pytest.mark.parametrize(
+    ("edit", "cause", "count"),
+    [
+        (lose(1000, 1099), "missed", 100),
+        (board_reset, "resets", 1),
+        (clock_jump, "time_jumps", 1),
+        (full_scale, "implausible", 2),
+        (adc_fault, "adc_fault", 1),
+        (other_layout, "layout_mismatch", 1),
+        (repeated, "repeated", 1),
+        (no_temperature, "missed", 0),
+    ],
+)
+def test_a_broken_scan_is_counted_and_the_held_force_goes_on(
+    edit: Callable[[int, Scan], bool | None], cause: str, count: int
+) -> None:
+    reconstructor = Reconstructor(SENSOR)
+    results = run(reconstructor, 2.0, edit, force=press(1.5, 0.5, 1.8), shape=FINGER)
+    assert getattr(reconstructor.counts, cause) == count
+    after = [result for result in results if START + 1_105_000_000 <= result.stamp < START + 1_790_000_000]
+    assert all(result.valid for result in after)
+    for result in after:
+        [contact] = result.contacts
+        assert contact.region.force == pytest.approx(1.5, abs=0.03)
+    assert len({contact.id for contact in contacts_of(results)}) == 1
+    assert np.isfinite(reconstructor.image().force).all()
+
+
+def test_an_interruption_is_not_valid_and_heals_within_50_ms() -> None:
+    results = run(Reconstructor(SENSOR), 2.5, lose(700, 1500), force=press(1.5, 0.5, 0.6), shape=FINGER)
+    later = [result for result in results if result.stamp >= START + 1_500_000_000]
+    assert not later[0].valid
+    assert all(result.valid for result in later[50:])
+    assert not contacts_of(later[50:])
+
+
+def test_a_lasting_overload_is_believed_and_flagged() -> None:
+    reconstructor = Reconstructor(SENSOR)
+    run(reconstructor, 0.53, force=press(9.0, 0.5, 9.0), shape=np.ones(LAYOUT.taxels))
+    image = reconstructor.image()
+    assert list(image.status) == [TaxelStatus.SATURATED] * LAYOUT.taxels
+    assert (image.force >= SENSOR.device.force_max).all()
+    assert np.isnan(image.standard_deviation).all()
+    assert math.isnan(image.total_standard_deviation)
+
+
+def test_one_overloaded_taxel_is_a_lower_bound_and_comes_back() -> None:
+    reconstructor = Reconstructor(SENSOR)
+    results = run(reconstructor, 3.0, force=press(8.0, 0.5, 1.5))
+    first = at(results, 0.53)
+    assert first.saturated == 1
+    assert math.isnan(first.contacts[0].region.peak_pressure)
+    [held] = at(results, 1.0).contacts
+    assert 5.0 < held.region.force <= 8.0
+    assert results[-1].valid
+    assert not results[-1].contacts
+
+
+def test_forces_are_nan_until_the_offsets_are_known() -> None:
+    reconstructor = Reconstructor(SENSOR)
+    run(reconstructor, 0.05)
+    image = reconstructor.image()
+    assert np.isnan(image.force).all()
+    assert math.isnan(image.total)
+    assert reconstructor.unsettled == LAYOUT.taxels
+
+
+def test_random_scans_never_raise_and_leave_no_trace() -> None:
+    reconstructor = Reconstructor(SENSOR)
+    rng = np.random.default_rng(11)
+    index = 0
+    scan = Scan.empty(LAYOUT.id, LAYOUT.taxels)
+    for _ in range(3000):
+        scan.counts[:] = rng.integers(0, 0x10000, LAYOUT.taxels)
+        scan.temperatures[:] = rng.choice([math.nan, -40.0, 25.0, 150.0], 2)
+        index = max(0, index + int(rng.integers(-3, 30)))
+        scan.sequence, scan.status = index, int(rng.integers(0, 64)) & ~int(ScanStatus.ADC_FAULT)
+        scan.device_time = int(rng.integers(0, 2**40))
+        scan.stamp = START + int(rng.integers(-(10**10), 10**10))
+        reconstructor.process(scan)
+        reconstructor.image()
+    results = []
+    for time, good in scans(SENSOR, 8.0, force=press(1.5, 7.0, 7.5), shape=FINGER):
+        good.sequence, good.stamp = 10**6 + round(time * 1000), START + 10**11 + round(time * 1e9)
+        results.append(copy.copy(reconstructor.process(good)))
+    assert results[6900].valid
+    [contact] = results[7400].contacts
+    assert contact.region.force == pytest.approx(1.5, abs=0.05)
+
+
+def test_idle_scans_allocate_nothing_that_stays() -> None:
+    reconstructor = Reconstructor(SENSOR)
+    stream = scans(SENSOR, 3.0)
+    for _ in range(1000):
+        reconstructor.process(next(stream)[1])
+    tracemalloc.start()
+    before = tracemalloc.get_traced_memory()[0]
+    for _ in range(1000):
+        reconstructor.process(next(stream)[1])
+    grown = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    assert grown < 8192
