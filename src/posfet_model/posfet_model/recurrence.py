@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _BLOCK_ELEMENTS: Final = 1 << 14  # a block and its copies stay in the cache of the processor
+_WIDE: Final = 512
 
 
 def linear_recurrence(factor: NDArray[Any], addend: NDArray[Any], start: NDArray[Any]) -> NDArray[Any]:
@@ -15,10 +16,15 @@ def linear_recurrence(factor: NDArray[Any], addend: NDArray[Any], start: NDArray
 
     factor and addend have shape [t] or [t, n], start the shape of one row; |factor| <= 1 is needed for accuracy. The
     series is cut into blocks; within one, neighbouring rows are merged into rows of double reach until each reaches the
-    start of the block (Kogge and Stone 1973), which takes log2 passes of whole-array arithmetic instead of a loop.
+    start of the block (Kogge and Stone 1973), which takes log2 passes of whole-array arithmetic instead of a loop. Wide
+    rows are worth a pass each.
     """
     result = np.empty_like(addend)
     row = start
+    if start.size >= _WIDE:
+        for k in range(len(addend)):
+            row = np.add(factor[k] * row, addend[k], out=result[k])
+        return result
     rows = max(1, _BLOCK_ELEMENTS // max(1, start.size))
     for begin in range(0, len(addend), rows):
         block = slice(begin, begin + rows)
