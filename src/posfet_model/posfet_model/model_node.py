@@ -173,11 +173,12 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
             counts = replace(self._reconstructor.counts)
             saturated = self._result.saturated if self._result else 0
             unsettled, restarts = self._reconstructor.unsettled, self._reconstructor.restarts
-            temperature_known = self._reconstructor.temperature_known
+            temperature_known, rate = self._reconstructor.temperature_known, self._reconstructor.rate
         before, self._reported = self._reported, counts
         verdict = judge(Period.between(before, counts, unsettled, saturated, temperature_known))
         values = {name.replace("_", " "): str(count) for name, count in asdict(counts).items()}
         values["scans per second [Hz]"] = f"{(counts.accepted - before.accepted) / REPORT_PERIOD:.0f}"
+        values["rate by the board's clock [Hz]"] = f"{rate:.1f}"
         values["taxels without a zero"] = str(unsettled)
         values["taxels saturated"] = str(saturated)
         values["zeros found anew"] = str(restarts)
