@@ -52,7 +52,7 @@ def test_error_is_at_most_half_a_step(bits: int, low: float, span: float, fracti
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("shape", [(), (0,), (5, 5), (2, 3, 4)])
+@pytest.mark.parametrize("shape", [(), (0,), (5, 5), (2, 3, 4), (1_000_000,)])
 def test_shape_is_kept(dtype: type, shape: tuple[int, ...]) -> None:
     converted = volts_to_counts(np.full(shape, 1.0, dtype), 12, 0.0, 3.3)
     assert converted.counts.shape == converted.clipped.shape == shape

@@ -141,11 +141,10 @@ def test_a_series_is_its_steps_in_a_row(follower: Follower) -> None:
     np.testing.assert_allclose(follower.run(time, v_in[:, 1]).v_out, np.array(rows)[:, 1], rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize("follower", FOLLOWERS)
+# A quality of 50 rings for longer than the run.
+@pytest.mark.parametrize("follower", [follower for follower in FOLLOWERS if "50.0" not in str(follower.id)])
 def test_a_sine_comes_out_with_gain_and_phase_of_the_response(follower: Follower) -> None:
     frequency, per_cycle = 1e6, 4000
-    if getattr(follower, "quality", 0) > 1:
-        pytest.skip("rings for longer than the run")
     time = np.arange(20 * per_cycle + 1) / (frequency * per_cycle)
     small = 1e-5
     v_out = follower.run(time, small * np.sin(2 * np.pi * frequency * time)).v_out
@@ -202,9 +201,13 @@ class TestLimits:
         ("arguments", "argument"),
         [
             ({"v_low": 1.0, "v_high": 1.0}, "v_high"),
-            ({"v_low": math.nan}, "v_high"),
             ({"slew_rate": 0.0}, "slew_rate"),
-            ({"frequency": math.nan}, "frequency"),
+            ({"frequency": -1.0}, "frequency"),
+            *(
+                ({name: value}, name)
+                for name in ("v_low", "v_high", "slew_rate", "frequency")
+                for value in (math.nan, 1 + 1j, "one", None, True)
+            ),
         ],
     )
     def test_limits_that_make_no_sense(self, arguments, argument) -> None:

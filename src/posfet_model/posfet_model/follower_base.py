@@ -33,6 +33,11 @@ class FollowerLimits:
     """Highest frequency [Hz] at which the response is believed, usually the first pole that the model leaves out."""
 
     def __post_init__(self) -> None:
+        for name in ("v_low", "v_high", "slew_rate", "frequency"):
+            value = getattr(self, name)
+            real = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
+            if not real or math.isnan(value):
+                raise ValueError(f"{name} must be a real number, inf allowed, got {value!r:.60}")
         if not self.v_low < self.v_high:
             raise ValueError(f"v_high must be in ({self.v_low:g}, inf], got {self.v_high:g}")
         for name in ("slew_rate", "frequency"):
