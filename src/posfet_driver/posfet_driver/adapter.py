@@ -107,16 +107,15 @@ class EmulatedAdapter:
         self._reader.clear()
 
     def _run(self, master: int) -> None:
-        poll = select.poll()
-        poll.register(self._wake[0], select.POLLIN)
+        wake = self._wake[0]
         while True:
-            events = select.POLLIN | (select.POLLOUT if self._output else 0)
-            poll.register(master, events)
+            waiting = [master] if self._output else []
             wait = (self._node.next_due() - self._clock.monotonic()) / 1e9
-            ready = dict(poll.poll(min(max(wait, 0.0), IDLE) * 1000))
-            if self._wake[0] in ready:
+            # Not poll: it waits in whole milliseconds.
+            readable, _, _ = select.select([master, wake], waiting, [], min(max(wait, 0.0), IDLE))
+            if wake in readable:
                 return
-            if ready.get(master, 0) & select.POLLIN:
+            if master in readable:
                 for line in self._reader.lines(os.read(master, READ_SIZE)):
                     self._obey(line)
             for frame in self._node.due(self._clock.monotonic()):
