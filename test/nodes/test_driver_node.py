@@ -66,9 +66,9 @@ class Watcher(Node):
 class Bench:
     """An executor with a watcher, and what a test adds; waits for conditions."""
 
-    def __init__(self, domain: int) -> None:
+    def __init__(self) -> None:
         self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=domain)
+        rclpy.init(context=self.context)
         self.executor = SingleThreadedExecutor(context=self.context)
         self.watcher = Watcher(self.context)
         self.executor.add_node(self.watcher)
@@ -98,8 +98,8 @@ class Bench:
 
 
 @pytest.fixture
-def bench(ros_domain: int) -> Iterator[Bench]:
-    bench = Bench(ros_domain)
+def bench() -> Iterator[Bench]:
+    bench = Bench()
     yield bench
     bench.close()
 
