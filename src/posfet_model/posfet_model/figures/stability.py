@@ -86,15 +86,15 @@ def _draw_remainder(axes: Axes) -> None:
         left = np.clip(last_error(scheme, ratio), 1e-9, 1e9)
         axes.plot(ratio, left, color=colour, linestyle=dashes, linewidth=1.4)
     axes.axhline(1.0, color=GREY, linewidth=0.8)
-    label(axes, 4, 1e6, "Euler, Heun and Runge-Kutta\nblow up", VERMILION, fontsize=7.5, va="center")
-    label(axes, 60, 1.5e2, "clipped Euler", PURPLE, fontsize=7.5, ha="right")
+    label(axes, 4, 1e6, "Euler, Heun and\nRunge-Kutta blow up", VERMILION, fontsize=7.5, va="center")
+    label(axes, 4, 2e2, "clipped Euler", PURPLE, fontsize=7.5)
     label(axes, 8000, 1e-3, "trapezoidal rings", BLUE, fontsize=7.5, ha="right")
-    label(axes, 0.22, 1e-7, "exact,\nbackward\nEuler:\nnothing\nleft", BLACK, fontsize=7.5)
+    label(axes, 1.6, 3e-5, "exact and\nbackward Euler:\nnothing left", BLACK, fontsize=7.5, ha="right", va="center")
     axes.set(
         xscale="log",
         yscale="log",
         ylim=(1e-9, 1e9),
-        xlim=(0.2, 1e4),
+        xlim=(0.01, 1e4),
         title="error left after 200 steps",
         xlabel="step / time constant",
         ylabel="error  [V]",
