@@ -68,8 +68,7 @@ def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
     described = load_sensor(arguments["sensor_file"])
     if source != "can":
         load_scene(arguments["scene"], described)
-    sensor: dict[str, Value] = {"sensor_file": arguments["sensor_file"]}
-    can_fd: dict[str, Value] = {"can_fd": arguments["can_fd"]}
+    sensor: dict[str, Value] = {name: arguments[name] for name in ("sensor_file", "can_fd")}
     adapter = str(emulated_adapter(namespace)) if source == "emulator" else ""
 
     def node(package: str, executable: str, parameters: Mapping[str, Value]) -> NodeSpec:
@@ -78,14 +77,13 @@ def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
 
     nodes = [node("posfet_model", "model_node", {"simulated": source != "can"})]
     if source != "can":
-        scene: dict[str, Value] = {"scene": arguments["scene"], "adapter_link": adapter, **can_fd}
+        scene: dict[str, Value] = {"scene": arguments["scene"], "adapter_link": adapter}
         nodes.append(node("posfet_driver", "sim_board_node", scene))
     if source != "sim":
         bus: dict[str, Value] = {
             "can_interface": "slcan" if adapter else arguments["can_interface"],
             "can_channel": adapter or arguments["can_channel"],
             "can_bitrate": int(arguments["can_bitrate"]),
-            **can_fd,
         }
         nodes.append(node("posfet_driver", "driver_node", bus))
     return nodes

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from posfet_driver.board import Board
-from posfet_driver.bus import FD_CHOICES, bus_settings, open_bus
+from posfet_driver.bus import bus_settings, open_bus
 from posfet_driver.scan_source_node import ScanSourceNode
 from posfet_model.ros_parameters import Parameter
 from posfet_model.run_node import run_node
@@ -18,7 +18,6 @@ PARAMETERS = (
     Parameter("can_channel", "can0", "Channel of the interface: can0, /dev/ttyACM0, ..."),
     Parameter("can_bitrate", 0, "Nominal bitrate [bit/s]; 0: as in the sensor file", 0, 1_000_000),
     Parameter("can_data_bitrate", 0, "Bitrate of the data phase of CAN FD [bit/s]; 0: as in the file", 0, 8_000_000),
-    Parameter("can_fd", "auto", "Whether the board sends CAN FD; auto: as in the sensor file", choices=FD_CHOICES),
     Parameter("can_options", [""], "Further options of the interface, each as key=value"),
 )
 
@@ -37,7 +36,6 @@ class DriverNode(ScanSourceNode):
             sensor.can,
             bitrate=parameters["can_bitrate"],
             data_bitrate=parameters["can_data_bitrate"],
-            fd=parameters["can_fd"],
             options=parameters["can_options"],
         )
         return Board(sensor, partial(open_bus, settings), settings.fd)

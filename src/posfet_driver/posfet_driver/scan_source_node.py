@@ -16,9 +16,9 @@ from rclpy.qos import QoSProfile
 from posfet_driver.conversions import RawMessage, diagnostic_array
 from posfet_driver.source import Health, ScanSource, SourceError, SourceReport
 from posfet_model.config import ConfigError
-from posfet_model.ros_parameters import FRAME_ID, SENSOR_FILE, Parameter, declare
+from posfet_model.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_sensor
 from posfet_model.scan import Scan
-from posfet_model.sensor import Sensor, load_sensor
+from posfet_model.sensor import Sensor
 from posfet_msgs.msg import TactileRaw
 
 AUTOSTART = Parameter("autostart", True, "Configure and activate at start-up; false: wait for lifecycle transitions")
@@ -62,8 +62,8 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         self.sink: Callable[[Scan], None] | None = None
         """Called with every scan in the data thread, before anything is published; set it while not active."""
         try:
-            self.parameters = declare(self, (SENSOR_FILE, FRAME_ID, AUTOSTART, *parameters))
-            self.sensor = load_sensor(self.parameters["sensor_file"])
+            self.parameters = declare(self, (*SENSOR, FRAME_ID, AUTOSTART, *parameters))
+            self.sensor = declared_sensor(self.parameters)
             self.source = self.make_source(self.sensor, self.parameters)
         except ConfigError:
             self.destroy_node()

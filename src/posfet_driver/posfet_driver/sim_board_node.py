@@ -30,14 +30,7 @@ PARAMETERS = (
     Parameter(
         "adapter_link", "", "Path at which to appear as a CAN adapter (slcan) instead of publishing raw; '': none"
     ),
-    Parameter(
-        "can_fd",
-        "auto",
-        "Frames of the emulated adapter; auto: as in the sensor file",
-        choices=("auto", "true", "false"),
-    ),
 )
-_FD = {"auto": None, "true": True, "false": False}
 TRUTH_DEPTH = 10
 
 
@@ -84,8 +77,7 @@ class SimBoardNode(ScanSourceNode):
         scene = load_scene(parameters["scene"], sensor)
         if not parameters["adapter_link"]:
             return SimulationSource(sensor, scene, parameters["seed"])
-        fd = _FD[parameters["can_fd"]]
-        source = AdapterSource(sensor, scene, parameters["seed"], parameters["adapter_link"], fd)
+        source = AdapterSource(sensor, scene, parameters["seed"], parameters["adapter_link"])
         source.on_scan = self._scan_sent
         return source
 

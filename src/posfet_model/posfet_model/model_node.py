@@ -32,16 +32,15 @@ from posfet_model.conversions import (
 )
 from posfet_model.health import Period, judge
 from posfet_model.reconstruction import ForceImage, Reconstruction, Reconstructor
-from posfet_model.ros_parameters import FRAME_ID, SENSOR_FILE, Parameter, declare
+from posfet_model.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_sensor
 from posfet_model.run_node import run_node
 from posfet_model.scan import Scan
 from posfet_model.scan_clock import ScanCounts
-from posfet_model.sensor import load_sensor
 from posfet_model.tracker import Contact
 from posfet_msgs.msg import TactileContacts, TactileImage, TactileInfo, TactileRaw
 
 PARAMETERS = (
-    SENSOR_FILE,
+    *SENSOR,
     FRAME_ID,
     Parameter("simulated", False, "Told to others in `info`: the signals come from a model, not from a device"),
     Parameter("direct", False, "Scans are handed over in the process; true: do not subscribe to `raw`"),
@@ -87,7 +86,7 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         super().__init__("model_node", **node_arguments)
         try:
             parameters = declare(self, PARAMETERS)
-            self.sensor = load_sensor(parameters["sensor_file"])
+            self.sensor = declared_sensor(parameters)
         except ConfigError:
             self.destroy_node()
             raise

@@ -12,6 +12,7 @@ from rclpy.node import Node
 
 from posfet_model.checks import interval
 from posfet_model.config import ConfigError
+from posfet_model.sensor import FRAME_CHOICES, Sensor, load_sensor, with_frames
 
 Value: TypeAlias = "bool | int | float | str | list[str]"
 
@@ -54,6 +55,11 @@ STANDARD = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 """Parameters that every node has or may be given."""
 
 SENSOR_FILE = Parameter("sensor_file", "posfet_5x5", "Sensor description: a YAML file, or the name of a shipped one")
+CAN_FD = Parameter(
+    "can_fd", "auto", "Frames of the board: CAN FD or classic; auto: as in the sensor file", choices=FRAME_CHOICES
+)
+SENSOR = (SENSOR_FILE, CAN_FD)
+"""What tells a node its sensor."""
 FRAME_ID = Parameter("frame_id", "posfet_array", "Frame of the array: x along columns, y along rows, z outward")
 
 
@@ -83,3 +89,8 @@ def declare(node: Node, table: Sequence[Parameter]) -> Mapping[str, Any]:
             raise ConfigError(f"{name}: {parameter.name}: {reason}")
         values[parameter.name] = float(value) if isinstance(parameter.default, float) else value
     return values
+
+
+def declared_sensor(values: Mapping[str, Any]) -> Sensor:
+    """Return the sensor that the declared parameters of SENSOR name. Raises ConfigError, one line, for a bad file."""
+    return with_frames(load_sensor(values["sensor_file"]), values["can_fd"])

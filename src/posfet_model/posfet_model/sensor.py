@@ -5,7 +5,7 @@ Files carry human units, named in each key; everything in the dataclasses is SI.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -19,6 +19,8 @@ SENSOR_FOLDER = Path(__file__).parent / "sensors"
 """Folder of the sensor descriptions that are shipped."""
 
 DEFAULT_SENSOR = "posfet_5x5"
+FRAME_CHOICES = ("auto", "true", "false")
+"""Frames of the board: as in the sensor file, CAN FD, or classic CAN."""
 MAX_SIDE = 128
 
 
@@ -185,6 +187,16 @@ def load_sensor(name: str | Path = DEFAULT_SENSOR) -> Sensor:
     return sensor
 
 
+def with_frames(sensor: Sensor, fd: str) -> Sensor:
+    """Return `sensor` with the frames its board is told to send, one of FRAME_CHOICES.
+
+    Classic frames carry 12 bits of each count, which whoever reckons with the resolution has to know.
+    """
+    if fd == "auto":
+        return sensor
+    return replace(sensor, can=replace(sensor.can, fd=fd == "true"))
+
+
 def _layout(section: Section) -> Layout:
     layout = Layout(
         id=section.whole("id", 1, 0xFFFF),
@@ -268,6 +280,7 @@ def _contact(section: Section) -> ContactThresholds:
 
 __all__ = [
     "DEFAULT_SENSOR",
+    "FRAME_CHOICES",
     "Adc",
     "Amplifier",
     "CanLink",
@@ -277,4 +290,5 @@ __all__ = [
     "Layout",
     "Sensor",
     "load_sensor",
+    "with_frames",
 ]
