@@ -183,6 +183,19 @@ def test_a_reset_board_is_noticed_and_named(sensor: Sensor) -> None:
     assert board.report().counters["board started anew"] == 1
 
 
+def test_a_board_whose_scans_never_come_whole_is_not_called_well(sensor: Sensor) -> None:
+    clock = SteppedClock()
+    larger = with_layout(sensor, 8, 8)  # three blocks a scan where the board sends one
+    bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0))
+    board = Board(larger, lambda: bus, clock=clock)
+    board.open()
+    while board.restarted < 5:
+        assert board.read(0.05) is None
+        assert board.report().health != Health.OK
+    assert board.report().state == "the board sends no whole scans: it is being started again"
+    assert board.report().counters["torn scans"] > 1000
+
+
 def test_a_reader_that_was_held_up_loses_nothing(sensor: Sensor) -> None:
     clock = SteppedClock()
     bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0, fd=False))

@@ -85,6 +85,7 @@ class Board:
         self._tag = 0
         self._opened = 0
         self._stopped = True  # nothing is lost that a board does not send because it was told so
+        self._flowing = False  # a scan came since the board was started
         self._period = 0
         self._silence = 0
         self._take_period(round(1e6 / sensor.can.scan_rate))
@@ -145,7 +146,7 @@ class Board:
         losses, traffic, status = receiver.assembler.losses, receiver.traffic, receiver.status
         firmware = receiver.firmware
         return SourceReport(
-            health=_HEALTH[self._phase],
+            health=_HEALTH[self._phase] if self._flowing or self._phase != Phase.SCANS else Health.WARN,
             state=self._reason,
             scans=receiver.scans,
             frames_lost=receiver.frames_lost,
@@ -175,6 +176,9 @@ class Board:
         for frame in self._frames:
             if receiver.feed(frame):
                 self._deadline = self._clock.monotonic() + self._silence
+                if not self._flowing:
+                    self._flowing = True
+                    self._reason = "receiving scans"
                 return True
             if receiver.response is not None:
                 self._take(receiver.response)
@@ -203,7 +207,7 @@ class Board:
             return
         if self._phase == Phase.SCANS:
             self.restarted += 1
-            self._reason = "the board sends no scans: it is being started again"
+            self._reason = "the board sends no whole scans: it is being started again"
         elif self._phase == Phase.IDENTITY:
             self._reason = (
                 f"no board answers at base identifier 0x{self._sensor.can.base_id:X}: "
@@ -258,8 +262,8 @@ class Board:
         self.receiver.resync(response.value, count_gap=not self._stopped)
         self._stopped = False
         self._back_off = BACK_OFF_FIRST
-        self._enter(Phase.SCANS, "receiving scans", 0.0)
-        self._deadline = self._clock.monotonic() + self._silence
+        self._flowing = False
+        self._enter(Phase.SCANS, self._reason, self._silence / _NANOSECONDS)
 
     def _resume(self, command: Command, answer: Response) -> None:
         """Go on after a command was answered."""
