@@ -154,6 +154,15 @@ def test_the_same_classic_counter_after_silence_is_another_scan(cut: int, lost: 
     assert line.losses["lost_scans"] == lost - 1
 
 
+def test_a_classic_scan_is_given_up_when_what_seems_late_passes() -> None:
+    """13 lost scans look like a late frame; the scan begun before must not be completed by the one 16 later."""
+    line = Line(False)
+    line.send(0)
+    line.feed(*line.frames(1)[:3], *line.frames(15), *line.frames(17)[3:])
+    assert line.published == [0]
+    assert line.losses["torn_scans"] == 1
+
+
 def test_one_fd_counter_at_two_times_is_two_scans() -> None:
     line = Line(True)
     line.send(0)
