@@ -24,6 +24,8 @@ from posfet_msgs.msg import TactileContact, TactileContacts, TactileImage, Tacti
 
 TIMEOUT = 60.0
 """Time that an expected message is given to come [s]; a running stack needs a fraction of it."""
+ASK_PERIOD = 0.1
+"""Time between two looks whether what is expected has come [s]: thousands of messages come meanwhile."""
 COMPARED = 1000
 """Scans with a contact that are compared with the ground truth."""
 PRESSED = 0.3
@@ -65,11 +67,13 @@ class Listener:
             self._node.destroy_subscription(self._subscriptions.pop())
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
-        """Serve callbacks until `condition`; fail after TIMEOUT."""
+        """Serve callbacks until `condition`, which is asked now and then; fail after TIMEOUT."""
         end = time.monotonic() + TIMEOUT
         while not condition():
             assert time.monotonic() < end, f"{what} did not come within {TIMEOUT:g} s"
-            self._executor.spin_once(0.1)
+            pause = time.monotonic() + ASK_PERIOD
+            while time.monotonic() < pause:
+                self._executor.spin_once(ASK_PERIOD)
 
     def call(self, kind: type, name: str, request: object) -> Any:
         """Call a service and return its response."""

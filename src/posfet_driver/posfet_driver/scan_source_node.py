@@ -22,7 +22,8 @@ from posfet_model.sensor import Sensor
 from posfet_msgs.msg import TactileRaw
 
 AUTOSTART = Parameter("autostart", True, "Configure and activate at start-up; false: wait for lifecycle transitions")
-RAW_DEPTH = 100
+RAW_DEPTH = 1000
+"""Scans that wait for a process that is held up: one second of them."""
 READ_TIMEOUT = 0.1
 """Longest wait of the data thread [s]: bounds the time that an end takes."""
 WANTED_PERIOD = 0.01

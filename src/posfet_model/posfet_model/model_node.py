@@ -46,7 +46,8 @@ PARAMETERS = (
     Parameter("direct", False, "Scans are handed over in the process; true: do not subscribe to `raw`"),
 )
 OUTPUT_DEPTH = 10
-RAW_DEPTH = 100
+RAW_DEPTH = 1000
+"""Scans that wait for a process that is held up: one second of them."""
 SUBSCRIPTIONS_AGE = 100_000_000
 """For how long counts of subscriptions are believed [ns]."""
 REPORT_PERIOD = 1.0
