@@ -335,6 +335,35 @@ def test_a_reader_that_sleeps_costs_frames_not_memory(sensor: Sensor, link: Path
         adapter.close()
 
 
+class StumblingClock(SystemClock):
+    """Jumps ahead by two seconds when told to, as for a thread that was not let run."""
+
+    def __init__(self) -> None:
+        self.behind = 2_000_000_000
+
+    def monotonic(self) -> int:
+        return super().monotonic() - self.behind
+
+
+def test_an_adapter_that_was_held_up_loses_nothing(sensor: Sensor, link: Path) -> None:
+    clock = StumblingClock()
+    firmware = BoardFirmware(sensor, FakeBoard(sensor), clock.monotonic())
+    adapter = EmulatedAdapter(link, firmware, clock)
+    adapter.open()
+    board = Board(sensor, slcan_opener(link))
+    board.open()
+    try:
+        list(read_scans(board, 10))
+        clock.behind = 0
+        for scan in read_scans(board, 2500):
+            assert_marked(scan)
+        assert scan.frames_lost == 0
+        assert adapter.frames_dropped == 0
+    finally:
+        board.close()
+        adapter.close()
+
+
 def test_an_adapter_does_not_overwrite_a_file(tmp_path: Path) -> None:
     path = tmp_path / "precious"
     path.write_text("mine")

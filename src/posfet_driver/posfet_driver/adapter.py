@@ -13,8 +13,12 @@ from posfet_driver.frames import Frame
 from posfet_driver.slcan_lines import END, REFUSED, LineReader, encode_line, parse_line
 from posfet_driver.source import Clock, SourceError, SystemClock
 
-OUTPUT_LIMIT: Final = 1 << 16
-"""Bytes that wait for a reader; what comes when they are there already is lost, as on a wire nobody reads."""
+OUTPUT_LIMIT: Final = 1 << 20
+"""Bytes that wait for a reader; what comes when they are there already is lost, as on a wire nobody reads.
+
+Room for 8 s of a 5 x 5 array at 1 kHz: a machine that holds up this thread for a second makes it send a thousand scans
+at once, and a board would not have lost them.
+"""
 READ_SIZE: Final = 4096
 IDLE: Final = 0.5
 """Longest wait for commands [s]."""
