@@ -218,8 +218,8 @@ def test_published_and_lost_add_up(fd: bool, start: int, faults: list[tuple[int,
     frames = [frame for sequence in range(start, start + count) for frame in line.frames(sequence)]
     blocks = line.codec.blocks
     dropped = 0
-    for number, fault in sorted(faults, reverse=True):
-        place = number % (len(frames) - blocks)  # the last scan comes whole and closes the account
+    usable = len(frames) - blocks  # the last scan comes whole and closes the account
+    for place, fault in sorted({number % usable: fault for number, fault in faults}.items(), reverse=True):
         identifier, kind, data = frames[place]
         if fault == "drop":
             del frames[place]
@@ -235,4 +235,4 @@ def test_published_and_lost_add_up(fd: bool, start: int, faults: list[tuple[int,
     assert set(line.published) <= set(range(start, start + count))
     assert line.published[-1] == start + count - 1
     assert len(line.published) + line.losses.get("torn_scans", 0) + line.losses.get("lost_scans", 0) == count
-    assert line.losses.get("frames", 0) >= dropped - line.losses.get("repeated", 0)
+    assert line.losses.get("frames", 0) >= dropped

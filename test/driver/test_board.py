@@ -39,23 +39,27 @@ class SteppedClock:
 
 
 class SteppedBus:
-    """A bus in stepped time with a board on it, which can break."""
+    """A bus in stepped time with a board on it, which can break, and hold back what the board sends."""
 
     def __init__(self, clock: SteppedClock, firmware: BoardFirmware) -> None:
         self.clock = clock
         self.firmware = firmware
         self.broken = False
         self.closed = False
+        self.held_back = False
         self._answers: list[Frame] = []
 
     def read_frames(self, timeout: float) -> list[Frame]:
         if self.broken:
             raise can.CanOperationError("cable out")
-        if not self._answers:
+        if not self._answers and not self.held_back:
             wait = max(self.firmware.next_due() - self.clock.now, 0)
             self.clock.now += min(wait, round(timeout * 1e9))
-        frames, self._answers = self._answers + self.firmware.due(self.clock.now), []
-        return frames
+        frames, self._answers = self._answers, []
+        if self.held_back:
+            self.clock.now += round(timeout * 1e9) if not frames else 0
+            return frames
+        return frames + self.firmware.due(self.clock.now)
 
     def write_frame(self, frame: Frame) -> None:
         if self.broken:
@@ -207,6 +211,22 @@ def test_a_reader_that_was_held_up_loses_nothing(sensor: Sensor) -> None:
         assert_marked(scan)
     assert scan.frames_lost == 0
     assert board.restarted == 0
+
+
+def test_scans_that_come_after_a_pause_are_not_lost_by_asking_what_is_wrong(sensor: Sensor) -> None:
+    clock = SteppedClock()
+    bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0))
+    board = Board(sensor, lambda: bus, clock=clock)
+    board.open()
+    list(read_scans(board, 10))
+    bus.held_back = True
+    while board.restarted == 0:
+        assert board.read(0.05) is None
+    bus.held_back = False
+    for scan in read_scans(board, 1000):
+        assert_marked(scan)
+    assert scan.frames_lost == 0
+    assert board.report().health == Health.OK
 
 
 def test_reading_a_closed_board_gives_nothing(sensor: Sensor) -> None:

@@ -175,10 +175,11 @@ class Board:
         receiver = self.receiver
         for frame in self._frames:
             if receiver.feed(frame):
-                self._deadline = self._clock.monotonic() + self._silence
-                if not self._flowing:
+                if self._flowing:
+                    self._deadline = self._clock.monotonic() + self._silence
+                else:  # started, or back before it was started again
                     self._flowing = True
-                    self._reason = "receiving scans"
+                    self._enter(Phase.SCANS, "receiving scans", self._silence / _NANOSECONDS)
                 return True
             if receiver.response is not None:
                 self._take(receiver.response)
@@ -207,6 +208,7 @@ class Board:
             return
         if self._phase == Phase.SCANS:
             self.restarted += 1
+            self._flowing = False
             self._reason = "the board sends no whole scans: it is being started again"
         elif self._phase == Phase.IDENTITY:
             self._reason = (
@@ -336,11 +338,14 @@ class Board:
 
     def _enter(self, phase: Phase, reason: str, timeout: float) -> None:
         self._phase = phase
-        if phase != Phase.SCANS:
+        if phase in _DEAF:
             self.receiver.listening = False
         self._reason = reason
         self._deadline = self._clock.monotonic() + round(timeout * _NANOSECONDS)
 
+
+_DEAF: Final = {Phase.CLOSED, Phase.BUS, Phase.REFUSED, Phase.COMMAND}
+"""Phases after which the number of the next scan has to be asked again."""
 
 _HEALTH: Final = {
     Phase.CLOSED: Health.STALE,
