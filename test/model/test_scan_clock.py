@@ -167,3 +167,19 @@ def test_the_verdict_names_the_cause(after: ScanCounts, state: dict[str, Any], l
     verdict = judge(Period.between(ScanCounts(), after, **known))
     assert verdict.level is level
     assert word in verdict.text
+
+
+def test_times_of_arrival_are_averaged() -> None:
+    """A classic board sends no time: scans that come late and in bursts are still 1 ms apart."""
+    clock = ScanClock(SENSOR)
+    generator = np.random.default_rng(1)
+    steps = []
+    arrival = 0
+    for index in range(20_000):
+        due = START + 1_000_000 * index + int(generator.exponential(300_000))
+        arrival = max(arrival, due)  # one that is late makes the next ones come with it
+        assert clock.admit(scan(index, device_time=0, stamp=arrival, status=ScanStatus.TIME_ESTIMATED))
+        steps.append(clock.step)
+    assert clock.counts.time_jumps == 0
+    assert max(abs(step - 1e-3) for step in steps[200:]) < 5e-5
+    assert sum(steps) == pytest.approx(20.0, abs=0.01)

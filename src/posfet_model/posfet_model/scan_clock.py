@@ -18,6 +18,12 @@ JUMP_FACTOR: Final = 4.0
 JUMP_LEAST: Final = 0.02
 """Shortest difference that counts as a jump of the clock [s]."""
 
+PERIOD_GAIN: Final = 0.01
+"""Share of each interval by the board's clock that the period learns [1]."""
+
+ESTIMATED_GAIN: Final = 0.001
+"""The same for times of arrival, whose jitter has to average out [1]."""
+
 MOST_LATE: Final = 10
 """After this many late scans in a row the board is taken to have begun anew."""
 
@@ -54,12 +60,13 @@ class ScanClock:
         self._layout_id = sensor.layout.id
         self._shape = (sensor.layout.taxels,)
         self._longest = LONGEST_GAP * sensor.device.leak_time_constant
-        self._period = 1.0 / sensor.can.scan_rate
+        self._nominal = self._period = 1.0 / sensor.can.scan_rate
         self._late_in_a_row = 0
         self._sequence = -1
         self._device_time = 0
         self._stamp = 0
         self._estimated = True
+        self._arrivals = 0
         self.counts = ScanCounts()
         self.step = self._period
         """Interval [s] before the scan."""
@@ -123,14 +130,24 @@ class ScanClock:
         estimated = self._estimated or scan.status & ScanStatus.TIME_ESTIMATED
         ticks = (scan.stamp - self._stamp) * 1e-9 if estimated else (scan.device_time - self._device_time) * 1e-6
         beyond = ticks - expected
-        if ticks <= 0.0 or (beyond > JUMP_LEAST and ticks > JUMP_FACTOR * expected):
+        if ticks < 0.0 or (ticks == 0.0 and not estimated) or (beyond > JUMP_LEAST and ticks > JUMP_FACTOR * expected):
             self.counts.time_jumps += 1
             self.suspect = True
             ticks = expected
-        elif ahead == 1 and not estimated:
-            self._period += 0.01 * (ticks - self._period)
+        elif estimated:
+            # Times of arrival jitter, and come in bursts; the board itself scans evenly.
+            self._arrivals += 1
+            self._learn(ticks / ahead, max(1.0 / self._arrivals, ESTIMATED_GAIN))
+            ticks = ahead * self._period
+        elif ahead == 1:
+            self._learn(ticks, PERIOD_GAIN)
         self._bridge(ticks)
         self.counts.gaps += self.interrupted
+
+    def _learn(self, interval: float, gain: float) -> None:
+        """Let the period follow an interval [s], within what a board of this sensor can be set to."""
+        period = self._period + gain * (interval - self._period)
+        self._period = min(max(period, self._nominal / JUMP_FACTOR), self._nominal * JUMP_FACTOR)
 
     @property
     def rate(self) -> float:
