@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import select
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ pytest.importorskip("rclpy", reason="needs ROS 2")
 pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 
 from bringup_process import needs_installation, running
+from expectations import TIMEOUT
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
@@ -29,6 +31,7 @@ def test_subscriber_prints_contacts() -> None:
         command = [sys.executable, "-c", program]
         listener = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
         try:
+            assert select.select([listener.stdout], [], [], TIMEOUT)[0], "no contact was printed"
             line = listener.stdout.readline()
         finally:
             listener.send_signal(signal.SIGKILL)
