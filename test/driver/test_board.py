@@ -13,7 +13,8 @@ from fake_board import FakeBoard, assert_marked, board_on_bus, read_scans, read_
 from posfet_driver.board import BACK_OFF_LAST, Board
 from posfet_driver.bus import bus_settings, open_bus
 from posfet_driver.firmware import BoardFirmware
-from posfet_driver.frames import Frame, FrameBus
+from posfet_driver.frames import CLASSIC, Frame, FrameBus
+from posfet_driver.messages import RESPONSE_OFFSET, Command, Response, Result
 from posfet_driver.source import Health, SystemClock
 from posfet_model.config import ConfigError
 from posfet_model.scan import ScanStatus
@@ -227,6 +228,18 @@ def test_scans_that_come_after_a_pause_are_not_lost_by_asking_what_is_wrong(sens
         assert_marked(scan)
     assert scan.frames_lost == 0
     assert board.report().health == Health.OK
+
+
+def test_an_answer_to_somebody_else_is_passed_over(sensor: Sensor) -> None:
+    clock = SteppedClock()
+    bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0))
+    answer = Response(Command.IDENTIFY, tag=200, result=Result.OK, value=7)
+    bus.write_frame = lambda frame: None
+    board = Board(sensor, lambda: bus, clock=clock)
+    board.open()
+    bus._answers.append((sensor.can.base_id + RESPONSE_OFFSET, CLASSIC, answer.pack()))
+    assert board.read(0.1) is None
+    assert board.report().state == "looking for the board"
 
 
 def test_reading_a_closed_board_gives_nothing(sensor: Sensor) -> None:
