@@ -121,12 +121,12 @@ class Receiver:
         scan.sequence = assembler.sequence
         scan.frames_lost = self.frames_lost
         if self._fd:
-            scan.device_time = assembler.device_time
+            board_time = scan.device_time = assembler.device_time
             scan.status = assembler.status
-            scan.stamp = self._clock.to_monotonic(assembler.device_time, self._arrival) + self._wall_offset
         else:
+            board_time = round(assembler.sequence * self.scan_period / 1000)
             scan.status = self.status.flags | ScanStatus.TIME_ESTIMATED
-            scan.stamp = self._arrival + self._wall_offset
+        scan.stamp = self._clock.to_monotonic(board_time, self._arrival) + self._wall_offset
         if self._reset:
             scan.status |= ScanStatus.BOARD_RESET
             self._reset = False
