@@ -53,7 +53,7 @@ class Listeners:
 class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     """Publishes the scans of a source.
 
-    configure opens the source and starts the one data thread; activate lets scans out, to `sink` and, when somebody
+    configure opens the source and starts the one data thread, which reads from the first listener on; activate lets scans out, to `sink` and, when somebody
     subscribes, to `raw`; deactivate holds them back, while the source is still read so that nothing old is waiting;
     cleanup closes the source. Raises ConfigError at construction for a parameter or file that cannot be used.
     """
@@ -77,6 +77,7 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
         self._active = False
+        self._begun = False
         self._failure = ""
         self._said = ""
         self._reported = (0, 0)
@@ -97,8 +98,10 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         self.trigger_activate()
 
     def wanted(self, now: int) -> bool:
-        """Return whether to read the source already; `now` is a monotonic time [ns]. A board is read from the start."""
-        return True
+        """Return whether to read the source already: once its scans are listened to; `now` is a monotonic time [ns]."""
+        if not self._begun:
+            self._begun = bool(self.sink) or self._raw_listeners.any(now)
+        return self._begun
 
     def deliver(self, scan: Scan, now: int) -> None:
         """Hand on one scan in the data thread; `now` is a monotonic time [ns]."""

@@ -70,7 +70,6 @@ class SimBoardNode(ScanSourceNode):
         self._truth_message = TruthMessage(self.sensor.layout, self.parameters["frame_id"])
         self._truth = self.create_publisher(TactileTruth, "truth", TRUTH_DEPTH)
         self._truth_listeners = Listeners(self._truth)
-        self._begun = False
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ScanSource:
         """Return the simulated board in real time, bare or behind an adapter."""
@@ -82,11 +81,8 @@ class SimBoardNode(ScanSourceNode):
         return source
 
     def wanted(self, now: int) -> bool:
-        """Return whether the scene may begin: once scans are listened to, so that nobody comes amid a touch."""
-        if not self._begun:
-            adapter = bool(self.parameters["adapter_link"])
-            self._begun = adapter or bool(self.sink) or self._raw_listeners.any(now)
-        return self._begun
+        """Return whether the scene may begin; behind an adapter that is for the driver to say."""
+        return bool(self.parameters["adapter_link"]) or super().wanted(now)
 
     def deliver(self, scan: Scan, now: int) -> None:
         """Hand on one scan, then what truly was."""
