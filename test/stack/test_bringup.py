@@ -21,7 +21,6 @@ pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 VARIANTS = {
     "composed, simulated board": ["source:=sim"],
     "composed, emulated adapter, CAN FD": ["source:=emulator"],
-    "composed, emulated adapter, classic CAN": ["source:=emulator", "can_fd:=false"],
     "separate, simulated board": ["source:=sim", "composed:=false"],
     "separate, emulated adapter": ["source:=emulator", "composed:=false"],
 }
@@ -33,6 +32,12 @@ def test_stack_finds_what_the_scene_does(arguments: Sequence[str]) -> None:
         expect_stack(listener)
         output = finish(process)
     assert re.search(r"posfet: .* 0 frames lost, 0 scans missing", output), output
+
+
+def test_classic_frames_become_contacts() -> None:
+    result = bringup("--for", "4", "source:=emulator", "can_fd:=false")
+    assert result.returncode == 0, result.stderr
+    assert re.search(r"posfet: .*, [1-9]\d* contacts?, centre of pressure off", result.stdout), result.stdout
 
 
 def test_two_sensors_live_side_by_side() -> None:

@@ -53,9 +53,10 @@ class Listeners:
 class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     """Publishes the scans of a source.
 
-    configure opens the source and starts the one data thread, which reads from the first listener on; activate lets scans out, to `sink` and, when somebody
-    subscribes, to `raw`; deactivate holds them back, while the source is still read so that nothing old is waiting;
-    cleanup closes the source. Raises ConfigError at construction for a parameter or file that cannot be used.
+    configure opens the source and starts the one data thread, which reads from the first listener on; activate lets
+    scans out, to `sink` and, when somebody subscribes, to `raw`; deactivate holds them back, while the source is still
+    read so that nothing old is waiting; cleanup closes the source. Raises ConfigError at construction for a parameter
+    or file that cannot be used.
     """
 
     def __init__(self, node_name: str, parameters: Sequence[Parameter] = (), **node_arguments: Any) -> None:
