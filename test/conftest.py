@@ -6,10 +6,15 @@ import os
 from contextlib import ExitStack
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from posfet_model.sensor import Sensor, load_sensor
 
 _isolation = ExitStack()
+
+# The same examples on every machine, however slow it is.
+settings.register_profile("posfet", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("posfet")
 
 
 def pytest_configure() -> None:
