@@ -35,7 +35,7 @@ def temperature_at(time: float) -> float:
 
 def integrated_at_100_khz(duration: float, every: int) -> list[float]:
     """Follower output [V], each `every` steps: the formulas of one taxel written out with numbers, by Heun's rule."""
-    d33, area, pyro, tau = -38e-12, 1e-6, 40e-6, 0.27
+    d33, area, pyro, tau = -38e-12, 1e-6, -40e-6, 0.27
     capacitance = 8.8541878188e-12 * 12 / 2.5e-6
     gain = 10 ** (42.3 / 20)
     step = 1e-5

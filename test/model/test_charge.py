@@ -26,8 +26,8 @@ FIRST_ORDER_HOLD_ARGUMENTS = ("charge", "source_start", "source_end", "step", "t
 
 
 def test_source_charge_of_one_newton_and_one_kelvin() -> None:
-    values = charge.source_charge([-1e6, 0.0, 5e5], [0.0, 1.0, -2.0], -38e-12, 40e-6)
-    np.testing.assert_allclose(values, [3.8e-5, 4e-5, -1.9e-5 - 8e-5], rtol=0, atol=1e-19)
+    values = charge.source_charge([-1e6, 0.0, 5e5], [0.0, 1.0, -2.0], -38e-12, -40e-6)
+    np.testing.assert_allclose(values, [3.8e-5, -4e-5, -1.9e-5 + 8e-5], rtol=0, atol=1e-19)
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
@@ -210,12 +210,12 @@ class TestManySteps:
                 "stress": 0.0,
                 "temperature_change": 0.0,
                 "piezoelectric_coefficient": -38e-12,
-                "pyroelectric_coefficient": 4e-5,
+                "pyroelectric_coefficient": -4e-5,
             },
             stress=[1.1e16, -1.1e16],
             temperature_change=[501, -501],
             piezoelectric_coefficient=[-38],
-            pyroelectric_coefficient=[40],
+            pyroelectric_coefficient=[-40],
         ),
         *(
             case

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from posfet_model import as_printed, charge, film, mechanics, paper, transistor
+from posfet_model.sensor import load_sensor
 from posfet_model.transistor import Plane
 
 
@@ -32,6 +33,15 @@ def test_table_i_in_si() -> None:
     assert (paper.MOBILITY.value, paper.OXIDE_THICKNESS.value) == (850e-4, 45e-9)
     assert paper.COERCIVE_FIELD.value * paper.FILM_THICKNESS.value == pytest.approx(40, rel=0, abs=1e-12)
     assert film.branch_steepness(160e5, 0.02, 0.05) == pytest.approx(1.8884e7, rel=0, abs=500)
+
+
+def test_pressing_and_warming_move_the_charge_in_opposite_directions() -> None:
+    coefficients = paper.PIEZOELECTRIC_COEFFICIENT.value, paper.PYROELECTRIC_COEFFICIENT.value
+    assert charge.source_charge(-1e6, 0.0, *coefficients) == pytest.approx(38e-6, rel=0, abs=1e-15)
+    assert charge.source_charge(0.0, 1.0, *coefficients) == pytest.approx(-40e-6, rel=0, abs=1e-15)
+    device = load_sensor().device
+    assert device.piezoelectric_coefficient == pytest.approx(coefficients[0], rel=0, abs=1e-20)
+    assert device.pyroelectric_coefficient == pytest.approx(coefficients[1], rel=0, abs=1e-14)
 
 
 def test_the_second_stage_balances() -> None:

@@ -54,7 +54,7 @@ def test_every_step_force_temperature_field_and_voltage(record_property) -> None
     )
     def sweep(dtype, step, time_constant, force, celsius, before, field, overdrive, drain) -> None:
         errors = found[dtype]
-        arguments = [dtype(value) for value in (-force / 1e-6, celsius - 20, -38e-12, 40e-6)]
+        arguments = [dtype(value) for value in (-force / 1e-6, celsius - 20, -38e-12, -40e-6)]
         source = charge.source_charge(*arguments)
         stress, change, piezo, pyro = map(float, arguments)
         exact = equations.source(stress, change, 0.0, piezo, pyro, 12.0)[0]

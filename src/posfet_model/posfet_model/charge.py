@@ -55,7 +55,7 @@ def source_charge(
     stress : T3 [Pa], tension positive, within +-1e16.
     temperature_change : dTheta [K] from the temperature at which q is zero, within +-500.
     piezoelectric_coefficient : d33 [C/N], within +-1e-6 (PVDF-TrFE: -38e-12).
-    pyroelectric_coefficient : p [C/(m2 K)], within +-0.1 (PVDF-TrFE: 40e-6).
+    pyroelectric_coefficient : p [C/(m2 K)], within +-0.1 (PVDF-TrFE: -40e-6).
 
     Raises
     ------
@@ -63,14 +63,15 @@ def source_charge(
 
     Notes
     -----
-    The paper has no pyroelectric term.
+    The paper has no pyroelectric term. In PVDF and its copolymers d33 and p have the same sign: pressing (T3 < 0) raises
+    the charge, warming lowers it, because it lowers the polarisation. Tables often give magnitudes only.
 
     Examples
     --------
-    1 N on 1 mm2, and 1 K, are about the same charge:
+    A push of 1 N on 1 mm2, and a warming of 1 K, are about the same charge, of opposite sign:
 
-    >>> print(f"{source_charge(-1e6, 0.0, -38e-12, 40e-6):.3g}, {source_charge(0.0, 1.0, -38e-12, 40e-6):.3g}")
-    3.8e-05, 4e-05
+    >>> print(f"{source_charge(-1e6, 0.0, -38e-12, -40e-6):.3g}, {source_charge(0.0, 1.0, -38e-12, -40e-6):.3g}")
+    3.8e-05, -4e-05
     """
     stress, temperature_change, piezoelectric_coefficient, pyroelectric_coefficient = alike(
         stress=real_array("stress", stress, -STRESS_LIMIT, STRESS_LIMIT),

@@ -60,7 +60,12 @@ POLING_SHIFT: Final = Quantity(
     "threshold shift by poling", -1.0, "V", "kappa = 0.010962 on the oxide, 0.00060714 at the gate", assumed=True
 )
 PIEZOELECTRIC_COEFFICIENT: Final = Quantity("d33 of the saturated copolymer", -38e-12, "C/N", _MANUAL)
-PYROELECTRIC_COEFFICIENT: Final = Quantity("pyroelectric coefficient", 40e-6, "C/(m2 K)", _MANUAL)
+PYROELECTRIC_COEFFICIENT: Final = Quantity(
+    "pyroelectric coefficient",
+    -40e-6,
+    "C/(m2 K)",
+    f"{_MANUAL} (magnitude); sign by the convention of d33: warming reads as a pull",
+)
 FORCE_AREA: Final = Quantity("area that the force on a taxel acts on", 1e-6, "m2", "1 mm2 taxel", assumed=True)
 LEAK_TIME_CONSTANT: Final = Quantity(
     "time constant of the leak", 0.27, "s", "bias resistor of 10 Gohm with 26.6 pF", assumed=True

@@ -157,7 +157,7 @@ def membrane(pressure: mpf, span: mpf, thickness: mpf, modulus: mpf, poisson: mp
 
 def source_cases() -> Iterable[Sequence[float]]:
     """Forces to 1e4 N on 1 mm2, temperatures from -60 to 150 degC about 20, fields to 1e12 V/m."""
-    coefficients = [(-38e-12, 40e-6, 12.0), (1e-6, -0.1, 1e5)]
+    coefficients = [(-38e-12, -40e-6, 12.0), (1e-6, -0.1, 1e5)]
     stresses = [0.0, -1.0, -1e6, -1e10, 1e16]
     return [
         (stress, change, field, *some)

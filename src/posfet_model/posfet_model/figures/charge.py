@@ -31,7 +31,7 @@ def leak() -> Figure:
     left.plot(time, warmed / _UC_PER_M2, color=VERMILION, linestyle=DASHED)
     label(left, 1.34, 36.5, "1 N without leak", GREY, va="center")
     label(left, 0.5, 22, "1 N for 1 s", BLUE)
-    label(left, 1.4, 9.5, "warmed by 1 K", VERMILION)
+    label(left, 0.28, -16.5, "warmed by 1 K", VERMILION)
     left.set(xlabel="time  [s]", ylabel="charge density  [µC/m²]", xlim=(0, 2.5), ylim=(-42, 45))
     frequency = np.logspace(-2, 2, 201)
     right.plot(frequency, 20 * np.log10(np.abs(frequency_response(frequency, _TAU))), color=BLUE, linestyle=SOLID)
