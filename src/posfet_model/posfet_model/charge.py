@@ -63,8 +63,8 @@ def source_charge(
 
     Notes
     -----
-    The paper has no pyroelectric term. In PVDF and its copolymers d33 and p have the same sign: pressing (T3 < 0) raises
-    the charge, warming lowers it, because it lowers the polarisation. Tables often give magnitudes only.
+    The paper has no pyroelectric term. In PVDF and its copolymers d33 and p have the same sign: pressing (T3 < 0)
+    raises the charge, warming lowers it, because it lowers the polarisation. Tables often give magnitudes only.
 
     Examples
     --------

@@ -1,16 +1,14 @@
 """The ferroelectric film: Miller's hysteresis branches, minor loops, memory of poling, and d33 after it.
 
-The saturated loop has a rising and a falling branch (the paper, eq. 2-4; S. L. Miller et al., J. Appl. Phys. 68, 6463,
-1990, doi:10.1063/1.346845):
+The saturated loop has a rising and a falling branch (the paper, eq. 2-4; S. L. Miller et al., J. Appl. Phys., 1990):
 
     P+(E) = Ps*tanh((E - Ec)/(2*delta)) + epsF*eps0*E,    P-(E) = -P+(-E)
     delta = Ec/ln((1 + Pr/Ps)/(1 - Pr/Ps))
 
 A field that turns before saturation runs on a branch of the same shape, scaled to pass through the point where it
-turned and the turning point it is heading back to (B. Jiang et al., Symp. VLSI Technology, 1997, and US patent
-5867405; the question is that of S. L. Miller et al., J. Appl. Phys. 70, 2849, 1991, doi:10.1063/1.349348). Turning
-points that the field has passed again are forgotten. So minor loops close, lie within each other, and stay within the
-saturated loop; see Notes of `polarise`.
+turned and the turning point it is heading back to (B. Jiang, P. Zurcher, R. E. Jones, US patent 5867405, 1999; the
+question is that of S. L. Miller et al., J. Appl. Phys., 1991). Turning points that the field has passed again are
+forgotten. So minor loops close, lie within each other, and stay within the saturated loop; see Notes of `polarise`.
 
 Polarisation is in C/m2 (1 uC/cm2 = 0.01 C/m2), field in V/m.
 """
@@ -285,8 +283,8 @@ def piezoelectric_coefficient(
     Notes
     -----
     The paper does not give it. In a polar polymer the effect is electrostriction about the remnant polarisation,
-    d33 = 2*Q33*eps33*P (T. Furukawa, IEEE Trans. Electr. Insul. 24, 375, 1989, doi:10.1109/14.30878), hence
-    proportional to P and of opposite sign for opposite poling. The field dependence of eps33 is left out.
+    d33 = 2*Q33*eps33*P (T. Furukawa, IEEE Trans. Electr. Insul., 1989), hence proportional to P and of
+    opposite sign for opposite poling. The field dependence of eps33 is left out.
     """
     limit = film.remnant_polarisation * (1 + 1e-12)
     remnant, coefficient = alike(
