@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import os
 from contextlib import ExitStack
+from importlib.util import find_spec
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from posfet_model.sensor import Sensor, load_sensor
+
+OPTIONAL = {
+    "cantools": ["driver/test_codec.py", "driver/test_protocol_document.py"],
+    "matplotlib": ["model/test_figures.py", "model/test_stability.py"],
+}
+"""Tests that are left out where a module is missing; said in the header of the report."""
+MISSING = [module for module in OPTIONAL if find_spec(module) is None]
+collect_ignore = [name for module in MISSING for name in OPTIONAL[module]]
 
 _isolation = ExitStack()
 
@@ -25,6 +34,10 @@ def pytest_configure() -> None:
     except ImportError:
         return
     os.environ["ROS_DOMAIN_ID"] = str(_isolation.enter_context(domain_coordinator.domain_id()))
+
+
+def pytest_report_header() -> list[str]:
+    return [f"left out, because {module} is not installed: {', '.join(OPTIONAL[module])}" for module in MISSING]
 
 
 def pytest_unconfigure() -> None:

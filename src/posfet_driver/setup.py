@@ -12,6 +12,7 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
     maintainer="posfet maintainers",
     maintainer_email="maintainers@posfet.invalid",
@@ -19,8 +20,8 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "driver_node = posfet_driver.driver_node:main",
-            "sim_board_node = posfet_driver.sim_board_node:main",
+            "driver_node = posfet_driver.start:driver_node",
+            "sim_board_node = posfet_driver.start:sim_board_node",
         ]
     },
 )

@@ -12,10 +12,11 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
     maintainer="posfet maintainers",
     maintainer_email="maintainers@posfet.invalid",
     description="Device physics, force reconstruction and contacts of POSFET tactile arrays.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["model_node = posfet_model.model_node:main"]},
+    entry_points={"console_scripts": ["model_node = posfet_model.start:model_node"]},
 )

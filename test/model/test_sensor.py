@@ -160,7 +160,7 @@ def test_an_unknown_top_key_is_refused(tmp_path: Path) -> None:
             "layout.taxel_area_mm2: must be in (0, 2.25], the cell of one taxel, got 2.3",
         ),
         (("amplifier", "rail_low_V"), 4.8, "amplifier.rail_low_V: must be below rail_high_V = 4.8, got 4.8"),
-        (("adc", "low_V"), 6.0, "adc.low_V: must be below high_V = 5, got 6"),
+        (("adc", "low_V"), 6.0, "adc.low_V: must be at least 0.001 below high_V = 5, got 6"),
         (("contact", "deadband_mN"), 21.0, "contact.deadband_mN: must be a number in [0, 20], got 21"),
         (("device", "force_max_N"), 0.0, "device.force_max_N: must be a number in (0, 10000), got 0"),
         (("can", "base_id"), 0x7FF, "can.base_id: must be a whole number in [0, 2032], got 2047"),

@@ -196,7 +196,10 @@ def test_lifecycle(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
         assert node.trigger_deactivate() == SUCCESS
         assert node.trigger_cleanup() == SUCCESS
         assert node.source.report().state == "closed"
-        bench.executor.spin_once(timeout_sec=0)
+        seen = -1
+        while seen != len(bench.watcher.raw):  # what is still on its way
+            seen = len(bench.watcher.raw)
+            bench.executor.spin_once(timeout_sec=0.2)
         taken.clear()
         bench.watcher.raw.clear()
     assert node.source.report().frames_lost == 0

@@ -28,6 +28,9 @@ ASK_PERIOD = 0.1
 """Time between two looks whether what is expected has come [s]: thousands of messages come meanwhile."""
 COMPARED = 1000
 """Scans with a contact that are compared with the ground truth."""
+NOTHING = {"frames lost", "repeated", "late", "layout mismatch"}
+"""Counters of the diagnostics that must be there, and at 0. Scans missed on the way from process to process are not
+among them: a machine that is busy with other things loses some there, which the model then counts."""
 PRESSED = 0.3
 """Force [N] from which on a true contact is compared."""
 
@@ -163,10 +166,12 @@ def expect_nothing_lost(listener: Listener) -> None:
     listener.wait(lambda: len(newest()) > 1, "diagnostics of source and model")
     seen = len(arrays)
     listener.wait(lambda: len(arrays) > seen + 2, "a second round of diagnostics")
+    found = {value.key for status in newest().values() for value in status.values}
+    assert found >= NOTHING, f"diagnostics without {NOTHING - found}"
     for status in newest().values():
         assert status.level in {DiagnosticStatus.OK, DiagnosticStatus.WARN}, f"{status.name}: {status.message}"
         for value in status.values:
-            if "lost" in value.key or "missing" in value.key:
+            if value.key in NOTHING:
                 assert value.value == "0", f"{status.name}: {value.key} = {value.value}"
 
 

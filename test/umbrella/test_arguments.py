@@ -24,7 +24,8 @@ def test_given_values_win() -> None:
         ("source=sim", "source=sim: must be an argument name:=value"),
         ("source:=usb", "source: must be one of sim, can, emulator, got 'usb'"),
         ("composed:=yes", "composed: must be one of true, false, got 'yes'"),
-        ("can_bitrate:=1e6", "can_bitrate: must be a whole number in bit/s, got '1e6'"),
+        ("can_bitrate:=1000001", "can_bitrate: must be a whole number in [0, 1000000] bit/s, got '1000001'"),
+        ("can_bitrate:=1e6", "can_bitrate: must be a whole number in [0, 1000000] bit/s, got '1e6'"),
     ],
 )
 def test_bad_words_are_refused_in_one_line(word: str, reason: str) -> None:

@@ -58,10 +58,31 @@ def test_arguments_of_the_command_line_keep_their_types(params_file: str) -> Non
     assert words[words.index("--params-file") + 1] == params_file
 
 
-@pytest.mark.parametrize("namespace", ["", "/", "9lives", "a b", "a//b"])
+@pytest.mark.parametrize("namespace", ["", "/", "9lives", "a b", "a//b", "é", "a__b", "a\n"])
 def test_bad_namespaces_are_refused(params_file: str, namespace: str) -> None:
     with pytest.raises(ConfigError, match="namespace: must be names"):
         graph(parse([f"namespace:={namespace}"]), params_file)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (
+            "/tactile/driver_nodee:\n  ros__parameters: {}\n",
+            "driver_nodee: no such node, there are model_node",
+        ),
+        ("/**:\n  ros__parameter: {}\n", "ros__parameters: missing"),
+        ("root:x:0:0\n", "must be a mapping"),
+        ("/**: [\n", "is not valid YAML"),
+    ],
+)
+def test_bad_parameter_files_are_refused(tmp_path: Path, text: str, reason: str) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError) as refused:
+        graph(parse([]), str(path))
+    assert reason in str(refused.value)
+    assert "\n" not in str(refused.value)
 
 
 def test_a_missing_parameter_file_is_refused() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import argparse
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -20,6 +22,7 @@ class Argument:
 
 
 BOOLEAN: Final = ("true", "false")
+HIGHEST_BITRATE: Final = 1_000_000
 LOG_LEVELS: Final = ("debug", "info", "warn", "error", "fatal")
 
 ARGUMENTS: Final = (
@@ -73,8 +76,9 @@ def check(values: dict[str, str]) -> dict[str, str]:
         choices = known[name].choices
         if choices and value not in choices:
             raise ConfigError(f"{name}: must be one of {', '.join(choices)}, got '{value}'")
-    if not values["can_bitrate"].isdecimal():
-        raise ConfigError(f"can_bitrate: must be a whole number in bit/s, got '{values['can_bitrate']}'")
+    bitrate = values["can_bitrate"]
+    if not bitrate.isdecimal() or int(bitrate) > HIGHEST_BITRATE:
+        raise ConfigError(f"can_bitrate: must be a whole number in [0, {HIGHEST_BITRATE}] bit/s, got '{bitrate}'")
     return values
 
 
@@ -85,3 +89,14 @@ def describe() -> str:
         choices = f" One of {', '.join(argument.choices)}." if argument.choices else ""
         lines += ["", f"  {argument.name}", f"      {argument.description}.{choices} (default: '{argument.default}')"]
     return "\n".join(lines)
+
+
+def duration(text: str) -> float:
+    """Return a time [s] given on the command line; argparse says what is wrong with a bad one."""
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not 0 < seconds < math.inf:
+        raise argparse.ArgumentTypeError(f"must be a number of seconds above 0, got '{text}'")
+    return seconds

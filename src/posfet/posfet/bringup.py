@@ -11,7 +11,7 @@ from typing import Final
 
 from ament_index_python.packages import get_package_share_directory
 
-from posfet.arguments import describe, parse
+from posfet.arguments import describe, duration, parse
 from posfet.graph import graph
 from posfet_model.config import ConfigError
 
@@ -25,16 +25,6 @@ def default_params_file() -> str:
     return f"{get_package_share_directory('posfet')}/config/parameters.yaml"
 
 
-def _duration(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = math.nan
-    if not 0 < seconds < math.inf:
-        raise argparse.ArgumentTypeError(f"must be a number of seconds above 0, got '{text}'")
-    return seconds
-
-
 def main(words: Sequence[str] | None = None) -> int:
     """Run the stack until Ctrl-C or for the time asked for; return the exit code.
 
@@ -45,7 +35,7 @@ def main(words: Sequence[str] | None = None) -> int:
         words = words[: words.index("--ros-args")]
     parser = argparse.ArgumentParser(prog="posfet bringup", description="Start the POSFET tactile stack.")
     parser.add_argument("arguments", nargs="*", metavar="name:=value", help="see --show-args")
-    parser.add_argument("--for", dest="seconds", type=_duration, default=math.inf, help="stop after this many seconds")
+    parser.add_argument("--for", dest="seconds", type=duration, default=math.inf, help="stop after this many seconds")
     parser.add_argument("-s", "--show-args", action="store_true", help="print every argument and stop")
     options = parser.parse_args(words)
     if options.show_args:

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import os
+import re
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Final
 
 from posfet_driver.scene import load_scene
-from posfet_model.config import ConfigError
+from posfet_model.config import ConfigError, read_yaml
 from posfet_model.sensor import load_sensor
 
 Value = bool | int | float | str
+
+NODES: Final = ("model_node", "sim_board_node", "driver_node")
+
+NAMESPACE: Final = re.compile(r"(?!.*__)[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+"""Namespaces that ROS takes, and that start with no number."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +53,28 @@ def _yaml(value: Value) -> str:
     return repr(value)
 
 
+def checked_namespace(given: str) -> str:
+    """Return a namespace without slashes around it; raise ConfigError when ROS would not take it."""
+    namespace = given.strip("/")
+    if not NAMESPACE.fullmatch(namespace):
+        raise ConfigError(f"namespace: must be names of a-z, A-Z, 0-9 and single _ joined by '/', got '{given}'")
+    return namespace
+
+
+def check_params_file(path: str) -> None:
+    """Raise ConfigError, one line, unless `path` holds parameters of nodes of this stack; their values they check."""
+    if not Path(path).is_file():
+        raise ConfigError(f"params_file: no such file: {path}")
+    top = read_yaml(path)
+    for name in top.names():
+        node = name.rsplit("/", 1)[-1]
+        if node not in {*NODES, "*", "**"}:
+            raise top.error(name, f"no such node, there are {', '.join(NODES)}")
+        section = top.section(name)
+        section.section("ros__parameters")
+        section.end()
+
+
 def emulated_adapter(namespace: str) -> Path:
     """Return the path at which the emulated adapter of a namespace appears, private to user and ROS domain."""
     folder = os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()
@@ -59,11 +88,8 @@ def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
 
     Raises ConfigError when the namespace or a file cannot be used: said once here, not by every node.
     """
-    namespace = arguments["namespace"].strip("/")
-    if not namespace or not all(part.isidentifier() for part in namespace.split("/")):
-        raise ConfigError(f"namespace: must be names joined by '/', got '{arguments['namespace']}'")
-    if not Path(params_file).is_file():
-        raise ConfigError(f"params_file: no such file: {params_file}")
+    namespace = checked_namespace(arguments["namespace"])
+    check_params_file(params_file)
     source = arguments["source"]
     described = load_sensor(arguments["sensor_file"])
     if source != "can":

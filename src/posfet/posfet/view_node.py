@@ -13,6 +13,8 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
+from posfet.arguments import duration
+from posfet.graph import checked_namespace
 from posfet.screen import Screen
 from posfet.show_node import show
 from posfet.snapshot import ContactView, Snapshot, TrueContact
@@ -22,6 +24,8 @@ from posfet_model.tracker import ContactState
 from posfet_msgs.msg import TactileContacts, TactileImage, TactileTruth
 
 FAILED = 1
+KEPT = 100
+"""Messages of a topic that wait for those of the same scan on others."""
 
 
 class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
@@ -33,8 +37,8 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
     def __init__(self, namespace: str) -> None:
         super().__init__("view_node", namespace=namespace, use_global_arguments=False)
         self._image: TactileImage | None = None
-        self._contacts: TactileContacts | None = None
-        self._truth: TactileTruth | None = None
+        self._contacts: dict[int, TactileContacts] = {}
+        self._truth: dict[int, TactileTruth] = {}
         self._state = ""
         self._frames_lost = 0
         self._scans_lost = 0
@@ -47,9 +51,12 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def snapshot(self) -> Snapshot | None:
         """Return the newest snapshot, or None before the first image and contacts."""
-        image, contacts = self._image, self._contacts
-        if image is None or contacts is None:
+        image = self._image
+        common = self._contacts.keys() & self._truth.keys() or self._contacts.keys()
+        if image is None or not common:
             return None
+        sequence = max(common)
+        contacts = self._contacts[sequence]
         return Snapshot(
             time=time.monotonic(),
             scans=int(image.sequence) - (self._first_sequence or 0) + 1 - self._scans_lost,
@@ -61,7 +68,7 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
             total_force=image.total_force,
             data_valid=contacts.data_valid,
             contacts=tuple(_view(contact) for contact in contacts.contacts if contact.state != ContactState.RELEASED),
-            truth=_true_contacts(self._truth),
+            truth=_true_contacts(self._truth.get(sequence)),
             state=self._state,
         )
 
@@ -72,13 +79,15 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
     def _take_image(self, message: TactileImage) -> None:
         if self._image is None or message.sequence <= self._image.sequence:  # the first, or the board started anew
             self._first_sequence = int(message.sequence)
+            self._contacts.clear()
+            self._truth.clear()
         self._image = message
 
     def _take_contacts(self, message: TactileContacts) -> None:
-        self._contacts = message
+        _keep(self._contacts, message)
 
     def _take_truth(self, message: TactileTruth) -> None:
-        self._truth = message
+        _keep(self._truth, message)
 
     def _take_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -91,6 +100,13 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
                 self._frames_lost = max(self._frames_lost, int(values["frames lost"]))
             if "missed" in values:
                 self._scans_lost = int(values["missed"])
+
+
+def _keep(messages: dict[int, Any], message: Any) -> None:
+    """Keep the newest messages by sequence, so that those of one scan find each other."""
+    messages[message.sequence] = message
+    if len(messages) > KEPT:
+        del messages[next(iter(messages))]
 
 
 def _view(contact: Any) -> ContactView:
@@ -117,11 +133,12 @@ def main(words: Sequence[str] | None = None) -> int:
     """Run `posfet view` and return the exit code."""
     parser = argparse.ArgumentParser(prog="posfet view", description="Show the live force map of a running stack.")
     parser.add_argument("--namespace", default="tactile", help="namespace of the sensor (default: tactile)")
-    parser.add_argument("--for", dest="seconds", type=float, default=math.inf, help="stop after this many seconds")
+    parser.add_argument("--for", dest="seconds", type=duration, default=math.inf, help="stop after this many seconds")
     options = parser.parse_args(words)
     try:
+        namespace = checked_namespace(options.namespace)
         with ros([]) as stack:
-            node = ViewNode(options.namespace)
+            node = ViewNode(namespace)
             stack.callback(node.destroy_node)
             with Screen(node) as screen:
                 return show(screen, [node], options.seconds, node.state)

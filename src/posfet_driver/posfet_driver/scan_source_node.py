@@ -16,7 +16,7 @@ from rclpy.qos import QoSProfile
 from posfet_driver.conversions import RawMessage, diagnostic_array
 from posfet_driver.source import Health, ScanSource, SourceError, SourceReport
 from posfet_model.config import ConfigError
-from posfet_model.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_sensor
+from posfet_model.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_frame, declared_sensor
 from posfet_model.scan import Scan
 from posfet_model.sensor import Sensor
 from posfet_msgs.msg import TactileRaw
@@ -70,7 +70,8 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         except ConfigError:
             self.destroy_node()
             raise
-        self._raw_message = RawMessage(self.sensor.layout, self.parameters["frame_id"])
+        self.frame_id = declared_frame(self, self.parameters)
+        self._raw_message = RawMessage(self.sensor.layout, self.frame_id)
         self._raw = self.create_publisher(TactileRaw, "raw", RAW_DEPTH)
         self._raw_listeners = Listeners(self._raw)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))

@@ -67,7 +67,7 @@ class SimBoardNode(ScanSourceNode):
 
     def __init__(self, node_name: str = "sim_board_node", **node_arguments: Any) -> None:
         super().__init__(node_name, PARAMETERS, **node_arguments)
-        self._truth_message = TruthMessage(self.sensor.layout, self.parameters["frame_id"])
+        self._truth_message = TruthMessage(self.sensor.layout, self.frame_id)
         self._truth = self.create_publisher(TactileTruth, "truth", TRUTH_DEPTH)
         self._truth_listeners = Listeners(self._truth)
 

@@ -56,6 +56,10 @@ class Section:
     def __contains__(self, name: str) -> bool:
         return name in self._values
 
+    def names(self) -> list[str]:
+        """Return the keys that nobody has taken yet."""
+        return list(self._values)
+
     def _take(self, name: str, default: object, expected: str) -> object:
         self._known.append(name)
         if name in self._values:
@@ -168,7 +172,7 @@ def read_yaml(path: str | Path) -> Section:
         mark = error.problem_mark
         place = f" (line {mark.line + 1}, column {mark.column + 1})" if mark else ""
         raise ConfigError(f"{path}: is not valid YAML: {error.problem}{place}") from error
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # an impossible date, a bad tag, endless nesting
         raise ConfigError(f"{path}: is not valid YAML: {' '.join(str(error).split())}") from error
     return Section(str(path), "", value)
 

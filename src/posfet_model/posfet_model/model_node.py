@@ -32,7 +32,7 @@ from posfet_model.conversions import (
 )
 from posfet_model.health import Period, judge
 from posfet_model.reconstruction import ForceImage, Reconstruction, Reconstructor
-from posfet_model.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_sensor
+from posfet_model.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_frame, declared_sensor
 from posfet_model.run_node import run_node
 from posfet_model.scan import Scan
 from posfet_model.scan_clock import ScanCounts
@@ -91,7 +91,7 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         except ConfigError:
             self.destroy_node()
             raise
-        layout, frame_id = self.sensor.layout, parameters["frame_id"]
+        layout, frame_id = self.sensor.layout, declared_frame(self, parameters)
         self._reconstructor = Reconstructor(self.sensor)
         self._lock = threading.Lock()
         self._result: Reconstruction | None = None

@@ -42,6 +42,8 @@ class Parameter:
         fits = type(value) is type(self.default) or (isinstance(self.default, float) and type(value) is int)
         if fits and isinstance(value, (int, float)) and not isinstance(value, bool):
             fits = math.isfinite(value) and self.low <= value <= self.high
+        if fits and isinstance(value, str):
+            fits = bool(value) or not self.default
         if fits and isinstance(value, list):
             fits = all(isinstance(item, str) for item in value)
         if fits and self.choices:
@@ -60,7 +62,9 @@ CAN_FD = Parameter(
 )
 SENSOR = (SENSOR_FILE, CAN_FD)
 """What tells a node its sensor."""
-FRAME_ID = Parameter("frame_id", "posfet_array", "Frame of the array: x along columns, y along rows, z outward")
+FRAME_ID = Parameter(
+    "frame_id", "", "Frame of the array: x along columns, y along rows, z outward; empty: <namespace>_array"
+)
 
 
 def declare(node: Node, table: Sequence[Parameter]) -> Mapping[str, Any]:
@@ -94,3 +98,8 @@ def declare(node: Node, table: Sequence[Parameter]) -> Mapping[str, Any]:
 def declared_sensor(values: Mapping[str, Any]) -> Sensor:
     """Return the sensor that the declared parameters of SENSOR name. Raises ConfigError, one line, for a bad file."""
     return with_frames(load_sensor(values["sensor_file"]), values["can_fd"])
+
+
+def declared_frame(node: Node, values: Mapping[str, Any]) -> str:
+    """Return the frame that the declared FRAME_ID names; every namespace has one of its own."""
+    return values["frame_id"] or "_".join([*node.get_namespace().strip("/").split("/"), "array"]).lstrip("_")

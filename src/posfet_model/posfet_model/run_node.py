@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager
 from types import FrameType
 
 import rclpy
+from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -87,6 +88,8 @@ def ros(arguments: Sequence[str] | None = None) -> Iterator[ExitStack]:
             yield stack
         except KeyboardInterrupt:
             pass
+        except (ParameterException, rclpy_implementation.RCLInvalidROSArgsError) as error:
+            raise ConfigError(" ".join(str(error).split())) from error
         finally:
             _ending.orderly = True  # a second Ctrl-C, as launch sends one after the terminal's, must not break the end
 

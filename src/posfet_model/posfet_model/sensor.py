@@ -22,6 +22,8 @@ DEFAULT_SENSOR = "posfet_5x5"
 FRAME_CHOICES = ("auto", "true", "false")
 """Frames of the board: as in the sensor file, CAN FD, or classic CAN."""
 MAX_SIDE = 128
+LEAST_SPAN = 1e-3
+"""Least span of rails and of the ADC [V]."""
 
 
 @dataclass(frozen=True)
@@ -178,6 +180,8 @@ def load_sensor(name: str | Path = DEFAULT_SENSOR) -> Sensor:
     )
     top.end()
     highest = min(sensor.adc.high, sensor.amplifier.rail_high) - sensor.amplifier.offset
+    if highest <= 0:
+        raise top.error("amplifier.rail_high_V", "rail_high_V and adc.high_V must be above 0 and the offset")
     if sensor.device.force_max * sensor.volts_per_newton > highest:
         limit = highest / sensor.volts_per_newton
         raise top.error(
@@ -239,7 +243,7 @@ def _amplifier(section: Section) -> Amplifier:
         rail_high=section.number("rail_high_V", -100, 100),
     )
     section.end()
-    if amplifier.rail_low >= amplifier.rail_high:
+    if amplifier.rail_high - amplifier.rail_low < LEAST_SPAN:
         raise section.error(
             "rail_low_V", f"must be below rail_high_V = {amplifier.rail_high:g}, got {amplifier.rail_low:g}"
         )
@@ -254,8 +258,8 @@ def _adc(section: Section) -> Adc:
         noise=section.number("noise_mV", 0, 1000) * 1e-3,
     )
     section.end()
-    if adc.low >= adc.high:
-        raise section.error("low_V", f"must be below high_V = {adc.high:g}, got {adc.low:g}")
+    if adc.high - adc.low < LEAST_SPAN:
+        raise section.error("low_V", f"must be at least {LEAST_SPAN:g} below high_V = {adc.high:g}, got {adc.low:g}")
     return adc
 
 
