@@ -57,7 +57,7 @@ class Watcher(Node):
         self.create_subscription(DiagnosticArray, "/diagnostics", self._take, 10)
 
     def listen(self) -> None:
-        self.create_subscription(TactileRaw, "/tactile/raw", self.raw.append, 100)
+        self.create_subscription(TactileRaw, "/tactile/raw", self.raw.append, 2000)
 
     def _take(self, message: DiagnosticArray) -> None:
         self.diagnostics += message.status

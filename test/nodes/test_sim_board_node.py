@@ -63,7 +63,7 @@ class Listener(Node):
         self.spin = spin
         self.messages = {name: [] for name, _ in topics}
         for name, kind in topics:
-            self.create_subscription(kind, f"/tactile/{name}", self.messages[name].append, 100)
+            self.create_subscription(kind, f"/tactile/{name}", self.messages[name].append, 2000)
         spin.add_node(self)
 
     def wait(self, name: str, count: int) -> list:
