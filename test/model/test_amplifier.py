@@ -68,6 +68,11 @@ def test_all_figures_are_finite_over_the_bias(current: float, modulation: float)
     assert figures.open_loop_gain > 1
 
 
+@pytest.mark.parametrize("value", [0, "one", FIGURES])
+def test_a_bias_that_is_none_is_named(value) -> None:
+    assert_refused(figures_of_merit, {"bias": value}, "bias")
+
+
 def test_a_supply_too_low_is_refused() -> None:
     assert_refused(figures_of_merit, {"bias": AmplifierBias(supply=1.2)}, "supply")
 
@@ -85,7 +90,13 @@ MISMATCH = {"figures": FIGURES, "pair_threshold": 0.0, "load_threshold": 0.0, "p
     ("function", "arguments", "argument"),
     [
         *refusals(
-            mismatch_offset, MISMATCH, pair_threshold=[2.0], load_threshold=[-2.0], pair_size=[0.6], load_size=[0.6]
+            mismatch_offset,
+            MISMATCH,
+            figures=[],
+            pair_threshold=[2.0],
+            load_threshold=[-2.0],
+            pair_size=[0.6],
+            load_size=[0.6],
         )
     ],
 )

@@ -231,14 +231,18 @@ class TestPoling:
             remnant_polarisation=[0.05, 0.0],
             saturation_polarisation=[0],
         ),
-        *refusals(film.rising_branch, {"field": 0.0, "film": PAPER}, field=[1.1e12, [-2e12]]),
-        *refusals(film.falling_branch, {"field": 0.0, "film": PAPER}, field=[1.1e12]),
-        *refusals(film.polarise, {"fields": [], "film": PAPER}, fields=[[1.1e12], 0.0, [[1.0]]]),
-        *refusals(film.remnant_after, {"fields": [], "film": PAPER}, fields=[[1.1e12], 0.0]),
+        *refusals(film.rising_branch, {"field": 0.0, "film": PAPER}, field=[1.1e12, [-2e12]], film=[VIRGIN]),
+        *refusals(film.falling_branch, {"field": 0.0, "film": PAPER}, field=[1.1e12], film=[]),
+        *refusals(film.saturated, {"film": PAPER, "positive": True}, film=[]),
+        *refusals(
+            film.polarise, {"fields": [], "film": PAPER}, fields=[[1.1e12], 0.0, [[1.0]]], film=[], history=[PAPER]
+        ),
+        *refusals(film.remnant_after, {"fields": [], "film": PAPER}, fields=[[1.1e12], 0.0], film=[], history=[]),
         *refusals(
             film.piezoelectric_coefficient,
             {"remnant_polarisation": 0.02, "film": PAPER, "saturated_coefficient": -38e-12},
             remnant_polarisation=[0.021, -0.021],
+            film=[],
             saturated_coefficient=[-38],
         ),
         *refusals(
@@ -247,6 +251,7 @@ class TestPoling:
             field=[2e12],
             switched=[11],
             direction=[2, -2, 0.5],
+            turning_points=[[], (1.0,)],
         ),
     ],
 )

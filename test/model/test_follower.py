@@ -313,7 +313,9 @@ GOOD_TWO_POLES = {"gain": 0.99, "natural_frequency": 1e6, "quality": 0.5}
             open_loop_gain=[0.0, -1.0, 1e10],
             gain_bandwidth=[0.0, -1.0, 1e15],
         ),
-        *refusals(StaticFollower, {"gain": 1.0}, gain=[0.0, -1.0, 1e4], offset=[1e7]),
+        *refusals(
+            StaticFollower, {"gain": 1.0}, gain=[0.0, -1.0, 1e4], offset=[1e7, [[1.0], [1.0, 2.0]]], limits=[(0.0, 1.0)]
+        ),
         *refusals(OnePoleFollower, GOOD_ONE_POLE, gain=[0.0], bandwidth=[0.0, -1.0, 1e16]),
         *refusals(TwoPoleFollower, GOOD_TWO_POLES, natural_frequency=[0.0, 1e16], quality=[0.0, 51.0]),
         *refusals(

@@ -188,7 +188,10 @@ class TestBending:
             poisson_ratio=[-1, 0.6],
         ),
         *refusals(
-            mechanics.bend_on_cylinder, {"layers": CHIP, "cylinder_radius": 1e-2}, cylinder_radius=[0, -1, [1e-2, 1e-2]]
+            mechanics.bend_on_cylinder,
+            {"layers": CHIP, "cylinder_radius": 1e-2},
+            layers=[[], [1, 2], [None], 5.0],
+            cylinder_radius=[0, -1, [1e-2, 1e-2]],
         ),
     ],
 )

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from model.sweep import assert_refused, refusals
 
 from posfet_model import as_printed, charge, film, mechanics, paper, transistor
 from posfet_model.sensor import load_sensor
@@ -81,6 +82,37 @@ class TestAsPrinted:
         assert right / as_printed.circular_deflection(*plate, 0.3) == pytest.approx(math.pi, rel=0, abs=1e-12)
         right = mechanics.square_deflection(*plate, 0.3).deflection
         assert as_printed.square_deflection(*plate) / right == pytest.approx(1, rel=0, abs=2e-3)
+
+
+PLATE = {"pressure": 100.0, "thickness": 50e-6, "young_modulus": 169e9}
+NO_PLATE = {"pressure": [-1.0], "thickness": [0.0, -50e-6], "young_modulus": [0.0, -1.0]}
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "name"),
+    [
+        *refusals(
+            as_printed.circular_deflection,
+            {**PLATE, "radius": 5e-3, "poisson_ratio": 0.3},
+            **NO_PLATE,
+            radius=[0.0, -1.0, [1e-3, 2e-3, [3e-3]]],
+            poisson_ratio=[0.6],
+        ),
+        *refusals(as_printed.square_deflection, {**PLATE, "side": 5e-3}, **NO_PLATE, side=[0.0, -1.0]),
+        *refusals(as_printed.threshold_shift, {"charge": 0.07, "stack": paper.STACK}, charge=[], stack=[]),
+        *refusals(
+            as_printed.signal_current,
+            {"charge": 1e-5, "overdrive": 0.5, "mobility": 0.085, "aspect": 273.0, "stack": paper.STACK},
+            charge=[],
+            overdrive=[],
+            mobility=[],
+            aspect=[[1.0, 2.0]],
+            stack=[],
+        ),
+    ],
+)
+def test_the_printed_forms_refuse_by_name(function, arguments, name) -> None:
+    assert_refused(function, arguments, name)
 
 
 def test_the_model_needs_neither_ros_nor_matplotlib() -> None:

@@ -244,6 +244,8 @@ class TestThresholdFit:
             transistor.threshold_shift,
             {"charge": 0.07, "stack": STACK, "plane": Plane.OXIDE, "uncompensated_fraction": 1.0},
             charge=[2e6],
+            stack=[],
+            plane=["gate"],
             uncompensated_fraction=[-0.1, 1.1],
         ),
         *refusals(
@@ -251,6 +253,8 @@ class TestThresholdFit:
             {"shift": -1.0, "charge": 0.07, "stack": STACK, "plane": Plane.OXIDE},
             shift=[2e6],
             charge=[0, 2e6],
+            stack=[],
+            plane=["gate"],
         ),
         *refusals(
             transistor.gain_factor,

@@ -14,7 +14,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from posfet_model.checks import real_number
+from posfet_model.checks import instance, real_number
 from posfet_model.follower import ClosedLoop, FollowerLimits, close_loop
 from posfet_model.paper import AMPLIFIER_SIZES, MOBILITY, STACK, THRESHOLD_VOLTAGE, TransistorSize
 from posfet_model.transistor import Plane
@@ -133,7 +133,7 @@ def figures_of_merit(bias: AmplifierBias | None = None) -> AmplifierFigures:
     The poles are those of the two-node circuit, ``p1 = 1/a1`` and ``p2 = a1/a2``, valid while p2 is well above
     p1; the second gain is only about 4.3 here, so the usual ``gm1/Cc`` and ``I/Cc`` are too high by a quarter.
     """
-    bias = bias or AmplifierBias()
+    bias = AmplifierBias() if bias is None else instance("bias", bias, AmplifierBias)
     point = _operating_point(bias)
     lam = bias.modulation
     gm1, gm3 = point.tail / point.pair_overdrive, point.tail / point.load_overdrive
@@ -188,6 +188,7 @@ def mismatch_offset(
     pair_threshold, load_threshold : differences of threshold of M1, M2 and of M3, M4 [V], within +-1.
     pair_size, load_size : relative differences of gain factor [1], within +-0.5.
     """
+    figures = instance("figures", figures, AmplifierFigures)
     return (
         real_number("pair_threshold", pair_threshold, -1, 1)
         + figures.load_transconductance

@@ -1,8 +1,8 @@
 """The paper's formulas as they are printed, misprints included, for comparison with the right ones.
 
 Nothing else in this package uses them. Each has the name of the right function; docs/errata.md has the numbers.
-The arguments are those of the right functions, in the same units, and are taken as they come: a formula that has no
-value gives NaN.
+The arguments are those of the right functions, in the same units; what is no real number, or no length or modulus, is
+a ValueError, and a formula that has no value gives NaN.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from posfet_model.checks import FloatArray, real_array, real_number
+from posfet_model.arrays import alike
+from posfet_model.checks import FloatArray, instance, real_array, real_number
 from posfet_model.constants import VACUUM_PERMITTIVITY
+from posfet_model.mechanics import LENGTH_RANGE, MODULUS_RANGE, POISSON_RANGE, PRESSURE_LIMIT
 from posfet_model.transistor import Stack
 
 
@@ -24,9 +26,12 @@ def electric_displacement(
 
     Right: `posfet_model.charge.electric_displacement`. The second T3 should be E3; the printed sum adds unlike units.
     """
-    stress = real_array("stress", stress)
-    permittivity = real_array("relative_permittivity", relative_permittivity) * VACUUM_PERMITTIVITY
-    return real_array("piezoelectric_coefficient", piezoelectric_coefficient) * stress + permittivity * stress
+    stress, piezoelectric_coefficient, relative_permittivity = alike(
+        stress=real_array("stress", stress),
+        piezoelectric_coefficient=real_array("piezoelectric_coefficient", piezoelectric_coefficient),
+        relative_permittivity=real_array("relative_permittivity", relative_permittivity),
+    )
+    return piezoelectric_coefficient * stress + relative_permittivity * VACUUM_PERMITTIVITY * stress
 
 
 def branch_steepness(coercive_field: float, remnant_polarisation: float, saturation_polarisation: float) -> float:
@@ -47,7 +52,7 @@ def threshold_shift(charge: ArrayLike, stack: Stack) -> FloatArray:
 
     Right: `posfet_model.transistor.threshold_shift`.
     """
-    return -real_array("charge", charge) / stack.oxide
+    return -real_array("charge", charge) / instance("stack", stack, Stack).oxide
 
 
 def signal_current(charge: ArrayLike, overdrive: ArrayLike, mobility: float, aspect: float, stack: Stack) -> FloatArray:
@@ -56,9 +61,10 @@ def signal_current(charge: ArrayLike, overdrive: ArrayLike, mobility: float, asp
     ``mu*Cstack*(W/L)*(Vgs - Vth)*(sigma/Cox)``: the charge counted at the oxide (eq. 6), the current driven through the
     whole stack (eq. 9). Right: the same plane for both, Cox/Cpvdf (18.06 with Table I) times as much.
     """
-    shift = real_array("charge", charge) / stack.oxide
-    gain_factor = mobility * stack.series * aspect
-    return gain_factor * real_array("overdrive", overdrive) * shift
+    charge, overdrive = alike(charge=real_array("charge", charge), overdrive=real_array("overdrive", overdrive))
+    stack = instance("stack", stack, Stack)
+    gain_factor = real_number("mobility", mobility) * stack.series * real_number("aspect", aspect)
+    return gain_factor * overdrive * (charge / stack.oxide)
 
 
 def saturation_current(gate_voltage: ArrayLike, threshold_voltage: ArrayLike, gain_factor: ArrayLike) -> FloatArray:
@@ -66,9 +72,13 @@ def saturation_current(gate_voltage: ArrayLike, threshold_voltage: ArrayLike, ga
 
     Right: `posfet_model.transistor.drain_current`.
     """
-    overdrive = real_array("gate_voltage", gate_voltage) - real_array("threshold_voltage", threshold_voltage)
-    on: FloatArray = np.maximum(overdrive, 0)
-    return real_array("gain_factor", gain_factor) * on**2
+    gate_voltage, threshold_voltage, gain_factor = alike(
+        gate_voltage=real_array("gate_voltage", gate_voltage),
+        threshold_voltage=real_array("threshold_voltage", threshold_voltage),
+        gain_factor=real_array("gain_factor", gain_factor),
+    )
+    on: FloatArray = np.maximum(gate_voltage - threshold_voltage, 0)
+    return gain_factor * on**2
 
 
 def circular_deflection(
@@ -78,10 +88,15 @@ def circular_deflection(
 
     Right: `posfet_model.mechanics.circular_deflection`.
     """
-    pressure, radius = real_array("pressure", pressure), real_array("radius", radius)
-    thickness, young_modulus = real_array("thickness", thickness), real_array("young_modulus", young_modulus)
-    narrowing = 1 - real_array("poisson_ratio", poisson_ratio) ** 2
-    return 3 * pressure * narrowing * radius**4 / (16 * math.pi * young_modulus * thickness**3)
+    pressure, radius, thickness, young_modulus, poisson_ratio = alike(
+        pressure=real_array("pressure", pressure, 0, PRESSURE_LIMIT),
+        radius=real_array("radius", radius, *LENGTH_RANGE),
+        thickness=real_array("thickness", thickness, *LENGTH_RANGE),
+        young_modulus=real_array("young_modulus", young_modulus, *MODULUS_RANGE),
+        poisson_ratio=real_array("poisson_ratio", poisson_ratio, *POISSON_RANGE),
+    )
+    coefficient = 3 / (16 * math.pi) * (1 - poisson_ratio**2)
+    return coefficient * (pressure / young_modulus) * (radius / thickness) ** 3 * radius
 
 
 def square_deflection(
@@ -91,6 +106,10 @@ def square_deflection(
 
     For any nu: `posfet_model.mechanics.square_deflection`.
     """
-    pressure, side = real_array("pressure", pressure), real_array("side", side)
-    thickness, young_modulus = real_array("thickness", thickness), real_array("young_modulus", young_modulus)
-    return 0.0138 * pressure * side**4 / (young_modulus * thickness**3)
+    pressure, side, thickness, young_modulus = alike(
+        pressure=real_array("pressure", pressure, 0, PRESSURE_LIMIT),
+        side=real_array("side", side, *LENGTH_RANGE),
+        thickness=real_array("thickness", thickness, *LENGTH_RANGE),
+        young_modulus=real_array("young_modulus", young_modulus, *MODULUS_RANGE),
+    )
+    return 0.0138 * (pressure / young_modulus) * (side / thickness) ** 3 * side

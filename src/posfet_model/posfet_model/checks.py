@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
+
+_Kind = TypeVar("_Kind")
 
 
 def interval(low: float, high: float, exclusive: bool = False) -> str:
@@ -26,7 +28,10 @@ def real_array(
     Raises ValueError, naming the argument, its range and the first offending value, when `value` is not numeric, is
     complex, is not finite, or leaves the closed interval [low, high] (open with `exclusive`).
     """
-    array = np.asarray(value)
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        raise ValueError(f"{name} must be a whole array of real numbers, got {value!r:.60}") from None
     if array.dtype.kind not in "iuf":
         raise ValueError(f"{name} must be real numbers, got {value!r:.60} of type {array.dtype}")
     if array.dtype != np.float32:
@@ -56,3 +61,10 @@ def whole_number(name: str, value: int, low: int, high: int) -> int:
     if not low <= value <= high:
         raise ValueError(f"{name} must be in [{low}, {high}], got {value}")
     return int(value)
+
+
+def instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
+    """Return `value`; ValueError when it is not of the class `kind`."""
+    if not isinstance(value, kind):
+        raise ValueError(f"{name} must be a {kind.__name__}, got {value!r:.60}")
+    return value

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from posfet_model.arrays import alike
-from posfet_model.checks import FloatArray, real_array, real_number, whole_number
+from posfet_model.checks import FloatArray, instance, real_array, real_number, whole_number
 from posfet_model.constants import VACUUM_PERMITTIVITY
 
 FIELD_LIMIT: Final = 1e12
@@ -94,8 +94,8 @@ class History:
         real_number("switched", self.switched, -POLARISATION_LIMIT, POLARISATION_LIMIT)
         whole_number("direction", self.direction, -1, 1)
         low, high, side = self.field, self.field, self.direction
-        for point in reversed(self.turning_points):
-            field = point.field
+        for point in reversed(instance("turning_points", self.turning_points, tuple)):
+            field = instance("turning_points", point, TurningPoint).field
             if not math.isinf(field):
                 field = real_number("turning_points", field, -FIELD_LIMIT, FIELD_LIMIT)
             if side == 0 or (side > 0 and field > low) or (side < 0 and field < high):
@@ -174,6 +174,7 @@ def rising_branch(field: ArrayLike, film: Film) -> FloatArray:
     -0.02000 -0.00002 0.00170
     """
     field = real_array("field", field, -FIELD_LIMIT, FIELD_LIMIT)
+    film = instance("film", film, Film)
     turned: FloatArray = np.tanh((field - film.coercive_field) / (2 * film.steepness))
     return film.saturation_polarisation * turned + film.relative_permittivity * VACUUM_PERMITTIVITY * field
 
@@ -193,6 +194,7 @@ def falling_branch(field: ArrayLike, film: Film) -> FloatArray:
 
 def saturated(film: Film, *, positive: bool) -> History:
     """Return the memory of a film that has been saturated and brought back to no field, its polarisation +-Pr."""
+    film = instance("film", film, Film)
     sign = 1 if positive else -1
     came_from = TurningPoint(sign * math.inf, sign * film.saturation_polarisation)
     return History(0.0, sign * film.remnant_polarisation, -sign, (came_from,))
@@ -244,7 +246,7 @@ def polarise(fields: ArrayLike, film: Film, history: History = VIRGIN) -> Poling
     if fields.ndim != 1:
         raise ValueError(f"fields must be of shape (n,), got {fields.shape}")
     switched = np.empty(fields.shape)
-    walker = _Walker(film, history)
+    walker = _Walker(instance("film", film, Film), instance("history", history, History))
     for index, field in enumerate(fields.tolist()):
         switched[index] = walker.go_to(field)
     linear = film.relative_permittivity * VACUUM_PERMITTIVITY * fields.astype(np.float64)
@@ -286,7 +288,7 @@ def piezoelectric_coefficient(
     d33 = 2*Q33*eps33*P (T. Furukawa, IEEE Trans. Electr. Insul., 1989), hence proportional to P and of
     opposite sign for opposite poling. The field dependence of eps33 is left out.
     """
-    limit = film.remnant_polarisation * (1 + 1e-12)
+    limit = instance("film", film, Film).remnant_polarisation * (1 + 1e-12)
     remnant, coefficient = alike(
         remnant_polarisation=real_array("remnant_polarisation", remnant_polarisation, -limit, limit),
         saturated_coefficient=real_array("saturated_coefficient", saturated_coefficient, -1e-6, 1e-6),

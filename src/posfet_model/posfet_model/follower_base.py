@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from posfet_model.checks import FloatArray, real_array
+from posfet_model.checks import FloatArray, instance, real_array
 
 VOLTAGE_LIMIT: Final = 1e6
 """Largest accepted magnitude of a voltage [V]."""
@@ -90,6 +90,7 @@ class Follower(ABC):
 
     def __post_init__(self) -> None:
         real_array("offset", self.offset, -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
+        instance("limits", self.limits, FollowerLimits)
 
     @property
     @abstractmethod

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from posfet_model.arrays import alike
-from posfet_model.checks import FloatArray, real_array, real_number
+from posfet_model.checks import FloatArray, instance, real_array, real_number
 
 SQUARE_PLATE_COEFFICIENT: Final = 0.00126531908748
 """Deflection at the centre of a clamped square plate, in P*a^4/D [1]; Timoshenko's table rounds it to 0.00126."""
@@ -194,7 +194,7 @@ def bend_on_cylinder(layers: Sequence[Layer], cylinder_radius: float) -> Bending
 
     Raises
     ------
-    ValueError : there is no layer, or the radius is not real, not finite or out of range.
+    ValueError : layers is no sequence of `Layer`s or empty, or the radius is not real, not finite or out of range.
 
     Notes
     -----
@@ -207,8 +207,9 @@ def bend_on_cylinder(layers: Sequence[Layer], cylinder_radius: float) -> Bending
     >>> print(f"{chip.neutral_axis * 1e6:.3f} um, {chip.back_strain:.2e}, {chip.film_strain:.2e}")
     10.026 um, -1.00e-03, 1.12e-03
     """
-    if not layers:
-        raise ValueError("layers must have one layer or more, got none")
+    if not isinstance(layers, Sequence) or not layers:
+        raise ValueError(f"layers must be a sequence of one Layer or more, got {layers!r:.60}")
+    layers = [instance("layers", layer, Layer) for layer in layers]
     radius = real_number("cylinder_radius", cylinder_radius, 1e-6, 1e6)
     tops = np.cumsum([layer.thickness for layer in layers])
     middles = tops - [layer.thickness / 2 for layer in layers]

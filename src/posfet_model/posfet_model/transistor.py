@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from posfet_model.arrays import alike
-from posfet_model.checks import FloatArray, real_array, real_number
+from posfet_model.checks import FloatArray, instance, real_array, real_number
 from posfet_model.constants import VACUUM_PERMITTIVITY
 
 VOLTAGE_LIMIT: Final = 1e6
@@ -131,7 +131,7 @@ def threshold_shift(charge: ArrayLike, stack: Stack, plane: Plane, uncompensated
         charge=real_array("charge", charge, -1e6, 1e6),
         uncompensated_fraction=real_array("uncompensated_fraction", uncompensated_fraction, 0, 1),
     )
-    return -uncompensated_fraction * charge / stack.charge_divisor(plane)
+    return -uncompensated_fraction * charge / instance("stack", stack, Stack).charge_divisor(plane)
 
 
 def uncompensated_fraction(shift: ArrayLike, charge: ArrayLike, stack: Stack, plane: Plane) -> FloatArray:
@@ -159,7 +159,7 @@ def uncompensated_fraction(shift: ArrayLike, charge: ArrayLike, stack: Stack, pl
     )
     if not charge.all():
         raise ValueError("charge must not be 0, got 0")
-    fraction = -shift * stack.charge_divisor(plane) / charge
+    fraction = -shift * instance("stack", stack, Stack).charge_divisor(plane) / charge
     return np.minimum(real_array("kappa of this shift and charge", fraction, 0, 1 + 1e-12), 1)
 
 
