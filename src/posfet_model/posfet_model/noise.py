@@ -1,4 +1,4 @@
-"""Noise of the read-out: thermal, 1/f and quantisation noise, and the smallest force that stands out of them.
+"""Noise of the read-out: bias resistor, thermal, 1/f and quantisation noise, and the smallest force that stands out of them.
 
 Spectra are one-sided densities [V2/Hz]. Sources are independent, so densities and mean squares add.
 """
@@ -12,7 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from posfet_model.checks import FloatArray, real_array, real_number, whole_number
+from posfet_model.arrays import alike
+from posfet_model.checks import FloatArray, instance, real_array, real_number, whole_number
 from posfet_model.constants import BOLTZMANN
 
 CHANNEL_FACTOR: Final = 2 / 3
@@ -36,8 +37,11 @@ def resistor_density(resistance: ArrayLike, temperature: ArrayLike) -> FloatArra
     >>> print(f"{resistor_density(1e3, 300.0):.4g}")
     1.657e-17
     """
-    ohms = real_array("resistance", resistance, 0, 1e18)
-    return 4 * BOLTZMANN * real_array("temperature", temperature, *TEMPERATURE_RANGE) * ohms
+    ohms, kelvin = alike(
+        resistance=real_array("resistance", resistance, 0, 1e18),
+        temperature=real_array("temperature", temperature, *TEMPERATURE_RANGE),
+    )
+    return 4 * BOLTZMANN * kelvin * ohms
 
 
 def pair_density(
@@ -56,16 +60,21 @@ def pair_density(
     ------
     ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
     """
-    gm1 = real_array("input_transconductance", input_transconductance, 1e-12, 1e3)
-    gm3 = real_array("load_transconductance", load_transconductance, 0, 1e3)
-    kelvin = real_array("temperature", temperature, *TEMPERATURE_RANGE)
+    gm1, gm3, kelvin = alike(
+        input_transconductance=real_array("input_transconductance", input_transconductance, 1e-12, 1e3),
+        load_transconductance=real_array("load_transconductance", load_transconductance, 0, 1e3),
+        temperature=real_array("temperature", temperature, *TEMPERATURE_RANGE),
+    )
     return 8 * BOLTZMANN * CHANNEL_FACTOR * kelvin / gm1 * (1 + gm3 / gm1)
 
 
 def flicker_density(coefficient: ArrayLike, frequency: ArrayLike) -> FloatArray:
     """Return the density ``K/f`` [V2/Hz] of 1/f noise; K [V2] in [0, 1e6], f [Hz] in [1e-12, 1e15]."""
-    volts2 = real_array("coefficient", coefficient, 0, DENSITY_LIMIT)
-    return volts2 / real_array("frequency", frequency, *FREQUENCY_RANGE)
+    volts2, hertz = alike(
+        coefficient=real_array("coefficient", coefficient, 0, DENSITY_LIMIT),
+        frequency=real_array("frequency", frequency, *FREQUENCY_RANGE),
+    )
+    return volts2 / hertz
 
 
 def white_rms(density: float, low: float, high: float) -> float:
@@ -78,6 +87,48 @@ def white_rms(density: float, low: float, high: float) -> float:
     low = real_number("low", low, 0, FREQUENCY_RANGE[1])
     high = real_number("high", high, math.nextafter(low, math.inf), FREQUENCY_RANGE[1])
     return math.sqrt(level * (high - low))
+
+
+def bias_resistor_rms(resistance: float, capacitance: float, temperature: float, low: float, high: float) -> float:
+    """Return the rms [V] between two frequencies that a resistor makes on the capacitance it charges.
+
+    ``sqrt(k*T/C*2/pi*(arctan(2*pi*high*R*C) - arctan(2*pi*low*R*C)))``: Nyquist's density 4*k*T*R through the low pass
+    of R and C, ``S(f) = 4*k*T*R/(1 + (2*pi*f*R*C)^2)``, integrated.
+
+    Parameters
+    ----------
+    resistance : R [ohm], in [1, 1e18].
+    capacitance : C [F] of the gate, in [1e-18, 1].
+    temperature : T [K], in [1, 1000].
+    low, high : ends of the band [Hz], 0 <= low < high <= 1e15.
+
+    Raises
+    ------
+    ValueError : an argument is not real, not finite or out of range.
+
+    Notes
+    -----
+    Over all frequencies it is sqrt(k*T/C), whatever R (B. Razavi, *Design of Analog CMOS Integrated Circuits*, chapter
+    on noise). R sets where it lies: a larger one moves it below the band, and the mean square in a band far above the
+    corner falls as 1/R.
+
+    Examples
+    --------
+    10 Gohm on 26.6 pF, in a band that holds nearly all of it:
+
+    >>> print(f"{bias_resistor_rms(10e9, 26.6e-12, 300.0, 0.1, 1000.0) * 1e6:.1f} uV")
+    11.8 uV
+    """
+    ohms = real_number("resistance", resistance, 1, 1e18)
+    farad = real_number("capacitance", capacitance, 1e-18, 1)
+    kelvin = real_number("temperature", temperature, *TEMPERATURE_RANGE)
+    low = real_number("low", low, 0, FREQUENCY_RANGE[1])
+    high = real_number("high", high, math.nextafter(low, math.inf), FREQUENCY_RANGE[1])
+    turn = 2 * math.pi * ohms * farad
+    angle = math.atan2(
+        turn * (high - low), 1 + turn * low * turn * high
+    )  # the difference of both, without cancellation
+    return math.sqrt(BOLTZMANN * kelvin / farad * 2 / math.pi * angle)
 
 
 def flicker_rms(coefficient: float, low: float, high: float) -> float:
@@ -114,7 +165,7 @@ def flicker_sequence(
 
     Raises
     ------
-    ValueError : an argument is out of range.
+    ValueError : an argument is out of range, or the generator is none.
 
     Notes
     -----
@@ -125,6 +176,7 @@ def flicker_sequence(
     volts2 = real_number("coefficient", coefficient, 0, DENSITY_LIMIT)
     rate = real_number("rate", rate, 1e-9, 1e12)
     samples = whole_number("samples", samples, 2, 2**26)
+    generator = instance("generator", generator, np.random.Generator)
     order = np.arange(1, samples // 2 + 1)
     # Mean square of each complex amplitude: density*rate*samples/2, halved once more for real and imaginary part. The
     # bin at rate/2, there for an even number of samples, is real and stands for half a bin's width.
@@ -149,17 +201,22 @@ def volts_per_newton(piezoelectric_coefficient: ArrayLike, area: ArrayLike, capa
     ------
     ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
     """
-    d33 = np.abs(real_array("piezoelectric_coefficient", piezoelectric_coefficient, -1e-6, 1e-6))
-    square_metres = real_array("area", area, 1e-18, 1e4)
-    return d33 / (square_metres * real_array("capacitance", capacitance, 1e-12, 1e3))
+    d33, square_metres, farad_per_m2 = alike(
+        piezoelectric_coefficient=real_array("piezoelectric_coefficient", piezoelectric_coefficient, -1e-6, 1e-6),
+        area=real_array("area", area, 1e-18, 1e4),
+        capacitance=real_array("capacitance", capacitance, 1e-12, 1e3),
+    )
+    return np.abs(d33) / (square_metres * farad_per_m2)
 
 
 @dataclass(frozen=True)
 class NoiseBudget:
     """Noise at the gate in a band, by source."""
 
+    bias: float
+    """Of the bias resistor [V rms]."""
     thermal: float
-    """[V rms]"""
+    """Of the amplifier's input pair [V rms]."""
     flicker: float
     """[V rms]"""
     quantisation: float
@@ -170,7 +227,7 @@ class NoiseBudget:
     @property
     def total(self) -> float:
         """All sources together [V rms]."""
-        return math.hypot(self.thermal, self.flicker, self.quantisation)
+        return math.hypot(self.bias, self.thermal, self.flicker, self.quantisation)
 
     def minimum_force(self, sigmas: float = 3.0) -> float:
         """Return the force [N] whose gate shift is `sigmas` times the total rms; inf when force gives no voltage.
@@ -182,6 +239,7 @@ class NoiseBudget:
 
 
 def noise_budget(
+    bias_rms: float,
     thermal_density: float,
     flicker_coefficient: float,
     lsb: float,
@@ -194,7 +252,8 @@ def noise_budget(
 
     Parameters
     ----------
-    thermal_density : at the gate [V2/Hz], in [0, 1e6].
+    bias_rms : noise of the bias resistor in the band [V], in [0, 1e6] (`bias_resistor_rms`).
+    thermal_density : of the amplifier, at the gate [V2/Hz], in [0, 1e6].
     flicker_coefficient : K at the gate [V2], in [0, 1e6].
     lsb : step of the converter behind the follower [V], in [0, 1e6]; its whole noise is counted into the band.
     volts_per_newton : gate shift per force [V/N], in [0, 1e12].
@@ -206,6 +265,7 @@ def noise_budget(
     ValueError : an argument is not real, not finite or out of range.
     """
     return NoiseBudget(
+        bias=real_number("bias_rms", bias_rms, 0, 1e6),
         thermal=white_rms(thermal_density, low, high),
         flicker=flicker_rms(flicker_coefficient, low, high),
         quantisation=quantisation_rms(lsb) / real_number("gain", gain, 1e-3, 1e3),

@@ -106,6 +106,21 @@ def noise(gm1: mpf, gm3: mpf, kelvin: mpf, low: mpf, high: mpf) -> Sequence[mpf]
     return density, mpmath.sqrt(high - low), mpmath.sqrt(mpmath.log(high / low))
 
 
+def bias_cases() -> Iterable[Sequence[float]]:
+    """Resistors and capacitances whose corner lies below, within and above the band, from 0 Hz on and in narrow bands."""
+    loads = [(10e9, 27e-12), (10e9, 42.5e-12), (1e12, 1e-12), (50.0, 1e-12), (1e18, 1.0)]
+    bands = [(0.0, 1e3), (0.1, 1e3), (0.0, 1e12), (1e3, 1e6), (10.0, 10.0000001), (0.58, 0.6)]
+    return [(*load, t, *band) for load, t, band in itertools.product(loads, [213.15, 300.0, 423.15], bands)]
+
+
+def bias(ohms: mpf, farad: mpf, kelvin: mpf, low: mpf, high: mpf) -> Sequence[mpf]:
+    """Root of the integral of 4*k*T*R/(1 + (2*pi*f*R*C)^2) over the band, by quadrature decade by decade."""
+    corner = 1 / (2 * mpmath.pi * ohms * farad)
+    between = [corner * mpf(10) ** k for k in range(-6, 41) if low < corner * mpf(10) ** k < high]
+    density = 4 * mpf(BOLTZMANN) * kelvin * ohms
+    return (mpmath.sqrt(mpmath.quad(lambda f: density / (1 + (f / corner) ** 2), [low, *between, high], maxdegree=10)),)
+
+
 TABLES = {
     "mean_decay": Table("(1 - exp(-x))/x", ("x",), ("mean_decay",), decay_cases, decay),
     "two_pole_step": Table(
@@ -135,6 +150,13 @@ TABLES = {
         ("one_gain", "one_phase", "two_gain", "two_phase"),
         response_cases,
         response,
+    ),
+    "bias_noise": Table(
+        "rms [V] of a resistor [ohm] on a capacitance [F] at a temperature [K] between two frequencies [Hz]",
+        ("resistance", "capacitance", "temperature", "low", "high"),
+        ("bias_rms",),
+        bias_cases,
+        bias,
     ),
     "noise": Table(
         "thermal density [V2/Hz] of a pair; rms [V] between two frequencies of 1 V2/Hz, and of 1 V2/f",
