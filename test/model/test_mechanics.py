@@ -200,5 +200,5 @@ def test_bad_arguments_are_refused_by_name(function, arguments, name) -> None:
 
 
 def test_a_chip_of_no_layers_is_refused() -> None:
-    with pytest.raises(ValueError, match="layers must have one layer or more"):
+    with pytest.raises(ValueError, match="layers must be a sequence of one Layer or more"):
         mechanics.bend_on_cylinder([], 1e-2)

@@ -1,4 +1,4 @@
-"""Noise of the read-out: bias resistor, thermal, 1/f and quantisation noise, and the smallest force that stands out of them.
+"""Noise of the read-out: bias resistor, amplifier, 1/f and quantisation, and the smallest force that stands out.
 
 Spectra are one-sided densities [V2/Hz]. Sources are independent, so densities and mean squares add.
 """
@@ -125,9 +125,8 @@ def bias_resistor_rms(resistance: float, capacitance: float, temperature: float,
     low = real_number("low", low, 0, FREQUENCY_RANGE[1])
     high = real_number("high", high, math.nextafter(low, math.inf), FREQUENCY_RANGE[1])
     turn = 2 * math.pi * ohms * farad
-    angle = math.atan2(
-        turn * (high - low), 1 + turn * low * turn * high
-    )  # the difference of both, without cancellation
+    # The difference of the arctangents, without cancellation.
+    angle = math.atan2(turn * (high - low), 1 + turn * low * turn * high)
     return math.sqrt(BOLTZMANN * kelvin / farad * 2 / math.pi * angle)
 
 

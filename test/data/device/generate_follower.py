@@ -107,7 +107,7 @@ def noise(gm1: mpf, gm3: mpf, kelvin: mpf, low: mpf, high: mpf) -> Sequence[mpf]
 
 
 def bias_cases() -> Iterable[Sequence[float]]:
-    """Resistors and capacitances whose corner lies below, within and above the band, from 0 Hz on and in narrow bands."""
+    """Corners below, within and above the band; bands from 0 Hz on and narrow ones."""
     loads = [(10e9, 27e-12), (10e9, 42.5e-12), (1e12, 1e-12), (50.0, 1e-12), (1e18, 1.0)]
     bands = [(0.0, 1e3), (0.1, 1e3), (0.0, 1e12), (1e3, 1e6), (10.0, 10.0000001), (0.58, 0.6)]
     return [(*load, t, *band) for load, t, band in itertools.product(loads, [213.15, 300.0, 423.15], bands)]
