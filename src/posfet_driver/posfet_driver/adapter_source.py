@@ -60,7 +60,7 @@ class AdapterSource:
         self.board = SimulatedBoard(self.board.sensor, self.board.scene, self._seed)
         firmware = BoardFirmware(self.board.sensor, self.board, self._clock.monotonic(), self._fd)
         firmware.on_scan = self._sent
-        self._epoch = self._clock.wall()
+        self._epoch = self._clock.wall() - self._clock.monotonic()
         adapter = EmulatedAdapter(self._link, firmware, self._clock)
         adapter.open()
         self._firmware, self._adapter = firmware, adapter
@@ -98,5 +98,5 @@ class AdapterSource:
 
     def _sent(self, scan: Scan) -> None:
         self._scans += 1
-        if self.on_scan:
-            self.on_scan(scan, self._epoch + scan.stamp)
+        if self.on_scan and self._firmware:
+            self.on_scan(scan, self._epoch + self._firmware.switched_on + scan.stamp)

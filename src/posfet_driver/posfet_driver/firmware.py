@@ -62,7 +62,8 @@ class BoardFirmware:
         self._rate = sensor.can.scan_rate
         self._shortest_period = round(1e6 / self._rate)
         self._scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
-        self._switched_on = now
+        self.switched_on = now
+        """Time 0 of the board [ns]: when it was switched on, or first started, so that no scene runs unseen."""
         self._status_sent = 0
         self._step = 1.0  # scan indices from one scan to the next
         self._position = 0.0  # index of the next scan, before rounding
@@ -71,7 +72,7 @@ class BoardFirmware:
 
     def next_due(self) -> int:
         """Return when the next frame is due [ns]."""
-        status = self._switched_on + round(self._status_sent * STATUS_PERIOD * _NANOSECONDS)
+        status = self.switched_on + round(self._status_sent * STATUS_PERIOD * _NANOSECONDS)
         return min(status, self._scan_due()) if self.running else status
 
     def due(self, now: int) -> list[Frame]:
@@ -116,7 +117,9 @@ class BoardFirmware:
 
     def _start(self, now: int) -> tuple[Result, int]:
         if not self.running:
-            index = math.ceil((now - self._switched_on) / _NANOSECONDS * self._rate)
+            if self._first:
+                self.switched_on, self._status_sent = now, 0
+            index = math.ceil((now - self.switched_on) / _NANOSECONDS * self._rate)
             self._position = float(max(index, math.ceil(self._position)))
             self._sequence = max(self._sequence, int(self._position))
             self.running = True
@@ -129,7 +132,7 @@ class BoardFirmware:
         return Result.OK, period
 
     def _scan_due(self) -> int:
-        return self._switched_on + round(round(self._position) / self._rate * _NANOSECONDS)
+        return self.switched_on + round(round(self._position) / self._rate * _NANOSECONDS)
 
     def _scan_frames(self) -> list[Frame]:
         scan = self._scan
