@@ -26,6 +26,11 @@ def test_the_pair_saturates_at_the_tail_current_without_a_kink() -> None:
     assert_monotone(pair_current(x), rising=True, slack=EPS)
     assert pair_current(EDGE) == pytest.approx(1, abs=EPS)
     assert pair_transconductance(EDGE) == pytest.approx(0, abs=4 * EPS)
+    beyond = [-1e308, -2.0, -EDGE, EDGE, 1.5, 2.0, 1e308]
+    np.testing.assert_array_equal(pair_transconductance(beyond), 0.0)
+    np.testing.assert_array_equal(np.abs(pair_current(beyond)), 1.0)
+    assert (pair_transconductance(x) >= 0).all()
+    assert (np.abs(pair_current(x)) <= 1).all()
     numeric = (pair_current(x + 1e-6) - pair_current(x - 1e-6)) / 2e-6
     np.testing.assert_allclose(pair_transconductance(x), numeric, rtol=0, atol=1e-6)
 

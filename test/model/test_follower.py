@@ -234,6 +234,35 @@ class TestSweep:
                 assert (v_out >= -slack).all()
                 assert (v_out <= 1 + slack).all()
 
+    @pytest.mark.parametrize("overdrive", [1e-6, 1e-3, 0.4, 1e3])
+    def test_any_overdrive_is_finite_within_the_input_and_the_same_as_a_series(self, overdrive: float) -> None:
+        generator = np.random.default_rng(13)
+        for bandwidth in (1e-12, 1e-3, 1.5e6, 1e15):
+            follower = SquareLawFollower(gain=1.0, bandwidth=bandwidth, overdrive=overdrive)
+            for largest in (1e-9, 1.0, 1e6):
+                step = 10 ** generator.uniform(-12, 8, 40)
+                step[::10] = 0
+                time = np.append(0, np.cumsum(step))
+                v_in = largest * generator.choice([-1.0, 0.0, 1e-3, 1.0], time.size)
+                with np.errstate(over="raise", invalid="raise", divide="raise"):
+                    series = follower.run(time, v_in).v_out
+                    state = follower.start(v_in[0])
+                    rows = [float(follower.output(state).v_out)]
+                    for k in range(1, time.size):
+                        state = follower.advance(state, v_in[k], time[k] - time[k - 1])
+                        rows.append(float(follower.output(state).v_out))
+                assert_finite(series)
+                rounding = 1e-12 * (largest + overdrive)
+                assert np.abs(series).max() <= largest + rounding
+                np.testing.assert_allclose(series, rows, rtol=0, atol=rounding)
+
+    def test_a_slew_of_ages_at_the_ends_of_the_ranges(self) -> None:
+        follower = SquareLawFollower(gain=1.0, bandwidth=1e15, overdrive=1e-6)
+        with np.errstate(over="raise", invalid="raise", divide="raise"):
+            v_out = follower.run([0, 1e-9, 1e9], [0, 1e6, -1e6]).v_out
+        # 1e-9 s at the slew rate, then long enough to arrive.
+        np.testing.assert_allclose(v_out, [0, follower.slew_rate * 1e-9, -1e6], rtol=0, atol=1e-9)
+
     @pytest.mark.parametrize("tau", [1e-9, 105e-9, 1.0, 1e9])
     def test_output_comes_nearer_with_the_length_of_the_step(self, tau: float) -> None:
         step = np.logspace(-9, 3, 1201)

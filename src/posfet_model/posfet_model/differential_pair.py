@@ -55,7 +55,7 @@ def pair_current(overdrive: ArrayLike) -> FloatArray:
 def pair_transconductance(overdrive: ArrayLike) -> FloatArray:
     """Return f'(x), the transconductance in units of I/Vov, in [0, 1]; any shape; arguments as in `pair_current`."""
     x = np.clip(real_array("overdrive", overdrive), -EDGE, EDGE)
-    return (1 - x * x / 2) / np.sqrt(1 - x * x / 4)
+    return np.maximum(1 - x * x / 2, 0) / np.sqrt(1 - x * x / 4)  # EDGE**2/2 rounds to more than 1
 
 
 def settle(overdrive: Float64Array, change: Float64Array, duration: Float64Array) -> Float64Array:
