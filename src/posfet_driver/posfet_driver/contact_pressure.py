@@ -1,27 +1,19 @@
 """Pressure of a round object on the array: Hertz contact, spread by the elastic cover, collected by the taxels.
 
-Force of a taxel
-----------------
-A taxel's area (1 mm2 on the shipped chip) is smaller than its cell (pitch times pitch, 2.25 mm2). Here the elastic
-cover carries the load of a whole cell to the taxel under it (assumed): the *force of a taxel* is the force on its cell,
-and the forces of all taxels add up to the force on the array. What presses beyond the outermost cells is lost.
-
-Cover
------
-The cover blurs the pressure with a Gaussian of standard deviation `contact_spread` (assumed shape). Total force and
-centre of pressure are unchanged by it.
+What a taxel collects and how the cover spreads is said in contact_pressure_cells.py.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_driver.contact_pressure_cells import NORMAL_END, cell_edges, normal_below, window
+from posfet_driver.contact_pressure_rules import hertz_disc
 from posfet_model.checks import FloatArray, real_number
 from posfet_model.sensor import Layout
 
@@ -36,12 +28,6 @@ FORCE_LIMIT: Final = 1e6
 
 SHARP_ABOVE: Final = 50.0
 """Contact radius over spread above which the spread is left out; it would move at most 5e-4 of the force."""
-
-_NORMAL_END: Final = 6.5  # 1 - Phi(6.5) = 4e-11: set to 0, so that every force is shared out without rest
-_NORMAL_STEP: Final = 1 / 512  # linear interpolation is then right to step^2/8 * max|phi'| = 1.2e-7
-_NORMAL_GRID: Final = np.arange(-_NORMAL_END, _NORMAL_END + _NORMAL_STEP / 2, _NORMAL_STEP)
-_NORMAL: Final = np.array([0.5 * math.erfc(-z / math.sqrt(2)) for z in _NORMAL_GRID])
-_NORMAL[[0, -1]] = 0.0, 1.0
 
 
 @dataclass(frozen=True)
@@ -108,7 +94,7 @@ class SphereOnArray:
         radius = real_number("radius", radius, *RADIUS_RANGE)
         self._compliance = radius / real_number("effective_modulus", effective_modulus, *MODULUS_RANGE)
         self._pitch = (layout.pitch_x, layout.pitch_y)
-        self._edges = (_edges(layout.cols, layout.pitch_x), _edges(layout.rows, layout.pitch_y))
+        self._edges = (cell_edges(layout.cols, layout.pitch_x), cell_edges(layout.rows, layout.pitch_y))
 
     def add(self, forces: FloatArray, x: float, y: float, force: float) -> None:
         """Add the force [N] of each taxel to `forces`, shape [rows, cols], for a sphere at (x, y) [m] with `force` [N].
@@ -118,9 +104,9 @@ class SphereOnArray:
         if force <= 0:
             return
         contact_radius = _contact_radius(force, self._compliance)
-        reach = contact_radius + _NORMAL_END * self._spread
-        cols = _window(self._edges[0], self._pitch[0], x, reach)
-        rows = _window(self._edges[1], self._pitch[1], y, reach)
+        reach = contact_radius + NORMAL_END * self._spread
+        cols = window(self._edges[0], self._pitch[0], x, reach)
+        rows = window(self._edges[1], self._pitch[1], y, reach)
         if cols.stop <= cols.start or rows.stop <= rows.start:
             return
         edges_x = self._edges[0][cols.start : cols.stop + 1] - x
@@ -137,49 +123,6 @@ def _contact_radius(force: float, compliance: float) -> float:
     return math.pow(0.75 * force * compliance, 1 / 3)
 
 
-def _edges(count: int, pitch: float) -> NDArray[np.float64]:
-    """Return the limits of the cells along one axis [m], shape [count + 1], the array's middle at 0."""
-    return (np.arange(count + 1, dtype=np.float64) - count / 2) * pitch
-
-
-def _window(edges: NDArray[np.float64], pitch: float, centre: float, reach: float) -> slice:
-    """Return the cells that [centre - reach, centre + reach] touches; empty when it misses the array."""
-    first = math.floor((centre - reach - edges[0]) / pitch)
-    last = math.ceil((centre + reach - edges[0]) / pitch)
-    return slice(max(first, 0), min(last, len(edges) - 1))
-
-
-@dataclass(frozen=True)
-class _ProductRule:
-    """Nodes of the Hertz pressure on the unit disc; only x > 0, as the left half mirrors them."""
-
-    x: NDArray[np.float64]  # [n/2, 1]
-    x_weight: NDArray[np.float64]  # [n/2, 1]; sums to 1/2
-    y: NDArray[np.float64]  # [n/2, n, 1]
-    y_weight: NDArray[np.float64]  # [n]; sums to 1
-
-
-@lru_cache(maxsize=128)
-def _product_rule(order: int) -> _ProductRule:
-    """Return the rule with `order` (even) times `order` nodes, exact for polynomials of degree 2*order - 1.
-
-    With y = sqrt(1 - x^2)*u the weight sqrt(1 - x^2 - y^2) becomes (1 - x^2)*sqrt(1 - u^2): Gauss-Jacobi (1, 1) nodes
-    in x by the eigenvalues of the recurrence's matrix (Golub and Welsch 1969), Gauss-Chebyshev of the second kind in u.
-    """
-    k = np.arange(1, order)
-    side = np.sqrt(k * (k + 2) / ((2 * k + 1) * (2 * k + 3)))
-    x, vectors = np.linalg.eigh(np.diag(side, 1) + np.diag(side, -1))
-    right = slice(order // 2, None)
-    x, weight = x[right, None], vectors[0, right, None] ** 2
-    angle = np.arange(1, order + 1) * math.pi / (order + 1)
-    return _ProductRule(
-        x=x,
-        x_weight=weight * (0.5 / weight.sum()),
-        y=np.sqrt(1 - x[:, :, None] ** 2) * np.cos(angle)[None, :, None],
-        y_weight=np.sin(angle) ** 2 * 2 / (order + 1),
-    )
-
-
 def _spread_shares(
     edges_x: NDArray[np.float64], edges_y: NDArray[np.float64], contact_radius: float
 ) -> NDArray[np.float64]:
@@ -188,20 +131,14 @@ def _spread_shares(
     The Gaussian over a cell is a product of differences of the normal distribution; the Hertz pressure is summed by a
     product rule. Its order, 2*ceil(a/s) + 2, keeps the error below 3e-6 (found by comparison with twice the order).
     """
-    rule = _product_rule(2 * math.ceil(contact_radius) + 2)
-    offset_x = rule.x * contact_radius
-    below_x = _normal(edges_x - offset_x) + _normal(edges_x + offset_x)
-    below_y = rule.y_weight @ _normal(edges_y - rule.y * contact_radius)
+    rule = hertz_disc(2 * math.ceil(contact_radius) + 2)
+    offset_x = rule.x[:, None] * contact_radius
+    below_x = normal_below(edges_x - offset_x) + normal_below(edges_x + offset_x)
+    below_y = rule.y_weight @ normal_below(edges_y - rule.y[:, :, None] * contact_radius)
     within_x = below_x[:, 1:] - below_x[:, :-1]
-    within_y = (below_y[:, 1:] - below_y[:, :-1]) * rule.x_weight
+    within_y = (below_y[:, 1:] - below_y[:, :-1]) * rule.x_weight[:, None]
     shares: NDArray[np.float64] = within_y.T @ within_x
     return shares
-
-
-def _normal(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the standard normal distribution function, right to 1.2e-7; exactly 0 and 1 beyond +-6.5."""
-    values: NDArray[np.float64] = np.interp(z, _NORMAL_GRID, _NORMAL)
-    return values
 
 
 def _sharp_shares(edges_x: NDArray[np.float64], edges_y: NDArray[np.float64]) -> NDArray[np.float64]:
