@@ -49,9 +49,9 @@ class Loads(Protocol):
         ...
 
     def forces(self, time: float) -> Sequence[Patch]:
-        """Return what presses on the array; empty when nothing touches. Same time, same bits, whatever was asked before.
+        """Return what presses on the array; empty when nothing touches.
 
-        The arrays may be kept: they are not written to any more.
+        The same time gives the same bits, whatever was asked before. The arrays may be kept: they are not written to any more.
         """
         ...
 

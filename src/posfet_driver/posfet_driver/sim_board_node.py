@@ -15,9 +15,10 @@ from posfet_driver.adapter_source import AdapterSource
 from posfet_driver.conversions import NANOSECONDS
 from posfet_driver.scan_source_node import Listeners, ScanSourceNode
 from posfet_driver.scene import DEFAULT_SCENE, load_scene
-from posfet_driver.simulated_board import SEED_MAX, Truth
+from posfet_driver.simulated_board import SEED_MAX
 from posfet_driver.simulation_source import SimulationSource
 from posfet_driver.source import ScanSource
+from posfet_driver.truth import Truth
 from posfet_model.ros_parameters import Parameter
 from posfet_model.run_node import run_node
 from posfet_model.scan import Scan
@@ -40,7 +41,6 @@ class TruthMessage:
     def __init__(self, layout: Layout, frame_id: str) -> None:
         self._message = TactileTruth(layout_id=layout.id, rows=layout.rows, cols=layout.cols)
         self._message.header.frame_id = frame_id
-        self._message.status = array("B", bytes(layout.taxels))  # no imperfections are simulated: every taxel is OK
 
     def fill(self, truth: Truth, sequence: int, stamp: int) -> TactileTruth:
         """Return the message of `truth` for the scan of that number and stamp [ns]; the next call overwrites it."""
@@ -48,11 +48,12 @@ class TruthMessage:
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, NANOSECONDS)
         message.sequence = sequence
         message.force = _floats(truth.force)
+        message.status = array("B", truth.taxel_status.tobytes())
         message.temperature = truth.film_temperature
-        message.objects = list(truth.objects)
-        message.poses = [Pose(position=_point(x, y, z)) for x, y, z in truth.positions.tolist()]
-        message.contact_centres = [_point(x, y, 0.0) for x, y in truth.contact_centres.tolist()]
-        message.contact_forces = _floats(truth.contact_forces)
+        message.objects = list(truth.objects.names)
+        message.poses = [Pose(position=_point(x, y, z)) for x, y, z in truth.objects.positions.tolist()]
+        message.contact_centres = [_point(x, y, 0.0) for x, y in truth.objects.contact_centres.tolist()]
+        message.contact_forces = _floats(truth.objects.contact_forces)
         return message
 
 
