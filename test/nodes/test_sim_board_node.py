@@ -118,10 +118,10 @@ def test_truth_is_that_of_the_scan_with_its_sequence(spin) -> None:
     assert truth.temperature == 25.0
     assert truth.objects == ["lower", "upper"]
     assert [(pose.position.x, pose.position.y, pose.position.z) for pose in truth.poses] == [
-        tuple(position) for position in expected.positions.tolist()
+        tuple(position) for position in expected.objects.positions.tolist()
     ]
     assert [(point.x, point.y, point.z) for point in truth.contact_centres] == [(-2e-3, -2e-3, 0.0)]
-    np.testing.assert_array_equal(truth.contact_forces, expected.contact_forces.astype(np.float32))
+    np.testing.assert_array_equal(truth.contact_forces, expected.objects.contact_forces.astype(np.float32))
 
 
 def test_what_nobody_listens_to_is_not_computed(spin, monkeypatch) -> None:

@@ -12,7 +12,9 @@ from geometry_msgs.msg import Point, Pose
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from posfet_driver.adapter_source import AdapterSource
+from posfet_driver.bus import bus_settings
 from posfet_driver.conversions import NANOSECONDS
+from posfet_driver.imperfections import NONE, load_imperfections
 from posfet_driver.scan_source_node import Listeners, ScanSourceNode
 from posfet_driver.scene import DEFAULT_SCENE, load_scene
 from posfet_driver.simulated_board import SEED_MAX
@@ -31,6 +33,9 @@ PARAMETERS = (
     Parameter(
         "adapter_link", "", "Path at which to appear as a CAN adapter (slcan) instead of publishing raw; '': none"
     ),
+    Parameter("bus_interface", "", "python-can interface on which to appear as a board instead; '': none"),
+    Parameter("bus_channel", "", "Channel of that interface"),
+    Parameter("imperfections", NONE, "Imperfections of the board: none, default, or the path of a YAML file"),
 )
 TRUTH_DEPTH = 10
 
@@ -73,17 +78,21 @@ class SimBoardNode(ScanSourceNode):
         self._truth_listeners = Listeners(self._truth)
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ScanSource:
-        """Return the simulated board in real time, bare or behind an adapter."""
+        """Return the simulated board in real time: bare, behind an adapter, or on a bus."""
         scene = load_scene(parameters["scene"], sensor)
-        if not parameters["adapter_link"]:
-            return SimulationSource(sensor, scene, parameters["seed"])
-        source = AdapterSource(sensor, scene, parameters["seed"], parameters["adapter_link"])
+        imperfections = load_imperfections(parameters["imperfections"])
+        link = parameters["adapter_link"]
+        if parameters["bus_interface"]:
+            link = bus_settings(parameters["bus_interface"], parameters["bus_channel"], sensor.can)
+        if not link:
+            return SimulationSource(sensor, scene, parameters["seed"], imperfections=imperfections)
+        source = AdapterSource(sensor, scene, parameters["seed"], link, imperfections=imperfections)
         source.on_scan = self._scan_sent
         return source
 
     def wanted(self, now: int) -> bool:
-        """Return whether the scene may begin; behind an adapter that is for the driver to say."""
-        return bool(self.parameters["adapter_link"]) or super().wanted(now)
+        """Return whether the scene may begin; on a bus that is for the driver to say."""
+        return isinstance(self.source, AdapterSource) or super().wanted(now)
 
     def deliver(self, scan: Scan, now: int) -> None:
         """Hand on one scan, then what truly was."""

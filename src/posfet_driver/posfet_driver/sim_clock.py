@@ -54,8 +54,8 @@ class SimClock:
     def times(self, first: int, count: int) -> NDArray[np.float64]:
         """Return the times of `count` scans from scan `first` on [s]."""
         if not self._jitter:
-            return np.arange(first, first + count) * self._interval
-        return np.array([self.time(index) for index in range(first, first + count)])
+            return np.arange(first, first + count, dtype=np.float64) * self._interval
+        return np.array([self.time(index) for index in range(first, first + count)], np.float64)
 
     def last_by(self, time: float) -> int:
         """Return a scan that is surely taken by `time` [s]: the last or, for rounding or jitter, the one before."""

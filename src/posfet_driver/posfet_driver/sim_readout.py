@@ -139,12 +139,13 @@ class Readout:
         np.rint(volts, out=volts)
         np.maximum(volts, 0, out=volts)
         np.minimum(volts, self._top, out=volts)
-        codes: NDArray[np.uint16] = volts.astype(np.uint16)
+        codes = volts.astype(np.uint16)
         if self._bits < SCALE_BITS:
-            codes = codes << (SCALE_BITS - self._bits) | codes >> (2 * self._bits - SCALE_BITS)
+            codes = (codes << (SCALE_BITS - self._bits) | codes >> (2 * self._bits - SCALE_BITS)).astype(np.uint16)
         if self._stuck.size:
             codes[:, self._stuck] = self._spread.stuck_counts[self._stuck]
-        return codes if len(codes) == part.stop - part.start else codes.repeat(self.block, axis=0)
+        result: NDArray[np.uint16] = codes if len(codes) == part.stop - part.start else codes.repeat(self.block, axis=0)
+        return result
 
     def _begin(self, number: int) -> None:
         """Draw the noise of a block."""
