@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from posfet_driver.imperfections import Imperfections
-from posfet_driver.scene import SCENE_FOLDER, Scene, Track, load_scene
-from posfet_driver.scene_loads import SceneLoads
+from posfet_driver.scene import SCENE_FOLDER, Scene, SceneLoads, Track, load_scene
 from posfet_driver.simulated_board import OVERTEMPERATURE, SimulatedBoard
 from posfet_model.chain import ForwardChain, charge_per_newton
 from posfet_model.scan import Scan, ScanStatus
@@ -157,11 +156,11 @@ def test_the_sphere_sinks_in_by_the_indentation() -> None:
     board = SimulatedBoard(SENSOR, scene, 0)
     (ball,) = scene.objects
     run(board, [100])
-    assert board.truth().objects.positions[0, 2] == ball.radius
+    assert board.truth().objects.positions[0, 2] == ball.shape.radius
     run(board, [10_000])
-    indentation = (9 * 1.5**2 / (16 * ball.radius * ball.effective_modulus**2)) ** (1 / 3)
+    indentation = (9 * 1.5**2 / (16 * ball.shape.radius * ball.shape.effective_modulus**2)) ** (1 / 3)
     np.testing.assert_allclose(
-        board.truth().objects.positions, [[0.2e-3, -0.1e-3, ball.radius - indentation]], atol=1e-15
+        board.truth().objects.positions, [[0.2e-3, -0.1e-3, ball.shape.radius - indentation]], atol=1e-15
     )
 
 

@@ -78,6 +78,15 @@ def window(edges: NDArray[np.float64], pitch: float, centre: float, reach: float
     return slice(max(first, 0), min(last, len(edges) - 1))
 
 
+def points_for(extent: float, spread: float, widest: float) -> int:
+    """Return how many points a pressure needs over a half-length `extent` [m], even: ``2*ceil(extent/s) + 2``.
+
+    `widest` [m] is the greatest half-length of the footprint. A cell's share is then right to 3e-6 (found by comparison
+    with twice as many).
+    """
+    return 2 * math.ceil(extent / max(spread, FINEST_SPREAD * widest)) + 2
+
+
 @dataclass(frozen=True)
 class Footprint:
     """Where and how a contact presses, as weighted points (u_i, v_ij) in the frame of the object."""
@@ -87,11 +96,11 @@ class Footprint:
     u_weight: NDArray[np.float64]
     """Share of the force at each u, shape [n]."""
     v: NDArray[np.float64]
-    """[m], symmetric about 0, shape [n, m]; [1, m] when the same at each u."""
+    """[m], shape [n, m]; [1, m] when the same at each u."""
     v_weight: NDArray[np.float64]
     """Shape [m]; sums to 1."""
     mirrored: bool
-    """Whether each u stands for -u, too, with the same weight."""
+    """Whether each u stands for -u, too, with the same weight; v is then symmetric about 0."""
     half_length: float
     """Greatest distance of u from 0 [m]."""
     half_width: float
@@ -125,7 +134,7 @@ class Cells:
         edges_x = (self._edges[0][cols.start : cols.stop + 1] - x) / spread
         edges_y = (self._edges[1][rows.start : rows.stop + 1] - y) / spread
         shares = [_shares(footprint, edges_x, edges_y, cos, sin, spread) for footprint in footprints]
-        share = shares[0] if len(shares) == 1 else np.sum(shares, axis=0)
+        share: NDArray[np.float64] = shares[0] if len(shares) == 1 else np.sum(shares, axis=0)
         return Patch(rows, cols, force * share)
 
 
@@ -139,9 +148,10 @@ def _shares(
 ) -> NDArray[np.float64]:
     """Return each cell's share of the force, shape [rows, cols]; edges in units of the spread."""
     if abs(sin) < _ALIGNED:
-        return _aligned(footprint, edges_x, edges_y, math.copysign(1 / spread, cos))
+        return _aligned(footprint, edges_x, edges_y, cos / spread, cos / spread)
     if abs(cos) < _ALIGNED:
-        return _aligned(footprint, edges_y, edges_x, math.copysign(1 / spread, sin)).T
+        turned: NDArray[np.float64] = _aligned(footprint, edges_y, edges_x, sin / spread, -sin / spread).T
+        return turned
     u, v = footprint.u[:, None] / spread, footprint.v / spread
     weight = np.multiply.outer(footprint.u_weight, footprint.v_weight)
     x, y = (cos * u - sin * v).ravel(), (sin * u + cos * v).ravel()
@@ -154,14 +164,18 @@ def _shares(
 
 
 def _aligned(
-    footprint: Footprint, edges_u: NDArray[np.float64], edges_v: NDArray[np.float64], scale: float
+    footprint: Footprint,
+    edges_u: NDArray[np.float64],
+    edges_v: NDArray[np.float64],
+    scale_u: float,
+    scale_v: float,
 ) -> NDArray[np.float64]:
     """Return the shares, shape [cells along v, cells along u]: both axes apart, and v once when it is the same."""
-    u = footprint.u[:, None] * scale
+    u = footprint.u[:, None] * scale_u
     below_u = normal_below(edges_u - u)
     if footprint.mirrored:
         below_u += normal_below(edges_u + u)
-    below_v = footprint.v_weight @ normal_below(edges_v - footprint.v[:, :, None] * abs(scale))
+    below_v = footprint.v_weight @ normal_below(edges_v - footprint.v[:, :, None] * scale_v)
     within_u = below_u[:, 1:] - below_u[:, :-1]
     within_v = below_v[:, 1:] - below_v[:, :-1]
     if len(within_v) == 1:

@@ -23,7 +23,7 @@ def cylinder_half_width(line_load: float, radius: float, effective_modulus: floa
 def wedge_half_width(line_load: float, slope: float, effective_modulus: float) -> float:
     """Return the half-width b [m] of the contact of a wedge whose flanks rise by `slope` (tangent of their angle).
 
-    ``b = P/(E*slope)``, with the pressure ``E*slope/pi*acosh(b/abs(x))`` (Johnson, section 5.2, with slope = cot(alpha)).
+    ``b = P/(E*slope)``, with the pressure ``E*slope/pi*acosh(b/abs(x))`` (Johnson, section 5.2, slope = cot(alpha)).
     Meant for blunt wedges.
     """
     return line_load / (effective_modulus * slope)
@@ -32,9 +32,9 @@ def wedge_half_width(line_load: float, slope: float, effective_modulus: float) -
 def line_stiffness(length: float, half_width: float, effective_modulus: float, profile: float) -> float:
     """Return the line load over the indentation [N/m2] of a contact of this length, much longer than wide.
 
-    ``P/d = pi*E/(2*ln(2*L/b) + c)``, d at the middle of the contact: the displacement under a pressure that is even along
-    the length, from Boussinesq's point load (Johnson, eq. 3.22a) integrated over the strip with L >> b. `profile` c is
-    1 for a cylinder, 2 for a wedge. The load of the ends of a stiff cylinder is left out.
+    ``P/d = pi*E/(2*ln(2*L/b) + c)``, d at the middle of the contact: the displacement under a pressure that is even
+    along the length, from Boussinesq's point load (Johnson, eq. 3.22a) integrated over the strip with L >> b. `profile`
+    c is 1 for a cylinder, 2 for a wedge. The load of the ends of a stiff cylinder is left out.
     """
     return math.pi * effective_modulus / (2 * math.log(2 * length / half_width) + profile)
 

@@ -34,8 +34,13 @@ class ObjectsState:
     """Centre of each object [m], shape [objects, 3], in the frame of the array."""
     orientations: NDArray[np.float64]
     """Orientation of each object as a quaternion (x, y, z, w), shape [objects, 4]."""
+    contact_objects: NDArray[np.intp]
+    """Which of the objects touch, shape [touching]."""
     contact_centres: NDArray[np.float64]
-    """Centre of pressure of each object that touches [m], shape [touching, 2], whether it falls on a taxel or not."""
+    """Centre of pressure of each object that touches [m], shape [touching, 2], x and y along the surface, whether it
+    falls on a taxel or not."""
+    contact_normals: NDArray[np.float64]
+    """Outward normal of the surface there, shape [touching, 3]."""
     contact_forces: NDArray[np.float64]
     """Normal force of each object that touches [N], shape [touching]."""
 

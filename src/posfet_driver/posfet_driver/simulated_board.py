@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_driver.imperfections import Imperfections
-from posfet_driver.scene import Scene
-from posfet_driver.scene_loads import SceneLoads
+from posfet_driver.scene import Scene, SceneLoads
 from posfet_driver.sim_charge import TaxelCharge
 from posfet_driver.sim_clock import SimClock
 from posfet_driver.sim_readout import Readout

@@ -1,0 +1,172 @@
+"""Line contacts of finite length: a lying cylinder, and the edge of a wedge.
+
+The pressure is even along the length; what a stiff body's ends add is left out. On a bent chip the line is cut into
+slices (assumed): the load per length at u is ``k*(d - curvature*u^2/2)`` while that is above 0, with the stiffness k of
+the whole line on a flat chip, and each slice has the width of its load. The twist of a line that lies askew to the
+bend is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_driver.contact_pressure_cells import Footprint, points_for
+from posfet_driver.contact_pressure_laws import cylinder_half_width, line_stiffness, wedge_half_width
+from posfet_driver.contact_pressure_rules import Line, half_ellipse, uniform, wedge
+from posfet_driver.scene.shapes import Bend
+
+_SAME_FORCE: Final = 1e-13
+_MOST_STEPS: Final = 60
+
+
+@dataclass(frozen=True)
+class Slices:
+    """How the load is shared out along a line."""
+
+    half_length: float
+    """Of the part that touches [m]."""
+    middle_load: float
+    """Load per length in the middle [N/m]."""
+    indentation: float
+    """In the middle [m]."""
+    fall: float
+    """The load per length at u is middle_load*(1 - fall*u^2) [1/m2]."""
+
+
+def slices(force: float, length: float, stiffness: float, curvature: float) -> Slices:
+    """Return the load along a line of a length [m] and a stiffness [N/m2] on a chip of that curvature [1/m]."""
+    depth = force / (stiffness * length) + curvature * length**2 / 24
+    half_length = length / 2
+    if depth < curvature * half_length**2 / 2:  # the ends do not touch
+        depth = (0.75 * force / stiffness * math.sqrt(curvature / 2)) ** (2 / 3)
+        half_length = math.sqrt(2 * depth / curvature)
+    return Slices(half_length, stiffness * depth, depth, curvature / (2 * depth))
+
+
+@dataclass(frozen=True)
+class LineShape(ABC):
+    """What cylinder and edge share."""
+
+    length: float
+    """L [m]."""
+    effective_modulus: float
+    """E [Pa]."""
+    turns: ClassVar[bool] = True
+    _profile: ClassVar[float]
+    _half_length_share: ClassVar[float] = 0.25
+    """Greatest half-width over the length: the closed form of the indentation holds for a contact longer than wide."""
+
+    @abstractmethod
+    def half_width(self, line_load: float, curvature: float) -> float:
+        """Return the half-width [m] under a load per length [N/m] on a chip of that curvature across [1/m]."""
+
+    @abstractmethod
+    def _across(self, order: int) -> Line:
+        """Return the points of the pressure across the line."""
+
+    def _slices(self, force: float, bend: Bend) -> Slices:
+        half_width = self.half_width(force / self.length, bend[1])
+        stiffness = line_stiffness(self.length, half_width, self.effective_modulus, self._profile)
+        return slices(force, self.length, stiffness, bend[0])
+
+    def indentation(self, force: float, bend: Bend) -> float:
+        """Return how deep the middle is pressed in [m]; on a flat chip F/(pi*L*E)*(2*ln(2*L/b) + c)."""
+        return self._slices(force, bend).indentation if force > 0 else 0.0
+
+    def force(self, indentation: float, bend: Bend) -> float:
+        """Return the force [N] for an indentation [m], by the secant rule on the logarithms of both."""
+        if indentation <= 0:
+            return 0.0
+        wanted = math.log(indentation)
+        before, force = 0.5 * self.effective_modulus * self.length * indentation, 0.0
+        at_before = math.log(self.indentation(before, bend)) - wanted
+        force = before * math.exp(-at_before)
+        for _ in range(_MOST_STEPS):
+            at_force = math.log(self.indentation(force, bend)) - wanted
+            if abs(at_force) < _SAME_FORCE or at_force == at_before:
+                break
+            slope = (at_force - at_before) / math.log(force / before)
+            before, at_before, force = force, at_force, force * math.exp(-at_force / slope)
+        return force
+
+    def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
+        """Return the pressure of the line."""
+        cut = self._slices(force, bend)
+        middle_width = self.half_width(cut.middle_load, bend[1])
+        widest = max(cut.half_length, middle_width)
+        order = points_for(cut.half_length, spread, widest)
+        points, weights = uniform(order)
+        u, weight = points[order // 2 :] * cut.half_length, weights[order // 2 :]
+        across, across_weight = self._across(points_for(middle_width, spread, widest))
+        width: NDArray[np.float64] = np.array([middle_width])
+        if bend[0] > 0:
+            load = 1 - cut.fall * u**2
+            weight = weight * load
+            weight = weight * (0.5 / weight.sum())
+            width = np.array([self.half_width(cut.middle_load * share, bend[1]) for share in load.tolist()])
+        return [
+            Footprint(
+                u=u,
+                u_weight=weight,
+                v=np.multiply.outer(width, across),
+                v_weight=across_weight,
+                mirrored=True,
+                half_length=cut.half_length,
+                half_width=middle_width,
+            )
+        ]
+
+
+@dataclass(frozen=True)
+class Cylinder(LineShape):
+    """A lying cylinder, its axis along u: Hertz across. A chip bent across adds its curvature, exactly."""
+
+    radius: float
+    """R [m]."""
+    _profile: ClassVar[float] = 1.0
+
+    @property
+    def height(self) -> float:
+        """The middle of the axis is the reference point."""
+        return self.radius
+
+    @property
+    def greatest_force(self) -> float:
+        """At it the contact is as wide as the cylinder, or half as wide as long."""
+        half_width = min(self.radius, self._half_length_share * self.length)
+        return math.pi * self.effective_modulus * self.length * half_width**2 / (4 * self.radius)
+
+    def half_width(self, line_load: float, curvature: float) -> float:
+        """Return the half-width [m] by Hertz."""
+        return cylinder_half_width(line_load, 1 / (1 / self.radius + curvature), self.effective_modulus)
+
+    def _across(self, order: int) -> Line:
+        return half_ellipse(order)
+
+
+@dataclass(frozen=True)
+class Edge(LineShape):
+    """A straight edge along u, with flanks that rise evenly. The chip's curvature across is left out."""
+
+    slope: float
+    """Tangent of the angle between flank and surface [1]."""
+    _profile: ClassVar[float] = 2.0
+    height: ClassVar[float] = 0.0
+
+    @property
+    def greatest_force(self) -> float:
+        """At it the contact is half as wide as long."""
+        return self.effective_modulus * self.slope * self._half_length_share * self.length**2
+
+    def half_width(self, line_load: float, curvature: float) -> float:
+        """Return the half-width [m] of a wedge's contact."""
+        return wedge_half_width(line_load, self.slope, self.effective_modulus)
+
+    def _across(self, order: int) -> Line:
+        return wedge(order)
