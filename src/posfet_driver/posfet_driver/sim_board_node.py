@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from posfet_driver.adapter_source import AdapterSource
@@ -55,10 +55,15 @@ class TruthMessage:
         message.force = _floats(truth.force)
         message.status = array("B", truth.taxel_status.tobytes())
         message.temperature = truth.film_temperature
-        message.objects = list(truth.objects.names)
-        message.poses = [Pose(position=_point(x, y, z)) for x, y, z in truth.objects.positions.tolist()]
-        message.contact_centres = [_point(x, y, 0.0) for x, y in truth.objects.contact_centres.tolist()]
-        message.contact_forces = _floats(truth.objects.contact_forces)
+        message.chip_temperature = truth.chip_temperature
+        objects = truth.objects
+        message.objects = list(objects.names)
+        places = zip(objects.positions.tolist(), objects.orientations.tolist(), strict=True)
+        message.poses = [Pose(position=_point(*place), orientation=_quaternion(*turn)) for place, turn in places]
+        message.contact_objects = array("H", objects.contact_objects.tolist())
+        message.contact_centres = [_point(x, y, 0.0) for x, y in objects.contact_centres.tolist()]
+        message.contact_normals = [Vector3(x=x, y=y, z=z) for x, y, z in objects.contact_normals.tolist()]
+        message.contact_forces = _floats(objects.contact_forces)
         return message
 
 
@@ -120,6 +125,10 @@ def _floats(values: np.ndarray[Any, Any]) -> array[float]:
 
 def _point(x: float, y: float, z: float) -> Point:
     return Point(x=x, y=y, z=z)
+
+
+def _quaternion(x: float, y: float, z: float, w: float) -> Quaternion:
+    return Quaternion(x=x, y=y, z=z, w=w)
 
 
 def make_node() -> SimBoardNode:

@@ -81,6 +81,14 @@ class Scene:
     cover_thickness: float | None = None
     """Thickness of the elastic cover [m]; None: its spread is the sensor file's."""
 
+    @property
+    def duration(self) -> float:
+        """How long it plays until it repeats, or until nothing changes any more [s]."""
+        if math.isfinite(self.period):
+            return self.period
+        ends = self._changes[1]
+        return ends[-1] if ends else 0.0
+
     def local_time(self, time: float) -> float:
         """Return the time within the period [s] for a time since the start [s]."""
         return math.fmod(time, self.period)
