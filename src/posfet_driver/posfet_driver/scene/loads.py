@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
-from posfet_driver.contact_pressure_cells import Cells, spread_of_cover
+from posfet_driver.contact_pressure_cells import Cells, Footprint, spread_of_cover
 from posfet_driver.loads import ObjectsState, Patch
 from posfet_driver.scene.model import ObjectState, Scene, SceneObject
+from posfet_driver.scene.shapes import Bend
 from posfet_model.sensor import Sensor
 
 
@@ -20,6 +21,7 @@ class SceneLoads:
         self.scene = scene
         self._cells = Cells(sensor.layout, spread(scene, sensor))
         self._last: list[tuple[ObjectState, Patch | None] | None] = [None] * len(scene.objects)
+        self._footprints: list[tuple[float, Bend, list[Footprint]] | None] = [None] * len(scene.objects)
 
     @property
     def name(self) -> str:
@@ -33,15 +35,19 @@ class SceneLoads:
             if state.force > 0:
                 last = self._last[index]
                 if last is None or last[0] != state:
-                    last = self._last[index] = (state, self._press(item, state))
+                    last = self._last[index] = (state, self._press(index, item, state))
                 if last[1] is not None:
                     patches.append(last[1])
         return patches
 
-    def _press(self, item: SceneObject, state: ObjectState) -> Patch | None:
-        footprints = item.shape.footprints(state.force, self._cells.spread, self.scene.bend_along(item, state.angle))
+    def _press(self, index: int, item: SceneObject, state: ObjectState) -> Patch | None:
+        bend = self.scene.bend_along(item, state.angle)
+        last = self._footprints[index]
+        if last is None or last[:2] != (state.force, bend):
+            footprints = item.shape.footprints(state.force, self._cells.spread, bend)
+            last = self._footprints[index] = (state.force, bend, footprints)
         angle = state.angle if item.shape.turns else 0.0
-        patch = self._cells.press(footprints, state.x, state.y, angle, state.force)
+        patch = self._cells.press(last[2], state.x, state.y, angle, state.force)
         if patch is not None:
             patch.force.flags.writeable = False
         return patch

@@ -56,7 +56,8 @@ class Shape(Protocol):
 
 
 @lru_cache(maxsize=64)
-def _ellipse(along: float, across: float, effective_modulus: float) -> EllipseShape:
+def ellipse_shape(along: float, across: float, effective_modulus: float) -> EllipseShape:
+    """Return `hertz_ellipse`, remembered."""
     return hertz_ellipse(along, across, effective_modulus)
 
 
@@ -81,7 +82,7 @@ class Sphere:
         return 4 / 3 * self.effective_modulus * self.radius**2
 
     def _shape(self, bend: Bend) -> EllipseShape:
-        return _ellipse(1 / self.radius + bend[0], 1 / self.radius + bend[1], self.effective_modulus)
+        return ellipse_shape(1 / self.radius + bend[0], 1 / self.radius + bend[1], self.effective_modulus)
 
     def indentation(self, force: float, bend: Bend) -> float:
         """Return how deep it is pressed in [m]: a^2/R on a flat chip."""
