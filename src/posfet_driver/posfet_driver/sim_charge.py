@@ -23,7 +23,7 @@ LEAKED_OUT: Final = 1e-13
 """Charge taken as none, as a share of that of the greatest force."""
 BEDTIME: Final = 256
 """Every so many steps, taxels whose charge has leaked out fall asleep."""
-PLAY_WIDTHS: Final = (0.05, 0.15, 0.30)
+PLAY_WIDTHS: Final = (0.05, 0.10, 0.20)
 """Half widths of the film's elementary loops, as shares of the greatest force; assumed."""
 
 Float64Array = NDArray[np.float64]
@@ -34,8 +34,8 @@ class TaxelCharge:
 
     Hysteresis follows Prandtl and Ishlinskii (A. Visintin, Differential Models of Hysteresis, 1994, ch. III): the force
     counts as ``F - w*sum(F - p_k)``, where the play p_k is dragged along at the distance r_k at most. It knows no rate,
-    so a force at rest changes nothing. With r_k as in `PLAY_WIDTHS`, w is the loop's width as a share of the greatest
-    force, and small forces count up to 3*w less than the greatest.
+    so a force at rest changes nothing. With r_k as in `PLAY_WIDTHS`, w is 1/0.7 of the loop's width as a share of the
+    greatest force; as in Rayleigh's law small changes of force count less than great ones, by up to 3*w.
     """
 
     def __init__(self, sensor: Sensor, spread: TaxelSpread, hysteresis: float, full: bool) -> None:
