@@ -48,14 +48,15 @@ _ALIGNED: Final = 1e-9  # an object turned by less [rad] counts as along the row
 def spread_of_cover(thickness: float) -> float:
     """Return the standard deviation of the Gaussian [m] that stands for a cover of a thickness h [m], in [0, 0.1].
 
-    ``s = 0.70*h``: of all Gaussians the one whose shares of a point force on cells of 1.5 h to 2 h come nearest to those
-    of an elastic half-space, in which the force F gives at depth h the normal stress
+    ``s = 0.70*h``: of all Gaussians the one whose shares of a point force on cells of 1.5 h to 2 h come nearest to
+    those of an elastic half-space, in which the force F gives at depth h the normal stress
     ``3*F*h^3/(2*pi*(r^2 + h^2)^(5/2))`` (Boussinesq; Johnson, Contact Mechanics, 1985, eq. 3.19).
 
     Notes
     -----
     A cell's share of a point force is off by up to 0.037 of the force (0.061 for cells of 1 h or 2.5 h); that of a wide
-    contact by less. The half-space's wide tails are left out. A cover bonded to a stiff chip is no half-space; both are approximations.
+    contact by less. The half-space's wide tails are left out. A cover bonded to a stiff chip is no half-space; both are
+    approximations.
     """
     return SPREAD_PER_THICKNESS * real_number("thickness", thickness, 0, 0.1)
 
