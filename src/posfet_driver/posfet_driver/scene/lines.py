@@ -97,6 +97,12 @@ class LineShape(ABC):
             before, at_before, force = force, at_force, force * math.exp(-at_force / slope)
         return force
 
+    def area(self, force: float, bend: Bend) -> float:
+        """Return the area of contact [m2], between that of a strip and that of an ellipse."""
+        load = self.line_load(force, bend)
+        roundness = load.fall * load.half_length**2  # from 0 for a strip to 1 for an ellipse
+        return 4 * load.half_length * self.half_width(load.middle, bend[1]) * (1 - roundness * (1 - math.pi / 4))
+
     def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
         """Return the pressure of the line."""
         cut = self.line_load(force, bend)

@@ -54,7 +54,7 @@ class SceneLoads:
 
     def temperature(self, time: float) -> float:
         """Return the chip's temperature [degC]."""
-        return self.scene.temperature.at(self.scene.local_time(time))[0]
+        return self.scene.chip_temperature(time)
 
     def rests_until(self, time: float) -> float:
         """Return until when nothing changes [s]."""

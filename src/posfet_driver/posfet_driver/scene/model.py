@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from posfet_driver.scene.paths import Path, Track
+from posfet_driver.scene.paths import Path, Span, Track
 from posfet_driver.scene.shapes import FLAT, Bend, Shape
 
 
@@ -36,6 +36,8 @@ class SceneObject:
     path: Path
     by_indentation: bool = False
     """Whether the path's load is an indentation [m] instead of a force [N]."""
+    temperature: float | None = None
+    """[degC]; None: it conducts no heat."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +68,32 @@ class ChipBend:
 
 
 @dataclass(frozen=True)
+class Warming:
+    """By how much the objects warm the chip, in straight lines over even steps."""
+
+    step: float
+    """[s]."""
+    values: tuple[float, ...]
+    """At the start of the scene and after each step [K]; the last one holds."""
+
+    def at(self, time: float) -> float:
+        """Return the warming [K] at a time [s] of the scene."""
+        place = time / self.step
+        index = int(place)
+        if index >= len(self.values) - 1:
+            return self.values[-1]
+        return self.values[index] + (self.values[index + 1] - self.values[index]) * (place - index)
+
+    def changes(self) -> list[Span]:
+        """Return the times [s] in which it changes."""
+        return [
+            (index * self.step, (index + 1) * self.step)
+            for index in range(len(self.values) - 1)
+            if self.values[index] != self.values[index + 1]
+        ]
+
+
+@dataclass(frozen=True)
 class Scene:
     """Objects and temperature over time; after `period` it begins anew."""
 
@@ -75,11 +103,13 @@ class Scene:
     """Time after which the scene repeats [s]; infinite when it plays once."""
     objects: tuple[SceneObject, ...]
     temperature: Track
-    """Temperature of the chip [degC]."""
+    """Temperature of the chip [degC], but for what objects warm it by."""
     bend: ChipBend | None = None
     """None: the chip is flat."""
     cover_thickness: float | None = None
     """Thickness of the elastic cover [m]; None: its spread is the sensor file's."""
+    warming: Warming | None = None
+    """None: no object conducts heat."""
 
     @property
     def duration(self) -> float:
@@ -92,6 +122,12 @@ class Scene:
     def local_time(self, time: float) -> float:
         """Return the time within the period [s] for a time since the start [s]."""
         return math.fmod(time, self.period)
+
+    def chip_temperature(self, time: float) -> float:
+        """Return the chip's temperature [degC] at a time [s] since the start."""
+        local = self.local_time(time)
+        (own,) = self.temperature.at(local)
+        return own if self.warming is None else own + self.warming.at(local)
 
     def bend_along(self, item: SceneObject, angle: float) -> Bend:
         """Return the chip's curvatures [1/m] along and across an object at that angle [rad]."""
@@ -127,6 +163,8 @@ class Scene:
         spans = self.temperature.changing(lambda a, b: a == b)
         for item in self.objects:
             spans += item.path.changes()
+        if self.warming is not None:
+            spans += self.warming.changes()
         starts: list[float] = []
         ends: list[float] = []
         for start, end in sorted(spans):

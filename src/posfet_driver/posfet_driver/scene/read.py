@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from posfet_driver.contact_pressure_cells import Cells, spread_of_cover
+from posfet_driver.scene.heat import warming
 from posfet_driver.scene.lines import Cylinder, Edge
 from posfet_driver.scene.model import ChipBend, Scene, SceneObject
 from posfet_driver.scene.paths import Track
@@ -55,7 +57,7 @@ def load_scene(name: str | Path, sensor: Sensor) -> Scene:
     for index, item in enumerate(names):
         if item in names[:index]:
             raise top.error(f"objects[{index}].name", f"must differ from the other objects' names, got '{item}'")
-    return scene
+    return replace(scene, warming=warming(scene, sensor))
 
 
 def greatest_force(sensor: Sensor, cells: Cells, shape: Shape, bend: Bend = FLAT) -> float:
@@ -94,8 +96,9 @@ def _object(section: Section, sensor: Sensor, cells: Cells, bend: ChipBend | Non
         period=period,
     )
     path, by_indentation = read_path(section, limits)
+    temperature = section.number("temperature_degC", *TEMPERATURE_RANGE) if "temperature_degC" in section else None
     section.end()
-    return SceneObject(name, shape, path, by_indentation)
+    return SceneObject(name, shape, path, by_indentation, temperature)
 
 
 def _length(section: Section, name: str) -> float:

@@ -50,6 +50,10 @@ class Shape(Protocol):
         """Return the force [N] that presses it in by `indentation` [m]; 0 when that is not above 0."""
         ...
 
+    def area(self, force: float, bend: Bend) -> float:
+        """Return the area of contact [m2] under a force [N] above 0."""
+        ...
+
     def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
         """Return the pressure under a force [N] above 0, fine enough for a cover of that spread [m]."""
         ...
@@ -91,6 +95,11 @@ class Sphere:
     def force(self, indentation: float, bend: Bend) -> float:
         """Return the force [N]: 4/3*E*sqrt(R)*d^1.5 on a flat chip."""
         return math.pow(max(indentation, 0.0) / self._shape(bend).depth, 1.5)
+
+    def area(self, force: float, bend: Bend) -> float:
+        """Return the area of the ellipse [m2]."""
+        shape = self._shape(bend)
+        return math.pi * shape.along * shape.across * math.pow(force, 2 / 3)
 
     def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
         """Return the elliptic pressure."""
@@ -134,6 +143,11 @@ class Punch:
         if deeper < 0:
             return 4 / 3 * self.effective_modulus * math.sqrt(depth**3 / curvature)
         return closing + 2 * self.radius * self.effective_modulus * deeper
+
+    def area(self, force: float, bend: Bend) -> float:
+        """Return the area of the circle that touches [m2]."""
+        closing = self._rounding(bend)[1]
+        return math.pi * self.radius**2 * (math.pow(force / closing, 2 / 3) if force < closing else 1.0)
 
     def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
         """Return the punch's pressure; on a bent chip that of the rounding, and of what is left the punch's."""

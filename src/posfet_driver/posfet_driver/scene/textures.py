@@ -35,6 +35,10 @@ class Pad:
         """Return 0: the pad's face is taken to lie in the surface."""
         return 0.0
 
+    def area(self, force: float, bend: Bend) -> float:
+        """Return the area of the pad [m2]."""
+        return self.length * self.width
+
     def force(self, indentation: float, bend: Bend) -> float:
         """Raise ValueError: a pad's force does not follow from an indentation."""
         raise ValueError("a textured pad must be given a force, not an indentation")
