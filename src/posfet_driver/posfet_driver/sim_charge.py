@@ -88,7 +88,9 @@ class TaxelCharge:
         force.flags.writeable = False
         self._force = force
         changed, self._patches = (*self._patches, *patches), tuple(patches)
-        woken = not all(self._is_awake[patch.rows, patch.cols].all() for patch in changed)
+        woken = self.awake.size < force.size and not all(
+            self._is_awake[patch.rows, patch.cols].all() for patch in changed
+        )
         if woken:
             wake = self._is_awake.copy()
             for patch in changed:

@@ -15,7 +15,6 @@ from posfet_driver.sim_clock import SimClock
 from posfet_driver.sim_readout import Readout
 from posfet_driver.sim_spread import draw_spread
 from posfet_driver.truth import Truth
-from posfet_model.chain import leak_step
 from posfet_model.checks import whole_number
 from posfet_model.scan import Scan, ScanStatus
 from posfet_model.sensor import Sensor
@@ -23,6 +22,8 @@ from posfet_model.sensor import Sensor
 SEED_MAX: Final = 1_000_000_000
 OVERTEMPERATURE: Final = 85.0
 """Chip temperature above which the board raises its flag [degC]; assumed."""
+LEAST_FORCE: Final = 1e-9
+"""Less on a taxel is no touch [N]: the end of a path that rounding left over."""
 
 _MEMORY: Final = 30.0  # time constants after which what was is forgotten: exp(-30) = 1e-13
 _FILM_AT_REST: Final = 1e-12  # lag of the film's temperature [K] taken as none: 1e-12 N on a taxel
@@ -98,7 +99,7 @@ class SimulatedBoard:
     @property
     def touched(self) -> bool:
         """Whether an object pressed on a taxel in the last scan."""
-        return bool(self._charge.force.any())
+        return bool(self._charge.force.max() > LEAST_FORCE)
 
     @property
     def taxel_status(self) -> NDArray[np.uint8]:
@@ -182,16 +183,15 @@ class SimulatedBoard:
     def _set_film(self, chip: float, step: float) -> None:
         """Let the film's temperature follow the chip's [degC], which moved in a straight line over `step` [s].
 
-        The lag of a first-order follower obeys the equation of the leaking charge, with the chip's temperature as its
-        source.
+        For a straight line the lag l of a first-order follower is exact: ``l1 = l0 + (slope*tau - l0)*(1 - exp(-h/tau))``.
         """
         time_constant = self.sensor.device.thermal_time_constant
         change = chip - self._chip
         self._chip = chip
         if time_constant == 0 or (self._film_lag == 0 and change == 0):
             return
-        leak = leak_step(step, time_constant)
-        self._film_lag = leak.decay * self._film_lag + leak.mean * change
+        lost = -math.expm1(-step / time_constant)
+        self._film_lag += lost * (change * time_constant / step - self._film_lag)
         if abs(self._film_lag) < _FILM_AT_REST:
             self._film_lag = 0.0
 
