@@ -17,8 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,9 +73,9 @@ def cell_edges(count: int, pitch: float) -> NDArray[np.float64]:
 
 def window(edges: NDArray[np.float64], pitch: float, centre: float, reach: float) -> slice:
     """Return the cells that [centre - reach, centre + reach] touches; empty when it misses the array."""
-    first = math.floor((centre - reach - edges[0]) / pitch)
-    last = math.ceil((centre + reach - edges[0]) / pitch)
-    return slice(max(first, 0), min(last, len(edges) - 1))
+    count = len(edges) - 1
+    middle = centre / pitch + count / 2
+    return slice(max(math.floor(middle - reach / pitch), 0), min(math.ceil(middle + reach / pitch), count))
 
 
 def points_for(extent: float, spread: float, widest: float) -> int:
@@ -88,24 +87,26 @@ def points_for(extent: float, spread: float, widest: float) -> int:
     return 2 * math.ceil(extent / max(spread, FINEST_SPREAD * widest)) + 2
 
 
-@dataclass(frozen=True)
-class Footprint:
-    """Where and how a contact presses, as weighted points (u_i, v_ij) in the frame of the object."""
+class Footprint(NamedTuple):
+    """Where and how a contact presses, as weighted points (u_i, v_ij) in the frame of the object.
 
-    u: NDArray[np.float64]
-    """[m], shape [n]."""
-    u_weight: NDArray[np.float64]
-    """Share of the force at each u, shape [n]."""
-    v: NDArray[np.float64]
-    """[m], shape [n, m]; [1, m] when the same at each u."""
-    v_weight: NDArray[np.float64]
-    """Shape [m]; sums to 1."""
-    mirrored: bool
-    """Whether each u stands for -u, too, with the same weight; v is then symmetric about 0."""
+    A tuple, as one is made for each object and scan.
+    """
+
     half_length: float
     """Greatest distance of u from 0 [m]."""
     half_width: float
     """Greatest distance of v from 0 [m]."""
+    u: NDArray[np.float64]
+    """In half-lengths, shape [n]; with `mirrored` [2*n], the second half -1 times the first."""
+    u_weight: NDArray[np.float64]
+    """Share of the force at each u, shape [n]."""
+    v: NDArray[np.float64]
+    """In half-widths, shape [n, m]; [1, m] when the same at each u."""
+    v_weight: NDArray[np.float64]
+    """Shape [m]; sums to 1."""
+    mirrored: bool
+    """Whether weights and v are those of -u, too; v is then symmetric about 0."""
 
 
 class Cells:
@@ -123,8 +124,10 @@ class Cells:
         Only the taxels within reach (the footprints and 6.5 standard deviations) are met; None when there are none.
         """
         cos, sin = math.cos(angle), math.sin(angle)
-        half_length = max(footprint.half_length for footprint in footprints)
-        half_width = max(footprint.half_width for footprint in footprints)
+        half_length, half_width = footprints[0][:2]
+        for footprint in footprints[1:]:
+            half_length = max(half_length, footprint.half_length)
+            half_width = max(half_width, footprint.half_width)
         spread = max(self.spread, FINEST_SPREAD * max(half_length, half_width))
         reach_x = abs(cos) * half_length + abs(sin) * half_width + NORMAL_END * spread
         reach_y = abs(sin) * half_length + abs(cos) * half_width + NORMAL_END * spread
@@ -132,36 +135,38 @@ class Cells:
         rows = window(self._edges[1], self._pitch[1], y, reach_y)
         if cols.stop <= cols.start or rows.stop <= rows.start:
             return None
-        edges_x = (self._edges[0][cols.start : cols.stop + 1] - x) / spread
-        edges_y = (self._edges[1][rows.start : rows.stop + 1] - y) / spread
-        shares = [_shares(footprint, edges_x, edges_y, cos, sin, spread) for footprint in footprints]
-        share: NDArray[np.float64] = shares[0] if len(shares) == 1 else np.sum(shares, axis=0)
-        return Patch(rows, cols, force * share)
+        scale = 1 / spread
+        edges_x = (self._edges[0][cols.start : cols.stop + 1] - x) * scale
+        edges_y = (self._edges[1][rows.start : rows.stop + 1] - y) * scale
+        below = _below(footprints[0], edges_x, edges_y, cos * scale, sin * scale)
+        for footprint in footprints[1:]:
+            below = below + _below(footprint, edges_x, edges_y, cos * scale, sin * scale)
+        within = below[1:] - below[:-1]
+        share: NDArray[np.float64] = within[:, 1:] - within[:, :-1]
+        share *= force
+        return Patch(rows, cols, share)
 
 
-def _shares(
-    footprint: Footprint,
-    edges_x: NDArray[np.float64],
-    edges_y: NDArray[np.float64],
-    cos: float,
-    sin: float,
-    spread: float,
+def _below(
+    footprint: Footprint, edges_x: NDArray[np.float64], edges_y: NDArray[np.float64], cos: float, sin: float
 ) -> NDArray[np.float64]:
-    """Return each cell's share of the force, shape [rows, cols]; edges in units of the spread."""
-    if abs(sin) < _ALIGNED:
-        return _aligned(footprint, edges_x, edges_y, cos / spread, cos / spread)
-    if abs(cos) < _ALIGNED:
-        turned: NDArray[np.float64] = _aligned(footprint, edges_y, edges_x, sin / spread, -sin / spread).T
+    """Return the share of the force below and left of each corner of the cells, shape [edges_y, edges_x].
+
+    The edges are in units of the spread; cosine and sine of the object's angle are over the spread [1/m].
+    """
+    if abs(sin) < _ALIGNED * abs(cos):
+        return _aligned(footprint, edges_x, edges_y, cos, cos)
+    if abs(cos) < _ALIGNED * abs(sin):
+        turned: NDArray[np.float64] = _aligned(footprint, edges_y, edges_x, sin, -sin).T
         return turned
-    u, v = footprint.u[:, None] / spread, footprint.v / spread
-    weight = np.multiply.outer(footprint.u_weight, footprint.v_weight)
-    x, y = (cos * u - sin * v).ravel(), (sin * u + cos * v).ravel()
-    within_x = _within(edges_x, x)
-    within_y = _within(edges_y, y) * weight.reshape(-1, 1)
-    shares: NDArray[np.float64] = within_y.T @ within_x
-    if footprint.mirrored:
-        shares += (_within(edges_y, -y) * weight.reshape(-1, 1)).T @ _within(edges_x, -x)
-    return shares
+    half_length, half_width, u, u_weight, v, v_weight, mirrored = footprint
+    along, across = (half_length * u[: len(u_weight)])[:, None], half_width * v
+    x, y = (cos * along - sin * across).ravel(), (sin * along + cos * across).ravel()
+    weight = np.multiply.outer(u_weight, v_weight).ravel()
+    if mirrored:
+        x, y, weight = np.concatenate([x, -x]), np.concatenate([y, -y]), np.concatenate([weight, weight])
+    below: NDArray[np.float64] = (normal_below(edges_y[:, None] - y) * weight) @ normal_below(edges_x - x[:, None])
+    return below
 
 
 def _aligned(
@@ -171,23 +176,14 @@ def _aligned(
     scale_u: float,
     scale_v: float,
 ) -> NDArray[np.float64]:
-    """Return the shares, shape [cells along v, cells along u]: both axes apart, and v once when it is the same."""
-    u = footprint.u[:, None] * scale_u
-    below_u = normal_below(edges_u - u)
-    if footprint.mirrored:
-        below_u += normal_below(edges_u + u)
-    below_v = footprint.v_weight @ normal_below(edges_v - footprint.v[:, :, None] * scale_v)
-    within_u = below_u[:, 1:] - below_u[:, :-1]
-    within_v = below_v[:, 1:] - below_v[:, :-1]
-    if len(within_v) == 1:
-        outer: NDArray[np.float64] = np.multiply.outer(within_v[0], footprint.u_weight @ within_u)
+    """Return `_below` for an object along the cells, shape [edges_v, edges_u]: both axes apart."""
+    half_length, half_width, u, u_weight, v, v_weight, mirrored = footprint
+    below_u = normal_below(edges_u - u[:, None] * (half_length * scale_u))
+    if mirrored:
+        below_u = below_u[: len(u_weight)] + below_u[len(u_weight) :]
+    below_v = v_weight @ normal_below(edges_v - v[:, :, None] * (half_width * scale_v))
+    if len(v) == 1:
+        outer: NDArray[np.float64] = np.multiply.outer(below_v[0], u_weight @ below_u)
         return outer
-    shares: NDArray[np.float64] = (within_v * footprint.u_weight[:, None]).T @ within_u
-    return shares
-
-
-def _within(edges: NDArray[np.float64], centres: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return how much of a Gaussian about each centre lies in each cell, shape [centres, cells]."""
-    below = normal_below(edges - centres[:, None])
-    within: NDArray[np.float64] = below[:, 1:] - below[:, :-1]
-    return within
+    below: NDArray[np.float64] = (below_v.T * u_weight) @ below_u
+    return below

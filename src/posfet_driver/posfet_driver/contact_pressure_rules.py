@@ -25,6 +25,8 @@ class DiscRule:
 
     x: NDArray[np.float64]
     """Shape [n/2]."""
+    both: NDArray[np.float64]
+    """x, then -x, shape [n]."""
     x_weight: NDArray[np.float64]
     """Shape [n/2]; sums to 1/2."""
     y: NDArray[np.float64]
@@ -61,6 +63,7 @@ def _disc(x: NDArray[np.float64], weight: NDArray[np.float64], chord: Line) -> D
     right = slice(len(x) // 2, None)
     return DiscRule(
         x=x[right],
+        both=np.concatenate([x[right], -x[right]]),
         x_weight=weight[right] * (0.5 / weight[right].sum()),
         y=np.sqrt(1 - x[right, None] ** 2) * chord[0],
         y_weight=chord[1],
@@ -72,6 +75,14 @@ def uniform(order: int) -> Line:
     """Return Gauss-Legendre points: a constant pressure."""
     points, weights = np.polynomial.legendre.leggauss(order)
     return points, weights / 2
+
+
+@lru_cache(maxsize=256)
+def uniform_both(order: int) -> Line:
+    """Return the same, `order` even: the points above 0, then their mirror images; weights of the former only."""
+    points, weights = uniform(order)
+    right = slice(order // 2, None)
+    return np.concatenate([points[right], -points[right]]), weights[right]
 
 
 @lru_cache(maxsize=128)

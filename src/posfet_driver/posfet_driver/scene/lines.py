@@ -13,11 +13,10 @@ from dataclasses import dataclass
 from typing import ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from posfet_driver.contact_pressure_cells import Footprint, points_for
 from posfet_driver.contact_pressure_laws import cylinder_half_width, line_stiffness, wedge_half_width
-from posfet_driver.contact_pressure_rules import Line, half_ellipse, uniform, wedge
+from posfet_driver.contact_pressure_rules import Line, half_ellipse, uniform_both, wedge
 from posfet_driver.scene.shapes import Bend, ellipse_shape
 
 _FLAT: Final = 1e-6  # curvature along over curvature across that counts as none
@@ -105,30 +104,20 @@ class LineShape(ABC):
 
     def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
         """Return the pressure of the line."""
-        cut = self.line_load(force, bend)
-        middle_width = self.half_width(cut.middle, bend[1])
-        widest = max(cut.half_length, middle_width)
-        order = points_for(cut.half_length, spread, widest)
-        points, weights = uniform(order)
-        u, weight = points[order // 2 :] * cut.half_length, weights[order // 2 :]
+        load = self.line_load(force, bend)
+        middle_width = self.half_width(load.middle, bend[1])
+        widest = max(load.half_length, middle_width)
+        order = points_for(load.half_length, spread, widest)
+        u, weight = uniform_both(order)
         across, across_weight = self._across(points_for(middle_width, spread, widest))
-        width: NDArray[np.float64] = np.array([middle_width])
+        v = across[None, :]
         if bend[0] > 0:
-            load = np.maximum(1 - cut.fall * u**2, 0.0)
-            weight = weight * load
-            weight = weight * (0.5 / weight.sum())
-            width = np.array([self.half_width(cut.middle * share, bend[1]) for share in load.tolist()])
-        return [
-            Footprint(
-                u=u,
-                u_weight=weight,
-                v=np.multiply.outer(width, across),
-                v_weight=across_weight,
-                mirrored=True,
-                half_length=cut.half_length,
-                half_width=middle_width,
-            )
-        ]
+            shares = np.maximum(1 - load.fall * load.half_length**2 * u[: order // 2] ** 2, 0.0)
+            weight = weight * shares
+            weight *= 0.5 / weight.sum()
+            widths = [self.half_width(load.middle * share, bend[1]) / middle_width for share in shares.tolist()]
+            v = np.multiply.outer(widths, across)
+        return [Footprint(load.half_length, middle_width, u, weight, v, across_weight, True)]
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,14 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 from posfet_driver.scene.paths import Path, Span, Track
 from posfet_driver.scene.shapes import FLAT, Bend, Shape
 
 
-@dataclass(frozen=True)
-class ObjectState:
-    """One object at one time."""
+class ObjectState(NamedTuple):
+    """One object at one time; a tuple, as one is made for each object and scan."""
 
     x: float
     """Along the surface [m]."""

@@ -164,12 +164,5 @@ class Punch:
 def _disc(rule: Callable[[int], DiscRule], along: float, across: float, spread: float, share: float = 1.0) -> Footprint:
     """Return a pressure on an ellipse of these semi-axes [m] that carries a share of the force."""
     disc = rule(points_for(max(along, across), spread, max(along, across)))
-    return Footprint(
-        u=disc.x * along,
-        u_weight=disc.x_weight * share,
-        v=disc.y * across,
-        v_weight=disc.y_weight,
-        mirrored=True,
-        half_length=along,
-        half_width=across,
-    )
+    weight = disc.x_weight if share == 1 else disc.x_weight * share
+    return Footprint(along, across, disc.both, weight, disc.y, disc.y_weight, True)

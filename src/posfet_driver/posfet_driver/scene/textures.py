@@ -66,30 +66,18 @@ class Ridges(Pad):
         touching = min(force / full, 1.0) if full > 0 else 0.0
         widest = max(self.length, self.width) / 2
         v, v_weight = uniform(points_for(self.width / 2, spread, widest))
-        footprints = []
+        lines = []
         if full > 0:
             chord, chord_weight = half_ellipse(points_for(wavelength / 2, spread, widest))
-            inside = wavelength / math.pi * np.arcsin(math.sqrt(touching) * chord)
-            crests = (np.arange(self.ridges) + 0.5) * wavelength - self.length / 2
-            share = min(full / force, 1.0)
-            footprints.append(
-                (np.add.outer(crests, inside).ravel(), np.tile(chord_weight, self.ridges) * share / self.ridges)
-            )
+            inside = 2 / math.pi * np.arcsin(math.sqrt(touching) * chord)
+            crests = np.arange(1 - self.ridges, self.ridges, 2)
+            u = np.add.outer(crests, inside).ravel() / self.ridges
+            lines.append((u, np.tile(chord_weight, self.ridges) * (min(full / force, 1.0) / self.ridges)))
         if force > full:
             u, weight = uniform(points_for(self.length / 2, spread, widest))
-            footprints.append((u * self.length / 2, weight * (1 - full / force)))
-        return [
-            Footprint(
-                u=u,
-                u_weight=weight,
-                v=v[None, :] * (self.width / 2),
-                v_weight=v_weight,
-                mirrored=False,
-                half_length=self.length / 2,
-                half_width=self.width / 2,
-            )
-            for u, weight in footprints
-        ]
+            lines.append((u, weight * (1 - full / force)))
+        half_length, half_width = self.length / 2, self.width / 2
+        return [Footprint(half_length, half_width, u, weight, v[None, :], v_weight, False) for u, weight in lines]
 
 
 @dataclass(frozen=True)
@@ -111,14 +99,15 @@ class Roughness(Pad):
         share /= share.sum()
         u, v = (random.random((2, self.bumps)) - 0.5) * np.array([[self.length], [self.width]])
         u, v = u - share @ u, v - share @ v
+        half_length, half_width = (max(float(np.abs(points).max()), 1e-9) for points in (u, v))
         return Footprint(
-            u=u,
+            half_length=half_length,
+            half_width=half_width,
+            u=u / half_length,
             u_weight=share,
-            v=v[:, None],
+            v=v[:, None] / half_width,
             v_weight=np.ones(1),
             mirrored=False,
-            half_length=float(np.abs(u).max()),
-            half_width=float(np.abs(v).max()),
         )
 
     def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
