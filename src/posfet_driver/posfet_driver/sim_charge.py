@@ -134,7 +134,7 @@ class TaxelCharge:
 
     def _sources(self) -> Float64Array:
         """Return the charge that force and temperature give, before any leaks, of those awake."""
-        force = self._force.take(self.awake)
+        force = self._force.ravel() if self.awake.size == self._force.size else self._force.take(self.awake)
         if self._reach.size:
             np.maximum(self._plays, force - self._reach, out=self._plays)
             np.minimum(self._plays, force + self._reach, out=self._plays)
