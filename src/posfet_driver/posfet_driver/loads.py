@@ -56,8 +56,8 @@ class Loads(Protocol):
     def forces(self, time: float) -> Sequence[Patch]:
         """Return what presses on the array; empty when nothing touches.
 
-        The same time gives the same bits, whatever was asked before. The arrays may be kept: they are not written to any
-        more.
+        The same time gives the same bits, whatever was asked before. The arrays may be kept: they are never written to
+        again.
         """
         ...
 

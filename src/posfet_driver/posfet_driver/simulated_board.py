@@ -183,7 +183,7 @@ class SimulatedBoard:
     def _set_film(self, chip: float, step: float) -> None:
         """Let the film's temperature follow the chip's [degC], which moved in a straight line over `step` [s].
 
-        For a straight line the lag l of a first-order follower is exact: ``l1 = l0 + (slope*tau - l0)*(1 - exp(-h/tau))``.
+        The lag l of a first-order follower is exact for that: ``l1 = l0 + (slope*tau - l0)*(1 - exp(-h/tau))``.
         """
         time_constant = self.sensor.device.thermal_time_constant
         change = chip - self._chip
