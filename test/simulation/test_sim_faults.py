@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from posfet_driver.adapter_source import AdapterSource
+from posfet_driver.board import Board
 from posfet_driver.bus import bus_settings, open_bus
 from posfet_driver.codec import FD_LENGTH
 from posfet_driver.frames import CLASSIC, FD
@@ -19,7 +20,7 @@ from posfet_driver.sim_faults import FaultyScans, Resets
 from posfet_driver.sim_wire import WireNode
 from posfet_driver.simulated_board import SimulatedBoard
 from posfet_driver.simulation_source import SimulationSource
-from posfet_driver.source import Health
+from posfet_driver.source import Health, SystemClock
 from posfet_model.scan import Scan, ScanStatus
 from posfet_model.sensor import load_sensor
 
@@ -155,6 +156,35 @@ def test_a_reset_on_the_wire_waits_to_be_started_again() -> None:
     frames = frames_of_a_run(RESETTING, 6.0)
     answers = [data for identifier, _, data in frames if identifier == SENSOR.can.base_id + RESPONSE_OFFSET]
     assert len(answers) > 2
+
+
+@pytest.mark.parametrize("fd", [True, False])
+def test_a_driver_never_hands_on_a_scan_that_the_line_has_spoilt(fd: bool) -> None:
+    sensor = replace(SENSOR, can=replace(SENSOR.can, fd=fd, scan_rate=200.0))
+    spoilt = replace(NONE, dropped_share=0.03, torn_share=0.03, repeated_share=0.03)
+    settings = bus_settings("virtual", f"spoilt-{threading.get_ident()}-{fd}", sensor.can)
+    source = AdapterSource(sensor, load_scene("hold", sensor), 6, settings, imperfections=spoilt)
+    board = Board(sensor, lambda: open_bus(settings), fd)
+    reference, expected = SimulatedBoard(sensor, load_scene("hold", sensor), 6), Scan.empty(1, sensor.layout.taxels)
+    lost = 0x0F if not fd else 0  # bits that classic frames do not carry
+    source.open()
+    board.open()
+    try:
+        clock, seen, before = SystemClock(), 0, -1
+        end = clock.monotonic() + round(PATIENCE * 1e9)
+        while seen < 150:
+            assert clock.monotonic() < end, board.report()
+            scan = board.read(0.1)
+            if scan is not None:
+                assert scan.sequence > before
+                reference.scan(scan.sequence, expected)
+                np.testing.assert_array_equal(scan.counts & ~np.uint16(lost), expected.counts & ~np.uint16(lost))
+                seen, before = seen + 1, scan.sequence
+        assert board.report().frames_lost > 0
+        assert source.report().counters["simulated: torn"] > 0
+    finally:
+        board.close()
+        source.close()
 
 
 @pytest.mark.parametrize("fd", [True, False])
