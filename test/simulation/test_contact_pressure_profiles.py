@@ -6,11 +6,10 @@ from itertools import pairwise
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from model.sweep import decades
 
-from posfet_driver.contact_pressure import SphereOnArray, hertz_sphere
 from posfet_driver.contact_pressure_cells import SPREAD_PER_THICKNESS, Cells, spread_of_cover
 from posfet_driver.contact_pressure_laws import hertz_ellipse, line_stiffness
 from posfet_driver.scene.lines import Cylinder, Edge
@@ -158,19 +157,9 @@ def test_an_object_meets_only_the_taxels_under_it() -> None:
         assert cells.press(shape.footprints(0.3, SPREAD, FLAT), 0.08, 0.0, 0.3, 0.3) is None
 
 
-def test_the_sphere_is_the_sphere() -> None:
-    for force in (1e-3, 1.7):
-        reference = np.zeros((LAYOUT.rows, LAYOUT.cols))
-        SphereOnArray(LAYOUT, SPREAD, 5e-3, MODULUS).add(reference, 0.4e-3, 0.1e-3, force)
-        found = forces(SHAPES["sphere"], 0.4e-3, 0.1e-3, 0.0, force)
-        np.testing.assert_allclose(found, reference, rtol=0, atol=1e-12)
-        assert SHAPES["sphere"].indentation(force, FLAT) == pytest.approx(
-            hertz_sphere(force, 5e-3, MODULUS).indentation, rel=1e-9
-        )
-
-
 @pytest.mark.parametrize("bend", [FLAT, BENT, (0.0, 50.0), (20.0, 30.0)])
 @pytest.mark.parametrize("name", PRESSED)
+@settings(deadline=None)
 @given(force=decades(1e-4, 5.0))
 def test_the_force_of_an_indentation_is_the_force(name: str, bend: Bend, force: float) -> None:
     shape = SHAPES[name]
@@ -178,6 +167,7 @@ def test_the_force_of_an_indentation_is_the_force(name: str, bend: Bend, force: 
     assert shape.force(0.0, bend) == shape.force(-1e-3, bend) == 0.0
 
 
+@settings(deadline=None)
 @given(decades(10.0, 1e3), decades(1.0, 1e3))
 def test_an_ellipse_keeps_johnsons_equations(across: float, ratio: float) -> None:
     shape = hertz_ellipse(across, across * ratio, MODULUS)
@@ -310,6 +300,7 @@ def test_the_gaussian_is_as_far_from_boussinesq_as_is_said() -> None:
     assert max(mismatch(SPREAD_PER_THICKNESS, pitch, 1.5 * wide) for pitch in PITCHES) < max(worst)
 
 
+@settings(deadline=None)
 @given(st.sampled_from(sorted(SHAPES)), st.floats(-6.3, 6.3), st.floats(-4e-3, 4e-3), st.floats(-3e-3, 3e-3))
 def test_no_taxel_is_pulled(name: str, angle: float, x: float, y: float) -> None:
     found = forces(SHAPES[name], x, y, angle, 0.7)

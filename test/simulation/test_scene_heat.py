@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from posfet_driver.contact_pressure import hertz_sphere
 from posfet_driver.scene import SCENE_FOLDER, Scene, SceneLoads, load_scene
 from posfet_driver.scene.heat import CHIP_THICKNESS, COVER_CONDUCTIVITY, LOSS_TIME_CONSTANT, SILICON_HEAT
 from posfet_model.config import ConfigError
@@ -27,7 +26,7 @@ def warm(folder: Path, temperature: str, name: str = "hold", period: str = "") -
 
 
 def conductance(force: float) -> float:
-    area = math.pi * hertz_sphere(force, 5e-3, 2e6).radius ** 2
+    area = math.pi * (3 * force * 5e-3 / (4 * 2e6)) ** (2 / 3)  # Hertz
     return COVER_CONDUCTIVITY / THICKNESS * area
 
 

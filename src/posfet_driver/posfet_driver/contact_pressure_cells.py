@@ -27,8 +27,8 @@ from posfet_model.checks import real_number
 from posfet_model.sensor import Layout
 
 FINEST_SPREAD: Final = 1 / 50
-"""Least spread that `Cells` computes with, as a share of a footprint's half-length; it moves at most 2e-3 of the force
-over the edge of a cell."""
+"""Least spread that `Cells` computes with, as a share of a footprint's half-length; it moves at most 5e-4 of a sphere's
+force."""
 
 SPREAD_PER_THICKNESS: Final = 0.70
 """Standard deviation of the Gaussian over the thickness of the cover; see `spread_of_cover`."""

@@ -8,8 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 from posfet_model.checks import real_number
+
+FORCE_LIMIT: Final = 1e6
+"""Largest accepted normal force [N]."""
 
 
 def cylinder_half_width(line_load: float, radius: float, effective_modulus: float) -> float:
@@ -57,7 +61,7 @@ class EllipseShape:
 
 
 def hertz_ellipse(along: float, across: float, effective_modulus: float) -> EllipseShape:
-    """Return the shape of a Hertz contact whose gap has the curvatures `along` and `across` [1/m], in (0, 1e7].
+    """Return the shape of a Hertz contact whose gap has the curvatures `along` and `across` [1/m], in (0, 1e7).
 
     With semi-axes a >= b, ``e^2 = 1 - (b/a)^2``, the complete elliptic integrals K and E of e, and ``D = (K - E)/e^2``:
     the curvatures' ratio is ``(K - D)/D*(a/b)^2``, ``a^3 = 3*F*D/(pi*E*low)`` with the lower curvature, and the
@@ -65,10 +69,11 @@ def hertz_ellipse(along: float, across: float, effective_modulus: float) -> Elli
 
     Raises
     ------
-    ValueError : a curvature is out of range, or one is above 1e6 times the other.
+    ValueError : a curvature is out of range, one is above 1e6 times the other, or the modulus is not in [1e2, 1e13] Pa.
     """
     along = real_number("along", along, 0, 1e7, exclusive=True)
     across = real_number("across", across, 0, 1e7, exclusive=True)
+    effective_modulus = real_number("effective_modulus", effective_modulus, 1e2, 1e13)
     low, high = min(along, across), max(along, across)
     ratio = _axes_ratio(real_number("ratio of the curvatures", high / low, 1, 1e6))
     first, third = _elliptic(ratio)

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, Final, Protocol, TypeAlias
 
-from posfet_driver.contact_pressure import FORCE_LIMIT
 from posfet_driver.contact_pressure_cells import Footprint, points_for
-from posfet_driver.contact_pressure_laws import EllipseShape, hertz_ellipse, punch_indentation
+from posfet_driver.contact_pressure_laws import FORCE_LIMIT, EllipseShape, hertz_ellipse, punch_indentation
 from posfet_driver.contact_pressure_rules import DiscRule, hertz_disc, punch_disc
 
 Bend: TypeAlias = tuple[float, float]

@@ -13,8 +13,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from posfet_driver.contact_pressure import FORCE_LIMIT
 from posfet_driver.contact_pressure_cells import Footprint, points_for
+from posfet_driver.contact_pressure_laws import FORCE_LIMIT
 from posfet_driver.contact_pressure_rules import half_ellipse, uniform
 from posfet_driver.scene.shapes import Bend
 
