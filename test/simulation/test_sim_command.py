@@ -1,6 +1,7 @@
 """The command `posfet sim`: what it writes can be read by others, is the board's, and is the same again."""
 
 import csv
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from posfet_driver.imperfections import Imperfections
 from posfet_driver.message_definitions import message_fields, schema_text
 from posfet_driver.scene import load_scene
-from posfet_driver.sim_command import BAD_INPUT, main
+from posfet_driver.sim_command import BAD_INPUT, INTERRUPTED, main
 from posfet_driver.sim_faults import FaultyScans
 from posfet_driver.simulated_board import SimulatedBoard
 from posfet_model.scan import Scan
@@ -138,3 +139,29 @@ def test_bad_input_is_told_in_one_line(
     assert told.count("\n") == 1
     assert reason in told
     assert not list(tmp_path.iterdir())
+
+
+def test_an_interrupted_run_leaves_a_whole_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    reader = pytest.importorskip("mcap.reader")
+    scan_of = FaultyScans.scan
+
+    def interrupted(self: FaultyScans, index: int, out: Scan) -> int:
+        if index == 300:
+            raise KeyboardInterrupt
+        return scan_of(self, index, out)
+
+    monkeypatch.setattr(FaultyScans, "scan", interrupted)
+    path = tmp_path / "run.mcap"
+    assert main([SCENE, "--out", str(path), "--for", "1"]) == INTERRUPTED
+    with path.open("rb") as stream:
+        assert reader.make_reader(stream, validate_crcs=True).get_summary().statistics.message_count == 600
+
+
+def test_a_terminal_gets_a_bar(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert main([SCENE, "--out", str(tmp_path / "run.csv"), "--for", "0.5"]) == 0
+    shown = capsys.readouterr()
+    assert SCENE in shown.err
+    assert "500 scans" in shown.out

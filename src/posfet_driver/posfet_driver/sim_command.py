@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Protocol
 
@@ -45,23 +46,30 @@ def main(words: Sequence[str] | None = None) -> int:
     """
     options = _parser().parse_args(words)
     try:
-        done, total, seconds = _run(options)
+        outcome = _run(options)
     except (ConfigError, OSError, ValueError) as error:
         print(_line(error), file=sys.stderr)
         return BAD_INPUT
-    rate = done.board.sensor.can.scan_rate
-    counted = ", ".join(f"{count} {name}" for name, count in done.counters.items() if count)
+    simulated = outcome.done / outcome.scans.board.sensor.can.scan_rate
+    counted = "".join(f", {count} {name}" for name, count in outcome.scans.counters.items() if count)
+    factor = simulated / max(outcome.seconds, 1e-9)
     print(
-        f"{options.out}: {total} scans, {total / rate:g} s in {seconds:.2f} s, "
-        f"{total / rate / max(seconds, 1e-9):.1f} times real time{f'; {counted}' if counted else ''}"
+        f"{options.out}: {outcome.done} scans{counted}; "
+        f"{simulated:g} s in {outcome.seconds:.2f} s, {factor:.1f} times real time"
     )
-    return 0 if total == done.asked else INTERRUPTED
+    return 0 if outcome.done == outcome.asked else INTERRUPTED
 
 
-class _Run(FaultyScans):
-    """The scans of a run, and how many are asked for."""
+@dataclass(frozen=True)
+class _Outcome:
+    """What a run came to."""
 
-    asked = 0
+    scans: FaultyScans
+    done: int
+    asked: int
+    """Scans that were computed, and that were asked for."""
+    seconds: float
+    """How long it took."""
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -79,8 +87,8 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _run(options: argparse.Namespace) -> tuple[_Run, int, float]:
-    """Simulate; return the run, the scans that were computed, and the time that took [s]."""
+def _run(options: argparse.Namespace) -> _Outcome:
+    """Simulate into the file."""
     sensor = load_sensor(options.sensor)
     scene = load_scene(options.scene, sensor)
     seconds = options.seconds
@@ -91,25 +99,25 @@ def _run(options: argparse.Namespace) -> tuple[_Run, int, float]:
     if not 0 <= options.seed <= SEED_MAX:
         raise ConfigError(f"--seed: must be in [0, {SEED_MAX}], got {options.seed}")
     board = SimulatedBoard(sensor, scene, options.seed, load_imperfections(options.imperfections), full=options.full)
-    run = _Run(board, options.seed)
-    run.asked = math.ceil(seconds * sensor.can.scan_rate - 1e-6)
-    recorder = make_recorder(options.out, sensor, [item.name for item in scene.objects], options.namespace)
+    scans = FaultyScans(board, options.seed)
+    asked = math.ceil(seconds * sensor.can.scan_rate - 1e-6)
+    recorder = make_recorder(options.out, sensor, [item.name for item in scene.objects], options.namespace.strip("/"))
     scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
     done = 0
     begin = time.perf_counter()
     try:
-        with _progress(scene.name, run.asked) as progress:
-            for done in range(run.asked):
-                for _ in range(run.scan(done, scan)):
+        with _progress(scene.name, asked) as progress:
+            for done in range(asked):
+                for _ in range(scans.scan(done, scan)):
                     recorder.write(scan, board.truth())
                 if done % CHUNK == 0:
                     progress(done)
-            done = run.asked
+            done = asked
     except KeyboardInterrupt:
         pass
     finally:
         recorder.close()
-    return run, done, time.perf_counter() - begin
+    return _Outcome(scans, done, asked, time.perf_counter() - begin)
 
 
 @contextmanager
