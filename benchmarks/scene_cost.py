@@ -16,8 +16,8 @@ from posfet_driver.scene.shapes import Punch, Shape, Sphere
 from posfet_driver.scene.textures import Ridges, Roughness
 from posfet_model.sensor import Sensor, load_sensor
 
-SCANS = 400
-REPEATS = 5
+SCANS = 100
+REPEATS = 30
 SHAPES: dict[str, Shape] = {
     "sphere": Sphere(5e-3, 2e6),
     "punch": Punch(1.5e-3, 2e6),
