@@ -51,7 +51,7 @@ def spread_of_cover(thickness: float) -> float:
 
     ``s = 0.70*h``: of all Gaussians the one whose shares of a point force on cells of 1.5 h to 2 h come nearest to
     those of an elastic half-space, in which the force F gives at depth h the normal stress
-    ``3*F*h^3/(2*pi*(r^2 + h^2)^(5/2))`` (Boussinesq; Johnson, Contact Mechanics, 1985, eq. 3.19).
+    ``3*F*h^3/(2*pi*(r^2 + h^2)^(5/2))`` (Boussinesq; Johnson, Contact Mechanics, 1985, section 3.2).
 
     Notes
     -----

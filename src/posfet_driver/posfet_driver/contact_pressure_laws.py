@@ -19,7 +19,7 @@ FORCE_LIMIT: Final = 1e6
 def cylinder_half_width(line_load: float, radius: float, effective_modulus: float) -> float:
     """Return the half-width b [m] of a cylinder's contact under `line_load` P [N/m].
 
-    ``b^2 = 4*P*R/(pi*E)``, with the pressure ``2*P/(pi*b)*sqrt(1 - (x/b)^2)`` (Johnson, eq. 4.43 and 4.45).
+    ``b^2 = 4*P*R/(pi*E)``, with the pressure ``2*P/(pi*b)*sqrt(1 - (x/b)^2)`` (Johnson, section 4.2).
     """
     return math.sqrt(4 * line_load * radius / (math.pi * effective_modulus))
 
@@ -37,14 +37,14 @@ def line_stiffness(length: float, half_width: float, effective_modulus: float, p
     """Return the line load over the indentation [N/m2] of a contact of this length, much longer than wide.
 
     ``P/d = pi*E/(2*ln(2*L/b) + c)``, d at the middle of the contact: the displacement under a pressure that is even
-    along the length, from Boussinesq's point load (Johnson, eq. 3.22a) integrated over the strip with L >> b. `profile`
+    along the length, from Boussinesq's point load (Johnson, section 3.2) integrated over the strip with L >> b. `profile`
     c is 1 for a cylinder, 2 for a wedge. The load of the ends of a stiff cylinder is left out.
     """
     return math.pi * effective_modulus / (2 * math.log(2 * length / half_width) + profile)
 
 
 def punch_indentation(force: float, radius: float, effective_modulus: float) -> float:
-    """Return the indentation ``F/(2*a*E)`` [m] of a flat round punch of radius a (Johnson, eq. 3.36)."""
+    """Return the indentation ``F/(2*a*E)`` [m] of a flat round punch of radius a (Johnson, section 3.4)."""
     return force / (2 * radius * effective_modulus)
 
 
@@ -65,7 +65,7 @@ def hertz_ellipse(along: float, across: float, effective_modulus: float) -> Elli
 
     With semi-axes a >= b, ``e^2 = 1 - (b/a)^2``, the complete elliptic integrals K and E of e, and ``D = (K - E)/e^2``:
     the curvatures' ratio is ``(K - D)/D*(a/b)^2``, ``a^3 = 3*F*D/(pi*E*low)`` with the lower curvature, and the
-    indentation ``3*F*K/(2*pi*a*E)`` (Johnson, eq. 4.26 and 3.64 to 3.69). Right to 1e-9.
+    indentation ``3*F*K/(2*pi*a*E)`` (Johnson, sections 3.5 and 4.2). Right to 1e-9.
 
     Raises
     ------

@@ -48,7 +48,7 @@ class Pad:
 class Ridges(Pad):
     """Sinusoidal ridges across u, a whole number of them, troughs at both ends.
 
-    Pressure of a wavy surface (Westergaard 1939; Johnson, Contact Mechanics, 1985, eq. 13.1 to 13.8): above the mean
+    Pressure of a wavy surface (Westergaard 1939; Johnson, Contact Mechanics, 1985, section 13.2): above the mean
     pressure ``p* = pi*E*amplitude/wavelength`` it is the mean plus ``p*`` times a cosine; below, each ridge touches
     over the half-width a with ``sin^2(pi*a/wavelength) = mean/p*``. Each ridge is taken as one of an endless row.
     """
