@@ -37,8 +37,8 @@ def line_stiffness(length: float, half_width: float, effective_modulus: float, p
     """Return the line load over the indentation [N/m2] of a contact of this length, much longer than wide.
 
     ``P/d = pi*E/(2*ln(2*L/b) + c)``, d at the middle of the contact: the displacement under a pressure that is even
-    along the length, from Boussinesq's point load (Johnson, section 3.2) integrated over the strip with L >> b. `profile`
-    c is 1 for a cylinder, 2 for a wedge. The load of the ends of a stiff cylinder is left out.
+    along the length, from Boussinesq's point load (Johnson, section 3.2) integrated over the strip with L >> b. The
+    number c, `profile`, is 1 for a cylinder, 2 for a wedge. The load of the ends of a stiff cylinder is left out.
     """
     return math.pi * effective_modulus / (2 * math.log(2 * length / half_width) + profile)
 
