@@ -58,6 +58,7 @@ class Readout:
         self._steps_per_charge = spread.volts_per_charge / self._lsb
         self._at_rest = (spread.offset - converter.low) / self._lsb
         self._signal = self._at_rest.copy()  # output without noise, before the rails
+        self._row = np.empty(taxels)
         self._stuck = np.flatnonzero(spread.status == TaxelStatus.STUCK)
         gain = amplifier.follower_gain
         flicker = (imperfections.flicker_noise * gain) ** 2
@@ -115,37 +116,33 @@ class Readout:
         number, row = divmod(index, self.block)
         if number != self._number:
             self._begin(number)
+        if resting and self._converted is None:
+            rows = [self._signal] * self.block if self._slow is None else self._slow + self._signal
+            self._converted = np.empty((self.block, self._signal.size), np.uint16)
+            self._convert(np.array(rows), self._white, self._converted)
         if self._converted is not None:
             out[:] = self._converted[row]
             return
-        part = slice(0, self.block) if resting else slice(row, row + 1)
-        codes = self._codes(part)
-        if resting:
-            self._converted = codes
-            codes = codes[row : row + 1]
-        out[:] = codes[0]
-
-    def _codes(self, part: slice) -> NDArray[np.uint16]:
-        """Return the counts of some scans of the block, shape [scans, taxels], on the 16-bit scale."""
-        low, high = self._rails
-        if self._slow is not None:
-            volts = self._signal + self._slow[part]
+        if self._slow is None:
+            np.copyto(self._row, self._signal)
         else:
-            volts = self._signal[None].repeat(1 if self._white is None else part.stop - part.start, axis=0)
-        np.maximum(volts, low, out=volts)
-        np.minimum(volts, high, out=volts)
-        if self._white is not None:
-            volts += self._white[part]
+            np.add(self._signal, self._slow[row], out=self._row)
+        self._convert(self._row, None if self._white is None else self._white[row], out)
+
+    def _convert(self, volts: Float64Array, white: Float64Array | None, out: NDArray[np.uint16]) -> None:
+        """Write the counts of outputs before the rails, in steps of the converter; `volts` is overwritten."""
+        np.maximum(volts, self._rails[0], out=volts)
+        np.minimum(volts, self._rails[1], out=volts)
+        if white is not None:
+            volts += white
         np.rint(volts, out=volts)
         np.maximum(volts, 0, out=volts)
         np.minimum(volts, self._top, out=volts)
-        codes = volts.astype(np.uint16)
+        np.copyto(out, volts, casting="unsafe")
         if self._bits < SCALE_BITS:
-            codes = (codes << (SCALE_BITS - self._bits) | codes >> (2 * self._bits - SCALE_BITS)).astype(np.uint16)
+            out[...] = out << (SCALE_BITS - self._bits) | out >> (2 * self._bits - SCALE_BITS)
         if self._stuck.size:
-            codes[:, self._stuck] = self._spread.stuck_counts[self._stuck]
-        result: NDArray[np.uint16] = codes if len(codes) == part.stop - part.start else codes.repeat(self.block, axis=0)
-        return result
+            out[..., self._stuck] = self._spread.stuck_counts[self._stuck]
 
     def _begin(self, number: int) -> None:
         """Draw the noise of a block."""
