@@ -42,7 +42,7 @@ _NORMAL_GRID: Final = np.arange(-NORMAL_END, NORMAL_END + _NORMAL_STEP / 2, _NOR
 _NORMAL: Final = np.array([0.5 * math.erfc(-z / math.sqrt(2)) for z in _NORMAL_GRID])
 _NORMAL[[0, -1]] = 0.0, 1.0
 _NORMAL_RISE: Final = np.append(np.diff(_NORMAL), 0.0)
-_LARGE: Final = 400  # values from which it is faster to reckon the place in the table than to search for it
+_LARGE: Final = 150  # values from which it is faster to reckon the place in the table than to search for it
 _ALIGNED: Final = 1e-9  # an object turned by less [rad] counts as along the rows or the columns
 
 
@@ -64,16 +64,18 @@ def spread_of_cover(thickness: float) -> float:
 
 def normal_below(z: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the standard normal distribution function, right to 1.2e-7; exactly 0 and 1 beyond +-6.5."""
-    values: NDArray[np.float64]
     if z.size < _LARGE:
-        values = np.interp(z, _NORMAL_GRID, _NORMAL)
+        values: NDArray[np.float64] = np.interp(z, _NORMAL_GRID, _NORMAL)
         return values
-    place = np.clip((z + NORMAL_END) / _NORMAL_STEP, 0.0, len(_NORMAL_RISE) - 0.5)
+    place = z * (1 / _NORMAL_STEP)
+    place += NORMAL_END / _NORMAL_STEP
+    np.maximum(place, 0.0, out=place)
+    np.minimum(place, len(_NORMAL) - 0.5, out=place)
     index = place.astype(np.intp)
     place -= index
-    place *= _NORMAL_RISE[index]
-    values = _NORMAL[index] + place
-    return values
+    place *= _NORMAL_RISE.take(index)
+    place += _NORMAL.take(index)
+    return place
 
 
 def cell_edges(count: int, pitch: float) -> NDArray[np.float64]:
