@@ -33,11 +33,12 @@ def stop(firmware: BoardFirmware, now: int) -> None:
     assert firmware.receive((SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()), now)
 
 
-def test_the_scene_begins_with_the_first_start_and_goes_on_through_a_stop() -> None:
+def test_scans_follow_the_time_since_the_board_began_and_go_on_through_a_stop() -> None:
     board = Counter()
     firmware = BoardFirmware(SENSOR, board, 0)
     firmware.due(5 * SECOND)
     assert board.indices == []
+    firmware.begin(5 * SECOND)
     start(firmware, 5 * SECOND)
     firmware.due(5 * SECOND + SECOND // 10)
     assert board.indices == list(range(101))

@@ -118,10 +118,14 @@ def test_truth_is_that_of_the_scan_with_its_sequence(spin) -> None:
     assert truth.temperature == 25.0
     assert truth.objects == ["lower", "upper"]
     assert [(pose.position.x, pose.position.y, pose.position.z) for pose in truth.poses] == [
-        tuple(position) for position in expected.positions.tolist()
+        tuple(position) for position in expected.objects.positions.tolist()
     ]
+    assert [pose.orientation.w for pose in truth.poses] == [1.0, 1.0]
+    assert truth.chip_temperature == 25.0
+    assert list(truth.contact_objects) == [0]
     assert [(point.x, point.y, point.z) for point in truth.contact_centres] == [(-2e-3, -2e-3, 0.0)]
-    np.testing.assert_array_equal(truth.contact_forces, expected.contact_forces.astype(np.float32))
+    assert [(normal.x, normal.y, normal.z) for normal in truth.contact_normals] == [(0.0, 0.0, 1.0)]
+    np.testing.assert_array_equal(truth.contact_forces, expected.objects.contact_forces.astype(np.float32))
 
 
 def test_what_nobody_listens_to_is_not_computed(spin, monkeypatch) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from posfet_driver.contact_pressure import SphereOnArray
-from posfet_driver.scene import SCENE_FOLDER, Scene, Track, load_scene
+from posfet_driver.imperfections import Imperfections
+from posfet_driver.scene import SCENE_FOLDER, Scene, SceneLoads, Track, load_scene
 from posfet_driver.simulated_board import OVERTEMPERATURE, SimulatedBoard
 from posfet_model.chain import ForwardChain, charge_per_newton
 from posfet_model.scan import Scan, ScanStatus
@@ -39,11 +39,6 @@ def run(board: SimulatedBoard, indices: Iterable[int]) -> bytes:
     return recorded
 
 
-def charge(board: SimulatedBoard) -> np.ndarray:
-    """The charge at the last scan; only the taxels' own state is looked at, as counts are 8e4 times coarser."""
-    return board._chain.charge
-
-
 def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not() -> None:
     scene = load_scene("two_fingers", SENSOR)
     first, second, other = (run(SimulatedBoard(SENSOR, scene, seed), range(1500)) for seed in (7, 7, 8))
@@ -63,10 +58,10 @@ def test_a_gap_leads_to_the_state_that_stepping_leads_to(name: str, warm: bool) 
     scene = warming(scene) if warm else scene
     stepped, jumped = SimulatedBoard(QUIET, scene, 0), SimulatedBoard(QUIET, scene, 0)
     last = -1
-    for index in (0, 1, 320, 700, 701, 2000, 3050):
+    for index in (0, 1, 320, 700, 701, 1400):
         there = run(stepped, range(last + 1, index + 1))[-TAXELS * 2 - 8 :]
         assert run(jumped, [index]) == there
-        np.testing.assert_allclose(charge(jumped), charge(stepped), rtol=0, atol=SAME)
+        np.testing.assert_allclose(jumped.charge(), stepped.charge(), rtol=0, atol=SAME)
         last = index
 
 
@@ -77,7 +72,7 @@ def test_a_gap_longer_than_the_memory_forgets_what_was_before() -> None:
         run(board, range(600))
     run(stepped, range(600, 13_201))
     run(jumped, [13_200])
-    np.testing.assert_allclose(charge(jumped), charge(stepped), rtol=0, atol=SAME)
+    np.testing.assert_allclose(jumped.charge(), stepped.charge(), rtol=0, atol=SAME)
     assert jumped.taxel_updates < 0.7 * stepped.taxel_updates
     assert stepped.touched
 
@@ -89,32 +84,56 @@ def test_the_work_that_is_saved_changes_nothing(name: str, sensor: Sensor) -> No
     scene = replace(scene, temperature=Track((0.6, 1.1), ((25.0,), (30.0,)))) if name == "idle" else scene
     board = SimulatedBoard(sensor, scene, 0)
     scan = Scan.empty(0, TAXELS)
-    reference = np.zeros(TAXELS, np.uint16)
-    for index, chain in enumerate(full_computation(sensor, scene, 1700)):
+    for index, chain in enumerate(full_computation(sensor, scene, 1200)):
         board.scan(index, scan)
-        np.testing.assert_array_equal(scan.counts, chain.counts(reference))
-        if board._charge_index == index:
-            np.testing.assert_allclose(charge(board), chain.charge, rtol=0, atol=SAME)
+        np.testing.assert_allclose(board.volts(), chain.volts(), rtol=0, atol=1e-12 * sensor.adc.high)
+        np.testing.assert_allclose(board.charge(), chain.charge, rtol=0, atol=SAME)
 
 
-def full_computation(sensor: Sensor, scene: Scene, scans: int) -> Iterable[ForwardChain]:
-    """Every taxel in every scan, and the film's temperature by its own formula."""
+@pytest.mark.parametrize("name", SHIPPED)
+def test_with_imperfections_the_work_that_is_saved_changes_nothing_either(name: str) -> None:
+    imperfections = replace(Imperfections.default().without_noise(), clock_jitter=20e-6, slew_rate=5e3)
+    scene = load_scene(name, SENSOR)
+    lazy, full = (SimulatedBoard(SENSOR, scene, 5, imperfections, full=full) for full in (False, True))
+    scan = Scan.empty(0, TAXELS)
+    for index in range(1000):
+        lazy.scan(index, scan)
+        full.scan(index, scan)
+        np.testing.assert_allclose(lazy.volts(), full.volts(), rtol=0, atol=1e-12 * SENSOR.adc.high)
+    assert full.taxel_updates == 1000 * TAXELS
+    assert lazy.taxel_updates < full.taxel_updates
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_error_against_every_taxel_at_100_kilohertz_is_below_a_thousandth(name: str) -> None:
+    # 40 ms from where something first changes; benchmarks/simulation.py does whole scenes.
+    scene = load_scene(name, QUIET)
+    begin = math.floor(min(SceneLoads(scene, QUIET).rests_until(0.0), 1.0) * RATE)
+    board, scan = SimulatedBoard(QUIET, scene, 0), Scan.empty(0, TAXELS)
+    largest = 0.0
+    for index, chain in enumerate(full_computation(QUIET, scene, 4001, 100 * RATE, 100 * begin)):
+        if index % 100 == 0:
+            board.scan(begin + index // 100, scan)
+            largest = max(largest, np.abs(board.volts() - chain.volts()).max())
+    assert largest < 1e-3 * SENSOR.device.force_max * SENSOR.volts_per_newton
+
+
+def full_computation(
+    sensor: Sensor, scene: Scene, scans: int, rate: float = RATE, begin: int = 0
+) -> Iterable[ForwardChain]:
+    """Every taxel in every scan, and the film's temperature by its own formula; nothing may change before `begin`."""
     chain = ForwardChain(sensor)
-    spheres = [
-        SphereOnArray(sensor.layout, sensor.device.contact_spread, item.radius, item.effective_modulus)
-        for item in scene.objects
-    ]
-    ratio = 1 / RATE / sensor.device.thermal_time_constant
-    (chip,) = (film,) = scene.temperature.at(0.0)
-    for index in range(scans):
-        local = scene.local_time(index / RATE)
+    loads = SceneLoads(scene, sensor)
+    ratio = 1 / rate / sensor.device.thermal_time_constant
+    chip = film = loads.temperature(0.0)
+    for index in range(begin, begin + scans):
         forces = np.zeros((sensor.layout.rows, sensor.layout.cols))
-        for sphere, item in zip(spheres, scene.objects, strict=True):
-            sphere.add(forces, *item.path.at(local))
-        before, (chip,) = chip, scene.temperature.at(local)
+        for patch in loads.forces(index / rate):
+            forces[patch.rows, patch.cols] += patch.force
+        before, chip = chip, loads.temperature(index / rate)
         slope = (chip - before) / ratio  # change of the chip in one time constant: the lag of a steady ramp
         film = chip - slope + (film - before + slope) * math.exp(-ratio)
-        chain.advance(forces.ravel(), film, 1 / RATE)
+        chain.advance(forces.ravel(), film, 1 / rate)
         yield chain
 
 
@@ -126,19 +145,22 @@ def test_the_truth_adds_up(name: str) -> None:
     for index in range(0, 4000, 37):
         run(board, [index])
         truth = board.truth()
-        local = scene.local_time(index / RATE)
-        poses = [item.path.at(local) for item in scene.objects]
-        touching = [pose for pose in poses if pose[-1] > 0]
+        pressed = truth.objects.contact_forces.sum()
         assert truth.sequence == index
-        assert truth.objects == tuple(item.name for item in scene.objects)
-        assert truth.positions.shape == (len(poses), 3)
-        np.testing.assert_array_equal(truth.contact_centres, np.reshape([pose[:2] for pose in touching], (-1, 2)))
-        np.testing.assert_array_equal(truth.contact_forces, [pose[-1] for pose in touching])
-        assert truth.force.sum() <= truth.contact_forces.sum() + 1e-12
-        assert truth.force.sum() == pytest.approx(truth.contact_forces.sum(), rel=0.01)  # the cover's tails are lost
-        assert board.touched == bool(touching)
+        assert truth.time == pytest.approx(index / RATE, abs=1e-12)
+        assert truth.objects.names == tuple(item.name for item in scene.objects)
+        assert truth.force.sum() <= pressed + 1e-12
+        if name in {
+            "press_slide_lift",
+            "two_fingers",
+            "hold",
+            "press",
+        }:  # clear of the edge: the cover's tails are lost
+            assert truth.force.sum() == pytest.approx(pressed, rel=0.01)
+        assert not truth.taxel_status.any()
+        assert board.touched == (pressed > 1e-8)
         touched += board.touched
-    assert bool(touched) == (name != "idle")
+    assert bool(touched) == (name not in {"idle", "temperature_ramp"})
 
 
 def test_the_truth_is_a_copy_that_the_next_scan_leaves_alone() -> None:
@@ -156,10 +178,12 @@ def test_the_sphere_sinks_in_by_the_indentation() -> None:
     board = SimulatedBoard(SENSOR, scene, 0)
     (ball,) = scene.objects
     run(board, [100])
-    assert board.truth().positions[0, 2] == ball.radius
+    assert board.truth().objects.positions[0, 2] == ball.shape.radius
     run(board, [10_000])
-    indentation = (9 * 1.5**2 / (16 * ball.radius * ball.effective_modulus**2)) ** (1 / 3)
-    np.testing.assert_allclose(board.truth().positions, [[0.2e-3, -0.1e-3, ball.radius - indentation]], atol=1e-15)
+    indentation = (9 * 1.5**2 / (16 * ball.shape.radius * ball.shape.effective_modulus**2)) ** (1 / 3)
+    np.testing.assert_allclose(
+        board.truth().objects.positions, [[0.2e-3, -0.1e-3, ball.shape.radius - indentation]], atol=1e-15
+    )
 
 
 def test_a_push_raises_the_count_of_the_taxel_under_it_as_the_sensor_says() -> None:
@@ -175,25 +199,21 @@ def test_a_push_raises_the_count_of_the_taxel_under_it_as_the_sensor_says() -> N
 
 def test_an_idle_board_moves_no_charge() -> None:
     board = SimulatedBoard(SENSOR, load_scene("idle", SENSOR), 0)
-    scan = Scan.empty(0, TAXELS)
-    for index in range(500):
-        board.scan(index, scan)
-    assert board.taxel_updates == TAXELS
-    run(board, [600_000])
-    assert board.taxel_updates == TAXELS
+    run(board, [*range(500), 600_000])
+    assert board.taxel_updates == 0
 
 
 def test_a_held_force_costs_nothing_once_it_has_leaked_away() -> None:
     board = SimulatedBoard(SENSOR, load_scene("hold", SENSOR), 0)
-    memory = math.ceil(30 * SENSOR.device.leak_time_constant * RATE)
-    run(board, [500, 600, 500 + memory])
+    run(board, range(500))
+    run(board, range(500, 500 + math.ceil(32 * SENSOR.device.leak_time_constant * RATE)))
     settled = board.taxel_updates
-    run(board, range(500 + memory + 1, 500 + memory + 300))
+    run(board, range(10_000, 10_300))
     assert board.taxel_updates == settled
     run(board, [60_500])
     assert board.taxel_updates == settled
-    run(board, [60_501])  # the charge is brought up to the end of the rest, then moved on
-    assert board.taxel_updates == settled + 2 * TAXELS
+    run(board, [60_501])
+    assert settled < board.taxel_updates <= settled + 2 * TAXELS
 
 
 def test_a_gap_at_rest_is_one_jump() -> None:
@@ -201,7 +221,7 @@ def test_a_gap_at_rest_is_one_jump() -> None:
     run(board, range(3000))
     before = board.taxel_updates
     run(board, [4250])
-    assert board.taxel_updates == before + TAXELS
+    assert board.taxel_updates <= before + TAXELS
 
 
 def test_chip_sensors_read_the_scene_and_the_film_lags() -> None:

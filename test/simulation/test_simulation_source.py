@@ -90,7 +90,7 @@ def test_the_scans_are_those_of_the_board(clock: FakeClock) -> None:
     for index in range(600):
         board.scan(index, expected)
         np.testing.assert_array_equal(read(source).counts, expected.counts)
-    assert source.board.truth().contact_forces.tolist() == board.truth().contact_forces.tolist()
+    assert source.board.truth().objects.contact_forces.tolist() == board.truth().objects.contact_forces.tolist()
 
 
 def test_opening_again_starts_the_scene_anew(clock: FakeClock) -> None:

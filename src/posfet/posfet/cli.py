@@ -9,6 +9,7 @@ from typing import Final
 
 COMMANDS: Final = {
     "bringup": ("posfet.bringup", "start the stack: board or simulated board, driver, model"),
+    "sim": ("posfet_driver.sim_command", "run a scene on the simulated board, faster than real time, into a file"),
     "view": ("posfet.view_node", "show the live force map and the contacts of a running stack"),
 }
 """Subcommands: module whose `main` takes the remaining words and returns the exit code, and what it does."""

@@ -84,7 +84,7 @@ class Graph:
         if self._simulation is None:
             return ()
         truth = self._simulation.source.board.truth()
-        touching = zip(truth.contact_centres.tolist(), truth.contact_forces.tolist(), strict=True)
+        touching = zip(truth.objects.contact_centres.tolist(), truth.objects.contact_forces.tolist(), strict=True)
         return tuple(TrueContact(x, y, force) for (x, y), force in touching)
 
 

@@ -1,4 +1,4 @@
-"""The simulated board behind an emulated CAN adapter: a driver reads it as it reads a device."""
+"""The simulated board on a CAN bus or behind an emulated adapter: a driver reads it as it reads a device."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from posfet_driver.adapter import EmulatedAdapter
-from posfet_driver.firmware import BoardFirmware
+from posfet_driver.bus import BusSettings
+from posfet_driver.imperfections import Imperfections
 from posfet_driver.scene import Scene
+from posfet_driver.sim_wire import BusServer, WireNode
 from posfet_driver.simulated_board import SimulatedBoard
 from posfet_driver.source import Clock, Health, SourceReport, SystemClock
 from posfet_model.scan import Scan
@@ -15,7 +17,7 @@ from posfet_model.sensor import Sensor
 
 
 class AdapterSource:
-    """Switches a board and its adapter on and off, and tells what they do. `read` hands on nothing: the driver does.
+    """Switches a board and its way to the bus on and off, and tells what they do. `read` hands on nothing.
 
     The scene starts when the board is switched on by `open`, the scans when a driver tells the board so.
     """
@@ -25,26 +27,28 @@ class AdapterSource:
         sensor: Sensor,
         scene: Scene,
         seed: int,
-        link: Path | str,
+        link: Path | str | BusSettings,
         fd: bool | None = None,
         clock: Clock | None = None,
+        imperfections: Imperfections | None = None,
     ) -> None:
-        """Take what the board is made of, the path of the adapter, the frames (None: as in the sensor file), a clock.
+        """Take what the board is made of, and the path of the adapter or the settings of a bus.
 
-        Raises ValueError for a seed outside [0, 1e9].
+        fd says which frames are sent (None: as in the sensor file). Raises ValueError for a seed outside [0, 1e9].
         """
-        self.board = SimulatedBoard(sensor, scene, seed)
+        self.board = SimulatedBoard(sensor, scene, seed, imperfections)
         """The board behind the adapter; another one after each `open`."""
         self.on_scan: Callable[[Scan, int], None] | None = None
-        """Called in the adapter's thread with each scan sent and its time [ns] since the Unix epoch."""
+        """Called in the thread that serves the bus with each scan sent and its time [ns] since the Unix epoch."""
         self._seed = seed
         self._link = link
         self._fd = fd
         self._clock = clock or SystemClock()
-        self._firmware: BoardFirmware | None = None
-        self._adapter: EmulatedAdapter | None = None
+        self._node: WireNode | None = None
+        self._server: EmulatedAdapter | BusServer | None = None
         self._epoch = 0
         self._scans = 0
+        self._faults: dict[str, int] = {}
         self._dropped = 0  # by adapters that are closed
 
     @property
@@ -53,17 +57,24 @@ class AdapterSource:
         return True
 
     def open(self) -> None:
-        """Switch the board on and put the adapter in its place.
+        """Switch the board on and put it in its place.
 
-        Raises ConfigError when the layout does not fit the frames, SourceError when the adapter cannot be put there.
+        Raises ConfigError when the layout does not fit the frames or the bus cannot be, SourceError when the adapter
+        or the bus cannot be opened.
         """
-        self.board = SimulatedBoard(self.board.sensor, self.board.scene, self._seed)
-        firmware = BoardFirmware(self.board.sensor, self.board, self._clock.monotonic(), self._fd)
-        firmware.on_scan = self._sent
+        board = self.board
+        self.board = SimulatedBoard(board.sensor, board.scene, self._seed, board.imperfections)
+        node = WireNode(self.board, self._seed, self._clock.monotonic(), self._fd)
+        node.on_scan = self._sent
+        self._faults = node.counters = self._faults or node.counters  # go on counting
         self._epoch = self._clock.wall() - self._clock.monotonic()
-        adapter = EmulatedAdapter(self._link, firmware, self._clock)
-        adapter.open()
-        self._firmware, self._adapter = firmware, adapter
+        server: EmulatedAdapter | BusServer
+        if isinstance(self._link, BusSettings):
+            server = BusServer(self._link, node, self._clock)
+        else:
+            server = EmulatedAdapter(self._link, node, self._clock)
+        server.open()
+        self._node, self._server = node, server
 
     def read(self, timeout: float) -> Scan | None:
         """Let `timeout` [s] pass and return None."""
@@ -71,32 +82,37 @@ class AdapterSource:
         return None
 
     def close(self) -> None:
-        """Take the adapter away and switch the board off."""
-        if self._adapter:
-            self._adapter.close()
-            self._dropped += self._adapter.frames_dropped
-        self._firmware = self._adapter = None
+        """Take the board away from its bus and switch it off."""
+        if self._server:
+            self._server.close()
+            self._dropped += self._server.frames_dropped
+        self._node = self._server = None
 
     def report(self) -> SourceReport:
         """Return the state for diagnostics; the scans are those that the board sent."""
-        firmware, adapter = self._firmware, self._adapter
-        if firmware is None or adapter is None:
+        node, server = self._node, self._server
+        place = f"bus {self._link.name}" if isinstance(self._link, BusSettings) else f"adapter {self._link}"
+        gone = server.gone if isinstance(server, BusServer) else ""
+        if node is None or server is None:
             health, state = Health.STALE, "simulation stopped"
-        elif firmware.running:
-            health, state = Health.OK, f"simulating scene '{self.board.scene.name}' on the adapter {self._link}"
+        elif gone:
+            health, state = Health.ERROR, f"the {place} is gone: {gone}"
+        elif node.running:
+            health, state = Health.OK, f"simulating scene '{self.board.scene.name}' on the {place}"
         else:
-            health, state = Health.OK, f"waiting on the adapter {self._link} for a driver to start the scans"
-        dropped = self._dropped + (adapter.frames_dropped if adapter else 0)
+            health, state = Health.OK, f"waiting on the {place} for a driver to start the scans"
+        dropped = self._dropped + (server.frames_dropped if server else 0)
+        faults = {f"simulated: {name}": count for name, count in self._faults.items() if count}
         return SourceReport(
             health=health,
             state=state,
             scans=self._scans,
             frames_lost=dropped,
-            counters={"frames nobody read": dropped},
+            counters={"frames nobody read": dropped, **faults},
             values={"scene": self.board.scene.name},
         )
 
     def _sent(self, scan: Scan) -> None:
         self._scans += 1
-        if self.on_scan and self._firmware:
-            self.on_scan(scan, self._epoch + self._firmware.switched_on + scan.stamp)
+        if self.on_scan and self._node:
+            self.on_scan(scan, self._epoch + self._node.switched_on + scan.stamp)

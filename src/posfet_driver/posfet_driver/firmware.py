@@ -63,7 +63,7 @@ class BoardFirmware:
         self._shortest_period = round(1e6 / self._rate)
         self._scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
         self.switched_on = now
-        """Time 0 of the board [ns]: when it was switched on, or first started, so that no scene runs unseen."""
+        """Time 0 of the board [ns]."""
         self._status_sent = 0
         self._step = 1.0  # scan indices from one scan to the next
         self._position = 0.0  # index of the next scan, before rounding
@@ -97,6 +97,10 @@ class BoardFirmware:
         answer = Response(request.command, request.tag, result, value)
         return [(self._base + RESPONSE_OFFSET, CLASSIC, answer.pack())]
 
+    def begin(self, now: int) -> None:
+        """Take `now` [ns] for the time at which the board was switched on."""
+        self.switched_on, self._status_sent = now, 0
+
     def _obey(self, request: Request, now: int) -> tuple[Result, int]:
         match request.command:
             case Command.START:
@@ -117,8 +121,6 @@ class BoardFirmware:
 
     def _start(self, now: int) -> tuple[Result, int]:
         if not self.running:
-            if self._first:
-                self.switched_on, self._status_sent = now, 0
             index = math.ceil((now - self.switched_on) / _NANOSECONDS * self._rate)
             self._position = float(max(index, math.ceil(self._position)))
             self._sequence = max(self._sequence, int(self._position))

@@ -8,16 +8,19 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from geometry_msgs.msg import Point, Pose
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from posfet_driver.adapter_source import AdapterSource
+from posfet_driver.bus import bus_settings
 from posfet_driver.conversions import NANOSECONDS
+from posfet_driver.imperfections import NONE, load_imperfections
 from posfet_driver.scan_source_node import Listeners, ScanSourceNode
 from posfet_driver.scene import DEFAULT_SCENE, load_scene
-from posfet_driver.simulated_board import SEED_MAX, Truth
+from posfet_driver.simulated_board import SEED_MAX
 from posfet_driver.simulation_source import SimulationSource
 from posfet_driver.source import ScanSource
+from posfet_driver.truth import Truth
 from posfet_model.ros_parameters import Parameter
 from posfet_model.run_node import run_node
 from posfet_model.scan import Scan
@@ -30,6 +33,9 @@ PARAMETERS = (
     Parameter(
         "adapter_link", "", "Path at which to appear as a CAN adapter (slcan) instead of publishing raw; '': none"
     ),
+    Parameter("bus_interface", "", "python-can interface on which to appear as a board instead; '': none"),
+    Parameter("bus_channel", "", "Channel of that interface"),
+    Parameter("imperfections", NONE, "Imperfections of the board: none, default, or the path of a YAML file"),
 )
 TRUTH_DEPTH = 10
 
@@ -40,7 +46,6 @@ class TruthMessage:
     def __init__(self, layout: Layout, frame_id: str) -> None:
         self._message = TactileTruth(layout_id=layout.id, rows=layout.rows, cols=layout.cols)
         self._message.header.frame_id = frame_id
-        self._message.status = array("B", bytes(layout.taxels))  # no imperfections are simulated: every taxel is OK
 
     def fill(self, truth: Truth, sequence: int, stamp: int) -> TactileTruth:
         """Return the message of `truth` for the scan of that number and stamp [ns]; the next call overwrites it."""
@@ -48,11 +53,17 @@ class TruthMessage:
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, NANOSECONDS)
         message.sequence = sequence
         message.force = _floats(truth.force)
+        message.status = array("B", truth.taxel_status.tobytes())
         message.temperature = truth.film_temperature
-        message.objects = list(truth.objects)
-        message.poses = [Pose(position=_point(x, y, z)) for x, y, z in truth.positions.tolist()]
-        message.contact_centres = [_point(x, y, 0.0) for x, y in truth.contact_centres.tolist()]
-        message.contact_forces = _floats(truth.contact_forces)
+        message.chip_temperature = truth.chip_temperature
+        objects = truth.objects
+        message.objects = list(objects.names)
+        places = zip(objects.positions.tolist(), objects.orientations.tolist(), strict=True)
+        message.poses = [Pose(position=_point(*place), orientation=_quaternion(*turn)) for place, turn in places]
+        message.contact_objects = array("H", objects.contact_objects.tolist())
+        message.contact_centres = [_point(x, y, 0.0) for x, y in objects.contact_centres.tolist()]
+        message.contact_normals = [Vector3(x=x, y=y, z=z) for x, y, z in objects.contact_normals.tolist()]
+        message.contact_forces = _floats(objects.contact_forces)
         return message
 
 
@@ -72,17 +83,21 @@ class SimBoardNode(ScanSourceNode):
         self._truth_listeners = Listeners(self._truth)
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ScanSource:
-        """Return the simulated board in real time, bare or behind an adapter."""
+        """Return the simulated board in real time: bare, behind an adapter, or on a bus."""
         scene = load_scene(parameters["scene"], sensor)
-        if not parameters["adapter_link"]:
-            return SimulationSource(sensor, scene, parameters["seed"])
-        source = AdapterSource(sensor, scene, parameters["seed"], parameters["adapter_link"])
+        imperfections = load_imperfections(parameters["imperfections"])
+        link = parameters["adapter_link"]
+        if parameters["bus_interface"]:
+            link = bus_settings(parameters["bus_interface"], parameters["bus_channel"], sensor.can)
+        if not link:
+            return SimulationSource(sensor, scene, parameters["seed"], imperfections=imperfections)
+        source = AdapterSource(sensor, scene, parameters["seed"], link, imperfections=imperfections)
         source.on_scan = self._scan_sent
         return source
 
     def wanted(self, now: int) -> bool:
-        """Return whether the scene may begin; behind an adapter that is for the driver to say."""
-        return bool(self.parameters["adapter_link"]) or super().wanted(now)
+        """Return whether the scene may begin; on a bus that is for the driver to say."""
+        return isinstance(self.source, AdapterSource) or super().wanted(now)
 
     def deliver(self, scan: Scan, now: int) -> None:
         """Hand on one scan, then what truly was."""
@@ -110,6 +125,10 @@ def _floats(values: np.ndarray[Any, Any]) -> array[float]:
 
 def _point(x: float, y: float, z: float) -> Point:
     return Point(x=x, y=y, z=z)
+
+
+def _quaternion(x: float, y: float, z: float, w: float) -> Quaternion:
+    return Quaternion(x=x, y=y, z=z, w=w)
 
 
 def make_node() -> SimBoardNode:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
+from posfet_driver.imperfections import Imperfections
 from posfet_driver.scene import Scene
+from posfet_driver.sim_faults import FaultyScans
 from posfet_driver.simulated_board import SimulatedBoard
 from posfet_driver.source import Clock, Health, SourceReport, SystemClock
 from posfet_model.scan import Scan
@@ -16,19 +18,29 @@ LATE: Final = 0.1
 
 
 class SimulationSource:
-    """Hands on scan k of a board k scan intervals after `open`.
+    """Hands on each scan of a board when the board takes it.
 
     A reader that comes late gets every scan that is due, one after the other: none is skipped, and the stamps keep the
-    board's rhythm. After a `close` the next `open` starts a fresh board.
+    board's rhythm. Scans that the board's line loses are missing, those it repeats come twice (`FaultyScans`). After a
+    `close` the next `open` starts a fresh board.
     """
 
-    def __init__(self, sensor: Sensor, scene: Scene, seed: int, clock: Clock | None = None) -> None:
+    def __init__(
+        self,
+        sensor: Sensor,
+        scene: Scene,
+        seed: int,
+        clock: Clock | None = None,
+        imperfections: Imperfections | None = None,
+    ) -> None:
         """Take what the board is made of (see `SimulatedBoard`), and the clock (that of this machine by default).
 
         Raises ValueError for a seed outside [0, 1e9].
         """
-        self.board = SimulatedBoard(sensor, scene, seed)
+        self.board = SimulatedBoard(sensor, scene, seed, imperfections)
         """The board that the scans come from, for its ground truth; another one after each `open`."""
+        self._scans = FaultyScans(self.board, seed)
+        self._again = False  # whether the last scan is to be handed on once more
         self._seed = seed
         self._clock = clock or SystemClock()
         self._scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
@@ -46,7 +58,12 @@ class SimulationSource:
 
     def open(self) -> None:
         """Put a fresh board at the beginning of the scene, which the first `read` starts."""
-        self.board = SimulatedBoard(self.board.sensor, self.board.scene, self._seed)
+        board = self.board
+        self.board = SimulatedBoard(board.sensor, board.scene, self._seed, board.imperfections)
+        counters = self._scans.counters  # go on counting
+        self._scans = FaultyScans(self.board, self._seed)
+        self._scans.counters = counters
+        self._again = False
         self._next = 0
         self._delay = 0.0
         self._running = True
@@ -59,18 +76,26 @@ class SimulationSource:
         if self._next == 0:
             self._start = self._clock.monotonic()
             self._epoch = self._clock.wall()
-        due = self._start + round(self._next / self.board.sensor.can.scan_rate * _NANOSECONDS)
-        wait = (due - self._clock.monotonic()) / _NANOSECONDS
-        if wait > 0:
-            self._clock.sleep(min(wait, timeout))
-            if wait > timeout:
-                return None
-        self._delay = max(-wait, 0.0)
-        self.board.scan(self._next, self._scan)
-        self._scan.stamp += self._epoch
-        self._next += 1
-        self._delivered += 1
-        return self._scan
+        if self._again:
+            self._again = False
+            self._delivered += 1
+            return self._scan
+        end = self._clock.monotonic() + round(timeout * _NANOSECONDS)
+        while True:
+            due = self._start + round(self.board.clock.time(self._next) * _NANOSECONDS)
+            now = self._clock.monotonic()
+            if due > now:
+                self._clock.sleep((min(due, end) - now) / _NANOSECONDS)
+                if due > end:
+                    return None
+            self._delay = max(now - due, 0) / _NANOSECONDS
+            times = self._scans.scan(self._next, self._scan)
+            self._next += 1
+            if times:
+                self._scan.stamp += self._epoch
+                self._again = times > 1
+                self._delivered += 1
+                return self._scan
 
     def close(self) -> None:
         """Stop the scene."""
@@ -91,5 +116,6 @@ class SimulationSource:
             state=state,
             scans=self._delivered,
             frames_lost=0,
+            counters={f"simulated: {name}": count for name, count in self._scans.counters.items() if count},
             values={"scene": self.board.scene.name, "delay [ms]": f"{self._delay * 1e3:.1f}"},
         )

@@ -1,0 +1,60 @@
+"""Time that one object costs a scan, for each kind on a small and a large array: the table of docs/scenes.md.
+
+Run: python benchmarks/scene_cost.py
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+
+from posfet_driver.scene import ChipBend, Scene, SceneLoads, SceneObject, Track
+from posfet_driver.scene.lines import Cylinder, Edge
+from posfet_driver.scene.paths import Vibration
+from posfet_driver.scene.shapes import Punch, Shape, Sphere
+from posfet_driver.scene.textures import Ridges, Roughness
+from posfet_model.sensor import Sensor, load_sensor
+
+SCANS = 100
+REPEATS = 30
+SHAPES: dict[str, Shape] = {
+    "sphere": Sphere(5e-3, 2e6),
+    "punch": Punch(1.5e-3, 2e6),
+    "cylinder": Cylinder(4e-3, 2e6, 3e-3),
+    "edge": Edge(4e-3, 2e6, math.tan(math.radians(20))),
+    "texture, 3 ridges": Ridges(6e-3, 4e-3, 3, 10e-6, 2e6),
+    "texture, 60 bumps": Roughness(6e-3, 4e-3, 60, 1),
+}
+
+
+def cost(sensor: Sensor, shape: Shape, angle: float, bend: ChipBend | None) -> tuple[float, int]:
+    """Return the least time a scan [us] over a few runs, and the number of taxels met, while the force changes."""
+    path = Vibration(0.0, 10.0, 1.0, 0.3e-3, -0.2e-3, angle, 1.0, 0.2, 37.0, 37.0)
+    temperature = Track((0.0,), ((25.0,),))
+    scene = Scene("cost", "-", math.inf, (SceneObject("object", shape, path),), temperature, bend)
+    loads = SceneLoads(scene, sensor)
+    times = [1.0 + index * 1e-3 for index in range(SCANS)]
+    least = math.inf
+    for _ in range(REPEATS):
+        begin = time.perf_counter()
+        for at in times:
+            loads.forces(at)
+        least = min(least, time.perf_counter() - begin)
+    return least / SCANS * 1e6, loads.forces(1.0)[0].force.size
+
+
+def main() -> None:
+    """Print the table."""
+    small = load_sensor()
+    large = replace(small, layout=replace(small.layout, rows=64, cols=64))
+    cases = [(small, 0.0, None), (large, 0.0, None), (large, 0.5, None), (large, 0.5, ChipBend(20e-3, axis_x=False))]
+    print("| kind | 5 x 5 | 64 x 64 | turned by 29 deg | turned, bent chip | taxels met of 4096 |")
+    print("|---|---|---|---|---|---|")
+    for name, shape in SHAPES.items():
+        costs = [cost(sensor, shape, angle, bend) for sensor, angle, bend in cases]
+        print(f"| {name} | {' | '.join(f'{each:.0f} us' for each, _ in costs)} | {costs[2][1]} |")
+
+
+if __name__ == "__main__":
+    main()

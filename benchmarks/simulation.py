@@ -1,0 +1,265 @@
+"""What the simulated board costs and how exact it is: `python benchmarks/simulation.py [PART ...]`.
+
+scenes    work and time saved by computing only what a scene needs, and the difference that makes
+reference error against every taxel computed at 100 kHz, noise off in both (minutes)
+speed     share of a core of 5 x 5 at 1 kHz, touched and at rest; 64 x 64 against real time
+schemes   run time against error over step, scheme and float width; writes docs/figures/simulation_schemes.csv
+
+Each part prints one table for docs/simulation.md. Times are those of this process alone.
+`python -m posfet_driver.sim_figure` draws the schemes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_model"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_driver"))
+
+from posfet_driver.imperfections import Imperfections
+from posfet_driver.scene import SCENE_FOLDER, SceneLoads, load_scene
+from posfet_driver.simulated_board import SimulatedBoard
+from posfet_model.scan import Scan
+from posfet_model.sensor import load_sensor
+
+SENSOR = load_sensor()
+SHIPPED = sorted(path.stem for path in SCENE_FOLDER.glob("*.yaml"))
+FULL_SCALE = SENSOR.device.force_max * SENSOR.volts_per_newton
+NONE, DEFAULT = Imperfections.none(), Imperfections.default()
+REFERENCE_RATE = 100_000.0
+CHUNK = 64
+"""Scans timed together: the least of many is what an undisturbed processor needs."""
+SCHEME_SCENE = "tap"
+SCHEME_SPAN = (0.25, 1.25)
+SCHEME_FILE = Path(__file__).resolve().parents[1] / "docs" / "figures" / "simulation_schemes.csv"
+
+Scheme = Callable[[np.ndarray, np.ndarray, float], Iterator[np.ndarray]]
+
+
+def scans(scene: str, longest: float, rate: float = 1000.0) -> int:
+    """How many scans of a scene are run."""
+    return round(min(load_scene(scene, SENSOR).duration or 10.0, longest) * rate)
+
+
+def run(board: SimulatedBoard, indices: range) -> float:
+    """Return the time [s] that some scans take."""
+    scan = Scan.empty(1, board.sensor.layout.taxels)
+    begin = time.process_time()
+    for index in indices:
+        board.scan(index, scan)
+    return time.process_time() - begin
+
+
+def scenes(options: argparse.Namespace) -> None:
+    """Print the table of what is saved."""
+    print(
+        "| scene | taxel updates / (taxels * scans) | us a scan | in full | times | largest difference / full scale |"
+    )
+    print("|---|---|---|---|---|---|")
+    wide = replace(SENSOR, layout=replace(SENSOR.layout, rows=32, cols=32))
+    for sensor, suffix in ((SENSOR, ""), (wide, " (32 x 32)")):
+        for name in options.scene:
+            count = scans(name, options.longest)
+            scene = load_scene(name, sensor)
+            lazy, full = (SimulatedBoard(sensor, scene, 0, NONE.without_noise(), full=full) for full in (False, True))
+            taken = run(lazy, range(count)), run(full, range(count))
+            lazy, full = (SimulatedBoard(sensor, scene, 0, NONE.without_noise(), full=full) for full in (False, True))
+            scan, worst = Scan.empty(1, sensor.layout.taxels), 0.0
+            for index in range(count):
+                lazy.scan(index, scan)
+                full.scan(index, scan)
+                worst = max(worst, float(np.abs(lazy.volts() - full.volts()).max()))
+            share = lazy.taxel_updates / full.taxel_updates
+            micro = [seconds / count * 1e6 for seconds in taken]
+            print(
+                f"| `{name}`{suffix} | {share:.3f} | {micro[0]:.1f} | {micro[1]:.1f} | {micro[1] / micro[0]:.1f} "
+                f"| {worst / FULL_SCALE:.0e} |"
+            )
+
+
+def reference(options: argparse.Namespace) -> None:
+    """Print the table of errors against the full computation at 100 kHz."""
+    print("| scene | time s | largest error, % of full scale | with imperfections, noise off |")
+    print("|---|---|---|---|")
+    fast = replace(SENSOR, can=replace(SENSOR.can, scan_rate=REFERENCE_RATE))
+    ratio = round(REFERENCE_RATE / SENSOR.can.scan_rate)
+    for name in options.scene:
+        count = scans(name, options.longest)
+        errors = []
+        for imperfections in (NONE.without_noise(), replace(DEFAULT.without_noise(), dead_share=0.0, stuck_share=0.0)):
+            board = SimulatedBoard(SENSOR, load_scene(name, SENSOR), 0, imperfections)
+            truth = SimulatedBoard(fast, load_scene(name, fast), 0, imperfections, full=True)
+            scan, worst = Scan.empty(1, SENSOR.layout.taxels), 0.0
+            for index in range(count):
+                board.scan(index, scan)
+                for part in range(max((index - 1) * ratio + 1, 0), index * ratio + 1):
+                    truth.scan(part, scan)
+                worst = max(worst, float(np.abs(board.volts() - truth.volts()).max()))
+            errors.append(100 * worst / FULL_SCALE)
+        print(f"| `{name}` | {count / SENSOR.can.scan_rate:g} | {errors[0]:.5f} | {errors[1]:.5f} |", flush=True)
+
+
+def speed(options: argparse.Namespace) -> None:
+    """Print the table of speed."""
+    del options
+    print("| array | imperfections | state | us a scan, least | median | share of a core at 1 kHz | times real time |")
+    print("|---|---|---|---|---|---|---|")
+    large = replace(SENSOR, layout=replace(SENSOR.layout, rows=64, cols=64))
+    parts = (("press_slide_lift", "sliding", range(1000, 2000)), ("press_slide_lift", "held", range(520, 900)),
+             ("idle", "at rest", range(3000)))  # fmt: skip
+    for sensor, title in ((SENSOR, "5 x 5"), (large, "64 x 64")):
+        for imperfections, what in ((NONE, "none"), (DEFAULT, "default")):
+            for scene, state, part in parts:
+                micro = []
+                for _ in range(3):
+                    board = SimulatedBoard(sensor, load_scene(scene, sensor), 0, imperfections)
+                    run(board, range(part.start))
+                    chunks = [range(k, k + CHUNK) for k in range(part.start, part.stop - CHUNK + 1, CHUNK)]
+                    micro += [run(board, chunk) / CHUNK * 1e6 for chunk in chunks]
+                least, middle = min(micro), float(np.median(micro))
+                print(
+                    f"| {title} | {what} | {state} | {least:.1f} | {middle:.1f} | {least / 10:.1f} % "
+                    f"| {1000 / least:.1f} |"
+                )
+
+
+def exact_hold(source: np.ndarray, change: np.ndarray, ratio: float) -> Iterator[np.ndarray]:
+    """First-order hold, exact: what the board does."""
+    decay, mean = source.dtype.type(math.exp(-ratio)), source.dtype.type(-math.expm1(-ratio) / ratio)
+    charge = np.zeros_like(source[0])
+    for row in change:
+        charge *= decay
+        charge += mean * row
+        yield charge
+
+
+def zero_order(source: np.ndarray, change: np.ndarray, ratio: float) -> Iterator[np.ndarray]:
+    """Zero-order hold, exact: the force jumps at each step."""
+    decay, charge = source.dtype.type(math.exp(-ratio)), np.zeros_like(source[0])
+    for row in change:
+        charge *= decay
+        charge += row
+        yield charge
+
+
+def forward_euler(source: np.ndarray, change: np.ndarray, ratio: float) -> Iterator[np.ndarray]:
+    """Forward Euler."""
+    decay, charge = source.dtype.type(1 - ratio), np.zeros_like(source[0])
+    for row in change:
+        charge *= decay
+        charge += row
+        yield charge
+
+
+def backward_euler(source: np.ndarray, change: np.ndarray, ratio: float) -> Iterator[np.ndarray]:
+    """Backward Euler."""
+    decay, charge = source.dtype.type(1 / (1 + ratio)), np.zeros_like(source[0])
+    for row in change:
+        charge += row
+        charge *= decay
+        yield charge
+
+
+def trapezoid(source: np.ndarray, change: np.ndarray, ratio: float) -> Iterator[np.ndarray]:
+    """Trapezoidal rule."""
+    kind = source.dtype.type
+    decay, weight, charge = kind((2 - ratio) / (2 + ratio)), kind(2 / (2 + ratio)), np.zeros_like(source[0])
+    for row in change:
+        charge *= decay
+        charge += weight * row
+        yield charge
+
+
+SCHEMES: dict[str, Scheme] = {
+    "first-order hold": exact_hold,
+    "zero-order hold": zero_order,
+    "forward Euler": forward_euler,
+    "backward Euler": backward_euler,
+    "trapezoidal rule": trapezoid,
+}
+
+
+def schemes(options: argparse.Namespace) -> None:
+    """Print and write run time against error of one taxel's charge, 4096 of them, for step, scheme and float width."""
+    del options
+    forces = scheme_forces()
+    full_scale = SENSOR.device.force_max
+    ratio_of = 1 / SENSOR.device.leak_time_constant
+    finest = 1 / REFERENCE_RATE
+    exact = march(exact_hold, forces, finest * ratio_of)[0]
+    rows: list[tuple[str, str, float, float, float]] = []
+    for stride in (10, 30, 100, 300, 1000):
+        step = stride * finest
+        for title, scheme in SCHEMES.items():
+            for kind in (np.float64, np.float32):
+                values, seconds = march(scheme, forces[::stride].astype(kind), step * ratio_of)
+                error = 100 * float(np.abs(values - exact[::stride][: len(values)]).max()) / full_scale
+                rows.append((title, np.dtype(kind).name, step, seconds / (len(values) * step), error))
+    with SCHEME_FILE.open("w", newline="", encoding="ascii") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(["scheme", "width", "step_s", "run_time_per_second_s", "error_percent"])
+        for title, width, step, cost, error in rows:
+            writer.writerow([title, width, f"{step:g}", f"{cost:.4g}", f"{error:.4g}"])
+    print("| scheme | float | step ms | ms a second, 4096 taxels | largest error, % of full scale |")
+    print("|---|---|---|---|---|")
+    for title, width, step, cost, error in rows:
+        print(f"| {title} | {width} | {step * 1e3:g} | {cost * 1e3:.1f} | {error:.2g} |")
+
+
+def scheme_forces() -> np.ndarray:
+    """Force on the taxels [N] at 100 kHz, shape [steps, 25]."""
+    loads = SceneLoads(load_scene(SCHEME_SCENE, SENSOR), SENSOR)
+    count = round((SCHEME_SPAN[1] - SCHEME_SPAN[0]) * REFERENCE_RATE) + 1
+    forces = np.zeros((count, SENSOR.layout.rows, SENSOR.layout.cols))
+    for index in range(count):
+        for patch in loads.forces(SCHEME_SPAN[0] + index / REFERENCE_RATE):
+            forces[index, patch.rows, patch.cols] += patch.force
+    return forces.reshape(count, -1)
+
+
+def march(scheme: Scheme, forces: np.ndarray, ratio: float) -> tuple[np.ndarray, float]:
+    """Return the charge in units of force after each step, shape [steps + 1, 25], and the time for 4096 taxels [s]."""
+    change = np.diff(forces, axis=0)
+    values = np.zeros_like(forces)
+    for index, charge in enumerate(scheme(forces, change, ratio)):
+        values[index + 1] = charge
+    wide = np.zeros((1, 4096), forces.dtype)
+    rows = np.zeros((min(len(change), 300), 4096), forces.dtype)
+    seconds = math.inf
+    for _ in range(3):
+        begin = time.process_time()
+        for _ in scheme(wide, rows, ratio):
+            pass
+        seconds = min(seconds, time.process_time() - begin)
+    return values, seconds * len(change) / len(rows)
+
+
+PARTS = {"scenes": scenes, "reference": reference, "speed": speed, "schemes": schemes}
+
+
+def main() -> int:
+    """Run the parts asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"which (default: all): {', '.join(PARTS)}")
+    parser.add_argument("--longest", type=float, default=3.0, help="time of each scene at most in s (default: 3)")
+    parser.add_argument("--scene", nargs="+", default=SHIPPED, help="scenes of the first two parts (default: all)")
+    options = parser.parse_args()
+    for name in options.parts or PARTS:
+        if name not in PARTS:
+            parser.error(f"no part {name}; there are {', '.join(PARTS)}")
+        print(f"\n### {name}\n")
+        PARTS[name](options)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,115 @@
+"""Textured pads: a soft rectangle that follows the surface, with ridges or bumps that press more than what is between.
+
+The mean pressure is the same all over the pad (assumed, on a bent chip too, which the pad follows). How deep a pad
+sinks in has no closed form: its path gives its force.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from posfet_driver.contact_pressure_cells import Footprint, points_for
+from posfet_driver.contact_pressure_laws import FORCE_LIMIT
+from posfet_driver.contact_pressure_rules import half_ellipse, uniform
+from posfet_driver.scene.shapes import Bend
+
+
+@dataclass(frozen=True)
+class Pad:
+    """What all textured pads share."""
+
+    length: float
+    """Along u [m]."""
+    width: float
+    """Along v [m]."""
+    turns: ClassVar[bool] = True
+    height: ClassVar[float] = 0.0
+    greatest_force: ClassVar[float] = FORCE_LIMIT
+
+    def indentation(self, force: float, bend: Bend) -> float:
+        """Return 0: the pad's face is taken to lie in the surface."""
+        return 0.0
+
+    def area(self, force: float, bend: Bend) -> float:
+        """Return the area of the pad [m2]."""
+        return self.length * self.width
+
+    def force(self, indentation: float, bend: Bend) -> float:
+        """Raise ValueError: a pad's force does not follow from an indentation."""
+        raise ValueError("a textured pad must be given a force, not an indentation")
+
+
+@dataclass(frozen=True)
+class Ridges(Pad):
+    """Sinusoidal ridges across u, a whole number of them, troughs at both ends.
+
+    Pressure of a wavy surface (Westergaard 1939; Johnson, Contact Mechanics, 1985, section 13.2): above the mean
+    pressure ``p* = pi*E*amplitude/wavelength`` it is the mean plus ``p*`` times a cosine; below, each ridge touches
+    over the half-width a with ``sin^2(pi*a/wavelength) = mean/p*``. Each ridge is taken as one of an endless row.
+    """
+
+    ridges: int
+    amplitude: float
+    """Height of the crests above the mean [m]."""
+    effective_modulus: float
+    """E [Pa]."""
+
+    def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
+        """Return the pressure of the ridges, and above the full contact what is even on top of it."""
+        wavelength = self.length / self.ridges
+        full = math.pi * self.effective_modulus * self.amplitude / wavelength * self.length * self.width
+        touching = min(force / full, 1.0) if full > 0 else 0.0
+        widest = max(self.length, self.width) / 2
+        v, v_weight = uniform(points_for(self.width / 2, spread, widest))
+        lines = []
+        if full > 0:
+            chord, chord_weight = half_ellipse(points_for(wavelength / 2, spread, widest))
+            inside = 2 / math.pi * np.arcsin(math.sqrt(touching) * chord)
+            crests = np.arange(1 - self.ridges, self.ridges, 2)
+            u = np.add.outer(crests, inside).ravel() / self.ridges
+            lines.append((u, np.tile(chord_weight, self.ridges) * (min(full / force, 1.0) / self.ridges)))
+        if force > full:
+            u, weight = uniform(points_for(self.length / 2, spread, widest))
+            lines.append((u, weight * (1 - full / force)))
+        half_length, half_width = self.length / 2, self.width / 2
+        return [Footprint(half_length, half_width, u, weight, v[None, :], v_weight, False) for u, weight in lines]
+
+
+@dataclass(frozen=True)
+class Roughness(Pad):
+    """Bumps at random places that carry random shares of the force, the same at every force (assumed).
+
+    The shares are exponential: those of bumps of exponentially distributed height (Greenwood and Williamson, Proc. R.
+    Soc. A 295, 1966). The bumps are small against the cover's spread, and placed so that the centre of pressure is the
+    pad's.
+    """
+
+    bumps: int
+    seed: int
+
+    @cached_property
+    def _points(self) -> Footprint:
+        random = np.random.default_rng(self.seed)
+        share = random.exponential(size=self.bumps)
+        share /= share.sum()
+        u, v = (random.random((2, self.bumps)) - 0.5) * np.array([[self.length], [self.width]])
+        u, v = u - share @ u, v - share @ v
+        half_length, half_width = (max(float(np.abs(points).max()), 1e-9) for points in (u, v))
+        return Footprint(
+            half_length=half_length,
+            half_width=half_width,
+            u=u / half_length,
+            u_weight=share,
+            v=v[:, None] / half_width,
+            v_weight=np.ones(1),
+            mirrored=False,
+        )
+
+    def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
+        """Return the bumps."""
+        return [self._points]
