@@ -43,6 +43,7 @@ class Readout:
         taxels = sensor.layout.taxels
         self._imperfections = imperfections
         self._spread = spread
+        self._neighbour_weights = np.full(4, imperfections.crosstalk)
         self._clock = clock
         self._seed = seed
         self._bits = converter.bits
@@ -100,7 +101,7 @@ class Readout:
             self._last_shift, shift = shift, shift - lag
         if self._imperfections.crosstalk:
             self._padded[self._inside] = shift
-            shift = shift + self._imperfections.crosstalk * self._padded[self._beside].sum(axis=0)
+            shift = shift + self._neighbour_weights @ self._padded[self._beside]
         shift += self._rest_awake
         if self._slews:
             most = self._slew * step
