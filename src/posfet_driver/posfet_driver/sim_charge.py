@@ -57,6 +57,7 @@ class TaxelCharge:
         self._weight = hysteresis / (2 * sum(PLAY_WIDTHS))
         reach = np.array(PLAY_WIDTHS if hysteresis else ())[:, None]
         self._reach: Float64Array = reach * sensor.device.force_max
+        self._play_weights = np.full(len(reach), self._weight)
         self._all_charge: Float64Array = np.zeros(layout.taxels)
         self._all_source = np.zeros(layout.taxels)
         self._all_plays = np.zeros((len(self._reach), layout.taxels))
@@ -64,7 +65,7 @@ class TaxelCharge:
         # Of those awake: source and play so far, coefficients, and the step that the weights are for.
         self._source: Float64Array
         self._plays: Float64Array
-        self._time_constant: Float64Array
+        self._rate: Float64Array
         self._step: float
         self._weights: tuple[Float64Array, Float64Array]
         self._wake_up(np.full((layout.rows, layout.cols), full, np.bool_))
@@ -127,9 +128,9 @@ class TaxelCharge:
 
     def _step_weights(self, step: float) -> tuple[Float64Array, Float64Array]:
         if step != self._step:
-            ratio = step / self._time_constant
-            lost = np.expm1(-ratio)
-            self._step, self._weights = step, (1 + lost, -lost / ratio)
+            exponent = step * self._rate
+            lost = np.expm1(exponent)
+            self._step, self._weights = step, (1 + lost, lost / exponent)
         return self._weights
 
     def _sources(self) -> Float64Array:
@@ -138,7 +139,7 @@ class TaxelCharge:
         if self._reach.size:
             np.maximum(self._plays, force - self._reach, out=self._plays)
             np.minimum(self._plays, force + self._reach, out=self._plays)
-            force = (1 - self._weight * len(self._reach)) * force + self._weight * self._plays.sum(axis=0)
+            force = (1 - self._weight * len(self._reach)) * force + self._play_weights @ self._plays
         source = force * self._per_newton
         if self._warmth:
             source += self._warmth * self._per_kelvin
@@ -157,7 +158,7 @@ class TaxelCharge:
         self._plays = self._all_plays[:, self.awake]
         self._per_newton = self._spread.charge_per_newton[self.awake]
         self._per_kelvin = self._spread.charge_per_kelvin[self.awake]
-        self._time_constant = self._spread.leak_time_constant[self.awake]
+        self._rate = -1 / self._spread.leak_time_constant[self.awake]
         self._step, self._weights = -1.0, (self.charge, self.charge)
 
     def _go_to_sleep(self) -> bool:

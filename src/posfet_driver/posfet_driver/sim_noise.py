@@ -36,7 +36,8 @@ class FlickerNoise:
         self._pages: dict[tuple[int, int], NDArray[np.float64]] = {}
         self._fast = [octave for octave in range(1, OCTAVES + 1) if FACTOR**octave <= block]
         self._slow = [octave for octave in range(1, OCTAVES + 1) if FACTOR**octave > block]
-        self._ramp = (np.arange(block) / block)[:, None]
+        self.weights = self._weights()
+        """What each row of `rows` counts in each scan of a block, shape [block, rows]."""
 
     @staticmethod
     def folded_variance(rate: float, bandwidth: float) -> float:
@@ -48,18 +49,27 @@ class FlickerNoise:
 
     def block(self, number: int) -> NDArray[np.float64]:
         """Return block `number`, shape [block, taxels]: scans number*block and on."""
+        result: NDArray[np.float64] = self.weights @ self.rows(number)
+        return result
+
+    def rows(self, number: int) -> NDArray[np.float64]:
+        """Return what block `number` is made of by `weights`, shape [rows, taxels]."""
         start = number * self._block
-        first, last = self._slow_sum(start), self._slow_sum(start + self._block)
-        result = first + self._ramp * (last - first)
+        parts = [np.stack([self._slow_sum(start), self._slow_sum(start + self._block)])]
         for octave in self._fast:
             span = FACTOR**octave
-            knots = self._knots(octave, start // span, self._block // span + 1)
-            angle = (np.arange(span) / span * (math.pi / 2))[:, None]
-            parts = result.reshape(-1, span, self._taxels)
-            parts += np.cos(angle) * knots[:-1, None, :]
-            parts += np.sin(angle) * knots[1:, None, :]
-        result *= math.sqrt(math.log(FACTOR))
-        return result
+            parts.append(self._knots(octave, start // span, self._block // span + 1))
+        return np.concatenate(parts)
+
+    def _weights(self) -> NDArray[np.float64]:
+        place = np.arange(self._block)
+        columns = [1 - place / self._block, place / self._block]  # the slow octaves run straight
+        for octave in self._fast:
+            span = FACTOR**octave
+            angle = (place % span) / span * (math.pi / 2)
+            for knot in range(self._block // span + 1):
+                columns.append(np.cos(angle) * (place // span == knot) + np.sin(angle) * (place // span == knot - 1))
+        return np.stack(columns, axis=1) * math.sqrt(math.log(FACTOR))
 
     def _slow_sum(self, index: int) -> NDArray[np.float64]:
         """Return the sum of the slow octaves at one scan, shape [taxels]."""

@@ -43,6 +43,7 @@ class Readout:
         taxels = sensor.layout.taxels
         self._imperfections = imperfections
         self._spread = spread
+        self._neighbour_weights = np.full(4, imperfections.crosstalk)
         self._clock = clock
         self._seed = seed
         self._bits = converter.bits
@@ -66,6 +67,9 @@ class Readout:
         thermal = (imperfections.thermal_noise * gain) ** 2 * (math.pi / 2 * loop.bandwidth)
         own = converter.noise**2 if imperfections.adc_noise else 0.0
         self._white_steps = math.sqrt(own + thermal + (folded if flicker else 0.0)) / self._lsb * spread.noise_factor
+        # No normal number is 40 standard deviations off: between such rails nothing is left for the converter to clip.
+        clear = 40 * self._white_steps.max()
+        self._clips = self._rails[0] < clear or self._rails[1] > self._top - clear
         self._flicker_steps = math.sqrt(flicker) / self._lsb
         self._hum_steps = spread.hum / self._lsb
         self.block = 64 if taxels <= SMALL_ARRAY else 16
@@ -97,7 +101,7 @@ class Readout:
             self._last_shift, shift = shift, shift - lag
         if self._imperfections.crosstalk:
             self._padded[self._inside] = shift
-            shift = shift + self._imperfections.crosstalk * self._padded[self._beside].sum(axis=0)
+            shift = shift + self._neighbour_weights @ self._padded[self._beside]
         shift += self._rest_awake
         if self._slews:
             most = self._slew * step
@@ -136,8 +140,9 @@ class Readout:
         if white is not None:
             volts += white
         np.rint(volts, out=volts)
-        np.maximum(volts, 0, out=volts)
-        np.minimum(volts, self._top, out=volts)
+        if self._clips:
+            np.maximum(volts, 0, out=volts)
+            np.minimum(volts, self._top, out=volts)
         np.copyto(out, volts, casting="unsafe")
         if self._bits < SCALE_BITS:
             out[...] = out << (SCALE_BITS - self._bits) | out >> (2 * self._bits - SCALE_BITS)
@@ -152,14 +157,16 @@ class Readout:
         if self._white_steps.any():
             self._white = generator(self._seed, Stream.WHITE, number).standard_normal((self.block, taxels))
             self._white *= self._white_steps
-        self._slow = None
+        weights, rows = [], []
         if self._flicker:
-            self._slow = self._flicker.block(number)
-            self._slow *= self._flicker_steps
+            weights.append(self._flicker.weights * self._flicker_steps)
+            rows.append(self._flicker.rows(number))
         if self._imperfections.hum_amplitude:
             turns = self._imperfections.hum_frequency * self._clock.times(first, self.block)
-            hum = np.sin(2 * math.pi * turns)[:, None] * self._hum_steps
-            self._slow = hum if self._slow is None else self._slow + hum
+            weights.append(np.sin(2 * math.pi * turns)[:, None])
+            rows.append(self._hum_steps[None])
+        if rows:
+            self._slow = np.concatenate(weights, axis=1) @ np.concatenate(rows)
 
     def _make_neighbours(self, rows: int, cols: int, awake: NDArray[np.intp]) -> None:
         """Find, for the taxels awake, their places on a padded array, and those of their four neighbours."""
