@@ -1,4 +1,4 @@
-"""Hand formulas of the amplifier: against ngspice (stored) and against their limits."""
+"""Hand formulas of the amplifier: against 40 digits, against ngspice (stored) and against their limits."""
 
 import dataclasses
 import math
@@ -6,12 +6,27 @@ import math
 import numpy as np
 import pytest
 from model.spice_data import small_signal, transient
-from model.sweep import NOT_REAL_NUMBERS, assert_refused, refusals
+from model.sweep import NOT_REAL_NUMBERS, ErrorMap, assert_refused, reference, refusals
 
 from posfet_model.amplifier import AmplifierBias, figures_of_merit, mismatch_offset
 from posfet_model.spice import closed_loop
 
+EPS = np.finfo(np.float64).eps
 FIGURES = figures_of_merit()
+
+
+def test_every_figure_against_the_40_digit_table(record_property) -> None:
+    table = reference("amplifier")
+    inputs, outputs = list(table)[:8], list(table)[8:]
+    found = ErrorMap(bound=8 * EPS)
+    for row in zip(*table.values(), strict=True):
+        bias, exact = map(float, row[: len(inputs)]), dict(zip(outputs, row[len(inputs) :], strict=True))
+        figures = figures_of_merit(AmplifierBias(*bias))
+        # The offset is a difference of overdrives, divided by the first gain.
+        scales = {**exact, "systematic_offset": exact["overdrive"] / exact["first_gain"]}
+        for name in outputs:
+            found.add(name, (getattr(figures, name) - exact[name]) / scales[name])
+    found.check(record_property)
 
 
 def test_gain_and_pole_against_ngspice() -> None:

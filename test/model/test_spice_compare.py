@@ -82,6 +82,44 @@ def test_percent_are_of_peak_to_peak_and_rms_is_over_time() -> None:
     assert result.rms_pct == pytest.approx(100 * math.sqrt((0.5 + 0.5) / 10), abs=1e-12)
 
 
+def test_the_smallest_swing_accepted_prints_json(tmp_path: Path, capsys) -> None:
+    file = write(tmp_path / "run.csv", np.array([0.0, 1e-300, 1.0]), np.array([0.0, 1e6, 1e6]), np.array([0, 1e-3, 0]))
+    code, out, err = command(capsys, file)
+    assert (code, err) == (0, "")
+    for result in json.loads(out, parse_constant=pytest.fail).values():
+        assert np.isfinite(list(result["blind"].values())).all()
+
+
+def test_a_number_that_is_no_json_is_one_line(capsys, monkeypatch) -> None:
+    monkeypatch.setattr(spice_compare, "compare", lambda *arguments: {"ideal": {"blind": {"max_pct": math.inf}}})
+    code, out, err = command(capsys, path("opamp_b", "tap"))
+    assert (code, out, err.count("\n")) == (1, "", 1)
+    assert "must be finite" in err
+
+
+@pytest.mark.parametrize(
+    ("gain", "noted"), [("42.3", True), ("10", True), ("60", True), ("61", False), ("0.99", False)]
+)
+def test_a_gain_that_looks_like_decibels_is_noted_beside_the_json(capsys, gain: str, noted: bool) -> None:
+    code, out, err = command(capsys, path("opamp_b", "tap"), "--gain", gain, "--bandwidth", "1.5e6", "--overdrive", "1")
+    assert code == 0
+    assert set(json.loads(out)) == MODELS
+    assert err.count("\n") == noted
+    if noted:
+        a0 = float(gain)
+        assert f"--gain {a0:g} is taken for an open-loop gain in V/V, not dB" in err
+        assert f"{a0 / (1 + a0):.6g} V/V" in err
+
+
+@pytest.mark.parametrize(("run", "how"), [("step", "was fitted to this very run"), ("press", "is assumed")])
+def test_the_overdrive_taken_is_noted_beside_the_json(capsys, run: str, how: str) -> None:
+    loop = closed_loop(small_signal("opamp_b", "ac"))
+    code, out, err = command(capsys, path("opamp_b", run), "--gain", loop.gain, "--bandwidth", loop.bandwidth)
+    fitted = fit_overdrive(read_run(path("opamp_b", run)), loop)
+    assert (code, set(json.loads(out)), err.count("\n")) == (0, MODELS, 1)
+    assert f"overdrive of the calibrated square_law_slew, {fitted:.4g} V, {how}" in err
+
+
 def test_an_open_loop_gain_stands_for_its_closed_loop() -> None:
     file = path("opamp_b", "tap")
     assert spice_compare.compare(file, 130.0, 1.4e6) == spice_compare.compare(file, 130 / 131, 1.4e6)
@@ -119,7 +157,10 @@ def test_comments_blank_lines_and_jumps_are_read(tmp_path: Path) -> None:
         ("time,v_in,v_out\n0,0,0\n1e300,1,1\n", 3, "time must be in .*, got 1e"),
         ("time,v_in,v_out\n0,0,0\n2,1,1\n\n1,1,1\n", 5, "time must not fall, got 1 after 2"),
         ("time,v_in,v_out\n3,0,0\n3,1,1\n", 3, "time must rise"),
-        ("time,v_in,v_out\n0,0,5\n1,1,5\n", 3, "v_out must move, got 5 V in every row"),
+        ("time,v_in,v_out\n0,0,5\n1,1,5\n", 3, "v_out must move by 5e-09 V or more, got 0 V"),
+        ("time,v_in,v_out\n0,0,0\n1,1,1e-310\n", 3, "v_out must move by 1e-09 V or more, got 1e-310 V"),
+        ("time,v_in,v_out\n0,0,0\n1,1e-310,1e-310\n", 3, "v_out must move by 1e-12 V or more, got 1e-310 V"),
+        ("time,v_in,v_out\n0,1e6,1\n1,1e6,1.0009\n", 3, "v_out must move by 0.001 V or more, got 0.0009 V"),
         ("time,v_in,v_out\n0,0,0\n1_0,1,1\n", 3, "time must be a number"),
     ],
 )

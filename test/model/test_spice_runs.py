@@ -44,6 +44,19 @@ def test_calibrated_models(run: Run, circuit: str, stimulus: str, model: str) ->
     assert deviation(run(circuit, stimulus), follower).max_pct <= 0.05
 
 
+@pytest.mark.parametrize(("circuit", "straight"), [("opamp_b", 0.009), ("opamp_c", 0.036)])
+def test_an_input_held_between_samples_costs_half_a_percent_on_a_tap(circuit: str, straight: float) -> None:
+    """The numbers of docs/stability.md: samples at most 0.4 us apart, one pole, calibrated."""
+    tap = transient(circuit, "tap")
+    assert np.diff(tap.time).max() == pytest.approx(0.4e-6, abs=1e-12)
+    follower = calibrated_models(spice.closed_loop(small_signal(circuit, "ac")), 0.39)["one_pole"]
+    assert deviation(tap, follower).max_pct == pytest.approx(straight, abs=5e-4)
+    # The last input is held until the next sample, where it jumps: each sample comes twice, first with the old input.
+    held = follower.run(np.repeat(tap.time, 2)[1:], np.repeat(tap.v_in, 2)[:-1]).v_out[::2]
+    error = (held - held[0]) - (tap.v_out - tap.v_out[0])
+    assert 100 * np.abs(error).max() / np.ptp(tap.v_out) == pytest.approx(0.48, abs=5e-3)
+
+
 @pytest.mark.parametrize(("circuit", "bound"), [("opamp_b", 1.0), ("opamp_c", 2.0)])
 def test_step_with_slew(run: Run, circuit: str, bound: float) -> None:
     step = run(circuit, "step")

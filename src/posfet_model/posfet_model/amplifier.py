@@ -23,7 +23,7 @@ HOLE_MOBILITY: Final = 283e-4
 """Mobility of the p-channel transistors [m2/(V s)], assumed: a third of the electrons'."""
 
 _ITERATIONS: Final = 200
-_TOLERANCE: Final = 1e-13
+_TOLERANCE: Final = 1e-15  # relative
 _SIZES: Final = {size.name: size for size in AMPLIFIER_SIZES}
 
 
@@ -232,7 +232,8 @@ def _operating_point(bias: AmplifierBias) -> _Point:
         tail = _saturated(beta_n["M5"], bias_overdrive, tail_voltage, lam)
         pair_overdrive = math.sqrt(tail / (beta1 * (1 + lam * pair_voltage)))
         load_overdrive = math.sqrt(tail / (beta_p["M3"] * (1 + lam * load_voltage)))
-        change = max(abs(a - b) for a, b in zip(before, (bias_overdrive, pair_overdrive, load_overdrive), strict=True))
+        after = (bias_overdrive, pair_overdrive, load_overdrive)
+        change = max(abs(a / b - 1) for a, b in zip(before, after, strict=True))
         if change < _TOLERANCE:
             break
     output = _saturated(beta_n["M8"], bias_overdrive, supply, lam)

@@ -37,6 +37,9 @@ OVERDRIVE: Final = 0.39
 OVERDRIVE_SEARCH: Final = (0.01, 10.0)
 """Range in which the overdrive is fitted [V]."""
 
+LEAST_SWING: Final = (1e-12, 1e-9)
+"""Least peak-to-peak of v_out: in V, and as a share of the largest voltage in the file: less is no full scale."""
+
 _TIME_LIMIT: Final = 1e9
 _FIT_ROWS: Final = 20_000
 _FIT_SLEW_SHARE: Final = 0.3
@@ -55,7 +58,7 @@ class FollowerRun:
     v_in: NDArray[np.float64]
     """[V]"""
     v_out: NDArray[np.float64]
-    """[V], not constant."""
+    """[V], its peak-to-peak at least `LEAST_SWING`."""
 
 
 @dataclass(frozen=True)
@@ -135,8 +138,11 @@ def _check(path: Path, table: NDArray[np.float64], rows: list[int]) -> None:
         )
     if time[-1] == time[0]:
         raise RunFileError(f"{path}:{rows[-1]}: time must rise, got {time[0]:g} s in every row")
-    if np.ptp(v_out) == 0:
-        raise RunFileError(f"{path}:{rows[-1]}: v_out must move, got {v_out[0]:g} V in every row; full scale is zero")
+    swing, least = float(np.ptp(v_out)), max(LEAST_SWING[0], LEAST_SWING[1] * float(np.max(np.abs(table[1:]))))
+    if swing < least:
+        raise RunFileError(
+            f"{path}:{rows[-1]}: v_out must move by {least:g} V or more, got {swing:g} V; it is the full scale"
+        )
 
 
 def blind_models() -> dict[str, Follower]:
@@ -182,15 +188,19 @@ def deviations(run: FollowerRun, models: Mapping[str, Follower]) -> dict[str, De
     return {name: deviation(run, model) for name, model in models.items()}
 
 
+def slews(run: FollowerRun, loop: ClosedLoop) -> bool:
+    """Return whether the run asks for a third or more of the slew rate at `OVERDRIVE`: less says nothing about it."""
+    lag = run.v_in - OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth).run(run.time, run.v_in).v_out / loop.gain
+    return bool(np.max(np.abs(lag)) >= _FIT_SLEW_SHARE * OVERDRIVE)
+
+
 def fit_overdrive(run: FollowerRun, loop: ClosedLoop) -> float:
     """Return the overdrive [V], in [0.01, 10], with which the square-law follower has the least rms deviation.
 
-    A small-signal analysis does not show the tail current, only a run that slews does. Where the run asks for less than
-    a third of the slew rate at `OVERDRIVE`, it says nothing about it and `OVERDRIVE` is returned. Runs of more than
-    20000 rows are thinned for the fit.
+    A small-signal analysis does not show the tail current, only a run that slews does. For a run that does not (see
+    `slews`) `OVERDRIVE` is returned. Runs of more than 20000 rows are thinned for the fit.
     """
-    lag = run.v_in - OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth).run(run.time, run.v_in).v_out / loop.gain
-    if np.max(np.abs(lag)) < _FIT_SLEW_SHARE * OVERDRIVE:
+    if not slews(run, loop):
         return OVERDRIVE
     keep = np.unique(np.append(np.arange(0, run.time.size, -(-run.time.size // _FIT_ROWS)), run.time.size - 1))
     thinned = FollowerRun(run.time[keep], run.v_in[keep], run.v_out[keep])

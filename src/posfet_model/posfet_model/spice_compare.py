@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Final
@@ -21,12 +20,15 @@ from posfet_model.follower_run import (
     deviations,
     fit_overdrive,
     read_run,
+    slews,
 )
 
 CLOSED_LOOP_GAIN: Final = (0.5, 1.5)
 OPEN_LOOP_GAIN: Final = (10.0, 1e9)
 BANDWIDTH: Final = (1e-9, 1e12)
 OVERDRIVE_RANGE: Final = (1e-3, 100.0)
+LIKE_DECIBELS: Final = (10.0, 60.0)
+"""Values of --gain that may be decibels given by mistake; as an open-loop gain in V/V they cannot be told from it."""
 _DIGITS: Final = 6
 
 _DESCRIPTION: Final = f"""\
@@ -42,7 +44,9 @@ Every model starts at rest: as if the first v_in had been there for ever.
 "blind" knows an open-loop gain of 42.3 dB and a gain-bandwidth product of 1.5 MHz, and assumes a second pole at
 {1 / SECOND_POLE_QUALITY**2:g} times that and a differential pair of {OVERDRIVE} V overdrive.
 "calibrated" appears when --gain and --bandwidth are given. They say nothing about slewing, so the square-law model's
-overdrive is then fitted to this very run, if it slews (--overdrive gives it instead)."""
+overdrive is then fitted to this very run, if it slews (--overdrive gives it instead).
+Standard output is the JSON and nothing else; standard error says what --gain was taken for where it looks like dB, and
+which overdrive was taken."""
 
 
 class UsageError(ValueError):
@@ -53,19 +57,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Compare and print; return the exit code: 0, or 1 with one line on stderr when file or options are bad."""
     options = _parser().parse_args(arguments)
     try:
-        print(json.dumps(compare(options.file, options.gain, options.bandwidth, options.overdrive), indent=2))
+        result = compare(options.file, options.gain, options.bandwidth, options.overdrive, _note)
+        text = json.dumps(result, indent=2, allow_nan=False)
     except (RunFileError, UsageError) as error:
-        print(f"spice_compare: {error}", file=sys.stderr)
+        _note(str(error))
         return 1
+    except ValueError:  # from json: infinity and NaN are no JSON
+        _note(f"{options.file}: deviations must be finite, got infinity or NaN")
+        return 1
+    print(text)
     return 0
 
 
 def compare(
-    file: Path, gain: float | None = None, bandwidth: float | None = None, overdrive: float | None = None
+    file: Path,
+    gain: float | None = None,
+    bandwidth: float | None = None,
+    overdrive: float | None = None,
+    tell: Callable[[str], None] = lambda text: None,
 ) -> dict[str, dict[str, dict[str, float]]]:
     """Return the deviations in percent, by model and by "blind" or "calibrated"; arguments as on the command line.
 
-    Raises RunFileError or UsageError.
+    `tell` gets a line for each thing that a reader of the numbers should know. Raises RunFileError or UsageError.
     """
     loop = closed_loop(gain, bandwidth)
     if overdrive is not None:
@@ -75,8 +88,13 @@ def compare(
     run = read_run(file)
     results = {"blind": deviations(run, blind_models())}
     if loop is not None:
-        fitted = fit_overdrive(run, loop) if overdrive is None else overdrive
-        results["calibrated"] = deviations(run, calibrated_models(loop, fitted))
+        if gain is not None and LIKE_DECIBELS[0] <= gain <= LIKE_DECIBELS[1]:
+            tell(f"--gain {gain:g} is taken for an open-loop gain in V/V, not dB: a follower of {loop.gain:.6g} V/V")
+        if overdrive is None:
+            overdrive = fit_overdrive(run, loop)
+            how = "was fitted to this very run" if slews(run, loop) else "is assumed, this run does not slew"
+            tell(f"the overdrive of the calibrated square_law_slew, {overdrive:.4g} V, {how}")
+        results["calibrated"] = deviations(run, calibrated_models(loop, overdrive))
     return {
         name: {
             knowledge: {key: _rounded(value) for key, value in asdict(by_model[name]).items()}
@@ -103,6 +121,10 @@ def closed_loop(gain: float | None, bandwidth: float | None) -> ClosedLoop | Non
     return ClosedLoop(gain=gain, bandwidth=bandwidth)
 
 
+def _note(text: str) -> None:
+    print(f"spice_compare: {text}", file=sys.stderr)
+
+
 def _require(name: str, value: float, allowed: tuple[float, float]) -> None:
     if not allowed[0] <= value <= allowed[1]:
         raise UsageError(f"{name} must be in [{allowed[0]:g}, {allowed[1]:g}], got {value:g}")
@@ -110,7 +132,7 @@ def _require(name: str, value: float, allowed: tuple[float, float]) -> None:
 
 def _rounded(value: float) -> float:
     """Return the value with as many digits as mean anything."""
-    return float(f"{value:.{_DIGITS}g}") if math.isfinite(value) else value
+    return float(f"{value:.{_DIGITS}g}")
 
 
 class _OneLineParser(argparse.ArgumentParser):

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterable, Sequence
 
 import mpmath
-from generate import Table, write
+from generate import VACUUM_PERMITTIVITY, Table, write
 from mpmath import mpf
 
 BOLTZMANN = 1.380649e-23  # J/K, exact
@@ -121,6 +121,73 @@ def bias(ohms: mpf, farad: mpf, kelvin: mpf, low: mpf, high: mpf) -> Sequence[mp
     return (mpmath.sqrt(mpmath.quad(lambda f: density / (1 + (f / corner) ** 2), [low, *between, high], maxdegree=10)),)
 
 
+def amplifier_cases() -> Iterable[Sequence[float]]:
+    """Circuit B, and currents, supplies, modulations and loads about it."""
+    usual = (200e-6, 5.0, 46.2e-12, 2631.0, 10e-12, 11e3, 0.1, 0.7)
+    yield usual
+    others = [
+        (1e-9, 1e-6, 1e-4),
+        (3.3, 50.0),
+        (1e-12, 1e-9),
+        (0.0, 1e5),
+        (0.0, 1e-9),
+        (50.0, 1e12),
+        (1e-6, 1.0),
+        (0.0, 0.5),
+    ]
+    for place, values in enumerate(others):
+        yield from ((*usual[:place], value, *usual[place + 1 :]) for value in values)
+
+
+def amplifier(
+    current: mpf, supply: mpf, cc: mpf, rz: mpf, load_c: mpf, load_r: mpf, lam: mpf, vth: mpf
+) -> Sequence[mpf]:
+    """The two-stage op-amp of Table II: Kirchhoff's and the square law solved together, then the two-node circuit."""
+    oxide = mpf(3.9) * mpf(VACUUM_PERMITTIVITY) / mpf(45e-9)
+    film = mpf(12) * mpf(VACUUM_PERMITTIVITY) / mpf(2.5e-6)
+    stack = 1 / (1 / oxide + 1 / film)
+    length = mpf(12e-6)
+    n80, n60 = (mpf(850e-4) * oxide * mpf(width) / length for width in (80e-6, 60e-6))
+    p160, p240 = (mpf(283e-4) * oxide * mpf(width) / length for width in (160e-6, 240e-6))
+    pair = mpf(850e-4) * stack * mpf(3276e-6) / length
+    common, load, tail, out = _rest(current, supply, lam, vth, (n80, n60, p160, pair))
+    gm1, gm3, half = tail / common, tail / load, tail / 2
+    second = mpmath.sqrt(2 * out / (p240 * (1 + lam * supply)))
+    gm7 = 2 * out / second
+    node1 = lam * half / (1 + lam * (supply - load + common)) + lam * half / (1 + lam * (vth + load))
+    node2 = 2 * lam * out / (1 + lam * supply) + 1 / load_r
+    c1 = mpf(2) / 3 * mpf(240e-6) * length * oxide
+    c2 = load_c + mpf(1) / 3 * mpf(3276e-6) * length * stack
+    # Determinant of the admittances of the two nodes: 1 + a1*s + a2*s^2, Rz left out; p1 = 1/a1, p2 = a1/a2.
+    a1 = (node2 * (c1 + cc) + node1 * (c2 + cc) + gm7 * cc) / (node1 * node2)
+    a2 = ((c1 + cc) * (c2 + cc) - cc**2) / (node1 * node2)
+    return (
+        *(tail, out, common, gm1, gm3, gm1 / node1, gm7 / node2),
+        *(1 / (2 * mpmath.pi * a1), a1 / (2 * mpmath.pi * a2), 1 / (2 * mpmath.pi * cc * (rz - 1 / gm7))),
+        *(tail / (cc * (1 + node2 / gm7)), (load - second) * node1 / gm1),
+    )
+
+
+def _rest(current: mpf, supply: mpf, lam: mpf, vth: mpf, betas: Sequence[mpf]) -> Sequence[mpf]:
+    """Overdrives of pair and load [V], currents of tail and output stage [A] at balance, by Newton's method."""
+    n80, n60, p160, pair = betas
+
+    def drain(beta: mpf, overdrive: mpf, voltage: mpf) -> mpf:
+        return beta / 2 * overdrive**2 * (1 + lam * voltage)
+
+    def wrong(mirror: mpf, common: mpf, load: mpf) -> Sequence[mpf]:
+        tail = drain(n80, mirror, supply - vth - common)
+        return (
+            drain(n80, mirror, vth + mirror) / current - 1,
+            drain(pair, common, supply - load + common) / (tail / 2) - 1,
+            drain(p160, load, vth + load) / (tail / 2) - 1,
+        )
+
+    guess = [mpmath.sqrt(2 * current / n80), mpmath.sqrt(current / pair), mpmath.sqrt(current / p160)]
+    mirror, common, load = mpmath.findroot(wrong, guess, maxsteps=50)
+    return common, load, drain(n80, mirror, supply - vth - common), drain(n60, mirror, supply)
+
+
 TABLES = {
     "mean_decay": Table("(1 - exp(-x))/x", ("x",), ("mean_decay",), decay_cases, decay),
     "two_pole_step": Table(
@@ -157,6 +224,16 @@ TABLES = {
         ("bias_rms",),
         bias_cases,
         bias,
+    ),
+    "amplifier": Table(
+        "op-amp of Table II: current [A], supply [V], Cc [F], Rz [ohm], load [F], load [ohm], lambda [1/V], Vth [V]",
+        ("current", "supply", "cc", "rz", "load_c", "load_r", "modulation", "threshold"),
+        (
+            *("tail_current", "output_current", "overdrive", "input_transconductance", "load_transconductance"),
+            *("first_gain", "second_gain", "dominant_pole", "second_pole", "zero", "slew_rate", "systematic_offset"),
+        ),
+        amplifier_cases,
+        amplifier,
     ),
     "noise": Table(
         "thermal density [V2/Hz] of a pair; rms [V] between two frequencies of 1 V2/Hz, and of 1 V2/f",
