@@ -10,8 +10,9 @@ import can
 import pytest
 from fake_board import FakeBoard, assert_marked, board_on_bus, read_scans, read_until, with_layout
 
-from posfet_driver.board import BACK_OFF_LAST, Board
+from posfet_driver.board import Board
 from posfet_driver.bus import bus_settings, open_bus
+from posfet_driver.bus_link import BACK_OFF_LAST
 from posfet_driver.firmware import BoardFirmware
 from posfet_driver.frames import CLASSIC, Frame, FrameBus
 from posfet_driver.messages import RESPONSE_OFFSET, Command, Response, Result
@@ -66,6 +67,10 @@ class SteppedBus:
         if self.broken:
             raise can.CanOperationError("cable out")
         self._answers += self.firmware.receive(frame, self.clock.now)
+
+    def ask_state(self) -> None:
+        if self.broken:
+            raise can.CanOperationError("cable out")
 
     def shutdown(self) -> None:
         self.closed = True
@@ -185,7 +190,8 @@ def test_a_reset_board_is_noticed_and_named(sensor: Sensor) -> None:
     assert scan.status & ScanStatus.BOARD_RESET
     assert abs(scan.stamp - clock.now) < 2_000_000
     assert not next(read_scans(board, 1)).status & ScanStatus.BOARD_RESET
-    assert board.report().counters["board started anew"] == 1
+    counters = board.report().counters
+    assert (counters["board resets"], counters["brown-outs"], counters["board started anew"]) == (1, 0, 0)
 
 
 def test_a_board_whose_scans_never_come_whole_is_not_called_well(sensor: Sensor) -> None:

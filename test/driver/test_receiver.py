@@ -61,7 +61,7 @@ def test_any_frame_is_taken_and_accounted_for(frames: list[Frame], fd: bool) -> 
     assert receiver.scans == scans
     foreign = [f for f in frames if not BASE <= f[0] < BASE + 13 and not f[1] & ERROR]
     assert receiver.traffic.foreign >= len(foreign)
-    assert receiver.traffic.bus_errors == sum(1 for f in frames if f[1] & ERROR)
+    assert receiver.errors.frames == sum(1 for f in frames if f[1] & ERROR)
 
 
 @BOTH

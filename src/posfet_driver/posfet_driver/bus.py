@@ -12,7 +12,8 @@ from typing import Any, Final
 import can
 from can.interfaces import BACKENDS
 
-from posfet_driver.frames import FrameBus, MessageFrames
+from posfet_driver.frames import FrameBus
+from posfet_driver.message_frames import MessageFrames
 from posfet_driver.slcan import SlcanBus
 from posfet_model.config import ConfigError
 from posfet_model.sensor import CanLink

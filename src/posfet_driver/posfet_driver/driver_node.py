@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
+from dataclasses import replace
 from typing import Any
 
 from posfet_driver.board import Board
-from posfet_driver.bus import bus_settings, open_bus
+from posfet_driver.bus import bus_settings
+from posfet_driver.channels import BusOpener
 from posfet_driver.scan_source_node import ScanSourceNode
 from posfet_model.ros_parameters import Parameter
 from posfet_model.run_node import run_node
@@ -15,7 +16,7 @@ from posfet_model.sensor import Sensor
 
 PARAMETERS = (
     Parameter("can_interface", "socketcan", "Interface of python-can; slcan is the buffered reader of this package"),
-    Parameter("can_channel", "can0", "Channel of the interface: can0, /dev/ttyACM0, ..."),
+    Parameter("can_channel", "can0", "Channel: can0, /dev/ttyACM0, ...; a serial port may be a pattern: /dev/ttyACM*"),
     Parameter("can_bitrate", 0, "Nominal bitrate [bit/s]; 0: as in the sensor file", 0, 1_000_000),
     Parameter("can_data_bitrate", 0, "Bitrate of the data phase of CAN FD [bit/s]; 0: as in the file", 0, 8_000_000),
     Parameter("can_options", [""], "Further options of the interface, each as key=value"),
@@ -38,7 +39,9 @@ class DriverNode(ScanSourceNode):
             data_bitrate=parameters["can_data_bitrate"],
             options=parameters["can_options"],
         )
-        return Board(sensor, partial(open_bus, settings), settings.fd)
+        opener = BusOpener(settings)
+        link = replace(sensor.can, bitrate=settings.bitrate, data_bitrate=settings.data_bitrate)
+        return Board(replace(sensor, can=link), opener, settings.fd, presence=opener.presence)
 
 
 def make_node() -> DriverNode:
