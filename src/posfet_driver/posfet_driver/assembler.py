@@ -98,11 +98,13 @@ class Assembler:
         if self.codec.fd or not self._synced:
             return
         ahead = (scan - self.sequence + SCAN_PAGE // 2) % SCAN_PAGE - SCAN_PAGE // 2
+        if ahead < 0:  # a silence seemed longer than it was: what was counted is taken back
+            ahead = -(-ahead + CLASSIC_COUNTER - CLASSIC_LATE)
+            ahead = -(-ahead // CLASSIC_WRAP * CLASSIC_WRAP)
         missed = ahead // CLASSIC_WRAP * CLASSIC_WRAP
-        if missed > 0:
-            self._lose(missed)
-            self.sequence += missed
-            self._begun_quiet += missed
+        self._lose(missed)
+        self.sequence += missed
+        self._begun_quiet += max(missed, 0)
 
     def feed(self, offset: int, kind: int, data: bytes, quiet: float = 0.0) -> bool:
         """Take one frame; return True when it made a scan whole.

@@ -359,9 +359,8 @@ class Board:
             self._fail(error)
             return True
         arrival = self._clock.monotonic()
-        self.receiver.begin_batch(frames, arrival, self._clock.wall() - arrival)
         self.load.add(frames, arrival)
-        self._frames = iter(frames)
+        self._frames = iter(self.receiver.begin_batch(frames, arrival, self._clock.wall() - arrival))
         return bool(frames)
 
     def _send_own(self, command: Command, argument: int = 0) -> None:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from posfet_driver.assembler import QUIET_LIMIT, Assembler
+from posfet_driver.assembler import Assembler
 from posfet_driver.board_clock import BoardClock
 from posfet_driver.bus_time import classic_time, fd_time
 from posfet_driver.codec import CLASSIC_LENGTH, FD_LENGTH, ScanCodec, make_codec
@@ -19,6 +19,7 @@ from posfet_driver.messages import (
     Response,
     Status,
 )
+from posfet_driver.pauses import Pauses
 from posfet_model.scan import Scan, ScanStatus
 from posfet_model.sensor import Sensor
 
@@ -68,10 +69,7 @@ class Receiver:
         """Of the board, from its status frames; None: not known yet."""
         self._base = sensor.can.base_id
         self._fd = fd
-        self._blocks = codec.blocks
         self._clock = BoardClock()
-        self._quiet = 0.0
-        self._skip = False
         self._arrival = 0
         self._wall_offset = 0
         self._reset = False
@@ -83,6 +81,7 @@ class Receiver:
         self._way = codec.blocks * times.most
         self._first_block = codec.offset(0)
         self._last_block = codec.offset(codec.blocks - 1)
+        self._pauses = Pauses(self._base + self._first_block, self._base + self._last_block, codec.blocks)
 
     @property
     def frames_lost(self) -> int:
@@ -118,31 +117,27 @@ class Receiver:
         self._reset = self._reset or began_anew or reset
         return began_anew
 
-    def begin_batch(self, frames: list[Frame], arrival: int, wall_offset: int) -> None:
-        """Take note that `frames` were read at `arrival` [ns, monotonic]; `wall_offset` [ns] leads to wall time.
+    def begin_batch(self, frames: list[Frame], arrival: int, wall_offset: int) -> list[Frame]:
+        """Take `frames`, read at `arrival` [ns, monotonic]; return those to be fed now.
 
-        Classic blocks need the silence on the bus: what remains of the time since the last batch when the time in which
-        the scans of this one were acquired is taken off. A reader that was held up finds as many frames as time went
-        by, and no silence. Where in a batch a long silence lies is not known, so the blocks of such a batch are lost.
+        `wall_offset` [ns] leads to wall time. With classic blocks frames may be held until the next batch, or dropped
+        when they may be of two scans (`Pauses`).
         """
-        self._skip = False
         self.traffic.frames += len(frames)
-        if not self._fd and self.listening:
-            low, high = self._base + self._first_block, self._base + self._last_block
-            scans = sum(1 for identifier, _, _ in frames if low <= identifier <= high) / self._blocks
-            elapsed = (arrival - self._arrival) / self.scan_period
-            silence = max(elapsed - scans, 0.0)
-            self._skip = silence > QUIET_LIMIT
-            self._quiet += elapsed if self._skip else silence
         self._arrival = arrival
         self._wall_offset = wall_offset
+        if self._fd:
+            return frames
+        if not self.listening:
+            return self._pauses.skip(frames, arrival)
+        return self._pauses.take(frames, arrival, self.scan_period)
 
     def feed(self, frame: Frame) -> bool:
         """Take one frame; return True when `scan` is a new one."""
         identifier, kind, data = frame
         offset = identifier - self._base
         if self._first_block <= offset <= self._last_block and not kind & (EXTENDED | ERROR):
-            if self._skip or not self.listening or not self.assembler.feed(offset, kind, data, self._quiet):
+            if not self.listening or not self.assembler.feed(offset, kind, data, self._pauses.quiet):
                 return False
             self._complete()
             return True
