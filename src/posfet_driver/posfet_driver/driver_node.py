@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent import futures
 from dataclasses import replace
 from typing import Any
 
 from posfet_driver.board import Board
 from posfet_driver.bus import bus_settings
 from posfet_driver.channels import BusOpener
+from posfet_driver.commands import CommandError
+from posfet_driver.messages import Command
 from posfet_driver.scan_source_node import ScanSourceNode
 from posfet_model.ros_parameters import Parameter
 from posfet_model.run_node import run_node
 from posfet_model.sensor import Sensor
+from posfet_msgs.srv import BoardCommand
+
+ANSWER_TIMEOUT = 0.5
+"""Time in which a board has to answer a command [s]."""
 
 PARAMETERS = (
     Parameter("can_interface", "socketcan", "Interface of python-can; slcan is the buffered reader of this package"),
@@ -28,6 +35,7 @@ class DriverNode(ScanSourceNode):
 
     def __init__(self, **node_arguments: Any) -> None:
         super().__init__("driver_node", PARAMETERS, **node_arguments)
+        self._commands = self.create_service(BoardCommand, "command", self._command)
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> Board:
         """Return the board on the bus that the parameters name. Raises ConfigError for what cannot work."""
@@ -41,7 +49,23 @@ class DriverNode(ScanSourceNode):
         )
         opener = BusOpener(settings)
         link = replace(sensor.can, bitrate=settings.bitrate, data_bitrate=settings.data_bitrate)
-        return Board(replace(sensor, can=link), opener, settings.fd, presence=opener.presence)
+        self._board = Board(replace(sensor, can=link), opener, settings.fd, presence=opener.presence)
+        return self._board
+
+    def _command(self, request: BoardCommand.Request, response: BoardCommand.Response) -> BoardCommand.Response:
+        """Have the data thread send a command, and wait for the board's answer."""
+        try:
+            if not self.reading:
+                raise CommandError("the driver is not configured")
+            answer = self._board.submit(Command(request.command), request.argument, ANSWER_TIMEOUT)
+            response.value = answer.result(2 * ANSWER_TIMEOUT).value
+            response.success = True
+        except ValueError:
+            known = ", ".join(f"{command} {command.name}" for command in Command)
+            response.message = f"command must be one of {known}, got {request.command}"
+        except (CommandError, TimeoutError, futures.TimeoutError) as error:
+            response.message = str(error) or "no answer: the data thread is busy"
+        return response
 
 
 def make_node() -> DriverNode:

@@ -102,6 +102,11 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
             raise ConfigError(f"{self.get_fully_qualified_name()}: {self._failure}")
         self.trigger_activate()
 
+    @property
+    def reading(self) -> bool:
+        """Whether the data thread runs: between configure and cleanup."""
+        return self._thread is not None
+
     def wanted(self, now: int) -> bool:
         """Return whether to read the source already: once its scans are listened to; `now` is a monotonic time [ns]."""
         if not self._begun:
