@@ -69,6 +69,11 @@ class Assembler:
         self._clock_synced = False  # and so is `device_time`
         self._begun_quiet = 0.0
 
+    @property
+    def whole(self) -> bool:
+        """Whether the scan that was begun last is whole."""
+        return self._seen == self._whole and not self._given_up
+
     def resync(self, next_scan: int, count_gap: bool = True, reset: bool = False) -> bool:
         """Take the low 32 bits of the number of the scan that comes next; return whether the board was reset.
 

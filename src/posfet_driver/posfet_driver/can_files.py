@@ -39,6 +39,7 @@ _BROKEN: Final = (
     zlib.error,
 )
 """What python-can's readers let out when a file is not what it seems."""
+_BLF: Final = b"LOGG"
 POLL: Final = 0.1
 """Longest wait for a frame [s]."""
 
@@ -74,6 +75,10 @@ def messages(file: Path) -> Iterator[can.Message]:
     """Yield what was recorded. Raises ConfigError, one line, for a file that cannot be read."""
     check_name(file)
     try:
+        if file.suffix.lower() == ".blf":  # python-can's reader would leave another file open
+            with file.open("rb") as start:
+                if start.read(len(_BLF)) != _BLF:
+                    raise ConfigError(f"{file}: not a recording of its format")
         with can.LogReader(str(file)) as reader:
             yield from reader
     except OSError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 from enum import Enum
+from itertools import groupby
 from typing import Final
 
 from posfet_driver.error_frames import BUS_OFF, CONTROLLER, NO_ACKNOWLEDGE, OVERFLOW, PROTOCOL, error_frame
@@ -16,6 +17,7 @@ FOREIGN_PERIOD: Final = 111_000
 """Time from one foreign frame to the next [ns]: a classic frame of 8 bytes without stuff bits fills 1 Mbit/s so."""
 LOW_SUPPLY: Final = 3.9
 """Supply in a brown-out [V]."""
+_SHORTER: Final = {True: 48, False: 7}
 CHANCE: Final = 0.1
 """Share of frames that a fault of single frames strikes."""
 
@@ -105,9 +107,16 @@ class FaultInjector:
         if strike is None:
             late, self._delayed = self._delayed, []
             return late + frames
-        scan = [frame for frame in frames if not self._short(frame)]
-        others = [frame for frame in frames if self._short(frame)]
-        return others + strike(self, scan)
+        struck: list[Frame] = []
+        size = self.firmware.blocks
+        for short, group in groupby(frames, self._short):  # the status keeps its place among the scans
+            run = list(group)
+            if short:
+                struck += run
+            else:
+                for begin in range(0, len(run), size):
+                    struck += strike(self, run[begin : begin + size])
+        return struck
 
     def _short(self, frame: Frame) -> bool:
         return self._base + COMMAND_OFFSET <= frame[0] <= self._base + STATUS_OFFSET
@@ -143,7 +152,11 @@ class FaultInjector:
         return frames if self._lucky() else frames[::-1]
 
     def _spoil(self, frames: list[Frame]) -> list[Frame]:
-        return [(number, kind, data if self._lucky() else data[:-1]) for number, kind, data in frames]
+        """Cut frames short, to a length that there is."""
+        return [
+            (number, kind, data if self._lucky() else data[: _SHORTER[bool(kind & FD)]])
+            for number, kind, data in frames
+        ]
 
     def _stick(self, frames: list[Frame]) -> list[Frame]:
         """Give every frame the number of the first scan that is struck."""

@@ -77,6 +77,11 @@ class BoardFirmware:
         self._sequence = 0  # number of the next scan
         self._first = True
 
+    @property
+    def blocks(self) -> int:
+        """Frames of a scan."""
+        return self._codec.blocks
+
     def next_due(self) -> int:
         """Return when the next frame is due [ns]."""
         status = self.switched_on + round(self._status_sent * STATUS_PERIOD * _NANOSECONDS)
