@@ -3,13 +3,14 @@
 #   make bringup            the stack with the simulated board     FOR=5  SOURCE=sim|emulator|can  SCENE=name|file  ARGS=...
 #   make test               every test                             ARGS="-k name" goes to pytest
 #   make check              ruff and mypy
+#   make soak               the driver under a fault every few seconds, half an hour of it     FOR=60
 #   make figures            the figures of docs/
 #   make clean              removes what was built; make distclean the .venv as well
 
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c
 .DEFAULT_GOAL := bringup
-.PHONY: bringup test check figures setup build clean distclean
+.PHONY: bringup test check soak figures setup build clean distclean
 
 IN_ENVIRONMENT := source tools/environment.sh;
 SOURCES := $(shell find src launch -type f -not -name '*.pyc' -not -path '*.egg-info*')
@@ -44,6 +45,9 @@ test: $(BUILT)
 
 check: $(READY)
 	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy
+
+soak: $(BUILT)
+	@$(IN_ENVIRONMENT) exec python3 -m posfet_driver.soak --for $(or $(FOR),1800) $(ARGS)
 
 figures: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet_model.figures $(ARGS)

@@ -9,66 +9,18 @@ from itertools import pairwise
 import can
 import pytest
 from fake_board import FakeBoard, assert_marked, board_on_bus, read_scans, read_until, with_layout
+from stepped import SteppedBus, SteppedClock
 
-from posfet_driver.board import BACK_OFF_LAST, Board
+from posfet_driver.board import Board
 from posfet_driver.bus import bus_settings, open_bus
+from posfet_driver.bus_link import BACK_OFF_LAST
 from posfet_driver.firmware import BoardFirmware
-from posfet_driver.frames import CLASSIC, Frame, FrameBus
+from posfet_driver.frames import CLASSIC, FrameBus
 from posfet_driver.messages import RESPONSE_OFFSET, Command, Response, Result
 from posfet_driver.source import Health, SystemClock
 from posfet_model.config import ConfigError
 from posfet_model.scan import ScanStatus
 from posfet_model.sensor import Sensor
-
-
-class SteppedClock:
-    """Time that passes only in sleep; notes the pauses."""
-
-    def __init__(self) -> None:
-        self.now = 0
-        self.sleeps: list[float] = []
-
-    def monotonic(self) -> int:
-        return self.now
-
-    def wall(self) -> int:
-        return self.now
-
-    def sleep(self, seconds: float) -> None:
-        self.sleeps.append(seconds)
-        self.now += round(seconds * 1e9)
-
-
-class SteppedBus:
-    """A bus in stepped time with a board on it, which can break, and hold back what the board sends."""
-
-    def __init__(self, clock: SteppedClock, firmware: BoardFirmware) -> None:
-        self.clock = clock
-        self.firmware = firmware
-        self.broken = False
-        self.closed = False
-        self.held_back = False
-        self._answers: list[Frame] = []
-
-    def read_frames(self, timeout: float) -> list[Frame]:
-        if self.broken:
-            raise can.CanOperationError("cable out")
-        if not self._answers and not self.held_back:
-            wait = max(self.firmware.next_due() - self.clock.now, 0)
-            self.clock.now += min(wait, round(timeout * 1e9))
-        frames, self._answers = self._answers, []
-        if self.held_back:
-            self.clock.now += round(timeout * 1e9) if not frames else 0
-            return frames
-        return frames + self.firmware.due(self.clock.now)
-
-    def write_frame(self, frame: Frame) -> None:
-        if self.broken:
-            raise can.CanOperationError("cable out")
-        self._answers += self.firmware.receive(frame, self.clock.now)
-
-    def shutdown(self) -> None:
-        self.closed = True
 
 
 @pytest.fixture
@@ -185,7 +137,8 @@ def test_a_reset_board_is_noticed_and_named(sensor: Sensor) -> None:
     assert scan.status & ScanStatus.BOARD_RESET
     assert abs(scan.stamp - clock.now) < 2_000_000
     assert not next(read_scans(board, 1)).status & ScanStatus.BOARD_RESET
-    assert board.report().counters["board started anew"] == 1
+    counters = board.report().counters
+    assert (counters["board resets"], counters["brown-outs"], counters["board started anew"]) == (1, 0, 0)
 
 
 def test_a_board_whose_scans_never_come_whole_is_not_called_well(sensor: Sensor) -> None:

@@ -26,7 +26,7 @@ BYTES = st.integers(0, 0xFF)
 SHORTS = st.integers(0, 0xFFFF)
 WORDS = st.integers(0, 0xFFFF_FFFF)
 COUNTS = st.lists(SHORTS, min_size=25, max_size=25)
-FLAGS = ("SupplyLow", "AdcFault", "Overtemperature", "ScanOverrun")
+FLAGS = ("SupplyLow", "AdcFault", "Overtemperature", "ScanOverrun", "BoardReset")
 VALUES = ("LayoutId", "FirmwareVersion", "NewestScan")
 
 DATABASE = cantools.database.load_string(DBC.read_text(encoding="ascii"), "dbc")
@@ -98,10 +98,11 @@ def test_command(code: int, tag: int, argument: int) -> None:
     assert Request.unpack(request.pack()) == request
 
 
-@given(code=BYTES, tag=BYTES, result=BYTES, value=WORDS)
-def test_response(code: int, tag: int, result: int, value: int) -> None:
-    response = Response(code, tag, result, value)
+@given(code=BYTES, tag=BYTES, result=BYTES, value=WORDS, reset=st.booleans())
+def test_response(code: int, tag: int, result: int, value: int, reset: bool) -> None:
+    response = Response(code, tag, result, value, reset)
     signals = {"ResponseCommand": code, "ResponseTag": tag, "ResponseResult": result, "ResponseValue": value}
+    signals["ResponseReset"] = int(reset)
     assert encode("Response", **signals) == response.pack()
     assert decode("Response", response.pack()) == signals
     assert Response.unpack(response.pack()) == response
@@ -110,7 +111,7 @@ def test_response(code: int, tag: int, result: int, value: int) -> None:
 @given(
     raw=st.tuples(*[st.integers(-0x7FFF, 0x7FFF)] * 2),
     supply=st.integers(0, 254),
-    flags=st.integers(0, 15),
+    flags=st.integers(0, 31),
     page=st.sampled_from(Page),
     value=SHORTS,
 )

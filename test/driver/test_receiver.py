@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 import tracemalloc
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -33,9 +34,8 @@ ANY_FRAME = st.tuples(
 
 def receive(receiver: Receiver, frames: list[Frame], arrival: int) -> list[Scan]:
     """Feed one batch; return copies of what came out, held to what was sent."""
-    receiver.begin_batch(frames, arrival, WALL_OFFSET)
     scans = []
-    for frame in frames:
+    for frame in receiver.begin_batch(frames, arrival, WALL_OFFSET):
         if receiver.feed(frame):
             assert_marked(receiver.scan)
             scans.append(make_scan(SENSOR, receiver.scan.sequence))
@@ -56,12 +56,11 @@ def started(fd: bool) -> tuple[BoardFirmware, Receiver]:
 def test_any_frame_is_taken_and_accounted_for(frames: list[Frame], fd: bool) -> None:
     receiver = Receiver(SENSOR, fd)
     receiver.resync(0, count_gap=False)
-    receiver.begin_batch(frames, 0, 0)
-    scans = sum(receiver.feed(frame) for frame in frames)
+    scans = sum(receiver.feed(frame) for frame in receiver.begin_batch(frames, 0, 0))
     assert receiver.scans == scans
     foreign = [f for f in frames if not BASE <= f[0] < BASE + 13 and not f[1] & ERROR]
     assert receiver.traffic.foreign >= len(foreign)
-    assert receiver.traffic.bus_errors == sum(1 for f in frames if f[1] & ERROR)
+    assert receiver.errors.frames == sum(1 for f in frames if f[1] & ERROR)
 
 
 @BOTH
@@ -151,8 +150,7 @@ def test_garbage_takes_no_memory(fd: bool) -> None:
 
     def pour() -> None:
         for _ in range(5):
-            receiver.begin_batch(frames, 0, 0)
-            for frame in frames:
+            for frame in receiver.begin_batch(frames, 0, 0):
                 receiver.feed(frame)
 
     pour()
@@ -162,6 +160,43 @@ def test_garbage_takes_no_memory(fd: bool) -> None:
     after, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert after - before < 4096
+
+
+@BOTH
+@pytest.mark.parametrize("pause", [5, 12, 16, 17, 40, 100])
+@pytest.mark.parametrize("pieces", [1, 2, 5])
+def test_a_sender_that_was_held_up_loses_nothing(fd: bool, pause: int, pieces: int) -> None:
+    """What was held up comes at once, but is read in pieces that end amid scans; the numbers stay right."""
+    firmware, receiver = started(fd)
+    noise = random.Random(pause)
+    sequences: list[int] = []
+    now = 0
+    for turn in range(1000):
+        now += (pause if turn % 200 == 100 else 1) * PERIOD
+        frames = firmware.due(now)
+        cuts = (
+            sorted(noise.randrange(1, 3 * len(frames) // pieces) for _ in range(pieces - 1))
+            if turn % 200 == 100
+            else []
+        )
+        for low, high in pairwise([0, *cuts, len(frames)]):
+            now += 10_000
+            sequences += [scan.sequence for scan in receive(receiver, frames[low:high], now)]
+    assert sequences == list(range(len(sequences)))
+    assert len(sequences) == now // PERIOD + 1 - (1 if firmware.due(now) else 0)
+    assert receiver.frames_lost == 0
+
+
+def test_a_status_corrects_the_number_of_a_classic_scan_both_ways() -> None:
+    for wrong in (16, 48, -32):
+        firmware, receiver = started(False)
+        for index in range(100):
+            receive(receiver, firmware.due(index * PERIOD), index * PERIOD)
+        receiver.assembler.sequence += wrong
+        receiver.assembler.align(99)
+        assert receiver.assembler.sequence == 99
+    receiver.assembler.align(98)  # a status that was queued before the scan it came after
+    assert receiver.assembler.sequence == 99
 
 
 def test_status_frames_are_taken(sensor: Sensor) -> None:

@@ -28,6 +28,7 @@ from posfet_model.config import ConfigError
 from posfet_model.scan import Scan, ScanStatus
 from posfet_model.sensor import load_sensor
 from posfet_msgs.msg import TactileRaw
+from posfet_msgs.srv import BoardCommand
 
 pytestmark = pytest.mark.ros
 PATIENCE = 20_000_000_000
@@ -230,6 +231,42 @@ def test_an_adapter_that_comes_goes_and_returns_is_told_in_diagnostics(bench: Be
         finally:
             adapter.close()
         bench.wait(lambda: bench.watcher.diagnostics[-1].level == DiagnosticStatus.ERROR)
+
+
+def test_commands_reach_the_board_while_it_scans(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
+    bench.watcher.listen()
+    bench.driver(can_channel=str(link)).start()
+    client = bench.watcher.create_client(BoardCommand, "/tactile/command")
+    bench.wait(lambda: client.service_is_ready() and len(bench.watcher.raw) > 10)
+
+    def call(command: int, argument: int = 0) -> BoardCommand.Response:
+        future = client.call_async(BoardCommand.Request(command=command, argument=argument))
+        bench.wait(future.done)
+        return future.result()
+
+    answer = call(BoardCommand.Request.IDENTIFY)
+    assert (answer.success, answer.message, answer.value) == (True, "", SENSOR.layout.id | 1 << 16)
+    refused = call(BoardCommand.Request.SET_RATE, 10)
+    assert not refused.success
+    assert refused.message == "SET_RATE: refused by the board: bad argument (value 0)"
+    unknown = call(77)
+    assert not unknown.success
+    assert "command must be one of 1 START, 2 STOP" in unknown.message
+    assert call(BoardCommand.Request.STOP).success
+    bench.wait(lambda: bench.state() == "stopped on request")
+    assert call(BoardCommand.Request.START).success
+    bench.wait(lambda: bench.state() == "receiving scans")
+    assert_counting(bench.watcher.raw)
+    assert bench.watcher.raw[-1].frames_lost == 0
+    adapter.close()
+    bench.wait(lambda: bench.watcher.diagnostics[-1].level == DiagnosticStatus.ERROR)
+    assert call(BoardCommand.Request.IDENTIFY).message.startswith("IDENTIFY: the bus is not there, trying again")
+
+
+def test_a_driver_that_is_not_configured_takes_no_command(bench: Bench, link: Path) -> None:
+    node = bench.driver(can_channel=str(link), autostart=False)
+    response = node._command(BoardCommand.Request(command=4), BoardCommand.Response())
+    assert (response.success, response.message) == (False, "the driver is not configured")
 
 
 @pytest.mark.parametrize(

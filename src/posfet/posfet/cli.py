@@ -10,6 +10,10 @@ from typing import Final
 COMMANDS: Final = {
     "bringup": ("posfet.bringup", "start the stack: board or simulated board, driver, model"),
     "sim": ("posfet_driver.sim_command", "run a scene on the simulated board, faster than real time, into a file"),
+    "can": (
+        "posfet_driver.can_tool",
+        "adapters and boards at the bench: list, monitor, command, record, replay, test",
+    ),
     "view": ("posfet.view_node", "show the live force map and the contacts of a running stack"),
 }
 """Subcommands: module whose `main` takes the remaining words and returns the exit code, and what it does."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from posfet_driver.frames import Frame
-from posfet_driver.slcan_lines import END, REFUSED, LineReader, encode_line, parse_line
+from posfet_driver.slcan_lines import END, FLAG_BUS_ERROR, FLAG_WARNING, REFUSED, LineReader, encode_line, parse_line
 from posfet_driver.source import Clock, SourceError, SystemClock
 
 OUTPUT_LIMIT: Final = 1 << 20
@@ -55,6 +55,11 @@ class EmulatedAdapter:
         """Frames written to the terminal."""
         self.frames_dropped = 0
         """Frames lost because nobody read the terminal."""
+        self.flags = 0
+        """Status flags of the adapter (FLAG_* of slcan_lines), told in answer to F."""
+        self.speeds: tuple[bytes, ...] = ()
+        """Commands that set the bus's bitrates, such as (S8, Y5): without all of them nothing can be read or sent."""
+        self._set_speeds: set[bytes] = set()
         self._node = node
         self._clock = clock or SystemClock()
         self._reader = LineReader()
@@ -135,14 +140,23 @@ class EmulatedAdapter:
                 self._channel_open, self._listen_only = True, letter == b"L"
         elif letter == b"C":
             self._channel_open = False
+            self._set_speeds.clear()
             self._output.clear()
             self._reply(END)
         elif letter in {b"", b"S", b"s", b"Y"}:
+            self._set_speeds.add(line)
             self._reply(REFUSED if self._channel_open and letter else END)
+        elif line == b"F":
+            flags = self.flags if self._readable else self.flags | FLAG_BUS_ERROR | FLAG_WARNING
+            self._reply(b"F%02X\r" % flags)
         elif line in _ANSWERS:
             self._reply(_ANSWERS[line])
         else:
             self._transmit(line)
+
+    @property
+    def _readable(self) -> bool:
+        return self._set_speeds.issuperset(self.speeds)
 
     def _transmit(self, line: bytes) -> None:
         frame = parse_line(line)
@@ -150,14 +164,15 @@ class EmulatedAdapter:
             self._reply(REFUSED)
             return
         self._reply(b"Z\r" if line[0] < ord("a") else b"z\r")
-        for answer in self._node.receive(frame, self._clock.monotonic()):
-            self._send(answer)
+        if self._readable:
+            for answer in self._node.receive(frame, self._clock.monotonic()):
+                self._send(answer)
 
     def _reply(self, reply: bytes) -> None:
         self._output += reply
 
     def _send(self, frame: Frame) -> None:
-        if not self._channel_open:
+        if not self._channel_open or not self._readable:
             return
         if len(self._output) > OUTPUT_LIMIT:
             self.frames_dropped += 1
@@ -173,4 +188,4 @@ class EmulatedAdapter:
                 return
 
 
-_ANSWERS: Final = {b"V": b"V1013\r", b"N": b"NPSFT\r", b"F": b"F00\r"}
+_ANSWERS: Final = {b"V": b"V1013\r", b"N": b"NPSFT\r"}

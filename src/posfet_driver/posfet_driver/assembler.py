@@ -27,6 +27,10 @@ class Losses:
     """Frames with the board's identifier that cannot be its."""
     repeated: int = 0
     """Frames that came twice."""
+    stuck: int = 0
+    """Frames with the number of an older scan and other contents: the board's counter stands still."""
+    reordered: int = 0
+    """Blocks that came after a later one of their scan; no loss."""
     late: int = 0
     """Frames of a scan that was given up already."""
     torn_scans: int = 0
@@ -65,15 +69,20 @@ class Assembler:
         self._clock_synced = False  # and so is `device_time`
         self._begun_quiet = 0.0
 
-    def resync(self, next_scan: int, count_gap: bool = True) -> bool:
+    @property
+    def whole(self) -> bool:
+        """Whether the scan that was begun last is whole."""
+        return self._seen == self._whole and not self._given_up
+
+    def resync(self, next_scan: int, count_gap: bool = True, reset: bool = False) -> bool:
         """Take the low 32 bits of the number of the scan that comes next; return whether the board was reset.
 
-        With `count_gap` what lies between the last scan and this one is counted as lost. After a reset numbers and time
-        begin anew.
+        With `count_gap` what lies between the last scan and this one is counted as lost. After a reset, which the board
+        tells (`reset`) or a number that is not above the last one shows, numbers and time begin anew.
         """
         self._give_up()
         ahead = (next_scan - self.sequence + NUMBER_WRAP // 2) % NUMBER_WRAP - NUMBER_WRAP // 2
-        reset = self._synced and ahead <= 0
+        reset = self._synced and (reset or ahead <= 0)
         if self._synced and not reset:
             if count_gap:
                 self._lose(ahead - 1)
@@ -94,11 +103,13 @@ class Assembler:
         if self.codec.fd or not self._synced:
             return
         ahead = (scan - self.sequence + SCAN_PAGE // 2) % SCAN_PAGE - SCAN_PAGE // 2
+        if ahead < 0:  # a silence seemed longer than it was: what was counted is taken back
+            ahead = -(-ahead + CLASSIC_COUNTER - CLASSIC_LATE)
+            ahead = -(-ahead // CLASSIC_WRAP * CLASSIC_WRAP)
         missed = ahead // CLASSIC_WRAP * CLASSIC_WRAP
-        if missed > 0:
-            self._lose(missed)
-            self.sequence += missed
-            self._begun_quiet += missed
+        self._lose(missed)
+        self.sequence += missed
+        self._begun_quiet += max(missed, 0)
 
     def feed(self, offset: int, kind: int, data: bytes, quiet: float = 0.0) -> bool:
         """Take one frame; return True when it made a scan whole.
@@ -119,13 +130,19 @@ class Assembler:
             self.losses.late += 1
             return False
         bit = 1 << block
+        length = self.codec.block_length
+        place = slice(block * length, (block + 1) * length)
         if self._seen & bit:
-            self.losses.repeated += 1
+            if self.codec.wire[place] == data:
+                self.losses.repeated += 1
+            else:
+                self.losses.stuck += 1
             return False
+        if self._seen > bit:
+            self.losses.reordered += 1
         self._seen |= bit
         self.status = status
-        length = self.codec.block_length
-        self.codec.wire[block * length : (block + 1) * length] = data
+        self.codec.wire[place] = data
         if self._seen != self._whole:
             return False
         self.codec.decode(self.counts)
@@ -138,8 +155,8 @@ class Assembler:
         if not self._synced:
             self.sequence, ahead = counter - 1, 1
         elif self.codec.fd:
-            if ahead == 0:  # the counter stands still while the clock runs
-                self.losses.malformed += 1
+            if ahead == 0:  # the clock runs all the while
+                self.losses.stuck += 1
                 return False
             if ahead >= self._half:
                 self.losses.late += 1

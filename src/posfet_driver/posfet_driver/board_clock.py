@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 DRIFT: Final = 100e-6
@@ -33,6 +34,15 @@ class BoardClock:
         self._known = False
         self._window_end = 0
         self._window_least = 0.0
+        self._undelayed = 0
+
+    @property
+    def uncertainty(self) -> float:
+        """How far the map may have run ahead since the last undelayed frame [ns]; NaN before the first frame.
+
+        To this comes the least delay on the way, which no map can see.
+        """
+        return (self._last - self._undelayed) * DRIFT if self._known else math.nan
 
     def reset(self) -> None:
         """Forget the offset: the board's clock began anew."""
@@ -47,10 +57,13 @@ class BoardClock:
         if self._known:
             followed = self._offset + max(arrival - self._last, 0) * DRIFT
             self._offset = min(difference, followed)
+            if difference <= followed:
+                self._undelayed = arrival
             self._watch(difference, arrival)
         else:
             self._offset = difference
             self._known = True
+            self._undelayed = arrival
             self._begin_window(difference, arrival)
         self._last = arrival
         return device_time * 1000 + round(self._offset)
@@ -61,6 +74,7 @@ class BoardClock:
         if arrival >= self._window_end:
             if self._window_least > self._offset + STEP_LIMIT:
                 self._offset = self._window_least
+                self._undelayed = arrival
             self._begin_window(difference, arrival)
 
     def _begin_window(self, difference: float, arrival: int) -> None:

@@ -12,7 +12,8 @@ from typing import Any, Final
 import can
 from can.interfaces import BACKENDS
 
-from posfet_driver.frames import FrameBus, MessageFrames
+from posfet_driver.frames import FrameBus
+from posfet_driver.message_frames import MessageFrames
 from posfet_driver.slcan import SlcanBus
 from posfet_model.config import ConfigError
 from posfet_model.sensor import CanLink
@@ -83,6 +84,12 @@ def open_bus(settings: BusSettings) -> FrameBus:
     Raises can.CanError with the reason in one line when it cannot be opened now; ConfigError when an argument can never
     work.
     """
+    bus = open_can_bus(settings)
+    return bus if isinstance(bus, SlcanBus) else MessageFrames(bus)
+
+
+def open_can_bus(settings: BusSettings) -> can.BusABC:
+    """Open the bus as python-can has it; raises as `open_bus` does."""
     bus_class = _bus_class(settings.interface)
     accepted = _accepted(bus_class)
     offered: dict[str, Any] = {"bitrate": settings.bitrate, "fd": settings.fd}
@@ -92,14 +99,13 @@ def open_bus(settings: BusSettings) -> FrameBus:
     if settings.channel:
         arguments["channel"] = settings.channel
     try:
-        bus = bus_class(**arguments)
+        return bus_class(**arguments)
     except can.CanInterfaceNotImplementedError as error:
         raise ConfigError(f"can_interface: '{settings.interface}' cannot be used here: {one_line(error)}") from error
     except (can.CanError, OSError) as error:
         raise can.CanInitializationError(f"{settings.name}: {one_line(error)}") from error
     except (ValueError, TypeError) as error:
         raise ConfigError(f"{settings.name}: {one_line(error)}") from error
-    return bus if isinstance(bus, SlcanBus) else MessageFrames(bus)
 
 
 def one_line(error: BaseException) -> str:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
+from posfet_driver.faults import Fault, worst
 from posfet_driver.source import SourceReport
 from posfet_model.scan import TEMPERATURE_SENSORS, Scan
 from posfet_model.sensor import Layout
@@ -41,9 +43,9 @@ class RawMessage:
 
 
 def diagnostic_array(
-    report: SourceReport, name: str, hardware_id: str, scan_rate: float, stamp: int
+    report: SourceReport, name: str, hardware_id: str, scan_rate: float, stamp: int, faults: Sequence[Fault] = ()
 ) -> DiagnosticArray:
-    """Return `report` as it is published on /diagnostics.
+    """Return `report` as it is published on /diagnostics, with the faults that are present, the worst first.
 
     `scan_rate` [Hz] is the rate of whole scans since the last report, `stamp` [ns] the time since the epoch.
     """
@@ -53,11 +55,12 @@ def diagnostic_array(
         "frames lost": str(report.frames_lost),
         **{key: str(count) for key, count in report.counters.items()},
         **report.values,
+        **{f"fault: {fault.name}": f"{fault.meaning}; {fault.remedy}" for fault in faults},
     }
     status = DiagnosticStatus(
-        level=bytes([report.health]),
+        level=bytes([worst(faults, report.health)]),
         name=name,
-        message=report.state,
+        message="; ".join([report.state, *(fault.name for fault in faults)]),
         hardware_id=hardware_id,
         values=[KeyValue(key=key, value=value) for key, value in values.items()],
     )

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
+from concurrent import futures
+from dataclasses import replace
 from typing import Any
 
 from posfet_driver.board import Board
-from posfet_driver.bus import bus_settings, open_bus
+from posfet_driver.bus import bus_settings
+from posfet_driver.channels import BusOpener
+from posfet_driver.commands import CommandError
+from posfet_driver.messages import Command
 from posfet_driver.scan_source_node import ScanSourceNode
 from posfet_model.ros_parameters import Parameter
 from posfet_model.run_node import run_node
 from posfet_model.sensor import Sensor
+from posfet_msgs.srv import BoardCommand
+
+ANSWER_TIMEOUT = 0.5
+"""Time in which a board has to answer a command [s]."""
 
 PARAMETERS = (
     Parameter("can_interface", "socketcan", "Interface of python-can; slcan is the buffered reader of this package"),
-    Parameter("can_channel", "can0", "Channel of the interface: can0, /dev/ttyACM0, ..."),
+    Parameter("can_channel", "can0", "Channel: can0, /dev/ttyACM0, ...; a serial port may be a pattern: /dev/ttyACM*"),
     Parameter("can_bitrate", 0, "Nominal bitrate [bit/s]; 0: as in the sensor file", 0, 1_000_000),
     Parameter("can_data_bitrate", 0, "Bitrate of the data phase of CAN FD [bit/s]; 0: as in the file", 0, 8_000_000),
     Parameter("can_options", [""], "Further options of the interface, each as key=value"),
@@ -27,6 +35,7 @@ class DriverNode(ScanSourceNode):
 
     def __init__(self, **node_arguments: Any) -> None:
         super().__init__("driver_node", PARAMETERS, **node_arguments)
+        self._commands = self.create_service(BoardCommand, "command", self._command)
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> Board:
         """Return the board on the bus that the parameters name. Raises ConfigError for what cannot work."""
@@ -38,7 +47,25 @@ class DriverNode(ScanSourceNode):
             data_bitrate=parameters["can_data_bitrate"],
             options=parameters["can_options"],
         )
-        return Board(sensor, partial(open_bus, settings), settings.fd)
+        opener = BusOpener(settings)
+        link = replace(sensor.can, bitrate=settings.bitrate, data_bitrate=settings.data_bitrate)
+        self._board = Board(replace(sensor, can=link), opener, settings.fd, presence=opener.presence)
+        return self._board
+
+    def _command(self, request: BoardCommand.Request, response: BoardCommand.Response) -> BoardCommand.Response:
+        """Have the data thread send a command, and wait for the board's answer."""
+        try:
+            if not self.reading:
+                raise CommandError("the driver is not configured")
+            answer = self._board.submit(Command(request.command), request.argument, ANSWER_TIMEOUT)
+            response.value = answer.result(2 * ANSWER_TIMEOUT).value
+            response.success = True
+        except ValueError:
+            known = ", ".join(f"{command} {command.name}" for command in Command)
+            response.message = f"command must be one of {known}, got {request.command}"
+        except (CommandError, TimeoutError, futures.TimeoutError) as error:
+            response.message = str(error) or "no answer: the data thread is busy"
+        return response
 
 
 def make_node() -> DriverNode:

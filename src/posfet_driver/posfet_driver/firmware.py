@@ -27,6 +27,8 @@ FIRMWARE_VERSION: Final = 0x0001
 """Version of the simulated firmware: major in the high byte, minor in the low."""
 SUPPLY: Final = 5.0
 """Supply of the simulated board [V]; assumed."""
+SUPPLY_LIMIT: Final = 4.5
+"""Supply below which the board raises its flag [V]; assumed."""
 LONGEST_PERIOD: Final = 10_000_000
 """Longest time between two scans that a board can be set to [us]."""
 
@@ -55,6 +57,11 @@ class BoardFirmware:
         self.on_scan: Callable[[Scan], None] | None = None
         """Called with each scan that is sent."""
         self.running = False
+        self.supply = SUPPLY
+        """Supply of the board [V]."""
+        self.firmware = FIRMWARE_VERSION
+        """Version that the board tells."""
+        self._fresh = True  # not started since it was switched on
         self._board = board
         self._codec = make_codec(sensor, sensor.can.fd if fd is None else fd)
         self._layout = sensor.layout.id
@@ -69,6 +76,11 @@ class BoardFirmware:
         self._position = 0.0  # index of the next scan, before rounding
         self._sequence = 0  # number of the next scan
         self._first = True
+
+    @property
+    def blocks(self) -> int:
+        """Frames of a scan."""
+        return self._codec.blocks
 
     def next_due(self) -> int:
         """Return when the next frame is due [ns]."""
@@ -93,8 +105,9 @@ class BoardFirmware:
         request = Request.unpack(data)
         if request is None:
             return []
+        fresh = self._fresh
         result, value = self._obey(request, now)
-        answer = Response(request.command, request.tag, result, value)
+        answer = Response(request.command, request.tag, result, value, fresh)
         return [(self._base + RESPONSE_OFFSET, CLASSIC, answer.pack())]
 
     def begin(self, now: int) -> None:
@@ -111,9 +124,9 @@ class BoardFirmware:
             case Command.SET_RATE:
                 answer = self._set_period(request.argument)
             case Command.IDENTIFY:
-                answer = Result.OK, self._layout | FIRMWARE_VERSION << 16
+                answer = Result.OK, self._layout | self.firmware << 16
             case Command.SELF_TEST:
-                flags = self._scan.status & ~(ScanStatus.BOARD_RESET | ScanStatus.TIME_ESTIMATED)
+                flags = self._flags() & ~ScanStatus.BOARD_RESET
                 answer = (Result.FAILED if flags else Result.OK), int(flags)
             case _:
                 answer = Result.UNKNOWN_COMMAND, 0
@@ -125,6 +138,7 @@ class BoardFirmware:
             self._position = float(max(index, math.ceil(self._position)))
             self._sequence = max(self._sequence, int(self._position))
             self.running = True
+            self._fresh = False
         return Result.OK, self._sequence & 0xFFFF_FFFF
 
     def _set_period(self, period: int) -> tuple[Result, int]:
@@ -151,8 +165,15 @@ class BoardFirmware:
 
     def _status_frame(self) -> Frame:
         page = Page(self._status_sent % len(Page))
-        values = {Page.LAYOUT: self._layout, Page.FIRMWARE: FIRMWARE_VERSION, Page.SCAN: (self._sequence - 1) & 0xFFFF}
+        values = {Page.LAYOUT: self._layout, Page.FIRMWARE: self.firmware, Page.SCAN: (self._sequence - 1) & 0xFFFF}
         first, second = (float(temperature) for temperature in self._scan.temperatures)
-        status = Status((first, second), SUPPLY, int(self._scan.status), page, values[page])
+        status = Status((first, second), self.supply, self._flags(), page, values[page])
         self._status_sent += 1
         return self._base + STATUS_OFFSET, CLASSIC, status.pack()
+
+    def _flags(self) -> int:
+        """Return the flags of a status frame."""
+        flags = int(self._scan.status) & ~(ScanStatus.BOARD_RESET | ScanStatus.TIME_ESTIMATED)
+        if self.supply < SUPPLY_LIMIT:
+            flags |= ScanStatus.SUPPLY_LOW
+        return flags | ScanStatus.BOARD_RESET if self._fresh else flags

@@ -22,9 +22,6 @@ FD: Final = 8
 RATE_SWITCH: Final = 16
 """CAN FD with the data phase at its own bitrate."""
 
-READ_LIMIT: Final = 1024
-"""Most frames taken from a python-can bus at once."""
-
 
 class FrameBus(Protocol):
     """A bus that reads many frames at once. Every method raises can.CanError when the bus is gone."""
@@ -35,6 +32,10 @@ class FrameBus(Protocol):
 
     def write_frame(self, frame: Frame) -> None:
         """Send one frame."""
+        ...
+
+    def ask_state(self) -> None:
+        """Ask the adapter for errors on the bus; what it tells is read as error frames, if it tells anything."""
         ...
 
     def shutdown(self) -> None:
@@ -70,29 +71,3 @@ def message_of(frame: Frame, timestamp: float = 0.0) -> can.Message:
         dlc=len(data),
         data=None if remote else data,
     )
-
-
-class MessageFrames:
-    """Any python-can bus as a FrameBus."""
-
-    def __init__(self, bus: can.BusABC) -> None:
-        self._bus = bus
-
-    def read_frames(self, timeout: float) -> list[Frame]:
-        """Return the frames that are there; when none is, wait up to `timeout` [s] for the first."""
-        frames: list[Frame] = []
-        message = self._bus.recv(timeout)
-        while message is not None and len(frames) < READ_LIMIT:
-            frames.append(frame_of(message))
-            message = self._bus.recv(0)
-        if message is not None:
-            frames.append(frame_of(message))
-        return frames
-
-    def write_frame(self, frame: Frame) -> None:
-        """Send one frame."""
-        self._bus.send(message_of(frame), timeout=0.1)
-
-    def shutdown(self) -> None:
-        """Close the bus."""
-        self._bus.shutdown()

@@ -22,18 +22,27 @@ HIGHEST_IDENTIFIER: Final = 0x7FF
 SHORT_LENGTH: Final = 8
 """Length of commands, answers and status [byte]."""
 
+PROTOCOL_VERSION: Final = 0
+"""Major version of the firmware that speaks this protocol."""
 STATUS_PERIOD: Final = 0.1
 """Time between two status frames [s]."""
 
 _COMMAND = struct.Struct("<BBxxI")
-_RESPONSE = struct.Struct("<BBBxI")
+_RESPONSE = struct.Struct("<BBBBI")
 _STATUS = struct.Struct("<hhBBH")
 _KELVIN_STEPS: Final = 256
 _TEMPERATURE_UNKNOWN: Final = -0x8000
 _SUPPLY_STEPS: Final = 20  # a volt: 0.05 V each
 _SUPPLY_UNKNOWN: Final = 0xFF
 _PAGE_SHIFT: Final = 6
-_FLAGS: Final = ScanStatus.SUPPLY_LOW | ScanStatus.ADC_FAULT | ScanStatus.OVERTEMPERATURE | ScanStatus.SCAN_OVERRUN
+_FLAGS: Final = (
+    ScanStatus.SUPPLY_LOW
+    | ScanStatus.ADC_FAULT
+    | ScanStatus.OVERTEMPERATURE
+    | ScanStatus.SCAN_OVERRUN
+    | ScanStatus.BOARD_RESET
+)
+_RESET: Final = 1
 
 
 class Command(IntEnum):
@@ -97,15 +106,20 @@ class Response:
     tag: int
     result: int
     value: int = 0
+    reset: bool = False
+    """Whether the board was switched on and not started since, or by this very command for the first time."""
 
     def pack(self) -> bytes:
         """Return the data of the frame."""
-        return _RESPONSE.pack(self.command, self.tag, self.result, self.value)
+        return _RESPONSE.pack(self.command, self.tag, self.result, self.reset * _RESET, self.value)
 
     @classmethod
     def unpack(cls, data: bytes) -> Response | None:
         """Return the answer, or None when the length is wrong."""
-        return cls(*_RESPONSE.unpack(data)) if len(data) == SHORT_LENGTH else None
+        if len(data) != SHORT_LENGTH:
+            return None
+        command, tag, result, flags, value = _RESPONSE.unpack(data)
+        return cls(command, tag, result, value, bool(flags & _RESET))
 
     @property
     def reason(self) -> str:
@@ -123,7 +137,7 @@ class Status:
     supply: float
     """Supply of the board [V], in [0, 12.7]; NaN: not known."""
     flags: int
-    """Bits of ScanStatus: supply low, ADC fault, overtemperature, scan overrun."""
+    """Bits of ScanStatus; the reset stands for a board that was switched on and not started since."""
     page: int
     """What `value` is: one of Page."""
     value: int

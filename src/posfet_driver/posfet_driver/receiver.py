@@ -6,9 +6,11 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from posfet_driver.assembler import QUIET_LIMIT, Assembler
+from posfet_driver.assembler import Assembler
 from posfet_driver.board_clock import BoardClock
-from posfet_driver.codec import ScanCodec, make_codec
+from posfet_driver.bus_time import classic_time, fd_time
+from posfet_driver.codec import CLASSIC_LENGTH, FD_LENGTH, ScanCodec, make_codec
+from posfet_driver.error_frames import ErrorCounts
 from posfet_driver.frames import CLASSIC, ERROR, EXTENDED, Frame
 from posfet_driver.messages import (
     RESPONSE_OFFSET,
@@ -17,6 +19,7 @@ from posfet_driver.messages import (
     Response,
     Status,
 )
+from posfet_driver.pauses import Pauses
 from posfet_model.scan import Scan, ScanStatus
 from posfet_model.sensor import Sensor
 
@@ -27,10 +30,10 @@ NANOSECONDS: Final = 1e9
 class Traffic:
     """Frames that carry no scan of the board, by cause; never falls."""
 
+    frames: int = 0
+    """All frames of the bus, error frames included."""
     foreign: int = 0
     """Frames of other nodes on the bus."""
-    bus_errors: int = 0
-    """Error frames."""
     malformed: int = 0
     """Status frames and answers of a wrong form."""
 
@@ -46,6 +49,7 @@ class Receiver:
         codec: ScanCodec = make_codec(sensor, fd)
         self.assembler = Assembler(codec)
         self.traffic = Traffic()
+        self.errors = ErrorCounts()
         self.scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
         self.scan.counts = self.assembler.counts
         self.listening = False
@@ -58,62 +62,86 @@ class Receiver:
         """The newest answer, until somebody takes it."""
         self.status = Status((math.nan, math.nan), math.nan, 0, Page.LAYOUT, 0)
         """The newest status."""
+        self.news = False
+        """True when a status came; until somebody takes it."""
         self.layout_id: int | None = None
         self.firmware: int | None = None
         """Of the board, from its status frames; None: not known yet."""
         self._base = sensor.can.base_id
         self._fd = fd
-        self._blocks = codec.blocks
         self._clock = BoardClock()
-        self._quiet = 0.0
-        self._skip = False
         self._arrival = 0
         self._wall_offset = 0
         self._reset = False
+        times = (
+            fd_time(FD_LENGTH, sensor.can.bitrate, sensor.can.data_bitrate)
+            if fd
+            else classic_time(CLASSIC_LENGTH, sensor.can.bitrate)
+        )
+        self._way = codec.blocks * times.most
         self._first_block = codec.offset(0)
         self._last_block = codec.offset(codec.blocks - 1)
+        self._pauses = Pauses(self._base + self._first_block, self._base + self._last_block, codec.blocks)
 
     @property
     def frames_lost(self) -> int:
         """Frames of the board that did not arrive or could not be used."""
         losses = self.assembler.losses
-        return losses.frames + losses.malformed + self.traffic.malformed
+        return losses.frames + losses.malformed + losses.stuck + self.traffic.malformed
 
-    def resync(self, next_scan: int, count_gap: bool) -> None:
-        """Take the number of the next scan, as the board answers a start; `count_gap` as in `Assembler.resync`."""
-        self.listening = True
-        if self.assembler.resync(next_scan, count_gap):
-            self._reset = True
-            self._clock.reset()
+    @property
+    def clock_drift(self) -> float:
+        """How far the map of clocks may have drifted since the last undelayed frame [s]; NaN before the first."""
+        return self._clock.uncertainty / NANOSECONDS
 
-    def begin_batch(self, frames: list[Frame], arrival: int, wall_offset: int) -> None:
-        """Take note that `frames` were read at `arrival` [ns, monotonic]; `wall_offset` [ns] leads to wall time.
+    @property
+    def stamp_uncertainty(self) -> float:
+        """How far a stamp may be after the acquisition [s]: the way of a scan over the bus, and `clock_drift`."""
+        return self._way + self.clock_drift
 
-        Classic blocks need the silence on the bus: what remains of the time since the last batch when the time in which
-        the scans of this one were acquired is taken off. A reader that was held up finds as many frames as time went
-        by, and no silence. Where in a batch a long silence lies is not known, so the blocks of such a batch are lost.
+    def set_period(self, period: float) -> None:
+        """Take the time from scan to scan that the board was told [ns]."""
+        if period != self.scan_period and not self._fd:
+            self._clock.reset()  # numbers of scans are its time
+        self.scan_period = period
+
+    def resync(self, next_scan: int, count_gap: bool, reset: bool = False) -> bool:
+        """Take the number of the next scan, as the board answers a start; return whether it was reset meanwhile.
+
+        `count_gap` and `reset` as in `Assembler.resync`.
         """
-        self._skip = False
-        if not self._fd and self.listening:
-            low, high = self._base + self._first_block, self._base + self._last_block
-            scans = sum(1 for identifier, _, _ in frames if low <= identifier <= high) / self._blocks
-            elapsed = (arrival - self._arrival) / self.scan_period
-            silence = max(elapsed - scans, 0.0)
-            self._skip = silence > QUIET_LIMIT
-            self._quiet += elapsed if self._skip else silence
+        self.listening = True
+        began_anew = self.assembler.resync(next_scan, count_gap, reset)
+        if began_anew:
+            self._clock.reset()
+        self._reset = self._reset or began_anew or reset
+        return began_anew
+
+    def begin_batch(self, frames: list[Frame], arrival: int, wall_offset: int) -> list[Frame]:
+        """Take `frames`, read at `arrival` [ns, monotonic]; return those to be fed now.
+
+        `wall_offset` [ns] leads to wall time. With classic blocks frames may be held until the next batch, or dropped
+        when they may be of two scans (`Pauses`).
+        """
+        self.traffic.frames += len(frames)
         self._arrival = arrival
         self._wall_offset = wall_offset
+        if self._fd:
+            return frames
+        if not self.listening:
+            return self._pauses.skip(frames, arrival)
+        return self._pauses.take(frames, arrival, self.scan_period)
 
     def feed(self, frame: Frame) -> bool:
         """Take one frame; return True when `scan` is a new one."""
         identifier, kind, data = frame
         offset = identifier - self._base
         if self._first_block <= offset <= self._last_block and not kind & (EXTENDED | ERROR):
-            if self._skip or not self.listening or not self.assembler.feed(offset, kind, data, self._quiet):
+            if not self.listening or not self.assembler.feed(offset, kind, data, self._pauses.quiet):
                 return False
             self._complete()
             return True
-        self._other(offset, kind, data)
+        self._other(identifier, offset, kind, data)
         return False
 
     def _complete(self) -> None:
@@ -125,16 +153,16 @@ class Receiver:
             scan.status = assembler.status
         else:
             board_time = round(assembler.sequence * self.scan_period / 1000)
-            scan.status = self.status.flags | ScanStatus.TIME_ESTIMATED
+            scan.status = (self.status.flags & ~ScanStatus.BOARD_RESET) | ScanStatus.TIME_ESTIMATED
         scan.stamp = self._clock.to_monotonic(board_time, self._arrival) + self._wall_offset
         if self._reset:
             scan.status |= ScanStatus.BOARD_RESET
             self._reset = False
         self.scans += 1
 
-    def _other(self, offset: int, kind: int, data: bytes) -> None:
+    def _other(self, identifier: int, offset: int, kind: int, data: bytes) -> None:
         if kind & ERROR:
-            self.traffic.bus_errors += 1
+            self.errors.take(identifier, data)
         elif offset == STATUS_OFFSET and not kind & EXTENDED:
             self._take_status(Status.unpack(data) if kind == CLASSIC else None)
         elif offset == RESPONSE_OFFSET and not kind & EXTENDED:
@@ -151,6 +179,7 @@ class Receiver:
             self.traffic.malformed += 1
             return
         self.status = status
+        self.news = True
         self.scan.temperatures[:] = status.temperatures
         if status.page == Page.LAYOUT:
             self.layout_id = status.value

@@ -14,6 +14,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from posfet_driver.conversions import RawMessage, diagnostic_array
+from posfet_driver.faults import Fault, FaultWatch, changes
 from posfet_driver.source import Health, ScanSource, SourceError, SourceReport
 from posfet_model.config import ConfigError
 from posfet_model.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_frame, declared_sensor
@@ -82,6 +83,8 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         self._begun = False
         self._failure = ""
         self._said = ""
+        self._watch = FaultWatch()
+        self._faults: list[Fault] = []
         self._reported = (0, 0)
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ScanSource:
@@ -98,6 +101,11 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
             raise ConfigError(f"{self.get_fully_qualified_name()}: {self._failure}")
         self.trigger_activate()
+
+    @property
+    def reading(self) -> bool:
+        """Whether the data thread runs: between configure and cleanup."""
+        return self._thread is not None
 
     def wanted(self, now: int) -> bool:
         """Return whether to read the source already: once its scans are listened to; `now` is a monotonic time [ns]."""
@@ -187,8 +195,22 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         scan_rate = (report.scans - scans) * 1e9 / max(now - before, 1)
         name = f"{self.get_fully_qualified_name()}: board"
         hardware_id = self.sensor.serial or self.sensor.name
-        self._diagnostics.publish(diagnostic_array(report, name, hardware_id, scan_rate, time.time_ns()))
+        faults = self._watch.present(report, now)
+        self._diagnostics.publish(diagnostic_array(report, name, hardware_id, scan_rate, time.time_ns(), faults))
         self._say(report)
+        self._say_faults(faults)
+
+    def _say_faults(self, faults: list[Fault]) -> None:
+        """Log each fault once when it comes and once when it is over."""
+        come, gone = changes(self._faults, faults)
+        self._faults = faults
+        for fault in come:
+            if fault.health >= Health.ERROR:
+                self.get_logger().error(fault.text)
+            else:
+                self.get_logger().warning(fault.text)
+        for fault in gone:
+            self.get_logger().info(f"{fault.name}: over")
 
     def _say(self, report: SourceReport) -> None:
         """Log the state once a change, however often it is reported."""

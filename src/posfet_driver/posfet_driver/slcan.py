@@ -14,8 +14,18 @@ from typing import Any, Final
 
 import can
 
+from posfet_driver.error_frames import BUS_ERROR, CONTROLLER, PASSIVE, WARNING, error_frame
 from posfet_driver.frames import Frame, frame_of, message_of
-from posfet_driver.slcan_lines import END, REFUSED, LineReader, encode_line
+from posfet_driver.slcan_lines import (
+    END,
+    FLAG_BUS_ERROR,
+    FLAG_OVERFLOW,
+    FLAG_PASSIVE,
+    FLAG_WARNING,
+    REFUSED,
+    LineReader,
+    encode_line,
+)
 
 BITRATES: Final = {
     10_000: b"S0",
@@ -97,6 +107,9 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
         Filters are not applied. Raises can.CanOperationError when the adapter is gone.
         """
         frames = self._reader.frames(self._read(timeout))
+        if self._reader.flags is not None:
+            frames += _errors(self._reader.flags)
+            self._reader.flags = None
         if self._frames:
             frames = [*self._frames, *frames]
             self._frames.clear()
@@ -105,6 +118,10 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
     def write_frame(self, frame: Frame) -> None:
         """Send one frame. Raises can.CanOperationError when the adapter is gone or takes nothing for 0.1 s."""
         self._write(encode_line(frame), REPLY_TIMEOUT)
+
+    def ask_state(self) -> None:
+        """Ask the adapter for its status flags, which are read as an error frame; adapters without any refuse."""
+        self._write(b"F" + END, REPLY_TIMEOUT)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
         """Send one message; see can.BusABC."""
@@ -181,6 +198,15 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
                 select.select([], [self._fd], [], left)
             except OSError as error:
                 raise can.CanOperationError(f"the adapter is gone: {error.strerror}") from error
+
+
+def _errors(flags: int) -> list[Frame]:
+    """Return what an adapter's status flags say as an error frame, or nothing when they say nothing."""
+    controller = (
+        PASSIVE * bool(flags & FLAG_PASSIVE) | 0x01 * bool(flags & FLAG_OVERFLOW) | WARNING * bool(flags & FLAG_WARNING)
+    )
+    classes = CONTROLLER * bool(controller) | BUS_ERROR * bool(flags & FLAG_BUS_ERROR)
+    return [error_frame(classes, controller)] if classes else []
 
 
 def _command(name: str, value: int, commands: dict[int, bytes]) -> bytes:

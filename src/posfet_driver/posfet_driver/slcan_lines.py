@@ -16,6 +16,13 @@ END: Final = b"\r"
 REFUSED: Final = b"\a"
 """Reply of an adapter to a line that it does not accept; ends a line like END."""
 
+FLAG_OVERFLOW: Final = 0x09
+FLAG_WARNING: Final = 0x04
+FLAG_PASSIVE: Final = 0x20
+FLAG_BUS_ERROR: Final = 0x80
+"""Bits of the answer to the command F: receive queue full or data overrun, error warning, error passive, bus error."""
+_FLAGS_LENGTH: Final = 3
+
 FD_LENGTHS: Final = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
 """Data length [byte] of each length code of CAN FD."""
 
@@ -52,6 +59,8 @@ class LineReader:
         """Lines that are no frame, no reply and no acknowledgement."""
         self.refusals = 0
         """Refusals by the adapter."""
+        self.flags: int | None = None
+        """The newest answer to the command F, bits of FLAG_*, until somebody takes it."""
         self._rest = b""
         self._headers: dict[bytes, tuple[int, int, int]] = {}
 
@@ -99,6 +108,9 @@ class LineReader:
         if line == REFUSED:
             self.refusals += 1
             return
+        if line[:1] == b"F" and len(line) == _FLAGS_LENGTH:
+            self._take_flags(line)
+            return
         frame = parse_line(line)
         if frame is None:
             self.malformed += 1
@@ -109,6 +121,12 @@ class LineReader:
             if len(self._headers) >= _HEADER_MEMORY:
                 self._headers.clear()
             self._headers[line[:_STANDARD_HEADER]] = identifier, kind, _STANDARD_HEADER + 2 * len(data)
+
+    def _take_flags(self, line: bytes) -> None:
+        try:
+            self.flags = unhexlify(line[1:])[0]
+        except HexError:
+            self.malformed += 1
 
 
 _ACKNOWLEDGEMENTS: Final = (b"", b"z", b"Z")

@@ -37,6 +37,8 @@ class SourceReport:
     """CAN frames lost, whatever the cause; 0 without a bus."""
     counters: Mapping[str, int] = field(default_factory=dict)
     """What went wrong, counted by cause."""
+    conditions: tuple[str, ...] = ()
+    """Names of the faults that hold at this moment, from the table in faults.py."""
     values: Mapping[str, str] = field(default_factory=dict)
     """What else a person wants to see, with units in the names."""
 

@@ -1,0 +1,92 @@
+"""Frames a second that each slcan reader takes from the same byte stream: `python benchmarks/slcan.py`.
+
+A process of its own writes the stream to a pseudo-terminal as fast as it is taken. Readers: python-can's own, the same
+with our buffered reader (`slcan_upstream.py`), and our bus, through recv() and through read_frames().
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+import tty
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_model"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_driver"))
+
+import can
+
+from posfet_driver.frames import CLASSIC, FD, RATE_SWITCH
+from posfet_driver.slcan import SlcanBus
+from posfet_driver.slcan_lines import encode_line
+from posfet_driver.slcan_upstream import BufferedSlcanBus
+
+FRAMES = {"python-can": 2_000, "buffered": 50_000, "recv": 100_000, "read_frames": 300_000}
+"""Frames that each reader is given."""
+STREAMS = {"classic": (0x108, CLASSIC, bytes(range(8))), "FD, 64 bytes": (0x103, FD | RATE_SWITCH, bytes(range(64)))}
+
+
+@dataclass(frozen=True)
+class Reader:
+    """How to open a bus and take frames from it; `take` returns how many it took."""
+
+    open: Callable[[str], can.BusABC]
+    take: Callable[[can.BusABC], int]
+
+
+def recv(bus: can.BusABC) -> int:
+    """Take one message."""
+    return int(bus.recv(1.0) is not None)
+
+
+READERS = {
+    "python-can": Reader(lambda port: can.Bus(interface="slcan", channel=port, sleep_after_open=0), recv),
+    "buffered": Reader(lambda port: BufferedSlcanBus(port, sleep_after_open=0), recv),
+    "recv": Reader(lambda port: SlcanBus(port, fd=True), recv),
+    "read_frames": Reader(lambda port: SlcanBus(port, fd=True), lambda bus: len(bus.read_frames(1.0))),
+}
+
+
+def rate(reader: Reader, line: bytes, frames: int) -> float:
+    """Return frames a second."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    bus = reader.open(os.ttyname(slave))
+    writer = os.fork()
+    if writer == 0:
+        for _ in range(frames // 100 + 1):
+            data = line * 100
+            while data:
+                data = data[os.write(master, data) :]
+        os._exit(0)
+    taken, begin = 0, time.perf_counter()
+    try:
+        while taken < frames:
+            taken += reader.take(bus)
+        seconds = time.perf_counter() - begin
+    finally:
+        os.kill(writer, 9)
+        os.waitpid(writer, 0)
+        bus.shutdown()
+        os.close(master)
+        os.close(slave)
+    return taken / seconds
+
+
+def main() -> None:
+    """Print a table."""
+    scale = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
+    print(f"| {'frames':12} | {'reader':11} | {'k frames/s':>10} | {'times':>6} |\n|---|---|---|---|")
+    for name, frame in STREAMS.items():
+        own = 0.0
+        for reader, count in FRAMES.items():
+            speed = rate(READERS[reader], encode_line(frame), max(int(scale * count), 200))
+            own = own or speed
+            print(f"| {name:12} | {reader:11} | {speed / 1e3:10.2f} | {speed / own:6.0f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,149 @@
+"""Recordings of a bus, in every format that python-can writes and reads: `posfet can record` and `replay`."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import struct
+import time
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, Final
+
+import can
+from can.io.blf import BLFParseError
+from rich.console import Console
+from rich.table import Table
+
+from posfet_driver.bus import one_line, open_can_bus
+from posfet_driver.can_monitor import started
+from posfet_driver.can_tool import bus_of, sensor_of
+from posfet_driver.frames import frame_of
+from posfet_driver.message_frames import MessageFrames
+from posfet_driver.receiver import Receiver
+from posfet_model.config import ConfigError
+from posfet_model.sensor import Sensor
+
+FORMATS: Final = (".log", ".asc", ".blf")
+"""candump, Vector's text, Vector's binary."""
+_BROKEN: Final = (
+    ValueError,
+    LookupError,
+    ArithmeticError,
+    EOFError,
+    TypeError,
+    can.CanError,
+    BLFParseError,
+    struct.error,
+    zlib.error,
+)
+"""What python-can's readers let out when a file is not what it seems."""
+_BLF: Final = b"LOGG"
+POLL: Final = 0.1
+"""Longest wait for a frame [s]."""
+
+
+def check_name(file: Path) -> None:
+    """Raise ConfigError, one line, for a file whose name tells no format that can be used."""
+    if file.suffix.lower() not in FORMATS:
+        raise ConfigError(f"{file}: must end with one of {', '.join(FORMATS)}")
+
+
+def run_record(options: argparse.Namespace) -> int:
+    """Run the action; return the exit code: 0 when any frame was recorded."""
+    check_name(options.file)
+    frames = 0
+    with bus_of(options) as (sensor, settings):
+        bus = open_can_bus(settings)
+        try:
+            with can.Logger(str(options.file)) as log, started(MessageFrames(bus), sensor, options.start):
+                end = time.monotonic() + options.seconds
+                with contextlib.suppress(KeyboardInterrupt):
+                    while (left := end - time.monotonic()) > 0:
+                        message = bus.recv(min(left, POLL))
+                        if message is not None:
+                            log(message)
+                            frames += 1
+        finally:
+            bus.shutdown()
+    Console(highlight=False).print(f"{frames} frames in {options.file}", soft_wrap=True)
+    return 0 if frames else 1
+
+
+def messages(file: Path) -> Iterator[can.Message]:
+    """Yield what was recorded. Raises ConfigError, one line, for a file that cannot be read."""
+    check_name(file)
+    try:
+        if file.suffix.lower() == ".blf":  # python-can's reader would leave another file open
+            with file.open("rb") as start:
+                if start.read(len(_BLF)) != _BLF:
+                    raise ConfigError(f"{file}: not a recording of its format")
+        with can.LogReader(str(file)) as reader:
+            yield from reader
+    except OSError as error:
+        raise ConfigError(f"{file}: {error.strerror or one_line(error)}") from error
+    except _BROKEN as error:
+        raise ConfigError(f"{file}: not a recording of its format: {one_line(error)}") from error
+
+
+def decode(file: Path, sensor: Sensor) -> Receiver:
+    """Return a receiver that has taken all of a recording, as if it had just been heard."""
+    receiver = Receiver(sensor, sensor.can.fd)
+    receiver.listening = True
+    for message in messages(file):
+        for frame in receiver.begin_batch([frame_of(message)], round(message.timestamp * 1e9), 0):
+            receiver.feed(frame)
+    return receiver
+
+
+def run_replay(options: argparse.Namespace) -> int:
+    """Run the action; return the exit code."""
+    console = Console(highlight=False)
+    if options.decode:
+        console.print(_table(options.file, decode(options.file, sensor_of(options))))
+        return 0
+    recorded = messages(options.file)
+    first = next(recorded, None)
+    if first is None:
+        raise ConfigError(f"{options.file}: no frame is in it")
+    frames = 0
+    with bus_of(options) as (_, settings):
+        bus = open_can_bus(settings)
+        try:
+            begin = time.monotonic()
+            for message in _all(first, recorded):
+                wait = (message.timestamp - first.timestamp) / options.speed - (time.monotonic() - begin)
+                if wait > 0:
+                    time.sleep(wait)
+                if not message.is_error_frame:
+                    bus.send(message, timeout=POLL)
+                    frames += 1
+        finally:
+            bus.shutdown()
+    console.print(f"{frames} frames sent")
+    return 0
+
+
+def _all(first: can.Message, rest: Iterator[can.Message]) -> Iterator[Any]:
+    yield first
+    yield from rest
+
+
+def _table(file: Path, receiver: Receiver) -> Table:
+    losses, traffic = receiver.assembler.losses, receiver.traffic
+    table = Table("what", "number", title=str(file))
+    for name, number in (
+        ("frames", traffic.frames),
+        ("whole scans", receiver.scans),
+        ("torn scans", losses.torn_scans),
+        ("lost scans", losses.lost_scans),
+        ("repeated frames", losses.repeated),
+        ("late frames", losses.late),
+        ("reordered frames", losses.reordered),
+        ("malformed frames", losses.malformed + traffic.malformed),
+        ("foreign frames", traffic.foreign),
+        ("error frames", receiver.errors.frames),
+    ):
+        table.add_row(name, str(number))
+    return table

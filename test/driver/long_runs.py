@@ -1,0 +1,144 @@
+"""Long runs, seeded: scans under faults of every kind, and frames of any kind. Short ones are in test_long_runs.py.
+
+python test/driver/long_runs.py --scans 1000000
+python test/driver/long_runs.py --frames 10000000
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import sys
+import time
+from pathlib import Path
+
+if __name__ == "__main__":
+    sys.path[:0] = [str(Path(__file__).parents[2] / "src" / name) for name in ("posfet_driver", "posfet_model")]
+
+from fake_board import FakeBoard, assert_marked
+from stepped import SteppedBus, SteppedClock
+
+from posfet_driver.board import Board
+from posfet_driver.fault_injector import FaultInjector, Trouble
+from posfet_driver.firmware import BoardFirmware
+from posfet_driver.frames import CLASSIC, ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE, Frame
+from posfet_driver.receiver import Receiver
+from posfet_driver.soak import Usage
+from posfet_model.sensor import load_sensor
+
+SENSOR = load_sensor()
+BASE = SENSOR.can.base_id
+NEW_NUMBERS = (Trouble.RESET, Trouble.BROWN_OUT, Trouble.STUCK)
+"""Troubles after which the account begins anew: what was sent under the old numbers cannot be known."""
+COUNTED = tuple(trouble for trouble in Trouble if trouble not in (*NEW_NUMBERS, Trouble.NONE))
+LENGTHS = (0, 1, 7, 8, 8, 8, 12, 63, 64, 64, 64)
+KINDS = (CLASSIC, CLASSIC, FD | RATE_SWITCH, FD | RATE_SWITCH, FD, EXTENDED, REMOTE, ERROR, FD | EXTENDED)
+
+
+def scans_under_faults(scans: int, fd: bool, seed: int, troubles: tuple[Trouble, ...] = COUNTED) -> dict[str, int]:
+    """Let a board send `scans` scans under random troubles; return the account. Each scan is held to the one sent."""
+    noise = random.Random(seed)
+    clock = SteppedClock()
+    injector = FaultInjector(lambda now: BoardFirmware(SENSOR, FakeBoard(SENSOR), now, fd), BASE, 0, seed)
+    board = Board(SENSOR, lambda: SteppedBus(clock, injector), fd, clock)
+    board.open()
+    scan = None
+    while scan is None:
+        scan = board.read(0.01)
+    first = last = scan.sequence
+    sent = 0
+    while sent < scans or injector.trouble != Trouble.NONE:
+        injector.trouble = noise.choice(troubles) if injector.trouble == Trouble.NONE else Trouble.NONE
+        injector.firmware.supply = 5.0
+        end = clock.now + round(noise.expovariate(5.0) * 1e9)
+        resets = board.resets
+        while clock.now < end:
+            if noise.random() < 0.001:
+                clock.now += round(noise.expovariate(50.0) * 1e9)  # the host is held up
+            scan = board.read(0.01)
+            if scan is None:
+                continue
+            if injector.trouble != Trouble.STUCK:
+                assert_marked(scan)
+            assert scan.sequence > last or board.resets > resets
+            last, resets = scan.sequence, board.resets
+        sent = clock.now // 1_000_000
+    _settle(board)
+    losses = board.receiver.assembler.losses
+    return {
+        "sent": board.receiver.assembler.sequence + 1 - first,
+        "published": board.receiver.scans,
+        "torn": losses.torn_scans,
+        "lost": losses.lost_scans,
+        "reopened": board.reopened,
+        "restarted": board.restarted,
+        "resets": board.resets,
+    }
+
+
+def _settle(board: Board) -> None:
+    """Let all be well again, until the account is closed by whole scans and status frames."""
+    before = board.receiver.scans
+    while board.receiver.scans < before + 1000:
+        board.read(0.01)
+    while not board.receiver.assembler.whole:
+        board.read(0.001)
+
+
+def any_frame(noise: random.Random, real: list[Frame]) -> Frame:
+    """Return a random frame, or a real one with some bits flipped."""
+    if noise.random() < 0.5:
+        identifier, kind, data = noise.choice(real)
+        spoiled = bytearray(data)
+        for _ in range(noise.randrange(4)):
+            spoiled[noise.randrange(len(spoiled))] ^= 1 << noise.randrange(8)
+        return identifier, kind, bytes(spoiled)
+    identifier = BASE + noise.randrange(-2, 15) if noise.random() < 0.8 else noise.randrange(1 << 29)
+    return identifier, noise.choice(KINDS), noise.randbytes(noise.choice(LENGTHS))
+
+
+def fuzz(frames: int, fd: bool, seed: int) -> tuple[int, int]:
+    """Pour random and mutated frames into a receiver; return how many it took, and growth of memory [byte]."""
+    noise = random.Random(seed)
+    firmware = BoardFirmware(SENSOR, FakeBoard(SENSOR), 0, fd)
+    firmware.running = True
+    real = firmware.due(50_000_000)
+    receiver = Receiver(SENSOR, fd)
+    receiver.resync(0, count_gap=False)
+    pool = [any_frame(noise, real) for _ in range(min(frames, 200_000))]
+    taken, now, growth_from = 0, 0, 0
+    while taken < frames:
+        batch = noise.sample(pool, min(noise.randrange(1, 400), len(pool)))
+        now += round(noise.expovariate(1e-6))
+        for frame in receiver.begin_batch(batch, now, 0):
+            receiver.feed(frame)
+        taken += len(batch)
+        if not growth_from and taken >= frames // 4:
+            growth_from = Usage.now().memory
+    return taken, Usage.now().memory - growth_from
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--scans", type=int, default=0)
+    parser.add_argument("--frames", type=int, default=0)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    for fd in (True, False):
+        name = "FD" if fd else "classic"
+        begin = time.monotonic()
+        if options.scans:
+            account = scans_under_faults(options.scans, fd, options.seed)
+            print(name, account, f"{time.monotonic() - begin:.0f} s", flush=True)
+            assert account["sent"] == account["published"] + account["torn"] + account["lost"]
+            begin = time.monotonic()
+            account = scans_under_faults(options.scans // 10, fd, options.seed, COUNTED + NEW_NUMBERS)
+            print(name, "with resets", account, f"{time.monotonic() - begin:.0f} s", flush=True)
+        if options.frames:
+            taken, growth = fuzz(options.frames, fd, options.seed)
+            print(name, f"{taken} frames, memory grew by {growth} bytes, {time.monotonic() - begin:.0f} s", flush=True)
+            assert growth < 1 << 20
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,174 @@
+"""`posfet can` at the bench: every action over the emulated adapter and a virtual bus, and what is said of mistakes."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import pytest
+from fake_board import FakeBoard, board_on_bus
+
+from posfet_driver import can_list
+from posfet_driver.can_files import decode, messages
+from posfet_driver.can_tool import main
+from posfet_driver.firmware import BoardFirmware
+from posfet_driver.frames import CLASSIC, frame_of
+from posfet_driver.messages import Page, Status
+from posfet_driver.source import SystemClock
+from posfet_model.sensor import load_sensor
+
+SENSOR = load_sensor()
+EMULATOR = ["-i", "emulator"]
+
+
+@pytest.fixture(autouse=True)
+def wide_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+
+
+@pytest.fixture
+def virtual() -> Iterator[list[str]]:
+    """A board on a virtual bus; the words that lead there."""
+    channel = uuid.uuid4().hex
+    with (
+        can.Bus(interface="virtual", channel=channel) as bus,
+        board_on_bus(bus, BoardFirmware(SENSOR, FakeBoard(SENSOR), SystemClock().monotonic())),
+    ):
+        yield ["-i", "virtual", "-c", channel]
+
+
+def test_list_finds_the_board(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", *EMULATOR]) == 0
+    cells = [cell.strip() for cell in capsys.readouterr().out.split("│")]
+    assert "a simulated board" in cells
+    assert cells[cells.index("0x100") : cells.index("0x100") + 4] == ["0x100", "1", "0.1", "5.00"]
+
+
+def test_list_says_why_an_adapter_is_of_no_use(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(can_list, "SERIAL_PORTS", (str(tmp_path / "tty*"),))
+    monkeypatch.setattr(can_list, "NETWORK_DEVICES", tmp_path / "net")
+    assert main(["list"]) == 0
+    assert "no adapter found" in capsys.readouterr().out
+    (tmp_path / "ttyACM0").touch()
+    (tmp_path / "net" / "can7").mkdir(parents=True)
+    (tmp_path / "net" / "can7" / "type").write_text("280\n")
+    (tmp_path / "net" / "eth0").mkdir()
+    (tmp_path / "net" / "eth0" / "type").write_text("1\n")
+    assert can_list.adapters() == [("socketcan", "can7"), ("slcan", str(tmp_path / "ttyACM0"))]
+    assert main(["list"]) == 0
+    assert "not a serial port" in capsys.readouterr().out
+
+
+def test_only_what_behaves_like_a_status_is_taken_for_a_board() -> None:
+    statuses = [Status((20.0, 20.0), 5.0, 0, page, 1).pack() for page in (*Page, *Page)]
+    frames = [(0x302, CLASSIC, data) for data in statuses]
+    other = [(0x402, CLASSIC, statuses[0])] * 6 + [(0x502, CLASSIC, bytes([0, 0, 0, 0, 0, 0xC0, 0, 0]))]
+    assert [board.base for board in can_list.boards(frames + other)] == [0x300]
+
+
+@pytest.mark.parametrize("words", [["identify"], ["start"], ["stop"], ["self_test"], ["set_rate", "2000"]])
+def test_commands(virtual: list[str], words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["command", *words, *virtual]) == 0
+    assert capsys.readouterr().out.startswith(f"{words[0]}: ok, ")
+
+
+def test_a_refusal_comes_with_the_boards_reason(virtual: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["command", "set_rate", "3", *virtual]) == 1
+    error = capsys.readouterr().err
+    assert error == "posfet can command: SET_RATE: refused by the board: bad argument (value 0)\n"
+
+
+def test_monitor_shows_identifiers_rates_and_scans(virtual: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["monitor", "--start", "--for", "0.5", *virtual]) == 0
+    out = capsys.readouterr().out
+    assert "scans/s" in out
+    rows = [[cell.strip() for cell in line.split("│")[1:4]] for line in out.splitlines() if "│ 0x" in line]
+    assert [row[:2] for row in rows if row[1] in {"Status", "ScanBlockFd"}] == [
+        ["0x102", "Status"],
+        ["0x103", "ScanBlockFd"],
+    ]
+    assert int(rows[-1][2]) > 100
+
+
+def test_monitor_of_a_silent_bus_fails(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["monitor", "-i", "virtual", "-c", uuid.uuid4().hex, "--for", "0.05"]) == 1
+
+
+@pytest.mark.parametrize("suffix", ["log", "asc", "blf"])
+@pytest.mark.parametrize("fd", ["true", "false"])
+def test_what_is_recorded_can_be_decoded_and_replayed(
+    tmp_path: Path, suffix: str, fd: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / f"bus.{suffix}"
+    assert main(["record", str(file), "--start", "--for", "0.3", *EMULATOR, "--fd", fd]) == 0
+    assert main(["replay", str(file), "--decode", "--fd", fd]) == 0
+    assert "whole scans" in capsys.readouterr().out
+    sent = [frame_of(message) for message in messages(file)]
+    assert len(sent) > 100
+    channel = uuid.uuid4().hex
+    with can.Bus(interface="virtual", channel=channel) as bus:
+        assert main(["replay", str(file), "--speed", "100", "-i", "virtual", "-c", channel, "--fd", fd]) == 0
+        heard = [frame_of(bus.recv(0)) for _ in sent]
+    assert heard == sent
+
+
+def test_a_recording_decodes_to_whole_scans(tmp_path: Path) -> None:
+    file = tmp_path / "bus.log"
+    assert main(["record", str(file), "--start", "--for", "0.3", *EMULATOR]) == 0
+    receiver = decode(file, SENSOR)
+    assert receiver.scans > 200
+    assert receiver.frames_lost == 0
+
+
+def test_selftest_passes_on_the_emulated_board(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["selftest", *EMULATOR, "--for", "0.5"]) == 0, capsys.readouterr().out
+    assert capsys.readouterr().out.count(" ok ") == 8
+
+
+def test_selftest_names_what_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["selftest", "-i", "slcan", "-c", str(tmp_path / "none")]) == 1
+    out = capsys.readouterr().out
+    assert "adapter opens" in out
+    assert "No such file or directory" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (["command", "stop", "-i", "slcam"], "can_interface: must be one of"),
+        (["command", "stop", "-i", "virtual", "-o", "nonsense=1"], "has no option 'nonsense', known are"),
+        (["command", "stop", "-i", "virtual", "-s", "nosuch"], "nosuch: no such sensor"),
+        (["command", "stop", "-i", "slcan", "-c", "/nowhere"], "slcan:/nowhere: /nowhere: No such file or directory"),
+        (["command", "stop", "-i", "virtual", "-c", "empty"], "STOP: no answer within 0.5 s at base identifier 0x100"),
+        (["record", "bus.txt", "-i", "virtual"], "bus.txt: must end with one of .log, .asc, .blf"),
+        (["replay", "/nowhere.log"], "/nowhere.log: No such file or directory"),
+    ],
+)
+def test_mistakes_are_told_in_one_line(words: list[str], error: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 1
+    said = capsys.readouterr().err
+    assert error in said
+    assert said.startswith(f"posfet can {words[0]}: ")
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("suffix", ["log", "asc", "blf"])
+def test_a_broken_recording_is_refused_in_one_line(
+    tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / f"bus.{suffix}"
+    file.write_bytes(b"(nonsense) \xff\x00 what\n" * 20)
+    assert main(["replay", str(file)]) == 1
+    assert capsys.readouterr().err.startswith(f"posfet can replay: {file}: no")
+
+
+@pytest.mark.parametrize(
+    "words", [["nothing"], ["command", "fly"], ["monitor", "--for", "-1"], ["replay", "x", "--speed", "nan"]]
+)
+def test_wrong_words_are_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(words)

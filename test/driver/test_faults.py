@@ -1,0 +1,211 @@
+"""Every fault on the wire, one by one: told apart, counted, named with a remedy, survived."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from fake_board import FakeBoard, assert_marked, with_layout
+from stepped import SteppedBus, SteppedClock
+
+from posfet_driver.board import Board
+from posfet_driver.fault_injector import FaultInjector, Trouble
+from posfet_driver.faults import FAULTS, HOLD, FaultWatch, changes, worst
+from posfet_driver.firmware import BoardFirmware
+from posfet_driver.source import Health
+from posfet_model.scan import ScanStatus
+from posfet_model.sensor import load_sensor
+
+RATE = 200.0
+SENSORS = {
+    True: with_layout(load_sensor(), 5, 12, scan_rate=RATE),
+    False: with_layout(load_sensor(), 5, 5, scan_rate=RATE),
+}
+"""Three FD blocks, five classic ones."""
+BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+SECOND = 1_000_000_000
+BACK = 500_000_000
+"""Data flows this soon [ns] once the bus is back."""
+
+EXPECTED = {
+    Trouble.LOST: {"lost scans"},
+    Trouble.TORN: {"torn scans"},
+    Trouble.REPEATED: {"repeated frames"},
+    Trouble.LATE: {"late frames"},
+    Trouble.REORDERED: {"reordered frames"},
+    Trouble.MALFORMED: {"malformed frames"},
+    Trouble.STUCK: {"stuck counter"},
+    Trouble.FOREIGN: {"bus full"},
+    Trouble.ERRORS: {"error frames"},
+    Trouble.UNACKNOWLEDGED: {"unacknowledged", "bus silent"},
+    Trouble.OVERFLOW: {"receive overflows"},
+    Trouble.UNREADABLE: {"bus unreadable"},
+    Trouble.BUS_OFF: {"bus off"},
+    Trouble.CABLE_OUT: {"bus silent"},
+    Trouble.BOARD_OUT: {"board missing"},
+    Trouble.DEAF: set(),
+    Trouble.RESET: {"board resets"},
+    Trouble.BROWN_OUT: {"brown-outs", "supply low"},
+}
+"""What is said of each trouble, at least."""
+ALONE = {Trouble.REPEATED, Trouble.REORDERED, Trouble.FOREIGN, Trouble.DEAF, Trouble.RESET}
+"""Troubles of which nothing else is said."""
+
+
+class Bench:
+    """A driver and a board with troubles, in stepped time; asks for a report once a second as the node does."""
+
+    def __init__(self, fd: bool) -> None:
+        sensor = SENSORS[fd]
+        self.clock = SteppedClock()
+        self.injector = FaultInjector(lambda now: BoardFirmware(sensor, FakeBoard(sensor), now, fd), 0x100, 0)
+        self.watch = FaultWatch()
+        self.faults: list[str] = []
+        self.said: list[str] = []
+        self.health = Health.OK
+        self._reported = 0
+        self.board = Board(sensor, lambda: SteppedBus(self.clock, self.injector), fd, self.clock)
+        self.board.open()
+
+    def run(self, seconds: float) -> int:
+        """Let time pass; return the scans that came, each held to what was sent."""
+        end = self.clock.now + round(seconds * SECOND)
+        scans = 0
+        while self.clock.now < end:
+            scan = self.board.read(0.01)
+            if scan is not None:
+                if self.injector.trouble != Trouble.STUCK:  # then the number is wrong
+                    assert_marked(scan)
+                scans += 1
+            if self.clock.now >= self._reported + SECOND:
+                self._report()
+        return scans
+
+    def _report(self) -> None:
+        self._reported = self.clock.now
+        report = self.board.report()
+        faults = self.watch.present(report, self.clock.now)
+        come, gone = changes([FAULTS[name] for name in self.faults], faults)
+        self.said += [f"+{fault.name}" for fault in come] + [f"-{fault.name}" for fault in gone]
+        self.faults = [fault.name for fault in faults]
+        self.health = worst(faults, report.health)
+
+
+@BOTH
+@pytest.mark.parametrize("trouble", EXPECTED, ids=lambda trouble: trouble.name)
+def test_each_fault_is_named_and_survived(trouble: Trouble, fd: bool) -> None:
+    bench = Bench(fd)
+    assert bench.run(3) > 2.9 * RATE
+    assert (bench.faults, bench.health) == ([], Health.OK)
+    bench.injector.trouble = trouble
+    bench.run(4)
+    if trouble == Trouble.DEAF:  # scans go on; it shows when the board has to be asked
+        assert bench.faults == []
+    assert EXPECTED[trouble] <= set(bench.faults), bench.faults
+    if trouble in ALONE:
+        assert set(bench.faults) == EXPECTED[trouble]
+    if bench.faults:
+        assert bench.health == max(FAULTS[name].health for name in bench.faults)
+    bench.injector.trouble = Trouble.NONE
+    bench.injector.firmware.supply = 5.0
+    bench.run(6)  # longer than the longest back-off
+    before = bench.board.receiver.frames_lost
+    assert bench.run(HOLD / SECOND + 2) > 6.9 * RATE
+    assert bench.board.receiver.frames_lost == before
+    assert (bench.faults, bench.health) == ([], Health.OK)
+    assert all(bench.said.count(word) == 1 for word in bench.said), bench.said  # once each, not once a frame
+    losses, board = bench.board.receiver.assembler.losses, bench.board
+    if trouble not in {Trouble.RESET, Trouble.BROWN_OUT, Trouble.STUCK}:  # these begin new numbers
+        sent = board.receiver.assembler.sequence + 1
+        assert board.receiver.scans + losses.torn_scans + losses.lost_scans == sent
+
+
+@BOTH
+@pytest.mark.parametrize(
+    "trouble",
+    [Trouble.CABLE_OUT, Trouble.BOARD_OUT, Trouble.UNREADABLE, Trouble.UNACKNOWLEDGED, Trouble.RESET, Trouble.STUCK],
+    ids=lambda trouble: trouble.name,
+)
+def test_data_flows_within_half_a_second_of_the_bus_being_back(trouble: Trouble, fd: bool) -> None:
+    for length in (0.4, 1.7, 12.0):
+        bench = Bench(fd)
+        bench.run(1)
+        bench.injector.trouble = trouble
+        bench.run(length)
+        bench.injector.trouble = Trouble.NONE
+        back = bench.clock.now
+        while bench.board.read(0.01) is None:
+            assert bench.clock.now - back < BACK, bench.board.report()
+
+
+@BOTH
+def test_a_deaf_board_is_told_from_a_silent_one(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.run(1)
+    bench.injector.trouble = Trouble.DEAF
+    bench.injector.firmware.running = False
+    bench.run(3)
+    assert "board deaf" in bench.faults
+    bench.injector.trouble = Trouble.NONE
+    assert bench.run(3) > 2 * RATE
+
+
+@BOTH
+def test_foreign_frames_that_fill_the_bus_do_not_hide_a_silent_board(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.run(1)
+    bench.injector.trouble = Trouble.FOREIGN
+    bench.injector.firmware.running = False
+    assert bench.run(3) > 2 * RATE
+    assert bench.board.restarted == 1
+
+
+@pytest.mark.parametrize(
+    ("flag", "name"),
+    [
+        (ScanStatus.ADC_FAULT, "ADC fault"),
+        (ScanStatus.OVERTEMPERATURE, "overtemperature"),
+        (ScanStatus.SCAN_OVERRUN, "scan overrun"),
+    ],
+)
+def test_flags_of_the_board_are_named(flag: ScanStatus, name: str) -> None:
+    bench = Bench(True)
+    bench.run(1)
+    bench.injector.firmware._board.status = flag
+    bench.run(2)
+    assert bench.faults == [name]
+
+
+@BOTH
+def test_another_firmware_and_another_layout_are_refused_and_named(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.run(1)
+    bench.injector.firmware.firmware = 0x0203
+    bench.injector.firmware.running = False
+    bench.run(2)
+    assert bench.faults == ["wrong firmware"]
+    assert bench.board.report().state == "the board has firmware 2.3, this driver speaks the protocol of 0.x"
+    bench.injector.firmware.firmware = 0x0001
+    bench.run(2)
+    bench.injector.firmware._layout = 9  # another board was plugged in, and sends
+    bench.run(2)
+    assert "wrong layout" in bench.faults
+    bench.injector.firmware._layout = SENSORS[fd].layout.id
+    assert bench.run(3) > RATE
+
+
+def test_a_reset_with_a_low_supply_is_a_brown_out() -> None:
+    counters = {}
+    for trouble in (Trouble.RESET, Trouble.BROWN_OUT):
+        bench = Bench(True)
+        bench.run(1)
+        bench.injector.trouble = trouble
+        bench.run(2)
+        counters[trouble] = (bench.board.resets, bench.board.brown_outs)
+    assert counters == {Trouble.RESET: (1, 0), Trouble.BROWN_OUT: (1, 1)}
+
+
+def test_every_fault_is_documented() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "faults.md").read_text(encoding="utf-8")
+    for fault in FAULTS.values():
+        assert f"| {fault.name} | {fault.health.name.lower()} | {fault.meaning} | {fault.remedy} |" in text
