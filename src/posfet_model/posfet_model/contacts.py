@@ -44,7 +44,7 @@ class Region:
     area: float
     """Area of the taxels' cells in contact [m2]."""
     peak_pressure: float
-    """Greatest force of a taxel over the area of a taxel [Pa]; NaN with a saturated taxel."""
+    """Greatest force of a taxel over the area of a taxel [Pa]; NaN with a saturated taxel, or where it is estimated."""
     major_axis: tuple[float, float]
     minor_axis: tuple[float, float]
     """Principal axes of the force distribution, each as long as one standard deviation [m]."""
@@ -122,11 +122,13 @@ class ContactFinder:
         variance: NDArray[np.float64],
         common_variance: float,
         saturated: NDArray[np.bool_] | None,
+        estimated: NDArray[np.bool_] | None = None,
     ) -> list[Region]:
         """Measure the regions that `find` returned.
 
         variance [N2], shape [rows * cols], is that of each taxel alone, common_variance [N2] the one that all taxels
-        share; `saturated` masks taxels whose force is a lower bound, None for none.
+        share; `saturated` masks taxels whose force is a lower bound, None for none, `estimated` those whose force comes
+        from their neighbours: they count into force and moments, but are in no contact. A region of such alone is none.
         """
         rings = [self._bitmap.grow(region) for region in regions]
         found = []
@@ -136,24 +138,30 @@ class ContactFinder:
                 if other != index:
                     others |= ring
             wide = rings[index] & ~others | region
-            found.append(self._measure(region, wide, force, variance, common_variance, saturated))
+            taxels = self._bitmap.taxels(region)
+            if estimated is not None:
+                taxels = taxels[~estimated[taxels]]
+            if len(taxels):
+                found.append(self._measure(region, taxels, wide, force, variance, common_variance, saturated))
         return found
 
     def _measure(
         self,
         region: int,
+        taxels: NDArray[np.intp],
         wide: int,
         force: NDArray[np.float64],
         variance: NDArray[np.float64],
         common_variance: float,
         saturated: NDArray[np.bool_] | None,
     ) -> Region:
-        taxels, members = self._bitmap.taxels(region), self._bitmap.taxels(wide)
-        pressed = force[taxels]
+        members = self._bitmap.taxels(wide)
         members_force = force[members]
+        peak = float(force[taxels].max())
         weight = np.where(members_force > self._floor[members], members_force, 0.0)
         moments = self._moments.find(members, weight, bool(wide & self._edge))
         bounded = saturated is not None and bool(saturated[taxels].any())
+        total = math.nan if np.isnan(members_force).any() else float(weight.sum())
         counted = int(np.count_nonzero(weight))
         independent = float(variance[members] @ (weight > 0.0))
         centre = self._positions[taxels].sum(axis=0).tolist()
@@ -162,10 +170,12 @@ class ContactFinder:
             taxels=taxels,
             centre_of_pressure=moments.centre,
             geometric_centre=(centre[0] / len(taxels), centre[1] / len(taxels)),
-            force=float(weight.sum()),
-            force_variance=math.nan if bounded else independent + counted * counted * common_variance,
+            force=total,
+            force_variance=math.nan
+            if bounded or math.isnan(total)
+            else independent + counted * counted * common_variance,
             area=len(taxels) * self._cell,
-            peak_pressure=math.nan if bounded else float(pressed.max()) / self._taxel_area,
+            peak_pressure=math.nan if bounded or float(members_force.max()) > peak else peak / self._taxel_area,
             major_axis=moments.major,
             minor_axis=moments.minor,
         )

@@ -39,12 +39,14 @@ class Period:
     """Taxels whose offset is not known at its end."""
     saturated: int
     """Taxels at the end of their range at its end."""
+    bad: int
+    """Taxels that do not work at its end."""
     temperature_known: bool
     """Whether a temperature sensor of the chip is known at its end."""
 
     @classmethod
     def between(
-        cls, before: ScanCounts, after: ScanCounts, unsettled: int, saturated: int, temperature_known: bool
+        cls, before: ScanCounts, after: ScanCounts, unsettled: int, saturated: int, bad: int, temperature_known: bool
     ) -> Period:
         """Return what happened between two counts, and the state at its end."""
         return cls(
@@ -57,6 +59,7 @@ class Period:
             time_jumps=after.time_jumps - before.time_jumps,
             unsettled=unsettled,
             saturated=saturated,
+            bad=bad,
             temperature_known=temperature_known,
         )
 
@@ -80,6 +83,7 @@ def judge(period: Period) -> Verdict:
         (period.time_jumps > 0, Level.WARN, "the board's clock jumped: intervals were taken from the sequence"),
         (period.saturated > 0, Level.WARN, "taxels at the end of their range: press less, or give them a wider one"),
         (period.unsettled > 0, Level.WARN, "finding the zero of some taxels: leave the sensor at rest for a moment"),
+        (period.bad > 0, Level.WARN, "taxels dead, stuck or noisy: left out of contacts; see status in `image`"),
         (not period.temperature_known, Level.WARN, "no chip temperature: 1 K reads like 1 N; check the status frames"),
         (period.missed > 0, Level.WARN, "scans missing: the force is followed across them; check the bus load"),
         (period.refused > 0, Level.WARN, "scans came twice or late and were refused: check for a second driver"),

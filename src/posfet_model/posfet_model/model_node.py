@@ -173,14 +173,16 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
             counts = replace(self._reconstructor.counts)
             saturated = self._result.saturated if self._result else 0
             unsettled, restarts = self._reconstructor.unsettled, self._reconstructor.restarts
+            bad = self._reconstructor.bad
             temperature_known, rate = self._reconstructor.temperature_known, self._reconstructor.rate
         before, self._reported = self._reported, counts
-        verdict = judge(Period.between(before, counts, unsettled, saturated, temperature_known))
+        verdict = judge(Period.between(before, counts, unsettled, saturated, bad, temperature_known))
         values = {name.replace("_", " "): str(count) for name, count in asdict(counts).items()}
         values["scans per second [Hz]"] = f"{(counts.accepted - before.accepted) / REPORT_PERIOD:.0f}"
         values["rate by the board's clock [Hz]"] = f"{rate:.1f}"
         values["taxels without a zero"] = str(unsettled)
         values["taxels saturated"] = str(saturated)
+        values["taxels dead, stuck or noisy"] = str(bad)
         values["zeros found anew"] = str(restarts)
         name = f"{self.get_fully_qualified_name()}: reconstruction"
         hardware_id = self.sensor.serial or self.sensor.name

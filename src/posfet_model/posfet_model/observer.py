@@ -96,6 +96,8 @@ class ForceObserver:
         """Estimated force [N]; meaningful where `settled`. Owned by the observer."""
         self.settled = np.zeros(taxels, np.bool_)
         """Where the offset is known."""
+        self.ignored = np.zeros(taxels, np.bool_)
+        """Taxels that do not work: `valid` does not wait for them. Set by `ignore`."""
         self.valid = False
         """Whether every taxel is settled."""
         self.restarts = 0
@@ -133,6 +135,28 @@ class ForceObserver:
     def variance(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return in `out` the variance of `force` [N2] that each taxel has alone, the common one left out."""
         return np.add(self._variance, self._noise_variance, out=out)
+
+    @property
+    def block_time(self) -> float:
+        """Duration of the block so far [s]."""
+        return self._elapsed
+
+    @property
+    def block_mean(self) -> NDArray[np.float64]:
+        """Mean of `force` over the block that is due [N], shape [rows * cols]."""
+        return self._sum / self._scans
+
+    @property
+    def leaking(self) -> NDArray[np.float64]:
+        """Charge left at each gate, as the force that would bring it [N], shape [rows * cols]."""
+        return self._signal - self._offset
+
+    def ignore(self, taxels: NDArray[np.bool_]) -> None:
+        """Take note of which taxels do not work; one that works again finds its zero anew."""
+        back = self.ignored & ~taxels
+        self.ignored[:] = taxels
+        if back.any():
+            self._restart(back)
 
     def interrupt(self) -> None:
         """Take note that an unknown time passes before the next scan: what the force did in it cannot be known.
@@ -176,7 +200,9 @@ class ForceObserver:
         The median, so that a touch not found yet is not taken for it. It fills the time between two readings of the
         chip's sensors and makes up for a lag that is not the true one.
         """
-        ordered = np.sort(self.force)
+        ordered = np.sort(self.force[~self.ignored])
+        if not len(ordered):
+            return
         common = float(ordered[len(ordered) // 2])
         self.force -= self.film.nudge(common / self._newton_per_kelvin) * self._newton_per_kelvin
 
@@ -216,7 +242,7 @@ class ForceObserver:
             self._restart(failed)
         self.settled |= (self._agreed >= s.settle) & (self._offset_variance <= self._known_offset)
         self._recovering = max(0.0, self._recovering - self._elapsed)
-        sound = self.settled & (self._below_zero == 0.0)
+        sound = self.settled & (self._below_zero == 0.0) | self.ignored
         self.valid = self._recovering == 0.0 and bool(sound.all())
         self._last_mean = mean
         self._start_block()
@@ -293,7 +319,7 @@ class ForceObserver:
         again = where & ~self.settled
         self._prior_deviation[again] = np.minimum(2.0 * self._prior_deviation[again], self._runaway)
         self._prior_deviation[where & self.settled] = self._prior
-        self.restarts += int(np.count_nonzero(where))
+        self.restarts += int(np.count_nonzero(where & ~self.ignored))
         self.force[where] = 0.0
         self._offset[where] = 0.0
         self._variance[where] = self._noise_variance

@@ -4,32 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model.chain import InverseChain
+from posfet_model.chain import InverseChain, noise_of_a_scan
 from posfet_model.contacts import ContactFinder
 from posfet_model.observer import ForceObserver
 from posfet_model.scan import Scan
 from posfet_model.scan_clock import ScanClock, ScanCounts
 from posfet_model.sensor import Sensor
+from posfet_model.surroundings import ESTIMATE_DEVIATION
+from posfet_model.taxel_watch import TELLING, TaxelStatus, TaxelWatch
 from posfet_model.tracker import Contact, ContactTracker
 
 MOST_IMPLAUSIBLE: Final = 10
 """After this many scans in a row with most taxels at the end of their range it is taken for true."""
-
-
-class TaxelStatus(IntEnum):
-    """Status of a taxel; the values are those of TAXEL_* in posfet_msgs/TactileImage."""
-
-    OK = 0
-    DEAD = 1
-    STUCK = 2
-    SATURATED = 3
-    ABSENT = 4
 
 
 @dataclass(slots=True)
@@ -75,9 +66,12 @@ class Reconstructor:
         self._observer = ForceObserver(sensor)
         self._finder = ContactFinder(sensor)
         self._tracker = ContactTracker(sensor)
+        self._watch = TaxelWatch(sensor)
+        self._least = TELLING * noise_of_a_scan(sensor)
         pitch = min(sensor.layout.pitch_x, sensor.layout.pitch_y)
         self._reach = math.ceil(3.0 * sensor.device.contact_spread / pitch) + 1
         self._charge = np.zeros(taxels)
+        self._filled = np.zeros(taxels)
         self._variance = np.zeros(taxels)
         self._saturated = np.zeros(taxels, np.bool_)
         self._touched = np.zeros(taxels, np.bool_)
@@ -110,6 +104,11 @@ class Reconstructor:
         return int(np.count_nonzero(~self._observer.settled))
 
     @property
+    def bad(self) -> int:
+        """Taxels that do not work."""
+        return int(np.count_nonzero(self._watch.bad))
+
+    @property
     def temperature_known(self) -> bool:
         """Whether a temperature sensor is known."""
         return self._observer.film.known
@@ -133,7 +132,8 @@ class Reconstructor:
         result.saturated = self._saturated_now
         if result.saturated:
             observer.lose(self._saturated, clock.step)
-        regions = self._finder.find(observer.force)
+        self._watch.take(scan.counts)
+        regions = self._find_around_bad() if self._watch.any_bad else self._finder.find(observer.force)
         if regions or not self._tracker.idle:
             result.contacts = self._follow(regions, clock.step)
         elif result.contacts:
@@ -149,14 +149,14 @@ class Reconstructor:
 
     def image(self) -> ForceImage:
         """Return the forces of the last scan taken; overwritten by the next call."""
-        image, observer = self._image, self._observer
-        known = observer.settled
+        image, observer, watch = self._image, self._observer, self._watch
+        known = observer.settled & ~watch.bad if watch.any_bad else observer.settled
         self._variance = observer.variance(self._variance)
         common = observer.common_variance
         np.copyto(image.force, observer.force, casting="same_kind")
         np.sqrt(self._variance + common, out=image.standard_deviation, casting="same_kind")
-        image.status[:] = TaxelStatus.OK
-        if not observer.valid:
+        image.status[:] = watch.status
+        if watch.any_bad or not observer.valid:
             image.force[~known] = math.nan
             image.standard_deviation[~known] = math.nan
         image.total, image.total_standard_deviation = math.nan, math.nan
@@ -166,7 +166,7 @@ class Reconstructor:
             variance = float(self._variance.sum(where=known)) + count * count * common
             image.total_standard_deviation = math.sqrt(variance)
         if self._result.saturated:
-            image.status[self._saturated] = TaxelStatus.SATURATED
+            image.status[self._saturated & ~watch.bad] = TaxelStatus.SATURATED
             image.standard_deviation[self._saturated] = math.nan
             image.total_standard_deviation = math.nan
         return image
@@ -190,13 +190,33 @@ class Reconstructor:
         np.logical_or(self._touched, self._finder.touched, out=self._touched)
         self._variance = observer.variance(self._variance)
         saturated = self._saturated if self._result.saturated else None
-        measured = self._finder.measure(regions, observer.force, self._variance, observer.common_variance, saturated)
+        force, bad = observer.force, None
+        if self._watch.any_bad:
+            force, bad = self._filled, self._watch.bad
+            self._variance[bad] = (ESTIMATE_DEVIATION * force[bad]) ** 2
+        measured = self._finder.measure(regions, force, self._variance, observer.common_variance, saturated, bad)
         return self._tracker.update(measured, step)
+
+    def _find_around_bad(self) -> list[int]:
+        """Find the regions in contact with what the bad taxels should read in place of what they do."""
+        force, watch = self._filled, self._watch
+        force[:] = self._observer.force
+        force[watch.bad] = 0.0
+        regions = self._finder.find(force)
+        if not regions:
+            return regions
+        unknown = watch.bad | ~self._observer.settled
+        wanted = watch.bad.nonzero()[0]
+        force[wanted] = watch.surroundings.estimate(force, unknown, wanted, self._least)
+        return self._finder.find(force)
 
     def _close_block(self) -> None:
         """Let the observer correct its zeros away from contacts, and set the thresholds by what it knows then."""
-        observer = self._observer
-        observer.close_block(self._finder.around(self._touched, self._reach, self._near))
+        observer, watch = self._observer, self._watch
+        near = self._finder.around(self._touched, self._reach, self._near)
+        if watch.judge(observer.block_time, observer.block_mean, observer.leaking, self._saturated, near):
+            observer.ignore(watch.bad)
+        observer.close_block(near)
         self._touched[:] = self._finder.touched
         self._set_thresholds()
 
@@ -204,5 +224,5 @@ class Reconstructor:
         """Let contacts be only where a force is told from none."""
         observer = self._observer
         self._variance = observer.variance(self._variance)
-        usable = None if observer.valid else observer.settled
+        usable = None if observer.valid else observer.settled | self._watch.bad
         self._finder.adapt(self._variance, observer.common_variance, usable)

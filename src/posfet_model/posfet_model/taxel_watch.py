@@ -1,0 +1,223 @@
+"""Taxels that do not work, found while the array runs, and found again when they do.
+
+- Stuck: the counts stay the same although noise must move them, or although a charge so far from the zero would leak.
+- Noisy: the second differences of the counts are far above the noise described, that of most taxels, and what any
+  neighbour shows. A touch is felt by the neighbours too: the cover spreads it.
+- Dead: the taxel reads next to nothing while all around it tells that it is pressed.
+
+A dead taxel in a corner has one square of neighbours to speak for it, and none in a single row of taxels: there it is
+not found. A hole in an object, smaller than a cell, would be taken for a dead taxel. A stuck taxel whose noise hides
+between two codes of a coarse converter is found as a dead one, when it is pressed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model.chain import COARSEST_BITS, noise_of_a_scan, volts_per_count
+from posfet_model.sensor import Sensor
+from posfet_model.surroundings import Surroundings
+
+MOST_SCANS: Final = 64
+"""Scans of a block that are looked at."""
+
+LEAST_SPREAD: Final = 0.3
+"""Spread of the cover, in pitches, from which every touch is felt by a neighbour [1]."""
+
+TELLING: Final = 5.0
+"""Standard deviations of noise from which a force tells something of its neighbour's [1]."""
+
+CERTAINTY: Final = 1e-12
+"""Probability that noise leaves a working taxel's counts alone for as long as it takes to be called stuck [1]."""
+
+LONGEST_RUN: Final = 100_000
+"""Scans after which unchanged counts mean nothing any more: noise much below a step need never move them."""
+
+
+class TaxelStatus(IntEnum):
+    """Status of a taxel; the values are those of TAXEL_* in posfet_msgs/TactileImage."""
+
+    OK = 0
+    DEAD = 1
+    STUCK = 2
+    SATURATED = 3
+    ABSENT = 4
+    NOISY = 5
+
+
+@dataclass(frozen=True)
+class WatchSettings:
+    """When a taxel is given up, and when it is taken back. All values are assumed."""
+
+    confirm: float = 0.2
+    """A taxel is noisy once it has been so for this long; also the memory of the noise found [s]."""
+    confirm_dead: float = 0.1
+    """A taxel is dead once it has read nothing under load for this long [s]."""
+    heal: float = 1.0
+    """A stuck or noisy taxel is taken back after it has been well for this long [s]."""
+    noisy: float = 5.0
+    """Noise of a noisy taxel, in that of others [1]."""
+    quiet: float = 2.5
+    """Noise below which it is well again, in that of others [1]."""
+    neighbours: float = 20.0
+    """A touch moves some neighbour by at least one part in this many [1]."""
+    dead: float = 0.05
+    """Share of the force to be expected, below which a taxel is dead [1]."""
+    dead_load: float = 5.0
+    """Force to be expected at least, before a taxel is judged by it, in thresholds of contact [1]."""
+    leaked: float = 5.0
+    """Time constants of the leak after which even the greatest force is no longer at the end of the range [1]."""
+
+
+class TaxelWatch:
+    """Judges the taxels of one array block by block. `bad` masks those whose signal means nothing."""
+
+    def __init__(self, sensor: Sensor, settings: WatchSettings | None = None) -> None:
+        layout, taxels = sensor.layout, sensor.layout.taxels
+        self._settings = settings or WatchSettings()
+        self.surroundings = Surroundings(layout)
+        self.status = np.zeros(taxels, np.uint8)
+        """Values of TaxelStatus, OK, DEAD, STUCK or NOISY, shape [rows * cols]."""
+        self.bad = np.zeros(taxels, np.bool_)
+        self.any_bad = False
+        self._all = np.arange(taxels)
+        self._counts = np.zeros((MOST_SCANS + 2, taxels), np.int32)
+        self._filled = 0
+        self._threshold = sensor.contact.threshold
+        self._tells = TELLING * noise_of_a_scan(sensor)
+        self._force_max = sensor.device.force_max
+        self._tau = sensor.device.leak_time_constant
+        self._noise = (noise_of_a_scan(sensor) * sensor.volts_per_newton / volts_per_count(sensor)) ** 2
+        self._run_limit = longest_run(sensor)
+        spread = sensor.device.contact_spread / max(layout.pitch_x, layout.pitch_y)
+        self._felt_around = spread >= LEAST_SPREAD
+        self._run = np.zeros(taxels)
+        self._run_time = np.zeros(taxels)
+        self._level = np.full(taxels, self._noise)
+        self._noisy_for = np.zeros(taxels)
+        self._well_for = np.zeros(taxels)
+        self._silent_for = np.zeros(taxels)
+        self._answering_for = np.zeros(taxels)
+
+    def take(self, counts: NDArray[np.uint16]) -> None:
+        """Keep the counts of a scan until the block is judged."""
+        if self._filled < len(self._counts):
+            self._counts[self._filled] = counts
+            self._filled += 1
+
+    def judge(
+        self,
+        duration: float,
+        force: NDArray[np.float64],
+        leaking: NDArray[np.float64],
+        saturated: NDArray[np.bool_],
+        touched: NDArray[np.bool_],
+    ) -> bool:
+        """Judge a block of `duration` [s]; return whether another set of taxels is bad than before.
+
+        force [N] is the block's mean, leaking [N] the charge left at each gate as a force, `saturated` masks taxels at
+        the end of their range, `touched` those in or near a contact; shapes [rows * cols].
+        """
+        stuck, changed = self._judge_runs(duration, leaking, saturated)
+        noisy, calm = self._judge_noise(duration, saturated, touched)
+        dead, alive = self._judge_answer(duration, force)
+        s, status = self._settings, self.status
+        if self.any_bad or stuck.any() or noisy.any() or dead.any():
+            well = np.where(status == TaxelStatus.STUCK, changed & calm, calm)
+            self._well_for = np.where(well, self._well_for + duration, 0.0)
+            back = (status == TaxelStatus.DEAD) & (alive | stuck | noisy)
+            back |= ((status == TaxelStatus.STUCK) | (status == TaxelStatus.NOISY)) & (self._well_for >= s.heal)
+            status[back] = TaxelStatus.OK
+            status[noisy & (status == TaxelStatus.OK)] = TaxelStatus.NOISY
+            status[dead & (status == TaxelStatus.OK)] = TaxelStatus.DEAD
+            status[stuck] = TaxelStatus.STUCK
+        # The last two scans begin the next block, so that no difference is lost.
+        keep = min(self._filled, 2)
+        self._counts[:keep] = self._counts[self._filled - keep : self._filled]
+        self._filled = keep
+        bad = status != 0
+        different = bool((bad != self.bad).any())
+        if different:
+            self.bad[:] = bad
+            self.any_bad = bool(bad.any())
+        return different
+
+    def _judge_runs(
+        self, duration: float, leaking: NDArray[np.float64], saturated: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return which taxels are stuck, and which changed in this block."""
+        block = self._counts[: self._filled]
+        changed: NDArray[np.bool_] = (block[1:] != block[:-1]).any(axis=0)
+        self._run = np.where(changed, 0.0, self._run + len(block))
+        self._run_time = np.where(changed, 0.0, self._run_time + duration)
+        silent = (self._run >= self._run_limit) & ~saturated
+        # A held charge that does not leak would be a force that grows evenly, to within the noise.
+        impossible = np.abs(leaking) * (self._run_time / self._tau) > 0.5 * self._force_max
+        impossible &= np.where(saturated, self._run_time > self._settings.leaked * self._tau, self._run_time > 0.0)
+        return silent | impossible, changed
+
+    def _judge_noise(
+        self, duration: float, saturated: NDArray[np.bool_], touched: NDArray[np.bool_]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return which taxels are noisy, and which are quiet enough to be taken back."""
+        s = self._settings
+        if self._filled > 2:
+            second = np.diff(self._counts[: self._filled], 2, axis=0)
+            # White noise of variance v has second differences of variance 6*v.
+            found = np.einsum("ij,ij->j", second, second, dtype=np.float64) / (6.0 * len(second))
+            # Limited, so that a single jump is soon forgotten.
+            most = (2.0 * s.noisy) ** 2 * max(self._noise, _middle(self._level))
+            self._level += -math.expm1(-duration / s.confirm) * (np.minimum(found, most) - self._level)
+        usual = max(self._noise, _middle(self._level))
+        loud = self._level > s.noisy**2 * usual
+        if loud.any():
+            around = self.surroundings.loudest_neighbour(np.where(self.bad, 0.0, self._level)) - 1.3 * usual
+            alone = self._level > s.neighbours**2 * around
+            loud &= (alone if self._felt_around else ~touched) & ~saturated
+        self._noisy_for = np.where(loud, self._noisy_for + duration, 0.0)
+        return self._noisy_for >= s.confirm, self._level < s.quiet**2 * usual
+
+    def _judge_answer(self, duration: float, force: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return which taxels are dead, and which dead ones answer again."""
+        s = self._settings
+        load = s.dead_load * self._threshold
+        if not (force >= load).any():
+            none = np.zeros(len(force), np.bool_)
+            return none, none
+        least = self.surroundings.least(force, self.bad, self._all, self._tells)
+        loaded = least >= load
+        silent = loaded & (np.abs(force) < s.dead * least)
+        self._silent_for = np.where(silent, self._silent_for + duration, np.where(loaded, 0.0, self._silent_for))
+        answering = loaded & (force > 0.5 * least)
+        self._answering_for = np.where(
+            answering, self._answering_for + duration, np.where(silent, 0.0, self._answering_for)
+        )
+        alive = self._answering_for >= s.confirm_dead
+        self._answering_for[alive] = 0.0
+        return self._silent_for >= s.confirm_dead, alive
+
+
+def _middle(values: NDArray[np.float64]) -> float:
+    """Return the upper median; np.median takes ten times as long, and loads a library with its first call."""
+    return float(np.sort(values)[len(values) // 2])
+
+
+def longest_run(sensor: Sensor) -> float:
+    """Return for how many scans the counts of a working taxel may stay the same [1]; inf when for ever.
+
+    A count stays where the noise stays within one step of the converter around its middle, the worst place for it.
+    """
+    bits = sensor.adc.bits if sensor.can.fd else min(sensor.adc.bits, COARSEST_BITS)
+    half = 0.5 * (sensor.adc.high - sensor.adc.low) / ((1 << bits) - 1)
+    if sensor.adc.noise == 0.0:
+        return math.inf
+    leaves = math.erfc(half / (math.sqrt(2.0) * sensor.adc.noise))
+    if leaves >= 1.0 or leaves * LONGEST_RUN < -math.log(CERTAINTY):
+        return math.inf
+    return max(2.0, math.log(CERTAINTY) / math.log1p(-leaves))
