@@ -63,6 +63,35 @@ def leak_step(step: float, time_constant: float) -> LeakStep:
     )
 
 
+class LeakSteps:
+    """Coefficients of time steps for taxels that leak each at its own rate; those of few different steps are kept."""
+
+    MOST = 64
+
+    def __init__(self, time_constant: NDArray[np.float64]) -> None:
+        """Take the time constants [s], shape [taxels]."""
+        self._time_constant = time_constant
+        self._known: dict[float, LeakStepArrays] = {}
+
+    def at(self, step: float) -> LeakStepArrays:
+        """Return the coefficients of a step [s], > 0; the arrays are not to be written to."""
+        found = self._known.get(step)
+        if found is None:
+            if len(self._known) >= self.MOST:
+                self._known.clear()
+            ratio = step / self._time_constant
+            found = self._known[step] = LeakStepArrays(ratio, -np.expm1(-ratio) / ratio)
+        return found
+
+
+@dataclass(frozen=True)
+class LeakStepArrays:
+    """h/tau and (1 - exp(-h/tau))/(h/tau) of each taxel, as in `LeakStep`."""
+
+    ratio: NDArray[np.float64]
+    mean: NDArray[np.float64]
+
+
 def charge_per_newton(sensor: Sensor) -> float:
     """Return the charge density that a force on a taxel gives, before any of it leaks: ``-d33/A`` [C/(m2 N)]."""
     return -sensor.device.piezoelectric_coefficient / sensor.layout.taxel_area

@@ -24,7 +24,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model.chain import charge_per_newton, leak_step, noise_of_a_scan
+from posfet_model.calibration import Calibration
+from posfet_model.chain import LeakSteps, charge_per_newton, noise_of_a_scan
 from posfet_model.sensor import Sensor
 from posfet_model.thermal import FilmTemperature
 
@@ -74,13 +75,20 @@ class ForceObserver:
     that is loaded then reads zero, below zero once the load goes, and soon after that zero again.
     """
 
-    def __init__(self, sensor: Sensor, settings: ObserverSettings | None = None) -> None:
+    def __init__(
+        self, sensor: Sensor, settings: ObserverSettings | None = None, calibration: Calibration | None = None
+    ) -> None:
         taxels = sensor.layout.taxels
         device = sensor.device
+        calibration = calibration or Calibration.nominal(sensor)
         self._settings = settings or ObserverSettings()
-        self._newton_per_charge = 1.0 / charge_per_newton(sensor)
-        self._newton_per_kelvin = device.pyroelectric_coefficient * self._newton_per_charge
-        self._tau = device.leak_time_constant
+        gain = calibration.usable_gain
+        self._newton_per_charge = 1.0 / (charge_per_newton(sensor) * gain)
+        self._newton_per_kelvin = device.pyroelectric_coefficient / charge_per_newton(sensor)
+        self._per_kelvin = self._newton_per_kelvin * calibration.pyroelectric_gain / gain
+        self._tau = calibration.leak_time_constant
+        self._leak = LeakSteps(self._tau)
+        self._long_step = LONG_STEP * float(self._tau.min())
         self._noise_variance = noise_of_a_scan(sensor) ** 2
         self._prior = self._settings.offset_deviation / sensor.volts_per_newton
         self._wander = (self._settings.offset_wander / sensor.volts_per_newton) ** 2
@@ -173,7 +181,7 @@ class ForceObserver:
         if not self._started:
             self._first(charge)
             return
-        leak = leak_step(step, self._tau)
+        leak = self._leak.at(step)
         signal, change, scratch = self._signal, self._change, self._scratch
         np.subtract(signal, self._offset, out=scratch)
         np.multiply(scratch, leak.ratio, out=scratch)
@@ -183,14 +191,13 @@ class ForceObserver:
         np.add(scratch, signal, out=scratch)
         self._signal, self._change = change, signal
         if warmed:
-            scratch -= warmed * self._newton_per_kelvin
+            scratch -= warmed * self._per_kelvin
         np.add(self.force, scratch, out=self.force)
         np.add(self._sum, self.force, out=self._sum)
         self._scans += 1
         self._elapsed += step
-        self._ratio += leak.ratio
-        self._ratio_square += leak.ratio * leak.ratio
-        if leak.ratio > LONG_STEP:
+        self._elapsed_square += step * step
+        if step > self._long_step:
             # A jump at an unknown moment of the step has leaked by an unknown share of h/tau, evenly distributed.
             self._variance += (scratch * leak.ratio) ** 2 / 12.0
 
@@ -204,11 +211,11 @@ class ForceObserver:
         if not len(ordered):
             return
         common = float(ordered[len(ordered) // 2])
-        self.force -= self.film.nudge(common / self._newton_per_kelvin) * self._newton_per_kelvin
+        self.force -= self.film.nudge(common / self._newton_per_kelvin) * self._per_kelvin
 
     def lose(self, saturated: NDArray[np.bool_], step: float) -> None:
         """Count as unknown the charge that leaks beyond the end of the range during a step [s] of the masked taxels."""
-        lost = np.abs(self._signal[saturated]) * (step / self._tau)
+        lost = np.abs(self._signal[saturated]) * (step / self._tau[saturated])
         self._variance[saturated] = (np.sqrt(self._variance[saturated]) + lost) ** 2
 
     def close_block(self, touched: NDArray[np.bool_]) -> None:
@@ -220,7 +227,9 @@ class ForceObserver:
         s = self._settings
         mean = self._sum / self._scans
         self._grow()
-        reach = 0.5 * self._ratio  # the mean was true half a block ago; since then d has moved by -e*ratio/2
+        reach = (
+            0.5 * self._elapsed / self._tau
+        )  # the mean was true half a block ago; since then d has moved by -e*ratio/2
         with_d = self._variance + reach * self._covariance
         with_e = self._covariance + reach * self._offset_variance
         # An error of the film's temperature is the same through the block: the mean does not make it smaller.
@@ -261,14 +270,14 @@ class ForceObserver:
         self._sum[:] = 0.0
         self._scans = 0
         self._elapsed = 0.0
-        self._ratio = 0.0
-        self._ratio_square = 0.0
+        self._elapsed_square = 0.0
 
     def _grow(self) -> None:
         """Propagate the covariance of (d, e) over the block."""
-        ratio, block = self._ratio, self._elapsed
+        block = self._elapsed
+        ratio = block / self._tau
         self._variance += ratio * (ratio * self._offset_variance - 2.0 * self._covariance)
-        self._variance += self._noise_variance * self._ratio_square + self._drift * block
+        self._variance += self._noise_variance * self._elapsed_square / self._tau**2 + self._drift * block
         self._covariance -= ratio * self._offset_variance
         self._offset_variance += self._wander * block
 

@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model.calibration import Calibration
 from posfet_model.chain import InverseChain, noise_of_a_scan
 from posfet_model.contacts import ContactFinder
 from posfet_model.observer import ForceObserver
@@ -59,11 +60,13 @@ class ForceImage:
 class Reconstructor:
     """Forces and contacts of one sensor, scan by scan."""
 
-    def __init__(self, sensor: Sensor) -> None:
+    def __init__(self, sensor: Sensor, calibration: Calibration | None = None) -> None:
+        """Take the sensor, and what is known of its taxels beyond its description."""
         taxels = sensor.layout.taxels
+        self.calibration = calibration or Calibration.nominal(sensor)
         self._clock = ScanClock(sensor)
         self._inverse = InverseChain(sensor)
-        self._observer = ForceObserver(sensor)
+        self._observer = ForceObserver(sensor, calibration=self.calibration)
         self._finder = ContactFinder(sensor)
         self._tracker = ContactTracker(sensor)
         self._watch = TaxelWatch(sensor)

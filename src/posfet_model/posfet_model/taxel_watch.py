@@ -61,9 +61,9 @@ class WatchSettings:
     """A taxel is dead once it has read nothing under load for this long [s]."""
     heal: float = 1.0
     """A stuck or noisy taxel is taken back after it has been well for this long [s]."""
-    noisy: float = 5.0
+    noisy: float = 3.0
     """Noise of a noisy taxel, in that of others [1]."""
-    quiet: float = 2.5
+    quiet: float = 2.0
     """Noise below which it is well again, in that of others [1]."""
     neighbours: float = 20.0
     """A touch moves some neighbour by at least one part in this many [1]."""
@@ -99,7 +99,8 @@ class TaxelWatch:
         self._felt_around = spread >= LEAST_SPREAD
         self._run = np.zeros(taxels)
         self._run_time = np.zeros(taxels)
-        self._level = np.full(taxels, self._noise)
+        self._level = np.full(taxels, self._noise)  # variance of the noise where nothing touches [counts2]
+        self._level_always = np.full(taxels, self._noise)
         self._noisy_for = np.zeros(taxels)
         self._well_for = np.zeros(taxels)
         self._silent_for = np.zeros(taxels)
@@ -167,19 +168,24 @@ class TaxelWatch:
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return which taxels are noisy, and which are quiet enough to be taken back."""
         s = self._settings
+        usual = max(self._noise, _middle(self._level))
         if self._filled > 2:
             second = np.diff(self._counts[: self._filled], 2, axis=0)
             # White noise of variance v has second differences of variance 6*v.
             found = np.einsum("ij,ij->j", second, second, dtype=np.float64) / (6.0 * len(second))
-            # Limited, so that a single jump is soon forgotten.
-            most = (2.0 * s.noisy) ** 2 * max(self._noise, _middle(self._level))
-            self._level += -math.expm1(-duration / s.confirm) * (np.minimum(found, most) - self._level)
-        usual = max(self._noise, _middle(self._level))
-        loud = self._level > s.noisy**2 * usual
-        if loud.any():
-            around = self.surroundings.loudest_neighbour(np.where(self.bad, 0.0, self._level)) - 1.3 * usual
-            alone = self._level > s.neighbours**2 * around
-            loud &= (alone if self._felt_around else ~touched) & ~saturated
+            share = -math.expm1(-duration / s.confirm)
+            self._level_always += share * (found - self._level_always)
+            # Limited, so that a jump is soon forgotten.
+            np.minimum(found, (4.0 * s.noisy) ** 2 * usual, out=found)
+            self._level += np.where(touched, 0.0, share) * (found - self._level)
+        loud = (self._level > s.noisy**2 * usual) & ~touched
+        if self._felt_around and touched.any():
+            # What a neighbour shows is known to so much only, from the second differences in memory.
+            doubt = 4.0 * math.sqrt(3.9 * duration / (self._filled * s.confirm))
+            heard = np.where(self.bad, 0.0, self._level_always)
+            around = self.surroundings.loudest_neighbour(heard) + (doubt - 1.0) * usual
+            loud |= self._level_always > s.neighbours**2 * np.maximum(around, doubt * usual)
+        loud &= ~saturated
         self._noisy_for = np.where(loud, self._noisy_for + duration, 0.0)
         return self._noisy_for >= s.confirm, self._level < s.quiet**2 * usual
 
