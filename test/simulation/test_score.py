@@ -1,0 +1,105 @@
+"""The score: an ideal board scores well, what is told wrong is found, and bad input is refused in one line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from posfet_driver.imperfections import Imperfections
+from posfet_driver.scene import load_scene
+from posfet_driver.score import Run, differing, main, run
+from posfet_driver.scoring import Score, Scorer
+from posfet_driver.wire_simulation import wire_scans
+from posfet_model.calibration import Calibration
+from posfet_model.reconstruction import Reconstructor
+from posfet_model.sensor import load_sensor
+
+SENSOR = load_sensor()
+SCENE = load_scene("press_slide_lift", SENSOR)
+NAMES = [
+    "force_rmse_pct",
+    "total_force_error_pct",
+    "cop_error_mm",
+    "contact_precision",
+    "contact_recall",
+    "id_switches",
+    "detection_latency_scans",
+    "held_force_drift_pct",
+    "false_contacts_per_hour",
+    "us_per_scan",
+]
+
+
+def test_an_ideal_board_scores_well() -> None:
+    score = run(Run(SENSOR, SCENE, 4.0))
+    assert list(asdict(score)) == NAMES
+    assert score.force_rmse_pct is not None and score.force_rmse_pct < 0.05
+    assert score.total_force_error_pct is not None and score.total_force_error_pct < 0.5
+    assert score.cop_error_mm["p95"] is not None and score.cop_error_mm["p95"] < 0.05
+    assert (score.contact_precision, score.contact_recall, score.id_switches) == (1.0, 1.0, 0)
+    assert score.detection_latency_scans is not None and score.detection_latency_scans <= 2
+    assert score.false_contacts_per_hour == 0.0
+    assert score.held_force_drift_pct is None
+
+
+def test_a_held_force_has_a_drift() -> None:
+    scene = load_scene("hold", SENSOR)
+    score = run(Run(SENSOR, scene, 7.0))
+    assert score.held_force_drift_pct is not None and 0.0 < score.held_force_drift_pct < 0.5
+
+
+def test_a_gain_that_is_told_wrong_is_found_to_the_percent() -> None:
+    wrong = replace(Calibration.nominal(SENSOR), gain=np.full(25, 1 / 1.1))
+    score = run(Run(SENSOR, SCENE, 4.0, calibration=wrong))
+    assert score.total_force_error_pct == pytest.approx(10.0, abs=0.5)
+    stiffer = differing(SENSOR, {"d33": 10.0})
+    score = run(Run(SENSOR, SCENE, 4.0, device=stiffer))
+    assert score.total_force_error_pct == pytest.approx(10.0, abs=0.5)
+
+
+def test_contacts_out_of_place_are_false_and_missing_ones_missed() -> None:
+    class Elsewhere(Scorer):
+        """Looks for every contact on the far side of the array."""
+
+        def _pairs(self, live, centres):  # type: ignore[no-untyped-def]
+            return super()._pairs([], centres)
+
+    scorer, reconstructor = Elsewhere(SENSOR), Reconstructor(SENSOR)
+    for scan, truth in wire_scans(SENSOR, SCENE, 1.0, 1):
+        mirrored = replace(truth, objects=replace(truth.objects, contact_centres=truth.objects.contact_centres + 5e-3))
+        scorer.add(reconstructor.process(scan), reconstructor.image(), mirrored)
+    score: Score = scorer.score(0.0)
+    assert score.contact_precision == 0.0
+    assert score.false_contacts_per_hour > 3000
+
+
+def test_all_scans_come_through_the_wire_with_their_truth_whatever_the_line_does() -> None:
+    ideal = [(scan.sequence, truth.sequence) for scan, truth in wire_scans(SENSOR, SCENE, 1.0, 1)]
+    assert len(ideal) >= 999
+    assert all(scan == truth for scan, truth in ideal)
+    bad = replace(Imperfections.none(), dropped_share=0.02, torn_share=0.02, resets_per_hour=3600.0, reset_time=0.1)
+    faulty = list(wire_scans(SENSOR, SCENE, 3.0, 1, bad))
+    assert 2000 < len(faulty) < 2950
+
+
+def test_it_prints_json_with_exactly_these_names(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["press_slide_lift", "--for", "1", "--mismatch", "5", "--device", "leak=20", "--seed", "3"]) == 0
+    assert list(json.loads(capsys.readouterr().out)) == NAMES
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["nowhere"], ["press_slide_lift", "--imperfections", "nowhere.yaml"], ["idle", "--sensor", "nowhere"]],
+)
+def test_bad_files_are_one_line(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 1
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("words", [["--mismatch", "x"], ["--device", "mass=3"], ["--for", "-1"], ["--seed", "nan"]])
+def test_bad_words_are_refused(words: list[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["idle", *words])
