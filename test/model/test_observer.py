@@ -92,7 +92,8 @@ def test_true_force_is_within_two_deviations_of_all_taxels_95_percent_of_the_tim
 
 
 def test_white_noise_alone_adds_up_to_the_random_walk_of_the_docstring() -> None:
-    # Offset known exactly, touched all the time: the variance per scan is s^2*(h/tau)^2, over n scans n times that.
+    # The offset is that of the first scan, and nothing corrects it: its noise s is added up n*h/tau times. That of
+    # every other scan adds a variance of s^2*(h/tau)^2.
     n, step, tau = 2000, 1e-3, SENSOR.device.leak_time_constant
     ends = []
     for seed in range(12):
@@ -103,8 +104,7 @@ def test_white_noise_alone_adds_up_to_the_random_walk_of_the_docstring() -> None
             observer.advance(inverse.charge(chain.counts(), charge), np.full(2, 25.0, np.float32), step)
         ends.append(observer.force.copy())
     noise = noise_of_a_scan(SENSOR)
-    # Two single readings, at the start and at the end, besides the sum.
-    expected = noise * math.sqrt(2 + n * (step / tau) ** 2)
+    expected = noise * math.sqrt((1 + n * step / tau) ** 2 + 1 + n * (step / tau) ** 2)
     # 300 samples: the deviation is known to 4 %.
     assert np.std(ends) == pytest.approx(expected, rel=0.15)
 

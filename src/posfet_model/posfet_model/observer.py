@@ -28,6 +28,7 @@ from posfet_model.calibration import Calibration
 from posfet_model.chain import LeakSteps, charge_per_newton, noise_of_a_scan
 from posfet_model.sensor import Sensor
 from posfet_model.thermal import FilmTemperature
+from posfet_model.zero_history import ZeroHistory, Zeros
 
 LONG_STEP: Final = 0.05
 """h/tau above which it matters when within a step the force changed."""
@@ -37,6 +38,9 @@ RUNAWAY: Final = 4.0
 
 RESTLESS_WORTH: Final = 0.1
 """Worth of time for learning an offset while the temperature changes [1]."""
+
+REFUTED: Final = 3.0
+"""Factor by which more is taken to be left of an earlier force, when less was refuted [1]."""
 
 DOUBT: Final = 0.2
 """Standard deviation, in contact thresholds, from which a small force is more likely an error than a slow press [1]."""
@@ -50,8 +54,8 @@ class ObserverSettings:
     """Duration of a block of scans, after which zero and offset are corrected [s]."""
     settle: float = 0.1
     """A taxel must agree with a constant force for this long before its offset counts as known [s]."""
-    offset_deviation: float = 0.02
-    """Standard deviation of the offset before anything is known [V]."""
+    first_deviation: float = 5e-5
+    """Standard deviation of what is left of an earlier force at the start, as a voltage [V]; refuted, it grows."""
     offset_wander: float = 1e-5
     """Random walk of the offset [V/sqrt(s)]."""
     temperature_wander: float = 3e-4
@@ -90,7 +94,7 @@ class ForceObserver:
         self._leak = LeakSteps(self._tau)
         self._long_step = LONG_STEP * float(self._tau.min())
         self._noise_variance = noise_of_a_scan(sensor) ** 2
-        self._prior = self._settings.offset_deviation / sensor.volts_per_newton
+        self._prior = self._settings.first_deviation / sensor.volts_per_newton
         self._wander = (self._settings.offset_wander / sensor.volts_per_newton) ** 2
         self._drift = (self._settings.temperature_wander * self._newton_per_kelvin) ** 2
         self._slew = self._settings.zero_slew * sensor.contact.threshold
@@ -110,25 +114,30 @@ class ForceObserver:
         """Whether every taxel is settled."""
         self.restarts = 0
         """Taxels that had to start anew because their signal fitted no force."""
+        self._started = False
+        self._restless = False
+        self._recovering = 0.0
+        self._time = 0.0
+        self._make_state(taxels)
+        self._start_block()
+
+    def _make_state(self, taxels: int) -> None:
         self._offset = np.zeros(taxels)
         self._signal = np.zeros(taxels)
         self._change = np.zeros(taxels)
         self._scratch = np.zeros(taxels)
-        self._started = False
-        self._restless = False
-        self._recovering = 0.0
         self._variance = np.zeros(taxels)
         self._covariance = np.zeros(taxels)
-        self._offset_variance = np.zeros(taxels)
-        self._prior_deviation = np.full(taxels, 0.5 * self._prior)  # doubled by the first start
+        self._offset_variance = np.full(taxels, self._prior**2)
+        self._prior_deviation = np.full(taxels, self._prior)
+        self._history = ZeroHistory(taxels)
+        self._shift = np.zeros(taxels)  # of the force by corrections and offsets, as `Zeros` has it
+        self._was_touched = np.zeros(taxels, np.bool_)
         self._agreed = np.zeros(taxels)
         self._steady = np.zeros(taxels)
         self._below_zero = np.zeros(taxels)
         self._last_mean = np.zeros(taxels)
         self._sum = np.zeros(taxels)
-        self._start_block()
-        self._restart(np.ones(taxels, np.bool_))
-        self.restarts = 0
 
     @property
     def block_due(self) -> bool:
@@ -226,7 +235,11 @@ class ForceObserver:
         """
         s = self._settings
         mean = self._sum / self._scans
+        self._shift -= self._offset * (self._elapsed / self._tau)
+        self._time += self._elapsed
         self._grow()
+        self._undo(touched & ~self._was_touched & self.settled)
+        self._was_touched[:] = touched
         reach = (
             0.5 * self._elapsed / self._tau
         )  # the mean was true half a block ago; since then d has moved by -e*ratio/2
@@ -248,22 +261,29 @@ class ForceObserver:
         # While the film is elsewhere than followed, all taxels together can pretend an offset for a while.
         self._agreed += self._elapsed * (1.0 if self.film.quiet else RESTLESS_WORTH)
         if failed.any():
+            again = failed & ~self.settled
+            self._prior_deviation[again] = np.minimum(REFUTED * self._prior_deviation[again], self._runaway)
+            self.restarts += int(np.count_nonzero(failed & ~self.ignored))
             self._restart(failed)
         self.settled |= (self._agreed >= s.settle) & (self._offset_variance <= self._known_offset)
         self._recovering = max(0.0, self._recovering - self._elapsed)
         sound = self.settled & (self._below_zero == 0.0) | self.ignored
         self.valid = self._recovering == 0.0 and bool(sound.all())
         self._last_mean = mean
+        self._history.keep(
+            Zeros(self._offset, self._variance, self._covariance, self._offset_variance, self._shift, self._time)
+        )
         self._start_block()
 
     def _first(self, charge: NDArray[np.float64]) -> None:
         """Begin with a scan that has none before it."""
         np.multiply(charge, self._newton_per_charge, out=self._signal)
-        known = self._offset_variance <= self._known_offset
-        self.force[:] = np.where(known, np.maximum(self._signal - self._offset, 0.0), 0.0)
-        self._variance[:] = self._noise_variance + np.where(known, self._offset_variance, 0.0)
-        self._covariance[:] = np.where(known, -self._offset_variance, 0.0)
+        self.force[:] = np.where(self.settled, np.maximum(self._signal - self._offset, 0.0), 0.0)
+        self._variance[:] = self._noise_variance + self._offset_variance
+        self._covariance[:] = -self._offset_variance
         self._started = True
+        self._history.forget()
+        self._restart(~self.settled)
         self._start_block()
 
     def _start_block(self) -> None:
@@ -271,6 +291,28 @@ class ForceObserver:
         self._scans = 0
         self._elapsed = 0.0
         self._elapsed_square = 0.0
+
+    def _move(self, change: NDArray[np.float64]) -> None:
+        """Add a correction to the force."""
+        self.force += change
+        self._shift += change
+
+    def _undo(self, where: NDArray[np.bool_]) -> None:
+        """Put taxels back to what was known before a touch began, which was taken for drift until it was noticed."""
+        then = self._history.oldest()
+        if then is None or not where.any():
+            return
+        passed = self._time - then.time
+        ratio = passed / self._tau[where]
+        self.force[where] -= self._shift[where] - then.shift[where] + then.offset[where] * ratio
+        self._offset[where] = then.offset[where]
+        variance, known = then.variance[where], then.offset_variance[where]
+        white = self._noise_variance * self._elapsed_square / self._elapsed * passed / self._tau[where] ** 2
+        self._variance[where] = variance + ratio * (ratio * known - 2.0 * then.covariance[where])
+        self._variance[where] += white + self._drift * passed
+        self._covariance[where] = then.covariance[where] - ratio * known
+        self._offset_variance[where] = known + self._wander * passed
+        self._shift[where] = then.shift[where] - then.offset[where] * ratio
 
     def _grow(self) -> None:
         """Propagate the covariance of (d, e) over the block."""
@@ -297,7 +339,7 @@ class ForceObserver:
         limit = self._slew * self._elapsed + 3.0 * math.sqrt(self._noise_variance / self._scans)
         correction = gain_d * mean
         limited = self.settled & (correction > limit) & (expected < self._doubt)
-        self.force -= np.where(where, np.where(limited, limit, correction), 0.0)
+        self._move(-np.where(where, np.where(limited, limit, correction), 0.0))
         learn = where & ~limited
         self._offset -= np.where(learn, gain_e * mean, 0.0)
         self._variance -= np.where(learn, gain_d * with_d, 0.0)
@@ -307,7 +349,7 @@ class ForceObserver:
     def _creep(self, where: NDArray[np.bool_], mean: NDArray[np.float64]) -> None:
         """Move the zero slowly towards a force that is neither a contact nor within the errors known of."""
         limit = self._slew * self._elapsed
-        self.force -= np.where(where, np.clip(mean, -limit, limit), 0.0)
+        self._move(-np.where(where, np.clip(mean, -limit, limit), 0.0))
 
     def _heal(self, where: NDArray[np.bool_], mean: NDArray[np.float64]) -> None:
         """Set a zero right that was taken under load: force below zero, steady (not still settling), cannot be."""
@@ -324,16 +366,17 @@ class ForceObserver:
             self._steady[ripe] = 0.0
 
     def _restart(self, where: NDArray[np.bool_]) -> None:
-        """Forget zero and offset of the masked taxels; allow for a larger offset where none was found."""
-        again = where & ~self.settled
-        self._prior_deviation[again] = np.minimum(2.0 * self._prior_deviation[again], self._runaway)
+        """Begin anew with the masked taxels: no force, and all signal an offset, or left of a force before.
+
+        Where that was refuted, more may be left.
+        """
         self._prior_deviation[where & self.settled] = self._prior
-        self.restarts += int(np.count_nonzero(where & ~self.ignored))
         self.force[where] = 0.0
-        self._offset[where] = 0.0
+        # The offset has the noise of the signal it is taken from, which the force has, too, the other way round.
+        self._offset[where] = self._signal[where]
         self._variance[where] = self._noise_variance
-        self._covariance[where] = 0.0
-        self._offset_variance[where] = self._prior_deviation[where] ** 2
+        self._covariance[where] = -self._noise_variance
+        self._offset_variance[where] = self._noise_variance + self._prior_deviation[where] ** 2
         self._agreed[where] = 0.0
         self._steady[where] = 0.0
         self._below_zero[where] = 0.0

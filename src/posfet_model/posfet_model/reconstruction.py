@@ -227,5 +227,7 @@ class Reconstructor:
         """Let contacts be only where a force is told from none."""
         observer = self._observer
         self._variance = observer.variance(self._variance)
+        if self._watch.any_bad:
+            self._variance[self._watch.bad] = 0.0  # what stands for them comes from their neighbours
         usable = None if observer.valid else observer.settled | self._watch.bad
         self._finder.adapt(self._variance, observer.common_variance, usable)

@@ -160,7 +160,7 @@ class TaxelWatch:
         silent = (self._run >= self._run_limit) & ~saturated
         # A held charge that does not leak would be a force that grows evenly, to within the noise.
         impossible = np.abs(leaking) * (self._run_time / self._tau) > 0.5 * self._force_max
-        impossible &= np.where(saturated, self._run_time > self._settings.leaked * self._tau, self._run_time > 0.0)
+        impossible = np.where(saturated, self._run_time > self._settings.leaked * self._tau, impossible)
         return silent | impossible, changed
 
     def _judge_noise(
@@ -169,11 +169,13 @@ class TaxelWatch:
         """Return which taxels are noisy, and which are quiet enough to be taken back."""
         s = self._settings
         usual = max(self._noise, _middle(self._level))
+        now = self._level_always
         if self._filled > 2:
             second = np.diff(self._counts[: self._filled], 2, axis=0)
             # White noise of variance v has second differences of variance 6*v.
             found = np.einsum("ij,ij->j", second, second, dtype=np.float64) / (6.0 * len(second))
             share = -math.expm1(-duration / s.confirm)
+            now = found.copy()
             self._level_always += share * (found - self._level_always)
             # Limited, so that a jump is soon forgotten.
             np.minimum(found, (4.0 * s.noisy) ** 2 * usual, out=found)
@@ -184,9 +186,10 @@ class TaxelWatch:
             doubt = 4.0 * math.sqrt(3.9 * duration / (self._filled * s.confirm))
             heard = np.where(self.bad, 0.0, self._level_always)
             around = self.surroundings.loudest_neighbour(heard) + (doubt - 1.0) * usual
-            loud |= self._level_always > s.neighbours**2 * np.maximum(around, doubt * usual)
+            least = s.neighbours**2 * np.maximum(around, doubt * usual)
+            loud |= (self._level_always > least) & (now > least)  # a jump is remembered, but not repeated
         loud &= ~saturated
-        self._noisy_for = np.where(loud, self._noisy_for + duration, 0.0)
+        self._noisy_for = np.maximum(self._noisy_for + np.where(loud, duration, -duration), 0.0)
         return self._noisy_for >= s.confirm, self._level < s.quiet**2 * usual
 
     def _judge_answer(self, duration: float, force: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
