@@ -14,6 +14,7 @@ COMMANDS: Final = {
         "posfet_driver.can_tool",
         "adapters and boards at the bench: list, monitor, command, record, replay, test",
     ),
+    "calibrate": ("posfet_driver.calibrate", "press the simulated board taxel by taxel and write its calibration"),
     "score": ("posfet_driver.score", "score the reconstruction on a scene of the simulated board"),
     "view": ("posfet.view_node", "show the live force map and the contacts of a running stack"),
 }

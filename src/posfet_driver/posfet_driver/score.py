@@ -17,6 +17,7 @@ from posfet_driver.scene import Scene, load_scene
 from posfet_driver.scoring import Score, Scorer
 from posfet_driver.wire_simulation import wire_scans
 from posfet_model.calibration import Calibration
+from posfet_model.calibration_file import load_calibration
 from posfet_model.config import ConfigError
 from posfet_model.reconstruction import Reconstructor
 from posfet_model.sensor import DEFAULT_SENSOR, Sensor, load_sensor
@@ -80,10 +81,11 @@ def main(words: Sequence[str] | None = None) -> int:
         sensor = load_sensor(options.sensor)
         device = differing(sensor, dict(options.device))
         scene = load_scene(options.scene, device)
-        calibration = None
+        calibration = load_calibration(options.calibration, sensor) if options.calibration else None
         if options.mismatch:
             rng = np.random.default_rng(options.seed)
-            calibration = Calibration.nominal(sensor).with_gain_error(options.mismatch / 100, rng)
+            known = calibration or Calibration.nominal(sensor)
+            calibration = known.with_gain_error(options.mismatch / 100, rng)
         score = run(
             Run(
                 sensor=sensor,
@@ -107,6 +109,7 @@ def _parser() -> argparse.ArgumentParser:
         prog="posfet score", description="Score the reconstruction on a scene of the simulated board; prints JSON."
     )
     parser.add_argument("scene", metavar="SCENE", help="a YAML file, or a shipped scene")
+    parser.add_argument("--calibration", metavar="FILE", help="of this sensor; without it, the description is believed")
     parser.add_argument(
         "--mismatch",
         type=lambda text: _number(text, 0, 30),

@@ -38,6 +38,8 @@ class Calibration:
     """Output without charge, above that of the description [V]."""
     crosstalk: float
     """Share of a taxel's signal that each of its four neighbours shows [1]."""
+    thermal_time_constant: float | None = None
+    """Lag of the film's temperature behind the chip's [s]; None: as in the description."""
     date: str = ""
     """When it was recorded, ISO 8601; empty: not recorded but taken from the description."""
     residuals: Residuals | None = field(default=None)

@@ -108,6 +108,16 @@ class Section:
             raise self.error(name, f"must be {expected}, got {_shown(value)}")
         return value
 
+    def wholes(self, name: str, low: int, high: int) -> list[int]:
+        """Take a list of any number of whole numbers, each in [low, high]."""
+        expected = f"a list of whole numbers in {interval(low, high)}"
+        value = self._take(name, _REQUIRED, expected)
+        if not isinstance(value, list) or any(
+            isinstance(item, bool) or not isinstance(item, int) or not low <= item <= high for item in value
+        ):
+            raise self.error(name, f"must be {expected}, got {_shown(value)}")
+        return list(value)
+
     def flag(self, name: str, *, default: object = _REQUIRED) -> bool:
         """Take true or false."""
         value = self._take(name, default, "true or false")

@@ -102,7 +102,11 @@ class ForceObserver:
         self._negative = sensor.contact.threshold
         self._runaway = RUNAWAY * device.force_max
         self._known_offset = (0.5 * sensor.contact.threshold * self._tau) ** 2
-        self.film = FilmTemperature(device.thermal_time_constant)
+        self.film = FilmTemperature(
+            device.thermal_time_constant
+            if calibration.thermal_time_constant is None
+            else calibration.thermal_time_constant
+        )
 
         self.force = np.zeros(taxels)
         """Estimated force [N]; meaningful where `settled`. Owned by the observer."""

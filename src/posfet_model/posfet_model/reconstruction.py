@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model.calibration import Calibration
-from posfet_model.chain import InverseChain, noise_of_a_scan
+from posfet_model.chain import InverseChain, charge_per_newton, noise_of_a_scan
 from posfet_model.contacts import ContactFinder
+from posfet_model.crosstalk import CrosstalkInverse
 from posfet_model.observer import ForceObserver
 from posfet_model.scan import Scan
 from posfet_model.scan_clock import ScanClock, ScanCounts
@@ -66,14 +67,17 @@ class Reconstructor:
         self.calibration = calibration or Calibration.nominal(sensor)
         self._clock = ScanClock(sensor)
         self._inverse = InverseChain(sensor)
+        self._crosstalk = CrosstalkInverse(sensor.layout, self.calibration.crosstalk)
         self._observer = ForceObserver(sensor, calibration=self.calibration)
         self._finder = ContactFinder(sensor)
         self._tracker = ContactTracker(sensor)
-        self._watch = TaxelWatch(sensor)
+        self._watch = TaxelWatch(sensor, known_dead=self.calibration.dead)
         self._least = TELLING * noise_of_a_scan(sensor)
         pitch = min(sensor.layout.pitch_x, sensor.layout.pitch_y)
         self._reach = math.ceil(3.0 * sensor.device.contact_spread / pitch) + 1
         self._charge = np.zeros(taxels)
+        volts_per_charge = sensor.volts_per_newton / charge_per_newton(sensor)
+        self._offset_charge = self.calibration.offset / volts_per_charge
         self._filled = np.zeros(taxels)
         self._variance = np.zeros(taxels)
         self._saturated = np.zeros(taxels, np.bool_)
@@ -129,9 +133,11 @@ class Reconstructor:
         if not result.accepted:
             return result
         self._inverse.charge(scan.counts, self._charge)
+        self._charge -= self._offset_charge
+        charge = self._crosstalk.apply(self._charge) if self._crosstalk.present else self._charge
         if clock.interrupted:
             observer.interrupt()
-        observer.advance(self._charge, scan.temperatures, clock.step)
+        observer.advance(charge, scan.temperatures, clock.step)
         result.saturated = self._saturated_now
         if result.saturated:
             observer.lose(self._saturated, clock.step)

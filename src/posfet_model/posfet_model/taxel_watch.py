@@ -78,14 +78,18 @@ class WatchSettings:
 class TaxelWatch:
     """Judges the taxels of one array block by block. `bad` masks those whose signal means nothing."""
 
-    def __init__(self, sensor: Sensor, settings: WatchSettings | None = None) -> None:
+    def __init__(
+        self, sensor: Sensor, settings: WatchSettings | None = None, known_dead: NDArray[np.bool_] | None = None
+    ) -> None:
+        """Take the sensor, and the taxels that are known not to answer: those are dead for ever."""
         layout, taxels = sensor.layout, sensor.layout.taxels
         self._settings = settings or WatchSettings()
         self.surroundings = Surroundings(layout)
-        self.status = np.zeros(taxels, np.uint8)
+        self._known_dead = np.zeros(taxels, np.bool_) if known_dead is None else known_dead
+        self.status = np.where(self._known_dead, TaxelStatus.DEAD, TaxelStatus.OK).astype(np.uint8)
         """Values of TaxelStatus, OK, DEAD, STUCK or NOISY, shape [rows * cols]."""
-        self.bad = np.zeros(taxels, np.bool_)
-        self.any_bad = False
+        self.bad = self._known_dead.copy()
+        self.any_bad = bool(self.bad.any())
         self._all = np.arange(taxels)
         self._counts = np.zeros((MOST_SCANS + 2, taxels), np.int32)
         self._filled = 0
@@ -138,6 +142,7 @@ class TaxelWatch:
             status[noisy & (status == TaxelStatus.OK)] = TaxelStatus.NOISY
             status[dead & (status == TaxelStatus.OK)] = TaxelStatus.DEAD
             status[stuck] = TaxelStatus.STUCK
+            status[self._known_dead] = TaxelStatus.DEAD
         # The last two scans begin the next block, so that no difference is lost.
         keep = min(self._filled, 2)
         self._counts[:keep] = self._counts[self._filled - keep : self._filled]

@@ -1,0 +1,122 @@
+"""`posfet calibrate`: a simulated board pressed taxel by taxel, its calibration fitted and written to a file."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from posfet_driver.imperfections import Imperfections, load_imperfections
+from posfet_driver.scene import Scene, SceneObject, Track
+from posfet_driver.scene.shapes import Sphere
+from posfet_driver.wire_simulation import wire_scans
+from posfet_model.calibration import Calibration
+from posfet_model.calibration_file import save_calibration
+from posfet_model.calibration_fit import Recording, fit
+from posfet_model.config import ConfigError
+from posfet_model.sensor import DEFAULT_SENSOR, Sensor, load_sensor
+
+BAD_INPUT = 1
+REST: Final = 1.0
+"""At rest before the first press [s]."""
+PRESS: Final = 0.8
+"""Time for one taxel [s]."""
+SHARE: Final = 0.4
+"""Force of a press, in the greatest force of a taxel [1]."""
+WARMING: Final = 3.0
+"""Change of temperature after the presses [K]."""
+WARMING_TIME: Final = 4.0
+"""[s]"""
+
+
+def pressing_scene(sensor: Sensor) -> Scene:
+    """Return a scene in which a small ball presses each taxel in turn, before the chip warms."""
+    force = SHARE * sensor.device.force_max
+    times: list[float] = []
+    values: list[tuple[float, ...]] = []
+    for index, (x, y) in enumerate(sensor.layout.positions.tolist()):
+        begin = REST + index * PRESS
+        for share, load in ((0.05, 0.0), (0.2, force), (0.6, force), (0.75, 0.0)):
+            times.append(begin + share * PRESS)
+            values.append((x, y, 0.0, load))
+    end = REST + sensor.layout.taxels * PRESS
+    return Scene(
+        name="calibration",
+        description="a ball presses each taxel in turn, then the chip warms",
+        period=end + 2 * WARMING_TIME,
+        objects=(SceneObject("ball", Sphere(2e-3, 4e6), Track(tuple(times), tuple(values))),),
+        temperature=Track((end, end + WARMING_TIME), ((25.0,), (25.0 + WARMING,))),
+    )
+
+
+def record(sensor: Sensor, seed: int, imperfections: Imperfections | None, device: Sensor | None = None) -> Recording:
+    """Return a recording of the simulated board with this seed; the true forces are the reference."""
+    scene = pressing_scene(sensor)
+    times, counts, temperatures, forces = [], [], [], []
+    for scan, truth in wire_scans(device or sensor, scene, scene.period, seed, imperfections):
+        times.append(truth.time)
+        counts.append(scan.counts.copy())
+        temperatures.append(float(np.mean(scan.temperatures)))
+        forces.append(truth.force)
+    temperature = np.array(temperatures)
+    known = np.flatnonzero(np.isfinite(temperature))
+    time = np.array(times)
+    # Status frames come ten times a second: between two of them the temperature is taken to move in a straight line.
+    fresh = known[np.concatenate([[True], np.diff(temperature[known]) != 0])]
+    ends = np.unique(np.append(fresh, known[-1]))
+    return Recording(
+        time=time,
+        counts=np.array(counts),
+        temperature=np.interp(time, time[ends], temperature[ends]),
+        force=np.array(forces),
+    )
+
+
+def calibrate(
+    sensor: Sensor, seed: int, imperfections: Imperfections | None = None, device: Sensor | None = None
+) -> Calibration:
+    """Return the calibration of the simulated board with this seed."""
+    return fit(
+        sensor, record(sensor, seed, imperfections, device), datetime.now(timezone.utc).isoformat("T", "seconds")
+    )
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Write a calibration file; return 0, or 1 with one line on stderr for bad input."""
+    options = _parser().parse_args(words)
+    try:
+        sensor = load_sensor(options.sensor)
+        imperfections = replace(load_imperfections(options.imperfections), resets_per_hour=0.0)
+        calibration = calibrate(sensor, options.seed, imperfections)
+        save_calibration(options.out, sensor, calibration)
+    except (ConfigError, ValueError) as error:
+        print(error, file=sys.stderr)
+        return BAD_INPUT
+    found = calibration.residuals
+    if found is not None:
+        print(
+            f"{options.out}: {found.force_rms * 1e3:.2f} mN rms on what was held out, "
+            f"{found.force_rms_before * 1e3:.2f} mN by the description alone"
+        )
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="posfet calibrate", description="Press the simulated board taxel by taxel and write its calibration."
+    )
+    parser.add_argument("out", metavar="FILE", type=Path, help="the YAML file to write")
+    parser.add_argument("--imperfections", default="default", help="none, default, or a YAML file")
+    parser.add_argument("--sensor", default=DEFAULT_SENSOR, help="sensor description: a YAML file, or a shipped one")
+    parser.add_argument("--seed", type=int, default=1, help="of the board")
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
