@@ -32,6 +32,8 @@ from posfet_model.scan import ScanStatus
 from posfet_model.sensor import load_sensor
 from posfet_model.tracker import ContactState
 from posfet_msgs.msg import TactileContact, TactileContacts, TactileImage, TactileInfo, TactileRaw
+from posfet_msgs.srv import CalibrationFile
+from posfet_msgs.srv import Tare as TareService
 
 pytestmark = pytest.mark.ros
 
@@ -270,3 +272,48 @@ def constants(message: Any, prefix: str) -> dict[str, int]:
 )
 def test_constants_of_messages_are_those_of_the_code(message: Any, prefix: str, enumeration: Any) -> None:
     assert constants(message, prefix) == {name: int(member) for name, member in enumeration.__members__.items()}
+
+
+def call(bench: Bench, kind: Any, name: str, **fields: Any) -> Any:
+    client = bench.peer.create_client(kind, name)
+    bench.spin_until(client.service_is_ready)
+    future = client.call_async(kind.Request(**fields))
+    bench.spin_until(future.done)
+    return future.result()
+
+
+def test_tare_refuses_under_load_and_reports_what_it_changed_at_rest(bench: Bench) -> None:
+    model = bench.model()
+    assert not call(bench, TareService, "tare").success
+    feed = recorded_scans()
+    for message in feed[:PRESS_FROM]:
+        model._receive(message)
+    answer = call(bench, TareService, "tare")
+    assert answer.success, answer.message
+    assert len(answer.force_change) == SENSOR.layout.taxels
+    assert 0 < max(abs(change) for change in answer.force_change) < 1e-3
+    for message in feed[PRESS_FROM : PRESS_UNTIL - 10]:
+        model._receive(message)
+    answer = call(bench, TareService, "tare")
+    assert not answer.success
+    assert "under load" in answer.message
+    assert len(answer.force_change) == 0
+    assert model.latest().total == pytest.approx(FORCE, abs=0.05)
+
+
+def test_calibrations_are_saved_loaded_and_refused_in_one_line(bench: Bench, tmp_path: Any) -> None:
+    model, path = bench.model(), tmp_path / "cal.yaml"
+    answer = call(bench, CalibrationFile, "calibration/save", path=str(path))
+    assert answer.success, answer.message
+    answer = call(bench, CalibrationFile, "calibration/load", path=str(path))
+    assert answer.success, answer.message
+    for message in recorded_scans()[: PRESS_UNTIL - 10]:
+        model._receive(message)
+    assert model.latest().total == pytest.approx(FORCE, abs=0.05)
+    path.write_text(path.read_text().replace("layout: 1", "layout: 2"))
+    answer = call(bench, CalibrationFile, "calibration/load", path=str(path))
+    assert not answer.success
+    assert "another layout" in answer.message
+    with pytest.raises(ConfigError, match="another layout"):
+        bench.model(calibration_file=str(path))
+    assert not call(bench, CalibrationFile, "calibration/save", path=str(tmp_path / "no" / "cal.yaml")).success

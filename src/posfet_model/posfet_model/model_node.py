@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from array import array
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -18,6 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
+from posfet_model.calibration_file import load_calibration, save_calibration
 from posfet_model.config import ConfigError
 from posfet_model.conversions import (
     ContactsMessage,
@@ -38,10 +40,15 @@ from posfet_model.scan import Scan
 from posfet_model.scan_clock import ScanCounts
 from posfet_model.tracker import Contact
 from posfet_msgs.msg import TactileContacts, TactileImage, TactileInfo, TactileRaw
+from posfet_msgs.srv import CalibrationFile
+from posfet_msgs.srv import Tare as TareService
 
 PARAMETERS = (
     *SENSOR,
     FRAME_ID,
+    Parameter(
+        "calibration_file", "", "Calibration of this very sensor: a YAML file; empty: the description is believed"
+    ),
     Parameter("simulated", False, "Told to others in `info`: the signals come from a model, not from a device"),
     Parameter("direct", False, "Scans are handed over in the process; true: do not subscribe to `raw`"),
 )
@@ -88,11 +95,13 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         try:
             parameters = declare(self, PARAMETERS)
             self.sensor = declared_sensor(parameters)
+            path = parameters["calibration_file"]
+            calibration = load_calibration(path, self.sensor) if path else None
         except ConfigError:
             self.destroy_node()
             raise
         layout, frame_id = self.sensor.layout, declared_frame(self, parameters)
-        self._reconstructor = Reconstructor(self.sensor)
+        self._reconstructor = Reconstructor(self.sensor, calibration)
         self._lock = threading.Lock()
         self._result: Reconstruction | None = None
         self._reader = ScanReader(layout)
@@ -117,6 +126,9 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", OUTPUT_DEPTH)
         self._reported = ScanCounts()
         self.create_timer(REPORT_PERIOD, self._report)
+        self.create_service(TareService, "tare", self._tare)
+        self.create_service(CalibrationFile, "calibration/load", self._load)
+        self.create_service(CalibrationFile, "calibration/save", self._save)
         if not parameters["direct"]:
             self.create_subscription(TactileRaw, "raw", self._receive, RAW_DEPTH)
 
@@ -161,6 +173,36 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def _receive(self, message: TactileRaw) -> None:
         self.process(self._reader.read(message))
+
+    def _tare(self, _: Any, response: Any) -> Any:
+        with self._lock:
+            tare = self._reconstructor.tare()
+        response.success, response.message = tare.done, tare.message
+        response.force_change = array("f", tare.force_change.tolist())
+        return response
+
+    def _load(self, request: Any, response: Any) -> Any:
+        try:
+            reconstructor = Reconstructor(self.sensor, load_calibration(request.path, self.sensor))
+        except ConfigError as error:
+            response.success, response.message = False, str(error)
+            return response
+        with self._lock:
+            self._reconstructor = reconstructor
+            self._result = None
+            self._reported = ScanCounts()
+        response.success = True
+        response.message = f"calibration of {reconstructor.calibration.date or 'no date'} in use; zeros are found anew"
+        return response
+
+    def _save(self, request: Any, response: Any) -> Any:
+        try:
+            save_calibration(request.path, self.sensor, self._reconstructor.calibration)
+        except ConfigError as error:
+            response.success, response.message = False, str(error)
+            return response
+        response.success, response.message = True, f"{request.path}: written"
+        return response
 
     def _look_for_subscriptions(self, now: int) -> None:
         self._next_look = now + SUBSCRIPTIONS_AGE

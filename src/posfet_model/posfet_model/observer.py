@@ -226,6 +226,17 @@ class ForceObserver:
         common = float(ordered[len(ordered) // 2])
         self.force -= self.film.nudge(common / self._newton_per_kelvin) * self._per_kelvin
 
+    def tare(self) -> NDArray[np.float64]:
+        """Make zero of what the last block read; return what was added to each force [N], 0 where it is ignored.
+
+        Offsets stay: they are found all the time.
+        """
+        change = np.where(self.ignored, 0.0, -self._last_mean)
+        self._move(change)
+        self._variance[:] = self._noise_variance
+        self._covariance[:] = 0.0
+        return change
+
     def lose(self, saturated: NDArray[np.bool_], step: float) -> None:
         """Count as unknown the charge that leaks beyond the end of the range during a step [s] of the masked taxels."""
         lost = np.abs(self._signal[saturated]) * (step / self._tau[saturated])

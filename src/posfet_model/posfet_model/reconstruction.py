@@ -19,7 +19,7 @@ from posfet_model.scan_clock import ScanClock, ScanCounts
 from posfet_model.sensor import Sensor
 from posfet_model.surroundings import ESTIMATE_DEVIATION
 from posfet_model.taxel_watch import TELLING, TaxelStatus, TaxelWatch
-from posfet_model.tracker import Contact, ContactTracker
+from posfet_model.tracker import Contact, ContactState, ContactTracker
 
 MOST_IMPLAUSIBLE: Final = 10
 """After this many scans in a row with most taxels at the end of their range it is taken for true."""
@@ -56,6 +56,17 @@ class ForceImage:
     """Sum of the known forces [N]; NaN: none is known."""
     total_standard_deviation: float
     """[N]; NaN: not known."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tare:
+    """What a tare did."""
+
+    done: bool
+    message: str
+    """What was changed, or why not, in one line."""
+    force_change: NDArray[np.float64]
+    """What was added to each force [N], shape [rows * cols]; empty when refused."""
 
 
 class Reconstructor:
@@ -155,6 +166,23 @@ class Reconstructor:
         result.sequence = scan.sequence
         result.valid = observer.valid and not clock.suspect
         return result
+
+    def tare(self) -> Tare:
+        """Make zero of what is read while nothing touches; refused under load, and while zeros are still looked for."""
+        result = self._result
+        live = [contact for contact in result.contacts if contact.state is not ContactState.RELEASED]
+        none = np.zeros(0)
+        if live:
+            total = sum(contact.region.force for contact in live)
+            return Tare(False, f"refused under load: contacts: {len(live)}, force: {total:.3f} N; lift first", none)
+        if not result.valid:
+            return Tare(
+                False, "refused: no valid forces yet; check that scans come, and leave the sensor at rest", none
+            )
+        change = self._observer.tare()
+        largest = int(np.abs(change).argmax())
+        moved = float(change[largest])
+        return Tare(True, f"zeros moved by {moved * 1e3:+.3f} mN at most (taxel {largest})", change)
 
     def image(self) -> ForceImage:
         """Return the forces of the last scan taken; overwritten by the next call."""
