@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from scan_player import nothing, press, scans
 
 from posfet_model.chain import ForwardChain, InverseChain, noise_of_a_scan
-from posfet_model.observer import ForceObserver, ObserverSettings
+from posfet_model.observer import ForceObserver
+from posfet_model.observer_settings import ObserverSettings
 from posfet_model.sensor import Sensor, load_sensor
 
 SENSOR = load_sensor()
@@ -25,8 +26,8 @@ EVERYWHERE = np.ones(TAXELS)
 class Watch:
     """An observer fed by scans; a taxel counts as touched while its force is above the contact threshold, and known."""
 
-    def __init__(self, model: Sensor = SENSOR) -> None:
-        self.observer = ForceObserver(model)
+    def __init__(self, model: Sensor = SENSOR, settings: ObserverSettings | None = None) -> None:
+        self.observer = ForceObserver(model, settings)
         self._inverse = InverseChain(model)
         self._threshold = model.contact.threshold
         self._charge = np.zeros(TAXELS)
@@ -178,7 +179,7 @@ def test_a_ramp_of_temperature_is_no_force() -> None:
 
 
 def test_without_temperature_the_deviation_grows_and_what_was_missed_is_made_up_for() -> None:
-    watch = Watch(with_device(thermal_time_constant=0.0))
+    watch = Watch(with_device(thermal_time_constant=0.0), ObserverSettings(uneven=0.0))
     seen = {}
     for time, scan in scans(SENSOR, 3.0, force=press(2.0, 0.5, 60.0), temperature=lambda t: 25.0 + 0.1 * t):
         if 1.0 <= time < 2.0:

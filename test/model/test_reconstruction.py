@@ -14,7 +14,11 @@ import pytest
 from dense_pressure import sphere_forces
 from scan_player import START, press, scans
 
-from posfet_model.chain import ForwardChain
+from posfet_driver.imperfections import Imperfections
+from posfet_driver.scene import load_scene
+from posfet_driver.score import Run
+from posfet_driver.score import run as run_score
+from posfet_model.chain import ForwardChain, leak_step
 from posfet_model.reconstruction import Reconstruction, Reconstructor, TaxelStatus
 from posfet_model.scan import Scan, ScanStatus
 from posfet_model.sensor import Sensor, load_sensor
@@ -203,6 +207,39 @@ def test_an_interruption_is_not_valid_and_heals_within_50_ms() -> None:
     assert not later[0].valid
     assert all(result.valid for result in later[50:])
     assert not contacts_of(later[50:])
+
+
+@pytest.mark.parametrize("lag", [0.7, 1.0, 1.3])
+@pytest.mark.parametrize("rate", [0.25, 1.0, -1.0])
+def test_an_abrupt_ramp_of_temperature_at_10_hz_is_no_contact(rate: float, lag: float) -> None:
+    reconstructor, chain = Reconstructor(SENSOR), ForwardChain(SENSOR, np.random.default_rng(2))
+    scan = Scan.empty(LAYOUT.id, LAYOUT.taxels)
+    behind = 0.0
+    contacts = 0
+    for index in range(4000):
+        warmth = min(max((index - 1000) * 1e-3 * abs(rate), 0.0), 5.0)
+        step = leak_step(1e-3, lag * SENSOR.device.thermal_time_constant)
+        behind = step.decay * behind + step.mean * (abs(rate) * 1e-3 if 0 < warmth < 5.0 else 0.0)
+        chain.advance(np.zeros(LAYOUT.taxels), 25.0 + math.copysign(warmth - behind, rate), 1e-3)
+        chain.counts(scan.counts)
+        if index % 100 == 0:
+            scan.temperatures[:] = round((25.0 + math.copysign(warmth, rate)) * 256) / 256
+        scan.sequence, scan.device_time, scan.stamp = index, 1000 * index, START + 1_000_000 * index
+        contacts += len(reconstructor.process(scan).contacts)
+    assert contacts == 0
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_warming_of_a_board_with_other_leaks_than_described_is_no_contact(seed: int) -> None:
+    score = run_score(Run(SENSOR, load_scene("temperature_ramp", SENSOR), 7.0, seed, Imperfections.default()))
+    assert score.false_contacts_per_hour == 0.0
+
+
+def test_a_slow_press_on_the_whole_array_comes_to_light() -> None:
+    results = run(Reconstructor(SENSOR), 3.0, force=press(0.1, 1.0, 9.0, rise=0.2), shape=np.ones(LAYOUT.taxels))
+    assert not contacts_of(results[:1000])
+    [contact] = at(results, 2.9).contacts
+    assert contact.region.force == pytest.approx(0.1 * LAYOUT.taxels, rel=0.1)
 
 
 def test_a_lasting_overload_is_believed_and_flagged() -> None:

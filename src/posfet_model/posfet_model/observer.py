@@ -18,7 +18,6 @@ measurement of d with variance s^2/n, and a Kalman filter corrects both F and o.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -26,6 +25,8 @@ from numpy.typing import NDArray
 
 from posfet_model.calibration import Calibration
 from posfet_model.chain import LeakSteps, charge_per_newton, noise_of_a_scan
+from posfet_model.common_mode import CommonMode
+from posfet_model.observer_settings import ObserverSettings
 from posfet_model.sensor import Sensor
 from posfet_model.thermal import FilmTemperature
 from posfet_model.zero_history import ZeroHistory, Zeros
@@ -42,34 +43,17 @@ RESTLESS_WORTH: Final = 0.1
 REFUTED: Final = 3.0
 """Factor by which more is taken to be left of an earlier force, when less was refuted [1]."""
 
+UNEVEN_MEMORY: Final = 0.8
+"""Share of the uneven part of a block's warming that counts for the next one at least: it comes in jerks [1]."""
+
+LEAST_UNEVEN: Final = 1e-3
+"""An uneven part below this is forgotten, in contact thresholds [1]."""
+
+KNOWN_BEFORE: Final = 0.1
+"""Standard deviation, in contact thresholds, of an offset that was known when its taxel had to start anew [1]."""
+
 DOUBT: Final = 0.2
 """Standard deviation, in contact thresholds, from which a small force is more likely an error than a slow press [1]."""
-
-
-@dataclass(frozen=True)
-class ObserverSettings:
-    """What the observer takes for granted. All values are assumed."""
-
-    block: float = 0.02
-    """Duration of a block of scans, after which zero and offset are corrected [s]."""
-    settle: float = 0.1
-    """A taxel must agree with a constant force for this long before its offset counts as known [s]."""
-    first_deviation: float = 5e-5
-    """Standard deviation of what is left of an earlier force at the start, as a voltage [V]; refuted, it grows."""
-    offset_wander: float = 1e-5
-    """Random walk of the offset [V/sqrt(s)]."""
-    temperature_wander: float = 3e-4
-    """Random walk of the film's temperature that the chip's sensors do not see [K/sqrt(s)]."""
-    gate: float = 5.0
-    """Standard deviations within which a mean of a block agrees with what was expected [1]."""
-    zero_slew: float = 0.25
-    """Fastest motion of a settled taxel's zero, in contact thresholds per second [1/s]: slower presses are lost."""
-    steady: float = 0.2
-    """A force below zero is a wrong zero once it has been steady for this long [s]."""
-    resume: float = 0.04
-    """Nothing is valid for this long after an interruption [s]."""
-    recover: float = 2.0
-    """A taxel that stays below zero for this long without becoming steady starts anew [s]."""
 
 
 class ForceObserver:
@@ -108,6 +92,8 @@ class ForceObserver:
             else calibration.thermal_time_constant
         )
 
+        self.common = CommonMode(self.film, self._newton_per_kelvin, sensor.contact.threshold)
+
         self.force = np.zeros(taxels)
         """Estimated force [N]; meaningful where `settled`. Owned by the observer."""
         self.settled = np.zeros(taxels, np.bool_)
@@ -121,6 +107,10 @@ class ForceObserver:
         self._started = False
         self._restless = False
         self._recovering = 0.0
+        self._uneven = 0.0
+        self._uneven_share = (
+            self._settings.uneven if calibration.residuals is None else self._settings.uneven_calibrated
+        )
         self._time = 0.0
         self._make_state(taxels)
         self._start_block()
@@ -155,7 +145,8 @@ class ForceObserver:
 
     def variance(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return in `out` the variance of `force` [N2] that each taxel has alone, the common one left out."""
-        return np.add(self._variance, self._noise_variance, out=out)
+        # Until the next correction the uneven part of a warming adds up, as it did in the last block.
+        return np.add(self._variance, self._noise_variance + (2.0 * self._uneven) ** 2, out=out)
 
     @property
     def block_time(self) -> float:
@@ -205,6 +196,7 @@ class ForceObserver:
         self._signal, self._change = change, signal
         if warmed:
             scratch -= warmed * self._per_kelvin
+            self._warmed += abs(warmed)
         np.add(self.force, scratch, out=self.force)
         np.add(self._sum, self.force, out=self._sum)
         self._scans += 1
@@ -215,16 +207,12 @@ class ForceObserver:
             self._variance += (scratch * leak.ratio) ** 2 / 12.0
 
     def follow_common(self) -> None:
-        """Where nothing touches, take what all taxels show together as the film's own temperature.
-
-        The median, so that a touch not found yet is not taken for it. It fills the time between two readings of the
-        chip's sensors and makes up for a lag that is not the true one.
-        """
-        ordered = np.sort(self.force[~self.ignored])
-        if not len(ordered):
-            return
-        common = float(ordered[len(ordered) // 2])
-        self.force -= self.film.nudge(common / self._newton_per_kelvin) * self._per_kelvin
+        """Where nothing touches, take what all taxels show together as the film's own temperature."""
+        if self.common.active and self.valid:
+            force = self.force[~self.ignored] if self.ignored.any() else self.force
+            warmed = self.common.follow(force)
+            self.force -= warmed * self._per_kelvin
+            self._warmed += abs(warmed)
 
     def tare(self) -> NDArray[np.float64]:
         """Make zero of what the last block read; return what was added to each force [N], 0 where it is ignored.
@@ -255,9 +243,8 @@ class ForceObserver:
         self._grow()
         self._undo(touched & ~self._was_touched & self.settled)
         self._was_touched[:] = touched
-        reach = (
-            0.5 * self._elapsed / self._tau
-        )  # the mean was true half a block ago; since then d has moved by -e*ratio/2
+        # The mean was true half a block ago; since then d has moved by -e*ratio/2.
+        reach = 0.5 * self._elapsed / self._tau
         with_d = self._variance + reach * self._covariance
         with_e = self._covariance + reach * self._offset_variance
         # An error of the film's temperature is the same through the block: the mean does not make it smaller.
@@ -266,7 +253,7 @@ class ForceObserver:
         free = ~touched | ~self.settled
         self._correct(free & agrees, mean, expected, with_d, with_e)
         self._creep(free & self.settled & ~agrees, mean)
-        self._heal(free & self.settled, mean)
+        self._heal(free & self.settled, mean, np.maximum(self._negative, s.gate * np.sqrt(expected)))
         failed = ~self.settled & ~agrees
         if self._restless and self.film.quiet:
             failed = ~self.settled  # what was learnt meanwhile was the film's
@@ -285,6 +272,10 @@ class ForceObserver:
         sound = self.settled & (self._below_zero == 0.0) | self.ignored
         self.valid = self._recovering == 0.0 and bool(sound.all())
         self._last_mean = mean
+        warmer = self.common.look(mean[~self.ignored], self._elapsed, bool(touched.any()))
+        if warmer:
+            self.force -= warmer * self._per_kelvin
+            self._variance[:], self._covariance[:], self._uneven = self._noise_variance, 0.0, 0.0
         self._history.keep(
             Zeros(self._offset, self._variance, self._covariance, self._offset_variance, self._shift, self._time)
         )
@@ -306,6 +297,7 @@ class ForceObserver:
         self._scans = 0
         self._elapsed = 0.0
         self._elapsed_square = 0.0
+        self._warmed = 0.0
 
     def _move(self, change: NDArray[np.float64]) -> None:
         """Add a correction to the force."""
@@ -336,6 +328,11 @@ class ForceObserver:
         self._variance += ratio * (ratio * self._offset_variance - 2.0 * self._covariance)
         self._variance += self._noise_variance * self._elapsed_square / self._tau**2 + self._drift * block
         self._covariance -= ratio * self._offset_variance
+        if self._warmed or self._uneven > 0.0:
+            # The gain for temperature is wrong the same way all the time: deviations add up, not variances.
+            now = self._warmed * abs(self._newton_per_kelvin) * self._uneven_share
+            self._uneven = max(now, UNEVEN_MEMORY * self._uneven) if now > LEAST_UNEVEN * self._negative else now
+            self._variance = (np.sqrt(self._variance) + self._uneven) ** 2
         self._offset_variance += self._wander * block
 
     def _correct(
@@ -352,6 +349,7 @@ class ForceObserver:
         """
         gain_d, gain_e = with_d / expected, with_e / expected
         limit = self._slew * self._elapsed + 3.0 * math.sqrt(self._noise_variance / self._scans)
+        limit += self._settings.gate * self._uneven
         correction = gain_d * mean
         limited = self.settled & (correction > limit) & (expected < self._doubt)
         self._move(-np.where(where, np.where(limited, limit, correction), 0.0))
@@ -366,9 +364,9 @@ class ForceObserver:
         limit = self._slew * self._elapsed
         self._move(-np.where(where, np.clip(mean, -limit, limit), 0.0))
 
-    def _heal(self, where: NDArray[np.bool_], mean: NDArray[np.float64]) -> None:
+    def _heal(self, where: NDArray[np.bool_], mean: NDArray[np.float64], limit: NDArray[np.float64]) -> None:
         """Set a zero right that was taken under load: force below zero, steady (not still settling), cannot be."""
-        below = where & (mean < -self._negative)
+        below = where & (mean < -limit)
         self._below_zero = np.where(below, self._below_zero + self._elapsed, 0.0)
         gate = self._settings.gate * math.sqrt(2.0 * self._noise_variance / self._scans)
         steady = below & (np.abs(mean - self._last_mean) <= gate)
@@ -385,13 +383,17 @@ class ForceObserver:
 
         Where that was refuted, more may be left.
         """
-        self._prior_deviation[where & self.settled] = self._prior
+        known = where & self.settled
+        self._prior_deviation[known] = self._prior
         self.force[where] = 0.0
+        offset = self._offset[known]
         # The offset has the noise of the signal it is taken from, which the force has, too, the other way round.
         self._offset[where] = self._signal[where]
         self._variance[where] = self._noise_variance
         self._covariance[where] = -self._noise_variance
         self._offset_variance[where] = self._noise_variance + self._prior_deviation[where] ** 2
+        self._offset[known], self._covariance[known] = offset, 0.0  # no worse than the signal, which may be leaking
+        self._offset_variance[known] = (KNOWN_BEFORE * self._negative) ** 2
         self._agreed[where] = 0.0
         self._steady[where] = 0.0
         self._below_zero[where] = 0.0

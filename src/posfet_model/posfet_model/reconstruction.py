@@ -152,14 +152,14 @@ class Reconstructor:
         result.saturated = self._saturated_now
         if result.saturated:
             observer.lose(self._saturated, clock.step)
+        if self._tracker.idle:
+            observer.follow_common()
         self._watch.take(scan.counts)
         regions = self._find_around_bad() if self._watch.any_bad else self._finder.find(observer.force)
         if regions or not self._tracker.idle:
             result.contacts = self._follow(regions, clock.step)
         elif result.contacts:
             result.contacts = ()
-        if not regions and observer.film.changing and observer.valid:
-            observer.follow_common()
         if observer.block_due:
             self._close_block()
         result.stamp = scan.stamp

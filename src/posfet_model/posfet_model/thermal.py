@@ -75,6 +75,11 @@ class FilmTemperature:
         return math.sqrt(self._unknown_variance + self._prediction_variance + lag * lag)
 
     @property
+    def chip(self) -> float:
+        """Temperature of the chip since the start, as far as its sensors have told [K]."""
+        return self._chip
+
+    @property
     def known(self) -> bool:
         """Whether a sensor was known at the last update."""
         return any(math.isfinite(value) for value in self._last)
@@ -98,6 +103,11 @@ class FilmTemperature:
         believed = min(max(change, -limit), limit)
         self._lag -= believed
         return believed
+
+    def settle(self) -> float:
+        """Put the film to the chip's temperature; return by how much [K] it is warmer then than followed."""
+        lag, self._lag = self._lag, 0.0
+        return lag
 
     def update(self, temperatures: NDArray[np.float32], step: float) -> float:
         """Return by how much [K] the film warmed over the last `step` [s], for the readings [degC] at its end."""

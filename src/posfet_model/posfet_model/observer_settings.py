@@ -1,0 +1,35 @@
+"""What the observer of static force takes for granted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ObserverSettings:
+    """What the observer takes for granted. All values are assumed."""
+
+    block: float = 0.02
+    """Duration of a block of scans, after which zero and offset are corrected [s]."""
+    settle: float = 0.1
+    """A taxel must agree with a constant force for this long before its offset counts as known [s]."""
+    first_deviation: float = 5e-5
+    """Standard deviation of what is left of an earlier force at the start, as a voltage [V]; refuted, it grows."""
+    offset_wander: float = 1e-5
+    """Random walk of the offset [V/sqrt(s)]."""
+    temperature_wander: float = 3e-4
+    """Random walk of the film's temperature that the chip's sensors do not see [K/sqrt(s)]."""
+    uneven: float = 0.1
+    """Standard deviation of the taxels' signals for temperature, without calibration [1]."""
+    uneven_calibrated: float = 0.02
+    """The same with calibration [1]."""
+    gate: float = 5.0
+    """Standard deviations within which a mean of a block agrees with what was expected [1]."""
+    zero_slew: float = 0.25
+    """Fastest motion of a settled taxel's zero, in contact thresholds per second [1/s]: slower presses are lost."""
+    steady: float = 0.2
+    """A force below zero is a wrong zero once it has been steady for this long [s]."""
+    resume: float = 0.04
+    """Nothing is valid for this long after an interruption [s]."""
+    recover: float = 2.0
+    """A taxel that stays below zero for this long without becoming steady starts anew [s]."""
