@@ -109,6 +109,27 @@ def test_bandwidth_is_where_the_gain_has_fallen_by_3_db(quality: float) -> None:
     assert OnePoleFollower(gain=0.99, bandwidth=2e6).response(2e6).gain == pytest.approx(0.99 / math.sqrt(2), abs=1e-14)
 
 
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1.1e6, -1.1e6])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_one_bad_taxel_is_refused_whatever_the_type_of_the_frame(bad: float, dtype) -> None:
+    frame = np.zeros(25, dtype)
+    state = ONE_POLE.start(frame)
+    frame[7] = bad
+    for arguments in ({"v_in": frame}, {"v_in": frame[:, None]}):
+        assert_refused(ONE_POLE.start, arguments, "v_in")
+    assert_refused(ONE_POLE.advance, {"state": state, "v_in": frame, "step": 1e-6}, "v_in")
+
+
+def test_a_frame_may_be_used_again() -> None:
+    for follower in followers():
+        frame = np.ones(25)
+        state = follower.advance(follower.start(frame), frame, 1e-6)
+        output = follower.output(state)
+        frame[:] = 7
+        output.v_out[:] = 9
+        np.testing.assert_array_equal(state.v_in, 1.0)
+
+
 @pytest.mark.parametrize("follower", FOLLOWERS)
 def test_a_cut_step_is_one_step(follower: Follower) -> None:
     generator = np.random.default_rng(3)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +17,9 @@ VOLTAGE_LIMIT: Final = 1e6
 
 STEP_LIMIT: Final = 1e9
 """Longest accepted step [s]; a step of 0 is a jump of the input."""
+
+
+_FLOAT64: Final = np.dtype(np.float64)
 
 
 @dataclass(frozen=True)
@@ -195,7 +198,10 @@ class Follower(ABC):
 
     def _hold(self, v_in: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """Return the input with its offset, held at the limits, and where it is within them."""
-        voltage = real_array("v_in", v_in, -VOLTAGE_LIMIT, VOLTAGE_LIMIT).astype(np.float64, copy=False)
+        if _within_limit(v_in):  # spares the hot path a general check
+            voltage = v_in
+        else:
+            voltage = real_array("v_in", v_in, -VOLTAGE_LIMIT, VOLTAGE_LIMIT).astype(np.float64, copy=False)
         try:
             wanted = np.asarray(voltage + self.offset)
         except ValueError:
@@ -203,10 +209,23 @@ class Follower(ABC):
         if wanted.shape != voltage.shape:
             raise ValueError(f"offset {np.shape(self.offset)} must broadcast to v_in {voltage.shape}")
         if self.limits.v_low == -math.inf and self.limits.v_high == math.inf:
-            return wanted, np.ones(wanted.shape, np.bool_)
+            valid = np.empty(wanted.shape, np.bool_)
+            valid.fill(True)
+            return wanted, valid
         held = np.clip(wanted, self.limits.v_low, self.limits.v_high)
         return held, np.asarray(held == wanted)
 
     def _out(self, v_in: NDArray[np.float64], lags: tuple[NDArray[Any], ...]) -> NDArray[np.float64]:
-        lag = lags[-1].real if lags else 0.0
-        return np.asarray(self.static_gain * (v_in - lag))
+        out = np.asarray(v_in - lags[-1].real if lags else v_in.copy())
+        out *= self.static_gain
+        return out
+
+
+def _within_limit(voltage: object) -> TypeGuard[NDArray[np.float64]]:
+    """Return whether `voltage` is an array of float64 within the limit; a NaN is not."""
+    return (
+        isinstance(voltage, np.ndarray)
+        and voltage.dtype == _FLOAT64
+        and bool(voltage.size)
+        and bool(np.maximum.reduce(np.abs(voltage), axis=None) <= VOLTAGE_LIMIT)
+    )
