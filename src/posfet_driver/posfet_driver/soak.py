@@ -45,6 +45,8 @@ FAULTS: Final = (
 """Every fault but those that need error frames, which slcan does not carry."""
 RECOVERY: Final = 10.0
 """Time after a fault in which data has to flow again [s]."""
+RENUMBERING: Final = 1.0
+"""Time after a stuck counter in which a status tells the number of the newest scan [s]."""
 WARM_UP: Final = 10.0
 """Time after which memory, threads and descriptors are first looked at [s]."""
 GROWTH_LIMIT: Final = 4 << 20
@@ -129,6 +131,7 @@ class Soak:
         self._clock = SystemClock()
         self._injector = FaultInjector(self._firmware, self._sensor.can.base_id, self._clock.monotonic(), seed)
         self._name = 0
+        self._renumbered = 0.0
         self._adapter = self._plug_in()
         opener = BusOpener(bus_settings("slcan", str(folder / "can*"), self._sensor.can))
         self._board = Board(self._sensor, opener, presence=opener.presence)
@@ -203,8 +206,10 @@ class Soak:
                 self._check(scan)
 
     def _check(self, scan: Scan) -> None:
-        if self._injector.trouble == Trouble.STUCK:
-            return  # the board itself numbers its scans wrongly
+        if self._injector.trouble == Trouble.STUCK:  # the board itself numbers its scans wrongly
+            self._renumbered = time.monotonic() + RENUMBERING
+        if time.monotonic() < self._renumbered:
+            return
         self.verdict.wrong += not np.array_equal(scan.counts, marked(scan.sequence, len(scan.counts)))
 
     def _line(self) -> str:

@@ -1,0 +1,110 @@
+"""Larger arrays, several boards, several buses, and a bus that others fill: end to end, nothing lost."""
+
+from __future__ import annotations
+
+import uuid
+from contextlib import ExitStack
+from pathlib import Path
+
+import can
+import pytest
+from fake_board import FakeBoard, assert_marked, board_on_bus, read_scans, with_layout
+
+from posfet_driver.adapter import EmulatedAdapter, Node
+from posfet_driver.board import Board
+from posfet_driver.bus import bus_settings
+from posfet_driver.bus_time import fd_time
+from posfet_driver.channels import BusOpener
+from posfet_driver.codec import make_codec
+from posfet_driver.fault_injector import FaultInjector, Trouble
+from posfet_driver.firmware import BoardFirmware
+from posfet_driver.source import SystemClock
+from posfet_model.sensor import Sensor, load_sensor
+
+SHIPPED = ["posfet_5x5", "posfet_16x16", "posfet_32x32"]
+
+
+def firmware(sensor: Sensor, now: int) -> BoardFirmware:
+    return BoardFirmware(sensor, FakeBoard(sensor), now)
+
+
+def plugged_in(stack: ExitStack, path: Path, node: Node) -> EmulatedAdapter:
+    adapter = EmulatedAdapter(path, node)
+    adapter.open()
+    stack.callback(adapter.close)
+    return adapter
+
+
+def opened(stack: ExitStack, sensor: Sensor, interface: str, channel: object) -> Board:
+    opener = BusOpener(bus_settings(interface, str(channel), sensor.can))
+    board = Board(sensor, opener)
+    stack.callback(board.close)
+    board.open()
+    return board
+
+
+def check_run(board: Board, count: int) -> None:
+    """The next scans are those that were sent, one after the other, and nothing was lost."""
+    sequences = []
+    for scan in read_scans(board, count):
+        assert_marked(scan)
+        sequences.append(scan.sequence)
+    assert sequences == list(range(sequences[0], sequences[0] + count))
+    assert board.report().frames_lost == 0
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_shipped_array_arrives_whole(tmp_path: Path, name: str) -> None:
+    sensor = load_sensor(name)
+    with ExitStack() as stack:
+        plugged_in(stack, tmp_path / "can0", firmware(sensor, SystemClock().monotonic()))
+        check_run(opened(stack, sensor, "slcan", tmp_path / "can0"), round(sensor.can.scan_rate))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_the_bus_carries_the_rate_of_every_shipped_array(name: str) -> None:
+    sensor = load_sensor(name)
+    frame = fd_time(64, sensor.can.bitrate, sensor.can.data_bitrate).most
+    assert make_codec(sensor, True).blocks * frame * sensor.can.scan_rate < 0.95
+
+
+def test_shipped_arrays_have_layouts_of_their_own() -> None:
+    layouts = [load_sensor(name).layout for name in SHIPPED]
+    assert len({layout.id for layout in layouts}) == len(SHIPPED)
+    assert [(layout.rows, layout.cols) for layout in layouts] == [(5, 5), (16, 16), (32, 32)]
+
+
+def test_three_boards_on_one_bus_and_two_more_on_buses_of_their_own(tmp_path: Path) -> None:
+    sensors = [with_layout(load_sensor(), 5, 5, scan_rate=100.0, base_id=0x100 + 0x10 * k) for k in range(3)]
+    channel, now = uuid.uuid4().hex, SystemClock().monotonic()
+    with ExitStack() as stack:
+        boards = []
+        for sensor in sensors:
+            far_end = stack.enter_context(can.Bus(interface="virtual", channel=channel))
+            stack.enter_context(board_on_bus(far_end, firmware(sensor, now)))
+        boards += [opened(stack, sensor, "virtual", channel) for sensor in sensors]
+        for k in (0, 1):
+            plugged_in(stack, tmp_path / f"can{k}", firmware(sensors[0], now))
+            boards.append(opened(stack, sensors[0], "slcan", tmp_path / f"can{k}"))
+        for _ in range(10):
+            for board in boards:
+                check_run(board, 5)
+        foreign = [board.receiver.traffic.foreign > 0 for board in boards]
+        assert foreign == [True] * 3 + [False] * 2
+
+
+@pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+def test_a_bus_full_of_foreign_frames_costs_no_scan(tmp_path: Path, fd: bool) -> None:
+    """100 % of a classic bus beside 1 kHz of ours: more than any bus can carry."""
+    sensor, now = load_sensor(), SystemClock().monotonic()
+    injector = FaultInjector(lambda at: BoardFirmware(sensor, FakeBoard(sensor), at, fd), sensor.can.base_id, now)
+    injector.trouble = Trouble.FOREIGN
+    with ExitStack() as stack:
+        adapter = plugged_in(stack, tmp_path / "can0", injector)
+        opener = BusOpener(bus_settings("slcan", str(tmp_path / "can0"), sensor.can, fd=str(fd).lower()))
+        board = Board(sensor, opener, fd)
+        stack.callback(board.close)
+        board.open()
+        check_run(board, 2000)
+        assert board.receiver.traffic.foreign > 8 * 2000
+        assert adapter.frames_dropped == 0

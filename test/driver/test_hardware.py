@@ -1,0 +1,137 @@
+"""One suite for every bus there is: virtual, the emulated adapter, and real ones.
+
+POSFET_TEST_CAN=vcan0 python -m pytest test/driver/test_hardware.py
+    also on that SocketCAN device, with an emulated board: modprobe vcan; ip link add vcan0 type vcan;
+    ip link set vcan0 mtu 72 up
+POSFET_TEST_BOARD=slcan:/dev/ttyACM0 POSFET_TEST_SENSOR=my_sensor.yaml python -m pytest test/driver/test_hardware.py
+    also on a real board, as interface:channel
+"""
+
+from __future__ import annotations
+
+import os
+import uuid
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import can
+import pytest
+from fake_board import PATIENCE, FakeBoard, assert_marked, board_on_bus, read_scans, with_layout
+
+from posfet_driver.adapter import EmulatedAdapter
+from posfet_driver.board import Board
+from posfet_driver.bus import bus_settings, open_can_bus
+from posfet_driver.channels import BusOpener
+from posfet_driver.commands import CommandError
+from posfet_driver.firmware import BoardFirmware
+from posfet_driver.messages import Command
+from posfet_driver.source import Health, SystemClock
+from posfet_model.scan import Scan
+from posfet_model.sensor import Sensor, load_sensor
+
+EMULATED = with_layout(load_sensor(), 5, 5, scan_rate=200.0)
+REAL_BUS = os.environ.get("POSFET_TEST_CAN", "")
+REAL_BOARD = os.environ.get("POSFET_TEST_BOARD", "")
+PLACES = [
+    "virtual",
+    "emulated",
+    pytest.param("can", marks=pytest.mark.skipif(not REAL_BUS, reason="POSFET_TEST_CAN names no SocketCAN device")),
+    pytest.param("board", marks=pytest.mark.skipif(not REAL_BOARD, reason="POSFET_TEST_BOARD names no board")),
+]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A board that can be reached, and whether it sends marked scans."""
+
+    board: Board
+    sensor: Sensor
+    emulated: bool
+
+    def scans(self, count: int) -> Iterator[Scan]:
+        for scan in read_scans(self.board, count):
+            if self.emulated:
+                assert_marked(scan)
+            yield scan
+
+
+@pytest.fixture(params=[True, False], ids=["fd", "classic"])
+def fd(request: pytest.FixtureRequest) -> bool:
+    return bool(request.param)
+
+
+@pytest.fixture(params=PLACES)
+def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool) -> Iterator[Bench]:
+    place, clock = request.param, SystemClock()
+    sensor = EMULATED
+    with ExitStack() as stack:
+        firmware = BoardFirmware(sensor, FakeBoard(sensor), clock.monotonic(), fd)
+        if place == "emulated":
+            adapter = EmulatedAdapter(tmp_path / "can0", firmware)
+            adapter.open()
+            stack.callback(adapter.close)
+            interface, channel = "slcan", str(adapter.link)
+        elif place == "board":
+            interface, _, channel = REAL_BOARD.partition(":")
+            sensor = load_sensor(os.environ.get("POSFET_TEST_SENSOR") or "posfet_5x5")
+            if sensor.can.fd != fd:
+                pytest.skip("the board has the other frames")
+        else:
+            interface, channel = ("virtual", uuid.uuid4().hex) if place == "virtual" else ("socketcan", REAL_BUS)
+            settings = bus_settings(interface, channel, sensor.can, fd=str(fd).lower())
+            far_end: can.BusABC = stack.enter_context(open_can_bus(settings))
+            stack.enter_context(board_on_bus(far_end, firmware))
+        opener = BusOpener(bus_settings(interface, channel, sensor.can, fd=str(fd).lower()))
+        board = Board(sensor, opener, fd, presence=opener.presence)
+        stack.callback(board.close)
+        board.open()
+        yield Bench(board, sensor, place != "board")
+
+
+def test_scans_come_whole_and_in_order(bench: Bench) -> None:
+    sequences = [scan.sequence for scan in bench.scans(100)]
+    assert sequences == list(range(sequences[0], sequences[0] + 100))
+    report = bench.board.report()
+    assert (report.health, report.frames_lost, report.conditions) == (Health.OK, 0, ())
+
+
+def test_stamps_go_on_evenly(bench: Bench) -> None:
+    stamps = [scan.stamp for scan in bench.scans(50)]
+    assert stamps == sorted(stamps)
+    assert abs(stamps[-1] - SystemClock().wall()) < PATIENCE * 1e9
+    assert bench.board.receiver.stamp_uncertainty < 0.01
+
+
+def test_the_board_identifies_itself(bench: Bench) -> None:
+    list(bench.scans(1))
+    value = bench.board.request(Command.IDENTIFY, timeout=PATIENCE).value
+    assert value & 0xFFFF == bench.sensor.layout.id
+
+
+def test_a_refused_command_comes_back_with_the_reason(bench: Bench) -> None:
+    list(bench.scans(1))
+    with pytest.raises(CommandError, match="SET_RATE: refused by the board: bad argument"):
+        bench.board.request(Command.SET_RATE, 1, timeout=PATIENCE)
+    list(bench.scans(10))
+    assert bench.board.restarted == 0
+
+
+def test_the_board_stops_and_starts(bench: Bench) -> None:
+    list(bench.scans(5))
+    bench.board.request(Command.STOP, timeout=PATIENCE)
+    assert bench.board.read(0.05) is None
+    assert bench.board.report().state == "stopped on request"
+    bench.board.request(Command.START, timeout=PATIENCE)
+    list(bench.scans(5))
+    assert bench.board.report().frames_lost == 0
+
+
+def test_the_bus_is_opened_anew_after_a_failure(bench: Bench) -> None:
+    list(bench.scans(5))
+    bench.board._fail(can.CanOperationError("pulled"))
+    assert bench.board.report().conditions == ("bus gone",)
+    list(bench.scans(5))
+    assert bench.board.lost == 1
+    assert bench.board.report().health == Health.OK
