@@ -4,13 +4,14 @@
 #   make test               every test                             ARGS="-k name" goes to pytest
 #   make check              ruff and mypy
 #   make soak               the driver under a fault every few seconds, half an hour of it     FOR=60
+#   make bench              the benchmarks that take seconds: slcan readers side by side
 #   make figures            the figures of docs/
 #   make clean              removes what was built; make distclean the .venv as well
 
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c
 .DEFAULT_GOAL := bringup
-.PHONY: bringup test check soak figures setup build clean distclean
+.PHONY: bringup test check soak bench figures setup build clean distclean
 
 IN_ENVIRONMENT := source tools/environment.sh;
 SOURCES := $(shell find src launch -type f -not -name '*.pyc' -not -path '*.egg-info*')
@@ -48,6 +49,9 @@ check: $(READY)
 
 soak: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet_driver.soak --for $(or $(FOR),1800) $(ARGS)
+
+bench: $(BUILT)
+	@$(IN_ENVIRONMENT) exec python3 benchmarks/slcan.py $(ARGS)
 
 figures: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet_model.figures $(ARGS)
