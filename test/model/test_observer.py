@@ -124,25 +124,24 @@ def test_any_offset_of_the_amplifier_is_found(offset: float) -> None:
 def test_a_load_held_from_the_start_ends_in_a_true_zero() -> None:
     watch = Watch()
     forces = history(watch, SENSOR, 3.0, force=press(2.0, -1.0, 1.0))
+    # Nothing is valid before the load has gone and its charge has leaked away.
     assert watch.observer.valid
-    assert np.abs(forces[900]).max() < 5e-3
-    assert forces[1050, MIDDLE] == pytest.approx(-2.0, abs=0.02)
-    assert np.abs(forces[1500:]).max() < 5e-3
+    assert np.abs(forces[2900:]).max() < 5e-3
 
 
 def test_a_load_that_moves_at_the_start_does_not_poison_what_follows() -> None:
     def wild(time: float) -> float:
-        return 1.0 + 0.5 * math.sin(9 * time) if time < 2 else press(2.0, 3.0, 4.0)(time)
+        return 1.0 + 0.5 * math.sin(9 * time) if time < 2 else press(2.0, 4.0, 5.0)(time)
 
     watch = Watch()
     valid = []
     forces = []
-    for time, scan in scans(SENSOR, 5.0, force=wild):
+    for time, scan in scans(SENSOR, 6.0, force=wild):
         forces.append(watch.take(time, scan)[MIDDLE])
         valid.append(watch.observer.valid)
     assert not any(valid[:2000])
-    assert all(valid[2500:])
-    np.testing.assert_allclose(forces[3100:4000], 2.0, rtol=0, atol=0.02)
+    assert all(valid[3300:])
+    np.testing.assert_allclose(forces[4100:5000], 2.0, rtol=0, atol=0.02)
     assert abs(forces[-1]) < 5e-3
 
 
@@ -179,9 +178,12 @@ def test_a_ramp_of_temperature_is_no_force() -> None:
 
 
 def test_without_temperature_the_deviation_grows_and_what_was_missed_is_made_up_for() -> None:
+    def warming(time: float) -> float:
+        return 25.0 + 0.1 * max(time - 0.3, 0.0)
+
     watch = Watch(with_device(thermal_time_constant=0.0), ObserverSettings(uneven=0.0))
     seen = {}
-    for time, scan in scans(SENSOR, 3.0, force=press(2.0, 0.5, 60.0), temperature=lambda t: 25.0 + 0.1 * t):
+    for time, scan in scans(SENSOR, 3.0, force=press(2.0, 0.5, 60.0), temperature=warming):
         if 1.0 <= time < 2.0:
             scan.temperatures[:] = math.nan
         force = watch.take(time, scan)

@@ -18,6 +18,7 @@ from posfet_driver.imperfections import Imperfections
 from posfet_driver.scene import load_scene
 from posfet_driver.score import Run
 from posfet_driver.score import run as run_score
+from posfet_driver.wire_simulation import wire_scans
 from posfet_model.chain import ForwardChain, leak_step
 from posfet_model.reconstruction import Reconstruction, Reconstructor, TaxelStatus
 from posfet_model.scan import Scan, ScanStatus
@@ -240,6 +241,19 @@ def test_a_slow_press_on_the_whole_array_comes_to_light() -> None:
     assert not contacts_of(results[:1000])
     [contact] = at(results, 2.9).contacts
     assert contact.region.force == pytest.approx(0.1 * LAYOUT.taxels, rel=0.1)
+
+
+@pytest.mark.parametrize("start", [0.1, 0.35, 0.6, 1.0, 1.5, 2.0, 2.65])
+def test_a_start_amid_a_touch_is_not_valid_until_its_zero_can_be_trusted(start: float) -> None:
+    reconstructor, begun = Reconstructor(SENSOR), round(1000 * start)
+    valid_from, worst = 0, 0.0
+    for scan, truth in wire_scans(SENSOR, load_scene("press_slide_lift", SENSOR), 7.0, 0):
+        if scan.sequence >= begun and reconstructor.process(scan).valid:
+            valid_from = valid_from or scan.sequence
+            worst = max(worst, abs(reconstructor.image().total - float(truth.force.sum())))
+    # Untouched until 0.3 s, and from 2.9 s on.
+    assert begun < valid_from <= (250 if start == 0.1 else 2900 + 1300)
+    assert worst < 0.1
 
 
 def test_a_lasting_overload_is_believed_and_flagged() -> None:

@@ -18,7 +18,6 @@ measurement of d with variance s^2/n, and a Kalman filter corrects both F and o.
 from __future__ import annotations
 
 import math
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,34 +25,22 @@ from numpy.typing import NDArray
 from posfet_model.calibration import Calibration
 from posfet_model.chain import LeakSteps, charge_per_newton, noise_of_a_scan
 from posfet_model.common_mode import CommonMode
-from posfet_model.observer_settings import ObserverSettings
+from posfet_model.observer_settings import (
+    ALIKE,
+    DOUBT,
+    KNOWN_BEFORE,
+    LEAST_UNEVEN,
+    LONG_STEP,
+    REFUTED,
+    RESTLESS_WORTH,
+    RUNAWAY,
+    UNEVEN_MEMORY,
+    ObserverSettings,
+)
+from posfet_model.rest import Rest
 from posfet_model.sensor import Sensor
 from posfet_model.thermal import FilmTemperature
 from posfet_model.zero_history import ZeroHistory, Zeros
-
-LONG_STEP: Final = 0.05
-"""h/tau above which it matters when within a step the force changed."""
-
-RUNAWAY: Final = 4.0
-"""A taxel whose force grew beyond this many times its greatest one starts anew [1]; saturated ones may exceed it."""
-
-RESTLESS_WORTH: Final = 0.1
-"""Worth of time for learning an offset while the temperature changes [1]."""
-
-REFUTED: Final = 3.0
-"""Factor by which more is taken to be left of an earlier force, when less was refuted [1]."""
-
-UNEVEN_MEMORY: Final = 0.8
-"""Share of the uneven part of a block's warming that counts for the next one at least: it comes in jerks [1]."""
-
-LEAST_UNEVEN: Final = 1e-3
-"""An uneven part below this is forgotten, in contact thresholds [1]."""
-
-KNOWN_BEFORE: Final = 0.1
-"""Standard deviation, in contact thresholds, of an offset that was known when its taxel had to start anew [1]."""
-
-DOUBT: Final = 0.2
-"""Standard deviation, in contact thresholds, from which a small force is more likely an error than a slow press [1]."""
 
 
 class ForceObserver:
@@ -104,6 +91,8 @@ class ForceObserver:
         """Whether every taxel is settled."""
         self.restarts = 0
         """Taxels that had to start anew because their signal fitted no force."""
+        alike, settle = ALIKE * sensor.contact.threshold, self._settings.settle
+        self._rest = Rest(taxels, math.sqrt(self._noise_variance), alike, settle, float(self._tau.max()))
         self._started = False
         self._restless = False
         self._recovering = 0.0
@@ -267,7 +256,12 @@ class ForceObserver:
             self._prior_deviation[again] = np.minimum(REFUTED * self._prior_deviation[again], self._runaway)
             self.restarts += int(np.count_nonzero(failed & ~self.ignored))
             self._restart(failed)
-        self.settled |= (self._agreed >= s.settle) & (self._offset_variance <= self._known_offset)
+        if not self.settled.all():
+            at_rest = self._rest.look(self._signal, self.ignored, self._elapsed)
+            if self._rest.moved:
+                self._restart(~self.settled)
+            elif at_rest:
+                self.settled |= (self._agreed >= s.settle) & (self._offset_variance <= self._known_offset)
         self._recovering = max(0.0, self._recovering - self._elapsed)
         sound = self.settled & (self._below_zero == 0.0) | self.ignored
         self.valid = self._recovering == 0.0 and bool(sound.all())
@@ -288,6 +282,7 @@ class ForceObserver:
         self._variance[:] = self._noise_variance + self._offset_variance
         self._covariance[:] = -self._offset_variance
         self._started = True
+        self._rest.begin(self._signal)
         self._history.forget()
         self._restart(~self.settled)
         self._start_block()

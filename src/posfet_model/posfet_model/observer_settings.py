@@ -3,6 +3,34 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
+
+LONG_STEP: Final = 0.05
+"""h/tau above which it matters when within a step the force changed."""
+
+RUNAWAY: Final = 4.0
+"""A taxel whose force grew beyond this many times its greatest one starts anew [1]; saturated ones may exceed it."""
+
+RESTLESS_WORTH: Final = 0.1
+"""Worth of time for learning an offset while the temperature changes [1]."""
+
+REFUTED: Final = 3.0
+"""Factor by which more is taken to be left of an earlier force, when less was refuted [1]."""
+
+UNEVEN_MEMORY: Final = 0.8
+"""Share of the uneven part of a block's warming that counts for the next one at least: it comes in jerks [1]."""
+
+LEAST_UNEVEN: Final = 1e-3
+"""An uneven part below this is forgotten, in contact thresholds [1]."""
+
+KNOWN_BEFORE: Final = 0.1
+"""Standard deviation, in contact thresholds, of an offset that was known when its taxel had to start anew [1]."""
+
+ALIKE: Final = 2.0
+"""Offsets of an untouched array differ by no more from their median, in contact thresholds; else wait longer [1]."""
+
+DOUBT: Final = 0.2
+"""Standard deviation, in contact thresholds, from which a small force is more likely an error than a slow press [1]."""
 
 
 @dataclass(frozen=True)
