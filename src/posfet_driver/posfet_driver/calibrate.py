@@ -29,14 +29,14 @@ PRESS: Final = 0.8
 """Time for one taxel [s]."""
 SHARE: Final = 0.4
 """Force of a press, in the greatest force of a taxel [1]."""
-WARMING: Final = 3.0
-"""Change of temperature after the presses [K]."""
-WARMING_TIME: Final = 4.0
+COOLING: Final = 3.0
+"""Fall of temperature after the presses [K]: it charges the film as a press does."""
+COOLING_TIME: Final = 4.0
 """[s]"""
 
 
 def pressing_scene(sensor: Sensor) -> Scene:
-    """Return a scene in which a small ball presses each taxel in turn, before the chip warms."""
+    """Return a scene in which a small ball presses each taxel in turn, before the chip cools."""
     force = SHARE * sensor.device.force_max
     times: list[float] = []
     values: list[tuple[float, ...]] = []
@@ -48,10 +48,10 @@ def pressing_scene(sensor: Sensor) -> Scene:
     end = REST + sensor.layout.taxels * PRESS
     return Scene(
         name="calibration",
-        description="a ball presses each taxel in turn, then the chip warms",
-        period=end + 2 * WARMING_TIME,
+        description="a ball presses each taxel in turn, then the chip cools",
+        period=end + 2 * COOLING_TIME,
         objects=(SceneObject("ball", Sphere(2e-3, 4e6), Track(tuple(times), tuple(values))),),
-        temperature=Track((end, end + WARMING_TIME), ((25.0,), (25.0 + WARMING,))),
+        temperature=Track((end, end + COOLING_TIME), ((25.0,), (25.0 - COOLING,))),
     )
 
 
