@@ -18,7 +18,7 @@ require_tools() { # pairs of command and apt package
     ((${#missing[@]} == 0)) || fail "missing: ${missing[*]}. Install with: sudo apt-get install ${packages[*]}"
 }
 
-require_python_modules() { # triples of module, apt package, PyPI name
+require_python_modules() { # pairs of module and apt package
     local missing=() packages=()
     while (($#)); do
         python3 -c "import $1" 2>/dev/null || { missing+=("$1"); packages+=("$2"); }
