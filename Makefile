@@ -44,7 +44,7 @@ bringup: $(BUILT)
 test: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m pytest $(ARGS)
 
-check: $(READY)
+check: $(BUILT)
 	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy
 
 soak: $(BUILT)
