@@ -72,6 +72,8 @@ class ContactFinder:
         self._above = np.zeros(layout.taxels, np.bool_)
         self._touched = np.zeros(layout.taxels, np.bool_)
         self._any = False
+        self.patches: list[NDArray[np.intp]] = []
+        """Taxels counted into each region that was measured last, the ring around it among them."""
 
     @property
     def touched(self) -> NDArray[np.bool_]:
@@ -132,6 +134,7 @@ class ContactFinder:
         """
         rings = [self._bitmap.grow(region) for region in regions]
         found = []
+        self.patches.clear()
         for index, region in enumerate(regions):
             others = 0
             for other, ring in enumerate(rings):
@@ -156,6 +159,7 @@ class ContactFinder:
         saturated: NDArray[np.bool_] | None,
     ) -> Region:
         members = self._bitmap.taxels(wide)
+        self.patches.append(members)
         members_force = force[members]
         peak = float(force[taxels].max())
         weight = np.where(members_force > self._floor[members], members_force, 0.0)

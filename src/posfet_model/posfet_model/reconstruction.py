@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from posfet_model.calibration import Calibration
 from posfet_model.chain import InverseChain, charge_per_newton, noise_of_a_scan
 from posfet_model.contacts import ContactFinder
-from posfet_model.crosstalk import CrosstalkInverse
+from posfet_model.crosstalk import CrosstalkInverse, non_negative
 from posfet_model.observer import ForceObserver
 from posfet_model.scan import Scan
 from posfet_model.scan_clock import ScanClock, ScanCounts
@@ -47,7 +47,7 @@ class ForceImage:
     """Forces of all taxels, shapes [rows * cols], row by row. Made once and filled again and again."""
 
     force: NDArray[np.float32]
-    """[N], positive when pushed; NaN: not known."""
+    """[N], positive when pushed; not negative in and around contacts; NaN: not known."""
     standard_deviation: NDArray[np.float32]
     """[N]; NaN: not known."""
     status: NDArray[np.uint8]
@@ -191,6 +191,8 @@ class Reconstructor:
         self._variance = observer.variance(self._variance)
         common = observer.common_variance
         np.copyto(image.force, observer.force, casting="same_kind")
+        if self._result.contacts:
+            self._keep_non_negative(known)
         np.sqrt(self._variance + common, out=image.standard_deviation, casting="same_kind")
         image.status[:] = watch.status
         if watch.any_bad or not observer.valid:
@@ -207,6 +209,14 @@ class Reconstructor:
             image.standard_deviation[self._saturated] = math.nan
             image.total_standard_deviation = math.nan
         return image
+
+    def _keep_non_negative(self, known: NDArray[np.bool_]) -> None:
+        """Take what is below zero in the image off the rest of its contact, of which the sum stays."""
+        for patch in self._finder.patches:
+            members = patch[known[patch]]
+            force = self._observer.force[members]
+            if force.min(initial=0.0) < 0.0:
+                self._image.force[members] = non_negative(force, self._variance[members])
 
     def _plausible(self, scan: Scan) -> bool:
         """Look for taxels at the end of their range; refuse a scan in which most are, unless it goes on."""

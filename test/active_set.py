@@ -1,0 +1,42 @@
+"""Least squares with forces that are not negative and sum to a given total: dense, slow, exact. The oracle of tests."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+
+def solve(matrix: FloatArray, given: FloatArray, total: float) -> FloatArray:
+    """Return s >= 0 with sum(s) = total > 0 that is nearest to `given` by ``|matrix (s - given)|``.
+
+    A primal active set (J. Nocedal, S. Wright, Numerical Optimization, 2006, algorithm 16.3), from the even s.
+    """
+    size = len(given)
+    gram = matrix.T @ matrix
+    solution = np.full(size, total / size)
+    free = np.ones(size, np.bool_)
+    for _ in range(100 * size):
+        count = int(free.sum())
+        system = np.zeros((count + 1, count + 1))
+        system[:count, :count] = gram[np.ix_(free, free)]
+        system[:count, count] = system[count, :count] = 1.0
+        right = np.append(gram[free] @ (given - solution), 0.0)
+        answer = np.linalg.solve(system, right)
+        step = np.zeros(size)
+        step[free] = answer[:count]
+        falling = step < -1e-15
+        reach = np.where(falling, solution / np.where(falling, -step, 1.0), np.inf)
+        if reach.min() < 1.0:
+            solution = np.maximum(solution + reach.min() * step, 0.0)
+            free[reach.argmin()] = False
+            solution[reach.argmin()] = 0.0
+            continue
+        solution = solution + step
+        slope = gram @ (solution - given) + answer[count]
+        slope[free] = 0.0
+        if slope.min() >= -1e-12:
+            return solution
+        free[slope.argmin()] = True
+    raise AssertionError("the active set did not come to an end")
