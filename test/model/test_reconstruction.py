@@ -19,6 +19,7 @@ from posfet_driver.scene import load_scene
 from posfet_driver.score import Run
 from posfet_driver.score import run as run_score
 from posfet_driver.wire_simulation import wire_scans
+from posfet_model.calibration import Calibration
 from posfet_model.chain import ForwardChain, leak_step
 from posfet_model.reconstruction import Reconstruction, Reconstructor, TaxelStatus
 from posfet_model.scan import Scan, ScanStatus
@@ -285,6 +286,16 @@ def test_forces_are_nan_until_the_offsets_are_known() -> None:
     assert np.isnan(image.force).all()
     assert math.isnan(image.total)
     assert reconstructor.unsettled == LAYOUT.taxels
+
+
+def test_a_taxel_that_a_calibration_calls_dead_holds_up_nothing() -> None:
+    gain = np.ones(LAYOUT.taxels)
+    gain[[0, 18]] = math.nan
+    reconstructor = Reconstructor(SENSOR, replace(Calibration.nominal(SENSOR), gain=gain))
+    results = run(reconstructor, 1.0, force=press(1.5, 0.5, 9.0), shape=FINGER)
+    assert results[400].valid
+    assert [contact.region.force for contact in results[-1].contacts] == [pytest.approx(1.5, abs=0.1)]
+    assert np.flatnonzero(np.isnan(reconstructor.image().force)).tolist() == [0, 18]
 
 
 def test_random_scans_never_raise_and_leave_no_trace() -> None:

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from posfet_model.contacts import Region
+from posfet_model.labelling import BitMap
 from posfet_model.sensor import load_sensor
 from posfet_model.tracker import LAST_ID, Contact, ContactState, ContactTracker
 
@@ -79,15 +83,81 @@ def test_two_contacts_keep_their_ids_when_they_pass_in_another_order() -> None:
         assert pair[0].region.centre_of_pressure == (-x, -1e-3)
 
 
-def test_a_merge_keeps_the_nearer_id_and_a_split_gives_a_new_one() -> None:
+def test_one_that_lifts_beside_another_is_released_and_one_that_lands_there_says_from_which_it_split() -> None:
     tracker = ContactTracker(SENSOR)
     near, far = tracker.update([region(0.0), region(2e-3)], STEP)
-    merged = tracker.update([region(0.4e-3)], STEP)
-    assert [contact.id for contact in merged] == [near.id, far.id]
-    assert [contact.state is ContactState.RELEASED for contact in merged] == [False, True]
+    lifted = tracker.update([region(0.4e-3)], STEP)
+    assert [contact.id for contact in lifted] == [near.id, far.id]
+    assert [contact.state is ContactState.RELEASED for contact in lifted] == [False, True]
+    assert lifted[0].merged_ids == ()
     split = tracker.update([region(0.4e-3), region(2e-3)], STEP)
     assert [contact.id for contact in split] == [near.id, far.id + 1]
     assert split[1].state is ContactState.NEW
+    assert split[1].split_from == near.id
+
+
+def test_contacts_that_merge_come_back_with_their_ids_and_ages_when_they_split() -> None:
+    tracker = ContactTracker(SENSOR)
+    [old] = tracker.update([region(-1e-3)], STEP)
+    for _ in range(10):
+        _, young = tracker.update([region(-1e-3), region(1.2e-3)], STEP)
+    [merged] = tracker.update([region(0.3e-3, force=2.0)], STEP)
+    assert (merged.id, merged.merged_ids) == (old.id, (young.id,))
+    assert (merged.state, merged.velocity) == (ContactState.HELD, (0.0, 0.0))
+    for _ in range(50):
+        [merged] = tracker.update([region(0.3e-3, force=2.0)], STEP)
+    # Both have moved on to the right: the left one is still the one that was left.
+    back, other = tracker.update([region(0.2e-3), region(2.4e-3)], STEP)
+    assert (back.id, back.merged_ids, back.region.centre_of_pressure[0]) == (old.id, (), 0.2e-3)
+    assert (other.id, other.region.centre_of_pressure[0]) == (young.id, 2.4e-3)
+    assert other.age == pytest.approx(young.age + 52 * STEP, abs=1e-9)
+    assert other.state is ContactState.HELD
+    assert max(abs(value) for value in (*back.velocity, *other.velocity)) == 0.0
+
+
+def test_contacts_that_are_one_end_together() -> None:
+    tracker = ContactTracker(SENSOR)
+    first, second = tracker.update([region(-1e-3), region(1e-3)], STEP)
+    tracker.update([region(0.0, force=2.0)], STEP)
+    [ended] = tracker.update([], STEP)
+    assert (ended.state, ended.id, ended.merged_ids) == (ContactState.RELEASED, first.id, (second.id,))
+    [fresh] = tracker.update([region(0.0)], STEP)
+    assert (fresh.id, fresh.split_from) == (second.id + 1, 0)
+
+
+places = st.tuples(st.integers(0, 4), st.integers(0, 4))
+
+
+@given(st.lists(st.sets(places, max_size=5), min_size=1, max_size=40))
+def test_every_id_is_reported_once_a_scan_and_ends_once(story: list[set[tuple[int, int]]]) -> None:
+    """Whatever comes and goes: an id lives in one place, as a contact or merged with one, until it is released."""
+    tracker, bitmap = ContactTracker(SENSOR), BitMap(5, 5)
+    alive: set[int] = set()
+    ended: set[int] = set()
+    for scan in [*story, set()]:
+        mask = np.zeros(25, np.bool_)
+        mask[[5 * row + col for row, col in scan]] = True
+        regions = [
+            replace(region(*where(bitmap.taxels(bits)), force=float(len(bitmap.taxels(bits)))), bits=bits)
+            for bits in bitmap.regions(bitmap.pack(mask))
+        ]
+        contacts = tracker.update(regions, STEP)
+        ids = [number for contact in contacts for number in (contact.id, *contact.merged_ids)]
+        assert len(ids) == len(set(ids))
+        assert len([c for c in contacts if c.state is not ContactState.RELEASED]) == len(regions)
+        assert alive <= set(ids), "an id was lost without a word"
+        assert not ended & set(ids), "an id came back from the dead"
+        released = [c for c in contacts if c.state is ContactState.RELEASED]
+        gone = {number for contact in released for number in (contact.id, *contact.merged_ids)}
+        ended |= gone
+        alive = set(ids) - gone
+        assert all(contact.age >= 0.0 for contact in contacts)
+    assert not alive
+
+
+def where(taxels: np.ndarray) -> tuple[float, float]:
+    x, y = SENSOR.layout.positions[taxels].mean(axis=0).tolist()
+    return x, y
 
 
 def test_a_contact_that_jumps_across_the_array_is_another_one() -> None:

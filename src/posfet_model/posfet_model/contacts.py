@@ -8,7 +8,8 @@ being listed: the threshold would otherwise cut off the contact's flanks, more o
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 from posfet_model.labelling import BitMap
 from posfet_model.moments import MomentFinder
 from posfet_model.sensor import Sensor
+from posfet_model.separation import FIRST_ROUNDS, Separator
 
 ENTER_DEVIATIONS: Final = 5.0
 """Standard deviations that a force has to be above zero to begin a contact [1]."""
@@ -50,6 +52,28 @@ class Region:
     """Principal axes of the force distribution, each as long as one standard deviation [m]."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Patch:
+    """The taxels of a region in contact."""
+
+    taxels: NDArray[np.intp]
+    """Those listed, ascending."""
+    bits: int
+    """All of them."""
+    wide: int
+    """Those and the ring around them."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Field:
+    """What is known of all taxels in one scan, as `ContactFinder.measure` has it."""
+
+    force: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    common_variance: float
+    saturated: NDArray[np.bool_] | None
+
+
 class ContactFinder:
     """Finds contacts scan by scan; remembers which taxels were in one, for the hysteresis."""
 
@@ -57,6 +81,7 @@ class ContactFinder:
         layout = sensor.layout
         self._bitmap = BitMap(layout.rows, layout.cols)
         self._moments = MomentFinder(layout, sensor.device.contact_spread)
+        self._separator = Separator(layout, sensor.device.contact_spread, sensor.contact.threshold)
         self._positions = layout.positions
         self._cell = layout.pitch_x * layout.pitch_y
         self._taxel_area = layout.taxel_area
@@ -125,59 +150,100 @@ class ContactFinder:
         common_variance: float,
         saturated: NDArray[np.bool_] | None,
         estimated: NDArray[np.bool_] | None = None,
+        before: Sequence[Region] = (),
     ) -> list[Region]:
         """Measure the regions that `find` returned.
 
         variance [N2], shape [rows * cols], is that of each taxel alone, common_variance [N2] the one that all taxels
         share; `saturated` masks taxels whose force is a lower bound, None for none, `estimated` those whose force comes
         from their neighbours: they count into force and moments, but are in no contact. A region of such alone is none.
+        `before` are the contacts of the scan before: a region that holds several of them, or a valley, becomes several.
         """
         rings = [self._bitmap.grow(region) for region in regions]
-        found = []
+        found: list[Region] = []
         self.patches.clear()
         for index, region in enumerate(regions):
             others = 0
             for other, ring in enumerate(rings):
                 if other != index:
                     others |= ring
-            wide = rings[index] & ~others | region
-            taxels = self._bitmap.taxels(region)
+            patch = _Patch(self._bitmap.taxels(region), region, rings[index] & ~others | region)
             if estimated is not None:
-                taxels = taxels[~estimated[taxels]]
-            if len(taxels):
-                found.append(self._measure(region, taxels, wide, force, variance, common_variance, saturated))
+                patch = replace(patch, taxels=patch.taxels[~estimated[patch.taxels]])
+            if not len(patch.taxels):
+                continue
+            field = _Field(force, variance, common_variance, saturated)
+            members = self._bitmap.taxels(patch.wide)
+            self.patches.append(members)
+            weight = np.where(force[members] > self._floor[members], force[members], 0.0)
+            inside = [contact.centre_of_pressure for contact in before if contact.bits & region]
+            whole = None if len(inside) > 1 else self._measure(patch, members, weight, field)
+            shares = self._shares(patch, members, weight, field, inside, whole, estimated)
+            if shares is None:
+                found.append(whole or self._measure(patch, members, weight, field))
+            else:
+                found += self._parts(patch, members, weight, field, shares)
         return found
 
-    def _measure(
+    def _shares(
         self,
-        region: int,
-        taxels: NDArray[np.intp],
-        wide: int,
-        force: NDArray[np.float64],
-        variance: NDArray[np.float64],
-        common_variance: float,
-        saturated: NDArray[np.bool_] | None,
-    ) -> Region:
-        members = self._bitmap.taxels(wide)
-        self.patches.append(members)
-        members_force = force[members]
-        peak = float(force[taxels].max())
-        weight = np.where(members_force > self._floor[members], members_force, 0.0)
-        moments = self._moments.find(members, weight, bool(wide & self._edge))
-        bounded = saturated is not None and bool(saturated[taxels].any())
+        patch: _Patch,
+        members: NDArray[np.intp],
+        weight: NDArray[np.float64],
+        field: _Field,
+        inside: list[tuple[float, float]],
+        whole: Region | None,
+        estimated: NDArray[np.bool_] | None,
+    ) -> NDArray[np.float64] | None:
+        """Return the shares of several contacts in a region, shape [contacts, members], None for a single one."""
+        if whole is None:
+            return self._separator.shares(inside, members, weight)
+        if math.hypot(*whole.major_axis) < self._separator.long:
+            return None
+        peaks = self._separator.peaks(self._bitmap.taxels(patch.bits), members, field.force, estimated)
+        return self._separator.shares(peaks, members, weight, FIRST_ROUNDS) if peaks else None
+
+    def _parts(
+        self,
+        patch: _Patch,
+        members: NDArray[np.intp],
+        weight: NDArray[np.float64],
+        field: _Field,
+        shares: NDArray[np.float64],
+    ) -> list[Region]:
+        """Measure the contacts of one region by their shares; each taxel is listed with the one that has most of it."""
+        owner = np.zeros(len(field.force), np.intp)
+        owner[members] = shares.argmax(axis=0)
+        parts = []
+        for number, share in enumerate(shares):
+            own = patch.taxels[owner[patch.taxels] == number]
+            if len(own):
+                mine = np.zeros(len(field.force), np.bool_)
+                mine[own] = True
+                part = _Patch(own, self._bitmap.pack(mine), patch.wide)
+                parts.append(self._measure(part, members, weight * share, field))
+        return parts
+
+    def _measure(self, patch: _Patch, members: NDArray[np.intp], weight: NDArray[np.float64], field: _Field) -> Region:
+        """Measure a contact by what of the members' force is its own [N], shape [members]."""
+        taxels = patch.taxels
+        members_force = field.force[members]
+        peak = float(field.force[taxels].max())
+        moments = self._moments.find(members, weight, bool(patch.wide & self._edge))
+        bounded = field.saturated is not None and bool(field.saturated[taxels].any())
         total = math.nan if np.isnan(members_force).any() else float(weight.sum())
         counted = int(np.count_nonzero(weight))
-        independent = float(variance[members] @ (weight > 0.0))
+        independent = float(field.variance[members] @ (weight > 0.0))
         centre = self._positions[taxels].sum(axis=0).tolist()
         return Region(
-            bits=region,
+            bits=patch.bits,
             taxels=taxels,
             centre_of_pressure=moments.centre,
             geometric_centre=(centre[0] / len(taxels), centre[1] / len(taxels)),
             force=total,
             force_variance=math.nan
             if bounded or math.isnan(total)
-            else independent + counted * counted * common_variance,
+            else independent + counted * counted * field.common_variance,
             area=len(taxels) * self._cell,
             peak_pressure=math.nan if bounded or float(members_force.max()) > peak else peak / self._taxel_area,
             major_axis=moments.major,

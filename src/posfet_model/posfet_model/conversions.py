@@ -130,6 +130,8 @@ def _fill_contact(message: TactileContact, contact: Contact) -> None:
     region = contact.region
     message.id = contact.id
     message.state = int(contact.state)
+    message.merged_ids = array("I", contact.merged_ids)
+    message.split_from = contact.split_from
     message.centre_of_pressure.x, message.centre_of_pressure.y = region.centre_of_pressure
     message.geometric_centre.x, message.geometric_centre.y = region.geometric_centre
     message.force.z = -region.force

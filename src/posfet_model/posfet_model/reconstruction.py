@@ -83,6 +83,7 @@ class Reconstructor:
         self._finder = ContactFinder(sensor)
         self._tracker = ContactTracker(sensor)
         self._watch = TaxelWatch(sensor, known_dead=self.calibration.dead)
+        self._observer.ignore(self._watch.bad)
         self._least = TELLING * noise_of_a_scan(sensor)
         pitch = min(sensor.layout.pitch_x, sensor.layout.pitch_y)
         self._reach = math.ceil(3.0 * sensor.device.contact_spread / pitch) + 1
@@ -241,7 +242,10 @@ class Reconstructor:
         if self._watch.any_bad:
             force, bad = self._filled, self._watch.bad
             self._variance[bad] = (ESTIMATE_DEVIATION * force[bad]) ** 2
-        measured = self._finder.measure(regions, force, self._variance, observer.common_variance, saturated, bad)
+        before = self._tracker.regions
+        measured = self._finder.measure(
+            regions, force, self._variance, observer.common_variance, saturated, bad, before
+        )
         return self._tracker.update(measured, step)
 
     def _find_around_bad(self) -> list[int]:
