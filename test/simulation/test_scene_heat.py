@@ -33,13 +33,13 @@ def conductance(force: float) -> float:
 def test_a_held_touch_warms_the_chip_along_an_exponential(tmp_path: Path) -> None:
     scene = warm(tmp_path, "35.0")
     loss = CAPACITY / LOSS_TIME_CONSTANT
-    goal = 10 * conductance(1.5) / (conductance(1.5) + loss)
-    rate = (conductance(1.5) + loss) / CAPACITY
-    begin = scene.chip_temperature(1.0) - 25
-    assert scene.chip_temperature(0.3) == 25.0
+    goal = 10 * conductance(2.0) / (conductance(2.0) + loss)
+    rate = (conductance(2.0) + loss) / CAPACITY
+    begin = scene.chip_temperature(1.5) - 25
+    assert scene.chip_temperature(1.0) == 25.0
     assert 0 < begin < goal
     for time in (2.0, 7.3, 30.0):
-        expected = 25 + goal + (begin - goal) * math.exp(-rate * (time - 1.0))
+        expected = 25 + goal + (begin - goal) * math.exp(-rate * (time - 1.5))
         assert scene.chip_temperature(time) == pytest.approx(expected, abs=1e-5)
     assert 1 < goal < 5
 

@@ -180,7 +180,7 @@ def test_the_sphere_sinks_in_by_the_indentation() -> None:
     run(board, [100])
     assert board.truth().objects.positions[0, 2] == ball.shape.radius
     run(board, [10_000])
-    indentation = (9 * 1.5**2 / (16 * ball.shape.radius * ball.shape.effective_modulus**2)) ** (1 / 3)
+    indentation = (9 * 2.0**2 / (16 * ball.shape.radius * ball.shape.effective_modulus**2)) ** (1 / 3)
     np.testing.assert_allclose(
         board.truth().objects.positions, [[0.2e-3, -0.1e-3, ball.shape.radius - indentation]], atol=1e-15
     )
@@ -192,7 +192,7 @@ def test_a_push_raises_the_count_of_the_taxel_under_it_as_the_sensor_says() -> N
     scan = Scan.empty(0, TAXELS)
     board.scan(0, scan)
     rest = scan.counts[12]
-    board.scan(500, scan)
+    board.scan(1200, scan)
     volts = (float(scan.counts[12]) - float(rest)) * (QUIET.adc.high - QUIET.adc.low) / 65535
     assert 0.5 < volts / (board.truth().force[12] * QUIET.volts_per_newton) < 1.0
 
@@ -205,14 +205,14 @@ def test_an_idle_board_moves_no_charge() -> None:
 
 def test_a_held_force_costs_nothing_once_it_has_leaked_away() -> None:
     board = SimulatedBoard(SENSOR, load_scene("hold", SENSOR), 0)
-    run(board, range(500))
-    run(board, range(500, 500 + math.ceil(32 * SENSOR.device.leak_time_constant * RATE)))
+    run(board, range(1200))
+    run(board, range(1200, 1200 + math.ceil(32 * SENSOR.device.leak_time_constant * RATE)))
     settled = board.taxel_updates
     run(board, range(10_000, 10_300))
     assert board.taxel_updates == settled
-    run(board, [60_500])
+    run(board, [61_200])
     assert board.taxel_updates == settled
-    run(board, [60_501])
+    run(board, [61_201])
     assert settled < board.taxel_updates <= settled + 2 * TAXELS
 
 

@@ -7,12 +7,8 @@ a step h tells by how much the source of charge has changed (the inverse of the 
 
 with the offset o that is left of the amplifier's. F is the sum of the dF: it holds as long as the force does. Two
 errors add up in it: white noise s per scan to a random walk of variance s^2*(h/tau)^2 per scan, and an error e of the
-offset to a ramp -e*t/tau. So with d, the error of F, each taxel carries the covariance of (d, e):
-
-    d <- d - (T/tau)*e + white noise + unseen temperature,    e <- e + wander
-
-over a block of scans of duration T. Where nothing touches, F is d itself: the mean of F over the block is then a
-measurement of d with variance s^2/n, and a Kalman filter corrects both F and o. Elsewhere the covariance just grows.
+offset to a ramp -e*t/tau. Where nothing touches, F is its own error: a Kalman filter (zero_filter.py) learns offset and
+zero from its mean over blocks of scans there. Elsewhere what is known of both just fades.
 """
 
 from __future__ import annotations
@@ -40,7 +36,7 @@ from posfet_model.observer_settings import (
 from posfet_model.rest import Rest
 from posfet_model.sensor import Sensor
 from posfet_model.thermal import FilmTemperature
-from posfet_model.zero_history import ZeroHistory, Zeros
+from posfet_model.zero_filter import ZeroFilter
 
 
 class ForceObserver:
@@ -66,8 +62,12 @@ class ForceObserver:
         self._long_step = LONG_STEP * float(self._tau.min())
         self._noise_variance = noise_of_a_scan(sensor) ** 2
         self._prior = self._settings.first_deviation / sensor.volts_per_newton
-        self._wander = (self._settings.offset_wander / sensor.volts_per_newton) ** 2
-        self._drift = (self._settings.temperature_wander * self._newton_per_kelvin) ** 2
+        self._zeros = ZeroFilter(
+            self._tau,
+            self._noise_variance,
+            (self._settings.flicker / sensor.volts_per_newton) ** 2,
+            (self._settings.temperature_wander * self._newton_per_kelvin) ** 2,
+        )
         self._slew = self._settings.zero_slew * sensor.contact.threshold
         self._doubt = (DOUBT * sensor.contact.threshold) ** 2
         self._negative = sensor.contact.threshold
@@ -100,21 +100,14 @@ class ForceObserver:
         self._uneven_share = (
             self._settings.uneven if calibration.residuals is None else self._settings.uneven_calibrated
         )
-        self._time = 0.0
         self._make_state(taxels)
         self._start_block()
 
     def _make_state(self, taxels: int) -> None:
-        self._offset = np.zeros(taxels)
         self._signal = np.zeros(taxels)
         self._change = np.zeros(taxels)
         self._scratch = np.zeros(taxels)
-        self._variance = np.zeros(taxels)
-        self._covariance = np.zeros(taxels)
-        self._offset_variance = np.full(taxels, self._prior**2)
         self._prior_deviation = np.full(taxels, self._prior)
-        self._history = ZeroHistory(taxels)
-        self._shift = np.zeros(taxels)  # of the force by corrections and offsets, as `Zeros` has it
         self._was_touched = np.zeros(taxels, np.bool_)
         self._agreed = np.zeros(taxels)
         self._steady = np.zeros(taxels)
@@ -135,7 +128,7 @@ class ForceObserver:
     def variance(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return in `out` the variance of `force` [N2] that each taxel has alone, the common one left out."""
         # Until the next correction the uneven part of a warming adds up, as it did in the last block.
-        return np.add(self._variance, self._noise_variance + (2.0 * self._uneven) ** 2, out=out)
+        return np.add(self._zeros.variance, self._noise_variance + (2.0 * self._uneven) ** 2, out=out)
 
     @property
     def block_time(self) -> float:
@@ -150,7 +143,7 @@ class ForceObserver:
     @property
     def leaking(self) -> NDArray[np.float64]:
         """Charge left at each gate, as the force that would bring it [N], shape [rows * cols]."""
-        return self._signal - self._offset
+        return self._signal - self._zeros.offset
 
     def ignore(self, taxels: NDArray[np.bool_]) -> None:
         """Take note of which taxels do not work; one that works again finds its zero anew."""
@@ -176,7 +169,7 @@ class ForceObserver:
             return
         leak = self._leak.at(step)
         signal, change, scratch = self._signal, self._change, self._scratch
-        np.subtract(signal, self._offset, out=scratch)
+        np.subtract(signal, self._zeros.offset, out=scratch)
         np.multiply(scratch, leak.ratio, out=scratch)
         np.multiply(charge, self._newton_per_charge, out=change)
         np.subtract(change, signal, out=signal)
@@ -193,7 +186,7 @@ class ForceObserver:
         self._elapsed_square += step * step
         if step > self._long_step:
             # A jump at an unknown moment of the step has leaked by an unknown share of h/tau, evenly distributed.
-            self._variance += (scratch * leak.ratio) ** 2 / 12.0
+            self._zeros.variance[:] += (scratch * leak.ratio) ** 2 / 12.0
 
     def follow_common(self) -> None:
         """Where nothing touches, take what all taxels show together as the film's own temperature."""
@@ -210,14 +203,14 @@ class ForceObserver:
         """
         change = np.where(self.ignored, 0.0, -self._last_mean)
         self._move(change)
-        self._variance[:] = self._noise_variance
-        self._covariance[:] = 0.0
+        self._zeros.know_force(slice(None), self._noise_variance)
         return change
 
     def lose(self, saturated: NDArray[np.bool_], step: float) -> None:
         """Count as unknown the charge that leaks beyond the end of the range during a step [s] of the masked taxels."""
         lost = np.abs(self._signal[saturated]) * (step / self._tau[saturated])
-        self._variance[saturated] = (np.sqrt(self._variance[saturated]) + lost) ** 2
+        variance = self._zeros.variance
+        variance[saturated] = (np.sqrt(variance[saturated]) + lost) ** 2
 
     def close_block(self, touched: NDArray[np.bool_]) -> None:
         """Correct zero and offset where nothing touched during the block; everywhere else let the covariance grow.
@@ -225,22 +218,19 @@ class ForceObserver:
         `touched` masks the taxels in or near a contact at any time of the block. It is not heeded where the offset is
         not known yet: there a force held constant tells the offset just as well.
         """
-        s = self._settings
+        s, zeros = self._settings, self._zeros
         mean = self._sum / self._scans
-        self._shift -= self._offset * (self._elapsed / self._tau)
-        self._time += self._elapsed
+        noise = self._noise_variance / self._scans
         self._grow()
-        self._undo(touched & ~self._was_touched & self.settled)
+        begun = touched & ~self._was_touched & self.settled
+        if begun.any():
+            self.force[begun] += zeros.undo(begun)
         self._was_touched[:] = touched
-        # The mean was true half a block ago; since then d has moved by -e*ratio/2.
-        reach = 0.5 * self._elapsed / self._tau
-        with_d = self._variance + reach * self._covariance
-        with_e = self._covariance + reach * self._offset_variance
         # An error of the film's temperature is the same through the block: the mean does not make it smaller.
-        expected = with_d + reach * with_e + self._noise_variance / self._scans + self.common_variance
+        expected = zeros.expect(self._elapsed, noise + self.common_variance)
         agrees = mean * mean <= s.gate * s.gate * expected
         free = ~touched | ~self.settled
-        self._correct(free & agrees, mean, expected, with_d, with_e)
+        self._correct(free & agrees, mean, expected)
         self._creep(free & self.settled & ~agrees, mean)
         self._heal(free & self.settled, mean, np.maximum(self._negative, s.gate * np.sqrt(expected)))
         failed = ~self.settled & ~agrees
@@ -261,7 +251,7 @@ class ForceObserver:
             if self._rest.moved:
                 self._restart(~self.settled)
             elif at_rest:
-                self.settled |= (self._agreed >= s.settle) & (self._offset_variance <= self._known_offset)
+                self.settled |= (self._agreed >= s.settle) & (zeros.offset_variance <= self._known_offset)
         self._recovering = max(0.0, self._recovering - self._elapsed)
         sound = self.settled & (self._below_zero == 0.0) | self.ignored
         self.valid = self._recovering == 0.0 and bool(sound.all())
@@ -269,21 +259,18 @@ class ForceObserver:
         warmer = self.common.look(mean[~self.ignored], self._elapsed, bool(touched.any()))
         if warmer:
             self.force -= warmer * self._per_kelvin
-            self._variance[:], self._covariance[:], self._uneven = self._noise_variance, 0.0, 0.0
-        self._history.keep(
-            Zeros(self._offset, self._variance, self._covariance, self._offset_variance, self._shift, self._time)
-        )
+            zeros.know_force(slice(None), self._noise_variance)
+            self._uneven = 0.0
+        zeros.keep(mean, noise)
         self._start_block()
 
     def _first(self, charge: NDArray[np.float64]) -> None:
         """Begin with a scan that has none before it."""
         np.multiply(charge, self._newton_per_charge, out=self._signal)
-        self.force[:] = np.where(self.settled, np.maximum(self._signal - self._offset, 0.0), 0.0)
-        self._variance[:] = self._noise_variance + self._offset_variance
-        self._covariance[:] = -self._offset_variance
+        self.force[:] = np.where(self.settled, np.maximum(self._signal - self._zeros.offset, 0.0), 0.0)
+        self._zeros.lose_force()
         self._started = True
         self._rest.begin(self._signal)
-        self._history.forget()
         self._restart(~self.settled)
         self._start_block()
 
@@ -297,62 +284,29 @@ class ForceObserver:
     def _move(self, change: NDArray[np.float64]) -> None:
         """Add a correction to the force."""
         self.force += change
-        self._shift += change
-
-    def _undo(self, where: NDArray[np.bool_]) -> None:
-        """Put taxels back to what was known before a touch began, which was taken for drift until it was noticed."""
-        then = self._history.oldest()
-        if then is None or not where.any():
-            return
-        passed = self._time - then.time
-        ratio = passed / self._tau[where]
-        self.force[where] -= self._shift[where] - then.shift[where] + then.offset[where] * ratio
-        self._offset[where] = then.offset[where]
-        variance, known = then.variance[where], then.offset_variance[where]
-        white = self._noise_variance * self._elapsed_square / self._elapsed * passed / self._tau[where] ** 2
-        self._variance[where] = variance + ratio * (ratio * known - 2.0 * then.covariance[where])
-        self._variance[where] += white + self._drift * passed
-        self._covariance[where] = then.covariance[where] - ratio * known
-        self._offset_variance[where] = known + self._wander * passed
-        self._shift[where] = then.shift[where] - then.offset[where] * ratio
+        self._zeros.move(change)
 
     def _grow(self) -> None:
-        """Propagate the covariance of (d, e) over the block."""
-        block = self._elapsed
-        ratio = block / self._tau
-        self._variance += ratio * (ratio * self._offset_variance - 2.0 * self._covariance)
-        self._variance += self._noise_variance * self._elapsed_square / self._tau**2 + self._drift * block
-        self._covariance -= ratio * self._offset_variance
+        """Let what is known of the zeros fade over the block."""
+        self._zeros.grow(self._elapsed, self._elapsed_square)
         if self._warmed or self._uneven > 0.0:
             # The gain for temperature is wrong the same way all the time: deviations add up, not variances.
             now = self._warmed * abs(self._newton_per_kelvin) * self._uneven_share
             self._uneven = max(now, UNEVEN_MEMORY * self._uneven) if now > LEAST_UNEVEN * self._negative else now
-            self._variance = (np.sqrt(self._variance) + self._uneven) ** 2
-        self._offset_variance += self._wander * block
+            variance = self._zeros.variance
+            variance[:] = (np.sqrt(variance) + self._uneven) ** 2
 
-    def _correct(
-        self,
-        where: NDArray[np.bool_],
-        mean: NDArray[np.float64],
-        expected: NDArray[np.float64],
-        with_d: NDArray[np.float64],
-        with_e: NDArray[np.float64],
-    ) -> None:
+    def _correct(self, where: NDArray[np.bool_], mean: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
         """Update force and offset by the mean of a block in which force was zero.
 
         Where the force is well known the zero moves only slowly, so that a slow press is not eaten.
         """
-        gain_d, gain_e = with_d / expected, with_e / expected
         limit = self._slew * self._elapsed + 3.0 * math.sqrt(self._noise_variance / self._scans)
         limit += self._settings.gate * self._uneven
-        correction = gain_d * mean
+        correction = self._zeros.gain(expected) * mean
         limited = self.settled & (correction > limit) & (expected < self._doubt)
+        self._zeros.correct(where & ~limited, mean, expected)
         self._move(-np.where(where, np.where(limited, limit, correction), 0.0))
-        learn = where & ~limited
-        self._offset -= np.where(learn, gain_e * mean, 0.0)
-        self._variance -= np.where(learn, gain_d * with_d, 0.0)
-        self._covariance -= np.where(learn, gain_d * with_e, 0.0)
-        self._offset_variance -= np.where(learn, gain_e * with_e, 0.0)
 
     def _creep(self, where: NDArray[np.bool_], mean: NDArray[np.float64]) -> None:
         """Move the zero slowly towards a force that is neither a contact nor within the errors known of."""
@@ -369,8 +323,7 @@ class ForceObserver:
         ripe = self._steady >= self._settings.steady
         if ripe.any():
             self.force[ripe] -= mean[ripe]
-            self._variance[ripe] = self._noise_variance
-            self._covariance[ripe] = 0.0
+            self._zeros.know_force(ripe, self._noise_variance)
             self._steady[ripe] = 0.0
 
     def _restart(self, where: NDArray[np.bool_]) -> None:
@@ -378,17 +331,16 @@ class ForceObserver:
 
         Where that was refuted, more may be left.
         """
-        known = where & self.settled
-        self._prior_deviation[known] = self._prior
+        noise = self._noise_variance
+        new, known = where & ~self.settled, where & self.settled
         self.force[where] = 0.0
-        offset = self._offset[known]
         # The offset has the noise of the signal it is taken from, which the force has, too, the other way round.
-        self._offset[where] = self._signal[where]
-        self._variance[where] = self._noise_variance
-        self._covariance[where] = -self._noise_variance
-        self._offset_variance[where] = self._noise_variance + self._prior_deviation[where] ** 2
-        self._offset[known], self._covariance[known] = offset, 0.0  # no worse than the signal, which may be leaking
-        self._offset_variance[known] = (KNOWN_BEFORE * self._negative) ** 2
+        prior = noise + self._prior_deviation[new] ** 2
+        self._zeros.begin(new, self._signal[new], prior, noise, -noise)
+        # No worse than the signal, which may be leaking.
+        self._prior_deviation[known] = self._prior
+        least = np.full(np.count_nonzero(known), (KNOWN_BEFORE * self._negative) ** 2)
+        self._zeros.begin(known, self._zeros.offset[known], least, noise, 0.0)
         self._agreed[where] = 0.0
         self._steady[where] = 0.0
         self._below_zero[where] = 0.0

@@ -43,9 +43,9 @@ class ObserverSettings:
     """A taxel must agree with a constant force for this long before its offset counts as known [s]."""
     first_deviation: float = 5e-5
     """Standard deviation of what is left of an earlier force at the start, as a voltage [V]; refuted, it grows."""
-    offset_wander: float = 1e-5
-    """Random walk of the offset [V/sqrt(s)]."""
-    temperature_wander: float = 3e-4
+    flicker: float = 1e-5
+    """1/f noise of the amplifier, which lets the offset wander [V/sqrt(Hz)] at 1 Hz."""
+    temperature_wander: float = 1e-4
     """Random walk of the film's temperature that the chip's sensors do not see [K/sqrt(s)]."""
     uneven: float = 0.1
     """Standard deviation of the taxels' signals for temperature, without calibration [1]."""

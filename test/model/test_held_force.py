@@ -1,0 +1,26 @@
+"""Held forces: as near the truth as the estimator that knows the noise, and as far from it as is reported."""
+
+from __future__ import annotations
+
+import pytest
+from held_force import hold
+
+
+@pytest.mark.parametrize("rest", [0.3, 2.0])
+@pytest.mark.parametrize("flicker", [0.0, 10e-6, 30e-6])
+def test_a_held_force_is_known_as_well_as_to_the_optimal_estimator(flicker: float, rest: float) -> None:
+    # 256 taxels: a ratio is known to 4 %. The noise is up to three times of what the observer takes for granted.
+    for held in hold(5, (1.0, 5.0, 20.0), rest=rest, flicker=flicker):
+        assert held.error <= 1.2 * held.optimal, held
+
+
+@pytest.mark.parametrize("flicker", [0.0, 10e-6])
+def test_it_is_within_two_reported_deviations_95_percent_of_the_time(flicker: float) -> None:
+    inside = [held.inside for seed in range(3) for held in hold(seed, (0.5, 2.0, 10.0), flicker=flicker)]
+    # 768 taxels at each time, and times that are not independent: the share is known to 1 %.
+    assert sum(inside) / len(inside) >= 0.94
+
+
+def test_what_is_reported_is_not_much_more_than_the_error() -> None:
+    for held in hold(6, (5.0, 20.0)):
+        assert held.error < held.deviation < 2.0 * held.error
