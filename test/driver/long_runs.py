@@ -58,8 +58,8 @@ def scans_under_faults(scans: int, fd: bool, seed: int, troubles: tuple[Trouble,
             scan = board.read(0.01)
             if scan is None:
                 continue
-            if injector.trouble == Trouble.STUCK:  # the number is wrong, up to the next status with the right one
-                renumbered = clock.now + 1_000_000_000
+            if injector.trouble == Trouble.STUCK:  # the board numbers its scans wrongly
+                renumbered = clock.now + 100_000_000
             if clock.now >= renumbered:
                 assert_marked(scan)
             assert scan.sequence > last or board.resets > resets

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,8 +12,6 @@ from posfet_driver.codec import CLASSIC_COUNTER, FD_CLOCK, ScanCodec
 CLASSIC_WRAP: Final = CLASSIC_COUNTER + 1
 CLASSIC_LATE: Final = 3
 """A 4-bit counter that is up to this far behind belongs to a late frame; further, and scans were lost."""
-QUIET_LIMIT: Final = 8.0
-"""Scan periods of silence on the bus within a scan, from which the same 4-bit counter means another scan."""
 SCAN_PAGE: Final = 0x1_0000
 NUMBER_WRAP: Final = 0x1_0000_0000
 
@@ -41,12 +38,21 @@ class Losses:
     """Frames that did not come, of torn and of lost scans."""
 
 
+def nearest(number: int, low: int, wrap: int) -> int:
+    """Return what is equal to `low` modulo `wrap` and nearest to `number`.
+
+    >>> nearest(0x1_FFFF, 3, 0x1_0000)
+    131075
+    """
+    return number + (low - number + wrap // 2) % wrap - wrap // 2
+
+
 class Assembler:
     """Collects the blocks of one board's scans.
 
     Frames of one scan share its counter and, with CAN FD, its time. Boards send scans in order, so a scan is given up
-    when a later one begins. A classic counter has 4 bits and is the same again after 16 scans: two such scans are told
-    apart by the silence between them, which the caller measures (`feed`).
+    when a later one begins. A classic counter has 4 bits: the caller sees to it that fewer than 13 scans are lost
+    between two classic frames that are fed, or tells the number (`Numbering`).
     """
 
     def __init__(self, codec: ScanCodec) -> None:
@@ -67,7 +73,6 @@ class Assembler:
         self._clock = 0  # device time on the wire
         self._synced = False  # `sequence` is a scan of this board
         self._clock_synced = False  # and so is `device_time`
-        self._begun_quiet = 0.0
 
     @property
     def whole(self) -> bool:
@@ -78,53 +83,46 @@ class Assembler:
         """Take the low 32 bits of the number of the scan that comes next; return whether the board was reset.
 
         With `count_gap` what lies between the last scan and this one is counted as lost. After a reset, which the board
-        tells (`reset`) or a number that is not above the last one shows, numbers and time begin anew.
+        tells (`reset`) or a number well below the last one shows, numbers and time begin anew.
         """
-        self._give_up()
-        ahead = (next_scan - self.sequence + NUMBER_WRAP // 2) % NUMBER_WRAP - NUMBER_WRAP // 2
-        reset = self._synced and (reset or ahead <= 0)
+        ahead = nearest(self.sequence, next_scan, NUMBER_WRAP) - self.sequence
+        reset = self._synced and (reset or ahead <= -CLASSIC_LATE)
         if self._synced and not reset:
-            if count_gap:
-                self._lose(ahead - 1)
-            self.sequence += ahead - 1
-        else:
-            self.sequence = next_scan - 1
-            self._clock_synced = False
+            if ahead > 1:  # else scans have overtaken the answer
+                self._give_up()
+                self._lose((ahead - 1) * count_gap)
+                self.sequence += ahead - 1
+            return False
+        self._give_up()
+        self.sequence = next_scan - 1
+        self._clock_synced = False
         self._synced = True
-        self._begun_quiet = math.inf
         return reset
 
-    def align(self, scan: int) -> None:
-        """Take the low 16 bits of the newest scan's number, as boards send them with their status.
+    def align(self, newest: int, wrap: int) -> None:
+        """Take the number of the newest scan modulo `wrap`, as boards tell it between two scans.
 
-        A classic counter does not show that a multiple of 16 scans was lost, and the silence they leave tells their
-        number only as well as the rate is known; this does.
+        A classic counter does not show that a multiple of 16 scans was lost; this does. What the counter shows is left
+        to it. A number below the one known takes back what was counted.
         """
-        if self.codec.fd or not self._synced:
+        ahead = nearest(self.sequence, newest, wrap) - self.sequence
+        if self.codec.fd or -CLASSIC_LATE <= ahead < CLASSIC_WRAP - CLASSIC_LATE:
             return
-        ahead = (scan - self.sequence + SCAN_PAGE // 2) % SCAN_PAGE - SCAN_PAGE // 2
-        if ahead < 0:  # a silence seemed longer than it was: what was counted is taken back
-            ahead = -(-ahead + CLASSIC_COUNTER - CLASSIC_LATE)
-            ahead = -(-ahead // CLASSIC_WRAP * CLASSIC_WRAP)
-        missed = ahead // CLASSIC_WRAP * CLASSIC_WRAP
-        self._lose(missed)
-        self.sequence += missed
-        self._begun_quiet += max(missed, 0)
+        self._give_up()
+        if self._synced:
+            self._lose(ahead)
+        self._synced = True
+        self.sequence += ahead
 
-    def feed(self, offset: int, kind: int, data: bytes, quiet: float = 0.0) -> bool:
-        """Take one frame; return True when it made a scan whole.
-
-        `offset` is its identifier less the board's base, `quiet` the silence on the bus [scan periods] since any fixed
-        moment.
-        """
+    def feed(self, offset: int, kind: int, data: bytes) -> bool:
+        """Take one frame, `offset` its identifier less the board's base; return True when it made a scan whole."""
         header = self.codec.header(offset, kind, data)
         if header is None:
             self.losses.malformed += 1
             return False
         clock, counter, block, status = header
-        same = counter == self.sequence & self.codec.counter_mask and clock == self._clock
-        if not same or (not self.codec.fd and quiet - self._begun_quiet > QUIET_LIMIT):
-            if not self._begin(counter, clock, quiet):
+        if counter != self.sequence & self.codec.counter_mask or clock != self._clock:
+            if not self._begin(counter, clock):
                 return False
         elif self._given_up:
             self.losses.late += 1
@@ -148,7 +146,7 @@ class Assembler:
         self.codec.decode(self.counts)
         return True
 
-    def _begin(self, counter: int, clock: int, quiet: float) -> bool:
+    def _begin(self, counter: int, clock: int) -> bool:
         """Begin the scan that a frame belongs to; False when the frame is of no use."""
         mask = self.codec.counter_mask
         ahead = (counter - self.sequence) & mask
@@ -161,12 +159,8 @@ class Assembler:
             if ahead >= self._half:
                 self.losses.late += 1
                 return False
-        elif quiet - self._begun_quiet > QUIET_LIMIT:
-            unseen = quiet - self._begun_quiet + 1 - ahead  # scans that the silence had room for beyond `ahead`
-            ahead += CLASSIC_WRAP * max(round(unseen / CLASSIC_WRAP), ahead == 0)
         elif ahead > mask - CLASSIC_LATE:
             self.losses.late += 1
-            self._give_up()
             return False
         self._give_up()
         self._lose(ahead - 1)
@@ -174,7 +168,6 @@ class Assembler:
         self.device_time = self.device_time + ((clock - self._clock) & FD_CLOCK) if self._clock_synced else clock
         self._synced = self._clock_synced = True
         self._clock = clock
-        self._begun_quiet = quiet
         self._seen = 0
         self._given_up = False
         return True

@@ -288,7 +288,7 @@ class Board:
             self._take_period(response.value)
             self._enter(Phase.START, self._reason, ANSWER_TIMEOUT)
             self._send_own(Command.START)
-        elif self._phase == Phase.START and response.command == Command.START and response.result == Result.OK:
+        elif self._phase in {Phase.START, Phase.SCANS} and response.command == Command.START and not response.result:
             self._started(response)
 
     def _take_identity(self, value: int) -> None:
@@ -306,8 +306,7 @@ class Board:
             self._send_own(Command.SET_RATE, self._period)
 
     def _refuse(self, diagnosis: str, reason: str) -> None:
-        self._diagnosis = diagnosis
-        self._flowing = False
+        self._diagnosis, self._flowing = diagnosis, False
         self._enter(Phase.REFUSED, reason, REFUSED_PERIOD)
 
     def _started(self, response: Response) -> None:
@@ -315,6 +314,8 @@ class Board:
             self.resets += 1
             recent = self._clock.monotonic() - self._low_supply < LOW_SUPPLY_MEMORY * _NANOSECONDS
             self.brown_outs += recent
+        if self._phase == Phase.SCANS:  # it was only asked for the number of the next scan
+            return
         self._stopped = False
         self._link.settle()
         self._hush.broken()
@@ -326,9 +327,7 @@ class Board:
         if response.command == Command.SET_RATE:
             self._take_period(response.value)
         elif response.command == Command.STOP:
-            self._stopped = True
-            self._flowing = False
-            self._diagnosis = ""
+            self._stopped, self._flowing, self._diagnosis = True, False, ""
             self._enter(Phase.STOPPED, "stopped on request", 0.0)
         elif response.command == Command.START and self._phase != Phase.SCANS:
             self._started(response)
@@ -361,6 +360,8 @@ class Board:
         arrival = self._clock.monotonic()
         self.load.add(frames, arrival)
         self._frames = iter(self.receiver.begin_batch(frames, arrival, self._clock.wall() - arrival))
+        if self._phase == Phase.SCANS and self.receiver.question_due():
+            self._send_own(Command.START)
         return bool(frames)
 
     def _send_own(self, command: Command, argument: int = 0) -> None:
@@ -370,6 +371,8 @@ class Board:
         """Send a command and return its tag."""
         self._tag = (self._tag + 1) & 0xFF
         request = Request(command, self._tag, argument)
+        if command == Command.START:
+            self.receiver.asked(self._tag, self._clock.monotonic())
         try:
             self._link.write((self._sensor.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()))
         except (can.CanError, OSError) as error:

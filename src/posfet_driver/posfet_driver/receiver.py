@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from posfet_driver.assembler import Assembler
+from posfet_driver.assembler import NUMBER_WRAP, SCAN_PAGE, Assembler
 from posfet_driver.board_clock import BoardClock
 from posfet_driver.bus_time import classic_time, fd_time
 from posfet_driver.codec import CLASSIC_LENGTH, FD_LENGTH, ScanCodec, make_codec
@@ -15,11 +15,13 @@ from posfet_driver.frames import CLASSIC, ERROR, EXTENDED, Frame
 from posfet_driver.messages import (
     RESPONSE_OFFSET,
     STATUS_OFFSET,
+    Command,
     Page,
     Response,
+    Result,
     Status,
 )
-from posfet_driver.pauses import Pauses
+from posfet_driver.numbering import Numbering
 from posfet_model.scan import Scan, ScanStatus
 from posfet_model.sensor import Sensor
 
@@ -81,7 +83,7 @@ class Receiver:
         self._way = codec.blocks * times.most
         self._first_block = codec.offset(0)
         self._last_block = codec.offset(codec.blocks - 1)
-        self._pauses = Pauses(self._base + self._first_block, self._base + self._last_block, codec.blocks)
+        self._numbering = Numbering(self._base, self.assembler)
 
     @property
     def frames_lost(self) -> int:
@@ -103,6 +105,7 @@ class Receiver:
         """Take the time from scan to scan that the board was told [ns]."""
         if period != self.scan_period and not self._fd:
             self._clock.reset()  # numbers of scans are its time
+            self._numbering.forget()
         self.scan_period = period
 
     def resync(self, next_scan: int, count_gap: bool, reset: bool = False) -> bool:
@@ -112,6 +115,7 @@ class Receiver:
         """
         self.listening = True
         began_anew = self.assembler.resync(next_scan, count_gap, reset)
+        self._numbering.anchor(self.assembler.sequence)
         if began_anew:
             self._clock.reset()
         self._reset = self._reset or began_anew or reset
@@ -120,24 +124,35 @@ class Receiver:
     def begin_batch(self, frames: list[Frame], arrival: int, wall_offset: int) -> list[Frame]:
         """Take `frames`, read at `arrival` [ns, monotonic]; return those to be fed now.
 
-        `wall_offset` [ns] leads to wall time. With classic blocks frames may be held until the next batch, or dropped
-        when they may be of two scans (`Pauses`).
+        `wall_offset` [ns] leads to wall time. Classic blocks may be held until a later batch, or dropped when the
+        numbers of their scans cannot be known (`Numbering`).
         """
         self.traffic.frames += len(frames)
         self._arrival = arrival
         self._wall_offset = wall_offset
         if self._fd:
             return frames
-        if not self.listening:
-            return self._pauses.skip(frames, arrival)
-        return self._pauses.take(frames, arrival, self.scan_period)
+        return self._numbering.take(frames, arrival, self.scan_period, self.listening)
+
+    @property
+    def holding(self) -> bool:
+        """Whether frames are held until the numbers of their scans are certain."""
+        return self._numbering.holding
+
+    def question_due(self) -> bool:
+        """Return whether a running board has to be told START, whose answer tells the number of the next scan."""
+        return not self._fd and self._numbering.question_due()
+
+    def asked(self, tag: int, now: int) -> None:
+        """Take note that START is being sent with `tag` at `now` [ns]."""
+        self._numbering.asked(tag, now)
 
     def feed(self, frame: Frame) -> bool:
         """Take one frame; return True when `scan` is a new one."""
         identifier, kind, data = frame
         offset = identifier - self._base
         if self._first_block <= offset <= self._last_block and not kind & (EXTENDED | ERROR):
-            if not self.listening or not self.assembler.feed(offset, kind, data, self._pauses.quiet):
+            if not self.listening or not self.assembler.feed(offset, kind, data):
                 return False
             self._complete()
             return True
@@ -170,9 +185,16 @@ class Receiver:
             if response is None:
                 self.traffic.malformed += 1
             else:
-                self.response = response
+                self._take_response(response)
         else:
             self.traffic.foreign += 1
+
+    def _take_response(self, response: Response) -> None:
+        self.response = response
+        if response.command == Command.START and response.result == Result.OK and self.listening:
+            ahead = (response.value - self.assembler.sequence) % NUMBER_WRAP
+            if not response.reset and ahead < NUMBER_WRAP // 2:  # else numbers began anew: `resync` is due
+                self.assembler.align(response.value - 1, NUMBER_WRAP)
 
     def _take_status(self, status: Status | None) -> None:
         if status is None:
@@ -186,4 +208,4 @@ class Receiver:
         elif status.page == Page.FIRMWARE:
             self.firmware = status.value
         elif status.page == Page.SCAN:
-            self.assembler.align(status.value)
+            self.assembler.align(status.value, SCAN_PAGE)

@@ -23,7 +23,6 @@ from typing import Final
 import numpy as np
 
 from posfet_driver.adapter import EmulatedAdapter
-from posfet_driver.assembler import CLASSIC_WRAP
 from posfet_driver.board import Board
 from posfet_driver.bus import bus_settings
 from posfet_driver.channels import BusOpener
@@ -46,17 +45,12 @@ FAULTS: Final = (
 """Every fault but those that need error frames, which slcan does not carry."""
 RECOVERY: Final = 10.0
 """Time after a fault in which data has to flow again [s]."""
-RENUMBERING: Final = 1.0
-"""Time after a stuck counter in which a status tells the number of the newest scan [s]."""
+RENUMBERING: Final = 0.3
+"""Time after a stuck counter, which numbers scans wrongly itself, in which they are right again [s]."""
 WARM_UP: Final = 10.0
 """Time after which memory, threads and descriptors are first looked at [s]."""
 GROWTH_LIMIT: Final = 4 << 20
 """Growth of resident memory [byte] from which it is not called flat: a page here and there, whatever the time."""
-
-
-MISNUMBERED_LIMIT: Final = 0.01
-"""Share of classic scans that may be misnumbered until the next status, at most 0.3 s after a fault."""
-_INVERSE: Final = pow(7, -1, 4096)
 
 
 def marked(index: int, taxels: int) -> np.ndarray[tuple[int], np.dtype[np.uint16]]:
@@ -103,9 +97,7 @@ class Verdict:
     faults: Counter[str] = field(default_factory=Counter)
     scans: int = 0
     wrong: int = 0
-    """Scans that were never sent like this, or not under a number that their counter allows."""
-    misnumbered: int = 0
-    """Classic scans whose number is off by a multiple of 16, which only a status can tell."""
+    """Scans that were not sent under their number like this."""
     not_recovered: list[str] = field(default_factory=list)
     slowest: dict[str, float] = field(default_factory=dict)
     """Longest time from the end of a fault to the next scan [s], by fault."""
@@ -117,8 +109,6 @@ class Verdict:
         bad = [f"not recovered within {RECOVERY:g} s: {name}" for name in self.not_recovered]
         if self.wrong:
             bad.append(f"{self.wrong} scans were not the ones sent")
-        if self.misnumbered > MISNUMBERED_LIMIT * self.scans:
-            bad.append(f"{self.misnumbered} scans had a number that was off by a multiple of {CLASSIC_WRAP}")
         if self.before and self.after:
             growth = self.after.memory - self.before.memory
             if growth > GROWTH_LIMIT:
@@ -220,14 +210,7 @@ class Soak:
             self._renumbered = time.monotonic() + RENUMBERING
         if time.monotonic() < self._renumbered:
             return
-        if np.array_equal(scan.counts, marked(scan.sequence, len(scan.counts))):
-            return
-        number = int(scan.counts[0] >> 4) * _INVERSE % 4096  # what the counts say, modulo 4096
-        whole = np.array_equal(scan.counts, marked(number, len(scan.counts)))
-        if whole and not self._sensor.can.fd and (number - scan.sequence) % CLASSIC_WRAP == 0:
-            self.verdict.misnumbered += 1
-        else:
-            self.verdict.wrong += 1
+        self.verdict.wrong += not np.array_equal(scan.counts, marked(scan.sequence, len(scan.counts)))
 
     def _line(self) -> str:
         usage, losses = Usage.now(), self._board.receiver.assembler.losses
@@ -240,10 +223,7 @@ class Soak:
 
 def describe(verdict: Verdict) -> str:
     """Return the verdict for people."""
-    faults = sum(verdict.faults.values())
-    lines = [
-        f"{verdict.scans} scans, {faults} faults, {verdict.wrong} wrong scans, {verdict.misnumbered} misnumbered",
-    ]
+    lines = [f"{verdict.scans} scans, {sum(verdict.faults.values())} faults, {verdict.wrong} wrong scans"]
     lines += [
         f"  {name}: {count} times, data back after {verdict.slowest.get(name, float('nan')):.3f} s at most"
         for name, count in sorted(verdict.faults.items())

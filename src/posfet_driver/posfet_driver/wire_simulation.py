@@ -34,21 +34,21 @@ def wire_scans(
     node.on_scan = lambda scan: sent.append((scan.sequence, board.truth()))
     now = node.next_due()
     while now < duration * _NANOSECONDS:
-        frames = node.due(now)
-        receiver.begin_batch(frames, now, 0)
-        for frame in frames:
+        for frame in receiver.begin_batch(node.due(now), now, 0):
             if receiver.feed(frame) and sent and sent[-1][0] == receiver.scan.sequence:
                 yield receiver.scan, sent[-1][1]
         sent.clear()
-        if not node.running:
+        if not node.running or receiver.question_due():
             _start(node, receiver, sensor, now)
         now = node.next_due()
 
 
 def _start(node: WireNode, receiver: Receiver, sensor: Sensor, now: int) -> None:
-    """Tell a board that is there to send scans."""
-    request = Request(Command.START, 0).pack()
-    for answer in node.receive((sensor.can.base_id + COMMAND_OFFSET, CLASSIC, request), now):
+    """Tell a board that is there to send scans, or which is next when it does."""
+    request = Request(Command.START, 0)
+    receiver.asked(request.tag, now)
+    answers = node.receive((sensor.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()), now)
+    for answer in receiver.begin_batch(answers, now, 0):
         receiver.feed(answer)
     if receiver.response is not None:
         receiver.resync(receiver.response.value, count_gap=True)
