@@ -58,6 +58,24 @@ def test_arguments_of_the_command_line_keep_their_types(params_file: str) -> Non
     assert words[words.index("--params-file") + 1] == params_file
 
 
+def test_a_mount_reaches_the_model_and_leaves_room_for_the_parameter_file(params_file: str) -> None:
+    mounted = nodes(params_file, "parent_frame:=finger", "mount:=0 0 0.01 0 0 0")["model_node"].parameters
+    assert (mounted["parent_frame"], mounted["mount"]) == ("finger", "0 0 0.01 0 0 0")
+    assert not {"parent_frame", "mount"} & set(nodes(params_file)["model_node"].parameters)
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["parent_frame:=finger", "mount:=0 0 0"], "mount: must be six numbers"),
+        (["mount:=0 0 0.01 0 0 0"], "mount: needs parent_frame"),
+    ],
+)
+def test_bad_mounts_are_refused(params_file: str, words: list[str], reason: str) -> None:
+    with pytest.raises(ConfigError, match=reason):
+        graph(parse(words), params_file)
+
+
 @pytest.mark.parametrize("namespace", ["", "/", "9lives", "a b", "a//b", "é", "a__b", "a\n"])
 def test_bad_namespaces_are_refused(params_file: str, namespace: str) -> None:
     with pytest.raises(ConfigError, match="namespace: must be names"):

@@ -39,6 +39,8 @@ ARGUMENTS: Final = (
     Argument("can_fd", "auto", "CAN FD or classic CAN; auto: as in the sensor file", ("auto", *BOOLEAN)),
     Argument("namespace", "tactile", "Namespace of nodes and topics, one for each sensor"),
     Argument("sensor_file", "posfet_5x5", "Sensor description: a YAML file, or the name of a shipped one"),
+    Argument("parent_frame", "", "TF frame that the array is mounted on; empty: no transform is broadcast"),
+    Argument("mount", "0 0 0 0 0 0", "Pose of the array in parent_frame: x y z [m] roll pitch yaw [rad]"),
     Argument("params_file", "", "YAML file with node parameters; empty: config/parameters.yaml of this package"),
     Argument("scene", "press_slide_lift", "What happens to the simulated board: a YAML file, or a shipped scene"),
     Argument("composed", "true", "All nodes in one process, the fastest way; false: a process for each", BOOLEAN),

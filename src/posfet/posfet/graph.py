@@ -10,8 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from posfet.arguments import defaults
 from posfet_driver.scene import load_scene
 from posfet_model.config import ConfigError, read_yaml
+from posfet_model.mount import parse_mount
 from posfet_model.sensor import load_sensor
 
 Value = bool | int | float | str
@@ -83,6 +85,16 @@ def emulated_adapter(namespace: str) -> Path:
     return Path(folder) / name
 
 
+def _place(arguments: Mapping[str, str]) -> dict[str, Value]:
+    """Return where the array is mounted, nothing without a parent: then the parameter file may say so."""
+    parse_mount(arguments["mount"])
+    if arguments["parent_frame"]:
+        return {name: arguments[name] for name in ("parent_frame", "mount")}
+    if arguments["mount"] != defaults()["mount"]:
+        raise ConfigError("mount: needs parent_frame:=<frame that the array is mounted on>")
+    return {}
+
+
 def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
     """Return the nodes for bring-up `arguments`, the source of scans last, so that nobody misses its first one.
 
@@ -101,7 +113,8 @@ def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
         own = {**sensor, **parameters}
         return NodeSpec(package, executable, namespace, params_file, arguments["log_level"], own)
 
-    nodes = [node("posfet_model", "model_node", {"simulated": source != "can"})]
+    place = _place(arguments)
+    nodes = [node("posfet_model", "model_node", {"simulated": source != "can", **place})]
     if source != "can":
         scene: dict[str, Value] = {"scene": arguments["scene"], "adapter_link": adapter}
         nodes.append(node("posfet_driver", "sim_board_node", scene))

@@ -33,6 +33,7 @@ from posfet_model.conversions import (
     info_message,
 )
 from posfet_model.health import Period, judge
+from posfet_model.mount_node import MOUNT, broadcast_mount
 from posfet_model.reconstruction import ForceImage, Reconstruction, Reconstructor
 from posfet_model.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_frame, declared_sensor
 from posfet_model.run_node import run_node
@@ -46,6 +47,7 @@ from posfet_msgs.srv import Tare as TareService
 PARAMETERS = (
     *SENSOR,
     FRAME_ID,
+    *MOUNT,
     Parameter(
         "calibration_file", "", "Calibration of this very sensor: a YAML file; empty: the description is believed"
     ),
@@ -97,10 +99,12 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
             self.sensor = declared_sensor(parameters)
             path = parameters["calibration_file"]
             calibration = load_calibration(path, self.sensor) if path else None
+            frame_id = declared_frame(self, parameters)
+            self._mount = broadcast_mount(self, frame_id, parameters)
         except ConfigError:
             self.destroy_node()
             raise
-        layout, frame_id = self.sensor.layout, declared_frame(self, parameters)
+        layout = self.sensor.layout
         self._reconstructor = Reconstructor(self.sensor, calibration)
         self._lock = threading.Lock()
         self._result: Reconstruction | None = None

@@ -1,0 +1,46 @@
+"""Where the array sits on the robot: its pose in a parent frame, as an `origin` of URDF gives it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from posfet_model.config import ConfigError
+
+
+@dataclass(frozen=True)
+class Mount:
+    """Pose of the frame of the array in a parent frame."""
+
+    position: tuple[float, float, float]
+    """x, y, z [m]."""
+    orientation: tuple[float, float, float, float]
+    """Unit quaternion x, y, z, w."""
+
+
+def parse_mount(text: str) -> Mount:
+    """Return the pose that "x y z roll pitch yaw" [m, rad] describes.
+
+    The angles turn about the fixed x, y and z axes of the parent, in this order (URDF's `rpy`, REP 103).
+    Raises ConfigError, one line, unless `text` holds six finite numbers.
+    """
+    try:
+        values = [float(word) for word in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != 6 or not all(map(math.isfinite, values)):
+        raise ConfigError(f"mount: must be six numbers 'x y z roll pitch yaw' in m and rad, got '{text}'")
+    x, y, z, roll, pitch, yaw = values
+    return Mount((x, y, z), _quaternion(roll, pitch, yaw))
+
+
+def _quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
+    sin_roll, cos_roll = math.sin(roll / 2), math.cos(roll / 2)
+    sin_pitch, cos_pitch = math.sin(pitch / 2), math.cos(pitch / 2)
+    sin_yaw, cos_yaw = math.sin(yaw / 2), math.cos(yaw / 2)
+    return (
+        sin_roll * cos_pitch * cos_yaw - cos_roll * sin_pitch * sin_yaw,
+        cos_roll * sin_pitch * cos_yaw + sin_roll * cos_pitch * sin_yaw,
+        cos_roll * cos_pitch * sin_yaw - sin_roll * sin_pitch * cos_yaw,
+        cos_roll * cos_pitch * cos_yaw + sin_roll * sin_pitch * sin_yaw,
+    )
