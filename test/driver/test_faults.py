@@ -35,6 +35,7 @@ EXPECTED = {
     Trouble.REORDERED: {"reordered frames"},
     Trouble.MALFORMED: {"malformed frames"},
     Trouble.STUCK: {"stuck counter"},
+    Trouble.CLOCK: {"stuck clock"},
     Trouble.FOREIGN: {"bus full"},
     Trouble.ERRORS: {"error frames"},
     Trouble.UNACKNOWLEDGED: {"unacknowledged", "bus silent"},
@@ -48,7 +49,7 @@ EXPECTED = {
     Trouble.BROWN_OUT: {"brown-outs", "supply low"},
 }
 """What is said of each trouble, at least."""
-ALONE = {Trouble.REPEATED, Trouble.REORDERED, Trouble.FOREIGN, Trouble.DEAF, Trouble.RESET}
+ALONE = {Trouble.CLOCK, Trouble.REPEATED, Trouble.REORDERED, Trouble.FOREIGN, Trouble.DEAF, Trouble.RESET}
 """Troubles of which nothing else is said."""
 
 
@@ -101,9 +102,10 @@ def test_each_fault_is_named_and_survived(trouble: Trouble, fd: bool) -> None:
     bench.run(4)
     if trouble == Trouble.DEAF:  # scans go on; it shows when the board has to be asked
         assert bench.faults == []
-    assert EXPECTED[trouble] <= set(bench.faults), bench.faults
+    expected = set() if trouble == Trouble.CLOCK and not fd else EXPECTED[trouble]  # classic frames carry no time
+    assert expected <= set(bench.faults), bench.faults
     if trouble in ALONE:
-        assert set(bench.faults) == EXPECTED[trouble]
+        assert set(bench.faults) == expected
     if bench.faults:
         assert bench.health == max(FAULTS[name].health for name in bench.faults)
     bench.injector.trouble = Trouble.NONE
@@ -203,6 +205,21 @@ def test_a_reset_with_a_low_supply_is_a_brown_out() -> None:
         bench.run(2)
         counters[trouble] = (bench.board.resets, bench.board.brown_outs)
     assert counters == {Trouble.RESET: (1, 0), Trouble.BROWN_OUT: (1, 1)}
+
+
+def test_stamps_go_on_while_the_boards_clock_stands() -> None:
+    bench = Bench(True)
+    bench.run(1)
+    estimated = []
+    for trouble in (Trouble.CLOCK, Trouble.NONE):
+        bench.injector.trouble = trouble
+        for number in range(400):
+            scan = bench.board.read(0.01)
+            assert scan is not None
+            assert abs(scan.stamp - bench.clock.now) < 2 * SECOND / RATE
+            if number > 3:
+                estimated.append(bool(scan.status & ScanStatus.TIME_ESTIMATED))
+    assert estimated == [True] * 396 + [False] * 396
 
 
 def test_every_fault_is_documented() -> None:

@@ -12,6 +12,8 @@ from posfet_driver.codec import CLASSIC_COUNTER, FD_CLOCK, ScanCodec
 CLASSIC_WRAP: Final = CLASSIC_COUNTER + 1
 CLASSIC_LATE: Final = 3
 """A 4-bit counter that is up to this far behind belongs to a late frame; further, and scans were lost."""
+CLOCK_STANDS: Final = 3
+"""Scans in a row with the time of the one before, from which the board's clock is not used."""
 SCAN_PAGE: Final = 0x1_0000
 NUMBER_WRAP: Final = 0x1_0000_0000
 
@@ -26,6 +28,8 @@ class Losses:
     """Frames that came twice."""
     stuck: int = 0
     """Frames with the number of an older scan and other contents: the board's counter stands still."""
+    clock_stuck: int = 0
+    """Scans with the time of the scan before: the board's clock stands still; no loss."""
     reordered: int = 0
     """Blocks that came after a later one of their scan; no loss."""
     late: int = 0
@@ -73,6 +77,12 @@ class Assembler:
         self._clock = 0  # device time on the wire
         self._synced = False  # `sequence` is a scan of this board
         self._clock_synced = False  # and so is `device_time`
+        self._standing = 0  # scans in a row with the time of the one before
+
+    @property
+    def clock_stands(self) -> bool:
+        """Whether the board's clock stands still while its scans go on."""
+        return self._standing >= CLOCK_STANDS
 
     @property
     def whole(self) -> bool:
@@ -165,6 +175,10 @@ class Assembler:
         self._give_up()
         self._lose(ahead - 1)
         self.sequence += ahead
+        if self.codec.fd:
+            stands = clock == self._clock and self._clock_synced
+            self._standing = (self._standing + 1) * stands
+            self.losses.clock_stuck += stands
         self.device_time = self.device_time + ((clock - self._clock) & FD_CLOCK) if self._clock_synced else clock
         self._synced = self._clock_synced = True
         self._clock = clock

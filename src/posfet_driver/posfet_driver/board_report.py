@@ -67,6 +67,7 @@ def _counters(board: Board) -> dict[str, int]:
         "late frames": losses.late,
         "reordered frames": losses.reordered,
         "stuck counter": losses.stuck,
+        "stuck clock": losses.clock_stuck,
         "malformed frames": losses.malformed + traffic.malformed,
         "foreign frames": traffic.foreign,
         "error frames": errors.frames,

@@ -33,6 +33,8 @@ class Trouble(Enum):
     REORDERED = "reordered frames"
     MALFORMED = "malformed frames"
     STUCK = "stuck counter"
+    CLOCK = "stuck clock"
+    """Of CAN FD frames: classic ones carry no time."""
     FOREIGN = "foreign traffic"
     ERRORS = "error frames"
     UNACKNOWLEDGED = "unacknowledged"
@@ -166,6 +168,14 @@ class FaultInjector:
         return [(number, kind, _with_number(kind, data, old)) for number, kind, data in frames]
 
 
+    def _stop_clock(self, frames: list[Frame]) -> list[Frame]:
+        """Give every FD frame the time of the first that is struck."""
+        if frames and self._stuck is None:
+            self._stuck = frames[0][2]
+        old = self._stuck or b""
+        return [(number, kind, old[:4] + data[4:] if kind & FD else data) for number, kind, data in frames]
+
+
 def _with_number(kind: int, data: bytes, old: bytes) -> bytes:
     """Return the data of a block with the scan counter of an older one."""
     if kind & FD:
@@ -188,4 +198,5 @@ _STRIKES: Final[dict[Trouble, Callable[[FaultInjector, list[Frame]], list[Frame]
     Trouble.REORDERED: FaultInjector._reorder,
     Trouble.MALFORMED: FaultInjector._spoil,
     Trouble.STUCK: FaultInjector._stick,
+    Trouble.CLOCK: FaultInjector._stop_clock,
 }

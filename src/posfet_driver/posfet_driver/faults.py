@@ -82,6 +82,12 @@ FAULTS: Final = {
             "update its firmware",
         ),
         Fault(
+            "stuck clock",
+            _WARN,
+            "the board's clock stands still: stamps are reckoned from the numbers of scans",
+            "switch the board off and on, and update its firmware",
+        ),
+        Fault(
             "no scans",
             _ERROR,
             "no whole scan comes",

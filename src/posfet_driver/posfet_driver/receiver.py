@@ -72,6 +72,7 @@ class Receiver:
         self._base = sensor.can.base_id
         self._fd = fd
         self._clock = BoardClock()
+        self._clock_stood = False
         self._arrival = 0
         self._wall_offset = 0
         self._reset = False
@@ -167,8 +168,14 @@ class Receiver:
             board_time = scan.device_time = assembler.device_time
             scan.status = assembler.status
         else:
+            scan.status = self.status.flags & ~ScanStatus.BOARD_RESET
+        if assembler.clock_stands != self._clock_stood:  # from one clock to the other
+            self._clock_stood = assembler.clock_stands
+            self._clock.reset()
+        if not self._fd or assembler.clock_stands:
             board_time = round(assembler.sequence * self.scan_period / 1000)
-            scan.status = (self.status.flags & ~ScanStatus.BOARD_RESET) | ScanStatus.TIME_ESTIMATED
+            scan.device_time = 0
+            scan.status |= ScanStatus.TIME_ESTIMATED
         scan.stamp = self._clock.to_monotonic(board_time, self._arrival) + self._wall_offset
         if self._reset:
             scan.status |= ScanStatus.BOARD_RESET

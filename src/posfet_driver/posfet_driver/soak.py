@@ -45,6 +45,8 @@ FAULTS: Final = (
 """Every fault but those that need error frames, which slcan does not carry."""
 RECOVERY: Final = 10.0
 """Time after a fault in which data has to flow again [s]."""
+PROMPT: Final = 0.5
+"""Time within which data is meant to flow again [s]; how often it did is told."""
 RENUMBERING: Final = 0.3
 """Time after a stuck counter, which numbers scans wrongly itself, in which they are right again [s]."""
 WARM_UP: Final = 10.0
@@ -99,6 +101,8 @@ class Verdict:
     wrong: int = 0
     """Scans that were not sent under their number like this."""
     not_recovered: list[str] = field(default_factory=list)
+    recoveries: list[float] = field(default_factory=list)
+    """Time from the end of each fault to the next scan [s]."""
     slowest: dict[str, float] = field(default_factory=dict)
     """Longest time from the end of a fault to the next scan [s], by fault."""
     before: Usage | None = None
@@ -194,8 +198,9 @@ class Soak:
             if time.monotonic() - begin > RECOVERY:
                 self.verdict.not_recovered.append(f"{name}: {self._board.report().state}")
                 return
-        slowest = self.verdict.slowest
-        slowest[name] = max(slowest.get(name, 0.0), time.monotonic() - begin)
+        slowest, took = self.verdict.slowest, time.monotonic() - begin
+        slowest[name] = max(slowest.get(name, 0.0), took)
+        self.verdict.recoveries.append(took)
 
     def _read(self, seconds: float) -> None:
         end = time.monotonic() + seconds
@@ -228,6 +233,8 @@ def describe(verdict: Verdict) -> str:
         f"  {name}: {count} times, data back after {verdict.slowest.get(name, float('nan')):.3f} s at most"
         for name, count in sorted(verdict.faults.items())
     ]
+    prompt = sum(took <= PROMPT for took in verdict.recoveries)
+    lines.append(f"data back within {PROMPT:g} s after {prompt} of {len(verdict.recoveries)} faults")
     if verdict.before and verdict.after:
         before, after = verdict.before, verdict.after
         lines.append(
