@@ -1,4 +1,6 @@
-"""One suite for every bus there is: virtual, the emulated adapter, and real ones.
+"""One suite for every bus: virtual, the emulated adapter by either slcan, socketcand, multicast, and real ones.
+
+udp_multicast needs msgpack (pip install msgpack); its datagrams do not leave this machine (hop_limit 0).
 
 POSFET_TEST_CAN=vcan0 python -m pytest test/driver/test_hardware.py
     also on that SocketCAN device, with an emulated board: modprobe vcan; ip link add vcan0 type vcan;
@@ -10,15 +12,18 @@ POSFET_TEST_BOARD=slcan:/dev/ttyACM0 POSFET_TEST_SENSOR=my_sensor.yaml python -m
 from __future__ import annotations
 
 import os
+import socket
 import uuid
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import can
 import pytest
 from fake_board import PATIENCE, FakeBoard, assert_marked, board_on_bus, read_scans, with_layout
+from fake_socketcand import FakeSocketcand
 
 from posfet_driver.adapter import EmulatedAdapter
 from posfet_driver.board import Board
@@ -36,7 +41,10 @@ REAL_BUS = os.environ.get("POSFET_TEST_CAN", "")
 REAL_BOARD = os.environ.get("POSFET_TEST_BOARD", "")
 PLACES = [
     "virtual",
-    "emulated",
+    "slcan",
+    "slcan-python-can",
+    "socketcand",
+    pytest.param("udp_multicast", marks=pytest.mark.skipif(not find_spec("msgpack"), reason="msgpack is missing")),
     pytest.param("can", marks=pytest.mark.skipif(not REAL_BUS, reason="POSFET_TEST_CAN names no SocketCAN device")),
     pytest.param("board", marks=pytest.mark.skipif(not REAL_BOARD, reason="POSFET_TEST_BOARD names no board")),
 ]
@@ -57,6 +65,13 @@ class Bench:
             yield scan
 
 
+def free_port() -> int:
+    """A UDP port that nobody uses."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
 @pytest.fixture(params=[True, False], ids=["fd", "classic"])
 def fd(request: pytest.FixtureRequest) -> bool:
     return bool(request.param)
@@ -68,22 +83,36 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool) -> Iterator[
     sensor = EMULATED
     with ExitStack() as stack:
         firmware = BoardFirmware(sensor, FakeBoard(sensor), clock.monotonic(), fd)
-        if place == "emulated":
+        interface, channel, options = place, "", []
+        if place in {"slcan", "slcan-python-can"}:
             adapter = EmulatedAdapter(tmp_path / "can0", firmware)
             adapter.open()
             stack.callback(adapter.close)
-            interface, channel = "slcan", str(adapter.link)
+            channel = str(adapter.link)
+            options = [] if place == "slcan" else ["sleep_after_open=0.0"]
+        elif place == "socketcand":
+            if fd:
+                pytest.skip("socketcand carries classic frames only")
+            daemon = FakeSocketcand(firmware)
+            daemon.open()
+            stack.callback(daemon.close)
+            channel, options = "can0", ["host=127.0.0.1", f"port={daemon.port}", "tcp_tune=true"]
         elif place == "board":
             interface, _, channel = REAL_BOARD.partition(":")
             sensor = load_sensor(os.environ.get("POSFET_TEST_SENSOR") or "posfet_5x5")
             if sensor.can.fd != fd:
                 pytest.skip("the board has the other frames")
         else:
-            interface, channel = ("virtual", uuid.uuid4().hex) if place == "virtual" else ("socketcan", REAL_BUS)
-            settings = bus_settings(interface, channel, sensor.can, fd=str(fd).lower())
+            if place == "virtual":
+                channel = uuid.uuid4().hex
+            elif place == "udp_multicast":
+                channel, options = "239.74.163.2", ["hop_limit=0", f"port={free_port()}"]
+            else:
+                interface, channel = "socketcan", REAL_BUS
+            settings = bus_settings(interface, channel, sensor.can, fd=str(fd).lower(), options=options)
             far_end: can.BusABC = stack.enter_context(open_can_bus(settings))
             stack.enter_context(board_on_bus(far_end, firmware))
-        opener = BusOpener(bus_settings(interface, channel, sensor.can, fd=str(fd).lower()))
+        opener = BusOpener(bus_settings(interface, channel, sensor.can, fd=str(fd).lower(), options=options))
         board = Board(sensor, opener, fd, presence=opener.presence)
         stack.callback(board.close)
         board.open()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import inspect
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -23,6 +24,7 @@ SLCAN: Final = "slcan"
 PLAIN_SLCAN: Final = "slcan-python-can"
 """The interface that is python-can's slcan."""
 FD_CHOICES: Final = ("auto", "true", "false")
+_DOCUMENTED: Final = re.compile(r"^\s*:param (?:[^:\n]* )?(\w+):", re.MULTILINE)
 
 
 @dataclass(frozen=True)
@@ -127,7 +129,7 @@ def _bus_class(interface: str) -> type[Any]:
     module, name = module_and_name
     try:
         bus_class: type[Any] = getattr(importlib.import_module(module), name)
-    except (ImportError, OSError, can.CanError) as error:
+    except (ImportError, OSError, AttributeError, can.CanError) as error:  # makers' modules fail in many ways
         raise ConfigError(f"can_interface: '{interface}' cannot be used here: {one_line(error)}") from error
     return bus_class
 
@@ -141,10 +143,13 @@ def _parameters(bus_class: type[Any]) -> Iterator[str]:
     for part in bus_class.__mro__:
         if "__init__" not in vars(part):
             continue
-        parameters = inspect.signature(vars(part)["__init__"]).parameters.values()
+        constructor = vars(part)["__init__"]
+        parameters = inspect.signature(constructor).parameters.values()
         yield from (item.name for item in parameters if item.kind not in {item.VAR_POSITIONAL, item.VAR_KEYWORD})
         if part is can.BusABC or not any(item.kind is item.VAR_KEYWORD for item in parameters):
             return
+        # Some take what they need out of **kwargs, such as Kvaser's even the bitrate: only their documentation tells.
+        yield from _DOCUMENTED.findall(constructor.__doc__ or "")
 
 
 def _option(text: str) -> tuple[str, Any]:

@@ -167,7 +167,6 @@ class FaultInjector:
         old = self._stuck or b""
         return [(number, kind, _with_number(kind, data, old)) for number, kind, data in frames]
 
-
     def _stop_clock(self, frames: list[Frame]) -> list[Frame]:
         """Give every FD frame the time of the first that is struck."""
         if frames and self._stuck is None:
