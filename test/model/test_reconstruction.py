@@ -170,6 +170,20 @@ def no_temperature(index: int, scan: Scan) -> None:
         scan.temperatures[:] = math.nan
 
 
+def wrapped(index: int, scan: Scan) -> None:
+    if index >= 1000:
+        scan.sequence -= 1000
+
+
+def stamps_jump(index: int, scan: Scan) -> None:
+    scan.stamp += 10**13 if index >= 1000 else 0
+
+
+def absurd(index: int, scan: Scan) -> None:
+    if index == 1000:
+        scan.counts[::2], scan.counts[1::2] = 0xFFFF, 0
+
+
 def repeated(index: int, scan: Scan) -> None:
     if index == 1001:
         scan.sequence, scan.device_time, scan.stamp = 1000, 1_000_000, START + 1_000_000_000
@@ -181,6 +195,9 @@ def repeated(index: int, scan: Scan) -> None:
         (lose(1000, 1099), "missed", 100),
         (board_reset, "resets", 1),
         (clock_jump, "time_jumps", 1),
+        (wrapped, "resets", 1),
+        (stamps_jump, "time_jumps", 0),
+        (absurd, "implausible", 1),
         (full_scale, "implausible", 2),
         (adc_fault, "adc_fault", 1),
         (other_layout, "layout_mismatch", 1),
@@ -201,6 +218,48 @@ def test_a_broken_scan_is_counted_and_the_held_force_goes_on(
         assert contact.region.force == pytest.approx(1.5, abs=0.03)
     assert len({contact.id for contact in contacts_of(results)}) == 1
     assert np.isfinite(reconstructor.image().force).all()
+
+
+@pytest.mark.parametrize("edit", [full_scale, absurd, adc_fault, other_layout])
+def test_a_frame_that_cannot_be_used_is_flagged_and_nothing_is_lost_from_the_next_on(
+    edit: Callable[[int, Scan], bool | None],
+) -> None:
+    reconstructor = Reconstructor(SENSOR)
+    images = []
+    for time, scan in scans(SENSOR, 1.2, force=press(1.5, 0.5, 9.0), shape=FINGER):
+        index = round(time * 1000)
+        edit(index, scan)
+        result = reconstructor.process(scan)
+        if index >= 999:
+            images.append(copy.deepcopy(reconstructor.image()))
+            [contact] = result.contacts
+            assert contact.id == 1
+        if index == 1000:
+            assert (result.accepted, result.unusable, result.valid) == (False, True, False)
+            assert (result.sequence, result.stamp) == (1000, START + 1_000_000_000)
+        elif index > 1000 and not result.unusable:
+            assert result.valid
+            assert contact.region.force == pytest.approx(1.5, abs=0.03)
+            assert math.dist(contact.region.centre_of_pressure, (0.6e-3, -0.4e-3)) < 0.05e-3
+    before, flagged, after = images[0], images[1], images[-1]
+    assert np.isfinite(before.force).all()
+    assert np.isnan(flagged.force).all()
+    assert np.isnan(flagged.standard_deviation).all()
+    assert math.isnan(flagged.total)
+    np.testing.assert_allclose(after.force, before.force, rtol=0, atol=0.01)
+
+
+def test_a_contact_released_before_an_unusable_scan_is_not_released_twice() -> None:
+    reconstructor = Reconstructor(SENSOR)
+    states = []
+    for time, scan in scans(SENSOR, 1.0, force=press(1.5, 0.5, 0.7), shape=FINGER):
+        released = any(contact.state is ContactState.RELEASED for contact in reconstructor._result.contacts)
+        if released:
+            scan.status = int(ScanStatus.ADC_FAULT)
+        states += [contact.state for contact in reconstructor.process(scan).contacts]
+        assert time < 0.7 or not reconstructor._result.unusable or not reconstructor._result.contacts
+    assert states.count(ContactState.RELEASED) == 1
+    assert reconstructor.counts.adc_fault == 1
 
 
 def test_an_interruption_is_not_valid_and_heals_within_50_ms() -> None:

@@ -31,7 +31,7 @@ from posfet_model.reconstruction import TaxelStatus
 from posfet_model.scan import ScanStatus
 from posfet_model.sensor import load_sensor
 from posfet_model.tracker import ContactState
-from posfet_msgs.msg import TactileContact, TactileContacts, TactileImage, TactileInfo, TactileRaw
+from posfet_msgs.msg import TactileContact, TactileContacts, TactileImage, TactileInfo, TactileRaw, TactileVibration
 from posfet_msgs.srv import CalibrationFile
 from posfet_msgs.srv import Tare as TareService
 
@@ -186,7 +186,7 @@ def test_markers_come_and_go_with_the_contact(bench: Bench) -> None:
 def test_nothing_is_published_when_nobody_subscribes(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     node = bench.model(direct=True)
     published: list[str] = []
-    for publisher in (node._contacts, node._markers, *(publisher for publisher, _ in node._maps)):
+    for publisher in (node._contacts, node._markers, node._vibration, *(publisher for publisher, _ in node._maps)):
         monkeypatch.setattr(publisher, "publish", lambda message, name=publisher.topic_name: published.append(name))
     for message in recorded_scans():
         node.process(node._reader.read(message))
@@ -250,11 +250,91 @@ def test_scans_of_another_layout_are_counted_and_named_in_diagnostics(bench: Ben
     assert node.latest() is None
 
 
+def spoilt(message: TactileRaw, change: dict[str, Any]) -> TactileRaw:
+    """A copy of a scan with other fields."""
+    copy = TactileRaw(layout_id=message.layout_id, rows=message.rows, cols=message.cols)
+    copy.header, copy.sequence, copy.device_time = message.header, message.sequence, message.device_time
+    copy.counts, copy.temperatures = message.counts, message.temperatures
+    for name, value in change.items():
+        setattr(copy, name, value)
+    return copy
+
+
+ALTERNATING = [0, 0xFFFF] * 12 + [0]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"counts": [0xFFFF] * 25},
+        {"counts": ALTERNATING},
+        {"counts": [1, 2, 3]},
+        {"rows": 1, "cols": 25},
+        {"layout_id": 9},
+        {"status": int(ScanStatus.ADC_FAULT)},
+    ],
+)
+def test_a_scan_that_cannot_be_used_gives_frames_that_are_not_valid_and_the_next_ones_are(
+    bench: Bench, change: dict[str, Any]
+) -> None:
+    outputs = (bench.listen(TactileContacts, "contacts"), bench.listen(TactileImage, "image"))
+    node = bench.model()
+    wanted = (node._contacts, node._maps[0][0])
+    bench.spin_until(lambda: all(publisher.get_subscription_count() for publisher in wanted))
+    scans = recorded_scans()
+    scans[350] = spoilt(scans[350], change)
+    play(bench, outputs, scans[:360])
+    contacts, images = outputs
+    for message in (contacts[350], images[350]):
+        assert (message.sequence, message.header.stamp.nanosec) == (350, 350_000_000)
+        assert not message.data_valid
+    assert [contact.id for contact in contacts[350].contacts] == [contact.id for contact in contacts[349].contacts]
+    assert np.isnan(images[350].force).all()
+    assert math.isnan(images[350].total_force)
+    for message in contacts[351:]:
+        assert message.data_valid
+        [contact] = message.contacts
+        assert contact.id == contacts[349].contacts[0].id
+        assert contact.force.z == pytest.approx(-FORCE, abs=0.03)
+    assert images[351].total_force == pytest.approx(FORCE, abs=0.03)
+
+
+@pytest.mark.parametrize("again", [350, 340])
+def test_a_scan_that_comes_twice_or_late_gives_no_frame(bench: Bench, again: int) -> None:
+    received = bench.listen(TactileContacts, "contacts")
+    node = bench.model(direct=True)
+    bench.spin_until(lambda: node._contacts.get_subscription_count() > 0)
+    scans = recorded_scans()
+    for message in (*scans[:351], scans[again], *scans[351:355]):
+        node.process(node._reader.read(message))
+    bench.spin_until(lambda: len(received) == 355)
+    assert [message.sequence for message in received] == list(range(355))
+    assert all(message.data_valid for message in received[340:])
+
+
+def test_vibration_is_published_when_somebody_subscribes(bench: Bench) -> None:
+    received = bench.listen(TactileVibration, "vibration")
+    node = bench.model()
+    bench.spin_until(lambda: node._vibration.get_subscription_count() > 0)
+    play(bench, (received,), recorded_scans()[:320])
+    assert (received[0].rows, received[0].cols, received[0].band_low) == (5, 5, 50.0)
+    assert received[299].data_valid
+    # The press is a step of 1.5 N between two scans, which the fast channel feels most where it is.
+    quiet, pressed = np.array(received[299].vibration), np.array(received[305].vibration)
+    assert 0 < quiet.max() < 2e-3
+    assert pressed.argmax() == 12
+    assert pressed.max() > 20 * quiet.max()
+
+
 def test_a_bad_parameter_or_file_is_one_line(bench: Bench) -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.yaml: no such sensor file"):
         bench.model(sensor_file="nowhere.yaml")
     with pytest.raises(ConfigError, match="direct: must be true or false"):
         bench.model(direct=3)
+    with pytest.raises(ConfigError, match="use_sim_time: must be false"):
+        bench.model(use_sim_time=True)
+    with pytest.raises(ConfigError, match="speed: unknown parameter"):
+        bench.model(speed=3)
 
 
 def constants(message: Any, prefix: str) -> dict[str, int]:

@@ -12,6 +12,7 @@ from posfet_driver.imperfections import Imperfections
 from posfet_driver.scene import load_scene
 from posfet_driver.score import Run, differing, main, run
 from posfet_driver.scoring import Score, Scorer
+from posfet_driver.slips import Slips
 from posfet_driver.wire_simulation import wire_scans
 from posfet_model.calibration import Calibration
 from posfet_model.reconstruction import Reconstructor
@@ -29,6 +30,9 @@ NAMES = [
     "detection_latency_scans",
     "held_force_drift_pct",
     "false_contacts_per_hour",
+    "slip_onset_delay_ms",
+    "slip_recall",
+    "false_slips_per_hour",
     "us_per_scan",
 ]
 
@@ -43,12 +47,27 @@ def test_an_ideal_board_scores_well() -> None:
     assert score.detection_latency_scans is not None and score.detection_latency_scans <= 2
     assert score.false_contacts_per_hour == 0.0
     assert score.held_force_drift_pct is None
+    assert (score.slip_recall, score.false_slips_per_hour) == (None, 0.0)
 
 
 def test_a_held_force_has_a_drift() -> None:
     scene = load_scene("hold", SENSOR)
     score = run(Run(SENSOR, scene, 7.0))
     assert score.held_force_drift_pct is not None and 0.0 < score.held_force_drift_pct < 0.5
+
+
+def test_every_jerk_of_a_rod_is_a_slip_of_its_own() -> None:
+    score = run(Run(SENSOR, load_scene("grasp_lift_slip", SENSOR), 3.0))
+    assert score.slip_recall == 1.0
+    assert score.slip_onset_delay_ms["mean"] is not None and 0.0 <= score.slip_onset_delay_ms["mean"] < 6.0
+
+
+def test_slips_that_nobody_tells_or_that_are_none_are_counted() -> None:
+    slips = Slips()
+    for scan, truth in wire_scans(SENSOR, load_scene("grasp_lift_slip", SENSOR), 2.5, 1):
+        slips.add(truth, {0: 1}, {7} if scan.sequence == 1500 else set())
+    assert (slips.recall(), slips.delay()["max"], slips.false) == (0.0, None, 1)
+    assert slips._missed == 3
 
 
 def test_a_gain_that_is_told_wrong_is_found_to_the_percent() -> None:

@@ -10,13 +10,13 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from posfet_driver.conversions import RawMessage, diagnostic_array
 from posfet_driver.faults import Fault, FaultWatch, changes
 from posfet_driver.source import Health, ScanSource, SourceError, SourceReport
 from posfet_model.config import ConfigError
+from posfet_model.listeners import Listeners
 from posfet_model.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_frame, declared_sensor
 from posfet_model.scan import Scan
 from posfet_model.sensor import Sensor
@@ -29,26 +29,8 @@ READ_TIMEOUT = 0.1
 """Longest wait of the data thread [s]: bounds the time that an end takes."""
 WANTED_PERIOD = 0.01
 """Time between two questions whether the source is wanted [s]."""
-SUBSCRIPTIONS_AGE = 100_000_000
-"""For how long a count of subscriptions is believed [ns]."""
 REPORT_PERIOD = 1.0
 """Time between two diagnostics [s]."""
-
-
-class Listeners:
-    """Tells whether a publisher has subscriptions, looked up at most ten times a second."""
-
-    def __init__(self, publisher: Publisher) -> None:
-        self._publisher = publisher
-        self._next = 0
-        self._any = False
-
-    def any(self, now: int) -> bool:
-        """Return whether anybody listened when it was last looked up; `now` is a monotonic time [ns]."""
-        if now >= self._next:
-            self._next = now + SUBSCRIPTIONS_AGE
-            self._any = self._publisher.get_subscription_count() > 0
-        return self._any
 
 
 class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types

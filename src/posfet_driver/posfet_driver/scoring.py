@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_driver.slips import Slips
 from posfet_driver.truth import Truth
 from posfet_model.reconstruction import ForceImage, Reconstruction
 from posfet_model.sensor import Sensor
@@ -53,6 +54,12 @@ class Score:
     """Greatest change of the error of the total force while it is held for 5 s or longer [% of the force]."""
     false_contacts_per_hour: float
     """Contacts that were never near a true one."""
+    slip_onset_delay_ms: dict[str, float | None]
+    """From the scan in which an object's centre truly slips to the one that says so, `mean` and `max` [ms]."""
+    slip_recall: float | None
+    """Share of the slips that were said to be within `SLIP_LATE` [1]."""
+    false_slips_per_hour: float
+    """Slips that were told of an object at rest, or of none."""
     us_per_scan: float
     """Time of the reconstruction, image included [us]."""
 
@@ -79,6 +86,7 @@ class Scorer:
         self._matched: set[int] = set()
         self._seen: set[int] = set()
         self._held = _Hold()
+        self._slips = Slips()
         self._seconds = 0.0
 
     def add(self, result: Reconstruction, image: ForceImage, truth: Truth) -> None:
@@ -88,7 +96,9 @@ class Scorer:
         if result.valid:
             self._add_forces(image, truth, touched)
         live = [contact for contact in result.contacts if contact.state is not ContactState.RELEASED]
-        self._add_contacts(live, truth)
+        partners = self._add_contacts(live, truth)
+        slipping = {contact.id for contact in live if result.motions[contact.id].slipping}
+        self._slips.add(truth, partners, slipping)
 
     def _add_forces(self, image: ForceImage, truth: Truth, touched: bool) -> None:
         known = np.isfinite(image.force)
@@ -103,7 +113,8 @@ class Scorer:
             self._total_true.append(true)
         self._held.add(truth.time, truth.force, float(error.sum()), true)
 
-    def _add_contacts(self, live: Sequence[Contact], truth: Truth) -> None:
+    def _add_contacts(self, live: Sequence[Contact], truth: Truth) -> dict[int, int]:
+        """Compare contacts with true ones; return the id of that of each object that is found."""
         objects = truth.objects
         numbers = [int(number) for number in objects.contact_objects]
         centres = [tuple(centre) for centre in objects.contact_centres.tolist()]
@@ -129,6 +140,7 @@ class Scorer:
         for gone in (self._ids.keys() | self._waiting.keys()) - set(numbers):
             self._ids.pop(gone, None)
             self._waiting.pop(gone, None)
+        return {numbers[index]: contact.id for index, contact in partners.items()}
 
     def _on_chip(self, centre: Sequence[float]) -> bool:
         return abs(centre[0]) <= self._half[0] and abs(centre[1]) <= self._half[1]
@@ -193,6 +205,9 @@ class Scorer:
             detection_latency_scans=max(self._latencies + late, default=None),
             held_force_drift_pct=self._held.greatest(),
             false_contacts_per_hour=len(self._seen - self._matched) * 3600 / self._seconds if self._seconds else 0.0,
+            slip_onset_delay_ms=self._slips.delay(),
+            slip_recall=self._slips.recall(),
+            false_slips_per_hour=self._slips.false * 3600 / self._seconds if self._seconds else 0.0,
             us_per_scan=us_per_scan,
         )
 

@@ -15,12 +15,13 @@ from posfet_driver.adapter_source import AdapterSource
 from posfet_driver.bus import bus_settings
 from posfet_driver.conversions import NANOSECONDS
 from posfet_driver.imperfections import NONE, load_imperfections
-from posfet_driver.scan_source_node import Listeners, ScanSourceNode
+from posfet_driver.scan_source_node import ScanSourceNode
 from posfet_driver.scene import DEFAULT_SCENE, load_scene
 from posfet_driver.simulated_board import SEED_MAX
 from posfet_driver.simulation_source import SimulationSource
 from posfet_driver.source import ScanSource
 from posfet_driver.truth import Truth
+from posfet_model.listeners import Listeners
 from posfet_model.ros_parameters import Parameter
 from posfet_model.run_node import run_node
 from posfet_model.scan import Scan

@@ -16,15 +16,26 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 from visualization_msgs.msg import Marker, MarkerArray
 
 from posfet_model.chain import InverseChain, charge_per_newton, volts_per_count
+from posfet_model.fast_channel import CORNER, MEMORY, Motion
 from posfet_model.reconstruction import ForceImage, Reconstruction
 from posfet_model.scan import Scan
 from posfet_model.sensor import Layout, Sensor
 from posfet_model.tracker import Contact, ContactState
-from posfet_msgs.msg import TactileContact, TactileContacts, TactileImage, TactileInfo, TactileRaw
+from posfet_msgs.msg import (
+    TactileContact,
+    TactileContacts,
+    TactileImage,
+    TactileInfo,
+    TactileRaw,
+    TactileVibration,
+)
 
 NANOSECONDS = 1_000_000_000
 FOREIGN_LAYOUT = 0
 """Stands for a layout that is none: those of sensors begin at 1."""
+
+AT_REST = Motion()
+"""Stands for the motion of a contact that was released."""
 
 LARGEST_INT32 = 0x7FFF_FFFF
 
@@ -115,7 +126,7 @@ class ContactsMessage:
         message.data_valid = result.valid
         message.contacts = self._pool[: len(contacts)]
         for slot, contact in zip(self._pool, contacts, strict=False):
-            _fill_contact(slot, contact)
+            _fill_contact(slot, contact, result.motions.get(contact.id, AT_REST))
         return message
 
 
@@ -126,7 +137,7 @@ def _empty_contact() -> TactileContact:
     return message
 
 
-def _fill_contact(message: TactileContact, contact: Contact) -> None:
+def _fill_contact(message: TactileContact, contact: Contact, motion: Motion) -> None:
     region = contact.region
     message.id = contact.id
     message.state = int(contact.state)
@@ -142,6 +153,8 @@ def _fill_contact(message: TactileContact, contact: Contact) -> None:
     message.minor_axis.x, message.minor_axis.y = region.minor_axis
     message.velocity.x, message.velocity.y = contact.velocity
     message.velocity.z = 0.0 if contact.velocity[0] == contact.velocity[0] else math.nan
+    message.slipping = motion.slipping
+    message.vibration = motion.vibration
     message.age.sec, message.age.nanosec = divmod(round(contact.age * NANOSECONDS), NANOSECONDS)
     message.taxels = array("H", region.taxels.tolist())
 
@@ -163,6 +176,25 @@ class WrenchMessage:
         message.wrench.force.z = -image.total
         message.wrench.torque.x = -moment_y  # r x F with F = (0, 0, -f)
         message.wrench.torque.y = moment_x
+        return message
+
+
+class VibrationMessage:
+    """A TactileVibration."""
+
+    def __init__(self, layout: Layout, frame_id: str) -> None:
+        self._message = TactileVibration(layout_id=layout.id, rows=layout.rows, cols=layout.cols)
+        self._message.header.frame_id = frame_id
+        self._message.band_low, self._message.averaging_time = CORNER, MEMORY
+        self._vibration = _Floats(layout.taxels)
+
+    def fill(self, result: Reconstruction, vibration: NDArray[np.float32]) -> TactileVibration:
+        """Return the message; the next call overwrites it."""
+        message = self._message
+        set_stamp(message.header.stamp, result.stamp)
+        message.sequence = result.sequence
+        message.vibration = self._vibration.fill(vibration)
+        message.data_valid = result.valid
         return message
 
 

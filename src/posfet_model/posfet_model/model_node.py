@@ -28,11 +28,13 @@ from posfet_model.conversions import (
     MarkersMessage,
     PointsMessage,
     ScanReader,
+    VibrationMessage,
     WrenchMessage,
     diagnostic_array,
     info_message,
 )
 from posfet_model.health import Period, judge
+from posfet_model.listeners import Listeners
 from posfet_model.mount_node import MOUNT, broadcast_mount
 from posfet_model.reconstruction import ForceImage, Reconstruction, Reconstructor
 from posfet_model.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_frame, declared_sensor
@@ -40,7 +42,7 @@ from posfet_model.run_node import run_node
 from posfet_model.scan import Scan
 from posfet_model.scan_clock import ScanCounts
 from posfet_model.tracker import Contact
-from posfet_msgs.msg import TactileContacts, TactileImage, TactileInfo, TactileRaw
+from posfet_msgs.msg import TactileContacts, TactileImage, TactileInfo, TactileRaw, TactileVibration
 from posfet_msgs.srv import CalibrationFile
 from posfet_msgs.srv import Tare as TareService
 
@@ -57,8 +59,6 @@ PARAMETERS = (
 OUTPUT_DEPTH = 10
 RAW_DEPTH = 1000
 """Scans that wait for a process that is held up: one second of them."""
-SUBSCRIPTIONS_AGE = 100_000_000
-"""For how long counts of subscriptions are believed [ns]."""
 REPORT_PERIOD = 1.0
 """Time between two diagnostics [s]."""
 MARKER_PERIOD = 33_000_000
@@ -121,9 +121,11 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
             (self.create_publisher(Image, "force_image", OUTPUT_DEPTH), force_image.fill),
             (self.create_publisher(PointCloud2, "points", OUTPUT_DEPTH), points.fill),
         )
-        self._contacts_wanted = self._markers_wanted = False
-        self._maps_wanted: list[tuple[Publisher, Callable[[Reconstruction, ForceImage], Any]]] = []
-        self._next_look = self._next_markers = 0
+        self._vibration_message = VibrationMessage(layout, frame_id)
+        self._vibration = self.create_publisher(TactileVibration, "vibration", OUTPUT_DEPTH)
+        outputs = (self._contacts, self._markers, self._vibration, *(publisher for publisher, _ in self._maps))
+        self._listeners = {publisher: Listeners(publisher) for publisher in outputs}
+        self._next_markers = 0
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._info = self.create_publisher(TactileInfo, "info", latched)
         self._info.publish(info_message(self.sensor, frame_id, parameters["simulated"], time.time_ns()))
@@ -137,22 +139,28 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
             self.create_subscription(TactileRaw, "raw", self._receive, RAW_DEPTH)
 
     def process(self, scan: Scan) -> None:
-        """Take one scan and publish what is subscribed, contacts first. For one thread at a time."""
+        """Take one scan and publish what is subscribed, contacts first; a scan that cannot be used gives frames, too,
+        that are not valid. For one thread at a time.
+        """
         with self._lock:
-            result = self._reconstructor.process(scan)
-            if not result.accepted:
-                return
-            self._result = result
             now = time.monotonic_ns()
-            if now >= self._next_look:
-                self._look_for_subscriptions(now)
-            if self._contacts_wanted:
+            vibration = self._listeners[self._vibration].any(now)
+            self._reconstructor.vibration_wanted = vibration
+            result = self._reconstructor.process(scan)
+            if result.accepted:
+                self._result = result
+            elif not result.unusable:
+                return
+            if self._listeners[self._contacts].any(now):
                 self._contacts.publish(self._contacts_message.fill(result))
-            if self._maps_wanted:
+            wanted = [entry for entry in self._maps if self._listeners[entry[0]].any(now)]
+            if wanted:
                 image = self._reconstructor.image()
-                for publisher, fill in self._maps_wanted:
+                for publisher, fill in wanted:
                     publisher.publish(fill(result, image))
-            if self._markers_wanted and now >= self._next_markers:
+            if vibration:
+                self._vibration.publish(self._vibration_message.fill(result, self._reconstructor.vibration()))
+            if now >= self._next_markers and self._listeners[self._markers].any(now):
                 self._next_markers = now + MARKER_PERIOD
                 self._markers.publish(self._markers_message.fill(result))
 
@@ -207,12 +215,6 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
             return response
         response.success, response.message = True, f"{request.path}: written"
         return response
-
-    def _look_for_subscriptions(self, now: int) -> None:
-        self._next_look = now + SUBSCRIPTIONS_AGE
-        self._contacts_wanted = self._contacts.get_subscription_count() > 0
-        self._markers_wanted = self._markers.get_subscription_count() > 0
-        self._maps_wanted = [entry for entry in self._maps if entry[0].get_subscription_count() > 0]
 
     def _report(self) -> None:
         with self._lock:

@@ -13,6 +13,7 @@ from posfet_model.calibration import Calibration
 from posfet_model.chain import InverseChain, charge_per_newton, noise_of_a_scan
 from posfet_model.contacts import ContactFinder
 from posfet_model.crosstalk import CrosstalkInverse, non_negative
+from posfet_model.fast_channel import FastChannel, Motion
 from posfet_model.observer import ForceObserver
 from posfet_model.scan import Scan
 from posfet_model.scan_clock import ScanClock, ScanCounts
@@ -30,7 +31,10 @@ class Reconstruction:
     """What became of the last scan. Made once and filled again and again; a reader copies what it keeps."""
 
     accepted: bool
-    """False: the scan was refused, everything else is of the scan before."""
+    """False: the scan was refused."""
+    unusable: bool
+    """The scan was refused for what is in it: stamp and sequence are its own, contacts those of the scan before, and
+    `valid` is false. A scan that came twice or late is refused, too, and leaves everything as it was."""
     stamp: int
     """Acquisition time [ns] since the Unix epoch."""
     sequence: int
@@ -38,6 +42,8 @@ class Reconstruction:
     """False: not fit for control."""
     contacts: tuple[Contact, ...]
     """Ascending by id; released ones once."""
+    motions: dict[int, Motion]
+    """What the fast channel says of each contact that is not released, by its id."""
     saturated: int
     """Number of taxels at the end of their range."""
 
@@ -80,11 +86,15 @@ class Reconstructor:
         self._inverse = InverseChain(sensor)
         self._crosstalk = CrosstalkInverse(sensor.layout, self.calibration.crosstalk)
         self._observer = ForceObserver(sensor, calibration=self.calibration)
+        noise, gain = noise_of_a_scan(sensor), self.calibration.usable_gain
+        self._fast = FastChannel(sensor.layout, 1.0 / (charge_per_newton(sensor) * gain), noise)
+        self.vibration_wanted = False
+        """Whether the fast channel runs while nothing touches, too, and averages the power of each taxel."""
         self._finder = ContactFinder(sensor)
         self._tracker = ContactTracker(sensor)
         self._watch = TaxelWatch(sensor, known_dead=self.calibration.dead)
         self._observer.ignore(self._watch.bad)
-        self._least = TELLING * noise_of_a_scan(sensor)
+        self._least = TELLING * noise
         pitch = min(sensor.layout.pitch_x, sensor.layout.pitch_y)
         self._reach = math.ceil(3.0 * sensor.device.contact_spread / pitch) + 1
         self._charge = np.zeros(taxels)
@@ -98,7 +108,7 @@ class Reconstructor:
         self._set_thresholds()
         self._saturated_now = 0
         self._implausible_in_a_row = 0
-        self._result = Reconstruction(False, 0, 0, False, (), 0)
+        self._result = Reconstruction(False, False, 0, 0, False, (), {}, 0)
         self._image = ForceImage(
             np.full(taxels, np.nan, np.float32),
             np.full(taxels, np.nan, np.float32),
@@ -141,14 +151,16 @@ class Reconstructor:
         """Take one scan; the result is overwritten by the next call."""
         result = self._result
         clock, observer = self._clock, self._observer
-        result.accepted = clock.fits(scan) and self._plausible(scan) and clock.admit(scan)
+        result.unusable = not (clock.fits(scan) and self._plausible(scan))
+        result.accepted = not result.unusable and clock.admit(scan)
         if not result.accepted:
-            return result
+            return self._flag(scan) if result.unusable else result
         self._inverse.charge(scan.counts, self._charge)
         self._charge -= self._offset_charge
         charge = self._crosstalk.apply(self._charge) if self._crosstalk.present else self._charge
         if clock.interrupted:
             observer.interrupt()
+            self._fast.pause()
         observer.advance(charge, scan.temperatures, clock.step)
         result.saturated = self._saturated_now
         if result.saturated:
@@ -157,8 +169,15 @@ class Reconstructor:
             observer.follow_common()
         self._watch.take(scan.counts)
         regions = self._find_around_bad() if self._watch.any_bad else self._finder.find(observer.force)
+        if regions or self.vibration_wanted:
+            self._fast.advance(charge, clock.step)
+            if self.vibration_wanted:
+                self._fast.average(clock.step)
+        else:
+            self._fast.pause()
         if regions or not self._tracker.idle:
             result.contacts = self._follow(regions, clock.step)
+            result.motions = self._fast.follow(result.contacts, observer.force, clock.step)
         elif result.contacts:
             result.contacts = ()
         if observer.block_due:
@@ -196,7 +215,9 @@ class Reconstructor:
             self._keep_non_negative(known)
         np.sqrt(self._variance + common, out=image.standard_deviation, casting="same_kind")
         image.status[:] = watch.status
-        if watch.any_bad or not observer.valid:
+        if self._result.unusable:
+            known = np.zeros_like(known)
+        if watch.any_bad or not observer.valid or self._result.unusable:
             image.force[~known] = math.nan
             image.standard_deviation[~known] = math.nan
         image.total, image.total_standard_deviation = math.nan, math.nan
@@ -210,6 +231,22 @@ class Reconstructor:
             image.standard_deviation[self._saturated] = math.nan
             image.total_standard_deviation = math.nan
         return image
+
+    def vibration(self) -> NDArray[np.float32]:
+        """Return the RMS of each taxel's force above the corner of the fast channel [N], shape [rows * cols].
+
+        NaN where a taxel does not work. For while `vibration_wanted`.
+        """
+        vibration = np.sqrt(self._fast.power).astype(np.float32)
+        vibration[self._watch.bad | self._saturated | self._result.unusable] = math.nan
+        return vibration
+
+    def _flag(self, scan: Scan) -> Reconstruction:
+        """Take note of a scan that cannot be used: what touches goes on as it was, and none of it is valid."""
+        result = self._result
+        result.stamp, result.sequence, result.valid = scan.stamp, scan.sequence, False
+        result.contacts = tuple(contact for contact in result.contacts if contact.state is not ContactState.RELEASED)
+        return result
 
     def _keep_non_negative(self, known: NDArray[np.bool_]) -> None:
         """Take what is below zero in the image off the rest of its contact, of which the sum stays."""

@@ -75,9 +75,13 @@ def declare(node: Node, table: Sequence[Parameter]) -> Mapping[str, Any]:
     """
     name = node.get_fully_qualified_name()
     known = [parameter.name for parameter in table]
-    for given in sorted(node._parameter_overrides):
+    for given in _given(node):
         if given not in known and not given.startswith(STANDARD):
             raise ConfigError(f"{name}: {given}: unknown parameter, known are {', '.join(known)}")
+    if node.get_parameter("use_sim_time").value:
+        raise ConfigError(
+            f"{name}: use_sim_time: must be false: stamps are times of acquisition, by this machine's clock"
+        )
     values: dict[str, Any] = {}
     for parameter in table:
         # rclpy's own ranges let lists and NaN through and its types end in a traceback: all of it is checked here.
@@ -93,6 +97,15 @@ def declare(node: Node, table: Sequence[Parameter]) -> Mapping[str, Any]:
             raise ConfigError(f"{name}: {parameter.name}: {reason}")
         values[parameter.name] = float(value) if isinstance(parameter.default, float) else value
     return values
+
+
+def _given(node: Node) -> list[str]:
+    """Return the names of the parameters that were given to `node`, sorted.
+
+    rclpy has no public way to ask for those that are not declared; where the private one is gone, none are known, and
+    a misspelt name goes unnoticed.
+    """
+    return sorted(getattr(node, "_parameter_overrides", ()))
 
 
 def declared_sensor(values: Mapping[str, Any]) -> Sensor:

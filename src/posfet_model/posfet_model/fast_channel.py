@@ -1,0 +1,137 @@
+"""The fast channel beside the slow one: vibration of each taxel, and slip of each contact as it begins.
+
+The leak couples the signal as a capacitor does: above its corner (0.6 Hz for 0.27 s) charge is force. So the fast
+channel needs no observer, and none of its errors: it is the charge through a high pass of one pole.
+
+A contact slips when its centre moves faster than a hand would move it. With y the high-passed force of a taxel at x, a
+centre c and time constant T of the high pass, a distribution F that moves at v gives ``sum((x - c)*y) = F*v*T``. A
+press or a vibration changes F, but hardly its shape: there the same sum is next to nothing beside ``sum(y)``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model.contacts import Region
+from posfet_model.sensor import Layout
+from posfet_model.tracker import Contact, ContactState
+
+CORNER: Final = 50.0
+"""Corner of the high pass [Hz]."""
+
+MEMORY: Final = 0.01
+"""Time constant with which the power of a vibration is averaged [s]."""
+
+SLIP_SPEED: Final = 10e-3
+"""A contact slips from this speed on [m/s], assumed."""
+
+STILL_SPEED: Final = 5e-3
+"""It slips no more below this speed [m/s], assumed."""
+
+SLIP_ENDS: Final = 0.01
+"""Once it has been still for this long [s]."""
+
+SLIP_GUARD: Final = 6.0
+"""Standard deviations of noise that are no slip [1]."""
+
+LEVER: Final = 0.5
+"""Least distance between the centre of what changes and that of the contact [pitch]: a press changes about it."""
+
+
+@dataclass(slots=True)
+class Motion:
+    """What the fast channel knows of one contact."""
+
+    power: float = 0.0
+    """Mean square of its high-passed force [N2]."""
+    slipping: bool = False
+    still: float = 0.0
+    """For how long it has not been slipping [s]."""
+
+    @property
+    def vibration(self) -> float:
+        """Root mean square of the contact's force above the corner [N]."""
+        return math.sqrt(self.power)
+
+
+class FastChannel:
+    """High-passed force of every taxel, while `advance` is called scan by scan; begins anew after a `pause`."""
+
+    def __init__(self, layout: Layout, newton_per_charge: NDArray[np.float64], noise: float) -> None:
+        """Take the array, the force of each taxel's charge density [N m2/C], and the noise of a reading [N]."""
+        self._newton_per_charge = newton_per_charge
+        self._positions = layout.positions
+        self._lever = LEVER * max(layout.pitch_x, layout.pitch_y)
+        self._noise = noise
+        self._last = np.zeros(layout.taxels)
+        self._now = np.zeros(layout.taxels)
+        self._square = np.zeros(layout.taxels)
+        self._running = False
+        self._motions: dict[int, Motion] = {}
+        self.fast = np.zeros(layout.taxels)
+        """High-passed force of each taxel [N], shape [rows * cols]."""
+        self.power = np.zeros(layout.taxels)
+        """Mean square of it [N2], as far as `average` was called."""
+
+    def pause(self) -> None:
+        """Take note that scans are left out from here on."""
+        if self._running:
+            self._running = False
+            self.fast[:] = 0.0
+            self.power[:] = 0.0
+            self._motions.clear()
+
+    def advance(self, charge: NDArray[np.float64], step: float) -> None:
+        """Take the charge densities [C/m2] at the end of a step [s]."""
+        now, last = self._now, self._last
+        np.multiply(charge, self._newton_per_charge, out=now)
+        if self._running:
+            decay = math.exp(-2.0 * math.pi * CORNER * step)
+            np.subtract(now, last, out=last)
+            last *= 0.5 * (1.0 + decay)  # passes half the scan rate as it is
+            self.fast *= decay
+            self.fast += last
+        self._running = True
+        self._now, self._last = last, now
+
+    def average(self, step: float) -> None:
+        """Let the power of each taxel follow its vibration over a step [s]."""
+        np.multiply(self.fast, self.fast, out=self._square)
+        self._square -= self.power
+        self._square *= -math.expm1(-step / MEMORY)
+        self.power += self._square
+
+    def follow(self, contacts: Sequence[Contact], force: NDArray[np.float64], step: float) -> dict[int, Motion]:
+        """Return the motion of each contact by its id; those that were released have none.
+
+        force [N] is that of all taxels, shape [rows * cols].
+        """
+        motions: dict[int, Motion] = {}
+        for contact in contacts:
+            if contact.state is not ContactState.RELEASED:
+                motions[contact.id] = self._of(contact.region, force, self._motions.get(contact.id) or Motion(), step)
+        self._motions = motions
+        return motions
+
+    def _of(self, region: Region, force: NDArray[np.float64], motion: Motion, step: float) -> Motion:
+        taxels = region.taxels
+        fast, slow, places = self.fast[taxels], force[taxels], self._positions[taxels]
+        change, total = float(fast.sum()), max(float(slow.sum()), 1e-9)
+        motion.power += -math.expm1(-step / MEMORY) * (change * change - motion.power)
+        # The centre is that of these taxels alone, without what else is known of the contact.
+        moment = math.hypot(*(fast @ places - slow @ places * (change / total)).tolist())
+        reach = math.hypot(*region.major_axis) + math.hypot(*region.minor_axis)
+        noise = SLIP_GUARD * self._noise * reach * math.sqrt(len(taxels))
+        per_speed = total / (2.0 * math.pi * CORNER)
+        if moment > max(SLIP_SPEED * per_speed, noise, self._lever * abs(change)):
+            motion.slipping, motion.still = True, 0.0
+        elif motion.slipping and moment < max(STILL_SPEED * per_speed, 0.5 * noise):
+            motion.still += step
+            motion.slipping = motion.still < SLIP_ENDS
+        return motion
