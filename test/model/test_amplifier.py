@@ -9,23 +9,25 @@ from model.spice_data import small_signal, transient
 from model.sweep import NOT_REAL_NUMBERS, ErrorMap, assert_refused, reference, refusals
 
 from posfet_model.amplifier import AmplifierBias, figures_of_merit, mismatch_offset
+from posfet_model.one_stage import CIRCUIT_C, one_stage_figures
 from posfet_model.spice import closed_loop
 
 EPS = np.finfo(np.float64).eps
 FIGURES = figures_of_merit()
 
 
-def test_every_figure_against_the_40_digit_table(record_property) -> None:
-    table = reference("amplifier")
+@pytest.mark.parametrize(("name", "formulas"), [("amplifier", figures_of_merit), ("one_stage", one_stage_figures)])
+def test_every_figure_against_the_40_digit_table(record_property, name: str, formulas) -> None:
+    table = reference(name)
     inputs, outputs = list(table)[:8], list(table)[8:]
     found = ErrorMap(bound=8 * EPS)
     for row in zip(*table.values(), strict=True):
         bias, exact = map(float, row[: len(inputs)]), dict(zip(outputs, row[len(inputs) :], strict=True))
-        figures = figures_of_merit(AmplifierBias(*bias))
+        figures = formulas(AmplifierBias(*bias))
         # The offset is a difference of overdrives, divided by the first gain.
         scales = {**exact, "systematic_offset": exact["overdrive"] / exact["first_gain"]}
-        for name in outputs:
-            found.add(name, (getattr(figures, name) - exact[name]) / scales[name])
+        for figure in outputs:
+            found.add(figure, (getattr(figures, figure) - exact[figure]) / scales[figure])
     found.check(record_property)
 
 
@@ -36,6 +38,35 @@ def test_gain_and_pole_against_ngspice() -> None:
     assert FIGURES.dominant_pole / closed_loop(open_loop).bandwidth == pytest.approx(1, abs=0.03)
     unity = float(np.interp(0, -np.log(abs(open_loop.transfer)), open_loop.frequency))
     assert FIGURES.gain_bandwidth / unity == pytest.approx(1, abs=0.03)
+
+
+def test_the_one_stage_op_amp_against_ngspice() -> None:
+    open_loop = small_signal("opamp_c", "open_loop")
+    figures = one_stage_figures()
+    assert figures.open_loop_gain / abs(open_loop.transfer[0]) == pytest.approx(1, abs=0.04)
+    assert figures.dominant_pole / closed_loop(open_loop).bandwidth == pytest.approx(1, abs=0.05)
+    # The second pole is where 45 degrees have been added to the first one's 90. Above, the gates of the pair feed the
+    # input through to the output.
+    below = open_loop.frequency < 2e7
+    phase = -np.unwrap(np.angle(open_loop.transfer[below]))
+    second = math.exp(float(np.interp(0.75 * math.pi, phase, np.log(open_loop.frequency[below]))))
+    assert figures.second_pole / second == pytest.approx(1, abs=0.17)
+
+
+@pytest.mark.parametrize(
+    ("circuit", "formulas", "slack"), [("opamp_b", figures_of_merit, 0.15), ("opamp_c", one_stage_figures, 0.05)]
+)
+def test_slew_rates_against_ngspice(circuit: str, formulas, slack: float) -> None:
+    """Half-way up the stored step of 1 V, where the pair is still driven hard."""
+    run = transient(circuit, "step")
+    instants = np.interp([0.35, 0.5], run.v_out - run.v_out[0], run.time)
+    assert formulas().slew_rate / (0.15 / np.diff(instants)[0]) == pytest.approx(1, abs=slack)
+
+
+def test_a_one_stage_supply_too_low_is_refused() -> None:
+    low = dataclasses.replace(CIRCUIT_C, supply=1.7)
+    assert_refused(one_stage_figures, {"bias": low}, "supply")
+    assert_refused(one_stage_figures, {"bias": None}, "bias")
 
 
 def test_offset_against_ngspice() -> None:
@@ -57,6 +88,13 @@ def test_without_modulation_the_formulas_are_the_textbook_ones() -> None:
     textbook = ideal.input_transconductance / (2 * math.pi * bias.compensation)
     assert ideal.gain_bandwidth / textbook == pytest.approx(1, abs=1e-4)
     assert ideal.slew_rate == pytest.approx(ideal.tail_current / bias.compensation, abs=1e3)
+    # W5*W7/(2*W3) gives M8 the current of M7, 3/4 of the tail's; Cc and the output's own capacitance share it.
+    sinking = bias.compensation + bias.load_capacitance + 3276e-6 * 12e-6 * 4.0270e-5 / 3
+    assert ideal.falling_slew_rate == pytest.approx(ideal.output_current / sinking, abs=1e3)
+    ratio = math.sqrt(ideal.output_current * 2 / (283e-4 * 7.6736e-4 * 20))
+    pushed = math.sqrt((ideal.output_current + ideal.tail_current) * 2 / (283e-4 * 7.6736e-4 * 20))
+    linear = ideal.tail_current * ratio / (2 * ideal.output_current)
+    assert ideal.bend == pytest.approx(linear - (pushed - ratio), abs=1e-5)
 
 
 def test_follower_of_the_figures() -> None:

@@ -17,6 +17,7 @@ from model.sweep import (
     signed_decades,
 )
 
+from posfet_model.differential_pair import Lead
 from posfet_model.exponential import mean_decay
 from posfet_model.follower import (
     Follower,
@@ -43,11 +44,12 @@ def followers(time_constant: float = 1 / (2 * math.pi * LOOP.bandwidth), gain: f
         OnePoleFollower(gain=gain, bandwidth=bandwidth),
         *two_poles,
         SquareLawFollower(gain=gain, bandwidth=bandwidth, overdrive=0.4),
+        SquareLawFollower(gain=gain, bandwidth=bandwidth, overdrive=0.4, lead=Lead(linear=0.07, square=0.18)),
     ]
 
 
 def name(follower: Follower) -> str:
-    return f"{type(follower).__name__}{getattr(follower, 'quality', '')}"
+    return f"{type(follower).__name__}{getattr(follower, 'quality', '')}{getattr(follower, 'lead', '')}"
 
 
 FOLLOWERS = [pytest.param(follower, id=name(follower)) for follower in followers()]
@@ -190,6 +192,16 @@ def test_square_law_is_one_pole_for_small_signals_and_slews_for_large_ones() -> 
     assert slewing.run([0, 1.0], [0.0, 5.0]).v_out[1] == pytest.approx(5 * LOOP.gain, abs=1e-5)
 
 
+@pytest.mark.parametrize("linear", [0.0, 0.07, 0.5, 1.0])
+def test_a_lead_is_a_zero_for_small_signals(linear: float) -> None:
+    follower = SquareLawFollower(gain=0.99, bandwidth=1.5e6, overdrive=0.4, lead=Lead(linear=linear))
+    corner = follower.bandwidth / math.sqrt(1 + 2 * linear - linear**2)
+    assert follower.response(corner).gain == pytest.approx(0.99 / math.sqrt(2), abs=1e-14)
+    assert follower.response(1e-3).phase / (2 * math.pi * 1e-3) == pytest.approx(-follower.time_constant, abs=1e-15)
+    jumped = follower.run([0.0, 0.0], [0.0, 1e-6])
+    assert jumped.v_out[1] == pytest.approx(0.99e-6 * linear / (1 + linear), abs=1e-16)
+
+
 def test_offset_is_added_at_the_input_for_each_taxel() -> None:
     offset = np.array([1e-3, -2e-3])
     follower = OnePoleFollower(gain=0.9, bandwidth=1e6, offset=offset)
@@ -252,7 +264,10 @@ class TestSweep:
                 v_out = follower.output(state).v_out / change
                 assert_finite(v_out)
                 slack = ringing + 1e-12 + 4e-16 / abs(change)  # the last part: rounding of the overdrive
-                assert (v_out >= -slack).all()
+                # A lead's square lifts the output whichever way the pair is driven.
+                lead = getattr(follower, "lead", Lead())
+                lifted = 0.4 * (lead.square - lead.linear) / -change if change < 0 and not lead.absent else 0.0
+                assert (v_out >= -slack - lifted).all()
                 assert (v_out <= 1 + slack).all()
 
     @pytest.mark.parametrize("overdrive", [1e-6, 1e-3, 0.4, 1e3])
@@ -374,7 +389,9 @@ GOOD_TWO_POLES = {"gain": 0.99, "natural_frequency": 1e6, "quality": 0.5}
             bandwidth=[0.0],
             quality=[0.0],
         ),
-        *refusals(SquareLawFollower, {**GOOD_ONE_POLE, "overdrive": 0.4}, overdrive=[0.0, -1.0, 1e4]),
+        *refusals(
+            SquareLawFollower, {**GOOD_ONE_POLE, "overdrive": 0.4}, overdrive=[0.0, -1.0, 1e4], lead=[0.07, (0.07, 0.2)]
+        ),
         *refusals(ONE_POLE.response, {"frequency": 1.0}, frequency=[-1.0, 1e19]),
         *refusals(ONE_POLE.start, {"v_in": 0.0}, v_in=[2e6, -2e6]),
         *refusals(

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import time
+from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,12 @@ import posfet_model
 from posfet_model import spice_compare
 from posfet_model.follower import ClosedLoop, OnePoleFollower, SquareLawFollower
 from posfet_model.follower_run import FollowerRun, deviation, fit_overdrive, read_run
+from posfet_model.paper import AMPLIFIER_GAIN
+from posfet_model.slew_model import slew_model
 from posfet_model.spice import CIRCUITS, closed_loop
+
+ONE_POLE_RATIO = 1 + 1 / AMPLIFIER_GAIN.value
+"""Bandwidth of a follower of one pole over the gain-bandwidth product of its op-amp."""
 
 MODELS = {"ideal", "static", "one_pole", "two_pole", "square_law_slew"}
 
@@ -70,8 +76,11 @@ def test_a_run_of_the_model_itself_is_met_exactly(tmp_path: Path) -> None:
     assert spice_compare.compare(file, 0.97, 2e6)["one_pole"]["calibrated"]["max_pct"] <= 1e-8
     slewing = SquareLawFollower(gain=0.97, bandwidth=2e6, overdrive=0.123)
     write(file, instants, v_in, slewing.run(instants, v_in).v_out)
-    assert spice_compare.compare(file, 0.97, 2e6, 0.123)["square_law_slew"]["calibrated"]["max_pct"] <= 1e-8
-    assert fit_overdrive(read_run(file), ClosedLoop(0.97, 2e6)) == pytest.approx(0.123, abs=1e-3)
+    product = 2e6 / ONE_POLE_RATIO
+    told = spice_compare.compare(file, 0.97, 2e6, gain_bandwidth=product, overdrive=0.123)
+    assert told["square_law_slew"]["calibrated"]["max_pct"] <= 1e-8
+    model = slew_model(ClosedLoop(0.97, 2e6), product)
+    assert fit_overdrive(read_run(file), model) == pytest.approx(0.123, abs=1e-3)
 
 
 def test_percent_are_of_peak_to_peak_and_rms_is_over_time() -> None:
@@ -91,7 +100,7 @@ def test_the_smallest_swing_accepted_prints_json(tmp_path: Path, capsys) -> None
 
 
 def test_a_number_that_is_no_json_is_one_line(capsys, monkeypatch) -> None:
-    monkeypatch.setattr(spice_compare, "compare", lambda *arguments: {"ideal": {"blind": {"max_pct": math.inf}}})
+    monkeypatch.setattr(spice_compare, "compare", lambda *_, **__: {"ideal": {"blind": {"max_pct": math.inf}}})
     code, out, err = command(capsys, path("opamp_b", "tap"))
     assert (code, out, err.count("\n")) == (1, "", 1)
     assert "must be finite" in err
@@ -104,20 +113,68 @@ def test_a_gain_that_looks_like_decibels_is_noted_beside_the_json(capsys, gain: 
     code, out, err = command(capsys, path("opamp_b", "tap"), "--gain", gain, "--bandwidth", "1.5e6", "--overdrive", "1")
     assert code == 0
     assert set(json.loads(out)) == MODELS
-    assert err.count("\n") == noted
+    assert err.count("\n") == 1 + noted
     if noted:
         a0 = float(gain)
         assert f"--gain {a0:g} is taken for an open-loop gain in V/V, not dB" in err
         assert f"{a0 / (1 + a0):.6g} V/V" in err
 
 
-@pytest.mark.parametrize(("run", "how"), [("step", "was fitted to this very run"), ("press", "is assumed")])
-def test_the_overdrive_taken_is_noted_beside_the_json(capsys, run: str, how: str) -> None:
-    loop = closed_loop(small_signal("opamp_b", "ac"))
-    code, out, err = command(capsys, path("opamp_b", run), "--gain", loop.gain, "--bandwidth", loop.bandwidth)
-    fitted = fit_overdrive(read_run(path("opamp_b", run)), loop)
-    assert (code, set(json.loads(out)), err.count("\n")) == (0, MODELS, 1)
-    assert f"overdrive of the calibrated square_law_slew, {fitted:.4g} V, {how}" in err
+@pytest.mark.parametrize(
+    ("circuit", "bandwidth", "said"),
+    [
+        ("opamp_b", None, "two stages; overdrive 0.4664 V, by hand formulas"),
+        ("opamp_c", None, "one stage and an output follower; overdrive 0.3214 V, by hand formulas"),
+        ("opamp_b", 1e5, "one pole; overdrive 0.39 V, assumed"),
+    ],
+)
+def test_what_the_op_amp_was_taken_for_is_noted_beside_the_json(capsys, circuit, bandwidth, said) -> None:
+    loop = closed_loop(small_signal(circuit, "ac"))
+    options = ["--gain", loop.gain, "--bandwidth", bandwidth or loop.bandwidth]
+    code, out, err = command(capsys, path(circuit, "step"), *options)
+    assert (code, set(json.loads(out))) == (0, MODELS)
+    assert err == f"spice_compare: square_law_slew, calibrated: {said}\n"
+
+
+@pytest.mark.parametrize("circuit", CIRCUITS)
+def test_nothing_is_fitted_to_the_run_that_is_judged(circuit: str, monkeypatch) -> None:
+    """The calibrated model is the same whatever the run's output: only the deviation changes."""
+    loop, run = closed_loop(small_signal(circuit, "ac")), read_run(path(circuit, "step"))
+    seen = []
+    monkeypatch.setattr(spice_compare, "deviations", lambda run, models: seen.append(models) or {})
+    monkeypatch.setattr(spice_compare, "read_run", lambda file: run)
+    spice_compare.compare(path(circuit, "step"), *astuple(loop))
+    run = FollowerRun(run.time, run.v_in, 0.5 * run.v_out[::-1])
+    spice_compare.compare(path(circuit, "step"), *astuple(loop))
+    first, second = seen[1]["square_law_slew"], seen[3]["square_law_slew"]
+    assert (first.gain, first.bandwidth, first.overdrive, first.lead) == (
+        second.gain,
+        second.bandwidth,
+        second.overdrive,
+        second.lead,
+    )
+
+
+def test_the_overdrive_can_be_measured_on_another_run(tmp_path: Path, capsys) -> None:
+    generator = np.random.default_rng(14)
+    loop = ["--gain", "0.97", "--bandwidth", "2e6", "--gain-bandwidth", f"{2e6 / ONE_POLE_RATIO:.17g}"]
+    slewing = SquareLawFollower(gain=0.97, bandwidth=2e6, overdrive=0.2)
+    files = []
+    for name in ("judged", "other"):
+        instants = np.cumsum(10 ** generator.uniform(-9, -6, 2000))
+        v_in = np.repeat(generator.normal(size=20), 100)
+        files.append(write(tmp_path / f"{name}.csv", instants, v_in, slewing.run(instants, v_in).v_out))
+    code, out, err = command(capsys, files[0], *loop, "--overdrive-from", files[1])
+    assert (code, "measured on other.csv" in err) == (0, True)
+    assert json.loads(out)["square_law_slew"]["calibrated"]["max_pct"] <= 0.05
+    for other, reason in (
+        (files[0], "another run than the one that is judged"),
+        (path("opamp_b", "press"), "must be a run that slews"),
+        (tmp_path / "none.csv", "cannot be read"),
+    ):
+        code, out, err = command(capsys, files[0], *loop, "--overdrive-from", other)
+        assert (code, out, err.count("\n")) == (1, "", 1)
+        assert reason in err
 
 
 def test_an_open_loop_gain_stands_for_its_closed_loop() -> None:
@@ -194,7 +251,14 @@ def test_a_file_that_cannot_be_read_is_one_line(tmp_path: Path, capsys) -> None:
         (["--gain", "0.99", "--bandwidth", "0"], "--bandwidth must be in"),
         (["--gain", "0.99", "--bandwidth=-1e6"], "--bandwidth must be in"),
         (["--gain", "0.99", "--bandwidth", "nan"], "--bandwidth must be in"),
-        (["--overdrive", "0.3"], "--overdrive needs"),
+        (["--overdrive", "0.3"], "need --gain and --bandwidth"),
+        (["--overdrive-from", "x.csv"], "need --gain and --bandwidth"),
+        (["--gain-bandwidth", "1e6"], "need --gain and --bandwidth"),
+        (["--gain", "0.99", "--bandwidth", "1e6", "--gain-bandwidth", "0"], "--gain-bandwidth must be in"),
+        (
+            ["--gain", "0.99", "--bandwidth", "1e6", "--overdrive", "1", "--overdrive-from", "x.csv"],
+            "exclude each other",
+        ),
         (["--gain", "0.99", "--bandwidth", "1e6", "--overdrive", "0"], "--overdrive must be in"),
     ],
 )

@@ -22,8 +22,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model.checks import real_number
-from posfet_model.differential_pair import pair_current, settle, settle_series
+from posfet_model.checks import instance, real_number
+from posfet_model.differential_pair import NO_LEAD, Lead, pair_current
 from posfet_model.exponential import mean_decay
 from posfet_model.follower_base import (
     VOLTAGE_LIMIT,
@@ -33,6 +33,7 @@ from posfet_model.follower_base import (
     FollowerState,
     FrequencyResponse,
 )
+from posfet_model.pair_settling import settle, settle_series
 from posfet_model.recurrence import linear_recurrence
 
 __all__ = [
@@ -270,35 +271,44 @@ class TwoPoleFollower(StaticFollower):
 class SquareLawFollower(OnePoleFollower):
     """One pole whose current comes from a square-law differential pair: it slews when the input runs ahead.
 
-    ``tau*dv_out/dt = gain*Vov*f(x)`` with ``x = (v_in + offset - v_out/gain)/Vov`` and f, the current of the pair
-    against its overdrive in units of the tail current, which saturates at 1 (`differential_pair.pair_current`). The
-    slew rate is ``gain*Vov/tau``.
+    The pair charges a capacitor, ``tau*dw/dt = gain*Vov*f(x)`` with ``x = (v_in + offset - v_out/gain)/Vov``,
+    ``tau = 1/(2*pi*bandwidth)`` and f, the current of the pair against its overdrive in units of the tail current,
+    which saturates at 1 (`differential_pair.pair_current`). The output is w without a lead, and
+    ``w + gain*Vov*(linear*f + square*f**2)`` with one (`differential_pair.Lead`). The slew rate is ``gain*Vov/tau``.
 
     Notes
     -----
     The finite gain is referred to the pair's input. In a circuit part of the tail current is lost in an output
     resistance instead; both agree for small signals, and by v_out/(A0*Vov) of the slew rate in saturation.
+    With a lead the -3 dB frequency is not `bandwidth` but ``bandwidth/sqrt(1 + 2*linear - linear**2)``.
     """
 
     overdrive: float
     """Vov [V], the overdrive of the pair at balance: sqrt(tail current/gain factor), in [1e-6, 1e3]."""
+    lead: Lead = NO_LEAD
+    """What the pair's current adds to the output at once."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         real_number("overdrive", self.overdrive, 1e-6, 1e3)
+        instance("lead", self.lead, Lead)
 
     @property
     def slew_rate(self) -> float:
-        """Steepest slope of the output [V/s]."""
+        """Steepest slope of the output under saturation [V/s]; a jump of the input moves it at once by the lead."""
         return self.gain * self.overdrive / self.time_constant
 
     def _advance_lags(self, lags: Lags, change: Float64Array, step: Float64Array) -> Lags:
         x = lags[0] / self.overdrive
-        return (self.overdrive * settle(x, change / self.overdrive, step / self.time_constant),)
+        return (self.overdrive * settle(x, change / self.overdrive, step / self.time_constant, self.lead),)
 
     def _series_lags(self, start: Lags, change: Float64Array, step: Float64Array) -> Lags:
         ratio = np.broadcast_to(step / self.time_constant, change.shape)
-        return (self.overdrive * settle_series(start[0] / self.overdrive, change / self.overdrive, ratio),)
+        return (self.overdrive * settle_series(start[0] / self.overdrive, change / self.overdrive, ratio, self.lead),)
 
     def _demanded_rate(self, lags: Lags, change: Float64Array, step: Float64Array) -> Float64Array:
         return np.asarray(self.slew_rate * np.abs(pair_current(lags[0] / self.overdrive)))
+
+    def _transfer(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        x = s * self.time_constant
+        return np.asarray((1 + self.lead.linear * x) / (1 + (1 + self.lead.linear) * x))

@@ -23,16 +23,13 @@ from posfet_model.follower import (
     close_loop,
 )
 from posfet_model.paper import AMPLIFIER_GAIN, GAIN_BANDWIDTH
+from posfet_model.slew_model import OVERDRIVE, SlewModel
 
 HEADER: Final = "time,v_in,v_out"
 
 SECOND_POLE_QUALITY: Final = 0.4
 """Quality of `TwoPoleFollower` where nothing is known of the second pole: it is assumed at 1/0.4^2 = 6.25 times the
 gain-bandwidth product. Circuit C has it at 4 times, circuit B hides it behind a zero."""
-
-OVERDRIVE: Final = 0.39
-"""Overdrive of the differential pair [V] where nothing is known of its current: the pair of Table II at 142 uA, assumed
-(100 uA give 0.33 V, 200 uA 0.46 V)."""
 
 OVERDRIVE_SEARCH: Final = (0.01, 10.0)
 """Range in which the overdrive is fitted [V]."""
@@ -152,22 +149,22 @@ def blind_models() -> dict[str, Follower]:
     two_pole = TwoPoleFollower(
         gain=loop.gain, natural_frequency=loop.bandwidth / SECOND_POLE_QUALITY, quality=SECOND_POLE_QUALITY
     )
-    return _models(loop, two_pole, OVERDRIVE)
+    return _models(loop, two_pole, SlewModel("nothing known", loop, OVERDRIVE).follower())
 
 
-def calibrated_models(loop: ClosedLoop, overdrive: float) -> dict[str, Follower]:
-    """Return the models of a follower of known gain and -3 dB frequency, with the overdrive [V] for the slew."""
+def calibrated_models(loop: ClosedLoop, slewing: SquareLawFollower) -> dict[str, Follower]:
+    """Return the models of a follower of known gain and -3 dB frequency; the slewing one comes from `slew_model`."""
     two_pole = TwoPoleFollower.from_bandwidth(loop.gain, loop.bandwidth, SECOND_POLE_QUALITY)
-    return _models(loop, two_pole, overdrive)
+    return _models(loop, two_pole, slewing)
 
 
-def _models(loop: ClosedLoop, two_pole: TwoPoleFollower, overdrive: float) -> dict[str, Follower]:
+def _models(loop: ClosedLoop, two_pole: TwoPoleFollower, slewing: SquareLawFollower) -> dict[str, Follower]:
     return {
         "ideal": IdealFollower(),
         "static": StaticFollower(gain=loop.gain),
         "one_pole": OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth),
         "two_pole": two_pole,
-        "square_law_slew": SquareLawFollower(gain=loop.gain, bandwidth=loop.bandwidth, overdrive=overdrive),
+        "square_law_slew": slewing,
     }
 
 
@@ -194,20 +191,17 @@ def slews(run: FollowerRun, loop: ClosedLoop) -> bool:
     return bool(np.max(np.abs(lag)) >= _FIT_SLEW_SHARE * OVERDRIVE)
 
 
-def fit_overdrive(run: FollowerRun, loop: ClosedLoop) -> float:
-    """Return the overdrive [V], in [0.01, 10], with which the square-law follower has the least rms deviation.
+def fit_overdrive(run: FollowerRun, model: SlewModel) -> float:
+    """Return the overdrive [V], in [0.01, 10], with which the slewing follower is least off a run, in rms.
 
-    A small-signal analysis does not show the tail current, only a run that slews does. For a run that does not (see
-    `slews`) `OVERDRIVE` is returned. Runs of more than 20000 rows are thinned for the fit.
+    A small-signal analysis does not show the tail current, only a run that slews does (see `slews`; another gives a
+    number that means nothing). Judge the result by other runs than this. Runs of more than 20000 rows are thinned.
     """
-    if not slews(run, loop):
-        return OVERDRIVE
     keep = np.unique(np.append(np.arange(0, run.time.size, -(-run.time.size // _FIT_ROWS)), run.time.size - 1))
     thinned = FollowerRun(run.time[keep], run.v_in[keep], run.v_out[keep])
 
     def rms(log_overdrive: float) -> float:
-        model = SquareLawFollower(gain=loop.gain, bandwidth=loop.bandwidth, overdrive=math.exp(log_overdrive))
-        return deviation(thinned, model).rms_pct
+        return deviation(thinned, model.follower(math.exp(log_overdrive))).rms_pct
 
     low, high = (math.log(v) for v in OVERDRIVE_SEARCH)
     grid = np.linspace(low, high, 15)

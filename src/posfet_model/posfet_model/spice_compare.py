@@ -6,14 +6,16 @@ import argparse
 import json
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Final
 
-from posfet_model.follower import ClosedLoop
+import numpy as np
+
+from posfet_model.follower import ClosedLoop, SquareLawFollower
 from posfet_model.follower_run import (
-    OVERDRIVE,
     SECOND_POLE_QUALITY,
+    FollowerRun,
     RunFileError,
     blind_models,
     calibrated_models,
@@ -22,6 +24,8 @@ from posfet_model.follower_run import (
     read_run,
     slews,
 )
+from posfet_model.paper import GAIN_BANDWIDTH
+from posfet_model.slew_model import OVERDRIVE, slew_model
 
 CLOSED_LOOP_GAIN: Final = (0.5, 1.5)
 OPEN_LOOP_GAIN: Final = (10.0, 1e9)
@@ -43,10 +47,13 @@ Every model starts at rest: as if the first v_in had been there for ever.
 
 "blind" knows an open-loop gain of 42.3 dB and a gain-bandwidth product of 1.5 MHz, and assumes a second pole at
 {1 / SECOND_POLE_QUALITY**2:g} times that and a differential pair of {OVERDRIVE} V overdrive.
-"calibrated" appears when --gain and --bandwidth are given. They say nothing about slewing, so the square-law model's
-overdrive is then fitted to this very run, if it slews (--overdrive gives it instead).
-Standard output is the JSON and nothing else; standard error says what --gain was taken for where it looks like dB, and
-which overdrive was taken."""
+"calibrated" appears when --gain and --bandwidth are given. Nothing is ever fitted to FILE.csv. Gain and bandwidth say
+nothing about slewing, so the square-law model takes the op-amp from the ratio of the bandwidth to that of one pole with
+the gain-bandwidth product (--gain-bandwidth): lower, two stages with a zero; higher, one stage and an output follower.
+Its overdrive is then that of the hand formulas with the sizes of Table II, unless it is given (--overdrive) or measured
+on another run of the same circuit (--overdrive-from).
+Standard output is the JSON and nothing else; standard error says what --gain was taken for where it looks like dB, what
+the op-amp was taken for, and which overdrive was taken."""
 
 
 class UsageError(ValueError):
@@ -57,7 +64,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Compare and print; return the exit code: 0, or 1 with one line on stderr when file or options are bad."""
     options = _parser().parse_args(arguments)
     try:
-        result = compare(options.file, options.gain, options.bandwidth, options.overdrive, _note)
+        result = compare(
+            options.file,
+            options.gain,
+            options.bandwidth,
+            gain_bandwidth=options.gain_bandwidth,
+            overdrive=options.overdrive,
+            overdrive_from=options.overdrive_from,
+            tell=_note,
+        )
         text = json.dumps(result, indent=2, allow_nan=False)
     except (RunFileError, UsageError) as error:
         _note(str(error))
@@ -73,7 +88,10 @@ def compare(
     file: Path,
     gain: float | None = None,
     bandwidth: float | None = None,
+    *,
+    gain_bandwidth: float | None = None,
     overdrive: float | None = None,
+    overdrive_from: Path | None = None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> dict[str, dict[str, dict[str, float]]]:
     """Return the deviations in percent, by model and by "blind" or "calibrated"; arguments as on the command line.
@@ -81,20 +99,15 @@ def compare(
     `tell` gets a line for each thing that a reader of the numbers should know. Raises RunFileError or UsageError.
     """
     loop = closed_loop(gain, bandwidth)
-    if overdrive is not None:
-        if loop is None:
-            raise UsageError("--overdrive needs --gain and --bandwidth")
-        _require("--overdrive", overdrive, OVERDRIVE_RANGE)
+    if loop is None and not (gain_bandwidth is None and overdrive is None and overdrive_from is None):
+        raise UsageError("--gain-bandwidth, --overdrive and --overdrive-from need --gain and --bandwidth")
     run = read_run(file)
     results = {"blind": deviations(run, blind_models())}
     if loop is not None:
         if gain is not None and LIKE_DECIBELS[0] <= gain <= LIKE_DECIBELS[1]:
             tell(f"--gain {gain:g} is taken for an open-loop gain in V/V, not dB: a follower of {loop.gain:.6g} V/V")
-        if overdrive is None:
-            overdrive = fit_overdrive(run, loop)
-            how = "was fitted to this very run" if slews(run, loop) else "is assumed, this run does not slew"
-            tell(f"the overdrive of the calibrated square_law_slew, {overdrive:.4g} V, {how}")
-        results["calibrated"] = deviations(run, calibrated_models(loop, overdrive))
+        slewing = _slewing(loop, gain_bandwidth, _Overdrive(overdrive, overdrive_from), run, tell)
+        results["calibrated"] = deviations(run, calibrated_models(loop, slewing))
     return {
         name: {
             knowledge: {key: _rounded(value) for key, value in asdict(by_model[name]).items()}
@@ -102,6 +115,42 @@ def compare(
         }
         for name in results["blind"]
     }
+
+
+@dataclass(frozen=True)
+class _Overdrive:
+    """What the command line says of the overdrive: a number [V], another run to measure it on, or nothing."""
+
+    given: float | None
+    other: Path | None
+
+
+def _slewing(
+    loop: ClosedLoop,
+    gain_bandwidth: float | None,
+    overdrive: _Overdrive,
+    run: FollowerRun,
+    tell: Callable[[str], None],
+) -> SquareLawFollower:
+    """Return the calibrated slewing model; `run` is only looked at to refuse it as its own reference."""
+    if gain_bandwidth is not None:
+        _require("--gain-bandwidth", gain_bandwidth, BANDWIDTH)
+    model = slew_model(loop, GAIN_BANDWIDTH.value if gain_bandwidth is None else gain_bandwidth)
+    value, how = model.overdrive, "by hand formulas" if model.amplifier != "one pole" else "assumed"
+    if overdrive.given is not None and overdrive.other is not None:
+        raise UsageError("--overdrive and --overdrive-from exclude each other")
+    if overdrive.given is not None:
+        _require("--overdrive", overdrive.given, OVERDRIVE_RANGE)
+        value, how = overdrive.given, "as given"
+    elif overdrive.other is not None:
+        other = read_run(overdrive.other)
+        if np.array_equal(other.time, run.time) and np.array_equal(other.v_out, run.v_out):
+            raise UsageError("--overdrive-from must be another run than the one that is judged")
+        if not slews(other, loop):
+            raise UsageError(f"--overdrive-from must be a run that slews, {overdrive.other} does not")
+        value, how = fit_overdrive(other, model), f"measured on {overdrive.other.name}"
+    tell(f"square_law_slew, calibrated: {model.amplifier}; overdrive {value:.4g} V, {how}")
+    return model.follower(value)
 
 
 def closed_loop(gain: float | None, bandwidth: float | None) -> ClosedLoop | None:
@@ -160,7 +209,19 @@ def _parser() -> argparse.ArgumentParser:
         metavar="HZ",
         help="frequency at which the follower's gain is 3 dB below that at low frequency, 1e-9 to 1e12 Hz",
     )
-    parser.add_argument("--overdrive", type=float, metavar="V", help="overdrive of the differential pair, not fitted")
+    parser.add_argument(
+        "--gain-bandwidth",
+        type=float,
+        metavar="HZ",
+        help=f"gain-bandwidth product of the op-amp, {GAIN_BANDWIDTH.value:g} where not given",
+    )
+    parser.add_argument("--overdrive", type=float, metavar="V", help="overdrive of the differential pair")
+    parser.add_argument(
+        "--overdrive-from",
+        type=Path,
+        metavar="OTHER.csv",
+        help="measure the overdrive on this run of the same circuit, another one than FILE.csv, which has to slew",
+    )
     return parser
 
 

@@ -62,7 +62,12 @@ def pair(x: mpf) -> Sequence[mpf]:
 
 
 def settle_cases() -> Iterable[Sequence[float]]:
-    """Way from one overdrive to another at a slope, in the direction in which the pair goes."""
+    """Way from one overdrive to another at a slope, in the direction the pair goes, with and without a lead."""
+    for lead in [(0.0, 0.0), (0.07, 0.17), (1.0, -0.5), (0.0, 0.5)]:
+        yield from ((*way, *lead) for way in _ways())
+
+
+def _ways() -> Iterable[Sequence[float]]:
     falling = [(3.0, 1.0), (1.3, 0.9), (1.3, 1e-3), (0.5, 0.1)]
     yield from ((start, end, slope) for slope in (0.0, 1e-6, 5e-4) for start, end in falling)
     rising = [(-3.0, -1.0), (-1.3, 0.2), (0.0, 1e-3), (-0.2, 0.3), (0.2, 0.34)]
@@ -72,13 +77,19 @@ def settle_cases() -> Iterable[Sequence[float]]:
     yield from (
         (start, end, slope) for slope in (1.1, 3.0, 1e4) for start, end in [(-2.0, 2.0), (0.0, 1.5), (1.5, 9.0)]
     )
+    yield from [(-0.9, -0.2, -0.1), (0.9, -0.05, -0.1), (2.0, -2.0, -1.5), (0.5, -9.0, -1e3)]
 
 
-def settle(start: mpf, end: mpf, slope: mpf) -> Sequence[mpf]:
-    """The time of the way, by quadrature of dx/(slope - f(x))."""
+def settle(start: mpf, end: mpf, slope: mpf, linear: mpf, square: mpf) -> Sequence[mpf]:
+    """The time of the way, by quadrature of dy/(slope - f(x)) with y = x + linear*f + square*f^2."""
     edges = [edge for edge in (-mpmath.sqrt(2), mpmath.sqrt(2)) if min(start, end) < edge < max(start, end)]
     points = [start, *(edges if end > start else edges[::-1]), end]
-    return (mpmath.quad(lambda x: 1 / (slope - pair_current(x)), points, maxdegree=12),)
+
+    def pace(x: mpf) -> mpf:
+        current, transconductance = pair(x)
+        return (1 + (linear + 2 * square * current) * transconductance) / (slope - current)
+
+    return (mpmath.quad(pace, points, maxdegree=12),)
 
 
 def response_cases() -> Iterable[Sequence[float]]:
@@ -161,10 +172,49 @@ def amplifier(
     # Determinant of the admittances of the two nodes: 1 + a1*s + a2*s^2, Rz left out; p1 = 1/a1, p2 = a1/a2.
     a1 = (node2 * (c1 + cc) + node1 * (c2 + cc) + gm7 * cc) / (node1 * node2)
     a2 = ((c1 + cc) * (c2 + cc) - cc**2) / (node1 * node2)
+    # M7 with the tail current on top: its overdrive, transconductance, and the rate at which Cc is charged then.
+    pushed = mpmath.sqrt(2 * (out + tail) / (p240 * (1 + lam * supply)))
+    share = 1 / (1 + node2 * pushed / (2 * (out + tail)))
+    rise = share * tail / cc
+    fall = min(rise, out / (cc * (1 + node2 / gm7) + c2))
     return (
         *(tail, out, common, gm1, gm3, gm1 / node1, gm7 / node2),
         *(1 / (2 * mpmath.pi * a1), a1 / (2 * mpmath.pi * a2), 1 / (2 * mpmath.pi * cc * (rz - 1 / gm7))),
-        *(tail / (cc * (1 + node2 / gm7)), (load - second) * node1 / gm1),
+        *(rise, fall, share * (tail / gm7 - (pushed - second)), (load - second) * node1 / gm1),
+    )
+
+
+def one_stage_cases() -> Iterable[Sequence[float]]:
+    """Circuit C, and currents, supplies, compensations, loads and modulations about it."""
+    usual = (100e-6, 5.0, 33e-12, 0.0, 10e-12, 1e15, 0.0248, 0.7)
+    yield usual
+    others = {0: (1e-9, 3e-4), 1: (4.0, 50.0), 2: (1e-12, 1e-9), 4: (0.0, 1e-9), 5: (1e3, 1e5), 6: (1e-6, 0.3)}
+    for place, values in others.items():
+        yield from ((*usual[:place], value, *usual[place + 1 :]) for value in values)
+
+
+def one_stage(
+    current: mpf, supply: mpf, cc: mpf, rz: mpf, load_c: mpf, load_r: mpf, lam: mpf, vth: mpf
+) -> Sequence[mpf]:
+    """The one-stage op-amp with its n-channel output follower: the square law solved with Kirchhoff's, two nodes."""
+    del rz
+    oxide = mpf(3.9) * mpf(VACUUM_PERMITTIVITY) / mpf(45e-9)
+    film = mpf(12) * mpf(VACUUM_PERMITTIVITY) / mpf(2.5e-6)
+    stack = 1 / (1 / oxide + 1 / film)
+    length = mpf(12e-6)
+    n80, n60, n240 = (mpf(850e-4) * oxide * mpf(width) / length for width in (80e-6, 60e-6, 240e-6))
+    p160 = mpf(283e-4) * oxide * mpf(160e-6) / length
+    common, _, tail, out = _rest(current, supply, lam, vth, (n80, n60, p160, mpf(850e-4) * stack * 3276 / 12))
+    gate = mpmath.sqrt(2 * out / n240 / (1 + lam * supply))
+    gm1, gm7 = tail / common, n240 * gate * (1 + lam * supply)
+    node1 = lam * tail / 2 * (1 / (1 + lam * (2 * vth + gate + common)) + 1 / (1 + lam * (supply - vth - gate)))
+    node2 = gm7 + 2 * lam * out / (1 + lam * supply) + 1 / load_r
+    c7 = mpf(2) / 3 * mpf(240e-6) * length * oxide
+    c1 = cc + c7 * (node2 - gm7) / node2
+    c2 = load_c + mpf(1) / 3 * mpf(3276e-6) * length * stack + c7
+    return (
+        *(tail, common, gm1, gm1 / node1, gm7 / node2),
+        *(node1 / (2 * mpmath.pi * c1), node2 / (2 * mpmath.pi * c2), tail / c1),
     )
 
 
@@ -206,7 +256,7 @@ TABLES = {
     ),
     "pair_settling": Table(
         "time [time constants] that a follower's pair takes from one overdrive to another at a slope of the input",
-        ("start", "end", "slope"),
+        ("start", "end", "slope", "linear", "square"),
         ("duration",),
         settle_cases,
         settle,
@@ -230,10 +280,21 @@ TABLES = {
         ("current", "supply", "cc", "rz", "load_c", "load_r", "modulation", "threshold"),
         (
             *("tail_current", "output_current", "overdrive", "input_transconductance", "load_transconductance"),
-            *("first_gain", "second_gain", "dominant_pole", "second_pole", "zero", "slew_rate", "systematic_offset"),
+            *("first_gain", "second_gain", "dominant_pole", "second_pole", "zero"),
+            *("slew_rate", "falling_slew_rate", "bend", "systematic_offset"),
         ),
         amplifier_cases,
         amplifier,
+    ),
+    "one_stage": Table(
+        "op-amp of one stage and an output follower: as above, the resistor of no effect",
+        ("current", "supply", "cc", "rz", "load_c", "load_r", "modulation", "threshold"),
+        (
+            *("tail_current", "overdrive", "input_transconductance", "first_gain", "second_gain"),
+            *("dominant_pole", "second_pole", "slew_rate"),
+        ),
+        one_stage_cases,
+        one_stage,
     ),
     "noise": Table(
         "thermal density [V2/Hz] of a pair; rms [V] between two frequencies of 1 V2/Hz, and of 1 V2/f",

@@ -22,8 +22,9 @@ from posfet_model.figures.style import (
     new_figure,
 )
 from posfet_model.follower import OnePoleFollower, SquareLawFollower, TwoPoleFollower, close_loop
-from posfet_model.follower_run import OVERDRIVE, SECOND_POLE_QUALITY
+from posfet_model.follower_run import SECOND_POLE_QUALITY
 from posfet_model.paper import AMPLIFIER_GAIN, GAIN_BANDWIDTH
+from posfet_model.slew_model import OVERDRIVE
 
 _LOOP = close_loop(AMPLIFIER_GAIN.value, GAIN_BANDWIDTH.value)
 _ONE_POLE = OnePoleFollower(gain=_LOOP.gain, bandwidth=_LOOP.bandwidth)

@@ -1,0 +1,95 @@
+"""The other op-amp of Table II's sizes by hand formulas: one stage, and an n-channel follower at its output.
+
+    M1, M2 (inverting)   POSFET input pair            M5, M6, M8  n-channel current mirror fed by the reference current
+    M3, M4               p-channel mirror load        M7          n-channel source follower; Cc from its gate to ground
+
+As in `amplifier`, whose bias and operating point of the pair are used here. The printed width of M7 would suit either.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from posfet_model.amplifier import SIZES, AmplifierBias, aspect, gate_capacitance, operating_point, output_capacitance
+from posfet_model.checks import instance
+from posfet_model.paper import MOBILITY, STACK
+
+CIRCUIT_C: Final = AmplifierBias(
+    reference_current=100e-6, compensation=33e-12, zero_resistor=0.0, load_resistance=1e15, modulation=0.0248
+)
+"""Bias of circuit C, fitted to 42.3 dB and 1.5 MHz, all assumed."""
+
+
+@dataclass(frozen=True)
+class OneStageFigures:
+    """What the hand formulas say, at rest with input and output near 0 V."""
+
+    tail_current: float
+    """Through M5 [A]."""
+    overdrive: float
+    """Vov of the input pair at balance [V]."""
+    input_transconductance: float
+    """gm1 [S]."""
+    first_gain: float
+    """gm1/(gds2 + gds4) [V/V]."""
+    second_gain: float
+    """gm7/(gm7 + gds7 + gds8 + 1/RL) [V/V]."""
+    dominant_pole: float
+    """[Hz]"""
+    second_pole: float
+    """Of the output follower and its load [Hz]."""
+    slew_rate: float
+    """[V/s], either way."""
+
+    @property
+    def open_loop_gain(self) -> float:
+        """A0 [V/V]."""
+        return self.first_gain * self.second_gain
+
+    @property
+    def gain_bandwidth(self) -> float:
+        """A0 times the dominant pole [Hz]."""
+        return self.open_loop_gain * self.dominant_pole
+
+    @property
+    def slew_overdrive(self) -> float:
+        """Overdrive [V] with which a square-law pair of this gain-bandwidth product has this slew rate."""
+        return self.slew_rate / (2 * math.pi * self.gain_bandwidth)
+
+
+def one_stage_figures(bias: AmplifierBias = CIRCUIT_C) -> OneStageFigures:
+    """Return gain, poles and slew; the bias's zero_resistor plays no part.
+
+    Raises ValueError when the supply is too low for the transistors to be saturated.
+
+    Notes
+    -----
+    Against ngspice with the defaults (circuit C): open-loop gain +3.4 %, dominant pole -4 %, second pole +16 %,
+    slew rate 3.22 V/us for 3.29 rising and 3.04 falling: the tail current, taken at 0 V, follows the input by lambda.
+    """
+    bias = instance("bias", bias, AmplifierBias)
+    point = operating_point(bias)
+    lam, half = bias.modulation, point.tail / 2
+    beta7 = MOBILITY.value * STACK.oxide * aspect(SIZES["M7"])
+    overdrive7 = math.sqrt(2 * point.output / (beta7 * (1 + lam * bias.supply)))
+    first = bias.threshold + overdrive7  # [V], of the gate of M7 with the output at 0 V
+    if first + point.load_overdrive > bias.supply:
+        raise ValueError(f"supply must keep every transistor saturated, got {bias.supply:g} V")
+    below, above = first + bias.threshold + point.pair_overdrive, bias.supply - first  # of M2 and M4
+    out1 = lam * half / (1 + lam * below) + lam * half / (1 + lam * above)
+    gm1, gm7 = point.tail / point.pair_overdrive, 2 * point.output / overdrive7
+    out2 = gm7 + 2 * lam * point.output / (1 + lam * bias.supply) + 1 / bias.load_resistance
+    c7 = gate_capacitance(SIZES["M7"], STACK.oxide)
+    c1 = bias.compensation + c7 * (1 - gm7 / out2)
+    return OneStageFigures(
+        tail_current=point.tail,
+        overdrive=point.pair_overdrive,
+        input_transconductance=gm1,
+        first_gain=gm1 / out1,
+        second_gain=gm7 / out2,
+        dominant_pole=out1 / (2 * math.pi * c1),
+        second_pole=out2 / (2 * math.pi * (output_capacitance(bias) + c7)),
+        slew_rate=point.tail / c1,
+    )

@@ -1,0 +1,90 @@
+"""Which slewing follower a measured gain and bandwidth stand for, without any run in time.
+
+An op-amp of one pole and a gain-bandwidth product GBW makes a follower of the bandwidth ``GBW*(1 + 1/A0)``. A measured
+bandwidth is off that, and the sign tells what comes next in the open-loop response:
+
+- lower, by up to 1/sqrt(2): a zero in the left half-plane, as a resistor in series with Cc makes. With the zero at k
+  times the time constant the follower's bandwidth falls by ``sqrt(1 + 2*k - k^2)``, from which k. The op-amp is taken
+  for the two-stage one of Table II (`amplifier`).
+- higher, by up to sqrt(2): a second pole; it adds nothing to the lag of slow signals. The op-amp is taken for the
+  one-stage one with an output follower (`one_stage`).
+- beyond: the gain-bandwidth product must be another one, and the bandwidth alone is believed.
+
+Slewing is not seen in small signals at all. Overdrive and bend are those of the hand formulas, with the sizes of
+Table II and the bias of circuit B or C, which is assumed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from posfet_model.amplifier import figures_of_merit
+from posfet_model.checks import instance, real_number
+from posfet_model.differential_pair import NO_LEAD, Lead
+from posfet_model.follower import ClosedLoop, SquareLawFollower, close_loop
+from posfet_model.one_stage import one_stage_figures
+from posfet_model.paper import AMPLIFIER_GAIN, GAIN_BANDWIDTH
+
+OVERDRIVE: Final = 0.39
+"""Overdrive of the differential pair [V] where nothing is known of the op-amp, assumed: between those of the two-stage
+op-amp, 0.47 V, and of the one-stage one, 0.32 V."""
+
+FURTHEST: Final = math.sqrt(2)
+"""Largest ratio of bandwidths, either way, that a zero or a second pole explains."""
+
+
+@dataclass(frozen=True)
+class SlewModel:
+    """What small signals and hand formulas say of a slewing follower."""
+
+    amplifier: str
+    """What the op-amp was taken for, in words."""
+    loop: ClosedLoop
+    """Gain, and the bandwidth of the pole alone: of the lag of slow signals."""
+    overdrive: float
+    """[V], in [1e-6, 1e3]."""
+    lead: Lead = NO_LEAD
+    """What the pair's current adds to the output at once."""
+
+    def follower(self, overdrive: float | None = None) -> SquareLawFollower:
+        """Return the follower, with another overdrive [V] where that is known."""
+        return SquareLawFollower(
+            gain=self.loop.gain,
+            bandwidth=self.loop.bandwidth,
+            overdrive=self.overdrive if overdrive is None else overdrive,
+            lead=self.lead,
+        )
+
+
+def slew_model(loop: ClosedLoop, gain_bandwidth: float = GAIN_BANDWIDTH.value) -> SlewModel:
+    """Return the slewing follower that a measured gain and -3 dB bandwidth stand for.
+
+    Parameters
+    ----------
+    loop : of the follower, measured for small signals.
+    gain_bandwidth : of its op-amp [Hz], in [1e-12, 1e14]; the published 1.5 MHz where it was not measured.
+
+    Raises
+    ------
+    ValueError : gain_bandwidth is not a real, finite number in its range, or loop not a ClosedLoop.
+
+    Examples
+    --------
+    >>> model = slew_model(ClosedLoop(gain=0.99355, bandwidth=1.419e6))
+    >>> print(f"{model.amplifier}: {model.overdrive:.3f} V, zero {model.lead.linear:.3f}, bend {model.lead.square:.3f}")
+    two stages: 0.466 V, zero 0.070, bend 0.175
+    """
+    loop = instance("loop", loop, ClosedLoop)
+    product = real_number("gain_bandwidth", gain_bandwidth, 1e-12, 1e14)
+    one_pole = ClosedLoop(gain=loop.gain, bandwidth=close_loop(AMPLIFIER_GAIN.value, product).bandwidth)
+    ratio = loop.bandwidth / one_pole.bandwidth
+    if not 1 / FURTHEST < ratio <= FURTHEST:
+        return SlewModel("one pole", loop, OVERDRIVE)
+    if ratio >= 1:
+        return SlewModel("one stage and an output follower", one_pole, one_stage_figures().slew_overdrive)
+    figures = figures_of_merit()
+    zero = 1 - math.sqrt(2 - 1 / ratio**2)
+    lead = Lead(linear=zero, square=figures.bend / figures.slew_overdrive)
+    return SlewModel("two stages", one_pole, figures.slew_overdrive, lead)
