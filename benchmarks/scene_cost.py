@@ -16,7 +16,9 @@ from posfet_driver.scene.shapes import Punch, Shape, Sphere
 from posfet_driver.scene.textures import Ridges, Roughness
 from posfet_model.sensor import Sensor, load_sensor
 
-SCANS = 100
+SCANS = 96
+AT_ONCE = 16
+"""As many as a large board computes at once."""
 REPEATS = 30
 SHAPES: dict[str, Shape] = {
     "sphere": Sphere(5e-3, 2e6),
@@ -37,11 +39,11 @@ def cost(sensor: Sensor, shape: Shape, angle: float, bend: ChipBend | None) -> t
     times = [1.0 + index * 1e-3 for index in range(SCANS)]
     least = math.inf
     for _ in range(REPEATS):
-        begin = time.perf_counter()
-        for at in times:
-            loads.forces(at)
-        least = min(least, time.perf_counter() - begin)
-    return least / SCANS * 1e6, loads.forces(1.0)[0].force.size
+        begin = time.process_time()
+        for first in range(0, SCANS, AT_ONCE):
+            loads.forces(times[first : first + AT_ONCE])
+        least = min(least, time.process_time() - begin)
+    return least / SCANS * 1e6, loads.forces([1.0])[0].force.size
 
 
 def main() -> None:

@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_mod
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_driver"))
 
 from posfet_driver.imperfections import Imperfections
-from posfet_driver.scene import SCENE_FOLDER, SceneLoads, load_scene
+from posfet_driver.scene import SCENE_FOLDER, Scene, SceneLoads, load_scene
 from posfet_driver.simulated_board import SimulatedBoard
 from posfet_model.scan import Scan
 from posfet_model.sensor import load_sensor
@@ -114,14 +114,16 @@ def speed(options: argparse.Namespace) -> None:
     print("| array | imperfections | state | us a scan, least | median | share of a core at 1 kHz | times real time |")
     print("|---|---|---|---|---|---|---|")
     large = replace(SENSOR, layout=replace(SENSOR.layout, rows=64, cols=64))
-    parts = (("press_slide_lift", "sliding", range(1000, 2000)), ("press_slide_lift", "held", range(520, 900)),
-             ("idle", "at rest", range(3000)))  # fmt: skip
+    parts = (("press_slide_lift", "sliding", range(1000, 2000)), ("texture", "ridges sliding askew", range(500, 1500)),
+             ("press_slide_lift", "held", range(520, 900)), ("idle", "at rest", range(3000)))  # fmt: skip
     for sensor, title in ((SENSOR, "5 x 5"), (large, "64 x 64")):
         for imperfections, what in ((NONE, "none"), (DEFAULT, "default")):
-            for scene, state, part in parts:
-                micro = []
+            for name, state, part in parts:
+                scene, micro = load_scene(name, sensor), []
+                if "askew" in state:
+                    scene = turned(scene, 0.5)
                 for _ in range(3):
-                    board = SimulatedBoard(sensor, load_scene(scene, sensor), 0, imperfections)
+                    board = SimulatedBoard(sensor, scene, 0, imperfections)
                     run(board, range(part.start))
                     chunks = [range(k, k + CHUNK) for k in range(part.start, part.stop - CHUNK + 1, CHUNK)]
                     micro += [run(board, chunk) / CHUNK * 1e6 for chunk in chunks]
@@ -130,6 +132,17 @@ def speed(options: argparse.Namespace) -> None:
                     f"| {title} | {what} | {state} | {least:.1f} | {middle:.1f} | {least / 10:.1f} % "
                     f"| {1000 / least:.1f} |"
                 )
+
+
+def turned(scene: Scene, angle: float) -> Scene:
+    """The scene with its objects, which stroke, turned by an angle [rad]."""
+    return replace(
+        scene,
+        objects=tuple(
+            replace(item, path=replace(item.path, angle=angle, to_angle=angle))  # type: ignore[type-var, call-arg]
+            for item in scene.objects
+        ),
+    )
 
 
 def exact_hold(source: np.ndarray, change: np.ndarray, ratio: float) -> Iterator[np.ndarray]:
@@ -220,9 +233,10 @@ def scheme_forces() -> np.ndarray:
     loads = SceneLoads(load_scene(SCHEME_SCENE, SENSOR), SENSOR)
     count = round((SCHEME_SPAN[1] - SCHEME_SPAN[0]) * REFERENCE_RATE) + 1
     forces = np.zeros((count, SENSOR.layout.rows, SENSOR.layout.cols))
-    for index in range(count):
-        for patch in loads.forces(SCHEME_SPAN[0] + index / REFERENCE_RATE):
-            forces[index, patch.rows, patch.cols] += patch.force
+    for index in range(0, count, CHUNK):
+        part = slice(index, min(index + CHUNK, count))
+        for patch in loads.forces([SCHEME_SPAN[0] + k / REFERENCE_RATE for k in range(part.start, part.stop)]):
+            forces[part, patch.rows, patch.cols] += patch.force
     return forces.reshape(count, -1)
 
 

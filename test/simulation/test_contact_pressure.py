@@ -26,9 +26,10 @@ normal_below = np.vectorize(lambda z: 0.5 * math.erfc(-z / math.sqrt(2)))
 
 def forces(layout: Layout, spread: float, x: float, y: float, force: float, modulus: float = MODULUS) -> np.ndarray:
     out = np.zeros((layout.rows, layout.cols))
-    patch = Cells(layout, spread).press(Sphere(RADIUS, modulus).footprints(force, spread, FLAT), x, y, 0.0, force)
+    where = [np.array([value]) for value in (x, y, 0.0, force)]
+    patch = Cells(layout, spread).press([Sphere(RADIUS, modulus).footprints(force, spread, FLAT)], *where)
     if patch is not None:
-        out[patch.rows, patch.cols] += patch.force
+        out[patch.rows, patch.cols] += patch.force[0]
     return out
 
 

@@ -41,9 +41,10 @@ def forces(
 ) -> np.ndarray:
     cells = Cells(layout, SPREAD)
     out = np.zeros((layout.rows, layout.cols))
-    patch = cells.press(shape.footprints(force, SPREAD, bend), x, y, angle, force)
+    where = [np.array([value]) for value in (x, y, angle, force)]
+    patch = cells.press([shape.footprints(force, SPREAD, bend)], *where)
     if patch is not None:
-        out[patch.rows, patch.cols] += patch.force
+        out[patch.rows, patch.cols] += patch.force[0]
     return out
 
 
@@ -151,10 +152,33 @@ def test_the_whole_force_arrives(name: str, bend: Bend) -> None:
 def test_an_object_meets_only_the_taxels_under_it() -> None:
     cells = Cells(WIDE, SPREAD)
     for shape in SHAPES.values():
-        patch = cells.press(shape.footprints(0.3, SPREAD, FLAT), 1e-3, 2e-3, 0.3, 0.3)
+        footprints = [shape.footprints(0.3, SPREAD, FLAT)]
+        patch = cells.press(footprints, *[np.array([value]) for value in (1e-3, 2e-3, 0.3, 0.3)])
         assert patch is not None
         assert max(patch.force.shape) <= 13
-        assert cells.press(shape.footprints(0.3, SPREAD, FLAT), 0.08, 0.0, 0.3, 0.3) is None
+        assert cells.press(footprints, *[np.array([value]) for value in (0.08, 0.0, 0.3, 0.3)]) is None
+
+
+@pytest.mark.parametrize("bend", [FLAT, BENT, (20.0, 30.0)])
+@pytest.mark.parametrize("name", SHAPES)
+def test_moments_together_are_the_moments_one_by_one(name: str, bend: Bend) -> None:
+    # Loads that need other numbers of points, and every way to lie; some moments off the array.
+    shape, cells = SHAPES[name], Cells(WIDE, SPREAD)
+    count = 23
+    x, y = np.linspace(-0.07, 0.03, count), np.linspace(0.0, 0.02, count)
+    angle = np.resize([0.0, math.pi / 2, 0.3, -math.pi, 2.0], count)
+    force = np.geomspace(1e-3, 3.0, count)
+    footprints = [shape.footprints(each, SPREAD, bend) for each in force.tolist()]
+    together = cells.press(footprints, x, y, angle, force)
+    assert together is not None
+    for moment in range(count):
+        whole, alone = np.zeros((2, WIDE.rows, WIDE.cols))
+        whole[together.rows, together.cols] = together.force[moment]
+        one = slice(moment, moment + 1)
+        patch = cells.press(footprints[one], x[one], y[one], angle[one], force[one])
+        if patch is not None:
+            alone[patch.rows, patch.cols] = patch.force[0]
+        np.testing.assert_allclose(whole, alone, rtol=0, atol=1e-13 * force[moment])
 
 
 @pytest.mark.parametrize("bend", [FLAT, BENT, (0.0, 50.0), (20.0, 30.0)])

@@ -113,14 +113,16 @@ def test_area_acts_on_force_and_not_on_temperature() -> None:
 def test_crosstalk_reaches_the_four_neighbours() -> None:
     board = SimulatedBoard(SENSOR, load_scene("idle", SENSOR), 0, replace(SILENT, crosstalk=0.1))
     readout = board._readout
-    readout.wake(5, 5, np.array([6, 7, 8, 1, 2, 3, 11, 12, 13]))
-    charge = np.zeros(9)
-    charge[1] = 1e-6  # taxel 7, row 1, column 2
-    readout.take(charge, 1e-3)
+    awake = np.array([6, 7, 8, 1, 2, 3, 11, 12, 13])
+    readout.wake(awake)
+    charge = np.zeros((2, 9))
+    charge[:, 1] = 1e-6  # taxel 7, row 1, column 2
+    (output,) = readout.outputs(charge, np.array([1e-3]))
+    volts = readout.volts(awake, output)
     expected = np.zeros(TAXELS)
     expected[7] = 1.0
     expected[[6, 8, 2, 12]] = 0.1
-    np.testing.assert_allclose(board.volts() / board.volts()[7], expected, atol=1e-12)
+    np.testing.assert_allclose(volts / volts[7], expected, atol=1e-12)
 
 
 def test_dead_stuck_and_noisy_taxels_do_what_their_names_say() -> None:
@@ -147,8 +149,7 @@ def test_hysteresis_opens_the_loop_by_its_width() -> None:
     charge._wake_up(np.ones((5, 5), bool))
 
     def counted(force: float) -> float:
-        charge._force = np.full((5, 5), force)
-        return float(charge._sources()[0] / charge._per_newton[0])
+        return float(charge._counted(np.full((1, TAXELS), force))[0, 0])
 
     for force in np.linspace(0, greatest, 50):
         up = counted(force)

@@ -145,11 +145,11 @@ def test_the_scenes_that_are_promised_are_shipped() -> None:
     loads = {name: SceneLoads(load_scene(name, SENSOR), SENSOR) for name in SHIPPED}
     assert loads["idle"].scene.duration == 600
     assert loads["idle"].rests_until(0.0) == math.inf
-    held = [len(loads["hold"].forces(time)) for time in np.arange(1.4, 61.2, 1.0).tolist()]
+    held = [len(loads["hold"].forces([time])) for time in np.arange(1.4, 61.2, 1.0).tolist()]
     assert held == [1] * 60
-    warm = [loads["temperature_ramp"].temperature(time) for time in np.arange(0, 20, 0.1).tolist()]
+    warm = loads["temperature_ramp"].temperatures(np.arange(0, 20, 0.1).tolist())
     assert max(warm) - min(warm) == 5.0
-    assert not any(loads["temperature_ramp"].forces(time) for time in np.arange(0, 20, 0.1).tolist())
+    assert not any(loads["temperature_ramp"].forces([time]) for time in np.arange(0, 20, 0.1).tolist())
     shaking = np.array([loads["vibration"].objects(time).contact_forces[0] for time in np.arange(1, 2, 1e-3).tolist()])
     spectrum = np.abs(np.fft.rfft(shaking - shaking.mean()))
     assert np.argmax(spectrum) == 200
@@ -251,7 +251,8 @@ def test_a_force_above_the_range_of_a_taxel_is_refused_by_the_taxel(tmp_path: Pa
     hard = GOOD.replace("effective_modulus_MPa: 2.0", "effective_modulus_MPa: 200.0")
     ball, cells = Sphere(5e-3, 200e6), Cells(SENSOR.layout, SENSOR.device.contact_spread)
     limit = greatest_force(SENSOR, cells, ball)
-    patch = cells.press(ball.footprints(limit, cells.spread, (0.0, 0.0)), 0.0, 0.0, 0.0, limit)
+    where = [np.array([value]) for value in (0.0, 0.0, 0.0, limit)]
+    patch = cells.press([ball.footprints(limit, cells.spread, (0.0, 0.0))], *where)
     assert patch is not None
     assert patch.force.max() == pytest.approx(SENSOR.device.force_max, rel=1e-5)
     load_scene(write(tmp_path, hard.replace("force_N: 1.5", f"force_N: {limit * 0.999}")), SENSOR)
@@ -342,7 +343,7 @@ def test_an_indentation_presses_as_hertz_says(tmp_path: Path) -> None:
     loads = SceneLoads(scene, SENSOR)
     assert loads.objects(0.0).positions[0, 2] == pytest.approx(5.5e-3, abs=1e-12)
     assert loads.objects(1.0).positions[0, 2] == pytest.approx(4.6e-3, abs=1e-12)
-    assert not loads.forces(0.0)
+    assert not loads.forces([0.0])
     with pytest.raises(ConfigError, match=r"keyframes\[1\].indentation_mm: must be a number in \[-10, 5\], got 5.1"):
         load_scene(write(tmp_path, text.replace("indentation_mm: 0.4", "indentation_mm: 5.1")), SENSOR)
 
@@ -372,8 +373,8 @@ def test_the_two_fingers_stay_two_contacts() -> None:
     loads = SceneLoads(load_scene("two_fingers", SENSOR), SENSOR)
     for time in np.linspace(0, 4, 81):
         forces = np.zeros((5, 5))
-        for patch in loads.forces(float(time)):
-            forces[patch.rows, patch.cols] += patch.force
+        for patch in loads.forces([float(time)]):
+            forces[patch.rows, patch.cols] += patch.force[0]
         assert max(forces[2].max(), forces[:, 2].max()) < SENSOR.contact.threshold  # the cross between them
 
 

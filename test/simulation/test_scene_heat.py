@@ -69,11 +69,11 @@ def test_while_a_scene_rests_the_temperature_does_not_change_by_a_bit(tmp_path: 
     for time in np.arange(0.0, 150.0, 0.0931).tolist():
         until = loads.rests_until(time)
         for later in np.linspace(time, min(until, time + 5), 4, endpoint=False).tolist():
-            assert loads.temperature(later) == loads.temperature(time)
+            assert loads.temperatures([later]) == loads.temperatures([time])
         rests += until > time
     assert rests > 100
     assert loads.rests_until(150.0) == math.inf
-    assert loads.temperature(150.0) == pytest.approx(25.0, abs=1e-3)
+    assert loads.temperatures([150.0])[0] == pytest.approx(25.0, abs=1e-3)
 
 
 def test_objects_without_a_temperature_leave_the_chip_alone() -> None:

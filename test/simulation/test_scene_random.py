@@ -134,9 +134,9 @@ def test_a_valid_scene_runs_and_its_truth_adds_up(tmp_path: Path, scene: dict[st
         truth = board.truth()
         objects = truth.objects
         pressed = np.zeros((LAYOUT.rows, LAYOUT.cols))
-        for patch in loads.forces(truth.time):
-            assert patch.force.shape == pressed[patch.rows, patch.cols].shape
-            pressed[patch.rows, patch.cols] += patch.force
+        for patch in loads.forces([truth.time]):
+            assert patch.force.shape == (1, *pressed[patch.rows, patch.cols].shape)
+            pressed[patch.rows, patch.cols] += patch.force[0]
         np.testing.assert_allclose(truth.force, pressed.ravel(), rtol=0, atol=1e-15)
         assert truth.force.sum() <= objects.contact_forces.sum() * (1 + 1e-12)
         assert (objects.contact_forces > 0).all()

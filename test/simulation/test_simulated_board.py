@@ -125,12 +125,12 @@ def full_computation(
     chain = ForwardChain(sensor)
     loads = SceneLoads(scene, sensor)
     ratio = 1 / rate / sensor.device.thermal_time_constant
-    chip = film = loads.temperature(0.0)
+    chip = film = loads.temperatures([0.0])[0]
     for index in range(begin, begin + scans):
         forces = np.zeros((sensor.layout.rows, sensor.layout.cols))
-        for patch in loads.forces(index / rate):
-            forces[patch.rows, patch.cols] += patch.force
-        before, chip = chip, loads.temperature(index / rate)
+        for patch in loads.forces([index / rate]):
+            forces[patch.rows, patch.cols] += patch.force[0]
+        before, chip = chip, loads.temperatures([index / rate])[0]
         slope = (chip - before) / ratio  # change of the chip in one time constant: the lag of a steady ramp
         film = chip - slope + (film - before + slope) * math.exp(-ratio)
         chain.advance(forces.ravel(), film, 1 / rate)
@@ -262,6 +262,24 @@ def test_a_scan_is_filled_wholly() -> None:
     SimulatedBoard(SENSOR, load_scene("idle", SENSOR), 0).scan(1234, scan)
     assert (scan.layout_id, scan.sequence, scan.stamp, scan.device_time) == (1, 1234, 1_234_000_000, 1_234_000)
     assert scan.frames_lost == 0
+
+
+def test_what_is_computed_ahead_leaves_the_last_scan_alone() -> None:
+    scene = load_scene("press_slide_lift", SENSOR)
+    board, same = SimulatedBoard(SENSOR, scene, 4), SimulatedBoard(SENSOR, scene, 4)
+    scan = Scan.empty(0, TAXELS)
+    for index in range(300, 420):
+        there = run(board, [index])
+        truth, volts, charge = board.truth(), board.volts(), board.charge()
+        board.prepare(index + 1)
+        assert board.truth().sequence == index
+        np.testing.assert_array_equal(board.truth().force, truth.force)
+        np.testing.assert_array_equal(board.volts(), volts)
+        np.testing.assert_array_equal(board.charge(), charge)
+        same.scan(index, scan)
+        assert scan.counts.tobytes() == there[: 2 * TAXELS]
+    with pytest.raises(ValueError, match="index must be above 419"):
+        board.prepare(419)
 
 
 def test_what_cannot_be_is_refused() -> None:

@@ -16,12 +16,14 @@ are unchanged by it. The subsurface stress of an elastic half-space (Boussinesq)
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Final, NamedTuple
+from collections.abc import Iterator, Sequence
+from enum import IntEnum
+from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_driver.contact_pressure_table import NORMAL_END, CellTable, Workspace, cell_table
 from posfet_driver.loads import Patch
 from posfet_model.checks import real_number
 from posfet_model.sensor import Layout
@@ -33,17 +35,11 @@ force."""
 SPREAD_PER_THICKNESS: Final = 0.70
 """Standard deviation of the Gaussian over the thickness of the cover; see `spread_of_cover`."""
 
-NORMAL_END: Final = 6.5
-"""Reach of the Gaussian in standard deviations: 1 - Phi(6.5) = 4e-11 is set to 0, so that every force is shared out
-without rest."""
-
-_NORMAL_STEP: Final = 1 / 512  # linear interpolation is then right to step^2/8 * max|phi'| = 1.2e-7
-_NORMAL_GRID: Final = np.arange(-NORMAL_END, NORMAL_END + _NORMAL_STEP / 2, _NORMAL_STEP)
-_NORMAL: Final = np.array([0.5 * math.erfc(-z / math.sqrt(2)) for z in _NORMAL_GRID])
-_NORMAL[[0, -1]] = 0.0, 1.0
-_NORMAL_RISE: Final = np.append(np.diff(_NORMAL), 0.0)
-_LARGE: Final = 150  # values from which it is faster to reckon the place in the table than to search for it
+_FINEST_OF_PITCH: Final = 1 / 1000  # least spread as a share of the pitch: it bounds the size of the tables
+_AT_ONCE: Final = 16_384  # points times cells that are computed together: they fit into the processor's cache
 _ALIGNED: Final = 1e-9  # an object turned by less [rad] counts as along the rows or the columns
+
+Float64Array: TypeAlias = NDArray[np.float64]
 
 
 def spread_of_cover(thickness: float) -> float:
@@ -62,32 +58,10 @@ def spread_of_cover(thickness: float) -> float:
     return SPREAD_PER_THICKNESS * real_number("thickness", thickness, 0, 0.1)
 
 
-def normal_below(z: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the standard normal distribution function, right to 1.2e-7; exactly 0 and 1 beyond +-6.5."""
-    if z.size < _LARGE:
-        values: NDArray[np.float64] = np.interp(z, _NORMAL_GRID, _NORMAL)
-        return values
-    place = z * (1 / _NORMAL_STEP)
-    place += NORMAL_END / _NORMAL_STEP
-    np.maximum(place, 0.0, out=place)
-    np.minimum(place, len(_NORMAL) - 0.5, out=place)
-    index = place.astype(np.intp)
-    place -= index
-    place *= _NORMAL_RISE.take(index)
-    place += _NORMAL.take(index)
-    return place
-
-
-def cell_edges(count: int, pitch: float) -> NDArray[np.float64]:
-    """Return the limits of the cells along one axis [m], shape [count + 1], the array's middle at 0."""
-    return (np.arange(count + 1, dtype=np.float64) - count / 2) * pitch
-
-
-def window(edges: NDArray[np.float64], pitch: float, centre: float, reach: float) -> slice:
-    """Return the cells that [centre - reach, centre + reach] touches; empty when it misses the array."""
-    count = len(edges) - 1
-    middle = centre / pitch + count / 2
-    return slice(max(math.floor(middle - reach / pitch), 0), min(math.ceil(middle + reach / pitch), count))
+def window(count: int, pitch: float, low: float, high: float) -> slice:
+    """Return which of `count` cells the span from `low` to `high` [m] touches; empty when it misses the array."""
+    first, last = math.floor(low / pitch + count / 2), math.ceil(high / pitch + count / 2)
+    return slice(max(first, 0), min(last, count))
 
 
 def points_for(extent: float, spread: float, widest: float) -> int:
@@ -127,75 +101,172 @@ class Cells:
     def __init__(self, layout: Layout, spread: float) -> None:
         """Take the array and the standard deviation of the cover's spread [m], in [0, 1]."""
         self.spread = real_number("spread", spread, 0, 1)
+        self._counts = (layout.cols, layout.rows)
         self._pitch = (layout.pitch_x, layout.pitch_y)
-        self._edges = (cell_edges(layout.cols, layout.pitch_x), cell_edges(layout.rows, layout.pitch_y))
+        self._work = Workspace()
 
-    def press(self, footprints: Sequence[Footprint], x: float, y: float, angle: float, force: float) -> Patch | None:
-        """Return the forces [N] of the taxels under a contact at (x, y) [m], turned by `angle` [rad] about z.
+    def press(
+        self,
+        footprints: Sequence[Sequence[Footprint]],
+        x: Float64Array,
+        y: Float64Array,
+        angle: Float64Array,
+        force: Float64Array,
+    ) -> Patch | None:
+        """Return the forces [N] of the taxels under a contact at some moments.
 
-        Only the taxels within reach (the footprints and 6.5 standard deviations) are met; None when there are none.
+        At each moment the contact has some footprints, lies at (x, y) [m], is turned by `angle` [rad] about z, and
+        carries a force [N]; all of length [moments]. Only the taxels within reach (the footprints and 6.5 standard
+        deviations) of one of the moments are met; None when there are none.
         """
-        cos, sin = math.cos(angle), math.sin(angle)
-        half_length, half_width = footprints[0][:2]
-        for footprint in footprints[1:]:
-            half_length = max(half_length, footprint.half_length)
-            half_width = max(half_width, footprint.half_width)
-        spread = max(self.spread, FINEST_SPREAD * max(half_length, half_width))
-        reach_x = abs(cos) * half_length + abs(sin) * half_width + NORMAL_END * spread
-        reach_y = abs(sin) * half_length + abs(cos) * half_width + NORMAL_END * spread
-        cols = window(self._edges[0], self._pitch[0], x, reach_x)
-        rows = window(self._edges[1], self._pitch[1], y, reach_y)
+        half_length = np.array([max([part.half_length for part in parts]) for parts in footprints])
+        half_width = np.array([max([part.half_width for part in parts]) for parts in footprints])
+        least = max(self.spread, _FINEST_OF_PITCH * min(self._pitch))
+        spread = np.maximum(FINEST_SPREAD * np.maximum(half_length, half_width), least)
+        cos, sin = np.cos(angle), np.sin(angle)
+        reach_x = np.abs(cos) * half_length + np.abs(sin) * half_width + NORMAL_END * spread
+        reach_y = np.abs(sin) * half_length + np.abs(cos) * half_width + NORMAL_END * spread
+        cols = window(self._counts[0], self._pitch[0], float((x - reach_x).min()), float((x + reach_x).max()))
+        rows = window(self._counts[1], self._pitch[1], float((y - reach_y).min()), float((y + reach_y).max()))
         if cols.stop <= cols.start or rows.stop <= rows.start:
             return None
-        scale = 1 / spread
-        edges_x = (self._edges[0][cols.start : cols.stop + 1] - x) * scale
-        edges_y = (self._edges[1][rows.start : rows.stop + 1] - y) * scale
-        below = _below(footprints[0], edges_x, edges_y, cos * scale, sin * scale)
-        for footprint in footprints[1:]:
-            below = below + _below(footprint, edges_x, edges_y, cos * scale, sin * scale)
-        within = below[1:] - below[:-1]
-        share: NDArray[np.float64] = within[:, 1:] - within[:, :-1]
-        share *= force
+        x = x + (self._counts[0] / 2 - cols.start) * self._pitch[0]  # from the corner of the window on
+        y = y + (self._counts[1] / 2 - rows.start) * self._pitch[1]
+        share = np.zeros((len(footprints), rows.stop - rows.start, cols.stop - cols.start))
+        for width, way, moments in _alike(footprints, spread, cos, sin, max(share.shape[1:])):
+            cells = _Tables(cell_table(self._pitch[0], width), cell_table(self._pitch[1], width), self._work)
+            where = _Where(x[moments], y[moments], cos[moments], sin[moments])
+            for parts in zip(*[footprints[moment] for moment in moments], strict=True):
+                share[moments] += _COLLECT[way](_stack(parts), where, cells, share.shape[1:])
+        share *= force[:, None, None]
         return Patch(rows, cols, share)
 
 
-def _below(
-    footprint: Footprint, edges_x: NDArray[np.float64], edges_y: NDArray[np.float64], cos: float, sin: float
-) -> NDArray[np.float64]:
-    """Return the share of the force below and left of each corner of the cells, shape [edges_y, edges_x].
+class _Way(IntEnum):
+    """How an object lies on the cells."""
 
-    The edges are in units of the spread; cosine and sine of the object's angle are over the spread [1/m].
+    ALONG = 0
+    ACROSS = 1
+    ASKEW = 2
+
+
+class _Tables(NamedTuple):
+    """The cells along x and y."""
+
+    x: CellTable
+    y: CellTable
+    work: Workspace
+
+
+class _Where(NamedTuple):
+    """Where a contact lies at some moments, from the corner of the first cell on, each of shape [moments]."""
+
+    x: Float64Array
+    y: Float64Array
+    cos: Float64Array
+    sin: Float64Array
+
+
+def _alike(
+    footprints: Sequence[Sequence[Footprint]], spread: Float64Array, cos: Float64Array, sin: Float64Array, cells: int
+) -> Iterator[tuple[float, _Way, list[int]]]:
+    """Yield spread, way and numbers of moments that are computed together: with the same points, and not too many."""
+    alike: dict[tuple[Any, ...], list[int]] = {}
+    along, across = np.abs(cos), np.abs(sin)
+    ways = np.where(across < _ALIGNED * along, _Way.ALONG, np.where(along < _ALIGNED * across, _Way.ACROSS, _Way.ASKEW))
+    for moment, (parts, width, way) in enumerate(zip(footprints, spread.tolist(), ways.tolist(), strict=True)):
+        key: tuple[Any, ...] = (width, way)
+        for part in parts:
+            key += (part.u.shape, part.v.shape, id(part.v_weight), part.mirrored)
+        alike.setdefault(key, []).append(moment)
+    for (width, way, *_), moments in alike.items():
+        parts = footprints[moments[0]]
+        points = max([part.u.size * part.v_weight.size if way == _Way.ASKEW else part.v.size for part in parts])
+        count = max(_AT_ONCE // (points * cells), 1)
+        for begin in range(0, len(moments), count):
+            yield width, way, moments[begin : begin + count]
+
+
+class _Stack(NamedTuple):
+    """Footprints of some moments with the same points, those of one moment side by side.
+
+    What does not differ has 1 for the number of moments.
     """
-    if abs(sin) < _ALIGNED * abs(cos):
-        return _aligned(footprint, edges_x, edges_y, cos, cos)
-    if abs(cos) < _ALIGNED * abs(sin):
-        turned: NDArray[np.float64] = _aligned(footprint, edges_y, edges_x, sin, -sin).T
-        return turned
-    half_length, half_width, u, u_weight, v, v_weight, mirrored = footprint
-    along, across = (half_length * u[: len(u_weight)])[:, None], half_width * v
-    x, y = (cos * along - sin * across).ravel(), (sin * along + cos * across).ravel()
-    weight = np.multiply.outer(u_weight, v_weight).ravel()
-    if mirrored:
-        x, y, weight = np.concatenate([x, -x]), np.concatenate([y, -y]), np.concatenate([weight, weight])
-    below: NDArray[np.float64] = (normal_below(edges_y[:, None] - y) * weight) @ normal_below(edges_x - x[:, None])
-    return below
+
+    half_length: Float64Array
+    """Shape [moments, 1]."""
+    half_width: Float64Array
+    """Shape [moments, 1, 1]."""
+    u: Float64Array
+    """Shape [moments, n], or [moments, 2*n] when mirrored."""
+    u_weight: Float64Array
+    """Shape [moments, n]."""
+    v: Float64Array
+    """Shape [moments, n or 1, m]."""
+    v_weight: Float64Array
+    """Shape [m]."""
+    mirrored: bool
 
 
-def _aligned(
-    footprint: Footprint,
-    edges_u: NDArray[np.float64],
-    edges_v: NDArray[np.float64],
-    scale_u: float,
-    scale_v: float,
-) -> NDArray[np.float64]:
-    """Return `_below` for an object along the cells, shape [edges_v, edges_u]: both axes apart."""
-    half_length, half_width, u, u_weight, v, v_weight, mirrored = footprint
-    below_u = normal_below(edges_u - u[:, None] * (half_length * scale_u))
-    if mirrored:
-        below_u = below_u[: len(u_weight)] + below_u[len(u_weight) :]
-    below_v = v_weight @ normal_below(edges_v - v[:, :, None] * (half_width * scale_v))
-    if len(v) == 1:
-        outer: NDArray[np.float64] = np.multiply.outer(below_v[0], u_weight @ below_u)
-        return outer
-    below: NDArray[np.float64] = (below_v.T * u_weight) @ below_u
-    return below
+def _stack(parts: Sequence[Footprint]) -> _Stack:
+    lengths, widths, u, u_weight, v, v_weight, mirrored = zip(*parts, strict=True)
+    return _Stack(
+        np.array(lengths)[:, None],
+        np.array(widths)[:, None, None],
+        _side_by_side(u),
+        _side_by_side(u_weight),
+        _side_by_side(v),
+        v_weight[0],
+        mirrored[0],
+    )
+
+
+def _side_by_side(arrays: Sequence[Float64Array]) -> Float64Array:
+    first = arrays[0]
+    return first[None] if all(array is first for array in arrays) else np.stack(arrays)
+
+
+def _along(stack: _Stack, where: _Where, cells: _Tables, shape: tuple[int, ...]) -> Float64Array:
+    """Return the shares of the cells, shape [moments, rows, cols], under an object along x: both axes apart."""
+    u = where.x[:, None] + where.cos[:, None] * stack.half_length * stack.u
+    v = where.y[:, None, None] + where.cos[:, None, None] * stack.half_width * stack.v
+    u, v = cells.x.collect(u, shape[1], cells.work), cells.y.collect(v, shape[0], cells.work)
+    if stack.mirrored:
+        points = stack.u_weight.shape[1]
+        u = u[..., :points] + u[..., points:]
+    u *= stack.u_weight
+    if v.shape[2] == 1:
+        u = u.sum(axis=2, keepdims=True)
+    v = (v.reshape(-1, v.shape[3]) @ stack.v_weight).reshape(v.shape[:3])
+    share: Float64Array = v.transpose(1, 0, 2) @ u.transpose(1, 2, 0)
+    return share
+
+
+def _across(stack: _Stack, where: _Where, cells: _Tables, shape: tuple[int, ...]) -> Float64Array:
+    """Return the same under an object along y: as seen by cells that are turned back by a right angle."""
+    turned = _Where(where.y, where.x, where.sin, where.cos)
+    stack = stack._replace(v=-stack.v)
+    share: Float64Array = _along(stack, turned, _Tables(cells.y, cells.x, cells.work), shape[::-1]).transpose(0, 2, 1)
+    return share
+
+
+def _askew(stack: _Stack, where: _Where, cells: _Tables, shape: tuple[int, ...]) -> Float64Array:
+    """Return the same under an object at any angle."""
+    points = stack.u_weight.shape[1]
+    u, v = (stack.half_length * stack.u[:, :points])[:, :, None], stack.half_width * stack.v
+    cos, sin = where.cos[:, None, None], where.sin[:, None, None]
+    x, y = ((cos * u - sin * v), (sin * u + cos * v))
+    x, y = x.reshape(len(x), -1), y.reshape(len(y), -1)
+    weight = stack.u_weight[:, :, None] * stack.v_weight
+    weight = weight.reshape(len(weight), -1)
+    if stack.mirrored:
+        x, y = np.concatenate([x, -x], axis=1), np.concatenate([y, -y], axis=1)
+        weight = np.concatenate([weight, weight], axis=1)
+    within_x = cells.x.collect(where.x[:, None] + x, shape[1], cells.work)
+    within_y = cells.y.collect(where.y[:, None] + y, shape[0], cells.work)
+    within_y *= weight
+    share: Float64Array = within_y.transpose(1, 0, 2) @ within_x.transpose(1, 2, 0)
+    return share
+
+
+_COLLECT: Final = {_Way.ALONG: _along, _Way.ACROSS: _across, _Way.ASKEW: _askew}

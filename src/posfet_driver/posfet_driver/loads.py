@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Patch:
-    """Forces on a rectangle of taxels; patches may overlap, and then add up."""
+    """Forces on a rectangle of taxels at some times; patches may overlap, and then add up."""
 
     rows: slice
     cols: slice
     force: NDArray[np.float64]
-    """Force on each taxel of the rectangle [N], shape [rows, cols], positive when pushed into the sensor."""
+    """Force on each taxel of the rectangle [N], shape [times, rows, cols], positive when pushed into the sensor."""
 
 
 @dataclass(frozen=True)
@@ -53,23 +53,22 @@ class Loads(Protocol):
         """Name of the scene."""
         ...
 
-    def forces(self, time: float) -> Sequence[Patch]:
-        """Return what presses on the array; empty when nothing touches.
+    def forces(self, times: Sequence[float]) -> Sequence[Patch]:
+        """Return what presses on the array at these times; empty when nothing touches at any of them.
 
-        The same time gives the same bits, whatever was asked before. The arrays may be kept: they are never written to
-        again.
+        The same time gives the same forces, to rounding, whatever else is asked for. The arrays may be kept: they are
+        never written to again.
         """
         ...
 
-    def temperature(self, time: float) -> float:
-        """Return the chip's temperature [degC]."""
+    def temperatures(self, times: Sequence[float]) -> Sequence[float]:
+        """Return the chip's temperature [degC] at each of these times."""
         ...
 
     def rests_until(self, time: float) -> float:
         """Return the time up to which, from `time` on, neither forces nor temperature change.
 
-        `time` when one does; infinite when nothing will ever change again. Over a rest `forces` and `temperature` give
-        what they give at `time`, bit for bit.
+        `time` when one does; infinite when nothing will ever change again.
         """
         ...
 

@@ -1,10 +1,10 @@
 """Charge at the gates of the simulated taxels, moved on only where there is any.
 
-Between two calls of `advance` force and temperature move in a straight line, and the leak is exact for that, whatever
-the step: ``sigma1 = sigma0*exp(-h/tau) + (q1 - q0)*(1 - exp(-h/tau))/(h/tau)`` with ``q = force*d33/A + p*dT``
+From scan to scan force and temperature move in a straight line, and the leak is exact for that, whatever the step:
+``sigma1 = sigma0*exp(-h/tau) + (q1 - q0)*(1 - exp(-h/tau))/(h/tau)`` with ``q = force*d33/A + p*dT``
 (`posfet_model.charge`, first-order hold), each taxel with its own coefficients. Taxels that were never loaded, and
 those whose charge has leaked out, are *asleep*: they keep their state and cost nothing. The awake ones are held side by
-side in small arrays.
+side in small arrays, and moved on over several scans in one call.
 """
 
 from __future__ import annotations
@@ -50,30 +50,20 @@ class TaxelCharge:
         self._spread = spread
         self._full = full
         self._least = LEAKED_OUT * sensor.device.force_max * float(np.abs(spread.charge_per_newton).max(initial=0.0))
-        self._force: Float64Array = np.zeros((layout.rows, layout.cols))
         self._patches: tuple[Patch, ...] = ()
         self._is_awake = np.zeros((layout.rows, layout.cols), np.bool_)
-        self._warmth = 0.0  # temperature of the film above that at the start [K]
         self._weight = hysteresis / (2 * sum(PLAY_WIDTHS))
         reach = np.array(PLAY_WIDTHS if hysteresis else ())[:, None]
         self._reach: Float64Array = reach * sensor.device.force_max
-        self._play_weights = np.full(len(reach), self._weight)
         self._all_charge: Float64Array = np.zeros(layout.taxels)
         self._all_source = np.zeros(layout.taxels)
         self._all_plays = np.zeros((len(self._reach), layout.taxels))
         self._steps = 0
-        # Of those awake: source and play so far, coefficients, and the step that the weights are for.
+        # Of those awake: source and play so far, and coefficients.
         self._source: Float64Array
         self._plays: Float64Array
         self._rate: Float64Array
-        self._step: float
-        self._weights: tuple[Float64Array, Float64Array]
         self._wake_up(np.full((layout.rows, layout.cols), full, np.bool_))
-
-    @property
-    def force(self) -> Float64Array:
-        """Force on each taxel [N], shape [rows, cols]; never written to again."""
-        return self._force
 
     def all_charge(self) -> Float64Array:
         """Return the charge density of every taxel [C/m2], shape [rows * cols]."""
@@ -81,69 +71,81 @@ class TaxelCharge:
         result: Float64Array = self._all_charge.copy()
         return result
 
-    def load(self, patches: Sequence[Patch]) -> bool:
-        """Take the forces at the end of the next step; return whether another set of taxels is awake now."""
-        force = np.zeros_like(self._force)  # not in place: a ground truth may hold the last ones
-        for patch in patches:
-            force[patch.rows, patch.cols] += patch.force
-        force.flags.writeable = False
-        self._force = force
+    def wake(self, patches: Sequence[Patch]) -> None:
+        """Wake the taxels that something is about to press on, or did until now, and their neighbours."""
         changed, self._patches = (*self._patches, *patches), tuple(patches)
-        woken = self.awake.size < force.size and not all(
+        if self.awake.size == self._is_awake.size or all(
             self._is_awake[patch.rows, patch.cols].all() for patch in changed
-        )
-        if woken:
-            wake = self._is_awake.copy()
-            for patch in changed:
-                wake[_with_neighbours(patch.rows, wake.shape[0]), _with_neighbours(patch.cols, wake.shape[1])] = True
-            self._wake_up(wake)
-        return woken
+        ):
+            return
+        wake = self._is_awake.copy()
+        for patch in changed:
+            wake[_with_neighbours(patch.rows, wake.shape[0]), _with_neighbours(patch.cols, wake.shape[1])] = True
+        self._wake_up(wake)
 
-    def warm(self, warmth: float) -> bool:
-        """Take the film's temperature above the start's [K] at the end of the next step; return as `load` does."""
-        if warmth == self._warmth:
-            return False
-        self._warmth = warmth
-        if self._is_awake.all() or not self._spread.charge_per_kelvin.any():
-            return False
-        self._wake_up(np.ones_like(self._is_awake))
-        return True
+    def wake_all(self) -> None:
+        """Wake every taxel that temperature charges: all or none of them."""
+        if self.awake.size < self._is_awake.size and self._spread.charge_per_kelvin.any():
+            self._wake_up(np.ones_like(self._is_awake))
 
-    def advance(self, step: float, *, resting: bool = False) -> bool:
-        """Move on by `step` [s] to what `load` and `warm` gave; return as `load` does.
+    def advance(self, force: Float64Array, warmth: Float64Array, steps: Float64Array) -> Float64Array:
+        """Move on by some scans and return the charge before them and at each, shape [scans + 1, awake].
 
-        With `resting` nothing was given since the last step.
+        Takes the force on every taxel [N], shape [scans, rows * cols], the film's temperature above that at the start
+        [K] and the time [s] from the scan before, both of shape [scans].
         """
-        if not self.awake.size:
+        if force.shape[1] > self.awake.size:
+            force = force[:, self.awake]
+        sources = np.empty((len(steps) + 1, self.awake.size))
+        sources[0] = self._source
+        sources[1:] = self._counted(force)
+        sources[1:] *= self._per_newton
+        if warmth.any():
+            sources[1:] += np.multiply.outer(warmth, self._per_kelvin)
+        same = steps.min() == steps.max()
+        exponent = np.multiply.outer(steps[:1] if same else steps, self._rate)
+        lost = np.expm1(exponent)
+        decay = np.broadcast_to(1 + lost, (len(steps), self.awake.size))
+        charge = np.empty_like(sources)
+        charge[0] = self.charge
+        np.multiply(lost / exponent, np.diff(sources, axis=0), out=charge[1:])
+        for before, after, left in zip(charge[:-1], charge[1:], decay, strict=True):
+            np.add(after, before * left, out=after)
+        self._source = sources[-1]
+        return self._end_at(charge)
+
+    def rest(self, times: Float64Array) -> Float64Array:
+        """Move on while nothing changes: return the charge some times [s] after the last scan, shape [times, awake]."""
+        return self._end_at(np.exp(np.multiply.outer(times, self._rate)) * self.charge)
+
+    def sleep(self) -> bool:
+        """Let those sleep that have no charge and no neighbour with any, now and then; return whether there was one."""
+        if self._full or self._steps < BEDTIME:
             return False
-        decay, mean = self._step_weights(step)
-        self.charge = self.charge * decay
-        if not resting:
-            source = self._sources()
-            self.charge += mean * (source - self._source)
-            self._source = source
-        self.updates += self.awake.size
-        self._steps += 1
-        return not self._full and self._steps % BEDTIME == 0 and self._go_to_sleep()
+        self._steps = 0
+        return self._go_to_sleep()
 
-    def _step_weights(self, step: float) -> tuple[Float64Array, Float64Array]:
-        if step != self._step:
-            exponent = step * self._rate
-            lost = np.expm1(exponent)
-            self._step, self._weights = step, (1 + lost, lost / exponent)
-        return self._weights
+    def _end_at(self, charge: Float64Array) -> Float64Array:
+        self.charge = charge[-1]
+        self.updates += (len(charge) - 1) * self.awake.size
+        self._steps += len(charge) - 1
+        return charge
 
-    def _sources(self) -> Float64Array:
-        """Return the charge that force and temperature give, before any leaks, of those awake."""
-        force = self._force.ravel() if self.awake.size == self._force.size else self._force.take(self.awake)
-        if self._reach.size:
-            np.maximum(self._plays, force - self._reach, out=self._plays)
-            np.minimum(self._plays, force + self._reach, out=self._plays)
-            force = (1 - self._weight * len(self._reach)) * force + self._play_weights @ self._plays
-        source = force * self._per_newton
-        if self._warmth:
-            source += self._warmth * self._per_kelvin
-        return source
+    def _counted(self, force: Float64Array) -> Float64Array:
+        """Return what forces [N] count as behind the film's hysteresis, shape [scans, awake]."""
+        if not self._reach.size:
+            return force
+        least, most = force[:, None] - self._reach, force[:, None] + self._reach
+        plays = np.empty_like(least)
+        before = self._plays
+        for low, high, after in zip(least, most, plays, strict=True):
+            np.maximum(before, low, out=after)
+            np.minimum(after, high, out=after)
+            before = after
+        self._plays = plays[-1]
+        counted: Float64Array = force * (1 - self._weight * len(self._reach))
+        counted += self._weight * plays.sum(axis=1)
+        return counted
 
     def _wake_up(self, wake: NDArray[np.bool_]) -> None:
         """Let those and no others be awake."""
@@ -159,7 +161,6 @@ class TaxelCharge:
         self._per_newton = self._spread.charge_per_newton[self.awake]
         self._per_kelvin = self._spread.charge_per_kelvin[self.awake]
         self._rate = -1 / self._spread.leak_time_constant[self.awake]
-        self._step, self._weights = -1.0, (self.charge, self.charge)
 
     def _go_to_sleep(self) -> bool:
         """Let those sleep that have no charge and no neighbour with any; return whether there was one."""

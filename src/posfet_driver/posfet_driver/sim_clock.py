@@ -27,7 +27,7 @@ class SimClock:
         self._seed = seed
         self._limit = min(JITTER_END * jitter, JITTER_SHARE * self._interval)
         self._page = -1
-        self._offsets: list[float] = []
+        self._offsets: NDArray[np.float64] = np.zeros(0)
 
     @property
     def interval(self) -> float:
@@ -39,11 +39,28 @@ class SimClock:
         if not self._jitter:
             return index * self._interval
         page, row = divmod(max(index, 0), _PAGE)
-        if page != self._page:
-            values = generator(self._seed, Stream.JITTER, page).standard_normal(_PAGE) * self._jitter
-            self._offsets = (np.clip(values, -self._limit, self._limit) + self._limit).tolist()
-            self._page = page
-        return index * self._interval + self._offsets[row]
+        return index * self._interval + self._offsets_of(page).item(row)
+
+    def times(self, first: int, count: int) -> NDArray[np.float64]:
+        """Return the times of `count` scans from scan `first` on [s]."""
+        times = np.arange(first, first + count, dtype=np.float64)
+        times *= self._interval
+        if self._jitter:
+            done = 0
+            while done < count:
+                page, row = divmod(max(first + done, 0), _PAGE)
+                part = (
+                    self._offsets_of(page)[row : row + count - done] if first + done >= 0 else self._offsets_of(0)[:1]
+                )
+                times[done : done + len(part)] += part
+                done += len(part)
+        return times
+
+    def steps(self, first: int, count: int) -> NDArray[np.float64]:
+        """Return the time to each of `count` scans, the first of them scan `first`, from the one before [s]."""
+        if not self._jitter:
+            return np.full(count, self._interval)
+        return np.diff(self.times(first - 1, count + 1))
 
     def between(self, first: int, last: int) -> float:
         """Return the time from one scan to another [s]; without jitter the same for the same number of intervals."""
@@ -51,14 +68,23 @@ class SimClock:
             return (last - first) * self._interval
         return self.time(last) - self.time(first)
 
-    def times(self, first: int, count: int) -> NDArray[np.float64]:
-        """Return the times of `count` scans from scan `first` on [s]."""
+    def spans(self, origin: int, first: int, count: int) -> NDArray[np.float64]:
+        """Return the times from scan `origin` to `count` scans from scan `first` on [s]."""
         if not self._jitter:
-            return np.arange(first, first + count, dtype=np.float64) * self._interval
-        return np.array([self.time(index) for index in range(first, first + count)], np.float64)
+            return np.arange(first - origin, first - origin + count, dtype=np.float64) * self._interval
+        times: NDArray[np.float64] = self.times(first, count) - self.time(origin)
+        return times
 
     def last_by(self, time: float) -> int:
         """Return a scan that is surely taken by `time` [s]: the last or, for rounding or jitter, the one before."""
         if not math.isfinite(time):
             return 2**62
         return min(math.floor((time - 2 * self._limit) / self._interval), 2**62)
+
+    def _offsets_of(self, page: int) -> NDArray[np.float64]:
+        """Return by how much each scan of a page is late [s]."""
+        if page != self._page:
+            values = generator(self._seed, Stream.JITTER, page).standard_normal(_PAGE) * self._jitter
+            self._offsets = np.clip(values, -self._limit, self._limit) + self._limit
+            self._page = page
+        return self._offsets

@@ -36,6 +36,8 @@ class FlickerNoise:
         self._pages: dict[tuple[int, int], NDArray[np.float64]] = {}
         self._fast = [octave for octave in range(1, OCTAVES + 1) if FACTOR**octave <= block]
         self._slow = [octave for octave in range(1, OCTAVES + 1) if FACTOR**octave > block]
+        self._ends_at = -1  # where the slow octaves were summed last
+        self._end: NDArray[np.float64] = np.zeros(taxels)
         self.weights = self._weights()
         """What each row of `rows` counts in each scan of a block, shape [block, rows]."""
 
@@ -55,11 +57,15 @@ class FlickerNoise:
     def rows(self, number: int) -> NDArray[np.float64]:
         """Return what block `number` is made of by `weights`, shape [rows, taxels]."""
         start = number * self._block
-        parts = [np.stack([self._slow_sum(start), self._slow_sum(start + self._block)])]
+        rows = np.empty((self.weights.shape[1], self._taxels))
+        rows[0], rows[1] = self._slow_sum(start), self._slow_sum(start + self._block)
+        row = 2
         for octave in self._fast:
             span = FACTOR**octave
-            parts.append(self._knots(octave, start // span, self._block // span + 1))
-        return np.concatenate(parts)
+            for knot in range(start // span, (start + self._block) // span + 1):
+                rows[row] = self._knot(octave, knot)
+                row += 1
+        return rows
 
     def _weights(self) -> NDArray[np.float64]:
         place = np.arange(self._block)
@@ -72,21 +78,25 @@ class FlickerNoise:
         return np.stack(columns, axis=1) * math.sqrt(math.log(FACTOR))
 
     def _slow_sum(self, index: int) -> NDArray[np.float64]:
-        """Return the sum of the slow octaves at one scan, shape [taxels]."""
-        total = np.zeros(self._taxels)
-        for octave in self._slow:
-            knot, offset = divmod(index, FACTOR**octave)
-            before, after = self._knots(octave, knot, 2)
-            angle = offset / FACTOR**octave * (math.pi / 2)
-            total += math.cos(angle) * before + math.sin(angle) * after
-        return total
+        """Return the sum of the slow octaves at one scan, shape [taxels].
 
-    def _knots(self, octave: int, first: int, count: int) -> NDArray[np.float64]:
-        """Return `count` numbers of each channel from knot `first` on, shape [count, taxels]."""
-        begin, end = first // _PAGE, (first + count - 1) // _PAGE
-        pages = [self._page(octave, page) for page in range(begin, end + 1)]
-        whole = pages[0] if len(pages) == 1 else np.concatenate(pages)
-        return whole[first - begin * _PAGE :][:count]
+        Remembers the last: a block ends as the next one begins.
+        """
+        if index != self._ends_at:
+            total = np.zeros(self._taxels)
+            for octave in self._slow:
+                knot, offset = divmod(index, FACTOR**octave)
+                angle = offset / FACTOR**octave * (math.pi / 2)
+                total += math.cos(angle) * self._knot(octave, knot)
+                total += math.sin(angle) * self._knot(octave, knot + 1)
+            self._ends_at, self._end = index, total
+        return self._end
+
+    def _knot(self, octave: int, knot: int) -> NDArray[np.float64]:
+        """Return one number of each channel, shape [taxels]."""
+        page, row = divmod(knot, _PAGE)
+        numbers: NDArray[np.float64] = self._page(octave, page)[row]
+        return numbers
 
     def _page(self, octave: int, page: int) -> NDArray[np.float64]:
         key = (octave, page)

@@ -1,7 +1,8 @@
 """From charge at the gates to codes: crosstalk, follower, noise, mains hum and converter of the simulated board.
 
-Everything between gate and converter is reckoned in steps of the converter above its low end, so that a scan costs few
-passes over the array. Noise and hum come in blocks of scans; while nothing changes, a whole block is converted at once.
+Everything between gate and converter is reckoned in steps of the converter, so that a scan costs few passes over the
+array. Noise and hum come in blocks of scans, with the codes of an array at rest; only taxels with charge are converted
+again.
 """
 
 from __future__ import annotations
@@ -43,7 +44,6 @@ class Readout:
         taxels = sensor.layout.taxels
         self._imperfections = imperfections
         self._spread = spread
-        self._neighbour_weights = np.full(4, imperfections.crosstalk)
         self._clock = clock
         self._seed = seed
         self._bits = converter.bits
@@ -58,8 +58,7 @@ class Readout:
         self._slews = 0 < self._slew * clock.interval < self._rails[1] - self._rails[0]
         self._steps_per_charge = spread.volts_per_charge / self._lsb
         self._at_rest = (spread.offset - converter.low) / self._lsb
-        self._signal = self._at_rest.copy()  # output without noise, before the rails
-        self._row = np.empty(taxels)
+        self._before = np.clip(self._at_rest, *self._rails)  # output of the last scan; kept up to date if it slews
         self._stuck = np.flatnonzero(spread.status == TaxelStatus.STUCK)
         gain = amplifier.follower_gain
         flicker = (imperfections.flicker_noise * gain) ** 2
@@ -78,82 +77,109 @@ class Readout:
         self._number = -1  # of the block whose noise is held
         self._white: Float64Array | None = None
         self._slow: Float64Array | None = None
-        self._converted: NDArray[np.uint16] | None = None  # the block's counts while the signal rests
-        self._make_neighbours(sensor.layout.rows, sensor.layout.cols, np.arange(0))
-        self._last_shift: Float64Array = np.zeros(0)
+        self._resting = np.zeros((self.block, taxels), np.uint16)
+        self._shape = sensor.layout.rows, sensor.layout.cols
+        self.awake = np.arange(0)
+        """Numbers of the taxels that have charge."""
+        self._awake: slice | NDArray[np.intp]
+        self.wake(self.awake)
 
-    def wake(self, rows: int, cols: int, awake: NDArray[np.intp]) -> None:
-        """Take note that other taxels are awake: their numbers, and the array's shape."""
-        self._signal[self._awake] = self._at_rest[self._awake]
-        before = np.zeros(rows * cols)
-        before[self._awake] = self._last_shift
-        self._make_neighbours(rows, cols, awake)
-        self._last_shift = before[awake]
-        self._converted = None
+    def wake(self, awake: NDArray[np.intp]) -> None:
+        """Take note which taxels have charge, by their numbers."""
+        rows, cols = self._shape
+        wide = cols + 2
+        self.awake = awake
+        self._awake = slice(None) if awake.size == rows * cols else awake  # a slice is faster
+        self._per_charge = self._steps_per_charge[awake]
+        self._rest_awake = self._at_rest[awake]
+        inside = (awake // cols + 1) * wide + awake % cols + 1
+        place = np.full((rows + 2) * wide, awake.size)  # where there is no taxel awake: what comes behind the last
+        place[inside] = np.arange(awake.size)
+        self._beside = [place[inside + offset] for offset in (-1, 1, -wide, wide)]
+        still_awake = np.zeros(rows * cols, np.bool_)
+        still_awake[awake] = True
+        self._before[~still_awake] = np.clip(self._at_rest[~still_awake], *self._rails)
 
-    def take(self, charge: Float64Array, step: float) -> None:
-        """Take the charge [C/m2] of the taxels awake, `step` [s] after the last."""
+    def outputs(self, charge: Float64Array, steps: Float64Array) -> Float64Array:
+        """Return what charge [C/m2] adds to the followers' outputs, in steps of the converter, without noise and rails.
+
+        `charge` has the shape [scans + 1, awake], the first row that of the scan before; the result has [scans, awake].
+        `steps` [s] are the times from scan to scan.
+        """
         shift = charge * self._per_charge
         if self._lag_time:
             # One pole and a straight piece of input: the lag is slope*tau*(1 - exp(-h/tau)), and what was before is
             # forgotten, as the interval between scans is hundreds of time constants.
-            lag = min(self._lag_time / step, 1.0) * (shift - self._last_shift)
-            self._last_shift, shift = shift, shift - lag
+            lag = np.diff(shift, axis=0) * np.minimum(self._lag_time / steps, 1.0)[:, None]
+            shift = shift[1:] - lag
+        else:
+            shift = shift[1:]
         if self._imperfections.crosstalk:
-            self._padded[self._inside] = shift
-            shift = shift + self._neighbour_weights @ self._padded[self._beside]
-        shift += self._rest_awake
-        if self._slews:
-            most = self._slew * step
-            before = np.clip(self._signal[self._awake], *self._rails)
-            shift = np.clip(shift, before - most, before + most)
-        self._signal[self._awake] = shift
-        self._converted = None
+            ended = np.concatenate([shift, np.zeros((len(shift), 1))], axis=1)
+            beside = [ended.take(places, axis=1) for places in self._beside]
+            shift = shift + self._imperfections.crosstalk * (beside[0] + beside[1] + beside[2] + beside[3])
+        return self._slew_limited(shift, steps) if self._slews else shift
 
-    def volts(self) -> Float64Array:
-        """Return the output of the followers without noise [V], shape [rows * cols]."""
-        volts: Float64Array = np.clip(self._signal, *self._rails) * self._lsb + self._low
+    def volts(self, awake: NDArray[np.intp], output: Float64Array) -> Float64Array:
+        """Return the output of all followers without noise [V], shape [rows * cols], of one row of `outputs`."""
+        signal = self._at_rest.copy()
+        signal[awake] += output
+        volts: Float64Array = np.clip(signal, *self._rails) * self._lsb + self._low
         return volts
 
-    def counts(self, index: int, out: NDArray[np.uint16], *, resting: bool) -> None:
-        """Write scan number `index`; with `resting` the charge will be the same for some more scans."""
-        number, row = divmod(index, self.block)
+    def counts(self, first: int, outputs: Float64Array) -> NDArray[np.uint16]:
+        """Return the codes of the scans from `first` on, all of one block, shape [scans, rows * cols]."""
+        number, row = divmod(first, self.block)
         if number != self._number:
             self._begin(number)
-        if resting and self._converted is None:
-            rows = [self._signal] * self.block if self._slow is None else self._slow + self._signal
-            self._converted = np.empty((self.block, self._signal.size), np.uint16)
-            self._convert(np.array(rows), self._white, self._converted)
-        if self._converted is not None:
-            out[:] = self._converted[row]
-            return
-        if self._slow is None:
-            np.copyto(self._row, self._signal)
-        else:
-            np.add(self._signal, self._slow[row], out=self._row)
-        self._convert(self._row, None if self._white is None else self._white[row], out)
+        scans = slice(row, row + len(outputs))
+        if not outputs.shape[1]:
+            return self._resting[scans]
+        steps = outputs + self._rest_awake
+        if self._slow is not None:
+            steps += self._slow[scans, self._awake]
+        white = None if self._white is None else self._white[scans, self._awake]
+        if isinstance(self._awake, slice):
+            return self._stuck_in(self._convert(steps, white))
+        counts = self._resting[scans].copy()
+        counts[:, self._awake] = self._convert(steps, white)
+        return self._stuck_in(counts)
 
-    def _convert(self, volts: Float64Array, white: Float64Array | None, out: NDArray[np.uint16]) -> None:
-        """Write the counts of outputs before the rails, in steps of the converter; `volts` is overwritten."""
-        np.maximum(volts, self._rails[0], out=volts)
-        np.minimum(volts, self._rails[1], out=volts)
+    def _slew_limited(self, shift: Float64Array, steps: Float64Array) -> Float64Array:
+        """Return outputs that move no faster than the amplifier can."""
+        limited = shift + self._rest_awake
+        before = self._before[self._awake]
+        for row, step in zip(limited, steps.tolist(), strict=True):
+            np.clip(row, before - self._slew * step, before + self._slew * step, out=row)
+            before = np.clip(row, *self._rails)
+        self._before[self._awake] = before
+        limited -= self._rest_awake
+        return limited
+
+    def _convert(self, steps: Float64Array, white: Float64Array | None) -> NDArray[np.uint16]:
+        """Return the codes of outputs before the rails, in steps of the converter; `steps` is overwritten."""
+        np.maximum(steps, self._rails[0], out=steps)
+        np.minimum(steps, self._rails[1], out=steps)
         if white is not None:
-            volts += white
-        np.rint(volts, out=volts)
+            steps += white
+        np.rint(steps, out=steps)
         if self._clips:
-            np.maximum(volts, 0, out=volts)
-            np.minimum(volts, self._top, out=volts)
-        np.copyto(out, volts, casting="unsafe")
+            np.maximum(steps, 0, out=steps)
+            np.minimum(steps, self._top, out=steps)
+        codes = steps.astype(np.uint16)
         if self._bits < SCALE_BITS:
-            out[...] = out << (SCALE_BITS - self._bits) | out >> (2 * self._bits - SCALE_BITS)
+            codes[...] = codes << (SCALE_BITS - self._bits) | codes >> (2 * self._bits - SCALE_BITS)
+        return codes
+
+    def _stuck_in(self, codes: NDArray[np.uint16]) -> NDArray[np.uint16]:
         if self._stuck.size:
-            out[..., self._stuck] = self._spread.stuck_counts[self._stuck]
+            codes[:, self._stuck] = self._spread.stuck_counts[self._stuck]
+        return codes
 
     def _begin(self, number: int) -> None:
-        """Draw the noise of a block."""
+        """Draw the noise of a block, and convert an array at rest."""
         self._number = number
-        self._converted = None
-        first, taxels = number * self.block, self._signal.size
+        first, taxels = number * self.block, self._at_rest.size
         if self._white_steps.any():
             self._white = generator(self._seed, Stream.WHITE, number).standard_normal((self.block, taxels))
             self._white *= self._white_steps
@@ -165,15 +191,8 @@ class Readout:
             turns = self._imperfections.hum_frequency * self._clock.times(first, self.block)
             weights.append(np.sin(2 * math.pi * turns)[:, None])
             rows.append(self._hum_steps[None])
+        at_rest = np.tile(self._at_rest, (self.block, 1))
         if rows:
             self._slow = np.concatenate(weights, axis=1) @ np.concatenate(rows)
-
-    def _make_neighbours(self, rows: int, cols: int, awake: NDArray[np.intp]) -> None:
-        """Find, for the taxels awake, their places on a padded array, and those of their four neighbours."""
-        wide = cols + 2
-        self._awake: slice | NDArray[np.intp] = slice(None) if awake.size == rows * cols else awake  # a slice is faster
-        self._per_charge = self._steps_per_charge[awake]
-        self._rest_awake = self._at_rest[awake]
-        self._padded = np.zeros((rows + 2) * wide)
-        self._inside = (awake // cols + 1) * wide + awake % cols + 1
-        self._beside = np.stack([self._inside + offset for offset in (-1, 1, -wide, wide)])
+            at_rest += self._slow
+        self._resting = self._stuck_in(self._convert(at_rest, self._white))

@@ -20,9 +20,9 @@ LATE: Final = 0.1
 class SimulationSource:
     """Hands on each scan of a board when the board takes it.
 
-    A reader that comes late gets every scan that is due, one after the other: none is skipped, and the stamps keep the
-    board's rhythm. Scans that the board's line loses are missing, those it repeats come twice (`FaultyScans`). After a
-    `close` the next `open` starts a fresh board.
+    What a scan needs is computed while it is waited for. A reader that comes late gets every scan that is due, one
+    after the other: none is skipped, and the stamps keep the board's rhythm. Scans that the board's line loses are
+    missing, those it repeats come twice (`FaultyScans`). After a `close` the next `open` starts a fresh board.
     """
 
     def __init__(
@@ -85,7 +85,9 @@ class SimulationSource:
             due = self._start + round(self.board.clock.time(self._next) * _NANOSECONDS)
             now = self._clock.monotonic()
             if due > now:
-                self._clock.sleep((min(due, end) - now) / _NANOSECONDS)
+                self.board.prepare(self._next)
+                now = self._clock.monotonic()
+                self._clock.sleep(max(min(due, end) - now, 0) / _NANOSECONDS)
                 if due > end:
                     return None
             self._delay = max(now - due, 0) / _NANOSECONDS

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from posfet_driver.contact_pressure_cells import Cells, Footprint, spread_of_cover
+from posfet_driver.contact_pressure_cells import FINEST_SPREAD, Cells, Footprint, spread_of_cover
 from posfet_driver.loads import ObjectsState, Patch
 from posfet_driver.scene.model import ObjectState, Scene, SceneObject
+from posfet_driver.scene.paths import Pose
 from posfet_driver.scene.shapes import Bend
 from posfet_model.sensor import Sensor
 
@@ -19,42 +21,28 @@ class SceneLoads:
     def __init__(self, scene: Scene, sensor: Sensor) -> None:
         """Take a scene that was read for this sensor."""
         self.scene = scene
-        self._cells = Cells(sensor.layout, spread(scene, sensor))
-        self._last: list[tuple[ObjectState, Patch | None] | None] = [None] * len(scene.objects)
-        self._footprints: list[tuple[float, Bend, list[Footprint]] | None] = [None] * len(scene.objects)
+        self._objects = [_Touching(scene, item, _cells(scene, item, sensor)) for item in scene.objects]
+        self._steady = len(scene.temperature.times) == 1 and scene.warming is None
 
     @property
     def name(self) -> str:
         """Name of the scene."""
         return self.scene.name
 
-    def forces(self, time: float) -> list[Patch]:
-        """Return what presses on the array; empty when nothing touches."""
+    def forces(self, times: Sequence[float]) -> list[Patch]:
+        """Return what presses on the array at these times; empty when nothing touches."""
         patches = []
-        for index, (item, state) in enumerate(zip(self.scene.objects, self.scene.states(time), strict=True)):
-            if state.force > 0:
-                last = self._last[index]
-                if last is None or last[0] != state:
-                    last = self._last[index] = (state, self._press(index, item, state))
-                if last[1] is not None:
-                    patches.append(last[1])
+        for item, touching in zip(self.scene.objects, self._objects, strict=True):
+            patch = touching.patch(self.scene.presses(item, times))
+            if patch is not None:
+                patches.append(patch)
         return patches
 
-    def _press(self, index: int, item: SceneObject, state: ObjectState) -> Patch | None:
-        bend = self.scene.bend_along(item, state.angle)
-        last = self._footprints[index]
-        if last is None or last[:2] != (state.force, bend):
-            footprints = item.shape.footprints(state.force, self._cells.spread, bend)
-            last = self._footprints[index] = (state.force, bend, footprints)
-        angle = state.angle if item.shape.turns else 0.0
-        patch = self._cells.press(last[2], state.x, state.y, angle, state.force)
-        if patch is not None:
-            patch.force.flags.writeable = False
-        return patch
-
-    def temperature(self, time: float) -> float:
-        """Return the chip's temperature [degC]."""
-        return self.scene.chip_temperature(time)
+    def temperatures(self, times: Sequence[float]) -> list[float]:
+        """Return the chip's temperature [degC] at each of these times."""
+        if self._steady:
+            return [self.scene.chip_temperature(times[0])] * len(times)
+        return [self.scene.chip_temperature(time) for time in times]
 
     def rests_until(self, time: float) -> float:
         """Return until when nothing changes [s]."""
@@ -75,6 +63,66 @@ class SceneLoads:
             contact_normals=np.reshape([poses[index][2] for index in touching], (-1, 3)),
             contact_forces=np.array([states[index].force for index in touching], np.float64),
         )
+
+
+class _Touching:
+    """What one object does to the taxels; remembers the last, as an object that holds still does the same again."""
+
+    def __init__(self, scene: Scene, item: SceneObject, cells: Cells) -> None:
+        self._scene = scene
+        self._item = item
+        self._cells = cells
+        self._held: tuple[Pose, Patch | None] | None = None
+        self._last: tuple[float, Bend, list[Footprint]] | None = None
+
+    def patch(self, presses: Sequence[Pose]) -> Patch | None:
+        """Return its forces, one after the other; None when it touches no taxel."""
+        first = presses[0]
+        if any(press != first for press in presses):
+            return self._press(presses)
+        if first[3] <= 0:
+            return None
+        if self._held is None or self._held[0] != first:
+            self._held = first, self._press([first])
+        patch = self._held[1]
+        if patch is None or len(presses) == 1:
+            return patch
+        return Patch(patch.rows, patch.cols, np.broadcast_to(patch.force, (len(presses), *patch.force.shape[1:])))
+
+    def _press(self, presses: Sequence[Pose]) -> Patch | None:
+        touching = [index for index, press in enumerate(presses) if press[3] > 0]
+        if not touching:
+            return None
+        x, y, angle, force = np.array([presses[index] for index in touching]).T
+        if not self._item.shape.turns:
+            angle = np.zeros(len(touching))
+        footprints = [self._footprints(*presses[index][2:]) for index in touching]
+        patch = self._cells.press(footprints, x, y, angle, force)
+        if patch is None:
+            return None
+        whole = patch.force
+        if len(touching) < len(presses):
+            whole = np.zeros((len(presses), *patch.force.shape[1:]))
+            whole[touching] = patch.force
+        whole.flags.writeable = False
+        return Patch(patch.rows, patch.cols, whole)
+
+    def _footprints(self, angle: float, force: float) -> list[Footprint]:
+        bend = self._scene.bend_along(self._item, angle)
+        if self._last is None or self._last[:2] != (force, bend):
+            self._last = force, bend, self._item.shape.footprints(force, self._cells.spread, bend)
+        return self._last[2]
+
+
+def _cells(scene: Scene, item: SceneObject, sensor: Sensor) -> Cells:
+    """Return the cells as an object meets them, with the least spread for its greatest force: one for all forces."""
+    least, bend = spread(scene, sensor), scene.bend_along(item, 0.0)
+    load = item.path.top_load()
+    force = item.shape.force(load, bend) if item.by_indentation else load
+    if force > 0:
+        footprints = item.shape.footprints(force, least, bend)
+        least = max(least, *[FINEST_SPREAD * max(part.half_length, part.half_width) for part in footprints])
+    return Cells(sensor.layout, least)
 
 
 def spread(scene: Scene, sensor: Sensor) -> float:

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
-from posfet_driver.scene.paths import Path, Span, Track
+from posfet_driver.scene.paths import Path, Pose, Span, Track
 from posfet_driver.scene.shapes import FLAT, Bend, Shape
 
 
 class ObjectState(NamedTuple):
-    """One object at one time; a tuple, as one is made for each object and scan."""
+    """One object at one time."""
 
     x: float
     """Along the surface [m]."""
@@ -132,6 +132,14 @@ class Scene:
     def bend_along(self, item: SceneObject, angle: float) -> Bend:
         """Return the chip's curvatures [1/m] along and across an object at that angle [rad]."""
         return FLAT if self.bend is None else self.bend.along(angle if item.shape.turns else 0.0)
+
+    def presses(self, item: SceneObject, times: Sequence[float]) -> list[Pose]:
+        """Return place and force [N] of an object at each time [s] since the start."""
+        poses = [item.path.at(self.local_time(time)) for time in times]
+        if not item.by_indentation:
+            return poses
+        shape = item.shape
+        return [(x, y, angle, shape.force(load, self.bend_along(item, angle))) for x, y, angle, load in poses]
 
     def states(self, time: float) -> list[ObjectState]:
         """Return each object at a time [s] since the start."""

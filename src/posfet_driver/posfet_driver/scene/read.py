@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
 from posfet_driver.contact_pressure_cells import Cells, spread_of_cover
 from posfet_driver.scene.heat import warming
 from posfet_driver.scene.lines import Cylinder, Edge
@@ -65,10 +67,11 @@ def greatest_force(sensor: Sensor, cells: Cells, shape: Shape, bend: Bend = FLAT
 
     At it, either the taxel straight under the shape has the sensor's greatest force, or the theory of its contact ends.
     """
-    x, y = sensor.layout.positions[sensor.layout.cols // 2 + sensor.layout.rows // 2 * sensor.layout.cols].tolist()
+    x, y = sensor.layout.positions[sensor.layout.cols // 2 + sensor.layout.rows // 2 * sensor.layout.cols].reshape(2, 1)
 
     def peak(force: float) -> float:
-        patch = cells.press(shape.footprints(force, cells.spread, bend), x, y, 0.0, force)
+        footprints = [shape.footprints(force, cells.spread, bend)]
+        patch = cells.press(footprints, x, y, np.zeros(1), np.array([force]))
         return 0.0 if patch is None else float(patch.force.max())
 
     low, high = 0.0, shape.greatest_force

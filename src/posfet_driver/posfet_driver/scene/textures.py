@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from posfet_driver.contact_pressure_cells import Footprint, points_for
 from posfet_driver.contact_pressure_laws import FORCE_LIMIT
-from posfet_driver.contact_pressure_rules import half_ellipse, uniform
+from posfet_driver.contact_pressure_rules import Line, half_ellipse, uniform
 from posfet_driver.scene.shapes import Bend
 
 
@@ -63,21 +64,47 @@ class Ridges(Pad):
         """Return the pressure of the ridges, and above the full contact what is even on top of it."""
         wavelength = self.length / self.ridges
         full = math.pi * self.effective_modulus * self.amplitude / wavelength * self.length * self.width
-        touching = min(force / full, 1.0) if full > 0 else 0.0
         widest = max(self.length, self.width) / 2
-        v, v_weight = uniform(points_for(self.width / 2, spread, widest))
-        lines = []
-        if full > 0:
-            chord, chord_weight = half_ellipse(points_for(wavelength / 2, spread, widest))
-            inside = 2 / math.pi * np.arcsin(math.sqrt(touching) * chord)
-            crests = np.arange(1 - self.ridges, self.ridges, 2)
-            u = np.add.outer(crests, inside).ravel() / self.ridges
-            lines.append((u, np.tile(chord_weight, self.ridges) * (min(full / force, 1.0) / self.ridges)))
-        if force > full:
-            u, weight = uniform(points_for(self.length / 2, spread, widest))
-            lines.append((u, weight * (1 - full / force)))
         half_length, half_width = self.length / 2, self.width / 2
-        return [Footprint(half_length, half_width, u, weight, v[None, :], v_weight, False) for u, weight in lines]
+        v, v_weight = _even_across(points_for(half_width, spread, widest))
+        order = points_for(wavelength / 2, spread, widest)
+        if force < full:
+            u, weight = _crests(self.ridges, order, force / full)
+        else:
+            u, crests, even = _closed(self.ridges, order, points_for(half_length, spread, widest))
+            weight = crests * (full / force) + even * (1 - full / force)
+        return [Footprint(half_length, half_width, u, weight, v, v_weight, False)]
+
+
+@lru_cache(maxsize=64)
+def _crests(ridges: int, order: int, touching: float) -> Line:
+    """Return points of the pressure of ridges on [-1, 1], each touching over its middle part: `touching` of its load.
+
+    At `touching` 1 a ridge touches all over: its pressure is one and a cosine.
+    """
+    chord, chord_weight = half_ellipse(order)
+    inside = 2 / math.pi * np.arcsin(math.sqrt(touching) * chord)
+    crests = np.arange(1 - ridges, ridges, 2)
+    return np.add.outer(crests, inside).ravel() / ridges, np.tile(chord_weight, ridges) / ridges
+
+
+@lru_cache(maxsize=64)
+def _closed(
+    ridges: int, order: int, even_order: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return points for ridges that touch all over, their weights for the ridges, and those for what is even."""
+    crests, crests_weight = _crests(ridges, order, 1.0)
+    even, even_weight = uniform(even_order)
+    weights = np.zeros((2, len(crests) + len(even)))
+    weights[0, : len(crests)], weights[1, len(crests) :] = crests_weight, even_weight
+    return np.concatenate([crests, even]), weights[0], weights[1]
+
+
+@lru_cache(maxsize=64)
+def _even_across(order: int) -> Line:
+    """Return `uniform` as a row of points."""
+    points, weights = uniform(order)
+    return points[None, :], weights
 
 
 @dataclass(frozen=True)
