@@ -4,7 +4,7 @@
 #   make test               every test                             ARGS="-k name" goes to pytest
 #   make check              ruff and mypy
 #   make soak               the driver under a fault every few seconds, half an hour of it     FOR=60
-#   make bench              the benchmarks that take seconds: slcan readers side by side
+#   make bench              measure the speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
 #   make figures            the figures of docs/
 #   make clean              removes what was built; make distclean the .venv as well
 
@@ -50,8 +50,15 @@ check: $(BUILT)
 soak: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet_driver.soak --for $(or $(FOR),1800) $(ARGS)
 
-bench: $(BUILT)
-	@$(IN_ENVIRONMENT) exec python3 benchmarks/slcan.py $(ARGS)
+bench: $(BUILT) benchmarks/.ready
+	@$(IN_ENVIRONMENT) exec python3 -m benchmarks $(if $(FULL),--full) $(if $(ONLY),--only $(ONLY)) $(ARGS)
+
+# What only the benchmarks need. On a sourced ROS 2: apt install python3-scipy python3-cantools python3-matplotlib
+benchmarks/.ready: benchmarks/requirements.txt | $(READY)
+ifndef ROS_DISTRO
+	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement $<
+endif
+	@touch $@
 
 figures: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet_model.figures $(ARGS)

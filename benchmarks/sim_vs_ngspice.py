@@ -20,7 +20,9 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_model"))
+sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
 
+from benchmarks.outcome import Chart, Outcome, Point, Table
 from posfet_model import spice
 from posfet_model.follower import OnePoleFollower, close_loop
 from posfet_model.paper import AMPLIFIER_GAIN, GAIN_BANDWIDTH
@@ -38,16 +40,16 @@ def amplitudes(taxels: int) -> np.ndarray:
     return np.linspace(0.05, 0.25, taxels)
 
 
-def ngspice_run(taxels: int, steps: int) -> tuple[float, np.ndarray, np.ndarray]:
+def ngspice_run(taxels: int, steps: int, step: float = STEP, stop: float = 0.0) -> tuple[float, np.ndarray, np.ndarray]:
     """Run ngspice; return its processor time a time point [s], times [s] and the last taxel's output [V]."""
     lines = ["array", spice.netlist("opamp_b")]
     for k, volts in enumerate(amplitudes(taxels)):
         lines += [f"vin{k} in{k} 0 sin(0 {volts:.6g} {FREQUENCY:g})", f"x{k} in{k} out{k} out{k} opamp"]
-    stop = steps * STEP
+    stop = stop or steps * step
     lines += [
         f".options acct method=gear reltol={spice.RELATIVE_TOLERANCE:g}",
         f".save v(in{taxels - 1}) v(out{taxels - 1})",
-        f".tran {STEP:g} {stop:g} 0 {STEP:g}",
+        f".tran {step:g} {stop:g} 0 {step:g}",
         ".end",
         "",
     ]
@@ -94,6 +96,67 @@ def error_percent(instants: np.ndarray, v_out: np.ndarray, volts: float) -> floa
     )
     reference = np.interp(even, instants, v_out)
     return 100 * float(np.max(np.abs(answer.v_out - reference + reference[0]))) / (2 * volts)
+
+
+def measure(full: bool) -> Outcome:
+    """Time ngspice and the model beside it, with steps that grow; one point of the front is one step width."""
+    if not spice.available():
+        raise RuntimeError(f"{spice.PROGRAM} is not on PATH")
+    values: dict[str, float] = {}
+    rows = []
+    for taxels, steps in ARRAYS.items():
+        per_step, instants, v_out = ngspice_run(taxels, steps * (4 if full else 1))
+        runs = np.array([model_seconds(taxels, MODEL_STEPS) for _ in range(REPEATS)]) / MODEL_STEPS
+        stepped, series = runs.min(axis=0)
+        error = error_percent(instants, v_out, float(amplitudes(taxels)[-1]))
+        rows.append((taxels, *(1e6 * seconds for seconds in (per_step, stepped)), per_step / stepped,
+                     1e6 * series, per_step / series, error))  # fmt: skip
+        values[f"sim_vs_ngspice_{taxels}"] = per_step / min(stepped, series)
+        values[f"sim_vs_ngspice_{taxels}_stepped"] = per_step / stepped
+        values[f"sim_vs_ngspice_{taxels}_error_pct"] = error
+    columns = ("taxels", "ngspice us a step", "model, step by step us", "times", "model, series us", "times", "error %")
+    note = (
+        "Steps of 1 us for both, sines of 10 kHz; ngspice has circuit B's op-amp a taxel, the model one pole. Errors "
+        "of the last taxel in percent of its full scale. The ratio by name is that of the faster of the two ways."
+    )
+    return Outcome(values, [Table("Followers against ngspice at equal step", columns, rows, note)], [front()])
+
+
+def front() -> Chart:
+    """Return run time against error of the model and of ngspice, one taxel, for steps from 0.25 to 8 us."""
+    finest = ngspice_series(0.02e-6)
+    stop = finest[0][-1]
+    series: dict[str, list[Point]] = {"ngspice": [], "one pole, exact for a straight line": []}
+    loop = close_loop(AMPLIFIER_GAIN.value, GAIN_BANDWIDTH.value)
+    follower = OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth)
+    volts = 0.25
+    for step in (0.25e-6, 0.5e-6, 1e-6, 2e-6, 4e-6, 8e-6):
+        instants, v_out, seconds = ngspice_series(step)
+        error = float(np.max(np.abs(v_out - np.interp(instants, finest[0], finest[1]))))
+        series["ngspice"].append((seconds, max(50 * error / volts, 1e-6), f"{step * 1e6:g} us"))
+        even = np.arange(0, stop, step)
+        v_in = volts * np.sin(2 * np.pi * FREQUENCY * even)
+        taken = []
+        for _ in range(REPEATS):
+            begin = time.process_time()
+            answer = follower.run(even, v_in)
+            taken.append(time.process_time() - begin)
+        reference = np.interp(even, finest[0], finest[1])
+        error = float(np.max(np.abs(answer.v_out - reference + reference[0])))
+        series["one pole, exact for a straight line"].append((min(taken), 50 * error / volts, f"{step * 1e6:g} us"))
+    return Chart(
+        "front_follower",
+        f"One follower, {stop * 1e6:.0f} us of a sine of 10 kHz; reference: ngspice at 0.02 us",
+        "run time [s]",
+        "largest error [% of full scale]",
+        series,
+    )
+
+
+def ngspice_series(step: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return times [s] and output [V] of a single follower, and what ngspice's transient analysis took [s]."""
+    seconds, instants, v_out = ngspice_run(1, 200, step, 200e-6)
+    return instants, v_out, seconds * len(instants)
 
 
 def main() -> int:

@@ -16,9 +16,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_model"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_driver"))
+sys.path.insert(2, str(Path(__file__).resolve().parents[1]))
 
 import can
 
+from benchmarks.outcome import Outcome, Table
 from posfet_driver.frames import CLASSIC, FD, RATE_SWITCH
 from posfet_driver.slcan import SlcanBus
 from posfet_driver.slcan_lines import encode_line
@@ -74,6 +76,33 @@ def rate(reader: Reader, line: bytes, frames: int) -> float:
         os.close(master)
         os.close(slave)
     return taken / seconds
+
+
+def measure(full: bool) -> Outcome:
+    """Let each reader take the same streams."""
+    scale = 1.0 if full else 0.5
+    rates = {
+        name: {
+            reader: rate(READERS[reader], encode_line(frame), int(scale * count)) for reader, count in FRAMES.items()
+        }
+        for name, frame in STREAMS.items()
+    }
+    rows = [
+        (name, reader, found / 1e3, found / speeds["python-can"])
+        for name, speeds in rates.items()
+        for reader, found in speeds.items()
+    ]
+    flexible = rates["FD, 64 bytes"]
+    values = {
+        "slcan_fd_ratio": flexible["read_frames"] / flexible["python-can"],
+        "slcan_fd_ratio_messages": flexible["recv"] / flexible["python-can"],
+        "slcan_fd_frames_per_s": flexible["read_frames"],
+        "slcan_classic_ratio": rates["classic"]["read_frames"] / rates["classic"]["python-can"],
+    }
+    note = (
+        "`read_frames` is what the driver uses; `recv` makes a can.Message of each frame, as python-can's readers do."
+    )
+    return Outcome(values, [Table("slcan readers", ("frames", "reader", "k frames/s", "times"), rows, note)])
 
 
 def main() -> None:

@@ -1,0 +1,131 @@
+"""Runs the benchmarks: `python -m benchmarks [--full] [--only NAME ...]`, or `make bench`.
+
+Each subject runs in a process group of its own with a time-out. A run of all of them writes RESULTS.md, plots and
+results/latest.json, and adds a line to results/history.jsonl; with --only nothing is written.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from importlib import import_module
+from pathlib import Path
+
+from rich.console import Console
+
+from benchmarks import machine, plot, report
+from benchmarks.outcome import Outcome
+
+FOLDER = Path(__file__).parent
+RESULTS = FOLDER / "results"
+SUBJECTS = {
+    "latency": 90.0,
+    "ordinary": 60.0,
+    "sustained": 150.0,
+    "startup": 40.0,
+    "slcan": 40.0,
+    "sim_vs_ngspice": 90.0,
+    "board": 40.0,
+    "schemes": 40.0,
+    "inverse": 20.0,
+    "crosstalk_front": 30.0,
+    "labelling": 20.0,
+    "reconstruction": 60.0,
+    "scaling": 60.0,
+    "skipped": 40.0,
+}
+"""Modules in the order in which they run, and the time that each may take in a short run [s]."""
+FULL_TIMES = 8.0
+"""A full run may take this many times as long."""
+
+
+def run_apart(name: str, full: bool) -> Outcome:
+    """Run one subject in a process group of its own, of which nothing is left afterwards.
+
+    Raises RuntimeError with the reason when it fails or takes too long.
+    """
+    limit = SUBJECTS[name] * (FULL_TIMES if full else 1.0)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "outcome.json"
+        command = [sys.executable, "-m", "benchmarks", "--worker", name, "--out", str(path)]
+        # Domains from 1 to 100 are free of the ports that systems hand out.
+        environment = os.environ | {"ROS_DOMAIN_ID": str(1 + os.getpid() % 100)}
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # else every start compiles everything again
+        environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        worker = subprocess.Popen(
+            command + ["--full"] * full, cwd=FOLDER.parent, env=environment, start_new_session=True
+        )
+        try:
+            code = worker.wait(limit)
+        except subprocess.TimeoutExpired:
+            raise RuntimeError(f"not done within {limit:.0f} s") from None
+        finally:
+            _end_group(worker)
+        if code:
+            raise RuntimeError(f"exit code {code}, see above")
+        return Outcome.read(path)
+
+
+def _end_group(worker: subprocess.Popen[bytes]) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(worker.pid, signal.SIGKILL)
+    worker.wait()
+
+
+def publish(outcomes: dict[str, Outcome], failed: dict[str, str], facts: dict[str, str | float], full: bool) -> None:
+    """Write everything that a whole run leaves behind."""
+    RESULTS.mkdir(exist_ok=True)
+    values = {key: value for outcome in outcomes.values() for key, value in outcome.values.items()}
+    flat = facts | values
+    (RESULTS / "latest.json").write_text(json.dumps(flat, indent=1) + "\n", encoding="utf-8")
+    with (RESULTS / "history.jsonl").open("a", encoding="utf-8") as history:
+        short = {key: float(f"{value:.4g}") if isinstance(value, float) else value for key, value in flat.items()}
+        history.write(json.dumps(short, separators=(",", ":")) + "\n")
+    for outcome in outcomes.values():
+        for chart in outcome.charts:
+            plot.draw(chart, RESULTS)
+    (FOLDER / "RESULTS.md").write_text(report.results(facts, outcomes, failed, full), encoding="utf-8")
+
+
+def main() -> int:
+    """Run what was asked for; return 1 when a benchmark failed."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Measure the speed of the stack.")
+    parser.add_argument("--only", nargs="+", choices=SUBJECTS, metavar="NAME", help=f"of {', '.join(SUBJECTS)}")
+    parser.add_argument("--full", action="store_true", help="every rate, size and step (about half an hour)")
+    parser.add_argument("--worker", choices=SUBJECTS, help=argparse.SUPPRESS)
+    parser.add_argument("--out", type=Path, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.worker:
+        import_module(f"benchmarks.{options.worker}").measure(options.full).write(options.out)
+        return 0
+    console = Console()
+    facts = machine.facts()
+    outcomes: dict[str, Outcome] = {}
+    failed: dict[str, str] = {}
+    begin = time.monotonic()
+    for name in options.only or SUBJECTS:
+        console.rule(name)
+        try:
+            outcomes[name] = run_apart(name, options.full)
+        except RuntimeError as error:
+            failed[name] = str(error)
+            console.print(f"{name}: {error}", style="red")
+            continue
+        report.show(outcomes[name], console)
+    if not options.only:
+        publish(outcomes, failed, facts, options.full)
+        values = {key: value for outcome in outcomes.values() for key, value in outcome.values.items()}
+        console.print(report.printed(report.targets_table(values)))
+    console.print(f"{time.monotonic() - begin:.0f} s; failed: {', '.join(failed) or 'none'}")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,85 @@
+"""The simulated board: cost of a scan, and time against error of its shortcuts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.outcome import Cell, Chart, Outcome, Point, Table
+from benchmarks.simulation import CHUNK, DEFAULT, FULL_SCALE, NONE, SENSOR, run
+from posfet_driver.imperfections import Imperfections
+from posfet_driver.scene import load_scene
+from posfet_driver.simulated_board import SimulatedBoard
+from posfet_model.scan import Scan
+from posfet_model.sensor import Sensor
+
+LARGE = replace(SENSOR, layout=replace(SENSOR.layout, rows=64, cols=64))
+PARTS = {
+    "sliding": ("press_slide_lift", range(1000, 2000)),
+    "held": ("press_slide_lift", range(520, 900)),
+    "at rest": ("idle", range(3000)),
+}
+FRONT_SCENES = ("press_slide_lift", "two_fingers", "idle")
+FRONT_SCANS = 2000
+
+
+def cost(sensor: Sensor, imperfections: Imperfections, scene: str, part: range, runs: int) -> float:
+    """Return the median time of a scan [us]; scans at rest are computed many at once, so chunks are timed."""
+    chunks = []
+    for _ in range(runs):
+        board = SimulatedBoard(sensor, load_scene(scene, sensor), 0, imperfections)
+        run(board, range(part.start))
+        pieces = [range(k, k + CHUNK) for k in range(part.start, part.stop - CHUNK + 1, CHUNK)]
+        chunks.append(sum(run(board, piece) for piece in pieces) / (CHUNK * len(pieces)) * 1e6)
+    return min(chunks)
+
+
+def shortcut(scene: str) -> tuple[float, float, float, float]:
+    """Return the time of a scan [us] of the lazy and of the full board, largest difference / full scale, and share."""
+    boards = [SimulatedBoard(SENSOR, load_scene(scene, SENSOR), 0, NONE.without_noise(), full=full) for full in (0, 1)]
+    taken = [run(board, range(FRONT_SCANS)) / FRONT_SCANS * 1e6 for board in boards]
+    lazy, full = (
+        SimulatedBoard(SENSOR, load_scene(scene, SENSOR), 0, NONE.without_noise(), full=full) for full in (False, True)
+    )
+    scan, worst = Scan.empty(1, SENSOR.layout.taxels), 0.0
+    for index in range(FRONT_SCANS):
+        lazy.scan(index, scan)
+        full.scan(index, scan)
+        worst = max(worst, float(np.abs(lazy.volts() - full.volts()).max()))
+    return taken[0], taken[1], worst / FULL_SCALE, lazy.taxel_updates / full.taxel_updates
+
+
+def measure(full: bool) -> Outcome:
+    """Time the boards."""
+    runs = 3 if full else 1
+    rows: list[tuple[Cell, ...]] = []
+    found: dict[tuple[str, str], float] = {}
+    for title, sensor in (("5 x 5", SENSOR), ("64 x 64", LARGE)):
+        for state, (scene, part) in PARTS.items():
+            taken = [cost(sensor, imperfections, scene, part, runs) for imperfections in (NONE, DEFAULT)]
+            found[title, state] = taken[0]
+            rows.append((title, state, *taken, taken[0] / 10, 1000 / taken[0]))
+    values = {
+        "sim_5x5_cpu_pct": found["5 x 5", "sliding"] / 10,
+        "sim_5x5_idle_cpu_pct": found["5 x 5", "at rest"] / 10,
+        "sim_64x64_realtime_factor": 1000 / found["64 x 64", "sliding"],
+    }
+    columns = ("array", "state", "us a scan", "with imperfections", "% of a core at 1 kHz", "times real time")
+    cuts = {scene: shortcut(scene) for scene in FRONT_SCENES}
+    tables = [
+        Table("Simulated board", columns, rows),
+        Table(
+            "Simulated board, only what the scene needs, against every taxel in every scan",
+            ("scene", "us a scan", "in full", "largest difference / full scale", "share of taxel updates"),
+            [(scene, *found) for scene, found in cuts.items()],
+        ),
+    ]
+    # An error of 0 has no place on a logarithmic axis: rounding is as small as can be seen.
+    lazy: list[Point] = [(cut[0], max(cut[2], 1e-16), scene) for scene, cut in cuts.items()]
+    whole: list[Point] = [(cut[1], 1e-16, scene) for scene, cut in cuts.items()]
+    chart = Chart(
+        "front_board", "Simulated board, 5 x 5; reference: in full", "run time [us a scan]",
+        "largest difference [full scale], 1e-16: none", {"only what is needed": lazy, "in full": whole},
+    )  # fmt: skip
+    return Outcome(values, tables, [chart])

@@ -1,0 +1,61 @@
+"""Finding the touched regions: bits of one whole number against scipy.ndimage, and the early exit where none is."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import ndimage
+
+from benchmarks.outcome import Outcome, Table
+from benchmarks.timing import microseconds
+from posfet_model.labelling import BitMap
+
+EIGHT = np.ones((3, 3))
+BLOBS = {5: 1, 16: 3, 32: 6, 64: 12}
+"""Regions on the map, by its side."""
+
+
+def touched_map(size: int, blobs: int) -> np.ndarray:
+    """Return a mask with round regions, shape [size, size], as fingertips would leave it."""
+    rng = np.random.default_rng(size)
+    y, x = np.mgrid[:size, :size]
+    mask = np.zeros((size, size), bool)
+    for row, col in rng.uniform(1, size - 2, (blobs, 2)):
+        mask |= (y - row) ** 2 + (x - col) ** 2 < 2.5
+    return mask
+
+
+def measure(full: bool) -> Outcome:
+    """Time both on the same masks; the regions must be the same ones."""
+    rows = []
+    values = {}
+    for size, blobs in BLOBS.items():
+        mask = touched_map(size, blobs)
+        flat, bitmap = mask.reshape(-1), BitMap(size, size)
+        regions = bitmap.regions(bitmap.pack(flat))
+        labels, count = ndimage.label(mask, EIGHT)
+        ours = [sorted(bitmap.taxels(region).tolist()) for region in regions]
+        theirs = [np.flatnonzero(labels == number).tolist() for number in range(1, count + 1)]
+        repeats = 60 if full else 15
+        bits = microseconds(lambda bitmap=bitmap, flat=flat: bitmap.regions(bitmap.pack(flat)), repeats)
+        scipy = microseconds(lambda mask=mask: ndimage.label(mask, EIGHT), repeats)
+        force = mask.astype(float)
+        centres = microseconds(
+            lambda force=force, labels=labels, count=count: ndimage.center_of_mass(force, labels, range(1, count + 1)),
+            repeats,
+        )
+        rows.append(
+            (
+                f"{size} x {size}",
+                len(regions),
+                bits,
+                scipy,
+                scipy + centres,
+                len(set(map(tuple, ours)) ^ set(map(tuple, theirs))),
+            )
+        )
+        values[f"labelling_{size}x{size}_us"] = bits
+        values[f"labelling_{size}x{size}_scipy_us"] = scipy
+    columns = ("array", "regions", "bits us", "scipy label us", "scipy with centres us", "regions that differ")
+    return Outcome(
+        values, [Table("Labelling", columns, rows, "Regions that differ: the error; 0 means the same ones.")]
+    )

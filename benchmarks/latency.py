@@ -1,0 +1,82 @@
+"""From the frame written by the emulated adapter to the contacts message in another process."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.outcome import Outcome, Table
+from benchmarks.rig import Measurement, Setup, run
+
+BASE = Setup(window=3.0)
+SHORT = {
+    "5 x 5, 1 kHz": BASE,
+    "5 x 5, 1 kHz, idle": replace(BASE, touched=False),
+    "5 x 5, 1 kHz, separate": replace(BASE, stack="separate", window=2.0),
+    "5 x 5, 1 kHz, messages": replace(BASE, as_bytes=False, window=2.0),
+    "5 x 5, 4 kHz": replace(BASE, rate=4000.0, window=1.0),
+    "32 x 32, 1 kHz": replace(BASE, sensor="posfet_32x32", window=1.0),
+}
+COLUMNS = (
+    "case",
+    "p50 us",
+    "p90 us",
+    "p99 us",
+    "jitter us",
+    "ready p50 us",
+    "ready p99 us",
+    "CPU %",
+    "received",
+    "lost",
+)
+
+
+def full_cases() -> dict[str, Setup]:
+    """Return every case: size, rate, touched and idle, composed and separate, bytes and messages."""
+    cases = {}
+    for size in (5, 16, 32):
+        for rate in (100.0, 1000.0, 4000.0, 8000.0):
+            if size * size * rate > 5e6:
+                continue  # beyond what the emulated adapter writes
+            for touched in (True, False):
+                for stack in ("composed", "separate"):
+                    for as_bytes in (True, False):
+                        words = [f"{size} x {size}", f"{rate / 1000:g} kHz"]
+                        words += ["idle"] * (not touched) + [stack] * (stack == "separate")
+                        words += ["messages"] * (not as_bytes)
+                        sensor = f"posfet_{size}x{size}"
+                        cases[", ".join(words)] = Setup(sensor, rate, touched, stack, as_bytes)
+    return cases
+
+
+def row(name: str, taken: Measurement) -> tuple[str | int | float, ...]:
+    """Return a line of the table; jitter is the standard deviation of the middle 98 %."""
+    low, high = (taken.at(percent) for percent in (1, 99))
+    middle = taken.latency[(taken.latency >= low) & (taken.latency <= high)]
+    ready = [float(np.percentile(taken.ready, percent)) for percent in (50, 99)] if len(taken.ready) else ["-", "-"]
+    jitter = float(middle.std()) if len(middle) else float("nan")
+    received = f"{taken.received} of {taken.written}"
+    return name, taken.at(50), taken.at(90), taken.at(99), jitter, *ready, taken.cpu, received, taken.lost
+
+
+def measure(full: bool) -> Outcome:
+    """Measure and sum up."""
+    taken = {name: run(setup) for name, setup in (SHORT | full_cases() if full else SHORT).items()}
+    touched, idle = taken["5 x 5, 1 kHz"], taken["5 x 5, 1 kHz, idle"]
+    values = {
+        "latency_5x5_1khz_p50_us": touched.at(50),
+        "latency_5x5_1khz_p90_us": touched.at(90),
+        "latency_5x5_1khz_p99_us": touched.at(99),
+        "ready_5x5_1khz_p50_us": float(np.percentile(touched.ready, 50)),
+        "ready_5x5_1khz_p99_us": float(np.percentile(touched.ready, 99)),
+        "driver_cpu_5x5_1khz_pct": touched.cpu,
+        "driver_cpu_idle_pct": idle.cpu,
+        "latency_separate_5x5_1khz_p50_us": taken["5 x 5, 1 kHz, separate"].at(50),
+        "latency_messages_5x5_1khz_p50_us": taken["5 x 5, 1 kHz, messages"].at(50),
+    }
+    note = (
+        "CPU: driver and model together, share of one core. Composed and bytes unless said otherwise; touched: a "
+        "fingertip strokes over the array. Jitter: standard deviation of the middle 98 %."
+    )
+    return Outcome(values, [Table("Latency", COLUMNS, [row(name, each) for name, each in taken.items()], note)])

@@ -1,0 +1,59 @@
+"""On what a run was made: machine, versions, commit."""
+
+from __future__ import annotations
+
+import os
+import platform
+import subprocess
+import time
+from importlib import metadata
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = ("numpy", "python-can", "scipy", "cantools", "ros-jazzy-rclpy")
+
+
+def facts() -> dict[str, str | float]:
+    """Return flat facts by name."""
+    return {
+        "date": time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime()),
+        "commit": _commit(),
+        "processor": _processor(),
+        "processors": float(os.cpu_count() or 0),
+        "load_before": os.getloadavg()[0],
+        "kernel": platform.release(),
+        "python": platform.python_version(),
+        "ngspice": _ngspice(),
+        **{name: _version(name) for name in PACKAGES},
+    }
+
+
+def _commit() -> str:
+    def git(*words: str) -> str:
+        return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False).stdout.strip()
+
+    changed = git("status", "--porcelain", "--untracked-files=no", "--", "src", "benchmarks/*.py")
+    return (git("rev-parse", "--short", "HEAD") or "unknown") + (" with changes" if changed else "")
+
+
+def _processor() -> str:
+    for line in Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").splitlines():
+        if line.startswith("model name"):
+            return line.split(":", 1)[1].strip()
+    return platform.machine()
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "none"
+
+
+def _ngspice() -> str:
+    try:
+        log = subprocess.run(["ngspice", "--version"], capture_output=True, text=True, check=False, timeout=10).stdout
+    except FileNotFoundError:
+        return "none"
+    words = next((line.split() for line in log.splitlines() if "ngspice-" in line), ["** ngspice-unknown"])
+    return next((word.removeprefix("ngspice-") for word in words if word.startswith("ngspice-")), "unknown")

@@ -1,0 +1,79 @@
+"""Counts to forces and contacts with NumPy and scipy.ndimage, publishes `contacts`."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+
+import numpy as np
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from scipy import ndimage
+
+from posfet_model.sensor import load_sensor
+from posfet_msgs.msg import TactileContact, TactileContacts, TactileRaw
+
+ZERO_SCANS = 200
+"""Scans whose mean is the zero."""
+
+
+class OrdinaryModel(Node):
+    """Integrates the leaking signal and labels what is above the threshold."""
+
+    def __init__(self, sensor_file: str) -> None:
+        super().__init__("model_node", namespace="tactile")
+        self.sensor = load_sensor(sensor_file)
+        shape = self.sensor.layout.rows, self.sensor.layout.cols
+        self.zeros: list[np.ndarray] = []
+        self.zero = np.zeros(shape)
+        self.last, self.force = np.zeros(shape), np.zeros(shape)
+        self.contacts = self.create_publisher(TactileContacts, "contacts", 10)
+        self.subscription = self.create_subscription(TactileRaw, "raw", self.on_raw, 1000)
+
+    def on_raw(self, raw: TactileRaw) -> None:
+        """Take one scan."""
+        sensor = self.sensor
+        counts = np.array(raw.counts, dtype=float).reshape(raw.rows, raw.cols)
+        volts = counts / 65535 * (sensor.adc.high - sensor.adc.low) + sensor.adc.low
+        if len(self.zeros) < ZERO_SCANS:
+            self.zeros.append(volts)
+            self.zero = np.mean(self.zeros, axis=0)
+        signal = (volts - self.zero) / sensor.volts_per_newton
+        self.force += signal - self.last + self.last / (sensor.can.scan_rate * sensor.device.leak_time_constant)
+        self.last = signal
+        self.contacts.publish(self.message(raw))
+
+    def message(self, raw: TactileRaw) -> TactileContacts:
+        """Return the contacts of a scan."""
+        sensor, message = self.sensor, TactileContacts()
+        message.header = raw.header
+        message.layout_id, message.sequence, message.name = raw.layout_id, raw.sequence, sensor.name
+        message.threshold, message.data_valid = sensor.contact.threshold, True
+        labels, count = ndimage.label(self.force > sensor.contact.threshold, np.ones((3, 3)))
+        numbers = range(1, count + 1)
+        centres = ndimage.center_of_mass(self.force, labels, numbers)
+        totals = ndimage.sum(self.force, labels, numbers)
+        for number, (row, col), total in zip(numbers, centres, totals, strict=True):
+            contact = TactileContact(id=number, state=TactileContact.STATE_HELD)
+            contact.centre_of_pressure.x = (col - (raw.cols - 1) / 2) * sensor.layout.pitch_x
+            contact.centre_of_pressure.y = (row - (raw.rows - 1) / 2) * sensor.layout.pitch_y
+            contact.force.z = -float(total)
+            contact.taxels = np.flatnonzero(labels == number).tolist()
+            contact.area = len(contact.taxels) * sensor.layout.taxel_area
+            message.contacts.append(contact)
+        return message
+
+
+def main() -> None:
+    """Run until told to end."""
+    rclpy.init()
+    node = OrdinaryModel(sys.argv[1])
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
+        executor.spin()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,64 @@
+"""What a benchmark hands back: numbers by name, tables for people, points for a plot."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+Cell = str | int | float
+Point = tuple[float, float, str]
+"""x, y, and what stands beside the point."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with its heading; numbers are shortened to three digits when it is printed."""
+
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Cell]]
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Points of several series on two logarithmic axes."""
+
+    name: str
+    """Name of the file, without its ending."""
+    title: str
+    x_label: str
+    y_label: str
+    series: dict[str, list[Point]]
+
+
+@dataclass
+class Outcome:
+    """Everything that one benchmark found."""
+
+    values: dict[str, float] = field(default_factory=dict)
+    tables: list[Table] = field(default_factory=list)
+    charts: list[Chart] = field(default_factory=list)
+
+    def write(self, path: Path) -> None:
+        """Write to a JSON file."""
+        path.write_text(json.dumps(asdict(self)), encoding="utf-8")
+
+    @classmethod
+    def read(cls, path: Path) -> Outcome:
+        """Return what `write` has written."""
+        data = json.loads(path.read_text(encoding="utf-8"))
+        tables = [Table(**table) for table in data["tables"]]
+        charts = [Chart(**chart) for chart in data["charts"]]
+        return cls(data["values"], tables, charts)
+
+
+def shown(cell: Cell) -> str:
+    """Return a cell as text: whole numbers as they are, others with three digits."""
+    if isinstance(cell, str):
+        return cell
+    if isinstance(cell, int) or abs(cell) >= 1000:
+        return f"{cell:.0f}"
+    return f"{cell:.3g}"

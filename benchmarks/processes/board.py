@@ -1,0 +1,84 @@
+"""A board behind the emulated adapter that notes when each scan is written: `python -m benchmarks.processes.board`.
+
+Its scans are computed beforehand, so that the processor is there for the stack. Ends on SIGTERM or SIGINT.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.processes.recording import Moments
+from posfet_driver.adapter import EmulatedAdapter
+from posfet_driver.firmware import BoardFirmware
+from posfet_driver.scene import load_scene
+from posfet_driver.simulated_board import SimulatedBoard
+from posfet_model.scan import Scan
+from posfet_model.sensor import Sensor, load_sensor
+
+
+class Replay:
+    """Scans of a scene from its beginning, from the first one that is asked for; the last one stays."""
+
+    def __init__(self, sensor: Sensor, scene: str, seconds: float) -> None:
+        board = SimulatedBoard(sensor, load_scene(scene, sensor), 1)
+        count = round(seconds * sensor.can.scan_rate)
+        self._counts = np.zeros((count, sensor.layout.taxels), np.uint16)
+        scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
+        for index in range(count):
+            board.scan(index, scan)
+            self._counts[index] = scan.counts
+        self._temperatures = scan.temperatures
+        self._microseconds = 1e6 / sensor.can.scan_rate
+        self._first = -1
+
+    def scan(self, index: int, out: Scan) -> None:
+        """Fill `out` with one scan."""
+        if self._first < 0:
+            self._first = index
+        out.counts[:] = self._counts[min(index - self._first, len(self._counts) - 1)]
+        out.temperatures[:] = self._temperatures
+        out.device_time = round(index * self._microseconds)
+
+
+class StampingAdapter(EmulatedAdapter):
+    """Notes the moment just before the bytes of each scan are given to the terminal."""
+
+    def __init__(self, link: str, firmware: BoardFirmware) -> None:
+        super().__init__(link, firmware)
+        self.moments = Moments()
+        self._written: list[int] = []
+        firmware.on_scan = lambda scan: self._written.append(scan.sequence)
+
+    def _flush(self, master: int) -> None:
+        for sequence in self._written:
+            self.moments.add(sequence)
+        self._written.clear()
+        super()._flush(master)
+
+
+def main() -> None:
+    """Serve the adapter until told to end."""
+    sensor_file, scene, link, seconds, out = sys.argv[1:]
+    sensor = load_sensor(sensor_file)
+    replay = Replay(sensor, scene, float(seconds))
+    adapter = StampingAdapter(link, BoardFirmware(sensor, replay, time.monotonic_ns()))
+    adapter.speeds = ()
+    end = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: end.set())
+    adapter.open()
+    print("ready", flush=True)
+    end.wait()
+    adapter.close()
+    adapter.moments.write(Path(out))
+    print(adapter.frames_dropped, flush=True)
+
+
+if __name__ == "__main__":
+    main()

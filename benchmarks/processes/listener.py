@@ -1,0 +1,53 @@
+"""Another process that takes the contacts: `python -m benchmarks.processes.listener OUT`.
+
+It takes the bytes of each message and notes when they came; what is in them is looked at in the end. Prints `first`
+with the first message.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from array import array
+from pathlib import Path
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+
+from posfet_model.run_node import ros, spin
+from posfet_msgs.msg import TactileContacts
+
+DEPTH = 1000
+
+
+class Listener(Node):  # type: ignore[misc]  # rclpy has no types
+    """Keeps every contacts message."""
+
+    def __init__(self) -> None:
+        super().__init__("listener", namespace="tactile")
+        self.times = array("q")
+        self.messages: list[bytes] = []
+        self.create_subscription(TactileContacts, "contacts", self._take, DEPTH, raw=True)
+
+    def _take(self, message: bytes) -> None:
+        self.times.append(time.monotonic_ns())
+        self.messages.append(message)
+        if len(self.messages) == 1:
+            print("first", flush=True)
+
+
+def main() -> None:
+    """Listen until told to end, then write scan number, time of arrival [ns] and number of contacts, shape [3, n]."""
+    with ros([]) as stack:
+        node = Listener()
+        stack.callback(node.destroy_node)
+        print("ready", flush=True)
+        spin([node])
+        read = [deserialize_message(message, TactileContacts) for message in node.messages]
+        rows = [[message.sequence for message in read], list(node.times), [len(message.contacts) for message in read]]
+        np.save(Path(sys.argv[1]), np.array(rows, np.int64))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+"""Driver and model in one process, as `posfet bringup` joins them: `python -m benchmarks.processes.stack`.
+
+Also notes when the contacts of each scan were ready, just before they are published. Prints what was lost in the end.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from benchmarks.processes.recording import Moments
+from posfet.composed_node import Graph
+from posfet.graph import NodeSpec
+from posfet_model.run_node import ros, spin
+
+
+class Noting:
+    """A publisher that notes the moment of each message."""
+
+    def __init__(self, publisher: Any, moments: Moments, node: Any) -> None:
+        self._publisher, self._moments, self._node = publisher, moments, node
+
+    def publish(self, message: Any) -> None:
+        """Note and publish."""
+        self._moments.add(self._node._result.sequence)
+        self._publisher.publish(message)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._publisher, name)
+
+
+def main() -> None:
+    """Run until told to end."""
+    options = json.loads(sys.argv[1])
+    sensor: dict[str, Any] = {"sensor_file": options["sensor_file"]}
+    bus = {**sensor, "can_interface": "slcan", "can_channel": options["link"]}
+    specs = [
+        NodeSpec("posfet_model", "model_node", "tactile", options["params"], "warn", {**sensor, **options["model"]}),
+        NodeSpec("posfet_driver", "driver_node", "tactile", options["params"], "warn", bus),
+    ]
+    moments = Moments()
+    with ros(["--ros-args", "--log-level", "warn"]) as stack:
+        graph = Graph(specs)
+        stack.callback(graph.destroy)
+        model: Any = graph.nodes["model_node"]
+        model._contacts = Noting(model._contacts, moments, model)
+        graph.start()
+        print("ready", flush=True)
+        spin(list(graph.nodes.values()))
+        report = graph._source.source.report()
+        print(json.dumps({"scans": report.scans, "lost": report.frames_lost, **report.counters}), flush=True)
+    moments.write(Path(options["out"]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,47 @@
+"""The whole reconstruction on the shipped scenes, through frames and codec, against the scenes' truth."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from benchmarks.outcome import Cell, Chart, Outcome, Point, Table
+from posfet_driver.imperfections import Imperfections
+from posfet_driver.scene import SCENE_FOLDER, load_scene
+from posfet_driver.scoring import Scorer
+from posfet_driver.wire_simulation import wire_scans
+from posfet_model.reconstruction import Reconstructor
+from posfet_model.sensor import load_sensor
+
+LONGEST = 3.0
+LONGEST_FULL = 60.0
+
+
+def measure(full: bool) -> Outcome:
+    """Reconstruct each scene, board with the default imperfections, 5 x 5."""
+    sensor = load_sensor()
+    rows: list[tuple[Cell, ...]] = []
+    points: list[Point] = []
+    for name in sorted(path.stem for path in SCENE_FOLDER.glob("*.yaml")):
+        scene = load_scene(name, sensor)
+        duration = min(scene.duration or LONGEST, LONGEST_FULL if full else LONGEST)
+        reconstructor, scorer = Reconstructor(sensor), Scorer(sensor)
+        taken: list[int] = []
+        for scan, truth in wire_scans(sensor, scene, duration, 1, Imperfections.default()):
+            begin = time.perf_counter_ns()
+            result = reconstructor.process(scan)
+            taken.append(time.perf_counter_ns() - begin)
+            scorer.add(result, reconstructor.image(), truth)
+        micro = float(np.median(taken)) * 1e-3
+        score = scorer.score(micro)
+        centre = score.cop_error_mm["mean"]
+        found = (score.total_force_error_pct, centre, score.contact_precision, score.contact_recall)
+        rows.append((name, duration, micro, *("-" if each is None else each for each in found)))
+        if centre:
+            points.append((micro, centre, name))
+    columns = ("scene", "s", "us a scan", "force error %", "centre error mm", "precision", "recall")
+    chart = Chart("front_reconstruction", "Reconstruction of the shipped scenes, 5 x 5, default imperfections",
+                  "run time [us a scan]", "mean error of the centre of pressure [mm]", {"scenes": points})  # fmt: skip
+    cost = sum(row[2] for row in rows if isinstance(row[2], float)) / len(rows)
+    return Outcome({"reconstruction_5x5_us": cost}, [Table("Reconstruction", columns, rows)], [chart])

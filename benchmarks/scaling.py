@@ -1,0 +1,160 @@
+"""Cost of a scan over taxels, contacts and boards, with fitted exponents."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.outcome import Chart, Outcome, Point, Table
+from posfet_driver.codec import make_codec
+from posfet_driver.receiver import Receiver
+from posfet_model.chain import ForwardChain
+from posfet_model.reconstruction import Reconstructor
+from posfet_model.scan import Scan
+from posfet_model.sensor import Sensor, load_sensor
+
+SIDES = (5, 8, 16, 32, 64, 128)
+CONTACTS = (0, 1, 2, 4, 8, 16, 32, 64)
+BOARDS = (1, 2, 4, 8, 16)
+REST, TIMED = 700, 150
+"""Scans before the touch, and scans that are timed in it."""
+SIDE_OF_CONTACTS = 64
+
+
+def array(side: int) -> Sensor:
+    """Return a square array."""
+    sensor = load_sensor()
+    return replace(sensor, layout=replace(sensor.layout, rows=side, cols=side))
+
+
+def forces(side: int, contacts: int) -> np.ndarray:
+    """Return a map with evenly placed fingertips of 3 x 3 taxels [N]."""
+    force = np.zeros((side, side))
+    across = int(np.ceil(np.sqrt(contacts))) if contacts else 1
+    for number in range(contacts):
+        row, col = (int((part + 0.5) * side / across) for part in divmod(number, across))
+        force[max(row - 1, 0) : row + 2, max(col - 1, 0) : col + 2] += 0.1
+        force[row, col] += 0.3
+    return force.reshape(-1)
+
+
+class Player:
+    """One board's counts, computed beforehand, and its reconstruction."""
+
+    def __init__(self, sensor: Sensor, contacts: int, seed: int = 0) -> None:
+        rng = np.random.default_rng(seed)
+        chain = ForwardChain(sensor, rng)
+        step = 1 / sensor.can.scan_rate
+        self.reconstructor = Reconstructor(sensor)
+        self.scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
+        self.scan.temperatures[:] = 25.0
+        self.index = 0
+        nothing, force = np.zeros(sensor.layout.taxels), forces(sensor.layout.rows, contacts)
+        few = [chain.counts() for _ in range(32) if chain.advance(nothing, 25.0, step) is None]
+        for index in range(REST):
+            self.take(few[int(rng.integers(len(few)))] if index % 2 else few[index % len(few)])
+        self.counts = []
+        for index in range(TIMED):
+            chain.advance(force * min((index + 1) / 20, 1.0), 25.0, step)
+            self.counts.append(chain.counts())
+
+    def take(self, counts: np.ndarray) -> None:
+        """Reconstruct one scan."""
+        self.scan.counts = counts
+        self.index += 1
+        self.scan.sequence, self.scan.device_time = self.index, self.index * 1000
+        self.scan.stamp = self.index * 1_000_000
+        self.reconstructor.process(self.scan)
+
+
+def cost(sensor: Sensor, contacts: int) -> tuple[float, int]:
+    """Return the median time of a scan in touch [us], and how many contacts were found in the end."""
+    player = Player(sensor, contacts)
+    taken = []
+    for counts in player.counts:
+        begin = time.perf_counter_ns()
+        player.take(counts)
+        taken.append(time.perf_counter_ns() - begin)
+    return float(np.median(taken[TIMED // 3 :])) * 1e-3, len(player.reconstructor._result.contacts)
+
+
+class Wired:
+    """One board's frames, decoded and reconstructed as the driver does."""
+
+    def __init__(self, sensor: Sensor, seed: int) -> None:
+        self.player = Player(sensor, 1, seed)
+        self.receiver = Receiver(sensor, True)
+        self.receiver.resync(0, count_gap=False)
+        codec = make_codec(sensor, True)
+        self.frames = []
+        for index, counts in enumerate(self.player.counts):
+            scan = replace(self.player.scan, counts=counts, sequence=index, device_time=index * 1000)
+            self.frames.append(codec.encode(scan, sensor.can.base_id))
+
+    def play(self, index: int) -> None:
+        """Take the frames of one scan."""
+        batch = self.receiver.begin_batch(self.frames[index], index * 1_000_000, 0)
+        for frame in batch:
+            if self.receiver.feed(frame):
+                self.player.take(self.receiver.scan.counts)
+
+
+def boards_cost(sensors: Sequence[Sensor]) -> float:
+    """Return the time for one scan of each of several boards, in turn, decoding included [us]."""
+    boards = [Wired(sensor, seed) for seed, sensor in enumerate(sensors)]
+    taken = []
+    for index in range(TIMED):
+        begin = time.perf_counter_ns()
+        for board in boards:
+            board.play(index)
+        taken.append(time.perf_counter_ns() - begin)
+    return float(np.median(taken[TIMED // 3 :])) * 1e-3
+
+
+def exponent(x: Sequence[float], y: Sequence[float]) -> float:
+    """Return the slope of a straight line through the logarithms."""
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+def measure(full: bool) -> Outcome:
+    """Measure all three scalings."""
+    taxels: list[Point] = []
+    idle: list[Point] = []
+    for side in SIDES:
+        taxels.append((side * side, cost(array(side), 1)[0], ""))
+        idle.append((side * side, cost(array(side), 0)[0], ""))
+    counted = [(number, *cost(array(SIDE_OF_CONTACTS), number)) for number in CONTACTS]
+    none = counted[0][1]
+    hand = boards_cost([array(5)] * 5 + [array(16)])
+    boards = [(number, boards_cost([array(5)] * number)) for number in (BOARDS if full else BOARDS[::2])]
+    values = {
+        "scaling_taxels_exponent": exponent([x for x, _, _ in taxels], [y for _, y, _ in taxels]),
+        "scaling_taxels_large_exponent": exponent([x for x, _, _ in taxels[-3:]], [y for _, y, _ in taxels[-3:]]),
+        "scaling_contacts_exponent": exponent(
+            [number for number, _, _ in counted[1:]], [max(taken - none, 1e-3) for _, taken, _ in counted[1:]]
+        ),
+        "scaling_boards_exponent": exponent([number for number, _ in boards], [taken for _, taken in boards]),
+        "scaling_128x128_us": taxels[-1][1],
+        "hand_cpu_pct": hand / 10,
+    }
+    tables = [
+        Table(
+            "Over taxels",
+            ("taxels", "one contact us a scan", "idle us a scan"),
+            [(int(one[0]), one[1], other[1]) for one, other in zip(taxels, idle, strict=True)],
+        ),
+        Table(f"Over contacts, {SIDE_OF_CONTACTS} x {SIDE_OF_CONTACTS}", ("contacts", "us a scan", "found"), counted),
+        Table(
+            "Over boards in one thread, 5 x 5, frames to contacts",
+            ("boards", "us for a scan of each", "% of a core at 1 kHz"),
+            [*((str(number), taken, taken / 10) for number, taken in boards),
+             ("five fingers (5 x 5) and a palm (16 x 16)", hand, hand / 10)],
+            "Without reading the bus and publishing.",
+        ),
+    ]  # fmt: skip
+    series = {"one contact": taxels, "idle": idle}
+    chart = Chart("scaling_taxels", "Cost of a scan over taxels", "taxels", "run time [us a scan]", series)
+    return Outcome(values, tables, [chart])

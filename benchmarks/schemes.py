@@ -1,0 +1,36 @@
+"""Run time against error of ways to step the leaking charge, in both float widths, on the forces of a tap."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.outcome import Chart, Outcome, Point, Table
+from benchmarks.simulation import REFERENCE_RATE, SCHEMES, SENSOR, exact_hold, march, scheme_forces
+
+
+def measure(full: bool) -> Outcome:
+    """March with each scheme, step and width."""
+    strides = (10, 30, 100, 300, 1000) if full else (30, 100, 300)
+    forces = scheme_forces()
+    per_second = 1 / SENSOR.device.leak_time_constant
+    finest = 1 / REFERENCE_RATE
+    exact = march(exact_hold, forces, finest * per_second)[0]
+    series: dict[str, list[Point]] = {}
+    rows = []
+    for title, scheme in SCHEMES.items():
+        for kind in (np.float64, np.float32):
+            for stride in strides:
+                step = stride * finest
+                values, seconds = march(scheme, forces[::stride].astype(kind), step * per_second)
+                error = 100 * float(np.abs(values - exact[::stride][: len(values)]).max()) / SENSOR.device.force_max
+                cost = seconds / (len(values) * step)
+                label = f"{title}, {np.dtype(kind).name}"
+                rows.append((label, step * 1e3, cost, error))
+                series.setdefault(label, []).append((cost, max(error, 1e-9), f"{step * 1e3:g} ms"))
+    columns = ("scheme", "step ms", "run time s a second, 4096 taxels", "largest error, % of full scale")
+    chart = Chart("front_schemes", "Leaking charge, 4096 taxels; reference: exact at 0.01 ms",
+                  "run time [s a second]", "largest error [% of full scale]", series)  # fmt: skip
+    values = {"scheme_first_order_hold_1ms_error_pct": next(
+        row[3] for row in rows if row[0] == "first-order hold, float64" and abs(row[1] - 1.0) < 1e-9
+    )}  # fmt: skip
+    return Outcome(values, [Table("Schemes", columns, rows)], [chart])
