@@ -16,19 +16,15 @@ from posfet.graph import NodeSpec
 from posfet_model.run_node import ros, spin
 
 
-class Noting:
-    """A publisher that notes the moment of each message."""
+def note(model: Any, moments: Moments) -> None:
+    """Have the moment noted at which each contacts message is about to be published."""
+    publish = model._contacts.publish
 
-    def __init__(self, publisher: Any, moments: Moments, node: Any) -> None:
-        self._publisher, self._moments, self._node = publisher, moments, node
+    def noted(message: Any) -> None:
+        moments.add(model._result.sequence)
+        publish(message)
 
-    def publish(self, message: Any) -> None:
-        """Note and publish."""
-        self._moments.add(self._node._result.sequence)
-        self._publisher.publish(message)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._publisher, name)
+    model._contacts.publish = noted
 
 
 def main() -> None:
@@ -44,8 +40,7 @@ def main() -> None:
     with ros(["--ros-args", "--log-level", "warn"]) as stack:
         graph = Graph(specs)
         stack.callback(graph.destroy)
-        model: Any = graph.nodes["model_node"]
-        model._contacts = Noting(model._contacts, moments, model)
+        note(graph.nodes["model_node"], moments)
         graph.start()
         print("ready", flush=True)
         spin(list(graph.nodes.values()))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,15 +13,18 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Pose, WrenchStamped
 from numpy.typing import NDArray
+from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from visualization_msgs.msg import Marker, MarkerArray
 
 from posfet_model.chain import InverseChain, charge_per_newton, volts_per_count
+from posfet_model.contacts import Region
+from posfet_model.contacts_bytes import AT_REST, ContactsBytes
 from posfet_model.fast_channel import CORNER, MEMORY, Motion
 from posfet_model.reconstruction import ForceImage, Reconstruction
 from posfet_model.scan import Scan
 from posfet_model.sensor import Layout, Sensor
-from posfet_model.tracker import Contact, ContactState
+from posfet_model.tracker import Contact, ContactState, Merged
 from posfet_msgs.msg import (
     TactileContact,
     TactileContacts,
@@ -34,7 +38,6 @@ NANOSECONDS = 1_000_000_000
 FOREIGN_LAYOUT = 0
 """Stands for a layout that is none: those of sensors begin at 1."""
 
-AT_REST = Motion()
 """Stands for the motion of a contact that was released."""
 
 LARGEST_INT32 = 0x7FFF_FFFF
@@ -157,6 +160,31 @@ def _fill_contact(message: TactileContact, contact: Contact, motion: Motion) -> 
     message.vibration = motion.vibration
     message.age.sec, message.age.nanosec = divmod(round(contact.age * NANOSECONDS), NANOSECONDS)
     message.taxels = array("H", region.taxels.tolist())
+
+
+def contacts_writer(sensor: Sensor, frame_id: str) -> ContactsMessage | ContactsBytes:
+    """Return what serialises contacts fastest: bytes of our own if the middleware makes the same of an example.
+
+    The example has one, two and three taxels, so that every alignment is in it.
+    """
+    region = Region(1, np.arange(1), (1e-3, 2e-3), (3e-3, 4e-3), 0.5, 0.25, 5e-6, 6.0, (7e-3, 8e-3), (9e-3, 1e-2))
+    first = Contact(LARGEST_INT32, ContactState.MOVING, region, (0.1, -0.2), 12.75)
+    past = tuple(Merged(number, 0.0, (0.0, 0.0), 0) for number in (5, 6, 7))
+    second = replace(first, id=2, region=replace(region, taxels=np.arange(2)), merged=past, split_from=8)
+    third = replace(first, id=3, region=replace(region, taxels=np.arange(3)), merged=past[:1], velocity=(math.nan,) * 2)
+    message, writer = ContactsMessage(sensor, frame_id), ContactsBytes(sensor, frame_id)
+    for contacts in ((), (first, second, third), (second, first)):
+        valid, motions = bool(contacts), {2: Motion(power=0.25, slipping=True)}
+        example = Reconstruction(True, False, 1_700_000_000_123_456_789, 1 << 40, valid, contacts, motions, 0)
+        theirs, ours = serialize_message(message.fill(example)), writer.fill(example)
+        if len(theirs) != len(ours) or _read(theirs) != _read(ours):  # bytes between fields may be anything
+            return message
+    return writer
+
+
+def _read(data: bytes) -> str:
+    """Return serialised contacts as text, in which NaN equals NaN."""
+    return str(deserialize_message(data, TactileContacts))
 
 
 class WrenchMessage:

@@ -21,6 +21,7 @@ from visualization_msgs.msg import MarkerArray
 
 from posfet_model.calibration_file import load_calibration, save_calibration
 from posfet_model.config import ConfigError
+from posfet_model.contacts_bytes import ContactsBytes
 from posfet_model.conversions import (
     ContactsMessage,
     ForceImageMessage,
@@ -30,6 +31,7 @@ from posfet_model.conversions import (
     ScanReader,
     VibrationMessage,
     WrenchMessage,
+    contacts_writer,
     diagnostic_array,
     info_message,
 )
@@ -54,6 +56,9 @@ PARAMETERS = (
         "calibration_file", "", "Calibration of this very sensor: a YAML file; empty: the description is believed"
     ),
     Parameter("simulated", False, "Told to others in `info`: the signals come from a model, not from a device"),
+    Parameter(
+        "contacts_as_bytes", True, "Contacts are serialised here, which is faster; false: left to the middleware"
+    ),
     Parameter("direct", False, "Scans are handed over in the process; true: do not subscribe to `raw`"),
 )
 OUTPUT_DEPTH = 10
@@ -111,7 +116,9 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._reader = ScanReader(layout)
         image, wrench = ImageMessage(layout, frame_id), WrenchMessage(layout, frame_id)
         force_image, points = ForceImageMessage(layout, frame_id), PointsMessage(layout, frame_id)
-        self._contacts_message = ContactsMessage(self.sensor, frame_id)
+        self._contacts_message: ContactsMessage | ContactsBytes = ContactsMessage(self.sensor, frame_id)
+        if parameters["contacts_as_bytes"]:
+            self._contacts_message = contacts_writer(self.sensor, frame_id)
         self._markers_message = MarkersMessage(frame_id)
         self._contacts = self.create_publisher(TactileContacts, "contacts", OUTPUT_DEPTH)
         self._markers = self.create_publisher(MarkerArray, "markers", OUTPUT_DEPTH)
