@@ -60,8 +60,12 @@ class _Patch:
     """Those listed, ascending."""
     bits: int
     """All of them."""
-    wide: int
-    """Those and the ring around them."""
+    members: NDArray[np.intp]
+    """Those and the ring around them, as far as it is no other contact's."""
+    force: NDArray[np.float64]
+    """Of the members [N]."""
+    at_edge: bool
+    """Whether a member lies in an outermost row or column."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +164,7 @@ class ContactFinder:
         `before` are the contacts of the scan before: a region that holds several of them, or a valley, becomes several.
         """
         rings = [self._bitmap.grow(region) for region in regions]
+        field = _Field(force, variance, common_variance, saturated)
         found: list[Region] = []
         self.patches.clear()
         for index, region in enumerate(regions):
@@ -167,74 +172,60 @@ class ContactFinder:
             for other, ring in enumerate(rings):
                 if other != index:
                     others |= ring
-            patch = _Patch(self._bitmap.taxels(region), region, rings[index] & ~others | region)
-            if estimated is not None:
-                patch = replace(patch, taxels=patch.taxels[~estimated[patch.taxels]])
-            if not len(patch.taxels):
+            taxels = self._bitmap.taxels(region)
+            listed = taxels if estimated is None else taxels[~estimated[taxels]]
+            if not len(listed):
                 continue
-            field = _Field(force, variance, common_variance, saturated)
-            members = self._bitmap.taxels(patch.wide)
+            wide = rings[index] & ~others | region
+            members = self._bitmap.taxels(wide)
             self.patches.append(members)
-            weight = np.where(force[members] > self._floor[members], force[members], 0.0)
+            patch = _Patch(listed, region, members, force[members], bool(wide & self._edge))
+            weight = np.where(patch.force > self._floor[members], patch.force, 0.0)
             inside = [contact.centre_of_pressure for contact in before if contact.bits & region]
-            whole = None if len(inside) > 1 else self._measure(patch, members, weight, field)
-            shares = self._shares(patch, members, weight, field, inside, whole, estimated)
-            if shares is None:
-                found.append(whole or self._measure(patch, members, weight, field))
+            whole = None if len(inside) > 1 else self._measure(patch, weight, field)
+            if whole is None:
+                shares = self._separator.shares(inside, members, weight)
+            elif math.hypot(*whole.major_axis) < self._separator.long:
+                shares = None
             else:
-                found += self._parts(patch, members, weight, field, shares)
+                peaks = self._separator.peaks(taxels, members, force, estimated)
+                shares = self._separator.shares(peaks, members, weight, FIRST_ROUNDS) if peaks else None
+            if shares is None:
+                found.append(whole or self._measure(patch, weight, field))
+            else:
+                found += self._parts(patch, weight, field, shares)
         return found
-
-    def _shares(
-        self,
-        patch: _Patch,
-        members: NDArray[np.intp],
-        weight: NDArray[np.float64],
-        field: _Field,
-        inside: list[tuple[float, float]],
-        whole: Region | None,
-        estimated: NDArray[np.bool_] | None,
-    ) -> NDArray[np.float64] | None:
-        """Return the shares of several contacts in a region, shape [contacts, members], None for a single one."""
-        if whole is None:
-            return self._separator.shares(inside, members, weight)
-        if math.hypot(*whole.major_axis) < self._separator.long:
-            return None
-        peaks = self._separator.peaks(self._bitmap.taxels(patch.bits), members, field.force, estimated)
-        return self._separator.shares(peaks, members, weight, FIRST_ROUNDS) if peaks else None
 
     def _parts(
         self,
         patch: _Patch,
-        members: NDArray[np.intp],
         weight: NDArray[np.float64],
         field: _Field,
         shares: NDArray[np.float64],
     ) -> list[Region]:
         """Measure the contacts of one region by their shares; each taxel is listed with the one that has most of it."""
         owner = np.zeros(len(field.force), np.intp)
-        owner[members] = shares.argmax(axis=0)
+        owner[patch.members] = shares.argmax(axis=0)
         parts = []
         for number, share in enumerate(shares):
             own = patch.taxels[owner[patch.taxels] == number]
             if len(own):
                 mine = np.zeros(len(field.force), np.bool_)
                 mine[own] = True
-                part = _Patch(own, self._bitmap.pack(mine), patch.wide)
-                parts.append(self._measure(part, members, weight * share, field))
+                part = replace(patch, taxels=own, bits=self._bitmap.pack(mine))
+                parts.append(self._measure(part, weight * share, field))
         return parts
 
-    def _measure(self, patch: _Patch, members: NDArray[np.intp], weight: NDArray[np.float64], field: _Field) -> Region:
+    def _measure(self, patch: _Patch, weight: NDArray[np.float64], field: _Field) -> Region:
         """Measure a contact by what of the members' force is its own [N], shape [members]."""
-        taxels = patch.taxels
-        members_force = field.force[members]
-        peak = float(field.force[taxels].max())
-        moments = self._moments.find(members, weight, bool(patch.wide & self._edge))
+        taxels, members = patch.taxels, patch.members
+        peak, highest = float(np.maximum.reduce(field.force[taxels])), float(np.maximum.reduce(patch.force))
+        moments = self._moments.find(members, weight, patch.at_edge)
         bounded = field.saturated is not None and bool(field.saturated[taxels].any())
-        total = math.nan if np.isnan(members_force).any() else float(weight.sum())
+        total = math.nan if math.isnan(highest) else float(np.add.reduce(weight))
         counted = int(np.count_nonzero(weight))
         independent = float(field.variance[members] @ (weight > 0.0))
-        centre = self._positions[taxels].sum(axis=0).tolist()
+        centre = np.add.reduce(self._positions[taxels]).tolist()
         return Region(
             bits=patch.bits,
             taxels=taxels,
@@ -245,7 +236,7 @@ class ContactFinder:
             if bounded or math.isnan(total)
             else independent + counted * counted * field.common_variance,
             area=len(taxels) * self._cell,
-            peak_pressure=math.nan if bounded or float(members_force.max()) > peak else peak / self._taxel_area,
+            peak_pressure=math.nan if bounded or highest > peak else peak / self._taxel_area,
             major_axis=moments.major,
             minor_axis=moments.minor,
         )

@@ -122,7 +122,7 @@ class FastChannel:
     def _of(self, region: Region, force: NDArray[np.float64], motion: Motion, step: float) -> Motion:
         taxels = region.taxels
         fast, slow, places = self.fast[taxels], force[taxels], self._positions[taxels]
-        change, total = float(fast.sum()), max(float(slow.sum()), 1e-9)
+        change, total = float(np.add.reduce(fast)), max(float(np.add.reduce(slow)), 1e-9)
         motion.power += -math.expm1(-step / MEMORY) * (change * change - motion.power)
         # The centre is that of these taxels alone, without what else is known of the contact.
         moment = math.hypot(*(fast @ places - slow @ places * (change / total)).tolist())

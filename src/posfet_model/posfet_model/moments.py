@@ -62,9 +62,9 @@ class MomentFinder:
         the array.
         """
         x, y = self._x[taxels], self._y[taxels]
-        total = float(weight.sum())
+        total = float(np.add.reduce(weight))
         share_x, share_y = weight * x, weight * y
-        mean_x, mean_y = float(share_x.sum()) / total, float(share_y.sum()) / total
+        mean_x, mean_y = float(weight @ x) / total, float(weight @ y) / total
         xx = max(float(share_x @ x) / total - mean_x * mean_x, 0.0)
         yy = max(float(share_y @ y) / total - mean_y * mean_y, 0.0)
         xy = float(share_x @ y) / total - mean_x * mean_y
@@ -81,16 +81,16 @@ class MomentFinder:
         A contact that is round is as wide one way as the other: the width that carries one profile on is that of the
         other, carried on itself. It starts from the profile's own flank where both are cut.
         """
-        along_x, along_y = profiles
-        cut_x, cut_y = _is_cut(along_x), _is_cut(along_y)
-        mean_x, variance_x = _carried_on(along_x, math.inf)
-        mean_y, variance_y = _carried_on(along_y, math.inf)
+        along_x, along_y = (_Profile(profile) for profile in profiles)
+        cut_x, cut_y = along_x.is_cut, along_y.is_cut
+        mean_x, variance_x = along_x.carried_on(math.inf)
+        mean_y, variance_y = along_y.carried_on(math.inf)
         if cut_x or cut_y:
-            bend_x = self._flank_bend(0, along_x) if cut_y else self._bend(0, variance_y)
-            bend_y = self._flank_bend(1, along_y) if cut_x else self._bend(1, variance_x)
+            bend_x = self._flank_bend(0, along_x.values) if cut_y else self._bend(0, variance_y)
+            bend_y = self._flank_bend(1, along_y.values) if cut_x else self._bend(1, variance_x)
             for _ in range(COMPLETIONS if cut_x and cut_y else 1):
-                mean_x, variance_x = _carried_on(along_x, bend_x)
-                mean_y, variance_y = _carried_on(along_y, bend_y)
+                mean_x, variance_x = along_x.carried_on(bend_x)
+                mean_y, variance_y = along_y.carried_on(bend_y)
                 bend_x, bend_y = self._bend(0, variance_y), self._bend(1, variance_x)
         return self._position(0, mean_x), self._position(1, mean_y)
 
@@ -138,36 +138,44 @@ def principal_axes(xx: float, yy: float, xy: float) -> tuple[tuple[float, float]
     return (large * cosine, large * sine), (-small * sine, small * cosine)
 
 
-def _is_cut(profile: list[float]) -> bool:
-    """Return whether a profile reaches its first or last taxel."""
-    return max(profile[0], profile[-1]) >= CUT_SHARE * max(profile)
+class _Profile:
+    """A distribution along one axis, counted from its first taxel [pitch]."""
 
+    def __init__(self, values: list[float]) -> None:
+        self.values = values
+        self._least = CUT_SHARE * max(values)
+        total = first = second = 0.0
+        for index, value in enumerate(values):
+            total += value
+            first += index * value
+            second += index * index * value
+        self._sums = total, first, second
 
-def _carried_on(profile: list[float], bend: float) -> tuple[float, float]:
-    """Return mean and variance of a profile with what lies beyond its two ends, counted from its first taxel [pitch].
+    @property
+    def is_cut(self) -> bool:
+        """Whether it reaches its first or last taxel."""
+        return max(self.values[0], self.values[-1]) >= self._least
 
-    `bend` is (pitch/width)^2 [1] of what lies beyond, inf for nothing.
-    """
-    least = CUT_SHARE * max(profile)
-    total = first = second = 0.0
-    for index, value in enumerate(profile):
-        total += value
-        first += index * value
-        second += index * index * value
-    if bend < math.inf and len(profile) > 1:
-        fall = math.exp(-bend)
-        last = len(profile) - 1
-        for inner, edge, index, way in (
-            (profile[1], profile[0], 0, -1),
-            (profile[last - 1], profile[last], last, 1),
-        ):
-            for step, beyond in enumerate(_beyond(inner, edge, fall, least), 1):
-                place = index + way * step
-                total += beyond
-                first += place * beyond
-                second += place * place * beyond
-    mean = first / total
-    return mean, second / total - mean * mean
+    def carried_on(self, bend: float) -> tuple[float, float]:
+        """Return mean and variance with what lies beyond the two ends.
+
+        `bend` is (pitch/width)^2 [1] of what lies beyond, inf for nothing.
+        """
+        total, first, second = self._sums
+        values, least = self.values, self._least
+        if bend < math.inf and len(values) > 1:
+            fall = math.exp(-bend)
+            last = len(values) - 1
+            for inner, edge, index, way in ((values[1], values[0], 0, -1), (values[last - 1], values[last], last, 1)):
+                if edge < least:
+                    continue
+                for step, beyond in enumerate(_beyond(inner, edge, fall, least), 1):
+                    place = index + way * step
+                    total += beyond
+                    first += place * beyond
+                    second += place * place * beyond
+        mean = first / total
+        return mean, second / total - mean * mean
 
 
 def _beyond(inner: float, edge: float, fall: float, least: float) -> list[float]:

@@ -27,6 +27,11 @@ ESTIMATED_GAIN: Final = 0.001
 MOST_LATE: Final = 10
 """After this many late scans in a row the board is taken to have begun anew."""
 
+# Plain numbers: each `&` with a flag of an enumeration costs as much as a call into NumPy.
+_ADC_FAULT: Final = int(ScanStatus.ADC_FAULT)
+_BOARD_RESET: Final = int(ScanStatus.BOARD_RESET)
+_TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)
+
 
 @dataclass
 class ScanCounts:
@@ -80,7 +85,7 @@ class ScanClock:
         if scan.layout_id != self._layout_id or scan.counts.shape != self._shape:
             self.counts.layout_mismatch += 1
             return False
-        if scan.status & ScanStatus.ADC_FAULT:
+        if scan.status & _ADC_FAULT:
             self.counts.adc_fault += 1
             return False
         return True
@@ -91,7 +96,7 @@ class ScanClock:
         ahead = scan.sequence - self._sequence
         if self._sequence < 0:
             self.step = self._period
-        elif scan.status & ScanStatus.BOARD_RESET:
+        elif scan.status & _BOARD_RESET:
             self._reset(scan)
         elif ahead == 0:
             self.counts.repeated += 1
@@ -107,7 +112,7 @@ class ScanClock:
         self._sequence = scan.sequence
         self._device_time = scan.device_time
         self._stamp = scan.stamp
-        self._estimated = bool(scan.status & ScanStatus.TIME_ESTIMATED)
+        self._estimated = bool(scan.status & _TIME_ESTIMATED)
         self._late_in_a_row = 0
         self.counts.accepted += 1
         return True
@@ -127,7 +132,7 @@ class ScanClock:
         """Find the interval before a scan that is `ahead` in sequence of the last one."""
         self.counts.missed += ahead - 1
         expected = ahead * self._period
-        estimated = self._estimated or scan.status & ScanStatus.TIME_ESTIMATED
+        estimated = self._estimated or scan.status & _TIME_ESTIMATED
         ticks = (scan.stamp - self._stamp) * 1e-9 if estimated else (scan.device_time - self._device_time) * 1e-6
         beyond = ticks - expected
         if ticks < 0.0 or (ticks == 0.0 and not estimated) or (beyond > JUMP_LEAST and ticks > JUMP_FACTOR * expected):
