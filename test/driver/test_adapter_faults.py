@@ -11,6 +11,7 @@ import pytest
 from fake_board import PATIENCE, FakeBoard, assert_marked, read_scans, read_until, with_layout
 
 from posfet_driver.adapter import EmulatedAdapter
+from posfet_driver.adapter_lock import is_served
 from posfet_driver.board import Board
 from posfet_driver.bus import bus_settings
 from posfet_driver.channels import BusOpener
@@ -19,7 +20,7 @@ from posfet_driver.firmware import BoardFirmware
 from posfet_driver.message_frames import MessageFrames
 from posfet_driver.messages import Command
 from posfet_driver.slcan_lines import FLAG_OVERFLOW, FLAG_PASSIVE
-from posfet_driver.source import SystemClock
+from posfet_driver.source import SourceError, SystemClock
 from posfet_model.sensor import load_sensor
 
 SENSOR = with_layout(load_sensor(), 5, 5, scan_rate=200.0)
@@ -34,6 +35,19 @@ def make_adapter(path: Path) -> EmulatedAdapter:
 def make_board(channel: object) -> tuple[Board, BusOpener]:
     opener = BusOpener(bus_settings("slcan", str(channel), SENSOR.can))
     return Board(SENSOR, opener, presence=opener.presence), opener
+
+
+def test_a_second_adapter_at_a_link_is_refused_until_the_first_has_ended(tmp_path: Path) -> None:
+    first = make_adapter(tmp_path / "can0")
+    try:
+        assert is_served(first.link)
+        with pytest.raises(SourceError, match="an emulated adapter is running here already"):
+            make_adapter(tmp_path / "can0")
+        assert first.link.is_symlink()
+    finally:
+        first.close()
+    assert not is_served(tmp_path / "can0")
+    make_adapter(tmp_path / "can0").close()
 
 
 def test_an_adapter_that_comes_back_under_another_name_is_found(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import os
 import pty
 import re
 import subprocess
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -131,6 +132,50 @@ def test_ctrl_c_during_start_up_ends_without_a_traceback(composed: str) -> None:
     while process.poll() is None and "_rclpy" not in loaded.read_text(encoding="utf-8", errors="replace"):
         pass  # ends with the process, or once it has begun to load ROS
     assert finish(process) is not None
+
+
+def children(process: int) -> set[int]:
+    """The processes that a process has started and that run."""
+    found = set()
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, parent = status.read_text(encoding="utf-8", errors="replace").rpartition(")")[2].split()[:2]
+        except OSError:  # it has just ended
+            continue
+        if int(parent) == process and state != "Z":
+            found.add(int(status.parent.name))
+    return found
+
+
+def test_nodes_end_with_a_bringup_that_is_killed() -> None:
+    with running("source:=emulator", "composed:=false") as process, Listener() as listener:
+        expect_info(listener)
+        nodes = children(process.pid)
+        assert len(nodes) == 3
+        process.kill()
+        end = time.monotonic() + TIMEOUT
+        while any(Path(f"/proc/{node}").exists() for node in nodes):
+            assert time.monotonic() < end, nodes
+            time.sleep(0.01)
+
+
+def test_a_second_emulator_in_a_namespace_is_refused_in_one_line() -> None:
+    with running("source:=emulator", "namespace:=twice") as first, Listener("twice") as listener:
+        expect_info(listener)
+        for composed in ("true", "false"):
+            second = bringup("--for", "20", "source:=emulator", "namespace:=twice", f"composed:={composed}")
+            assert second.returncode == 1
+            assert "an emulated adapter is running here already" in second.stderr
+            assert len(second.stderr.splitlines()) == 1, second.stderr
+        assert re.search("0 frames lost", finish(first))
+
+
+def test_ros_arguments_are_refused_unless_empty() -> None:
+    result = bringup("--ros-args", "--log-level", "debug")
+    assert result.returncode == 2
+    expected = "error: ROS arguments are not taken, got '--ros-args --log-level debug': use name:=value (--show-args)"
+    assert result.stderr.splitlines()[-1].endswith(expected)
+    assert bringup("--show-args", "--ros-args").returncode == 0
 
 
 def test_show_args_describes_every_argument() -> None:

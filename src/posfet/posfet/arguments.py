@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -91,14 +89,3 @@ def describe() -> str:
         choices = f" One of {', '.join(argument.choices)}." if argument.choices else ""
         lines += ["", f"  {argument.name}", f"      {argument.description}.{choices} (default: '{argument.default}')"]
     return "\n".join(lines)
-
-
-def duration(text: str) -> float:
-    """Return a time [s] given on the command line; argparse says what is wrong with a bad one."""
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = math.nan
-    if not 0 < seconds < math.inf:
-        raise argparse.ArgumentTypeError(f"must be a number of seconds above 0, got '{text}'")
-    return seconds

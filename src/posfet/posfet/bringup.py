@@ -11,8 +11,9 @@ from typing import Final
 
 from ament_index_python.packages import get_package_share_directory
 
-from posfet.arguments import describe, duration, parse
+from posfet.arguments import describe, parse
 from posfet.graph import graph
+from posfet_model.command_line import positive
 from posfet_model.config import ConfigError
 
 RUNNERS: Final = {"true": "posfet.composed_node", "false": "posfet.separate_node"}
@@ -31,12 +32,15 @@ def main(words: Sequence[str] | None = None) -> int:
     0 after a clean end; 1, with one line on stderr, for bad input, or when no scan arrived in the time asked for.
     """
     words = list(sys.argv[1:] if words is None else words)
-    if "--ros-args" in words:  # launch adds it, with nothing behind that means anything here
-        words = words[: words.index("--ros-args")]
+    if words[-1:] == ["--ros-args"]:  # launch adds it
+        words.pop()
     parser = argparse.ArgumentParser(prog="posfet bringup", description="Start the POSFET tactile stack.")
     parser.add_argument("arguments", nargs="*", metavar="name:=value", help="see --show-args")
-    parser.add_argument("--for", dest="seconds", type=duration, default=math.inf, help="stop after this many seconds")
+    parser.add_argument("--for", dest="seconds", type=positive, default=math.inf, help="stop after this many seconds")
     parser.add_argument("-s", "--show-args", action="store_true", help="print every argument and stop")
+    if "--ros-args" in words:
+        place = words.index("--ros-args")
+        parser.error(f"ROS arguments are not taken, got '{' '.join(words[place:])}': use name:=value (--show-args)")
     options = parser.parse_args(words)
     if options.show_args:
         print(describe())

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from posfet.arguments import defaults
+from posfet_driver.adapter_lock import is_served
 from posfet_driver.scene import load_scene
 from posfet_model.config import ConfigError, read_yaml
 from posfet_model.mount import parse_mount
@@ -108,6 +109,8 @@ def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
         load_scene(arguments["scene"], described)
     sensor: dict[str, Value] = {name: arguments[name] for name in ("sensor_file", "can_fd")}
     adapter = str(emulated_adapter(namespace)) if source == "emulator" else ""
+    if adapter and is_served(adapter):
+        raise ConfigError(f"{adapter}: an emulated adapter is running here already; use another namespace")
 
     def node(package: str, executable: str, parameters: Mapping[str, Value]) -> NodeSpec:
         own = {**sensor, **parameters}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import time
@@ -12,6 +13,7 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 from posfet.graph import NodeSpec
 from posfet_model.config import ConfigError
+from posfet_model.start import PARENT
 
 STOP_TIMEOUT = 5.0
 """Time that the nodes are given to end before they are killed [s]."""
@@ -36,9 +38,10 @@ class Processes:
         self._running: list[subprocess.Popen[bytes]] = []
 
     def __enter__(self) -> Processes:
+        environment = {**os.environ, PARENT: str(os.getpid())}
         for command in self._commands:
             # A session of its own: the terminal's Ctrl-C comes here alone, and the nodes end in order.
-            self._running.append(subprocess.Popen(command, start_new_session=True))
+            self._running.append(subprocess.Popen(command, start_new_session=True, env=environment))
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -13,11 +13,11 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
-from posfet.arguments import duration
 from posfet.graph import checked_namespace
 from posfet.screen import Screen
 from posfet.show_node import show
 from posfet.snapshot import ContactView, Snapshot, TrueContact
+from posfet_model.command_line import positive
 from posfet_model.config import ConfigError
 from posfet_model.run_node import ros
 from posfet_model.tracker import ContactState
@@ -133,7 +133,7 @@ def main(words: Sequence[str] | None = None) -> int:
     """Run `posfet view` and return the exit code."""
     parser = argparse.ArgumentParser(prog="posfet view", description="Show the live force map of a running stack.")
     parser.add_argument("--namespace", default="tactile", help="namespace of the sensor (default: tactile)")
-    parser.add_argument("--for", dest="seconds", type=duration, default=math.inf, help="stop after this many seconds")
+    parser.add_argument("--for", dest="seconds", type=positive, default=math.inf, help="stop after this many seconds")
     options = parser.parse_args(words)
     try:
         namespace = checked_namespace(options.namespace)

@@ -9,6 +9,7 @@ import tty
 from pathlib import Path
 from typing import Final, Protocol
 
+from posfet_driver.adapter_lock import lock
 from posfet_driver.frames import Frame
 from posfet_driver.slcan_lines import END, FLAG_BUS_ERROR, FLAG_WARNING, REFUSED, LineReader, encode_line, parse_line
 from posfet_driver.source import Clock, SourceError, SystemClock
@@ -69,12 +70,19 @@ class EmulatedAdapter:
         self._thread: threading.Thread | None = None
         self._terminals: tuple[int, ...] = ()
         self._wake: tuple[int, ...] = ()
+        self._lock: int | None = None
 
     def open(self) -> None:
         """Make the terminal, link it, and serve it.
 
-        Raises SourceError when the link cannot be made, or something else is at its path.
+        Raises SourceError when the link cannot be made, or something else or a running adapter is at its path.
         """
+        try:
+            self._lock = lock(self.link)
+        except BlockingIOError as error:
+            raise SourceError(f"{self.link}: an emulated adapter is running here already") from error
+        except OSError as error:
+            raise SourceError(f"{self.link}: the adapter cannot be linked here: {error.strerror}") from error
         self._terminals = os.openpty()
         self._wake = os.pipe()
         master, slave = self._terminals
@@ -102,7 +110,6 @@ class EmulatedAdapter:
     def _make_link(self, target: str) -> None:
         if self.link.exists() and not self.link.is_symlink():
             raise FileExistsError(0, "there is something else already")
-        self.link.parent.mkdir(parents=True, exist_ok=True)
         fresh = self.link.with_name(f"{self.link.name}.{os.getpid()}")
         fresh.symlink_to(target)
         fresh.replace(self.link)
@@ -111,6 +118,9 @@ class EmulatedAdapter:
         for descriptor in (*self._terminals, *self._wake):
             os.close(descriptor)
         self._terminals = self._wake = ()
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
         self._channel_open = False
         self._output.clear()
         self._reader.clear()

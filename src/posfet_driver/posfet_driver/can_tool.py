@@ -19,6 +19,7 @@ from posfet_driver.bus import BusSettings, bus_settings, one_line
 from posfet_driver.commands import CommandError
 from posfet_driver.messages import Command
 from posfet_driver.source import SourceError
+from posfet_model.command_line import positive
 from posfet_model.config import ConfigError
 from posfet_model.sensor import DEFAULT_SENSOR, FRAME_CHOICES, Sensor, load_sensor, with_frames
 
@@ -45,18 +46,18 @@ def make_parser() -> argparse.ArgumentParser:
     for name, (_, purpose) in ACTIONS.items():
         parsers[name] = actions.add_parser(name, help=purpose, description=purpose)
         _add_bus(parsers[name], "" if name == "list" else "socketcan")
-    parsers["list"].add_argument("--for", dest="seconds", type=_seconds, default=0.5, help="how long to listen [s]")
+    parsers["list"].add_argument("--for", dest="seconds", type=positive, default=0.5, help="how long to listen [s]")
     for name in ("monitor", "record"):
-        parsers[name].add_argument("--for", dest="seconds", type=_seconds, default=math.inf, help="how long [s]")
+        parsers[name].add_argument("--for", dest="seconds", type=positive, default=math.inf, help="how long [s]")
         parsers[name].add_argument("--start", action="store_true", help="start the board, and stop it at the end")
-    parsers["selftest"].add_argument("--for", dest="seconds", type=_seconds, default=2.0, help="time of scans [s]")
+    parsers["selftest"].add_argument("--for", dest="seconds", type=positive, default=2.0, help="time of scans [s]")
     names = [command.name.lower() for command in Command]
     parsers["command"].add_argument("name", choices=names, help="the command")
     parsers["command"].add_argument("argument", nargs="?", type=_word, default=0, help="set_rate: scan period [us]")
     for name in ("record", "replay"):
         parsers[name].add_argument("file", type=Path)
     parsers["replay"].add_argument("--decode", action="store_true", help="only tell what is in it; needs no bus")
-    parsers["replay"].add_argument("--speed", type=_seconds, default=1.0, help="times as fast as it was recorded")
+    parsers["replay"].add_argument("--speed", type=positive, default=1.0, help="times as fast as it was recorded")
     return parser
 
 
@@ -69,16 +70,6 @@ def _add_bus(parser: argparse.ArgumentParser, interface: str) -> None:
     parser.add_argument("--bitrate", type=_word, default=0, help="nominal bitrate (default: as in the sensor file)")
     parser.add_argument("--data-bitrate", type=_word, default=0, help="bitrate of FD data (default: as in the file)")
     parser.add_argument("-o", "--option", action="append", default=[], help="key=value for the interface")
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"must be a number above 0, got '{text}'")
-    return value
 
 
 def _word(text: str) -> int:

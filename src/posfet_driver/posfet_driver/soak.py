@@ -29,6 +29,7 @@ from posfet_driver.channels import BusOpener
 from posfet_driver.fault_injector import FaultInjector, Trouble
 from posfet_driver.firmware import BoardFirmware
 from posfet_driver.source import SystemClock
+from posfet_model.command_line import positive
 from posfet_model.scan import Scan
 from posfet_model.sensor import Sensor, load_sensor, with_frames
 
@@ -247,8 +248,8 @@ def describe(verdict: Verdict) -> str:
 def main(words: Sequence[str] | None = None) -> int:
     """Run a soak; return the exit code."""
     parser = argparse.ArgumentParser(prog="posfet_driver.soak", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--for", dest="seconds", type=float, default=1800.0, help="how long [s] (default: 1800)")
-    parser.add_argument("--every", type=float, default=3.0, help="time between two faults [s] (default: 3)")
+    parser.add_argument("--for", dest="seconds", type=positive, default=1800.0, help="how long [s] (default: 1800)")
+    parser.add_argument("--every", type=positive, default=3.0, help="time between two faults [s] (default: 3)")
     parser.add_argument("--classic", action="store_true", help="classic frames instead of CAN FD")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args(words)
