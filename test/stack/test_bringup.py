@@ -18,6 +18,8 @@ pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 from bringup_process import bringup, finish, needs_installation, running
 from expectations import TIMEOUT, Listener, expect_info, expect_stack
 
+from posfet.graph import emulated_adapter
+
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
 VARIANTS = {
@@ -160,8 +162,13 @@ def test_nodes_end_with_a_bringup_that_is_killed() -> None:
 
 
 def test_a_second_emulator_in_a_namespace_is_refused_in_one_line() -> None:
-    with running("source:=emulator", "namespace:=twice") as first, Listener("twice") as listener:
-        expect_info(listener)
+    link = emulated_adapter("twice")
+    link.unlink(missing_ok=True)
+    with running("source:=emulator", "namespace:=twice") as first:
+        end = time.monotonic() + TIMEOUT
+        while not link.is_symlink():
+            assert time.monotonic() < end
+            time.sleep(0.01)
         for composed in ("true", "false"):
             second = bringup("--for", "20", "source:=emulator", "namespace:=twice", f"composed:={composed}")
             assert second.returncode == 1
