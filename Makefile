@@ -5,13 +5,14 @@
 #   make check              ruff and mypy
 #   make soak               the driver under a fault every few seconds, half an hour of it     FOR=60
 #   make bench              measure the speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
+#   make stability          every follower for 1e8 steps, 40 minutes of it     STEPS=1e6
 #   make figures            the figures of docs/
 #   make clean              removes what was built; make distclean the .venv as well
 
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c
 .DEFAULT_GOAL := bringup
-.PHONY: bringup test check soak bench figures setup build clean distclean
+.PHONY: bringup test check soak bench stability figures setup build clean distclean
 
 IN_ENVIRONMENT := source tools/environment.sh;
 SOURCES := $(shell find src launch -type f -not -name '*.pyc' -not -path '*.egg-info*')
@@ -59,6 +60,9 @@ ifndef ROS_DISTRO
 	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement $<
 endif
 	@touch $@
+
+stability: $(BUILT)
+	@$(IN_ENVIRONMENT) cd test && exec python3 -m model.drift $(if $(STEPS),--steps $(STEPS)) $(ARGS)
 
 figures: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet_model.figures $(ARGS)

@@ -72,6 +72,16 @@ class FollowerOutput:
 
 
 @dataclass(frozen=True, eq=False)
+class FollowerSeries:
+    """A series of steps: what came out, and where it ended."""
+
+    output: FollowerOutput
+    """After each step, shape [t] or [t, n]."""
+    end: FollowerState
+    """After the last step, to go on from."""
+
+
+@dataclass(frozen=True, eq=False)
 class FrequencyResponse:
     """Small-signal response of a follower, all fields in the frequency's shape."""
 
@@ -158,6 +168,20 @@ class Follower(ABC):
         """Return the output voltage of a state."""
         return FollowerOutput(v_out=self._out(state.v_in, state.lags), valid=state.valid)
 
+    def advance_series(self, state: FollowerState, v_in: ArrayLike, step: ArrayLike) -> FollowerSeries:
+        """Return what many steps in a row give: `advance` over whole arrays, so that a long series can come in pieces.
+
+        v_in [V] has shape [t], or [t, n] for a state of shape [n], t >= 1: the input at the end of each step. step [s],
+        in [0, 1e9], is a number or [t]. Raises ValueError otherwise.
+        """
+        held, valid = self._hold(v_in)
+        duration = np.asarray(real_array("step", step, 0, STEP_LIMIT), np.float64)
+        if held.ndim not in (1, 2) or not len(held) or held.shape[1:] != state.v_in.shape:
+            raise ValueError(f"v_in must be [t] before the state's shape {state.v_in.shape}, got {held.shape}")
+        if duration.shape not in ((), held.shape[:1]):
+            raise ValueError(f"step must be a number or of shape {held.shape[:1]}, got {duration.shape}")
+        return self._follow(state, held, valid, np.broadcast_to(duration, held.shape[:1]))
+
     def run(self, time: ArrayLike, v_in: ArrayLike) -> FollowerOutput:
         """Return the output over a whole time series, from rest at the first sample.
 
@@ -177,16 +201,28 @@ class Follower(ABC):
         step = np.diff(instants)
         if step.size and step.min() < 0:
             raise ValueError(f"time must never fall, got a step of {step.min():g} s at sample {step.argmin() + 1}")
+        start = FollowerState(v_in=held[0], lags=self._start_lags(held[0]), valid=np.asarray(valid[0]))
+        first = self._out(held[:1], tuple(lag[None] for lag in start.lags))
+        if not step.size:
+            return FollowerOutput(v_out=first, valid=valid)
+        later = self._follow(start, held[1:], valid[1:], step).output
+        return FollowerOutput(np.concatenate([first, later.v_out]), np.concatenate([valid[:1], later.valid]))
+
+    def _follow(
+        self,
+        state: FollowerState,
+        held: NDArray[np.float64],
+        valid: NDArray[np.bool_],
+        step: NDArray[np.float64],
+    ) -> FollowerSeries:
+        """Return the series to the inputs `held`, [t] or [t, n], t >= 1, in steps [t]; `valid` is where they are."""
         step = step.reshape(-1, *(1,) * (held.ndim - 1))
-        change = np.diff(held, axis=0)
-        at_rest = self._start_lags(held[0])
-        lags = tuple(lag[None] for lag in at_rest)
-        if len(change):
-            later = self._series_lags(at_rest, change, step)
-            if self.limits.slew_rate < math.inf:
-                valid[1:] &= self._demanded_rate(later, change, step) <= self.limits.slew_rate
-            lags = tuple(np.concatenate(parts) for parts in zip(lags, later, strict=True))
-        return FollowerOutput(v_out=self._out(held, lags), valid=valid)
+        change = np.diff(held, axis=0, prepend=state.v_in[None])
+        lags = self._series_lags(state.lags, change, step)
+        if self.limits.slew_rate < math.inf:
+            valid = valid & (self._demanded_rate(lags, change, step) <= self.limits.slew_rate)
+        end = FollowerState(v_in=held[-1], lags=tuple(lag[-1] for lag in lags), valid=np.asarray(valid[-1]))
+        return FollowerSeries(output=FollowerOutput(v_out=self._out(held, lags), valid=valid), end=end)
 
     def response(self, frequency: ArrayLike) -> FrequencyResponse:
         """Return gain and phase for small signals at `frequency` [Hz], any shape, in [0, 1e18]."""

@@ -3,17 +3,24 @@
     M1, M2 (inverting)   POSFET input pair            M5, M6, M8  n-channel current mirror fed by the reference current
     M3, M4               p-channel mirror load        M7          n-channel source follower; Cc from its gate to ground
 
-As in `amplifier`, whose bias and operating point of the pair are used here. The printed width of M7 would suit either.
+Formulas as in `amplifier`. The printed width of M7 would suit either.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
-from posfet_model.amplifier import SIZES, AmplifierBias, aspect, gate_capacitance, operating_point, output_capacitance
 from posfet_model.checks import instance
+from posfet_model.op_amp import (
+    SIZES,
+    AmplifierBias,
+    OpAmpFigures,
+    aspect,
+    gate_capacitance,
+    operating_point,
+    output_capacitance,
+)
 from posfet_model.paper import MOBILITY, STACK
 
 CIRCUIT_C: Final = AmplifierBias(
@@ -22,45 +29,10 @@ CIRCUIT_C: Final = AmplifierBias(
 """Bias of circuit C, fitted to 42.3 dB and 1.5 MHz, all assumed."""
 
 
-@dataclass(frozen=True)
-class OneStageFigures:
-    """What the hand formulas say, at rest with input and output near 0 V."""
+def one_stage_figures(bias: AmplifierBias = CIRCUIT_C) -> OpAmpFigures:
+    """Return gain, poles and slew, the same either way; the bias's zero_resistor plays no part.
 
-    tail_current: float
-    """Through M5 [A]."""
-    overdrive: float
-    """Vov of the input pair at balance [V]."""
-    input_transconductance: float
-    """gm1 [S]."""
-    first_gain: float
-    """gm1/(gds2 + gds4) [V/V]."""
-    second_gain: float
-    """gm7/(gm7 + gds7 + gds8 + 1/RL) [V/V]."""
-    dominant_pole: float
-    """[Hz]"""
-    second_pole: float
-    """Of the output follower and its load [Hz]."""
-    slew_rate: float
-    """[V/s], either way."""
-
-    @property
-    def open_loop_gain(self) -> float:
-        """A0 [V/V]."""
-        return self.first_gain * self.second_gain
-
-    @property
-    def gain_bandwidth(self) -> float:
-        """A0 times the dominant pole [Hz]."""
-        return self.open_loop_gain * self.dominant_pole
-
-    @property
-    def slew_overdrive(self) -> float:
-        """Overdrive [V] with which a square-law pair of this gain-bandwidth product has this slew rate."""
-        return self.slew_rate / (2 * math.pi * self.gain_bandwidth)
-
-
-def one_stage_figures(bias: AmplifierBias = CIRCUIT_C) -> OneStageFigures:
-    """Return gain, poles and slew; the bias's zero_resistor plays no part.
+    `second_gain` is gm7/(gm7 + gds7 + gds8 + 1/RL), the second pole that of the output follower and its load.
 
     Raises ValueError when the supply is too low for the transistors to be saturated.
 
@@ -83,7 +55,7 @@ def one_stage_figures(bias: AmplifierBias = CIRCUIT_C) -> OneStageFigures:
     out2 = gm7 + 2 * lam * point.output / (1 + lam * bias.supply) + 1 / bias.load_resistance
     c7 = gate_capacitance(SIZES["M7"], STACK.oxide)
     c1 = bias.compensation + c7 * (1 - gm7 / out2)
-    return OneStageFigures(
+    return OpAmpFigures(
         tail_current=point.tail,
         overdrive=point.pair_overdrive,
         input_transconductance=gm1,
