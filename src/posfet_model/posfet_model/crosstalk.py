@@ -82,8 +82,8 @@ def non_negative(force: NDArray[np.float64], variance: NDArray[np.float64]) -> N
 
     Examples
     --------
-    >>> non_negative(np.array([1.0, 0.3, -0.1]), np.ones(3)).tolist()
-    [0.95, 0.25, 0.0]
+    >>> non_negative(np.array([1.0, 0.5, -0.25]), np.ones(3)).tolist()
+    [0.875, 0.375, 0.0]
     """
     total = float(force.sum())
     if total <= 0.0:
