@@ -25,6 +25,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 VARIANTS = {
     "composed, simulated board": ["source:=sim"],
     "composed, emulated adapter, CAN FD": ["source:=emulator"],
+    "composed, virtual bus": ["source:=emulator", "bus_interface:=virtual", "bus_channel:=bringup"],
     "separate, simulated board": ["source:=sim", "composed:=false"],
     "separate, emulated adapter": ["source:=emulator", "composed:=false"],
 }
@@ -43,6 +44,12 @@ def test_classic_frames_become_contacts() -> None:
     result = bringup("--for", "4", "source:=emulator", "can_fd:=false")
     assert result.returncode == 0, result.stderr
     assert re.search(r"posfet: .*, [1-9]\d* contacts?, centre of pressure off", result.stdout), result.stdout
+
+
+def test_a_board_with_imperfections_is_read_all_the_same() -> None:
+    result = bringup("--for", "3", "imperfections:=default")
+    assert result.returncode == 0, result.stderr
+    assert re.search(r"posfet: .* scans/s, 0 frames lost", result.stdout), result.stdout
 
 
 def test_two_sensors_live_side_by_side() -> None:
@@ -89,6 +96,8 @@ BAD_INPUT = {
     "no such sensor": (["sensor_file:=posfet_9x9"], "posfet_9x9: no such sensor"),
     "no such sensor file": (["sensor_file:=/nowhere/s.yaml"], "/nowhere/s.yaml: no such sensor file"),
     "no such scene": (["scene:=nowhere"], "nowhere: no such scene"),
+    "no such imperfections": (["imperfections:=nowhere"], "nowhere: cannot be read"),
+    "a bus for nobody": (["bus_interface:=virtual"], "bus_interface: needs source:=emulator"),
     "no such parameter file": (["params_file:=/nowhere/p.yaml"], "params_file: no such file: /nowhere/p.yaml"),
     "no such interface": (["source:=can", "can_interface:=carrier_pigeon"], "carrier_pigeon"),
     "bad namespace": (["namespace:=9 lives"], "namespace: must be names of a-z"),

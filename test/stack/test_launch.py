@@ -25,6 +25,7 @@ VARIANTS = [
     {"source": "sim"},
     {"source": "emulator"},
     {"source": "sim", "composed": "false"},
+    {"source": "emulator", "bus_interface": "virtual", "bus_channel": "launch"},
     {"source": "emulator", "composed": "false"},
 ]
 

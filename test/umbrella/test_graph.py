@@ -46,6 +46,38 @@ def test_the_driver_reads_the_emulated_adapter_of_its_own_namespace(params_file:
     assert thumb["driver_node"].parameters["can_channel"] != palm["driver_node"].parameters["can_channel"]
 
 
+def test_board_and_driver_meet_on_the_bus_that_is_named(params_file: str) -> None:
+    specs = nodes(params_file, "source:=emulator", "bus_interface:=udp_multicast", "bus_channel:=239.74.163.2")
+    board, driver = specs["sim_board_node"].parameters, specs["driver_node"].parameters
+    assert (board["bus_interface"], board["bus_channel"], board["adapter_link"]) == (
+        "udp_multicast",
+        "239.74.163.2",
+        "",
+    )
+    assert (driver["can_interface"], driver["can_channel"]) == ("udp_multicast", "239.74.163.2")
+    assert "bus_interface" not in nodes(params_file, "source:=emulator")["sim_board_node"].parameters
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["bus_interface:=virtual"], "bus_interface: needs source:=emulator"),
+        (["source:=can", "bus_interface:=virtual"], "bus_interface: needs source:=emulator"),
+        (["source:=emulator", "bus_channel:=can0"], "bus_channel: needs a bus_interface"),
+    ],
+)
+def test_a_bus_that_nobody_would_use_is_refused(params_file: str, words: list[str], reason: str) -> None:
+    with pytest.raises(ConfigError, match=reason):
+        graph(parse(words), params_file)
+
+
+def test_imperfections_reach_the_simulated_board(params_file: str) -> None:
+    assert nodes(params_file)["sim_board_node"].parameters["imperfections"] == "none"
+    for source in ("sim", "emulator"):
+        specs = nodes(params_file, f"source:={source}", "imperfections:=default")
+        assert specs["sim_board_node"].parameters["imperfections"] == "default"
+
+
 def test_arguments_of_the_command_line_keep_their_types(params_file: str) -> None:
     spec = NodeSpec(
         "package", "sim_board_node", "tactile", params_file, "info", {"text": "5", "scene": "it's", "on": True}
@@ -109,7 +141,12 @@ def test_a_missing_parameter_file_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("word", "reason"), [("sensor_file:=nowhere", "no such sensor"), ("scene:=nowhere", "no such scene")]
+    ("word", "reason"),
+    [
+        ("sensor_file:=nowhere", "no such sensor"),
+        ("scene:=nowhere", "no such scene"),
+        ("imperfections:=nowhere.yaml", "nowhere.yaml: cannot be read"),
+    ],
 )
 def test_bad_files_are_refused_before_a_node_is_started(params_file: str, word: str, reason: str) -> None:
     with pytest.raises(ConfigError, match=reason):

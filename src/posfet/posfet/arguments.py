@@ -41,6 +41,14 @@ ARGUMENTS: Final = (
     Argument("mount", "0 0 0 0 0 0", "Pose of the array in parent_frame: x y z [m] roll pitch yaw [rad]"),
     Argument("params_file", "", "YAML file with node parameters; empty: config/parameters.yaml of this package"),
     Argument("scene", "press_slide_lift", "What happens to the simulated board: a YAML file, or a shipped scene"),
+    Argument("imperfections", "none", "What the simulated board lacks of an ideal one: none, default, or a YAML file"),
+    Argument(
+        "bus_interface",
+        "",
+        "python-can interface on which board and driver of source:=emulator meet: socketcan, udp_multicast, ...; "
+        "virtual needs composed:=true; empty: the emulated slcan adapter",
+    ),
+    Argument("bus_channel", "", "Channel of that interface"),
     Argument("composed", "true", "All nodes in one process, the fastest way; false: a process for each", BOOLEAN),
     Argument("log_level", "info", "Least severe log messages that are shown", LOG_LEVELS),
 )

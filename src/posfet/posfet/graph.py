@@ -12,6 +12,7 @@ from typing import Final
 
 from posfet.arguments import defaults
 from posfet_driver.adapter_lock import is_served
+from posfet_driver.imperfections import load_imperfections
 from posfet_driver.scene import load_scene
 from posfet_model.config import ConfigError, read_yaml
 from posfet_model.mount import parse_mount
@@ -96,6 +97,24 @@ def _place(arguments: Mapping[str, str]) -> dict[str, Value]:
     return {}
 
 
+def _bus(arguments: Mapping[str, str], namespace: str) -> tuple[dict[str, Value], dict[str, Value]]:
+    """Return the bus as the driver is told of it, and as the simulated board is."""
+    interface, channel = arguments["bus_interface"], arguments["bus_channel"]
+    if arguments["source"] != "emulator":
+        if interface or channel:
+            raise ConfigError("bus_interface: needs source:=emulator, the simulated board on a bus")
+        return {name: arguments[name] for name in ("can_interface", "can_channel")}, {"adapter_link": ""}
+    if interface:
+        board: dict[str, Value] = {"bus_interface": interface, "bus_channel": channel}
+        return {"can_interface": interface, "can_channel": channel}, {"adapter_link": "", **board}
+    if channel:
+        raise ConfigError("bus_channel: needs a bus_interface")
+    adapter = str(emulated_adapter(namespace))
+    if is_served(adapter):
+        raise ConfigError(f"{adapter}: an emulated adapter is running here already; use another namespace")
+    return {"can_interface": "slcan", "can_channel": adapter}, {"adapter_link": adapter}
+
+
 def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
     """Return the nodes for bring-up `arguments`, the source of scans last, so that nobody misses its first one.
 
@@ -107,10 +126,9 @@ def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
     described = load_sensor(arguments["sensor_file"])
     if source != "can":
         load_scene(arguments["scene"], described)
+        load_imperfections(arguments["imperfections"])
     sensor: dict[str, Value] = {name: arguments[name] for name in ("sensor_file", "can_fd")}
-    adapter = str(emulated_adapter(namespace)) if source == "emulator" else ""
-    if adapter and is_served(adapter):
-        raise ConfigError(f"{adapter}: an emulated adapter is running here already; use another namespace")
+    bus, board = _bus(arguments, namespace)
 
     def node(package: str, executable: str, parameters: Mapping[str, Value]) -> NodeSpec:
         own = {**sensor, **parameters}
@@ -119,13 +137,8 @@ def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
     place = _place(arguments)
     nodes = [node("posfet_model", "model_node", {"simulated": source != "can", **place})]
     if source != "can":
-        scene: dict[str, Value] = {"scene": arguments["scene"], "adapter_link": adapter}
-        nodes.append(node("posfet_driver", "sim_board_node", scene))
+        simulated = {name: arguments[name] for name in ("scene", "imperfections")}
+        nodes.append(node("posfet_driver", "sim_board_node", {**simulated, **board}))
     if source != "sim":
-        bus: dict[str, Value] = {
-            "can_interface": "slcan" if adapter else arguments["can_interface"],
-            "can_channel": adapter or arguments["can_channel"],
-            "can_bitrate": int(arguments["can_bitrate"]),
-        }
-        nodes.append(node("posfet_driver", "driver_node", bus))
+        nodes.append(node("posfet_driver", "driver_node", {**bus, "can_bitrate": int(arguments["can_bitrate"])}))
     return nodes
