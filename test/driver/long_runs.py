@@ -31,6 +31,8 @@ BASE = SENSOR.can.base_id
 NEW_NUMBERS = (Trouble.RESET, Trouble.BROWN_OUT, Trouble.STUCK)
 """Troubles after which the account begins anew: what was sent under the old numbers cannot be known."""
 COUNTED = tuple(trouble for trouble in Trouble if trouble not in (*NEW_NUMBERS, Trouble.NONE))
+CADENCE = 500_000
+"""Time between two batches of frames from the adapter [ns]."""
 LENGTHS = (0, 1, 7, 8, 8, 8, 12, 63, 64, 64, 64)
 KINDS = (CLASSIC, CLASSIC, FD | RATE_SWITCH, FD | RATE_SWITCH, FD, EXTENDED, REMOTE, ERROR, FD | EXTENDED)
 
@@ -40,15 +42,17 @@ def scans_under_faults(scans: int, fd: bool, seed: int, troubles: tuple[Trouble,
     noise = random.Random(seed)
     clock = SteppedClock()
     injector = FaultInjector(lambda now: BoardFirmware(SENSOR, FakeBoard(SENSOR), now, fd), BASE, 0, seed)
-    board = Board(SENSOR, lambda: SteppedBus(clock, injector), fd, clock)
+    board = Board(SENSOR, lambda: SteppedBus(clock, injector, CADENCE), fd, clock)
     board.open()
     scan = None
     while scan is None:
         scan = board.read(0.01)
     first = last = scan.sequence
     sent = renumbered = 0
+    bag: list[Trouble] = []
     while sent < scans or injector.trouble != Trouble.NONE:
-        injector.trouble = noise.choice(troubles) if injector.trouble == Trouble.NONE else Trouble.NONE
+        bag = bag or noise.sample(troubles, len(troubles))  # each once before any comes again
+        injector.trouble = bag.pop() if injector.trouble == Trouble.NONE else Trouble.NONE
         injector.firmware.supply = 5.0
         end = clock.now + round(noise.expovariate(5.0) * 1e9)
         resets = board.resets
@@ -107,7 +111,7 @@ def fuzz(frames: int, fd: bool, seed: int) -> tuple[int, int]:
     real = firmware.due(50_000_000)
     receiver = Receiver(SENSOR, fd)
     receiver.resync(0, count_gap=False)
-    pool = [any_frame(noise, real) for _ in range(min(frames, 200_000))]
+    pool = [any_frame(noise, real) for _ in range(min(frames, 50_000))]
     taken, now, growth_from = 0, 0, 0
     while taken < frames:
         batch = noise.sample(pool, min(noise.randrange(1, 400), len(pool)))

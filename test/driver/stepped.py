@@ -27,15 +27,20 @@ class SteppedClock:
 
 
 class SteppedBus:
-    """A bus in stepped time with a board on it, which can break, and hold back what the board sends."""
+    """A bus in stepped time with a board on it, which can break, and hold back what the board sends.
 
-    def __init__(self, clock: SteppedClock, firmware: Node) -> None:
+    Frames come in batches, `cadence` [ns] apart, as those of a USB adapter do.
+    """
+
+    def __init__(self, clock: SteppedClock, firmware: Node, cadence: int = 0) -> None:
         self.clock = clock
         self.firmware = firmware
         self.broken = False
         self.closed = False
         self.held_back = False
         self._answers: list[Frame] = []
+        self._cadence = cadence
+        self._read = 0
 
     def read_frames(self, timeout: float) -> list[Frame]:
         if self.broken:
@@ -45,12 +50,14 @@ class SteppedBus:
             frames, self._answers = self._answers, []
             self.clock.now = self.clock.now if frames else end
             return frames
+        self.clock.now = min(max(self.clock.now, self._read + self._cadence), end)
         frames = self._due()
         while not frames and self.clock.now < end:
             self.clock.now = min(max(self.firmware.next_due(), self.clock.now), end)
             frames = self._due()
             if not frames and self.clock.now < end:
                 self.clock.now = min(self.clock.now + 100_000, end)
+        self._read = self.clock.now
         return frames
 
     def _due(self) -> list[Frame]:

@@ -141,7 +141,7 @@ def test_scans_lost_while_the_rest_is_late_are_not_mistaken() -> None:
 @pytest.mark.parametrize("speed", [1 - 5e-3, 1 - 50e-6, 1.0, 1 + 50e-6, 1 + 5e-3])
 def test_a_board_whose_clock_runs_at_another_speed_loses_nothing(speed: float) -> None:
     line = Line(speed)
-    line.run(10_000)
+    line.run(6_000)
     assert line.published == list(range(line.published[0], line.published[-1] + 1))
     assert line.published[-1] > line.now * speed / PERIOD - 20
     assert line.questions <= (30 if abs(speed - 1) > 1e-3 else 1)
@@ -187,7 +187,7 @@ def test_frames_that_never_become_certain_are_given_up_and_take_no_room() -> Non
     assert 0 < held < 9000
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(4))
 def test_whatever_is_lost_and_late_numbers_are_right_and_add_up(seed: int) -> None:
     noise = random.Random(seed)
     line = Line(1 + noise.uniform(-50e-6, 50e-6), noise.choice([0, PERIOD // 2, 3 * PERIOD]))

@@ -58,7 +58,8 @@ class FaultInjector:
     def __init__(self, make_firmware: Callable[[int], BoardFirmware], base: int, now: int, seed: int = 0) -> None:
         """Take what makes a board that is switched on at a time [ns], its base identifier, and the time."""
         self.firmware = make_firmware(now)
-        self.trouble = Trouble.NONE
+        self._trouble = Trouble.NONE
+        self._busy = self._cut = False
         self._make_firmware = make_firmware
         self._base = base
         self._random = random.Random(seed)
@@ -67,16 +68,25 @@ class FaultInjector:
         self._delayed: list[Frame] = []
         self._stuck: bytes | None = None
 
+    @property
+    def trouble(self) -> Trouble:
+        """What is wrong now."""
+        return self._trouble
+
+    @trouble.setter
+    def trouble(self, trouble: Trouble) -> None:
+        self._trouble, self._busy, self._cut = trouble, trouble in _BUSY, trouble in _CUT
+
     def next_due(self) -> int:
         """Return when the next frame is due [ns]."""
         due = self.firmware.next_due()
-        return min(due, self._next_foreign) if self.trouble in _BUSY else due
+        return min(due, self._next_foreign) if self._busy else due
 
     def due(self, now: int) -> list[Frame]:
         """Return the frames that are due at `now` [ns]."""
         self._begin(now)
         frames = self._struck(self.firmware.due(now))
-        if self.trouble in _BUSY:
+        if self._busy:
             while self._next_foreign <= now:
                 self._next_foreign += FOREIGN_PERIOD
                 frames.append(self._strange_frame())
@@ -88,7 +98,7 @@ class FaultInjector:
         """Take a frame and return those that answer it."""
         if self.trouble == Trouble.UNACKNOWLEDGED:
             return [error_frame(NO_ACKNOWLEDGE)]
-        if self.trouble in _CUT or self.trouble == Trouble.DEAF:
+        if self._cut or self.trouble == Trouble.DEAF:
             return []
         return self.firmware.receive(frame, now)
 
@@ -103,7 +113,7 @@ class FaultInjector:
             self.firmware.supply = LOW_SUPPLY
 
     def _struck(self, frames: list[Frame]) -> list[Frame]:
-        if self.trouble in _CUT:
+        if self._cut:
             return []
         strike = _STRIKES.get(self.trouble)
         if strike is None:
