@@ -2,7 +2,9 @@
 
 import csv
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -77,6 +79,43 @@ def test_an_mcap_file_says_what_it_holds(tmp_path: Path) -> None:
     assert times == [index * 1_000_000 for index in range(500)]
 
 
+def by_mcap_ros2(path: Path) -> list[tuple[str, int, Any]]:
+    """Topic, time [ns] and message of each, as the MCAP project's reader for ROS 2 makes them of the schemas inside."""
+    reader = pytest.importorskip("mcap_ros2.reader")
+    return [(each.channel.topic, each.log_time_ns, each.ros_msg) for each in reader.read_ros2_messages(str(path))]
+
+
+def by_rosbags(path: Path) -> list[tuple[str, int, Any]]:
+    """The same, as rosbags does, which reads MCAP, definitions and CDR with code of its own."""
+    highlevel = pytest.importorskip("rosbags.highlevel")
+    with highlevel.AnyReader([path]) as reader:
+        return [(at.topic, time, reader.deserialize(raw, at.msgtype)) for at, time, raw in reader.messages()]
+
+
+@pytest.mark.parametrize("read", [by_mcap_ros2, by_rosbags])
+def test_other_projects_read_an_mcap_file_by_what_is_in_it(
+    tmp_path: Path, read: Callable[[Path], list[tuple[str, int, Any]]]
+) -> None:
+    pytest.importorskip("mcap")
+    path, csv_path = tmp_path / "run.mcap", tmp_path / "run.csv"
+    for each in (path, csv_path):
+        assert main([SCENE, "--out", str(each), "--for", "1.6", "--imperfections", "default", "--seed", "5"]) == 0
+    messages = read(path)
+    names, *rows = [line.split(",") for line in csv_path.read_text(encoding="ascii").splitlines()]
+    raw, truth = ([each for each in messages if each[0] == topic] for topic in ("/tactile/raw", "/tactile/truth"))
+    assert len(raw) == len(truth) == len(rows) > 1500
+    for (_, time, scan), (_, _, true), row in zip(raw, truth, rows, strict=True):
+        written = dict(zip(names, row, strict=True))
+        stamp = scan.header.stamp.sec * 1_000_000_000 + scan.header.stamp.nanosec
+        assert time == stamp == round(float(written["stamp_s"]) * 1e9)
+        assert list(scan.counts) == [int(written[f"count_r{r}_c{c}"]) for r in range(5) for c in range(5)]
+        forces = [float(written[f"force_{r}_{c}_N"]) for r in range(5) for c in range(5)]
+        np.testing.assert_allclose(true.force, forces, rtol=1e-6, atol=1e-9)
+        assert list(true.objects) == ["lower", "upper"]
+        assert true.poses[1].position.z == float(written["upper.z_m"])
+        assert all(normal.z == 1.0 for normal in true.contact_normals)
+
+
 @pytest.mark.ros
 def test_ros_reads_the_messages_of_an_mcap_file(tmp_path: Path) -> None:
     reader = pytest.importorskip("mcap.reader")
@@ -139,6 +178,16 @@ def test_bad_input_is_told_in_one_line(
     assert told.count("\n") == 1
     assert reason in told
     assert not list(tmp_path.iterdir())
+
+
+def test_without_the_package_mcap_one_line_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    path = tmp_path / "x.mcap"
+    assert main([SCENE, "--out", str(path)]) == BAD_INPUT
+    assert capsys.readouterr().err == f"{path}: needs the package mcap (pip install mcap), unlike a .csv file\n"
+    assert not path.exists()
 
 
 def test_an_interrupted_run_leaves_a_whole_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

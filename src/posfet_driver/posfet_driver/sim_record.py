@@ -43,7 +43,7 @@ class McapRecorder:
         try:
             from mcap.writer import Writer  # noqa: PLC0415  # only who writes such a file needs the package
         except ImportError as error:
-            raise ConfigError(f"{path}: the Python package mcap is missing; write to a .csv file instead") from error
+            raise ConfigError(f"{path}: needs the package mcap (pip install mcap), unlike a .csv file") from error
         schemas = {name: schema_text(name).encode() for name in (RAW, TRUTH)}
         self._layout = sensor.layout
         self._stream = path.open("wb")
