@@ -51,7 +51,10 @@ def pair_transconductance(overdrive: ArrayLike) -> FloatArray:
 def stretch(
     linear: float, square: float | Float64Array, current: Float64Array, transconductance: Float64Array
 ) -> Float64Array:
-    """Return dy/dx of a lead (see there) where the pair has this current and transconductance, in units."""
+    """Return dy/dx of a lead (see there) where the pair has this current and transconductance, in units.
+
+    Unchecked inner function.
+    """
     return np.asarray(1 + (linear + 2 * square * current) * transconductance)
 
 
@@ -78,11 +81,11 @@ class Lead:
         return self.linear == 0 and self.square == 0
 
     def added(self, current: Float64Array) -> Float64Array:
-        """Return y - x at a current of the pair."""
+        """Return y - x at a current of the pair. Unchecked inner function."""
         return np.asarray((self.linear + self.square * current) * current)
 
     def overdrive(self, lag: Float64Array) -> Float64Array:
-        """Return x at a lag y of the capacitor."""
+        """Return x at a lag y of the capacitor. Unchecked inner function."""
         if self.absent:
             return lag
         high, low = self.linear + self.square, self.square - self.linear
@@ -112,7 +115,7 @@ def bracketed_newton(
 ) -> Float64Array:
     """Return the zero of an increasing function, given with its derivative, in [low, high]; one per element.
 
-    Newton's method; a step that leaves the bracket is replaced by its middle.
+    Newton's method; a step that leaves the bracket is replaced by its middle. Unchecked inner function.
     """
     for _ in range(_ITERATIONS):
         value, derivative = residual(guess)

@@ -213,7 +213,7 @@ class TwoPoleFollower(StaticFollower):
             natural_frequency=bandwidth / math.sqrt(y),
             quality=quality,
             offset=offset,
-            limits=limits or FollowerLimits(),
+            limits=FollowerLimits() if limits is None else limits,
         )
 
     def _poles(self) -> tuple[complex, complex]:

@@ -151,6 +151,7 @@ class Follower(ABC):
 
         v_in has the state's shape; step is a number or has that shape. Raises ValueError otherwise.
         """
+        instance("state", state, FollowerState)
         held, valid = self._hold(v_in)
         usual = isinstance(step, float) and 0 <= step <= STEP_LIMIT  # spares the hot path a general check
         duration = np.asarray(step if usual else real_array("step", step, 0, STEP_LIMIT), np.float64)
@@ -166,6 +167,7 @@ class Follower(ABC):
 
     def output(self, state: FollowerState) -> FollowerOutput:
         """Return the output voltage of a state."""
+        instance("state", state, FollowerState)
         return FollowerOutput(v_out=self._out(state.v_in, state.lags), valid=state.valid)
 
     def advance_series(self, state: FollowerState, v_in: ArrayLike, step: ArrayLike) -> FollowerSeries:
@@ -174,6 +176,7 @@ class Follower(ABC):
         v_in [V] has shape [t], or [t, n] for a state of shape [n], t >= 1: the input at the end of each step. step [s],
         in [0, 1e9], is a number or [t]. Raises ValueError otherwise.
         """
+        instance("state", state, FollowerState)
         held, valid = self._hold(v_in)
         duration = np.asarray(real_array("step", step, 0, STEP_LIMIT), np.float64)
         if held.ndim not in (1, 2) or not len(held) or held.shape[1:] != state.v_in.shape:

@@ -265,8 +265,8 @@ def noise_budget(
     """
     return NoiseBudget(
         bias=real_number("bias_rms", bias_rms, 0, 1e6),
-        thermal=white_rms(thermal_density, low, high),
-        flicker=flicker_rms(flicker_coefficient, low, high),
+        thermal=white_rms(real_number("thermal_density", thermal_density, 0, DENSITY_LIMIT), low, high),
+        flicker=flicker_rms(real_number("flicker_coefficient", flicker_coefficient, 0, DENSITY_LIMIT), low, high),
         quantisation=quantisation_rms(lsb) / real_number("gain", gain, 1e-3, 1e3),
         volts_per_newton=real_number("volts_per_newton", volts_per_newton, 0, 1e12),
     )

@@ -91,7 +91,7 @@ def settle_series(
 ) -> Float64Array:
     """Return x at the end of each of many steps, the first from `start`: `settle` in a row, over all rows at once.
 
-    change and duration have shape [t] or [t, n], start the shape of one row; t >= 1.
+    change and duration have shape [t] or [t, n], start the shape of one row; t >= 1. Unchecked inner function.
 
     Notes
     -----

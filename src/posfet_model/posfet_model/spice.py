@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from posfet_model.checks import real_array, real_number
+from posfet_model.checks import real_array, real_number, whole_number
 from posfet_model.follower import ClosedLoop
 
 CIRCUITS: Final = ("opamp_b", "opamp_c")
@@ -117,7 +117,14 @@ def run_follower(circuit: str, source: str, stop: float, largest_step: float) ->
 
 
 def run_follower_ac(circuit: str, lowest: float = 1.0, highest: float = 1e8, per_decade: int = 50) -> SmallSignal:
-    """Return the follower's small-signal transfer function; frequencies in Hz, errors as in `run_follower`."""
+    """Return the follower's small-signal transfer function; errors as in `run_follower`.
+
+    Parameters
+    ----------
+    circuit : as in `run_follower`.
+    lowest, highest : ends of the frequencies [Hz], from 1e-3, a decade or more apart, to 1e13.
+    per_decade : frequencies in a decade, in [1, 10000].
+    """
     return _run_ac(circuit, "xdut in out out opamp", lowest, highest, per_decade)
 
 
@@ -147,6 +154,7 @@ def closed_loop(response: SmallSignal) -> ClosedLoop:
 def _run_ac(circuit: str, instance: str, lowest: float, highest: float, per_decade: int) -> SmallSignal:
     lowest = real_number("lowest", lowest, 1e-3, 1e12)
     highest = real_number("highest", highest, 10 * lowest, 1e13)
+    per_decade = whole_number("per_decade", per_decade, 1, 10_000)
     analysis = f".ac dec {per_decade} {lowest:.12g} {highest:.12g}"
     values = _simulate(_deck(circuit, "vin in 0 dc 0 ac 1", instance, analysis), complex_values=True)
     frequency = values[0].real

@@ -1,0 +1,306 @@
+"""Every public function and method of the device model refuses what is no real number, and shapes that do not fit.
+
+The functions are found by looking through the modules, so that a new one without an entry here fails. Ranges are held
+by the tests of each module.
+"""
+
+import importlib
+import inspect
+from collections.abc import Callable, Iterator
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from model.sweep import assert_refused
+
+from posfet_model import amplifier, follower, paper, transistor
+from posfet_model.differential_pair import Lead
+from posfet_model.follower_base import FollowerLimits
+from posfet_model.mechanics import Layer
+from posfet_model.spice import SmallSignal
+
+MODULES = [
+    importlib.import_module(f"posfet_model.{name}")
+    for name in (
+        *("adc", "amplifier", "as_printed", "charge", "differential_pair", "film", "follower", "follower_base"),
+        *("mechanics", "noise", "one_stage", "op_amp", "pair_settling", "paper", "slew_model", "spice", "threshold"),
+        "transistor",
+    )
+]
+NUMBERS = {"ArrayLike", "float", "float | None", "float | FloatArray"}
+NO_NUMBERS: tuple[Any, ...] = (float("nan"), 1 + 1j, "one", True, np.array(["one"]), np.array([1 + 1j]), object())
+NO_OBJECTS: tuple[Any, ...] = (0, "one", 1.5, object())
+TEXT = {"str", "bytes", "bool", "Callable", "np.random.Generator", "Sequence[Layer]", "History"}
+"""Kinds of argument that are held elsewhere: by hand in the tests of their modules."""
+
+PLATE = {"pressure": 1e3, "thickness": 5e-5, "young_modulus": 169e9, "poisson_ratio": 0.3}
+BENT = {"deflection": 1e-6, "pressure": 1e3, "young_modulus": 169e9, "poisson_ratio": 0.3}
+CURRENT = {"gate_voltage": 1.7, "drain_voltage": 5.0, "threshold_voltage": 0.7, "gain_factor": 1e-3}
+STEP = {"charge": 0.0, "source_start": 0.0, "source_end": 1e-5, "step": 1e-3, "time_constant": 0.27}
+CURVE = {"gate_voltage": np.linspace(1, 2, 9), "drain_current": np.linspace(0.1, 1, 9) ** 2, "drain_voltage": 5.0}
+CONVERTER = {"bits": 12, "low": -5.0, "high": 5.0}
+BAND = {"low": 0.1, "high": 1e3}
+ONE_POLE = follower.OnePoleFollower(gain=0.99, bandwidth=1e6)
+FIELDS = {"coercive_field": 160e5, "remnant_polarisation": 0.02, "saturation_polarisation": 0.05}
+
+GOOD: dict[str, dict[str, Any]] = {
+    "adc.lsb": CONVERTER,
+    "adc.volts_to_counts": {"volts": 0.0, **CONVERTER},
+    "adc.counts_to_volts": {"counts": 7, **CONVERTER},
+    "amplifier.figures_of_merit": {"bias": amplifier.AmplifierBias()},
+    "amplifier.mismatch_offset": {
+        "figures": amplifier.figures_of_merit(),
+        **dict.fromkeys(("pair_threshold", "load_threshold", "pair_size", "load_size"), 0.0),
+    },
+    "as_printed.electric_displacement": {
+        "stress": 1e6,
+        "piezoelectric_coefficient": -38e-12,
+        "relative_permittivity": 12.0,
+    },
+    "as_printed.branch_steepness": FIELDS,
+    "as_printed.threshold_shift": {"charge": 0.07, "stack": paper.STACK},
+    "as_printed.signal_current": {
+        "charge": 1e-5,
+        "overdrive": 1.0,
+        "mobility": 0.085,
+        "aspect": 273.0,
+        "stack": paper.STACK,
+    },
+    "as_printed.saturation_current": {"gate_voltage": 1.7, "threshold_voltage": 0.7, "gain_factor": 1e-3},
+    "as_printed.circular_deflection": {**PLATE, "radius": 5e-3},
+    "as_printed.square_deflection": {**{k: v for k, v in PLATE.items() if k != "poisson_ratio"}, "side": 1e-2},
+    "charge.source_charge": {
+        "stress": 1e6,
+        "temperature_change": 1.0,
+        "piezoelectric_coefficient": -38e-12,
+        "pyroelectric_coefficient": -4e-5,
+    },
+    "charge.electric_displacement": {
+        "stress": 1e6,
+        "field": 1e6,
+        "piezoelectric_coefficient": -38e-12,
+        "relative_permittivity": 12.0,
+    },
+    "charge.propagate_first_order_hold": STEP,
+    "charge.propagate_step": STEP,
+    "charge.invert_first_order_hold": {"charge_start": 0.0, "charge_end": 1e-5, "step": 1e-3, "time_constant": 0.27},
+    "charge.frequency_response": {"frequency": 1.0, "time_constant": 0.27},
+    "charge.step_response": {"time": 1.0, "time_constant": 0.27},
+    "differential_pair.pair_current": {"overdrive": 0.3},
+    "differential_pair.pair_transconductance": {"overdrive": 0.3},
+    "differential_pair.Lead": {"linear": 0.1, "square": 0.1},
+    "film.Film": {**FIELDS, "relative_permittivity": 12.0},
+    "film.History": {"field": 0.0, "switched": 0.0, "direction": 0, "turning_points": ()},
+    "film.branch_steepness": FIELDS,
+    "film.rising_branch": {"field": 1e6, "film": paper.FILM},
+    "film.falling_branch": {"field": 1e6, "film": paper.FILM},
+    "film.saturated": {"film": paper.FILM, "positive": True},
+    "film.polarise": {"fields": [0.0, 1e6], "film": paper.FILM},
+    "film.remnant_after": {"fields": [0.0, 1e6], "film": paper.FILM},
+    "film.piezoelectric_coefficient": {
+        "remnant_polarisation": 0.01,
+        "film": paper.FILM,
+        "saturated_coefficient": -38e-12,
+    },
+    "follower.close_loop": {"open_loop_gain": 130.0, "gain_bandwidth": 1.5e6},
+    "follower.IdealFollower": {"offset": 0.0, "limits": FollowerLimits()},
+    "follower.StaticFollower": {"gain": 0.99, "offset": 0.0},
+    "follower.OnePoleFollower": {"gain": 0.99, "bandwidth": 1e6},
+    "follower.TwoPoleFollower": {"gain": 0.99, "natural_frequency": 1e6, "quality": 0.5},
+    "follower.TwoPoleFollower.from_bandwidth": {"gain": 0.99, "bandwidth": 1e6, "quality": 0.5},
+    "follower.SquareLawFollower": {"gain": 0.99, "bandwidth": 1e6, "overdrive": 0.4, "lead": Lead()},
+    "follower_base.Follower.start": {"v_in": 0.0},
+    "follower_base.Follower.advance": {"state": ONE_POLE.start(0.0), "v_in": 0.0, "step": 1.0},
+    "follower_base.Follower.advance_series": {"state": ONE_POLE.start(0.0), "v_in": [0.0, 0.0], "step": 1.0},
+    "follower_base.Follower.output": {"state": ONE_POLE.start(0.0)},
+    "follower_base.Follower.run": {"time": [0.0, 1.0], "v_in": [0.0, 1.0]},
+    "follower_base.Follower.response": {"frequency": 1.0},
+    "follower_base.FollowerLimits": {"v_low": -5.0, "v_high": 5.0, "slew_rate": 1e6, "frequency": 1e6},
+    "mechanics.Layer": {"thickness": 2e-5, "young_modulus": 169e9, "poisson_ratio": 0.3},
+    "mechanics.mask_opening": {"membrane_width": 1e-2, "etch_depth": 4e-4},
+    "mechanics.circular_deflection": {**PLATE, "radius": 5e-3},
+    "mechanics.square_deflection": {**PLATE, "side": 1e-2},
+    "mechanics.circular_thickness": {**BENT, "radius": 5e-3},
+    "mechanics.square_thickness": {**BENT, "side": 1e-2},
+    "mechanics.bend_on_cylinder": {"layers": [Layer(2e-5, 169e9, 0.3)], "cylinder_radius": 1e-2},
+    "noise.resistor_density": {"resistance": 1e10, "temperature": 300.0},
+    "noise.pair_density": {"input_transconductance": 5e-4, "load_transconductance": 3e-4, "temperature": 300.0},
+    "noise.flicker_density": {"coefficient": 1e-10, "frequency": 1.0},
+    "noise.white_rms": {"density": 1e-16, **BAND},
+    "noise.bias_resistor_rms": {"resistance": 1e10, "capacitance": 27e-12, "temperature": 300.0, **BAND},
+    "noise.flicker_rms": {"coefficient": 1e-10, **BAND},
+    "noise.quantisation_rms": {"lsb": 1e-3},
+    "noise.flicker_sequence": {"coefficient": 1e-10, "rate": 1e3, "samples": 8, "generator": np.random.default_rng(1)},
+    "noise.volts_per_newton": {"piezoelectric_coefficient": -38e-12, "area": 1e-6, "capacitance": 4e-5},
+    "noise.NoiseBudget.minimum_force": {"sigmas": 3.0},
+    "noise.noise_budget": {
+        "bias_rms": 1e-5,
+        "thermal_density": 1e-16,
+        "flicker_coefficient": 1e-10,
+        "lsb": 1e-3,
+        "volts_per_newton": 0.9,
+        "gain": 1.0,
+        **BAND,
+    },
+    "one_stage.one_stage_figures": {"bias": amplifier.AmplifierBias()},
+    "op_amp.AmplifierBias": {
+        "reference_current": 2e-4,
+        "supply": 5.0,
+        "compensation": 46e-12,
+        "zero_resistor": 2631.0,
+        "load_capacitance": 1e-11,
+        "load_resistance": 1.1e4,
+        "modulation": 0.1,
+        "threshold": 0.7,
+    },
+    "paper.channel_gain_factor": {"plane": transistor.Plane.GATE},
+    "slew_model.slew_model": {"loop": follower.ClosedLoop(0.99, 1.4e6), "gain_bandwidth": 1.5e6},
+    "slew_model.SlewModel.follower": {"overdrive": 0.4},
+    "spice.netlist": {"circuit": "opamp_b"},
+    "spice.piecewise_linear": {"time": [0.0, 1.0], "volts": [0.0, 1.0]},
+    "spice.run_follower": {"circuit": "", "source": "", "stop": 1.0, "largest_step": 1e-3},
+    "spice.run_follower_ac": {"circuit": "", "lowest": 1.0, "highest": 1e8, "per_decade": 50},
+    "spice.run_open_loop_ac": {"circuit": "", "lowest": 1.0, "highest": 1e8, "per_decade": 50},
+    "spice.closed_loop": {"response": SmallSignal(np.array([1.0, 2.0]), np.array([1 + 0j, 0.1]))},
+    "spice.read_raw": {"content": b"", "complex_values": False},
+    "threshold.fit_saturation_curve": CURVE,
+    "threshold.fit_linear_curve": {**CURVE, "drain_voltage": 0.05},
+    "transistor.Stack": {"oxide": 7.7e-4, "film": 4.2e-5},
+    "transistor.Stack.drive": {"plane": transistor.Plane.GATE},
+    "transistor.Stack.charge_divisor": {"plane": transistor.Plane.GATE},
+    "transistor.capacitance_per_area": {"relative_permittivity": 3.9, "thickness": 45e-9},
+    "transistor.threshold_shift": {
+        "charge": 0.07,
+        "stack": paper.STACK,
+        "plane": transistor.Plane.GATE,
+        "uncompensated_fraction": 0.01,
+    },
+    "transistor.uncompensated_fraction": {
+        "shift": -1.0,
+        "charge": 0.07,
+        "stack": paper.STACK,
+        "plane": transistor.Plane.OXIDE,
+    },
+    "transistor.gain_factor": {"mobility": 0.085, "capacitance": 4e-5, "width": 3e-3, "length": 12e-6},
+    "transistor.drain_current": {**CURRENT, "channel_length_modulation": 0.0},
+    "transistor.transconductance": {**CURRENT, "channel_length_modulation": 0.0},
+    "transistor.output_conductance": {**CURRENT, "channel_length_modulation": 0.0},
+    "transistor.gate_voltage": {
+        **{k: v for k, v in CURRENT.items() if k != "gate_voltage"},
+        "drain_current": 1e-3,
+        "channel_length_modulation": 0.0,
+    },
+}
+"""A call of each public function that is accepted, but for those of ngspice."""
+
+SELVES = {
+    "Follower": ONE_POLE,
+    "NoiseBudget": None,
+    "SlewModel": None,
+    "Stack": paper.STACK,
+}
+
+
+def _public(module: ModuleType) -> Iterator[tuple[str, Callable[..., Any]]]:
+    """Functions, classes that check what they are made of, and their methods; inner functions say "unchecked"."""
+    short = module.__name__.removeprefix("posfet_model.")
+    if "unchecked" in (module.__doc__ or ""):
+        members = {n: m for n, m in vars(module).items() if inspect.isclass(m)}
+    else:
+        members = dict(vars(module))
+    for name, member in members.items():
+        if name.startswith("_") or getattr(member, "__module__", None) != module.__name__:
+            continue
+        if inspect.isclass(member):
+            if "__post_init__" in vars(member) and not inspect.isabstract(member):
+                yield f"{short}.{name}", member
+            if name == "IdealFollower":
+                yield f"{short}.{name}", member
+            for inner, method in vars(member).items():
+                if inner.startswith("_") or "nchecked" in (method.__doc__ or ""):
+                    continue
+                if isinstance(method, classmethod):
+                    yield f"{short}.{name}.{inner}", getattr(member, inner)
+                elif inspect.isfunction(method):
+                    yield f"{short}.{name}.{inner}", method
+        elif inspect.isfunction(member) and "nchecked" not in (member.__doc__ or ""):
+            yield f"{short}.{name}", member
+
+
+FUNCTIONS = {name: function for module in MODULES for name, function in _public(module)}
+
+
+def _parameters(function: Callable[..., Any]) -> dict[str, str]:
+    """Names and kinds of the parameters, self left out."""
+    parameters = inspect.signature(function).parameters.values()
+    return {p.name: str(p.annotation) for p in parameters if p.name != "self"}
+
+
+def _bound(name: str) -> Callable[..., Any]:
+    """The function, a method bound to an object of its class."""
+    function = FUNCTIONS[name]
+    if "self" not in inspect.signature(function).parameters:
+        return function
+    return getattr(_selves()[name.split(".")[1]], name.split(".")[2])
+
+
+def _selves() -> dict[str, Any]:
+    noise = importlib.import_module("posfet_model.noise")
+    slew_model = importlib.import_module("posfet_model.slew_model")
+    return {
+        **SELVES,
+        "NoiseBudget": noise.noise_budget(**GOOD["noise.noise_budget"]),
+        "SlewModel": slew_model.slew_model(**GOOD["slew_model.slew_model"]),
+    }
+
+
+def test_every_function_has_an_entry_here() -> None:
+    wanted = {name for name, function in FUNCTIONS.items() if _parameters(function)}
+    assert wanted == set(GOOD)
+    assert len(GOOD) > 70
+    for name, arguments in GOOD.items():
+        assert set(arguments) <= set(_parameters(FUNCTIONS[name])), name
+
+
+@pytest.mark.parametrize("name", [n for n in GOOD if not n.startswith(("spice.run", "spice.read", "spice.closed"))])
+def test_the_entry_is_accepted(name: str) -> None:
+    _bound(name)(**GOOD[name])
+
+
+def _refused() -> Iterator[Any]:
+    for name, arguments in GOOD.items():
+        for argument, kind in _parameters(FUNCTIONS[name]).items():
+            if kind in TEXT or name == "spice.closed_loop":
+                continue
+            values = NO_NUMBERS if kind in NUMBERS or kind == "int" else NO_OBJECTS
+            for value in values:
+                yield pytest.param(
+                    name, {**arguments, argument: value}, argument, id=f"{name}-{argument}-{value!r:.20}"
+                )
+
+
+@pytest.mark.parametrize(("name", "arguments", "argument"), list(_refused()))
+def test_what_is_no_such_thing_is_named(name: str, arguments: dict[str, Any], argument: str) -> None:
+    assert_refused(_bound(name), arguments, argument)
+
+
+def _shapes() -> Iterator[Any]:
+    for name, arguments in GOOD.items():
+        kinds = _parameters(FUNCTIONS[name])
+        arrays = [argument for argument in arguments if kinds.get(argument) == "ArrayLike"]
+        for argument in arrays[1:]:
+            yield pytest.param(name, arrays[0], argument, id=f"{name}-{argument}")
+
+
+@pytest.mark.parametrize(("name", "first", "second"), list(_shapes()))
+def test_shapes_that_do_not_fit_are_refused(name: str, first: str, second: str) -> None:
+    """Two of an argument and three of another cannot mean anything."""
+    arguments = GOOD[name]
+    wrong = {
+        **arguments,
+        first: np.resize(np.asarray(arguments[first], float), 2),
+        second: np.resize(np.asarray(arguments[second], float), 3),
+    }
+    with pytest.raises(ValueError, match=rf"\b({first}|{second})\b"):
+        _bound(name)(**wrong)
