@@ -202,6 +202,30 @@ def test_a_noisy_taxel_is_found_and_healed(times: float, rate: float) -> None:
     assert reconstructor.bad == 0
 
 
+@pytest.mark.parametrize("taxel", [12, 11, 8])
+def test_a_noisy_taxel_is_not_listed_but_what_it_tells_counts(taxel: int) -> None:
+    """With five times the noise a touch is still told from none: no guess by the neighbours is as good."""
+    _, results, statuses = run(noisy(taxel, 5.0), 1.5, press(1.5, 0.7, 9.0, rise=0.1))
+    assert statuses[690][taxel] == TaxelStatus.NOISY
+    first = next(result for result in results if result.contacts)
+    assert first.sequence <= 700 + round(100 * SENSOR.contact.threshold / (1.5 * FINGER.max())) + 2
+    for result in results[820:]:
+        [contact] = result.contacts
+        assert taxel not in contact.region.taxels
+        assert math.dist(contact.region.centre_of_pressure, (0.3e-3, -0.2e-3)) < 0.06e-3
+        assert abs(contact.region.force - 1.5) < 0.03
+    deviation = math.sqrt(results[-1].contacts[0].region.force_variance)
+    assert 1.5e-3 < deviation < 5e-3
+
+
+def test_a_noisy_taxel_whose_noise_hides_a_touch_is_guessed() -> None:
+    _, results, statuses = run(noisy(12, 40.0), 1.5, press(1.5, 0.9, 9.0))
+    assert statuses[890][12] == TaxelStatus.NOISY
+    assert not any(result.contacts for result in results[500:899])
+    [contact] = results[-1].contacts
+    assert math.sqrt(contact.region.force_variance) == pytest.approx(ESTIMATE_DEVIATION * 1.5 * FINGER[12], rel=0.25)
+
+
 def vibrating(share: float, time: float) -> float:
     return press(1.5, 0.5, 2.5)(time) * (1.0 + share * math.sin(2 * math.pi * 200 * time))
 

@@ -8,6 +8,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
+from posfet_driver.calibrate import record
 from posfet_driver.imperfections import Imperfections
 from posfet_driver.scene import load_scene
 from posfet_driver.score import Run, differing, main, run
@@ -15,6 +16,7 @@ from posfet_driver.scoring import Score, Scorer
 from posfet_driver.slips import Slips
 from posfet_driver.wire_simulation import wire_scans
 from posfet_model.calibration import Calibration
+from posfet_model.calibration_fit import fit
 from posfet_model.reconstruction import Reconstructor
 from posfet_model.sensor import load_sensor
 
@@ -35,6 +37,13 @@ NAMES = [
     "false_slips_per_hour",
     "us_per_scan",
 ]
+
+
+@pytest.fixture(scope="module")
+def calibrated() -> Calibration:
+    """The board of seed 1, pressed taxel by taxel."""
+    recording = record(SENSOR, 1, Imperfections.default())
+    return fit(SENSOR, recording, "2026-01-01")
 
 
 def test_an_ideal_board_scores_well() -> None:
@@ -60,6 +69,19 @@ def test_every_jerk_of_a_rod_is_a_slip_of_its_own() -> None:
     score = run(Run(SENSOR, load_scene("grasp_lift_slip", SENSOR), 3.0))
     assert score.slip_recall == 1.0
     assert score.slip_onset_delay_ms["mean"] is not None and 0.0 <= score.slip_onset_delay_ms["mean"] < 6.0
+
+
+@pytest.mark.parametrize("name", ["press", "two_fingers_slide", "grasp_lift_slip", "vibration"])
+def test_every_imperfection_and_gains_off_by_5_percent_after_calibration(name: str, calibrated: Calibration) -> None:
+    """Two taxels in the middle of this board are noisy."""
+    what = calibrated.with_gain_error(0.05, np.random.default_rng(1))
+    scene = load_scene(name, SENSOR)
+    score = run(Run(SENSOR, scene, scene.duration, 1, Imperfections.default(), what))
+    assert (score.contact_precision, score.contact_recall, score.id_switches) == (1.0, 1.0, 0)
+    assert score.detection_latency_scans is not None and score.detection_latency_scans <= 2
+    assert score.cop_error_mm["mean"] is not None and score.cop_error_mm["mean"] <= 0.1
+    assert score.force_rmse_pct is not None and score.force_rmse_pct <= 1.5
+    assert score.false_slips_per_hour == score.false_contacts_per_hour == 0.0
 
 
 def test_slips_that_nobody_tells_or_that_are_none_are_counted() -> None:

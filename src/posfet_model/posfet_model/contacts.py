@@ -153,15 +153,17 @@ class ContactFinder:
         variance: NDArray[np.float64],
         common_variance: float,
         saturated: NDArray[np.bool_] | None,
-        estimated: NDArray[np.bool_] | None = None,
+        unlisted: NDArray[np.bool_] | None = None,
+        guessed: NDArray[np.bool_] | None = None,
         before: Sequence[Region] = (),
     ) -> list[Region]:
         """Measure the regions that `find` returned.
 
         variance [N2], shape [rows * cols], is that of each taxel alone, common_variance [N2] the one that all taxels
-        share; `saturated` masks taxels whose force is a lower bound, None for none, `estimated` those whose force comes
-        from their neighbours: they count into force and moments, but are in no contact. A region of such alone is none.
-        `before` are the contacts of the scan before: a region that holds several of them, or a valley, becomes several.
+        share. Masks, None for none: `saturated` of taxels whose force is a lower bound; `unlisted` of those that count
+        into force and moments, but are in no contact; `guessed` of those among them whose force comes from their
+        neighbours, and that are no region by themselves. `before` are the contacts of the scan before: a region that
+        holds several of them, or a valley, becomes several.
         """
         rings = [self._bitmap.grow(region) for region in regions]
         field = _Field(force, variance, common_variance, saturated)
@@ -173,11 +175,16 @@ class ContactFinder:
                 if other != index:
                     others |= ring
             taxels = self._bitmap.taxels(region)
-            listed = taxels if estimated is None else taxels[~estimated[taxels]]
-            if not len(listed):
-                continue
             wide = rings[index] & ~others | region
             members = self._bitmap.taxels(wide)
+            listed = taxels if unlisted is None else taxels[~unlisted[taxels]]
+            if not len(listed):
+                if unlisted is None or (guessed is not None and guessed[taxels].all()):
+                    continue
+                # Felt by a noisy taxel: a touch is felt by its neighbours, too.
+                listed = members[~unlisted[members] & (force[members] > self._floor[members])]
+                if not len(listed):
+                    continue
             self.patches.append(members)
             patch = _Patch(listed, region, members, force[members], bool(wide & self._edge))
             weight = np.where(patch.force > self._floor[members], patch.force, 0.0)
@@ -188,7 +195,7 @@ class ContactFinder:
             elif math.hypot(*whole.major_axis) < self._separator.long:
                 shares = None
             else:
-                peaks = self._separator.peaks(taxels, members, force, estimated)
+                peaks = self._separator.peaks(taxels, members, force, guessed)
                 shares = self._separator.shares(peaks, members, weight, FIRST_ROUNDS) if peaks else None
             if shares is None:
                 found.append(whole or self._measure(patch, weight, field))

@@ -13,8 +13,6 @@ zero from its mean over blocks of scans there. Elsewhere what is known of both j
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,7 +58,8 @@ class ForceObserver:
         self._tau = calibration.leak_time_constant
         self._leak = LeakSteps(self._tau)
         self._long_step = LONG_STEP * float(self._tau.min())
-        self._noise_variance = noise_of_a_scan(sensor) ** 2
+        noise = noise_of_a_scan(sensor)
+        self._noise_variance = np.full(taxels, noise**2)
         self._prior = self._settings.first_deviation / sensor.volts_per_newton
         self._zeros = ZeroFilter(
             self._tau,
@@ -92,7 +91,7 @@ class ForceObserver:
         self.restarts = 0
         """Taxels that had to start anew because their signal fitted no force."""
         alike, settle = ALIKE * sensor.contact.threshold, self._settings.settle
-        self._rest = Rest(taxels, math.sqrt(self._noise_variance), alike, settle, float(self._tau.max()))
+        self._rest = Rest(taxels, noise, alike, settle, float(self._tau.max()))
         self._started = False
         self._restless = False
         self._recovering = 0.0
@@ -151,6 +150,11 @@ class ForceObserver:
         self.ignored[:] = taxels
         if back.any():
             self._restart(back)
+
+    def know_noise(self, variance: NDArray[np.float64]) -> None:
+        """Take the variance of a reading of each taxel [N2], shape [rows * cols]: all alike until told."""
+        self._noise_variance[:] = variance
+        self._zeros.noise_variance[:] = variance
 
     def interrupt(self) -> None:
         """Take note that an unknown time passes before the next scan: what the force did in it cannot be known.
@@ -301,7 +305,7 @@ class ForceObserver:
 
         Where the force is well known the zero moves only slowly, so that a slow press is not eaten.
         """
-        limit = self._slew * self._elapsed + 3.0 * math.sqrt(self._noise_variance / self._scans)
+        limit = self._slew * self._elapsed + 3.0 * np.sqrt(self._noise_variance / self._scans)
         limit += self._settings.gate * self._uneven
         correction = self._zeros.gain(expected) * mean
         limited = self.settled & (correction > limit) & (expected < self._doubt)
@@ -317,13 +321,13 @@ class ForceObserver:
         """Set a zero right that was taken under load: force below zero, steady (not still settling), cannot be."""
         below = where & (mean < -limit)
         self._below_zero = np.where(below, self._below_zero + self._elapsed, 0.0)
-        gate = self._settings.gate * math.sqrt(2.0 * self._noise_variance / self._scans)
+        gate = self._settings.gate * np.sqrt(2.0 * self._noise_variance / self._scans)
         steady = below & (np.abs(mean - self._last_mean) <= gate)
         self._steady = np.where(steady, self._steady + self._elapsed, 0.0)
         ripe = self._steady >= self._settings.steady
         if ripe.any():
             self.force[ripe] -= mean[ripe]
-            self._zeros.know_force(ripe, self._noise_variance)
+            self._zeros.know_force(ripe, self._noise_variance[ripe])
             self._steady[ripe] = 0.0
 
     def _restart(self, where: NDArray[np.bool_]) -> None:
@@ -335,12 +339,12 @@ class ForceObserver:
         new, known = where & ~self.settled, where & self.settled
         self.force[where] = 0.0
         # The offset has the noise of the signal it is taken from, which the force has, too, the other way round.
-        prior = noise + self._prior_deviation[new] ** 2
-        self._zeros.begin(new, self._signal[new], prior, noise, -noise)
+        prior = noise[new] + self._prior_deviation[new] ** 2
+        self._zeros.begin(new, self._signal[new], prior, noise[new], -noise[new])
         # No worse than the signal, which may be leaking.
         self._prior_deviation[known] = self._prior
         least = np.full(np.count_nonzero(known), (KNOWN_BEFORE * self._negative) ** 2)
-        self._zeros.begin(known, self._zeros.offset[known], least, noise, 0.0)
+        self._zeros.begin(known, self._zeros.offset[known], least, noise[known], np.zeros(len(least)))
         self._agreed[where] = 0.0
         self._steady[where] = 0.0
         self._below_zero[where] = 0.0

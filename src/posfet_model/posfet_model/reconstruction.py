@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from posfet_model.calibration import Calibration
 from posfet_model.chain import InverseChain, charge_per_newton, noise_of_a_scan
-from posfet_model.contacts import ContactFinder
+from posfet_model.contacts import ENTER_DEVIATIONS, ContactFinder
 from posfet_model.crosstalk import CrosstalkInverse, non_negative
 from posfet_model.fast_channel import FastChannel, Motion
 from posfet_model.observer import ForceObserver
@@ -105,6 +105,9 @@ class Reconstructor:
         self._saturated = np.zeros(taxels, np.bool_)
         self._touched = np.zeros(taxels, np.bool_)
         self._near = np.zeros(taxels, np.bool_)
+        self._guessed = np.zeros(taxels, np.bool_)
+        self._telling = sensor.contact.threshold / ENTER_DEVIATIONS
+        self._choose_guessed()
         self._set_thresholds()
         self._saturated_now = 0
         self._implausible_in_a_row = 0
@@ -168,7 +171,7 @@ class Reconstructor:
         if self._tracker.idle:
             observer.follow_common()
         self._watch.take(scan.counts)
-        regions = self._find_around_bad() if self._watch.any_bad else self._finder.find(observer.force)
+        regions = self._find_around_bad() if self._any_guessed else self._finder.find(observer.force)
         if regions or self.vibration_wanted:
             self._fast.advance(charge, clock.step)
             if self.vibration_wanted:
@@ -275,13 +278,14 @@ class Reconstructor:
         np.logical_or(self._touched, self._finder.touched, out=self._touched)
         self._variance = observer.variance(self._variance)
         saturated = self._saturated if self._result.saturated else None
-        force, bad = observer.force, None
-        if self._watch.any_bad:
-            force, bad = self._filled, self._watch.bad
-            self._variance[bad] = (ESTIMATE_DEVIATION * force[bad]) ** 2
+        force, guessed = observer.force, None
+        if self._any_guessed:
+            force, guessed = self._filled, self._guessed
+            self._variance[guessed] = (ESTIMATE_DEVIATION * force[guessed]) ** 2
+        bad = self._watch.bad if self._watch.any_bad else None
         before = self._tracker.regions
         measured = self._finder.measure(
-            regions, force, self._variance, observer.common_variance, saturated, bad, before
+            regions, force, self._variance, observer.common_variance, saturated, bad, guessed, before
         )
         return self._tracker.update(measured, step)
 
@@ -289,12 +293,12 @@ class Reconstructor:
         """Find the regions in contact with what the bad taxels should read in place of what they do."""
         force, watch = self._filled, self._watch
         force[:] = self._observer.force
-        force[watch.bad] = 0.0
+        force[self._guessed] = 0.0
         regions = self._finder.find(force)
         if not regions:
             return regions
-        unknown = watch.bad | ~self._observer.settled
-        wanted = watch.bad.nonzero()[0]
+        unknown = self._guessed | ~self._observer.settled
+        wanted = self._guessed.nonzero()[0]
         force[wanted] = watch.surroundings.estimate(force, unknown, wanted, self._least)
         return self._finder.find(force)
 
@@ -304,15 +308,27 @@ class Reconstructor:
         near = self._finder.around(self._touched, self._reach, self._near)
         if watch.judge(observer.block_time, observer.block_mean, observer.leaking, self._saturated, near):
             observer.ignore(watch.bad)
+        observer.know_noise(watch.noise_variance)
         observer.close_block(near)
         self._touched[:] = self._finder.touched
+        self._choose_guessed()
         self._set_thresholds()
+
+    def _choose_guessed(self) -> None:
+        """Choose the bad taxels for which their neighbours speak: not noisy ones that tell a touch from none."""
+        watch = self._watch
+        if not watch.any_bad:
+            self._any_guessed = False
+            return
+        telling = watch.telling(self._telling) & self._observer.settled
+        np.logical_and(watch.bad, ~telling, out=self._guessed)
+        self._any_guessed = bool(self._guessed.any())
 
     def _set_thresholds(self) -> None:
         """Let contacts be only where a force is told from none."""
         observer = self._observer
         self._variance = observer.variance(self._variance)
-        if self._watch.any_bad:
-            self._variance[self._watch.bad] = 0.0  # what stands for them comes from their neighbours
-        usable = None if observer.valid else observer.settled | self._watch.bad
+        if self._any_guessed:
+            self._variance[self._guessed] = 0.0  # what stands for them comes from their neighbours
+        usable = None if observer.valid and not self._watch.any_bad else observer.settled | self._guessed
         self._finder.adapt(self._variance, observer.common_variance, usable)

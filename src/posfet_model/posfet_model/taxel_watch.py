@@ -67,6 +67,8 @@ class WatchSettings:
     """Noise below which it is well again, in that of others [1]."""
     neighbours: float = 20.0
     """A touch moves some neighbour by at least one part in this many [1]."""
+    shared: float = 10.0
+    """A noisy taxel shows at most this many times what a neighbour does of a touch on both [1]."""
     dead: float = 0.05
     """Share of the force to be expected, below which a taxel is dead [1]."""
     dead_load: float = 5.0
@@ -97,7 +99,8 @@ class TaxelWatch:
         self._tells = TELLING * noise_of_a_scan(sensor)
         self._force_max = sensor.device.force_max
         self._tau = sensor.device.leak_time_constant
-        self._noise = (noise_of_a_scan(sensor) * sensor.volts_per_newton / volts_per_count(sensor)) ** 2
+        self._newton2_per_count2 = (volts_per_count(sensor) / sensor.volts_per_newton) ** 2
+        self._noise = noise_of_a_scan(sensor) ** 2 / self._newton2_per_count2
         self._run_limit = longest_run(sensor)
         spread = sensor.device.contact_spread / max(layout.pitch_x, layout.pitch_y)
         self._felt_around = spread >= LEAST_SPREAD
@@ -109,6 +112,24 @@ class TaxelWatch:
         self._well_for = np.zeros(taxels)
         self._silent_for = np.zeros(taxels)
         self._answering_for = np.zeros(taxels)
+
+    @property
+    def noise_variance(self) -> NDArray[np.float64]:
+        """Variance of a reading of each taxel [N2], shape [rows * cols]: as found where loud, else as described."""
+        loud = self._level > self._settings.quiet**2 * self._noise
+        variance: NDArray[np.float64] = np.where(loud, self._level, self._noise) * self._newton2_per_count2
+        return variance
+
+    def telling(self, deviation: float) -> NDArray[np.bool_]:
+        """Return which noisy taxels have noise of at most a standard deviation [N], shape [rows * cols].
+
+        What they show beyond that, their neighbours have to show, too, as a touch would.
+        """
+        most = deviation**2 / self._newton2_per_count2
+        around = self.surroundings.loudest_neighbour(np.where(self.bad, 0.0, self._level_always))
+        as_touch = self._level_always <= np.maximum(most, self._settings.shared**2 * around)
+        telling: NDArray[np.bool_] = (self.status == TaxelStatus.NOISY) & (self._level <= most) & as_touch
+        return telling
 
     def take(self, counts: NDArray[np.uint16]) -> None:
         """Keep the counts of a scan until the block is judged."""

@@ -65,8 +65,8 @@ class Zeros:
 class ZeroFilter:
     """Offsets of all taxels and their covariance with the error of the force."""
 
-    def __init__(self, time_constant: Array, noise_variance: float, flicker: float, drift: float) -> None:
-        """Take the leak's time constants [s], shape [taxels], and the variance of a reading [N2].
+    def __init__(self, time_constant: Array, noise_variance: Array, flicker: float, drift: float) -> None:
+        """Take the leak's time constants [s] and the variance of a reading [N2], shapes [taxels].
 
         flicker [N2] is K^2, the density of the 1/f noise at 1 Hz times 1 Hz; drift [N2/s] the variance that unseen
         temperature adds to the force.
@@ -75,7 +75,8 @@ class ZeroFilter:
         self.time_constant = time_constant
         self.offset = np.zeros(taxels)
         """Sum of its parts [N]; not to be written to."""
-        self._noise_variance = noise_variance
+        self.noise_variance = noise_variance.copy()
+        """Variance of a reading of each taxel [N2]; to be written to where it changes."""
         self._drift = drift
         self._decade = flicker * math.log(10.0)
         self._now = Zeros.of(taxels)
@@ -105,11 +106,11 @@ class ZeroFilter:
         """Pass a time [s] whose steps have squares that add up to `squares` [s2]."""
         self._time += duration
         self._step = squares / duration
-        white = (self._noise_variance * squares + self._fast * duration) / self.time_constant**2
+        white = (self.noise_variance * squares + self._fast * duration) / self.time_constant**2
         self._pass(self._now, self.time_constant, duration, white)
         self._now.parts.sum(axis=0, out=self.offset)
 
-    def expect(self, duration: float, noise: float) -> Array:
+    def expect(self, duration: float, noise: Array) -> Array:
         """Return the variance [N2] of the mean force over the last `duration` [s] if nothing touched; for `correct`.
 
         noise [N2] is the variance of the mean by itself.
@@ -142,16 +143,16 @@ class ZeroFilter:
         """Take note of a correction that was added to the force [N]."""
         self._now.shift[:] += change
 
-    def know_force(self, where: Mask | slice, variance: float) -> None:
+    def know_force(self, where: Mask | slice, variance: Array) -> None:
         """Take the force of the masked taxels for known to within a variance [N2]."""
         self._now.covariance[0, 1:, where] = 0.0
         self._now.covariance[0, 0, where] = variance
 
-    def begin(self, where: Mask, offset: Array, variance: Array, force: float, common: float) -> None:
+    def begin(self, where: Mask, offset: Array, variance: Array, force: Array, common: Array) -> None:
         """Begin anew with the masked taxels.
 
-        Take their offsets [N] with their variance [N2], shapes [masked], the variance [N2] of the force, and the
-        covariance [N2] of both.
+        Take their offsets [N] with their variance [N2], the variance [N2] of the force, and the covariance [N2] of
+        both, shapes [masked].
         """
         now = self._now
         now.parts[:, where] = 0.0
@@ -168,17 +169,17 @@ class ZeroFilter:
         """Take the force for what the signal shows above the offset: its error is then the offset's."""
         covariance = self._now.covariance
         covariance[0, 1:] = -covariance[1:, 1:].sum(axis=0)
-        covariance[0, 0] = self._noise_variance - covariance[0, 1:].sum(axis=0)
+        covariance[0, 0] = self.noise_variance - covariance[0, 1:].sum(axis=0)
         self._filled = 0
 
-    def keep(self, mean: Array, noise: float) -> None:
+    def keep(self, mean: Array, noise: Array) -> None:
         """Remember what is known after a block of this mean force [N], whose variance by itself is noise [N2]."""
         index = self._newest = (self._newest + 1) % BLOCKS
         self._past.parts[index] = self._now.parts
         self._past.covariance[index] = self._now.covariance
         self._past.shift[index] = self._now.shift
         self._past_time[index] = self._time
-        np.greater(mean, PRESSING * math.sqrt(noise), out=self._pressing[index])
+        np.greater(mean, PRESSING * np.sqrt(noise), out=self._pressing[index])
         self._filled = min(self._filled + 1, BLOCKS)
 
     def undo(self, where: Mask) -> Array:
@@ -205,7 +206,7 @@ class ZeroFilter:
         )
         passed = self._time - self._past_time[index]
         tau = self.time_constant[taxels]
-        self._pass(then, tau, passed, (self._noise_variance * self._step + self._fast) * passed / tau**2)
+        self._pass(then, tau, passed, (self.noise_variance[taxels] * self._step + self._fast) * passed / tau**2)
         change: Array = then.shift - self._now.shift[taxels]
         self._now.parts[:, taxels] = then.parts
         self._now.covariance[:, :, taxels] = then.covariance
