@@ -12,6 +12,8 @@ from benchmarks.outcome import Outcome, Table
 from benchmarks.rig import Process
 
 RUNS = 3
+LISTENING = 2.0
+"""For how long the other process has been there [s]: two that come up at once may find each other 3 s later only."""
 
 
 def first_message(source: str) -> float:
@@ -20,6 +22,7 @@ def first_message(source: str) -> float:
         listener = Process(["-m", "benchmarks.processes.listener", str(Path(folder) / "received.npy")])
         try:
             listener.wait_for("ready")
+            time.sleep(LISTENING)
             begin = time.monotonic()
             code = (
                 f"import sys; from posfet.bringup import main; sys.exit(main(['source:={source}', 'log_level:=warn']))"

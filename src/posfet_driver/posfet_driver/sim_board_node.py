@@ -5,14 +5,12 @@ from __future__ import annotations
 import time
 from array import array
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-from posfet_driver.adapter_source import AdapterSource
-from posfet_driver.bus import bus_settings
 from posfet_driver.conversions import NANOSECONDS
 from posfet_driver.imperfections import NONE, load_imperfections
 from posfet_driver.scan_source_node import ScanSourceNode
@@ -27,6 +25,9 @@ from posfet_model.run_node import run_node
 from posfet_model.scan import Scan
 from posfet_model.sensor import Layout, Sensor
 from posfet_msgs.msg import TactileTruth
+
+if TYPE_CHECKING:
+    from posfet_driver.adapter_source import AdapterSource
 
 PARAMETERS = (
     Parameter("scene", DEFAULT_SCENE, "Scene: path of a YAML file, or name of a shipped one"),
@@ -88,17 +89,20 @@ class SimBoardNode(ScanSourceNode):
         scene = load_scene(parameters["scene"], sensor)
         imperfections = load_imperfections(parameters["imperfections"])
         link = parameters["adapter_link"]
+        if not link and not parameters["bus_interface"]:
+            return SimulationSource(sensor, scene, parameters["seed"], imperfections=imperfections)
+        from posfet_driver.adapter_source import AdapterSource  # noqa: PLC0415  # python-can takes 0.1 s to load
+        from posfet_driver.bus import bus_settings  # noqa: PLC0415
+
         if parameters["bus_interface"]:
             link = bus_settings(parameters["bus_interface"], parameters["bus_channel"], sensor.can)
-        if not link:
-            return SimulationSource(sensor, scene, parameters["seed"], imperfections=imperfections)
         source = AdapterSource(sensor, scene, parameters["seed"], link, imperfections=imperfections)
         source.on_scan = self._scan_sent
         return source
 
     def wanted(self, now: int) -> bool:
         """Return whether the scene may begin; on a bus that is for the driver to say."""
-        return isinstance(self.source, AdapterSource) or super().wanted(now)
+        return not isinstance(self.source, SimulationSource) or super().wanted(now)
 
     def deliver(self, scan: Scan, now: int) -> None:
         """Hand on one scan, then what truly was."""

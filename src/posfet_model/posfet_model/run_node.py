@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -54,6 +55,9 @@ def spin(nodes: Sequence[Node], until: Callable[[], bool] = lambda: False) -> No
     `until` is asked after each callback and at least every `POLL` seconds. For the block of `ros`.
     """
     _ending.orderly = True
+    # What was made up to here stays: the garbage collector need not walk through it again and stop the data thread.
+    gc.collect()
+    gc.freeze()
     executor = NodeExecutor()
     for node in nodes:
         executor.add_node(node)
