@@ -70,6 +70,9 @@ class Assembler:
         """Its time on the board's clock [us], wraps undone."""
         self.status = 0
         """Its status, from the block that came last."""
+        self._wire = codec.wire
+        length = codec.block_length
+        self._places = [slice(block * length, (block + 1) * length) for block in range(codec.blocks)]
         self._whole = (1 << codec.blocks) - 1
         self._half = (codec.counter_mask + 1) // 2
         self._seen = 0  # blocks of the scan being collected
@@ -137,11 +140,9 @@ class Assembler:
         elif self._given_up:
             self.losses.late += 1
             return False
-        bit = 1 << block
-        length = self.codec.block_length
-        place = slice(block * length, (block + 1) * length)
+        bit, place = 1 << block, self._places[block]
         if self._seen & bit:
-            if self.codec.wire[place] == data:
+            if self._wire[place] == data:
                 self.losses.repeated += 1
             else:
                 self.losses.stuck += 1
@@ -150,7 +151,7 @@ class Assembler:
             self.losses.reordered += 1
         self._seen |= bit
         self.status = status
-        self.codec.wire[place] = data
+        self._wire[place] = data
         if self._seen != self._whole:
             return False
         self.codec.decode(self.counts)

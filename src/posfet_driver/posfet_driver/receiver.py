@@ -26,6 +26,8 @@ from posfet_model.scan import Scan, ScanStatus
 from posfet_model.sensor import Sensor
 
 NANOSECONDS: Final = 1e9
+_TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)  # a flag is ten times as slow as a number
+_BOARD_RESET: Final = int(ScanStatus.BOARD_RESET)
 
 
 @dataclass(slots=True)
@@ -64,6 +66,7 @@ class Receiver:
         """The newest answer, until somebody takes it."""
         self.status = Status((math.nan, math.nan), math.nan, 0, Page.LAYOUT, 0)
         """The newest status."""
+        self._flags = 0  # its flags, as classic scans carry them
         self.news = False
         """True when a status came; until somebody takes it."""
         self.layout_id: int | None = None
@@ -168,17 +171,17 @@ class Receiver:
             board_time = scan.device_time = assembler.device_time
             scan.status = assembler.status
         else:
-            scan.status = self.status.flags & ~ScanStatus.BOARD_RESET
+            scan.status = self._flags
         if assembler.clock_stands != self._clock_stood:  # from one clock to the other
             self._clock_stood = assembler.clock_stands
             self._clock.reset()
         if not self._fd or assembler.clock_stands:
             board_time = round(assembler.sequence * self.scan_period / 1000)
             scan.device_time = 0
-            scan.status |= ScanStatus.TIME_ESTIMATED
+            scan.status |= _TIME_ESTIMATED
         scan.stamp = self._clock.to_monotonic(board_time, self._arrival) + self._wall_offset
         if self._reset:
-            scan.status |= ScanStatus.BOARD_RESET
+            scan.status |= _BOARD_RESET
             self._reset = False
         self.scans += 1
 
@@ -208,6 +211,7 @@ class Receiver:
             self.traffic.malformed += 1
             return
         self.status = status
+        self._flags = status.flags & ~_BOARD_RESET
         self.news = True
         self.scan.temperatures[:] = status.temperatures
         if status.page == Page.LAYOUT:
