@@ -28,6 +28,7 @@ LEAST_FORCE: Final = 1e-9
 AHEAD: Final = 32
 """Most scans that are computed at once while something touches."""
 
+_GAP: Final = 16_384  # taxels times scans that are computed at once where nobody reads them
 _MEMORY: Final = 30.0  # time constants after which what was is forgotten: exp(-30) = 1e-13
 _FILM_AT_REST: Final = 1e-12  # lag of the film's temperature [K] taken as none: 1e-12 N on a taxel
 _NANOSECONDS: Final = 1_000_000_000
@@ -121,6 +122,7 @@ class SimulatedBoard:
         self._end = -1  # last scan that scene, film and charge were moved on to
         self._rest_end = -1  # scan up to which nothing changes
         self._ahead = 1  # scans that are computed at once
+        self._gap = max(_GAP // sensor.layout.taxels, AHEAD)  # the same where nobody reads them
         nothing, charge = np.zeros((1, sensor.layout.taxels)), np.zeros((2, self._charge.awake.size))
         chip = [self._chip]
         start = _Run(-1, [self.clock.time(0)], nothing, chip, chip, self._charge.awake, charge, charge)
@@ -220,7 +222,7 @@ class SimulatedBoard:
                 end = min(self._rest_end, index - 1)
                 self._rest(end, end)
             else:
-                self._advance(self._end + 1, min(self._end + AHEAD, index - 1))
+                self._advance(self._end + 1, min(self._end + self._gap, index - 1))
 
     def _advance(self, first: int, last: int) -> _Run:
         """Move scene, film and charge on to some scans, at which forces or temperature may differ from the last."""
