@@ -12,7 +12,7 @@ from model.sweep import decades
 
 from posfet_driver.contact_pressure_cells import SPREAD_PER_THICKNESS, Cells, spread_of_cover
 from posfet_driver.contact_pressure_laws import hertz_ellipse, line_stiffness
-from posfet_driver.scene.lines import Cylinder, Edge
+from posfet_driver.scene.lines import Cylinder, Edge, LineShape
 from posfet_driver.scene.shapes import FLAT, Bend, Punch, Shape, Sphere
 from posfet_driver.scene.textures import Ridges, Roughness
 from posfet_model.sensor import Layout
@@ -202,6 +202,20 @@ def test_an_ellipse_keeps_johnsons_equations(across: float, ratio: float) -> Non
         curvatures = ((major / minor) ** 2 * second - first) / (first - second)
         assert float(curvatures) == pytest.approx(ratio, rel=1e-7)
     assert shape.depth == pytest.approx(3 * float(first) / (2 * math.pi * major * MODULUS), rel=1e-9)
+
+
+def test_slices_make_a_rods_contact_on_a_bent_chip_as_much_too_long_as_the_document_says() -> None:
+    ratios = []
+    for radius in (1e-3, 2e-3, 3e-3, 5e-3, 10e-3):
+        for bent in (10e-3, 20e-3, 50e-3, 100e-3):
+            for length in (4e-3, 10e-3, 20e-3):
+                rod, bend = Cylinder(length, MODULUS, radius), (1 / bent, 0.0)
+                for force in (0.01, 0.03, 0.1, 0.3, 1.0):
+                    sliced, hertz = LineShape.line_load(rod, force, bend), rod.line_load(force, bend)
+                    if force < rod.greatest_force and sliced.half_length < 0.999 * length / 2:
+                        ratios.append(sliced.half_length / hertz.half_length)
+    assert len(ratios) > 50
+    assert (min(ratios), max(ratios)) == (pytest.approx(1.17, abs=0.005), pytest.approx(2.08, abs=0.005))
 
 
 def displacement(x: float, y: float, along: float, across: float, force: float) -> float:
