@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from posfet_driver.imperfections import KEYS, Imperfections, load_imperfections
+from posfet_driver.imperfections import KEYS, OF_THE_SENSOR, Imperfections, load_imperfections
 from posfet_driver.scene import Scene, Track, load_scene
 from posfet_driver.sim_clock import SimClock
 from posfet_driver.sim_spread import TaxelStatus, draw_spread
@@ -67,7 +67,7 @@ def test_each_one_alone_changes_the_board_and_is_off_in_none(key: object) -> Non
     name = key.attribute  # type: ignore[attr-defined]
     only = replace(SILENT, **{name: getattr(DEFAULT, name)})
     needs = {"hum_frequency": "hum_amplitude", "noisy_factor": "adc_noise", "reset_time": "resets_per_hour"}
-    if name in {"pyroelectric", "adc_noise"}:
+    if name in OF_THE_SENSOR:
         assert getattr(NONE, name) is True  # the sensor file's, and on from the start
         assert SILENT.adc_noise is False
     elif name not in needs:
@@ -181,6 +181,23 @@ def test_the_rails_and_the_ends_of_the_converter_hold() -> None:
     narrow = replace(SENSOR, adc=replace(SENSOR.adc, high=0.1, low=-0.1))
     counts = run(NONE, 900, narrow)
     assert counts.max() == 65535
+
+
+def test_what_the_sensor_file_gives_can_be_switched_off() -> None:
+    amplifier = replace(SENSOR.amplifier, rail_high=0.05, offset=3e-3, open_loop_gain=20.0)
+    sensor = replace(SENSOR, amplifier=amplifier, adc=replace(SENSOR.adc, bits=8))
+    rest, pressed = volts(SILENT, 10, sensor), volts(SILENT, 700, sensor)
+    np.testing.assert_allclose(rest, 3e-3 * 20 / 21, rtol=1e-9)
+    np.testing.assert_array_equal(volts(replace(SILENT, amplifier_offset=False), 10, sensor), 0.0)
+    np.testing.assert_allclose(volts(replace(SILENT, amplifier_gain=False), 10, sensor), 3e-3, rtol=1e-9)
+    assert pressed.max() == pytest.approx(0.05, abs=1e-12)
+    assert volts(replace(SILENT, amplifier_rails=False), 700, sensor).max() > 0.06
+    free = replace(SILENT, amplifier_rails=False, quantisation=False)
+    in_steps, fine = run(replace(free, quantisation=True), 900, sensor), run(free, 900, sensor)
+    assert len(np.unique(in_steps)) < 64 < len(np.unique(fine))
+    exact = volts(free, 899, sensor)
+    half_a_step = (sensor.adc.high - sensor.adc.low) / 65535 / 2
+    np.testing.assert_allclose(in_volts(fine[899]), exact, rtol=0, atol=half_a_step * (1 + 1e-9))
 
 
 def test_a_slow_amplifier_climbs_at_its_slew_rate() -> None:

@@ -1,6 +1,7 @@
 """The command `posfet sim`: what it writes can be read by others, is the board's, and is the same again."""
 
 import csv
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -47,7 +48,10 @@ def test_csv_holds_the_boards_counts_and_the_truth(tmp_path: Path, capsys: pytes
     forces = [index for index, name in enumerate(names) if name.startswith("force_")]
     np.testing.assert_allclose(values[:, forces].sum(axis=1), values[:, pressed].sum(axis=1), atol=0.02)
     assert values[:, pressed].max() > 0.5
-    assert "times real time" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "times real time" in told
+    share = float(re.search(r"(\d+) taxel updates, ([0-9.]+) of all", told)[2])
+    assert 0 < share < 1
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".mcap"])

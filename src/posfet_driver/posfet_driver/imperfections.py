@@ -3,7 +3,7 @@
 No published figure of a POSFET array could be read for any of these: every default is assumed. Files carry human units,
 named in each key (docs/simulation.md has the table); everything in the dataclass is SI. What the sensor file says (gain
 and rails of the amplifier, bits, noise and range of the converter, leak, pyroelectric coefficient and thermal time
-constant) is the sensor, not its imperfection, and holds with `none()`, too.
+constant) is the sensor, not its imperfection, and holds with `none()`, too; `OF_THE_SENSOR` can be switched off.
 """
 
 from __future__ import annotations
@@ -14,6 +14,10 @@ from typing import Any, Final
 
 from posfet_model.config import read_yaml
 
+OF_THE_SENSOR: Final = (
+    "pyroelectric", "amplifier_gain", "amplifier_offset", "amplifier_rails", "adc_noise", "quantisation",
+)  # fmt: skip
+"""What the sensor file gives and `none()` keeps; each can be switched off all the same."""
 NONE: Final = "none"
 DEFAULT: Final = "default"
 
@@ -44,6 +48,12 @@ class Imperfections:
     """Width of the film's loop between no and the greatest force, as a share of the greatest force [1]."""
     pyroelectric: bool
     """Whether temperature gives charge, as the sensor file says."""
+    amplifier_gain: bool
+    """Whether the follower's gain is that of the sensor file's open loop; else 1."""
+    amplifier_offset: bool
+    """Whether the amplifiers have the offset that the sensor file gives."""
+    amplifier_rails: bool
+    """Whether the output ends at the rails that the sensor file gives; else only the converter's ends clip it."""
     amplifier_pole: bool
     """Whether the follower lags behind its input, by the time constant that the sensor file gives."""
     slew_rate: float
@@ -58,6 +68,8 @@ class Imperfections:
     """Frequency of the mains [Hz]."""
     adc_noise: bool
     """Whether the converter has the noise that the sensor file gives."""
+    quantisation: bool
+    """Whether it rounds to the bits that the sensor file gives; else to the 16 bits of a count."""
     clock_drift: float
     """By how much the board's clock is slow [1]: its scans come this much later."""
     clock_jitter: float
@@ -77,7 +89,7 @@ class Imperfections:
     def none(cls) -> Imperfections:
         """Return the ideal board: what the sensor file says, and nothing else."""
         off: dict[str, Any] = {field.name: False if field.type == "bool" else 0.0 for field in fields(cls)}
-        return cls(**{**off, "pyroelectric": True, "adc_noise": True, "noisy_factor": 1.0, "hum_frequency": 50.0})
+        return cls(**{**off, **dict.fromkeys(OF_THE_SENSOR, True), "noisy_factor": 1.0, "hum_frequency": 50.0})
 
     @classmethod
     def default(cls) -> Imperfections:
@@ -128,6 +140,9 @@ KEYS: Final = (
     Key("taxels", "noisy_factor", "noisy_factor", 5.0, 1.0, 1, 1000),
     Key("film", "hysteresis_percent", "hysteresis", 0.01, 1e-2, 0, 20),
     Key("film", "pyroelectric", "pyroelectric", True),
+    Key("amplifier", "gain", "amplifier_gain", True),
+    Key("amplifier", "offset", "amplifier_offset", True),
+    Key("amplifier", "rails", "amplifier_rails", True),
     Key("amplifier", "pole", "amplifier_pole", True),
     Key("amplifier", "slew_rate_V_per_us", "slew_rate", 1e6, 1e6, 0, 1e6),
     Key("amplifier", "thermal_noise_nV_per_sqrtHz", "thermal_noise", 20e-9, 1e-9, 0, 1e6),
@@ -135,6 +150,7 @@ KEYS: Final = (
     Key("mains", "amplitude_mV", "hum_amplitude", 0.5e-3, 1e-3, 0, 1000),
     Key("mains", "frequency_Hz", "hum_frequency", 50.0, 1.0, 0, 1000),
     Key("converter", "noise", "adc_noise", True),
+    Key("converter", "quantisation", "quantisation", True),
     Key("clock", "drift_ppm", "clock_drift", 20e-6, 1e-6, -1000, 1000),
     Key("clock", "jitter_us", "clock_jitter", 0.2e-6, 1e-6, 0, 1000),
     Key("line", "dropped_percent", "dropped_share", 1e-4, 1e-2, 0, 100),

@@ -50,12 +50,15 @@ def main(words: Sequence[str] | None = None) -> int:
     except (ConfigError, OSError, ValueError) as error:
         print(_line(error), file=sys.stderr)
         return BAD_INPUT
-    simulated = outcome.done / outcome.scans.board.sensor.can.scan_rate
+    board = outcome.scans.board
+    simulated = outcome.done / board.sensor.can.scan_rate
+    work = board.taxel_updates / max(outcome.done * board.sensor.layout.taxels, 1)
     counted = "".join(f", {count} {name}" for name, count in outcome.scans.counters.items() if count)
     factor = simulated / max(outcome.seconds, 1e-9)
     print(
         f"{options.out}: {outcome.done} scans{counted}; "
-        f"{simulated:g} s in {outcome.seconds:.2f} s, {factor:.1f} times real time"
+        f"{simulated:g} s in {outcome.seconds:.2f} s, {factor:.1f} times real time; "
+        f"{board.taxel_updates} taxel updates, {work:.3f} of all"
     )
     return 0 if outcome.done == outcome.asked else INTERRUPTED
 

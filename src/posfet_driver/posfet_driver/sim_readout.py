@@ -46,21 +46,21 @@ class Readout:
         self._spread = spread
         self._clock = clock
         self._seed = seed
-        self._bits = converter.bits
-        self._lsb = adc.lsb(converter.bits, converter.low, converter.high)
+        self._bits = converter.bits if imperfections.quantisation else SCALE_BITS
+        self._lsb = adc.lsb(self._bits, converter.low, converter.high)
         self._low = converter.low
-        self._top = float((1 << converter.bits) - 1)
+        self._top = float((1 << self._bits) - 1)
         low, high = amplifier.rail_low - converter.low, amplifier.rail_high - converter.low
-        self._rails = low / self._lsb, high / self._lsb
+        self._rails = (low / self._lsb, high / self._lsb) if imperfections.amplifier_rails else (-math.inf, math.inf)
         loop = close_loop(amplifier.open_loop_gain, amplifier.gain_bandwidth)
         self._lag_time = 1 / (2 * math.pi * loop.bandwidth) if imperfections.amplifier_pole else 0.0
         self._slew = imperfections.slew_rate / self._lsb
-        self._slews = 0 < self._slew * clock.interval < self._rails[1] - self._rails[0]
+        self._slews = 0 < self._slew * clock.interval < (high - low) / self._lsb
         self._steps_per_charge = spread.volts_per_charge / self._lsb
         self._at_rest = (spread.offset - converter.low) / self._lsb
         self._before = np.clip(self._at_rest, *self._rails)  # output of the last scan; kept up to date if it slews
         self._stuck = np.flatnonzero(spread.status == TaxelStatus.STUCK)
-        gain = amplifier.follower_gain
+        gain = amplifier.follower_gain if imperfections.amplifier_gain else 1.0
         flicker = (imperfections.flicker_noise * gain) ** 2
         folded = flicker * FlickerNoise.folded_variance(1 / clock.interval, loop.bandwidth)
         thermal = (imperfections.thermal_noise * gain) ** 2 * (math.pi / 2 * loop.bandwidth)

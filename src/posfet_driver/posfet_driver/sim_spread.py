@@ -63,8 +63,10 @@ def draw_spread(sensor: Sensor, imperfections: Imperfections, seed: int) -> Taxe
 
     status, noise_factor, stuck_counts = _faults(imperfections, taxels, seed)
     alive = status != TaxelStatus.DEAD
-    gain = amplifier.follower_gain
-    offset = amplifier.offset + imperfections.offset_spread * generator(seed, Stream.OFFSET).standard_normal(taxels)
+    gain = amplifier.follower_gain if imperfections.amplifier_gain else 1.0
+    offset = amplifier.offset * imperfections.amplifier_offset + imperfections.offset_spread * generator(
+        seed, Stream.OFFSET
+    ).standard_normal(taxels)
     return TaxelSpread(
         charge_per_newton=alive * charge_per_newton(sensor) / around_one(Stream.AREA, imperfections.area_spread),
         charge_per_kelvin=alive * (device.pyroelectric_coefficient * imperfections.pyroelectric) * ones,
