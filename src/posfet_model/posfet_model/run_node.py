@@ -56,7 +56,6 @@ def spin(nodes: Sequence[Node], until: Callable[[], bool] = lambda: False) -> No
     """
     _ending.orderly = True
     # What was made up to here stays: the garbage collector need not walk through it again and stop the data thread.
-    gc.collect()
     gc.freeze()
     executor = NodeExecutor()
     for node in nodes:
