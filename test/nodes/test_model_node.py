@@ -29,7 +29,7 @@ from posfet_model.config import ConfigError
 from posfet_model.model_node import ModelNode
 from posfet_model.reconstruction import TaxelStatus
 from posfet_model.scan import ScanStatus
-from posfet_model.sensor import load_sensor
+from posfet_model.sensor import SENSOR_FOLDER, load_sensor
 from posfet_model.tracker import ContactState
 from posfet_msgs.msg import TactileContact, TactileContacts, TactileImage, TactileInfo, TactileRaw, TactileVibration
 from posfet_msgs.srv import CalibrationFile
@@ -163,6 +163,44 @@ def test_press_comes_out_as_one_contact_with_all_its_messages(bench: Bench) -> N
     np.testing.assert_allclose(points[:, :2], SENSOR.layout.positions, rtol=0, atol=1e-9)
     assert np.isnan(np.asarray(images[0].force)).all()
     assert not clouds[0].is_dense
+
+
+def test_on_a_bent_chip_everything_lies_on_its_surface(bench: Bench, tmp_path: Any) -> None:
+    path, radius = tmp_path / "bent.yaml", 6e-3
+    text = (SENSOR_FOLDER / "posfet_5x5.yaml").read_text(encoding="utf-8")
+    path.write_text(text.replace("  # bend_axis", "  bend_radius_mm: 6.0\n  bend_axis: y\n  # bend_axis"))
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    outputs = tuple(
+        bench.listen(kind, topic)
+        for kind, topic in ((TactileContacts, "contacts"), (WrenchStamped, "wrench"), (PointCloud2, "points"))
+    )
+    infos = bench.listen(TactileInfo, "info", latched)
+    node = bench.model(sensor_file=str(path))
+    wanted = (node._contacts, *(publisher for publisher, _ in node._maps if publisher.topic_name != "/image"))
+    bench.spin_until(lambda: wanted[0].get_subscription_count() > 0 and len(infos) > 0)
+    play(bench, outputs, recorded_scans()[:360])
+    contacts, wrenches, clouds = outputs
+    [contact] = contacts[350].contacts
+    normal = np.array([contact.normal.x, contact.normal.y, contact.normal.z])
+    force = np.array([contact.force.x, contact.force.y, contact.force.z])
+    centre = np.array([contact.centre_of_pressure.x, contact.centre_of_pressure.y, contact.centre_of_pressure.z])
+    np.testing.assert_allclose(normal, [math.sin(X / radius), 0.0, math.cos(X / radius)], rtol=0, atol=0.02)
+    np.testing.assert_allclose(force, -np.linalg.norm(force) * normal, rtol=0, atol=1e-9)
+    assert np.linalg.norm(force) == pytest.approx(FORCE, abs=0.03)
+    # On the cylinder about an axis along y, one radius below the middle of the array.
+    assert math.hypot(centre[0], centre[2] + radius) == pytest.approx(radius, abs=1e-9)
+    assert np.isnan(contact.force_covariance).all()
+    assert 0 < contact.normal_force_deviation < 0.01
+    points = np.frombuffer(clouds[350].data, np.float32).reshape(-1, 4)
+    np.testing.assert_allclose(np.hypot(points[:, 0], points[:, 2] + radius), radius, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(
+        points[:, :3], [(p.position.x, p.position.y, p.position.z) for p in infos[0].taxel_poses], atol=1e-8
+    )
+    wrench = wrenches[350].wrench
+    assert math.hypot(wrench.force.x, wrench.force.z) < FORCE
+    assert wrench.force.x < 0.0
+    # No force that meets the cylinder's axis turns about it.
+    assert wrench.torque.y == pytest.approx(-radius * wrench.force.x, abs=1e-9)
 
 
 def test_markers_come_and_go_with_the_contact(bench: Bench) -> None:

@@ -116,7 +116,7 @@ def _view(contact: Any) -> ContactView:
         x=contact.centre_of_pressure.x,
         y=contact.centre_of_pressure.y,
         force=-contact.force.z,
-        standard_deviation=math.sqrt(contact.force_covariance[8]),
+        standard_deviation=contact.normal_force_deviation,
         area=contact.area,
         age=contact.age.sec + contact.age.nanosec * 1e-9,
     )

@@ -12,8 +12,10 @@ import struct
 from typing import Final
 
 from posfet_model.fast_channel import Motion
+from posfet_model.placing import placing
 from posfet_model.reconstruction import Reconstruction
 from posfet_model.sensor import Sensor
+from posfet_model.surface import Surface
 from posfet_model.tracker import Contact
 
 NANOSECONDS: Final = 1_000_000_000
@@ -22,11 +24,10 @@ ENCODING: Final = b"\x00\x01\x00\x00"
 _STAMP: Final = struct.Struct("<iI")
 _SEQUENCE: Final = struct.Struct("<Q")
 _LENGTH: Final = struct.Struct("<I")
-_NAN: Final = math.nan
 
 _HEAD: Final = struct.Struct("<IB3xI")
 """Id and state of a contact, and number of ids merged in it."""
-_BODY: Final = struct.Struct("<21d2f9d?3xfiII")
+_BODY: Final = struct.Struct("<21d3f4x9d?3xfiII")
 """Its fields from the centre of pressure to the number of taxels; the first is aligned to 8."""
 _ROOM: Final = 512
 """Bytes that a contact takes at most, without its taxels and the ids merged in it."""
@@ -36,6 +37,7 @@ class ContactsBytes:
     """Serialises the contacts of one array, again and again into the same buffer."""
 
     def __init__(self, sensor: Sensor, frame_id: str) -> None:
+        self._place = placing(Surface.of(sensor.layout))
         self._buffer = bytearray(ENCODING)
         self._append(_STAMP.pack(0, 0), 4)
         self._append_text(frame_id)
@@ -79,12 +81,10 @@ class ContactsBytes:
         _LENGTH.pack_into(buffer, at, contact.split_from)
         at += 4
         at += -(at - len(ENCODING)) % 8
-        x_speed, y_speed = contact.velocity
+        head, tail = self._place(contact)
         _BODY.pack_into(
-            buffer, at, *region.centre_of_pressure, 0.0, *region.geometric_centre, 0.0, 0.0, 0.0, 1.0,
-            0.0, 0.0, -region.force, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, _NAN, region.force_variance,
-            region.area, region.peak_pressure, *region.major_axis, 0.0, *region.minor_axis, 0.0,
-            x_speed, y_speed, _NAN if math.isnan(x_speed) else 0.0, motion.slipping, motion.vibration,
+            buffer, at, *head, math.sqrt(region.force_variance), region.area, region.peak_pressure, *tail,
+            motion.slipping, motion.vibration,
             *divmod(round(contact.age * NANOSECONDS), NANOSECONDS), len(taxels) // 2,
         )  # fmt: skip
         at += _BODY.size

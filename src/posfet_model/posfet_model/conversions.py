@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -21,9 +21,11 @@ from posfet_model.chain import InverseChain, charge_per_newton, volts_per_count
 from posfet_model.contacts import Region
 from posfet_model.contacts_bytes import AT_REST, ContactsBytes
 from posfet_model.fast_channel import CORNER, MEMORY, Motion
+from posfet_model.placing import Placed, placing
 from posfet_model.reconstruction import ForceImage, Reconstruction
 from posfet_model.scan import Scan
 from posfet_model.sensor import Layout, Sensor
+from posfet_model.surface import Surface, taxel_normals, taxel_points
 from posfet_model.tracker import Contact, ContactState, Merged
 from posfet_msgs.msg import (
     TactileContact,
@@ -117,49 +119,49 @@ class ContactsMessage:
         self._message.header.frame_id = frame_id
         self._message.threshold = sensor.contact.threshold
         self._message.deadband = sensor.contact.deadband
+        self._place = placing(Surface.of(sensor.layout))
         self._pool: list[TactileContact] = []
 
     def fill(self, result: Reconstruction) -> TactileContacts:
         """Return the message; the next call overwrites it."""
         message, contacts = self._message, result.contacts
         while len(self._pool) < len(contacts):
-            self._pool.append(_empty_contact())
+            self._pool.append(TactileContact())
         set_stamp(message.header.stamp, result.stamp)
         message.sequence = result.sequence
         message.data_valid = result.valid
         message.contacts = self._pool[: len(contacts)]
         for slot, contact in zip(self._pool, contacts, strict=False):
-            _fill_contact(slot, contact, result.motions.get(contact.id, AT_REST))
+            _fill_contact(slot, contact, self._place(contact), result.motions.get(contact.id, AT_REST))
         return message
 
 
-def _empty_contact() -> TactileContact:
-    message = TactileContact()
-    message.normal.z = 1.0
-    message.force_covariance[:] = math.nan
-    return message
-
-
-def _fill_contact(message: TactileContact, contact: Contact, motion: Motion) -> None:
-    region = contact.region
+def _fill_contact(message: TactileContact, contact: Contact, placed: Placed, motion: Motion) -> None:
+    region, (head, tail) = contact.region, placed
     message.id = contact.id
     message.state = int(contact.state)
     message.merged_ids = array("I", contact.merged_ids)
     message.split_from = contact.split_from
-    message.centre_of_pressure.x, message.centre_of_pressure.y = region.centre_of_pressure
-    message.geometric_centre.x, message.geometric_centre.y = region.geometric_centre
-    message.force.z = -region.force
-    message.force_covariance[8] = region.force_variance
+    _set(message.centre_of_pressure, head[:3])
+    _set(message.geometric_centre, head[3:6])
+    _set(message.normal, head[6:9])
+    _set(message.force, head[9:12])
+    message.force_covariance[:] = head[12:]
+    message.normal_force_deviation = math.sqrt(region.force_variance)
     message.area = region.area
     message.peak_pressure = region.peak_pressure
-    message.major_axis.x, message.major_axis.y = region.major_axis
-    message.minor_axis.x, message.minor_axis.y = region.minor_axis
-    message.velocity.x, message.velocity.y = contact.velocity
-    message.velocity.z = 0.0 if contact.velocity[0] == contact.velocity[0] else math.nan
+    _set(message.major_axis, tail[:3])
+    _set(message.minor_axis, tail[3:6])
+    _set(message.velocity, tail[6:])
     message.slipping = motion.slipping
     message.vibration = motion.vibration
     message.age.sec, message.age.nanosec = divmod(round(contact.age * NANOSECONDS), NANOSECONDS)
     message.taxels = array("H", region.taxels.tolist())
+
+
+def _set(vector: Any, values: Sequence[float]) -> None:
+    """Set x, y and z of a Point or Vector3."""
+    vector.x, vector.y, vector.z = values
 
 
 def contacts_writer(sensor: Sensor, frame_id: str) -> ContactsMessage | ContactsBytes:
@@ -188,22 +190,26 @@ def _read(data: bytes) -> str:
 
 
 class WrenchMessage:
-    """The force of all taxels together, acting on the sensor, and its torque about the origin of the frame."""
+    """The force of all taxels together, acting on the sensor, and its torque about the origin of the frame.
+
+    Of each taxel only the force along its normal is measured: what acts along the surface is left out, not zero.
+    """
 
     def __init__(self, layout: Layout, frame_id: str) -> None:
         self._message = WrenchStamped()
         self._message.header.frame_id = frame_id
-        self._arms = np.ascontiguousarray(layout.positions.T)
+        normals = taxel_normals(layout)
+        # Of a force of 1 N on each taxel: force (0, 1, 2) and torque r x F (3, 4, 5).
+        self._per_newton = np.hstack([-normals, -np.cross(taxel_points(layout), normals)]).T.copy()
 
     def fill(self, result: Reconstruction, image: ForceImage) -> WrenchStamped:
         """Return the message; the next call overwrites it. NaN when no force is known."""
         message = self._message
         set_stamp(message.header.stamp, result.stamp)
         known = np.nan_to_num(image.force) if math.isfinite(image.total) else image.force
-        moment_x, moment_y = (self._arms @ known).tolist()
-        message.wrench.force.z = -image.total
-        message.wrench.torque.x = -moment_y  # r x F with F = (0, 0, -f)
-        message.wrench.torque.y = moment_x
+        whole = (self._per_newton @ known).tolist()
+        _set(message.wrench.force, whole[:3])
+        _set(message.wrench.torque, whole[3:])
         return message
 
 
@@ -255,7 +261,7 @@ class PointsMessage:
         self._message.row_step = 16 * layout.cols
         self._data = array("B", bytes(16 * layout.taxels))
         self._points = np.frombuffer(self._data, np.float32).reshape(layout.taxels, 4)
-        self._points[:, :2] = layout.positions
+        self._points[:, :3] = taxel_points(layout)
 
     def fill(self, result: Reconstruction, image: ForceImage) -> PointCloud2:
         """Return the message; the next call overwrites it. `is_dense` is false where a force is NaN."""
@@ -276,7 +282,8 @@ class MarkersMessage:
     ARROW_PER_NEWTON = 5e-3
     """Length of the arrow [m/N]."""
 
-    def __init__(self, frame_id: str) -> None:
+    def __init__(self, layout: Layout, frame_id: str) -> None:
+        self._surface = Surface.of(layout)
         self._frame_id = frame_id
         self._shown: set[int] = set()
 
@@ -302,7 +309,10 @@ class MarkersMessage:
 
     def _sphere(self, result: Reconstruction, contact: Contact) -> Marker:
         marker = self._marker(result, "contact", contact.id, type=Marker.SPHERE)
-        marker.pose.position.x, marker.pose.position.y = contact.region.centre_of_pressure
+        x, y = contact.region.centre_of_pressure
+        _set(marker.pose.position, self._surface.point(x, y))
+        turned = marker.pose.orientation
+        turned.x, turned.y, turned.z, turned.w = self._surface.orientation(x, y)
         marker.scale.x = marker.scale.y = 2.0 * math.sqrt(contact.region.area / math.pi)
         marker.scale.z = 0.1 * marker.scale.x
         marker.color.a = 0.5
@@ -310,10 +320,15 @@ class MarkersMessage:
 
     def _arrow(self, result: Reconstruction, contact: Contact) -> Marker:
         marker = self._marker(result, "force", contact.id, type=Marker.ARROW)
-        marker.pose.position.x, marker.pose.position.y = contact.region.centre_of_pressure
-        marker.pose.position.z = self.ARROW_PER_NEWTON * contact.region.force
-        marker.pose.orientation.y = marker.pose.orientation.w = math.sqrt(0.5)  # the arrow's x axis turned to -z
-        marker.scale.x = max(marker.pose.position.z, 1e-6)
+        x, y = contact.region.centre_of_pressure
+        length = self.ARROW_PER_NEWTON * contact.region.force
+        point, normal = self._surface.point(x, y), self._surface.normal(x, y)
+        _set(marker.pose.position, tuple(place + length * part for place, part in zip(point, normal, strict=True)))
+        # The arrow's x axis turned to the normal's other way: half a turn about the middle between the two.
+        turned, side = marker.pose.orientation, math.sqrt(2.0 * max(1.0 - normal[0], 1e-12))
+        turned.x, turned.y = (1.0 - normal[0]) / side, -normal[1] / side
+        turned.z, turned.w = -normal[2] / side, 0.0
+        marker.scale.x = max(length, 1e-6)
         marker.scale.y = marker.scale.z = 0.4e-3
         return marker
 
@@ -328,7 +343,7 @@ def info_message(sensor: Sensor, frame_id: str, simulated: bool, stamp: int) -> 
     message.rows, message.cols = layout.rows, layout.cols
     message.pitch[:] = layout.pitch_x, layout.pitch_y
     message.taxel_area = layout.taxel_area
-    message.taxel_poses = [_taxel_pose(x, y) for x, y in layout.positions.tolist()]
+    message.taxel_poses = [_taxel_pose(Surface.of(layout), x, y) for x, y in layout.positions.tolist()]
     message.force_min, message.force_max = low, high
     steps_per_count = 0xFFFF / ((1 << sensor.adc.bits) - 1)
     message.force_resolution = volts_per_count(sensor) * steps_per_count / sensor.volts_per_newton
@@ -342,10 +357,11 @@ def info_message(sensor: Sensor, frame_id: str, simulated: bool, stamp: int) -> 
     return message
 
 
-def _taxel_pose(x: float, y: float) -> Pose:
+def _taxel_pose(surface: Surface, x: float, y: float) -> Pose:
     pose = Pose()
-    pose.position.x, pose.position.y = x, y
-    pose.orientation.w = 1.0
+    _set(pose.position, surface.point(x, y))
+    turned = pose.orientation
+    turned.x, turned.y, turned.z, turned.w = surface.orientation(x, y)
     return pose
 
 

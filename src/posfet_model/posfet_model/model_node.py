@@ -119,7 +119,7 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._contacts_message: ContactsMessage | ContactsBytes = ContactsMessage(self.sensor, frame_id)
         if parameters["contacts_as_bytes"]:
             self._contacts_message = contacts_writer(self.sensor, frame_id)
-        self._markers_message = MarkersMessage(frame_id)
+        self._markers_message = MarkersMessage(layout, frame_id)
         self._contacts = self.create_publisher(TactileContacts, "contacts", OUTPUT_DEPTH)
         self._markers = self.create_publisher(MarkerArray, "markers", OUTPUT_DEPTH)
         self._maps: tuple[tuple[Publisher, Callable[[Reconstruction, ForceImage], Any]], ...] = (

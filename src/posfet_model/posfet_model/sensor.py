@@ -5,6 +5,7 @@ Files carry human units, named in each key; everything in the dataclasses is SI.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -28,7 +29,10 @@ LEAST_SPAN = 1e-3
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the taxels are. Frame: x along columns, y along rows, z outward, origin in the middle of the array."""
+    """Where the taxels are. Frame: x along columns, y along rows, z outward, origin in the middle of the array.
+
+    On a bent chip x and y count along the surface.
+    """
 
     id: int
     rows: int
@@ -39,6 +43,10 @@ class Layout:
     """Distance between rows [m]."""
     taxel_area: float
     """Area over which a taxel collects force [m2]."""
+    bend_radius: float = math.inf
+    """Radius of the cylinder that the chip is bent to, the array on its outer side [m]; inf: flat."""
+    bend_axis: str = "x"
+    """Direction of the cylinder's axis, x or y."""
 
     @property
     def taxels(self) -> int:
@@ -210,6 +218,11 @@ def _layout(section: Section) -> Layout:
         pitch_y=section.number("pitch_y_mm", 0.01, 100) * 1e-3,
         taxel_area=section.number("taxel_area_mm2", 1e-4, 1e4) * 1e-6,
     )
+    if "bend_radius_mm" in section:
+        axis = section.text("bend_axis", ("x", "y"))
+        span = layout.rows * layout.pitch_y if axis == "x" else layout.cols * layout.pitch_x
+        least = math.ceil(max(span / math.pi, 1e-3) * 1e5) / 100
+        layout = replace(layout, bend_radius=section.number("bend_radius_mm", least, 1e5) * 1e-3, bend_axis=axis)
     section.end()
     if layout.taxel_area > layout.pitch_x * layout.pitch_y * (1 + 1e-9):
         cell = layout.pitch_x * layout.pitch_y * 1e6

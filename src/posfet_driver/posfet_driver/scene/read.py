@@ -148,9 +148,10 @@ SHAPES: Final[dict[str, Callable[[Section], Shape]]] = {
 
 
 def _bend(top: Section, sensor: Sensor) -> ChipBend | None:
-    """Read how the chip is bent; at most to half a circle."""
+    """Read how the chip is bent, at most to half a circle; without a word as the sensor file has it."""
     if "bend_radius_mm" not in top:
-        return None
+        bent = not math.isinf(sensor.layout.bend_radius)
+        return ChipBend(sensor.layout.bend_radius, sensor.layout.bend_axis == "x") if bent else None
     axis_x = top.text("bend_axis", ("x", "y")) == "x"
     layout = sensor.layout
     span = layout.rows * layout.pitch_y if axis_x else layout.cols * layout.pitch_x
