@@ -108,3 +108,14 @@ def test_a_bus_full_of_foreign_frames_costs_no_scan(tmp_path: Path, fd: bool) ->
         check_run(board, 2000)
         assert board.receiver.traffic.foreign > 8 * 2000
         assert adapter.frames_dropped == 0
+
+
+def test_can_fd_at_the_limit_of_the_wire_costs_no_scan(tmp_path: Path) -> None:
+    """8 kHz of 5 x 5: more than the frames' time on the bus allows, with a reader and an adapter in one process."""
+    sensor = with_layout(load_sensor(), 5, 5, scan_rate=8000.0)
+    assert 1 / fd_time(64, sensor.can.bitrate, sensor.can.data_bitrate).least < 8000.0
+    with ExitStack() as stack:
+        adapter = plugged_in(stack, tmp_path / "can0", firmware(sensor, SystemClock().monotonic()))
+        board = opened(stack, sensor, "slcan", tmp_path / "can0")
+        check_run(board, 8000)
+        assert adapter.frames_dropped == 0

@@ -81,4 +81,5 @@ def _counters(board: Board) -> dict[str, int]:
         "bus lost": board.lost,
         "bus opened anew": board.reopened,
         "board started anew": board.restarted,
+        "numbers asked for": receiver.questions,
     }

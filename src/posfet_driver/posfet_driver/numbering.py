@@ -50,6 +50,8 @@ class Numbering:
     """
 
     def __init__(self, base: int, assembler: Assembler) -> None:
+        self.questions = 0
+        """How often a running board was asked."""
         self._assembler = assembler
         self._response = base + RESPONSE_OFFSET
         self._status = base + STATUS_OFFSET
@@ -83,6 +85,7 @@ class Numbering:
 
     def asked(self, tag: int, now: int) -> None:
         """Take note that START is being sent at `now` [ns]."""
+        self.questions += self._known or self.holding
         self._tag, self._sent = tag, now
 
     def forget(self) -> None:

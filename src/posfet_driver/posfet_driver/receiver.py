@@ -143,6 +143,11 @@ class Receiver:
         """Whether frames are held until the numbers of their scans are certain."""
         return self._numbering.holding
 
+    @property
+    def questions(self) -> int:
+        """How often a running board was asked for the number of its next scan, which a classic counter hid."""
+        return self._numbering.questions
+
     def question_due(self) -> bool:
         """Return whether a running board has to be told START, whose answer tells the number of the next scan."""
         return not self._fd and self._numbering.question_due()
