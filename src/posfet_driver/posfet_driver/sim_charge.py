@@ -39,13 +39,16 @@ class TaxelCharge:
     """
 
     def __init__(self, sensor: Sensor, spread: TaxelSpread, hysteresis: float, full: bool) -> None:
-        """Take the taxels and the width of the film's loop [1]; with `full` no taxel ever sleeps."""
-        layout = sensor.layout
+        """Take the taxels and the width of the film's loop [1]; with `full` no taxel ever sleeps.
+
+        The float width of `spread` is what is computed in.
+        """
+        layout, kind = sensor.layout, spread.charge_per_newton.dtype
         self.updates = 0
         """How many times a taxel's charge was moved on so far."""
         self.awake = np.arange(layout.taxels if full else 0)
         """Numbers of the taxels that are awake, ascending."""
-        self.charge: Float64Array = np.zeros(0)
+        self.charge: Float64Array = np.zeros(0, kind)
         """Charge density [C/m2] of those that are awake."""
         self._spread = spread
         self._full = full
@@ -53,11 +56,11 @@ class TaxelCharge:
         self._patches: tuple[Patch, ...] = ()
         self._is_awake = np.zeros((layout.rows, layout.cols), np.bool_)
         self._weight = hysteresis / (2 * sum(PLAY_WIDTHS))
-        reach = np.array(PLAY_WIDTHS if hysteresis else ())[:, None]
+        reach = np.array(PLAY_WIDTHS if hysteresis else (), kind)[:, None]
         self._reach: Float64Array = reach * sensor.device.force_max
-        self._all_charge: Float64Array = np.zeros(layout.taxels)
-        self._all_source = np.zeros(layout.taxels)
-        self._all_plays = np.zeros((len(self._reach), layout.taxels))
+        self._all_charge: Float64Array = np.zeros(layout.taxels, kind)
+        self._all_source = np.zeros(layout.taxels, kind)
+        self._all_plays = np.zeros((len(self._reach), layout.taxels), kind)
         self._steps = 0
         # Of those awake: source and play so far, and coefficients.
         self._source: Float64Array
@@ -96,12 +99,14 @@ class TaxelCharge:
         """
         if force.shape[1] > self.awake.size:
             force = force[:, self.awake]
-        sources = np.empty((len(steps) + 1, self.awake.size))
+        kind = self.charge.dtype
+        force, steps = force.astype(kind, copy=False), steps.astype(kind, copy=False)
+        sources = np.empty((len(steps) + 1, self.awake.size), kind)
         sources[0] = self._source
         sources[1:] = self._counted(force)
         sources[1:] *= self._per_newton
         if warmth.any():
-            sources[1:] += np.multiply.outer(warmth, self._per_kelvin)
+            sources[1:] += np.multiply.outer(warmth.astype(kind, copy=False), self._per_kelvin)
         same = steps.min() == steps.max()
         exponent = np.multiply.outer(steps[:1] if same else steps, self._rate)
         lost = np.expm1(exponent)
@@ -116,6 +121,7 @@ class TaxelCharge:
 
     def rest(self, times: Float64Array) -> Float64Array:
         """Move on while nothing changes: return the charge some times [s] after the last scan, shape [times, awake]."""
+        times = times.astype(self.charge.dtype, copy=False)
         return self._end_at(np.exp(np.multiply.outer(times, self._rate)) * self.charge)
 
     def sleep(self) -> bool:

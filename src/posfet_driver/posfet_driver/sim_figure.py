@@ -21,6 +21,7 @@ from posfet_model.figures.style import (
     DASHED,
     DOTTED,
     GREEN,
+    GREY,
     PURPLE,
     SOLID,
     VERMILION,
@@ -39,6 +40,7 @@ LOOKS: Final = {
     "zero-order hold": (VERMILION, SOLID, "^"),
     "forward Euler": (PURPLE, DOTTED, "v"),
     "backward Euler": (BLACK, DASH_DOT, "x"),
+    "whole board": (GREY, DASHED, "D"),
 }
 """Colour, dashes and marker of each scheme."""
 

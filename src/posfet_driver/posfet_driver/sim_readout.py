@@ -106,7 +106,7 @@ class Readout:
         `charge` has the shape [scans + 1, awake], the first row that of the scan before; the result has [scans, awake].
         `steps` [s] are the times from scan to scan.
         """
-        shift = charge * self._per_charge
+        shift, steps = charge * self._per_charge, steps.astype(charge.dtype, copy=False)
         if self._lag_time:
             # One pole and a straight piece of input: the lag is slope*tau*(1 - exp(-h/tau)), and what was before is
             # forgotten, as the interval between scans is hundreds of time constants.
@@ -115,7 +115,7 @@ class Readout:
         else:
             shift = shift[1:]
         if self._imperfections.crosstalk:
-            ended = np.concatenate([shift, np.zeros((len(shift), 1))], axis=1)
+            ended = np.concatenate([shift, np.zeros((len(shift), 1), shift.dtype)], axis=1)
             beside = [ended.take(places, axis=1) for places in self._beside]
             shift = shift + self._imperfections.crosstalk * (beside[0] + beside[1] + beside[2] + beside[3])
         return self._slew_limited(shift, steps) if self._slews else shift

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from typing import Final
 
@@ -49,6 +49,12 @@ class TaxelSpread:
     """TaxelStatus."""
     stuck_counts: NDArray[np.uint16]
     """What a stuck taxel shows, on the 16-bit scale; 0 for the others."""
+
+    def narrow(self) -> TaxelSpread:
+        """Return the same in float32."""
+        values = {each.name: getattr(self, each.name) for each in fields(self)}
+        floats = {name: value.astype(np.float32) for name, value in values.items() if value.dtype == np.float64}
+        return replace(self, **floats)
 
 
 def draw_spread(sensor: Sensor, imperfections: Imperfections, seed: int) -> TaxelSpread:

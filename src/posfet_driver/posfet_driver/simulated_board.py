@@ -91,11 +91,12 @@ class SimulatedBoard:
         imperfections: Imperfections | None = None,
         *,
         full: bool = False,
+        narrow: bool = False,
     ) -> None:
         """Put a fresh board at the beginning of `scene`, read for this `sensor`.
 
-        Without `imperfections` it has none. `full` computes every taxel in every scan, to check what is left out
-        otherwise. Raises ValueError for a seed outside [0, 1e9].
+        Without `imperfections` it has none. For comparison, `full` computes every taxel in every scan, and `narrow`
+        computes charge and read-out in float32. Raises ValueError for a seed outside [0, 1e9].
         """
         seed = whole_number("seed", seed, 0, SEED_MAX)
         self.sensor = sensor
@@ -106,7 +107,8 @@ class SimulatedBoard:
         )
         """When the scans are taken."""
         self._loads = SceneLoads(scene, sensor)
-        self._spread = draw_spread(sensor, self.imperfections, seed)
+        spread = draw_spread(sensor, self.imperfections, seed)
+        self._spread = spread.narrow() if narrow else spread
         self._charge = TaxelCharge(sensor, self._spread, self.imperfections.hysteresis, full)
         self._readout = Readout(sensor, self.imperfections, self._spread, self.clock, seed)
         self._readout.wake(self._charge.awake)
