@@ -20,7 +20,8 @@ MATCH: Final = 1.5
 """A contact is that of an object when their centres of pressure are at most this far apart [pitch]."""
 
 COMPARED: Final = 0.1
-"""Objects that press with less [N] need not be found, and are not compared."""
+"""Objects that press with less [N], or so widely that no taxel truly carries the threshold of contacts, need not be
+found, and are not compared."""
 
 LONG_HOLD: Final = 5.0
 """A force that rests for at least this long is held [s]."""
@@ -131,8 +132,10 @@ class Scorer:
         for index, number in enumerate(numbers):
             partner = partners.get(index)
             self._follow_id(number, partner)
-            self._wait_for(number, centres[index], partner, truth.force)
-            if objects.contact_forces[index] >= COMPARED and on_chip[index]:
+            near = np.hypot(*(self._positions - centres[index]).T) <= self._reach
+            carried = float(truth.force[near].max(initial=0.0)) >= self._sensor.contact.threshold
+            self._wait_for(number, partner, carried)
+            if objects.contact_forces[index] >= COMPARED and on_chip[index] and (carried or partner):
                 self._true += 1
                 if partner:
                     self._found += 1
@@ -168,10 +171,8 @@ class Scorer:
         self._switches += self._ids.get(number, partner.id) != partner.id
         self._ids[number] = partner.id
 
-    def _wait_for(
-        self, number: int, centre: Sequence[float], partner: Contact | None, force: NDArray[np.float64]
-    ) -> None:
-        """Count the scans until an object that begins to press is found."""
+    def _wait_for(self, number: int, partner: Contact | None, carried: bool) -> None:
+        """Count the scans until an object that begins to press is found, from the first in which a taxel feels it."""
         waited = self._waiting.get(number, 0)
         if waited < 0:
             return
@@ -179,8 +180,7 @@ class Scorer:
             self._latencies.append(waited)
             self._waiting[number] = -1  # found: waits no more until it lifts
             return
-        near = np.hypot(*(self._positions - centre).T) <= self._reach
-        if waited or float(force[near].max(initial=0.0)) >= self._sensor.contact.threshold:
+        if waited or carried:
             self._waiting[number] = waited + 1
 
     def score(self, us_per_scan: float) -> Score:

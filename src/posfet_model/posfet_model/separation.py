@@ -31,6 +31,9 @@ LONG: Final = 0.4
 MISSING: Final = 0.3
 """A taxel that reads less than this share of what its neighbours tell is no valley but does not work [1]."""
 
+LARGEST: Final = 100
+"""A region of more taxels than this is not looked at: no set of fingertips, and dear [1]."""
+
 FIRST_ROUNDS: Final = 8
 """Rounds from the peaks of a valley to the centres of the contacts."""
 
@@ -51,6 +54,9 @@ class Separator:
         self._threshold = threshold
         self._surroundings = Surroundings(layout)
         self._none = np.zeros(layout.taxels, np.bool_)
+        self._around = _neighbours(layout)
+        self._neighbours = [[other for other in row if other < layout.taxels] for row in self._around.tolist()]
+        self._padded = np.full(layout.taxels + 1, -np.inf)
         pitches = np.array([layout.pitch_x, layout.pitch_y])
         self._width = spread * spread + pitches * pitches / 12.0
         self.long = math.sqrt(float(self._width.max()) + LONG * self._pitch**2)
@@ -68,15 +74,17 @@ class Separator:
         `taxels` are those of the region, `around` those and the ring around them, `force` [N] that of all taxels. One
         that is `estimated` is no valley: what lies around it is taken for one hill.
         """
+        if len(taxels) > LARGEST or (estimated is None and self._has_one_peak(taxels, force)):
+            return []
         values = dict(zip(taxels.tolist(), force[taxels].tolist(), strict=True))
         if estimated is not None:
             known = {taxel: value for taxel, value in values.items() if not estimated[taxel]}
             for taxel in values.keys() - known.keys():
-                values[taxel] = max((known[other] for other in self._beside(taxel) if other in known), default=0.0)
+                values[taxel] = max((known[other] for other in self._neighbours[taxel] if other in known), default=0.0)
         hill: dict[int, int] = {}  # of a taxel: the peak it belongs to
         height: dict[int, float] = {}
         for taxel in sorted(values, key=values.__getitem__, reverse=True):
-            near = {hill[other] for other in self._beside(taxel) if other in hill}
+            near = {hill[other] for other in self._neighbours[taxel] if other in hill}
             highest = max(near, key=height.__getitem__, default=taxel)
             hill[taxel] = highest
             if not near:
@@ -89,12 +97,11 @@ class Separator:
             return []
         return [(float(x), float(y)) for x, y in self._positions[sorted(height)]]
 
-    def _beside(self, taxel: int) -> list[int]:
-        """Return the up to eight neighbours of a taxel."""
-        row, col = divmod(taxel, self._layout.cols)
-        rows = range(max(row - 1, 0), min(row + 2, self._layout.rows))
-        cols = range(max(col - 1, 0), min(col + 2, self._layout.cols))
-        return [self._layout.cols * r + c for r in rows for c in cols if (r, c) != (row, col)]
+    def _has_one_peak(self, taxels: NDArray[np.intp], force: NDArray[np.float64]) -> bool:
+        """Return whether no more than one taxel of a region reads more than all of its neighbours."""
+        self._padded[:-1] = force
+        highest = self._padded[self._around[taxels]].max(axis=1)
+        return int(np.count_nonzero(force[taxels] >= highest)) < 2
 
     def _is_hole(self, around: NDArray[np.intp], force: NDArray[np.float64]) -> bool:
         """Return whether one of the taxels is missing its force rather than lying in a valley."""
@@ -155,3 +162,12 @@ class Separator:
         density = parts[:, None] * np.exp(exponent - exponent.max(axis=0))
         share: NDArray[np.float64] = density / density.sum(axis=0)
         return share
+
+
+def _neighbours(layout: Layout) -> NDArray[np.intp]:
+    """Return the eight neighbours of each taxel, shape [taxels, 8]; `taxels` stands for none."""
+    padded = np.full((layout.rows + 2, layout.cols + 2), layout.taxels, np.intp)
+    padded[1:-1, 1:-1] = np.arange(layout.taxels).reshape(layout.rows, layout.cols)
+    ways = [(down, right) for down in range(3) for right in range(3) if (down, right) != (1, 1)]
+    beside = [padded[down : down + layout.rows, right : right + layout.cols].reshape(-1) for down, right in ways]
+    return np.stack(beside, axis=1)
