@@ -23,7 +23,7 @@ START = encode_line((SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, Request(Comma
 
 @pytest.fixture
 def source(tmp_path: Path) -> Iterator[AdapterSource]:
-    source = AdapterSource(SENSOR, SCENE, 4, tmp_path / "board", fd=True)
+    source = AdapterSource(SENSOR, SCENE, 4, tmp_path / "board")
     yield source
     source.close()
 

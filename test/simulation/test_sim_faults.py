@@ -110,7 +110,8 @@ def test_resets_do_not_depend_on_when_one_asks() -> None:
 
 
 def frames_of_a_run(imperfections: Imperfections, seconds: float, fd: bool = True) -> list[tuple[int, int, bytes]]:
-    node = WireNode(SimulatedBoard(SENSOR, SCENE, 1, imperfections), 1, 0, fd)
+    sensor = replace(SENSOR, can=replace(SENSOR.can, fd=fd))
+    node = WireNode(SimulatedBoard(sensor, SCENE, 1, imperfections), 1, 0)
     frames = node.receive(START, 0)
     now = 0
     while now < seconds * 1e9:

@@ -282,6 +282,18 @@ def test_what_is_computed_ahead_leaves_the_last_scan_alone() -> None:
         board.prepare(419)
 
 
+def test_in_float32_the_board_is_the_same_to_its_digits() -> None:
+    scene = load_scene("tap", SENSOR)
+    wide, narrow = (SimulatedBoard(SENSOR, scene, 0, narrow=each) for each in (False, True))
+    scan = Scan.empty(0, TAXELS)
+    for index in range(800):
+        wide.scan(index, scan)
+        narrow.scan(index, scan)
+    full_scale = SENSOR.device.force_max * SENSOR.volts_per_newton
+    np.testing.assert_allclose(narrow.volts(), wide.volts(), rtol=0, atol=1e-6 * full_scale)
+    assert np.abs(narrow.charge() - wide.charge()).max() > SAME
+
+
 def test_what_cannot_be_is_refused() -> None:
     scene = load_scene("idle", SENSOR)
     with pytest.raises(ValueError, match=r"seed must be in \[0, 1000000000\], got -1"):

@@ -28,13 +28,12 @@ class AdapterSource:
         scene: Scene,
         seed: int,
         link: Path | str | BusSettings,
-        fd: bool | None = None,
         clock: Clock | None = None,
         imperfections: Imperfections | None = None,
     ) -> None:
         """Take what the board is made of, and the path of the adapter or the settings of a bus.
 
-        fd says which frames are sent (None: as in the sensor file). Raises ValueError for a seed outside [0, 1e9].
+        Raises ValueError for a seed outside [0, 1e9].
         """
         self.board = SimulatedBoard(sensor, scene, seed, imperfections)
         """The board behind the adapter; another one after each `open`."""
@@ -42,7 +41,6 @@ class AdapterSource:
         """Called in the thread that serves the bus with each scan sent and its time [ns] since the Unix epoch."""
         self._seed = seed
         self._link = link
-        self._fd = fd
         self._clock = clock or SystemClock()
         self._node: WireNode | None = None
         self._server: EmulatedAdapter | BusServer | None = None
@@ -64,7 +62,7 @@ class AdapterSource:
         """
         board = self.board
         self.board = SimulatedBoard(board.sensor, board.scene, self._seed, board.imperfections)
-        node = WireNode(self.board, self._seed, self._clock.monotonic(), self._fd)
+        node = WireNode(self.board, self._seed, self._clock.monotonic())
         node.on_scan = self._sent
         self._faults = node.counters = self._faults or node.counters  # go on counting
         self._epoch = self._clock.wall() - self._clock.monotonic()

@@ -33,8 +33,8 @@ class WireNode:
     A reset ends the scans: after its silence a fresh firmware runs, and waits to be started.
     """
 
-    def __init__(self, board: SimulatedBoard, seed: int, now: int, fd: bool | None = None) -> None:
-        """Switch the board on at `now` [ns], monotonic; `fd` None: frames as in the sensor file.
+    def __init__(self, board: SimulatedBoard, seed: int, now: int) -> None:
+        """Switch the board on at `now` [ns], monotonic.
 
         Raises ConfigError when the layout does not fit the frames.
         """
@@ -43,7 +43,6 @@ class WireNode:
         self.counters = {fate.name.lower(): 0 for fate in Fate if fate} | {"resets": 0}
         """Frames of scans by what became of them, and resets."""
         self._board = board
-        self._fd = fd
         self.switched_on = now
         """Time 0 of the board [ns]: when it was switched on, then when it was first started: no scene runs unseen."""
         self._slow = 1 + board.imperfections.clock_drift
@@ -61,9 +60,14 @@ class WireNode:
         return self._firmware is not None and self._firmware.running
 
     def next_due(self) -> int:
-        """Return when the next frame is due, or the board resets or comes back [ns]."""
+        """Return when the next frame is due, or the board resets or comes back [ns].
+
+        Whoever asks is about to wait: what the next scan needs is computed before.
+        """
         if self._firmware is None:
             return self._at(self._alive_since)
+        if self._firmware.running:
+            self._board.prepare(self._board.index + 1)
         due = self.switched_on + math.ceil((self._firmware.next_due() - self.switched_on) * self._slow) + 1
         return min(due, self._at(self._reset_at)) if math.isfinite(self._reset_at) else due
 
@@ -105,7 +109,7 @@ class WireNode:
         offset = math.ceil(time / self._slow * rate)
         scans = _Later(self._board, offset) if offset else self._board
         start = self.switched_on + round(offset / rate * _NANOSECONDS)
-        firmware = BoardFirmware(self._board.sensor, scans, start, self._fd)
+        firmware = BoardFirmware(self._board.sensor, scans, start)
         firmware.on_scan = self._sent
         return firmware
 

@@ -138,6 +138,11 @@ class SimulatedBoard:
         return self._charge.updates
 
     @property
+    def index(self) -> int:
+        """Number of the last scan; -1 before the first."""
+        return self._now[1]
+
+    @property
     def touched(self) -> bool:
         """Whether an object pressed on a taxel in the last scan."""
         run, index = self._now
