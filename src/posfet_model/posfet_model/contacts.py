@@ -101,6 +101,7 @@ class ContactFinder:
         self._above = np.zeros(layout.taxels, np.bool_)
         self._touched = np.zeros(layout.taxels, np.bool_)
         self._any = False
+        self._bits, self._regions = 0, list[int]()  # what was labelled last: the same taxels are the same regions
         self.patches: list[NDArray[np.intp]] = []
         """Taxels counted into each region that was measured last, the ring around it among them."""
 
@@ -144,7 +145,12 @@ class ContactFinder:
         elif self._above.any():
             self._touched[:] = self._above
             self._any = True
-        return self._bitmap.regions(self._bitmap.pack(self._touched)) if self._any else []
+        if not self._any:
+            return []
+        bits = self._bitmap.pack(self._touched)
+        if bits != self._bits:
+            self._bits, self._regions = bits, self._bitmap.regions(bits)
+        return self._regions
 
     def measure(
         self,

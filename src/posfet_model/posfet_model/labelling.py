@@ -7,8 +7,13 @@ arrays of this size costs less than one call into an array library.
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
+
+MOST_KNOWN: Final = 64
+"""Sets of taxels whose indices are kept."""
 
 
 class BitMap:
@@ -22,6 +27,7 @@ class BitMap:
         self._bytes = (self._padded.size + 7) // 8
         self._taxel = np.zeros(self._padded.size, np.intp)
         self._taxel.reshape(rows, self._stride)[:, :cols] = np.arange(rows * cols).reshape(rows, cols)
+        self._known: dict[int, NDArray[np.intp]] = {}
         self.all = self.pack(np.ones(rows * cols, np.bool_))
         """Every taxel."""
 
@@ -31,9 +37,19 @@ class BitMap:
         return int.from_bytes(np.packbits(self._padded, bitorder="little").tobytes(), "little")
 
     def taxels(self, bits: int) -> NDArray[np.intp]:
-        """Return the indices of the taxels in `bits`, ascending."""
-        flags = np.unpackbits(np.frombuffer(bits.to_bytes(self._bytes, "little"), np.uint8), bitorder="little")
-        return self._taxel[flags.nonzero()[0]]
+        """Return the indices of the taxels in `bits`, ascending; not to be written to.
+
+        Contacts stay where they are for many scans, so answers are kept, up to 64 of them.
+        """
+        found = self._known.get(bits)
+        if found is None:
+            flags = np.unpackbits(np.frombuffer(bits.to_bytes(self._bytes, "little"), np.uint8), bitorder="little")
+            found = self._taxel[flags.nonzero()[0]]
+            found.flags.writeable = False
+            if len(self._known) >= MOST_KNOWN:
+                self._known.clear()
+            self._known[bits] = found
+        return found
 
     def mask(self, bits: int, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Set `out`, shape [rows * cols], to the mask of `bits`."""
