@@ -90,6 +90,10 @@ def measure(full: bool) -> Outcome:
         "image, wrench, force_image, points and markers, which nobody asked for; of the markers "
         f"{shown} would be sent, as they are for eyes. Saved there: only filling them."
     )
-    values = {"skipped_labellings_pct": 100 * labellings, "skipped_taxel_updates_pct": 100 * updates, "skipped_taxel_updates_saved_us": saved,
-              "skipped_messages_saved_us": unfilled}  # fmt: skip
+    values = {
+        "skipped_labellings_pct": 100 * labellings,
+        "skipped_taxel_updates_pct": 100 * updates,
+        "skipped_taxel_updates_saved_us": saved,
+        "skipped_messages_saved_us": unfilled,
+    }
     return Outcome(values, [Table("Work avoided", columns, rows, note)])
