@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.outcome import Outcome, Table
 from benchmarks.rig import Measurement, Setup, run
 
-BASE = Setup(window=3.0)
+BASE = Setup()
 SHORT = {
     "5 x 5, 1 kHz": BASE,
     "5 x 5, 1 kHz, idle": replace(BASE, touched=False),

@@ -50,6 +50,7 @@ def measure(full: bool) -> Outcome:
     runs = 3 * RUNS if full else RUNS
     first_message("emulator")  # leaves compiled modules behind
     taken = {source: [first_message(source) for _ in range(runs)] for source in ("sim", "emulator")}
+    runs = runs if full else 1
     values = {
         "startup_s": statistics.median(taken["sim"]),
         "startup_emulator_s": statistics.median(taken["emulator"]),
