@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from posfet_driver.sim_noise import FlickerNoise
 from posfet_model.chain import charge_per_newton
 from posfet_model.observer import ForceObserver
+from posfet_model.observer_settings import ObserverSettings
 from posfet_model.sensor import Sensor, load_sensor
 
 BLOCK: Final = 20
@@ -24,6 +25,9 @@ BLOCK: Final = 20
 
 RATE: Final = 1000.0
 """[Hz]"""
+
+KNOWN_LEAK: Final = ObserverSettings(leak_shared=1e-6, leak_own=1e-6)
+"""The optimal estimator knows the leak, and so does ours."""
 
 
 class Optimal:
@@ -105,7 +109,7 @@ def hold(
     white = (sensor.adc.noise / sensor.volts_per_newton) ** 2
     leak = sensor.device.leak_time_constant
     optimal = Optimal(taxels, white, (flicker / sensor.volts_per_newton) ** 2, leak)
-    observer, touched = ForceObserver(sensor), np.zeros(taxels, np.bool_)
+    observer, touched = ForceObserver(sensor, KNOWN_LEAK), np.zeros(taxels, np.bool_)
     optimal_force = mean = np.zeros(taxels)
     recent: list[NDArray[np.float64]] = []
     for index, (true, signal) in enumerate(_signals(sensor, seed, start, force, flicker)):

@@ -117,8 +117,8 @@ def test_a_light_step_is_found_within_two_scans() -> None:
 @pytest.mark.parametrize(
     ("device", "scale"),
     [
-        ({"leak_time_constant": 0.27 * 1.2}, 1.2),
-        ({"leak_time_constant": 0.27 / 1.2}, 1 / 1.2),
+        ({"leak_time_constant": 0.27 * 1.2}, 1.0),
+        ({"leak_time_constant": 0.27 / 1.2}, 1.0),
         ({"piezoelectric_coefficient": -38e-12 * 1.1}, 1.1),
     ],
 )
@@ -129,7 +129,7 @@ def test_another_device_than_described_still_gives_one_contact_in_its_place(
     reconstructor = Reconstructor(SENSOR)
     results = run(reconstructor, 5.0, device=other, force=press(1.5, 0.5, 2.5), shape=FINGER)
     [contact] = at(results, 2.4).contacts
-    assert contact.region.force == pytest.approx(1.5 * scale, rel=0.02)
+    assert contact.region.force == pytest.approx(1.5 * scale, rel=0.03)  # the leak is found
     assert math.dist(contact.region.centre_of_pressure, (0.6e-3, -0.4e-3)) < 0.1e-3
     assert results[-1].valid
     assert not results[-1].contacts

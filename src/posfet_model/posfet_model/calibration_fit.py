@@ -8,6 +8,11 @@ A taxel's signal x, as a force of the description, follows the source of charge 
 so that one linear least-squares fit a taxel gives gain g, pyroelectric gain p, time constant tau and offset o. T is the
 film's temperature, which lags behind the chip's: the lag that leaves the smallest residuals is taken. What a taxel
 shows of its four neighbours is fitted beside them, and undone before the fit that counts.
+
+The film's hysteresis leaves some charge behind when a force has gone, which would pass for leak, drift or warmth. So
+the distance F - P of the force from a play P of half width r (the simplest loop there is: P is dragged along at the
+distance r at most) is a column, too: x has ``g1*F + w*(F - P)``, and the gain is that of the line through it,
+``g = g1 + w*sum((F - P)*F)/sum(F^2)``.
 """
 
 from __future__ import annotations
@@ -33,6 +38,9 @@ LEAST_WARMING: Final = 0.5
 
 DEAD_GAIN: Final = 0.1
 """A taxel with less gain does not answer [1]."""
+
+PLAY: Final = 0.1
+"""Half width r of the play that stands for the film's loops, in the greatest force [1], assumed."""
 
 HELD_OUT: Final = 5
 """One stretch in this many is held out of the fit."""
@@ -77,11 +85,12 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
     signal = np.stack([undone.apply(row) for row in signal])
     found = _fit(sensor, recording, signal, film, neighbours=False)
     tau = 1.0 / np.maximum(found.leak, 1e-9)
-    dead = found.gain < DEAD_GAIN
+    gain = _line_gain(sensor, recording, found)
+    dead = gain < DEAD_GAIN
     nominal = sensor.device.leak_time_constant
     usual = sensor.device.pyroelectric_coefficient / charge_per_newton(sensor)
     return Calibration(
-        gain=np.where(dead, np.nan, found.gain),
+        gain=np.where(dead, np.nan, gain),
         pyroelectric_gain=np.where(dead, 1.0, found.warmth / usual) if warmed and usual else np.ones(len(dead)),
         leak_time_constant=np.where(dead, nominal, np.clip(tau, 0.1 * nominal, 10.0 * nominal)),
         offset=np.where(dead, 0.0, found.drift * tau) * sensor.volts_per_newton,
@@ -106,6 +115,8 @@ class _Fit:
     """[N/K]"""
     beside: FoundArray
     """Signal per force on the four neighbours [1]."""
+    loop: FoundArray
+    """w: signal per distance of the force from its play [1]."""
     squares: float
     """Sum of the squared residuals."""
 
@@ -151,7 +162,15 @@ def _best_lag(sensor: Sensor, recording: Recording, signal: FoundArray, temperat
         film = _film(few.time, few.temperature, lag * sensor.device.thermal_time_constant)
         return _fit(sensor, few, signal[thinned], film, neighbours=False, integral=integral).squares
 
-    return float(min(LAGS, key=misfit))
+    misfits = [misfit(lag) for lag in LAGS]
+    best = int(np.argmin(misfits))
+    if best in (0, len(LAGS) - 1):
+        return float(LAGS[best])
+    # The lowest point of the parabola through the best and its neighbours, which are evenly apart as logarithms.
+    before, lowest, after = misfits[best - 1 : best + 2]
+    bend = before - 2.0 * lowest + after
+    shift = 0.5 * (before - after) / bend if bend > 0.0 else 0.0
+    return float(LAGS[best] * (LAGS[1] / LAGS[0]) ** shift)
 
 
 def _integral(time: FoundArray, signal: FoundArray) -> FoundArray:
@@ -167,11 +186,18 @@ def _seen(time: FoundArray) -> NDArray[np.bool_]:
 
 
 def _columns(
-    sensor: Sensor, recording: Recording, integral: FoundArray, film: FoundArray | None, taxel: int, neighbours: bool
+    sensor: Sensor,
+    recording: Recording,
+    integral: FoundArray,
+    loop: FoundArray,
+    film: FoundArray | None,
+    taxel: int,
+    neighbours: bool,
 ) -> FoundArray:
     """Return the columns of one taxel's fit, shape [scans, columns]."""
     elapsed = recording.time - recording.time[0]
-    columns = [recording.force[:, taxel], -integral[:, taxel], elapsed, np.ones(len(elapsed))]
+    force = recording.force[:, taxel]
+    columns = [force, -integral[:, taxel], elapsed, np.ones(len(elapsed)), loop[:, taxel]]
     if film is not None:
         columns.append(film)
     if neighbours:
@@ -190,21 +216,41 @@ def _fit(
     """Fit every taxel to the scans that are not held out."""
     integral = _integral(recording.time, signal) if integral is None else integral
     seen = _seen(recording.time)
-    rows = np.zeros((signal.shape[1], 6))
+    loop = _loop(sensor, recording.force)
+    rows = np.zeros((signal.shape[1], 7))
     squares = 0.0
     for taxel in range(signal.shape[1]):
-        columns = _columns(sensor, recording, integral, film, taxel, neighbours)[seen]
+        columns = _columns(sensor, recording, integral, loop, film, taxel, neighbours)[seen]
         scale = np.maximum(np.abs(columns).max(axis=0), 1e-12)
         found = np.linalg.lstsq(columns / scale, signal[seen, taxel], rcond=None)[0] / scale
         error = columns @ found - signal[seen, taxel]
         squares += float(error @ error)
-        rows[taxel, :4] = found[:4]
+        rows[taxel, :5] = found[:5]
         if film is not None:
-            rows[taxel, 4] = found[4]
+            rows[taxel, 5] = found[5]
         if neighbours:
-            rows[taxel, 5] = found[-1]
-    gain, leak, drift, start, warmth, beside = np.ascontiguousarray(rows.T)
-    return _Fit(gain, leak, drift, start, warmth, beside, squares)
+            rows[taxel, 6] = found[-1]
+    gain, leak, drift, start, width, warmth, beside = np.ascontiguousarray(rows.T)
+    return _Fit(gain, leak, drift, start, warmth, beside, width, squares)
+
+
+def _loop(sensor: Sensor, force: FoundArray) -> FoundArray:
+    """Return by how much each force [N] is ahead of its play, shape [scans, taxels]."""
+    reach = PLAY * sensor.device.force_max
+    play = np.zeros(force.shape[1])
+    ahead = np.empty(force.shape)
+    for index, now in enumerate(force):
+        np.clip(play, now - reach, now + reach, out=play)
+        np.subtract(now, play, out=ahead[index])
+    return ahead
+
+
+def _line_gain(sensor: Sensor, recording: Recording, found: _Fit) -> FoundArray:
+    """Return the gain of the straight line through the film's loops, of each taxel [1]."""
+    force = recording.force
+    share = (_loop(sensor, force) * force).sum(axis=0) / (force * force).sum(axis=0)
+    gain: FoundArray = found.gain + found.loop * share
+    return gain
 
 
 def _beside(sensor: Sensor, taxel: int) -> list[int]:
@@ -236,13 +282,14 @@ def _residuals(
 ) -> Residuals:
     """Return how well the held-out scans are foretold, as forces."""
     integral = _integral(recording.time, signal)
+    loop = _loop(sensor, recording.force)
     held = ~_seen(recording.time)
     warmth = sensor.device.pyroelectric_coefficient / charge_per_newton(sensor)
     after, before = [], []
     for taxel in np.flatnonzero(~dead):
-        columns = _columns(sensor, recording, integral, film, int(taxel), neighbours=False)[held]
-        mine = [found.gain[taxel], found.leak[taxel], found.drift[taxel], found.start[taxel]]
-        told = [1.0, 1.0 / sensor.device.leak_time_constant, 0.0, 0.0]
+        columns = _columns(sensor, recording, integral, loop, film, int(taxel), neighbours=False)[held]
+        mine = [found.gain[taxel], found.leak[taxel], found.drift[taxel], found.start[taxel], found.loop[taxel]]
+        told = [1.0, 1.0 / sensor.device.leak_time_constant, 0.0, 0.0, 0.0]
         if film is not None:
             mine.append(found.warmth[taxel])
             told.append(warmth)

@@ -73,6 +73,10 @@ class LeakSteps:
         self._time_constant = time_constant
         self._known: dict[float, LeakStepArrays] = {}
 
+    def forget(self) -> None:
+        """Take note that the time constants were changed in place."""
+        self._known.clear()
+
     def at(self, step: float) -> LeakStepArrays:
         """Return the coefficients of a step [s], > 0; the arrays are not to be written to."""
         found = self._known.get(step)

@@ -8,7 +8,8 @@ a step h tells by how much the source of charge has changed (the inverse of the 
 with the offset o that is left of the amplifier's. F is the sum of the dF: it holds as long as the force does. Two
 errors add up in it: white noise s per scan to a random walk of variance s^2*(h/tau)^2 per scan, and an error e of the
 offset to a ramp -e*t/tau. Where nothing touches, F is its own error: a Kalman filter (zero_filter.py) learns offset and
-zero from its mean over blocks of scans there. Elsewhere what is known of both just fades.
+zero from its mean over blocks of scans there. Elsewhere what is known of both just fades. A wrong tau shows while a
+force is held, and when it is let go: leak_watch.py finds the right one.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 from posfet_model.calibration import Calibration
 from posfet_model.chain import LeakSteps, charge_per_newton, noise_of_a_scan
 from posfet_model.common_mode import CommonMode
+from posfet_model.leak_watch import LeakWatch
 from posfet_model.observer_settings import (
     ALIKE,
     DOUBT,
@@ -55,11 +57,18 @@ class ForceObserver:
         self._newton_per_charge = 1.0 / (charge_per_newton(sensor) * gain)
         self._newton_per_kelvin = device.pyroelectric_coefficient / charge_per_newton(sensor)
         self._per_kelvin = self._newton_per_kelvin * calibration.pyroelectric_gain / gain
-        self._tau = calibration.leak_time_constant
-        self._leak = LeakSteps(self._tau)
-        self._long_step = LONG_STEP * float(self._tau.min())
         noise = noise_of_a_scan(sensor)
         self._noise_variance = np.full(taxels, noise**2)
+        s, recorded = self._settings, calibration.residuals is not None
+        self._leaks = LeakWatch(
+            calibration.leak_time_constant,
+            self._noise_variance,
+            s.leak_shared_calibrated if recorded else s.leak_shared,
+            s.leak_own_calibrated if recorded else s.leak_own,
+        )
+        self._tau = self._leaks.time_constant
+        self._leak = LeakSteps(self._tau)
+        self._long_step = LONG_STEP * float(self._tau.min())
         self._prior = self._settings.first_deviation / sensor.volts_per_newton
         self._zeros = ZeroFilter(
             self._tau,
@@ -72,12 +81,8 @@ class ForceObserver:
         self._negative = sensor.contact.threshold
         self._runaway = RUNAWAY * device.force_max
         self._known_offset = (0.5 * sensor.contact.threshold * self._tau) ** 2
-        self.film = FilmTemperature(
-            device.thermal_time_constant
-            if calibration.thermal_time_constant is None
-            else calibration.thermal_time_constant
-        )
-
+        lag = calibration.thermal_time_constant
+        self.film = FilmTemperature(device.thermal_time_constant if lag is None else lag)
         self.common = CommonMode(self.film, self._newton_per_kelvin, sensor.contact.threshold)
 
         self.force = np.zeros(taxels)
@@ -96,9 +101,8 @@ class ForceObserver:
         self._restless = False
         self._recovering = 0.0
         self._uneven = 0.0
-        self._uneven_share = (
-            self._settings.uneven if calibration.residuals is None else self._settings.uneven_calibrated
-        )
+        self._uneven_share = s.uneven_calibrated if recorded else s.uneven
+        self._warmth = 0.0  # of the film since the start [K]
         self._make_state(taxels)
         self._start_block()
 
@@ -106,6 +110,7 @@ class ForceObserver:
         self._signal = np.zeros(taxels)
         self._change = np.zeros(taxels)
         self._scratch = np.zeros(taxels)
+        self._scale_variance = np.zeros(taxels)
         self._prior_deviation = np.full(taxels, self._prior)
         self._was_touched = np.zeros(taxels, np.bool_)
         self._agreed = np.zeros(taxels)
@@ -128,6 +133,18 @@ class ForceObserver:
         """Return in `out` the variance of `force` [N2] that each taxel has alone, the common one left out."""
         # Until the next correction the uneven part of a warming adds up, as it did in the last block.
         return np.add(self._zeros.variance, self._noise_variance + (2.0 * self._uneven) ** 2, out=out)
+
+    def force_variance(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return in `out` the same with what is not known of gain and leak: of a force, not of its zero.
+
+        As of the last block: a touch that began since does not count yet.
+        """
+        return np.add(self.variance(out), self._scale_variance, out=out)
+
+    @property
+    def shared_error(self) -> NDArray[np.float64]:
+        """By how much each force is wrong if the leak that all taxels share is by a standard deviation [N]."""
+        return self._leaks.shared_error
 
     @property
     def block_time(self) -> float:
@@ -164,6 +181,7 @@ class ForceObserver:
         self._started = False
         self.valid = False
         self._recovering = self._settings.resume
+        self._leaks.forget()
 
     def advance(self, charge: NDArray[np.float64], temperatures: NDArray[np.float32], step: float) -> None:
         """Take the charge densities [C/m2] of the scan that ends a step [s], and the chip's temperatures [degC]."""
@@ -182,7 +200,7 @@ class ForceObserver:
         self._signal, self._change = change, signal
         if warmed:
             scratch -= warmed * self._per_kelvin
-            self._warmed += abs(warmed)
+            self._warm(warmed)
         np.add(self.force, scratch, out=self.force)
         np.add(self._sum, self.force, out=self._sum)
         self._scans += 1
@@ -198,7 +216,7 @@ class ForceObserver:
             force = self.force[~self.ignored] if self.ignored.any() else self.force
             warmed = self.common.follow(force)
             self.force -= warmed * self._per_kelvin
-            self._warmed += abs(warmed)
+            self._warm(warmed)
 
     def tare(self) -> NDArray[np.float64]:
         """Make zero of what the last block read; return what was added to each force [N], 0 where it is ignored.
@@ -226,10 +244,7 @@ class ForceObserver:
         mean = self._sum / self._scans
         noise = self._noise_variance / self._scans
         self._grow()
-        begun = touched & ~self._was_touched & self.settled
-        if begun.any():
-            self.force[begun] += zeros.undo(begun)
-        self._was_touched[:] = touched
+        self._follow_touches(touched & self.settled, mean)
         # An error of the film's temperature is the same through the block: the mean does not make it smaller.
         expected = zeros.expect(self._elapsed, noise + self.common_variance)
         agrees = mean * mean <= s.gate * s.gate * expected
@@ -263,10 +278,40 @@ class ForceObserver:
         warmer = self.common.look(mean[~self.ignored], self._elapsed, bool(touched.any()))
         if warmer:
             self.force -= warmer * self._per_kelvin
+            self._warm(warmer)
             zeros.know_force(slice(None), self._noise_variance)
             self._uneven = 0.0
         zeros.keep(mean, noise)
         self._start_block()
+
+    def _follow_touches(self, touched: NDArray[np.bool_], mean: NDArray[np.float64]) -> None:
+        """Put touched taxels back to before what was taken for drift, and learn from touched ones how they leak."""
+        leaks, begun = self._leaks, touched & ~self._was_touched
+        if begun.any():
+            self.force[begun] += self._zeros.undo(begun)
+            leaks.begin(begun, self._leaked)
+        if touched.any():
+            leaks.take(self._elapsed, self._scans, mean, self._leaked, touched & self._was_touched)
+            change = leaks.learn(touched)
+            if change is not None:
+                self.force += change
+                self._leak.forget()
+            self._scale_variance = leaks.variance + (self._settings.gain * self.force) ** 2
+        elif self._was_touched.any():
+            leaks.rest()
+            self._scale_variance[:] = 0.0
+        self._was_touched[:] = touched
+
+    @property
+    def _leaked(self) -> NDArray[np.float64]:
+        """What leaked of each taxel's charge so far, as a force [N], but for a constant."""
+        leaked: NDArray[np.float64] = self.force - self.leaking + self._warmth * self._per_kelvin
+        return leaked
+
+    def _warm(self, change: float) -> None:
+        """Take note that the film is warmer by a change [K]."""
+        self._warmth += change
+        self._warmed += abs(change)
 
     def _first(self, charge: NDArray[np.float64]) -> None:
         """Begin with a scan that has none before it."""
@@ -345,6 +390,7 @@ class ForceObserver:
         self._prior_deviation[known] = self._prior
         least = np.full(np.count_nonzero(known), (KNOWN_BEFORE * self._negative) ** 2)
         self._zeros.begin(known, self._zeros.offset[known], least, noise[known], np.zeros(len(least)))
+        self._leaks.begin(where, self._leaked)
         self._agreed[where] = 0.0
         self._steady[where] = 0.0
         self._below_zero[where] = 0.0

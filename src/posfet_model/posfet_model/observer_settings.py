@@ -51,6 +51,16 @@ class ObserverSettings:
     """Standard deviation of the taxels' signals for temperature, without calibration [1]."""
     uneven_calibrated: float = 0.02
     """The same with calibration [1]."""
+    gain: float = 0.05
+    """Standard deviation of a taxel's gain, left after calibration [1]."""
+    leak_shared: float = 0.1
+    """Standard deviation by which the time constants of the leak all differ alike from what they are told to be [1]."""
+    leak_shared_calibrated: float = 0.07
+    """The same with calibration: what temperature and age make of it [1]."""
+    leak_own: float = 0.1
+    """The same by which each differs by itself, without calibration [1]."""
+    leak_own_calibrated: float = 0.02
+    """The same with calibration [1]."""
     gate: float = 5.0
     """Standard deviations within which a mean of a block agrees with what was expected [1]."""
     zero_slew: float = 0.25

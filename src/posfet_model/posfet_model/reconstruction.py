@@ -216,6 +216,7 @@ class Reconstructor:
         np.copyto(image.force, observer.force, casting="same_kind")
         if self._result.contacts:
             self._keep_non_negative(known)
+        self._variance = observer.force_variance(self._variance)
         np.sqrt(self._variance + common, out=image.standard_deviation, casting="same_kind")
         image.status[:] = watch.status
         if self._result.unusable:
@@ -227,7 +228,8 @@ class Reconstructor:
         count = int(np.count_nonzero(known))
         if count:
             image.total = float(observer.force.sum(where=known))
-            variance = float(self._variance.sum(where=known)) + count * count * common
+            shared = float(observer.shared_error.sum(where=known)) ** 2 + count * count * common
+            variance = float(self._variance.sum(where=known)) + shared
             image.total_standard_deviation = math.sqrt(variance)
         if self._result.saturated:
             image.status[self._saturated & ~watch.bad] = TaxelStatus.SATURATED
@@ -276,7 +278,7 @@ class Reconstructor:
         """Measure the regions in contact and continue the contacts."""
         observer = self._observer
         np.logical_or(self._touched, self._finder.touched, out=self._touched)
-        self._variance = observer.variance(self._variance)
+        self._variance = observer.force_variance(self._variance)
         saturated = self._saturated if self._result.saturated else None
         force, guessed = observer.force, None
         if self._any_guessed:
