@@ -185,7 +185,7 @@ class LeakWatch:
         moved = np.abs(force_rate - slope * charge_rate) * durations.sum()
         good &= (np.abs(slope) < FARTHEST) & (moved <= EVEN * window.mean(axis=0))
         if good.any():
-            self._note(taxels[good], slope[good], noise / square[good])
+            self._note(taxels[good], slope[good], (noise / square)[good])
 
     def _note(self, taxels: NDArray[np.intp], slope: Array, variance: Array) -> None:
         """Take note of the slopes b of some taxels, with the variance that their noise gives."""
