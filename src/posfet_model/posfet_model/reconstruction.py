@@ -278,7 +278,7 @@ class Reconstructor:
         """Measure the regions in contact and continue the contacts."""
         observer = self._observer
         np.logical_or(self._touched, self._finder.touched, out=self._touched)
-        self._variance = observer.force_variance(self._variance)
+        self._variance = observer.variance(self._variance)
         saturated = self._saturated if self._result.saturated else None
         force, guessed = observer.force, None
         if self._any_guessed:
