@@ -5,7 +5,7 @@
 #   make check              ruff and mypy
 #   make soak               the driver under a fault every few seconds, half an hour of it     FOR=60
 #   make bench              measure the speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
-#   make stability          every follower for 1e8 steps, 40 minutes of it     STEPS=1e6
+#   make stability          every follower for 1e8 steps, half an hour of it     STEPS=1e6
 #   make figures            the figures of docs/
 #   make clean              removes what was built; make distclean the .venv as well
 

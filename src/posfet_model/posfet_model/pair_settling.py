@@ -155,10 +155,12 @@ class _Ahead:
 
     linear: float
     square: Float64Array
+    absent: bool
+    """No lead at all: what it would add is not computed."""
 
     def of(self, part: NDArray[np.bool_]) -> _Ahead:
         """Return those of some elements."""
-        return _Ahead(self.linear, self.square[part])
+        return _Ahead(self.linear, self.square[part], self.absent)
 
     def time(self, logarithm: Float64Array, current: Float64Array, rho: Float64Array) -> Float64Array:
         """Return the time that the lead takes, from ln|slope - f| and f up to constants."""
@@ -176,6 +178,8 @@ class _Ahead:
 
     def stretch(self, angle: Float64Array) -> Float64Array:
         """Return dy/dx at x = 2*sin(angle)."""
+        if self.absent:
+            return np.ones(())
         return stretch(self.linear, self.square, np.sin(2 * angle), np.cos(2 * angle) / np.cos(angle))
 
 
@@ -194,7 +198,7 @@ def _settle_curved(x: Float64Array, slope: Float64Array, duration: Float64Array,
     x, rho = x * sign, np.abs(slope)
     x, left = _leave_lower_saturation(x, rho, duration)
     x, left = _leave_upper_saturation(x, rho, left)
-    ahead = _Ahead(lead.linear, lead.square * sign)
+    ahead = _Ahead(lead.linear, lead.square * sign, lead.absent)
     for part, inner in ((left > 0) & (rho < 1), _approach_rest), ((left > 0) & (rho >= 1), _run_away):
         if part.any():
             x[part] = inner(x[part], rho[part], left[part], ahead.of(part))
@@ -259,6 +263,8 @@ class _Way:
     def time(self, angle: Float64Array) -> Float64Array:
         """Return the time, from an arbitrary origin, at which x is at `angle` from rest."""
         time = _time_at(angle, self.a, self.b)
+        if self.ahead.absent:
+            return time
         logarithm = np.log(2 * self.speed(angle) * np.abs(np.sin(angle)))
         return time + self.ahead.time(logarithm, np.sin(2 * (self.rest + angle)), self.rho)
 
@@ -302,6 +308,8 @@ def _run_away(x: Float64Array, rho: Float64Array, duration: Float64Array, ahead:
     def time_to(p: Float64Array, q: Float64Array) -> Float64Array:
         in_q = np.minimum(b * (q - q_start) / (b * b - q * q_start), 1 - 1e-16)
         time = np.arctan2(c * (p - p_start), c * c + p * p_start) / c + np.arctanh(in_q) / b
+        if ahead.absent:
+            return np.asarray(time)
         change = (p - p_start) * (p + p_start)  # of slope - f, which is c^2 + p^2
         return np.asarray(time + ahead.time_between(1 - p_start * p_start, c * c + p_start * p_start, change))
 

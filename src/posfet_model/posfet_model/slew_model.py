@@ -6,8 +6,9 @@ bandwidth is off that, and the sign tells what comes next in the open-loop respo
 - lower, by up to 1/sqrt(2): a zero in the left half-plane, as a resistor in series with Cc makes. With the zero at k
   times the time constant the follower's bandwidth falls by ``sqrt(1 + 2*k - k^2)``, from which k. The op-amp is taken
   for the two-stage one of Table II (`amplifier`).
-- higher, by up to sqrt(2): a second pole; it adds nothing to the lag of slow signals. The op-amp is taken for the
-  one-stage one with an output follower (`one_stage`).
+- higher, by up to sqrt(2), and a tenth for an uncertain gain-bandwidth product: a second pole; it adds nothing to the
+  lag of slow signals. The op-amp is taken for the one-stage one with an output follower (`one_stage`).
+- the same to 1 %: neither is seen. The op-amp is taken for the two-stage one, its zero cancelled.
 - beyond: the gain-bandwidth product must be another one, and the bandwidth alone is believed.
 
 Slewing is not seen in small signals at all. Overdrive and bend are those of the hand formulas, with the sizes of
@@ -31,8 +32,11 @@ OVERDRIVE: Final = 0.39
 """Overdrive of the differential pair [V] where nothing is known of the op-amp, assumed: between those of the two-stage
 op-amp, 0.47 V, and of the one-stage one, 0.32 V."""
 
-FURTHEST: Final = math.sqrt(2)
-"""Largest ratio of bandwidths, either way, that a zero or a second pole explains."""
+EXPLAINED: Final = (1 / math.sqrt(2), 1.1 * math.sqrt(2))
+"""Ratios of bandwidths that a zero or a second pole explains."""
+
+SEEN: Final = 1.01
+"""Ratio of bandwidths from which on a second pole is seen."""
 
 
 @dataclass(frozen=True)
@@ -80,11 +84,11 @@ def slew_model(loop: ClosedLoop, gain_bandwidth: float = GAIN_BANDWIDTH.value) -
     product = real_number("gain_bandwidth", gain_bandwidth, 1e-12, 1e14)
     one_pole = ClosedLoop(gain=loop.gain, bandwidth=close_loop(AMPLIFIER_GAIN.value, product).bandwidth)
     ratio = loop.bandwidth / one_pole.bandwidth
-    if not 1 / FURTHEST < ratio <= FURTHEST:
+    if not EXPLAINED[0] < ratio <= EXPLAINED[1]:
         return SlewModel("one pole", loop, OVERDRIVE)
-    if ratio >= 1:
+    if ratio > SEEN:
         return SlewModel("one stage and an output follower", one_pole, one_stage_figures().slew_overdrive)
     figures = figures_of_merit()
-    zero = 1 - math.sqrt(2 - 1 / ratio**2)
+    zero = max(0.0, 1 - math.sqrt(2 - 1 / ratio**2))
     lead = Lead(linear=zero, square=figures.bend / figures.slew_overdrive)
     return SlewModel("two stages", one_pole, figures.slew_overdrive, lead)
