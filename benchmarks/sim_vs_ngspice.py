@@ -3,7 +3,7 @@
 ngspice gets one netlist with an op-amp of circuit B for each taxel, all fed with sines of different amplitude. The cost
 of a step is ngspice's own account of its transient analysis over its time points, so that reading the netlist and
 finding the operating point do not count, times the share of the processor that the process had: the account is by the
-clock. The model takes the same steps: one after the other as in real time, and as a whole series; the best of fifteen, in
+clock. The model takes the same steps: one after the other as in real time, and as a whole series; the best of 15, in
 processor time. So other programs on the machine count little. Prints one line an array, with the largest error of the
 last taxel against ngspice in percent of full scale, over the time that was run. Needs ngspice; about half a minute.
 """
