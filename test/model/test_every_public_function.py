@@ -156,6 +156,8 @@ GOOD: dict[str, dict[str, Any]] = {
     },
     "paper.channel_gain_factor": {"plane": transistor.Plane.GATE},
     "slew_model.slew_model": {"loop": follower.ClosedLoop(0.99, 1.4e6), "gain_bandwidth": 1.5e6},
+    "slew_model.two_stage_model": {"bias": amplifier.AmplifierBias()},
+    "slew_model.one_stage_model": {"bias": amplifier.AmplifierBias()},
     "slew_model.SlewModel.follower": {"overdrive": 0.4},
     "spice.netlist": {"circuit": "opamp_b"},
     "spice.piecewise_linear": {"time": [0.0, 1.0], "volts": [0.0, 1.0]},
