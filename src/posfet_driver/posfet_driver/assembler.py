@@ -70,6 +70,8 @@ class Assembler:
         """Its time on the board's clock [us], wraps undone."""
         self.status = 0
         """Its status, from the block that came last."""
+        self.misled = False
+        """Whether the counter of classic scans stood still since somebody cleared this."""
         self._wire = codec.wire
         length = codec.block_length
         self._places = [slice(block * length, (block + 1) * length) for block in range(codec.blocks)]
@@ -108,7 +110,7 @@ class Assembler:
             return False
         self._give_up()
         self.sequence = next_scan - 1
-        self._clock_synced = False
+        self._clock_synced = self.misled = False
         self._synced = True
         return reset
 
@@ -121,7 +123,12 @@ class Assembler:
         ahead = nearest(self.sequence, newest, wrap) - self.sequence
         if self.codec.fd or -CLASSIC_LATE <= ahead < CLASSIC_WRAP - CLASSIC_LATE:
             return
+        self.jump(ahead)
+
+    def jump(self, ahead: int) -> None:
+        """Go on `ahead` of the newest scan; those between are lost."""
         self._give_up()
+        self._seen = 0
         if self._synced:
             self._lose(ahead)
         self._synced = True
@@ -134,11 +141,8 @@ class Assembler:
             self.losses.malformed += 1
             return False
         clock, counter, block, status = header
-        if counter != self.sequence & self.codec.counter_mask or clock != self._clock:
-            if not self._begin(counter, clock):
-                return False
-        elif self._given_up:
-            self.losses.late += 1
+        same = counter == self.sequence & self.codec.counter_mask and clock == self._clock
+        if not same and not self._begin(counter, clock):
             return False
         bit, place = 1 << block, self._places[block]
         if self._seen & bit:
@@ -146,6 +150,13 @@ class Assembler:
                 self.losses.repeated += 1
             else:
                 self.losses.stuck += 1
+                self.misled = True
+                self._give_up()
+            return False
+        if self._given_up:
+            self.losses.late += 1
+            self._seen |= bit
+            self._wire[place] = data
             return False
         if self._seen > bit:
             self.losses.reordered += 1

@@ -21,6 +21,8 @@ from posfet_driver.messages import (
 
 CERTAIN: Final = float(CLASSIC_WRAP - CLASSIC_LATE - 1)
 """Scans that may be missing while the counter still tells which."""
+MISLED: Final = 2 * CERTAIN + 1
+"""Scans that have to be counted right until a counter that stood still is believed: it cannot by chance."""
 ASK_EARLY: Final = CERTAIN / 2
 """Scans that may be missing from which the board is asked, while frames still pass: clocks differ."""
 ASK_PERIOD: Final = 1_000_000_000
@@ -45,6 +47,8 @@ class Numbering:
     Its answer comes in its place among the scans, as a status with the number of the newest scan does: when the scans
     counted up to there are as many as it tells, those held are certain, else they are dropped, and counted as lost.
 
+    While a counter stands still (`Assembler.misled`) nothing is handed on, until it has been seen to count.
+
     A receiver that only listens (no question was ever noted) has no such bound: it takes the frames that came soonest
     for undelayed ones, and after a silence guesses until a status comes.
     """
@@ -63,6 +67,9 @@ class Numbering:
         self._period = 1.0
         self._held: list[Frame] = []
         self._number = 0  # of the newest scan, held ones included
+        self._before = b""  # the newest first block of a scan
+        self._doubted = False  # the counter was wrong, and has not been seen to count since
+        self._right_from = 0  # number from which a counter that stood still was right
         self._flowing = False  # a scan began in the batch before
         self._since = 0  # when the first frame was held
         self._tag: int | None = None  # of a question that is not answered
@@ -80,6 +87,8 @@ class Numbering:
         since = self._arrival - self._sent
         if self._tag is not None and since < ANSWER_TIME:
             return False
+        if self._assembler.misled:
+            return self._known and self._bound - self._right_from > MISLED
         missing = self._bound - self._assembler.sequence
         return self.holding or (self._flowing and self._known and missing > ASK_EARLY and since > ASK_PERIOD)
 
@@ -108,11 +117,12 @@ class Numbering:
             self._known = False
         elif self._sent is None:
             self._listen_only()
-        if not self._held:
+        if not self._held and not self._assembler.misled:
             self._flowing = self._number != self._assembler.sequence
-            self._number = self._assembler.sequence
+            self._number = self._right_from = self._assembler.sequence
             if self._tag is None and (not listening or self._is_certain()):
                 return frames
+            self._before = self._before if self._doubted else b""
         settled = self._judge(frames, listening)
         if self._is_certain() or not (listening or self._known):
             settled += self._release(True)
@@ -123,7 +133,8 @@ class Numbering:
         return settled
 
     def _is_certain(self) -> bool:
-        return self._known and 0.0 <= self._bound - self._number < CERTAIN
+        trusted = self._known and not self._doubted and not self._assembler.misled
+        return trusted and 0.0 <= self._bound - self._number < CERTAIN
 
     def _listen_only(self) -> None:
         """Take the bound from the scans themselves."""
@@ -139,6 +150,10 @@ class Numbering:
             if self._first <= identifier <= self._last and kind == CLASSIC and len(data) == CLASSIC_LENGTH:
                 ahead = (data[0] - self._number) & CLASSIC_COUNTER
                 self._number += ahead if ahead <= CERTAIN else 0  # else it is late
+                if identifier == self._first:
+                    self._compare(data)
+                if self._assembler.misled:
+                    continue
                 if not self._held:
                     self._since = self._arrival
                 self._held.append(frame)
@@ -146,10 +161,36 @@ class Numbering:
             newest = self._told(frame) if kind == CLASSIC else None
             if newest is not None:
                 right = -CLASSIC_LATE <= newest - self._number <= CERTAIN
+                close = abs(newest - self._number) <= CLASSIC_LATE
                 settled += self._release(right and listening)
+                self._doubted = self._doubted or (listening and not close)
+                if self._assembler.misled:
+                    self._watch(newest, close)
                 self._number = self._number if right else newest
             settled.append(frame)
         return settled
+
+    def _compare(self, block: bytes) -> None:
+        """See whether the counter stands still, by the first blocks of two scans."""
+        before, self._before = self._before, block
+        if not before or block == before:
+            return
+        if (block[0] ^ before[0]) & CLASSIC_COUNTER:
+            self._doubted = False
+        else:
+            self._assembler.losses.stuck += 1
+            self._assembler.misled = True
+            self._release(False)
+
+    def _watch(self, newest: int, right: bool) -> None:
+        """See whether a counter that stood still counts again, by a number that the board tells."""
+        ahead = newest - self._assembler.sequence
+        if ahead >= -CLASSIC_WRAP:  # else the board was reset
+            self._assembler.jump(ahead)
+        if not right:
+            self._right_from = self._number = newest
+        elif newest - self._right_from >= MISLED:
+            self._assembler.misled = False
 
     def _release(self, certain: bool) -> list[Frame]:
         held, self._held = self._held, []

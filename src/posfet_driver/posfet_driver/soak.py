@@ -48,8 +48,6 @@ RECOVERY: Final = 10.0
 """Time after a fault in which data has to flow again [s]."""
 PROMPT: Final = 0.5
 """Time within which data is meant to flow again [s]; how often it did is told."""
-RENUMBERING: Final = 0.3
-"""Time after a stuck counter, which numbers scans wrongly itself, in which they are right again [s]."""
 WARM_UP: Final = 10.0
 """Time after which memory, threads and descriptors are first looked at [s]."""
 GROWTH_LIMIT: Final = 4 << 20
@@ -136,7 +134,6 @@ class Soak:
         self._clock = SystemClock()
         self._injector = FaultInjector(self._firmware, self._sensor.can.base_id, self._clock.monotonic(), seed)
         self._name = 0
-        self._renumbered = 0.0
         self._adapter = self._plug_in()
         opener = BusOpener(bus_settings("slcan", str(folder / "can*"), self._sensor.can))
         self._board = Board(self._sensor, opener, presence=opener.presence)
@@ -212,10 +209,6 @@ class Soak:
                 self._check(scan)
 
     def _check(self, scan: Scan) -> None:
-        if self._injector.trouble == Trouble.STUCK:  # the board itself numbers its scans wrongly
-            self._renumbered = time.monotonic() + RENUMBERING
-        if time.monotonic() < self._renumbered:
-            return
         self.verdict.wrong += not np.array_equal(scan.counts, marked(scan.sequence, len(scan.counts)))
 
     def _line(self) -> str:
