@@ -6,13 +6,14 @@
 #   make soak               the driver under a fault every few seconds, half an hour of it     FOR=60
 #   make bench              measure the speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
 #   make stability          every follower for 1e8 steps, half an hour of it     STEPS=1e6
+#   make accuracy           how near forces come to the truth; writes docs/accuracy.md    FULL=1
 #   make figures            the figures of docs/
 #   make clean              removes what was built; make distclean the .venv as well
 
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c
 .DEFAULT_GOAL := bringup
-.PHONY: bringup test check soak bench stability figures setup build clean distclean
+.PHONY: bringup test check soak bench accuracy stability figures setup build clean distclean
 
 IN_ENVIRONMENT := source tools/environment.sh;
 SOURCES := $(shell find src launch -type f -not -name '*.pyc' -not -path '*.egg-info*')
@@ -63,6 +64,9 @@ endif
 
 stability: $(BUILT)
 	@$(IN_ENVIRONMENT) cd test && exec python3 -m model.drift $(if $(STEPS),--steps $(STEPS)) $(ARGS)
+
+accuracy: $(BUILT)
+	@$(IN_ENVIRONMENT) exec python3 -m benchmarks.accuracy $(if $(FULL),--full) $(ARGS)
 
 figures: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet_model.figures $(ARGS)
