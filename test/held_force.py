@@ -83,7 +83,7 @@ class Held:
     error: float
     """Of the observer, in means over 0.1 s: root mean square [N]."""
     optimal: float
-    """Of the optimal estimator, in means over 20 ms [N]."""
+    """Of the optimal estimator, in the same means [N]."""
     deviation: float
     """What the observer reports [N]."""
     inside: float
@@ -110,8 +110,9 @@ def hold(
     leak = sensor.device.leak_time_constant
     optimal = Optimal(taxels, white, (flicker / sensor.volts_per_newton) ** 2, leak)
     observer, touched = ForceObserver(sensor, KNOWN_LEAK), np.zeros(taxels, np.bool_)
-    optimal_force = mean = np.zeros(taxels)
+    mean = np.zeros(taxels)
     recent: list[NDArray[np.float64]] = []
+    best: list[NDArray[np.float64]] = []
     for index, (true, signal) in enumerate(_signals(sensor, seed, start, force, flicker)):
         _observe(observer, signal * charge_per_newton(sensor), touched, sensor.contact.threshold)
         mean = mean + signal / BLOCK
@@ -119,7 +120,7 @@ def hold(
             if index < start:
                 optimal.rest(mean)
             else:
-                optimal_force = optimal.hold(mean)
+                best = [*best[-4:], optimal.hold(mean)]
             mean = np.zeros(taxels)
         recent = [*recent[-99:], observer.force.copy()]
         held = (index + 1 - start) / RATE
@@ -130,7 +131,7 @@ def hold(
                 time=held,
                 force=true,
                 error=float(np.sqrt(np.mean(error**2))),
-                optimal=float(np.sqrt(np.mean((optimal_force - true) ** 2))),
+                optimal=float(np.sqrt(np.mean((np.mean(best, axis=0) - true) ** 2))),
                 deviation=float(np.mean(deviation)),
                 inside=float(np.mean(np.abs(observer.force - true) <= 2 * deviation)),
             )

@@ -39,7 +39,7 @@ MISFIT: Final = 2.0
 ROUGH: Final = 2e-3
 """What a fit may leave besides, as a share of what the charge moved [1]."""
 
-EVEN: Final = 0.05
+EVEN: Final = 0.015
 """A force that moved by more than this share of it in a window, evenly, may have moved otherwise, too [1]."""
 
 TELLING: Final = 0.03
