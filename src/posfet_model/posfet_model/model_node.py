@@ -170,6 +170,7 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
             if now >= self._next_markers and self._listeners[self._markers].any(now):
                 self._next_markers = now + MARKER_PERIOD
                 self._markers.publish(self._markers_message.fill(result))
+            self._reconstructor.tidy()
 
     def latest(self) -> Snapshot | None:
         """Return a copy of the newest reconstruction, None before the first scan. For any thread."""

@@ -152,6 +152,7 @@ class Reconstructor:
 
     def process(self, scan: Scan) -> Reconstruction:
         """Take one scan; the result is overwritten by the next call."""
+        self.tidy()
         result = self._result
         clock, observer = self._clock, self._observer
         result.unusable = not (clock.fits(scan) and self._plausible(scan))
@@ -183,15 +184,22 @@ class Reconstructor:
             result.motions = self._fast.follow(result.contacts, observer.force, clock.step)
         elif result.contacts:
             result.contacts = ()
-        if observer.block_due:
-            self._close_block()
         result.stamp = scan.stamp
         result.sequence = scan.sequence
         result.valid = observer.valid and not clock.suspect
         return result
 
+    def tidy(self) -> None:
+        """Do what can wait until the results of a scan are out; the next call of `process` does it otherwise.
+
+        Every 20 ms zeros are corrected and taxels judged, which takes several times as long as a scan.
+        """
+        if self._observer.block_due:
+            self._close_block()
+
     def tare(self) -> Tare:
         """Make zero of what is read while nothing touches; refused under load, and while zeros are still looked for."""
+        self.tidy()
         result = self._result
         live = [contact for contact in result.contacts if contact.state is not ContactState.RELEASED]
         none = np.zeros(0)

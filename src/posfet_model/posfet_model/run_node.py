@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import gc
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from types import FrameType
 
 import rclpy
@@ -24,6 +26,10 @@ except ImportError:  # rclpy before Jazzy's
     from rclpy.executors import SingleThreadedExecutor as NodeExecutor
 
 NODE_ERROR = 1
+
+PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+"""Environment variable with the settings of the middleware, Fast DDS; what a user has set stays."""
+MIDDLEWARE = Path(__file__).with_name("middleware.xml")
 
 POLL = 0.1
 """Longest time that an end asked for by a signal or by `until` waits for its turn [s]."""
@@ -78,6 +84,7 @@ def ros(arguments: Sequence[str] | None = None) -> Iterator[ExitStack]:
     Yields a stack for what has to be undone before rclpy shuts down, first of all `destroy_node`. Raises ConfigError
     for a ROS command line or parameter file that cannot be read.
     """
+    os.environ.setdefault(PROFILES, str(MIDDLEWARE))
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except rclpy_implementation.RCLError as error:
