@@ -8,8 +8,9 @@ import pytest
 from model.spice_data import small_signal, transient
 from model.sweep import NOT_REAL_NUMBERS, ErrorMap, assert_refused, reference, refusals
 
-from posfet_model.amplifier import AmplifierBias, figures_of_merit, mismatch_offset
+from posfet_model.amplifier import AmplifierBias, AmplifierDesign, figures_of_merit, mismatch_offset
 from posfet_model.one_stage import CIRCUIT_C, one_stage_figures
+from posfet_model.paper import AMPLIFIER_SIZES as SIZES
 from posfet_model.spice import closed_loop
 
 EPS = np.finfo(np.float64).eps
@@ -134,6 +135,30 @@ def test_a_supply_too_low_is_refused() -> None:
 @pytest.mark.parametrize("value", [-1.0, *NOT_REAL_NUMBERS])
 def test_bad_bias_is_named(argument: str, value) -> None:
     assert_refused(AmplifierBias, {argument: value}, argument)
+
+
+def test_a_pair_four_times_as_wide_has_half_the_overdrive() -> None:
+    ideal = AmplifierBias(modulation=1e-6)
+    wide = AmplifierDesign(
+        tuple(dataclasses.replace(size, width=4 * size.width) if size.name in {"M1", "M2"} else size for size in SIZES)
+    )
+    at_half, usual = figures_of_merit(ideal, wide), figures_of_merit(ideal)
+    assert at_half.overdrive / usual.overdrive == pytest.approx(0.5, abs=1e-5)
+    assert at_half.input_transconductance / usual.input_transconductance == pytest.approx(2, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    "sizes",
+    [
+        (),
+        SIZES[:-1],
+        (*SIZES, SIZES[0]),
+        (dataclasses.replace(SIZES[0], width=1e-3), *SIZES[1:]),
+        tuple(dataclasses.replace(s, width=2 * s.width, length=2 * s.length) if s.name == "M4" else s for s in SIZES),
+    ],
+)
+def test_sizes_that_make_no_amplifier_are_named(sizes) -> None:
+    assert_refused(AmplifierDesign, {"sizes": sizes}, "sizes")
 
 
 MISMATCH = {"figures": FIGURES, "pair_threshold": 0.0, "load_threshold": 0.0, "pair_size": 0.0, "load_size": 0.0}

@@ -2,6 +2,9 @@
 
 import doctest
 import importlib
+import inspect
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -31,3 +34,24 @@ def test_examples_of_a_module(name: str) -> None:
 @pytest.mark.parametrize("path", sorted(DOCUMENTS.glob("*.md")), ids=lambda path: path.name)
 def test_examples_of_a_document(path: Path) -> None:
     assert doctest.testfile(str(path), module_relative=False, encoding="utf-8").failed == 0
+
+
+def test_every_function_of_the_device_is_in_the_overview() -> None:
+    overview = (DOCUMENTS / "device.md").read_text(encoding="utf-8")
+    for name in posfet_model.__all__:
+        module = getattr(posfet_model, name)
+        if name == "as_printed":
+            continue  # named as a whole
+        for member, value in vars(module).items():
+            if inspect.isfunction(value) and value.__module__ == module.__name__ and not member.startswith("_"):
+                assert f"`{name}.{member}`" in overview, f"{name}.{member}"
+
+
+def test_the_package_loads_nothing_until_asked_and_knows_its_modules() -> None:
+    program = (
+        "import sys, posfet_model; assert 'numpy' not in sys.modules; "
+        "assert posfet_model.film.Film.__name__ == 'Film'; assert set(posfet_model.__all__) <= set(dir(posfet_model))"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True, cwd=PACKAGE.parent)
+    with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+        _ = posfet_model.nothing

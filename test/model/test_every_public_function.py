@@ -19,12 +19,24 @@ from posfet_model.differential_pair import Lead
 from posfet_model.follower_base import FollowerLimits
 from posfet_model.mechanics import Layer
 from posfet_model.spice import SmallSignal
+from posfet_model.taxel import Taxel
 
 MODULES = [
     importlib.import_module(f"posfet_model.{name}")
     for name in (
         *("adc", "amplifier", "as_printed", "charge", "differential_pair", "film", "follower", "follower_base"),
-        *("mechanics", "noise", "one_stage", "op_amp", "pair_settling", "paper", "slew_model", "spice", "threshold"),
+        *(
+            "mechanics",
+            "noise",
+            "one_stage",
+            "op_amp",
+            "pair_settling",
+            "paper",
+            "slew_model",
+            "spice",
+            "taxel",
+            "threshold",
+        ),
         "transistor",
     )
 ]
@@ -48,7 +60,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "adc.lsb": CONVERTER,
     "adc.volts_to_counts": {"volts": 0.0, **CONVERTER},
     "adc.counts_to_volts": {"counts": 7, **CONVERTER},
-    "amplifier.figures_of_merit": {"bias": amplifier.AmplifierBias()},
+    "amplifier.figures_of_merit": {"bias": amplifier.CIRCUIT_B, "design": amplifier.TABLE_II},
     "amplifier.mismatch_offset": {
         "figures": amplifier.figures_of_merit(),
         **dict.fromkeys(("pair_threshold", "load_threshold", "pair_size", "load_size"), 0.0),
@@ -116,7 +128,13 @@ GOOD: dict[str, dict[str, Any]] = {
     "follower_base.Follower.output": {"state": ONE_POLE.start(0.0)},
     "follower_base.Follower.run": {"time": [0.0, 1.0], "v_in": [0.0, 1.0]},
     "follower_base.Follower.response": {"frequency": 1.0},
-    "follower_base.FollowerLimits": {"v_low": -5.0, "v_high": 5.0, "slew_rate": 1e6, "frequency": 1e6},
+    "follower_base.FollowerLimits": {
+        "v_low": -5.0,
+        "v_high": 5.0,
+        "slew_rate": 1e6,
+        "falling_slew_rate": 1e6,
+        "frequency": 1e6,
+    },
     "mechanics.Layer": {"thickness": 2e-5, "young_modulus": 169e9, "poisson_ratio": 0.3},
     "mechanics.mask_opening": {"membrane_width": 1e-2, "etch_depth": 4e-4},
     "mechanics.circular_deflection": {**PLATE, "radius": 5e-3},
@@ -143,7 +161,7 @@ GOOD: dict[str, dict[str, Any]] = {
         "gain": 1.0,
         **BAND,
     },
-    "one_stage.one_stage_figures": {"bias": amplifier.AmplifierBias()},
+    "one_stage.one_stage_figures": {"bias": amplifier.CIRCUIT_B, "design": amplifier.TABLE_II},
     "op_amp.AmplifierBias": {
         "reference_current": 2e-4,
         "supply": 5.0,
@@ -154,10 +172,17 @@ GOOD: dict[str, dict[str, Any]] = {
         "modulation": 0.1,
         "threshold": 0.7,
     },
+    "op_amp.AmplifierDesign": {
+        "sizes": paper.AMPLIFIER_SIZES,
+        "stack": paper.STACK,
+        "electron_mobility": 0.085,
+        "hole_mobility": 0.0283,
+    },
+    "paper.TransistorSize": {"name": "M1", "width": 3e-3, "length": 12e-6},
     "paper.channel_gain_factor": {"plane": transistor.Plane.GATE},
     "slew_model.slew_model": {"loop": follower.ClosedLoop(0.99, 1.4e6), "gain_bandwidth": 1.5e6},
-    "slew_model.two_stage_model": {"bias": amplifier.AmplifierBias()},
-    "slew_model.one_stage_model": {"bias": amplifier.AmplifierBias()},
+    "slew_model.two_stage_model": {"bias": amplifier.CIRCUIT_B, "design": amplifier.TABLE_II},
+    "slew_model.one_stage_model": {"bias": amplifier.CIRCUIT_B, "design": amplifier.TABLE_II},
     "slew_model.SlewModel.follower": {"overdrive": 0.4},
     "spice.netlist": {"circuit": "opamp_b"},
     "spice.piecewise_linear": {"time": [0.0, 1.0], "volts": [0.0, 1.0]},
@@ -166,6 +191,22 @@ GOOD: dict[str, dict[str, Any]] = {
     "spice.run_open_loop_ac": {"circuit": "", "lowest": 1.0, "highest": 1e8, "per_decade": 50},
     "spice.closed_loop": {"response": SmallSignal(np.array([1.0, 2.0]), np.array([1 + 0j, 0.1]))},
     "spice.read_raw": {"content": b"", "complex_values": False},
+    "taxel.Taxel": {
+        "area": 1e-6,
+        "film_thickness": 2.5e-6,
+        "film_permittivity": 12.0,
+        "piezoelectric_coefficient": -38e-12,
+        "pyroelectric_coefficient": -4e-5,
+        "bias_resistance": 1e10,
+    },
+    "taxel.Taxel.noise_budget": {
+        "thermal_density": 1e-16,
+        "flicker_coefficient": 1e-10,
+        "lsb": 1e-3,
+        **BAND,
+        "gain": 1.0,
+        "temperature": 300.0,
+    },
     "threshold.fit_saturation_curve": CURVE,
     "threshold.fit_linear_curve": {**CURVE, "drain_voltage": 0.05},
     "transistor.Stack": {"oxide": 7.7e-4, "film": 4.2e-5},
@@ -201,6 +242,7 @@ SELVES = {
     "NoiseBudget": None,
     "SlewModel": None,
     "Stack": paper.STACK,
+    "Taxel": Taxel(),
 }
 
 

@@ -1,6 +1,7 @@
 """ngspice against the models: stored runs everywhere, live runs where ngspice is on PATH."""
 
 import math
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -11,8 +12,8 @@ import pytest
 from model.spice_data import small_signal, transient
 from model.sweep import NOT_REAL_NUMBERS, assert_refused
 
-from posfet_model import spice, spice_reference
-from posfet_model.amplifier import AmplifierBias, figures_of_merit
+from posfet_model import paper, spice, spice_reference
+from posfet_model.amplifier import AmplifierBias, AmplifierDesign, figures_of_merit
 from posfet_model.follower import Follower
 from posfet_model.follower_run import (
     FollowerRun,
@@ -22,8 +23,10 @@ from posfet_model.follower_run import (
     fit_overdrive,
     slews,
 )
-from posfet_model.one_stage import CIRCUIT_C
+from posfet_model.one_stage import CIRCUIT_C, one_stage_figures
+from posfet_model.op_amp import OpAmpFigures
 from posfet_model.slew_model import one_stage_model, slew_model, two_stage_model
+from posfet_model.transistor import Stack
 
 needs_ngspice = pytest.mark.skipif(shutil.which("ngspice") is None, reason="ngspice is not on PATH")
 
@@ -154,14 +157,55 @@ def test_hand_formulas_alone_predict_a_step_at_any_bias(circuit: str, bias: dict
     assert found <= (0.7 if two_stages else 1.1)
 
 
+@pytest.mark.spice
+@needs_ngspice
+@pytest.mark.parametrize("circuit", spice.CIRCUITS)
+def test_hand_formulas_alone_predict_a_step_of_another_design(circuit: str) -> None:
+    """A film twice as thick, a pair half as wide, half the load and, in B, half its second stage: 1.1 % rms again."""
+    halved = {"M1", "M2", "M3", "M4", *(("M7",) if circuit == "opamp_b" else ())}
+    sizes = tuple(
+        replace(size, width=size.width / 2) if size.name in halved else size for size in paper.AMPLIFIER_SIZES
+    )
+    text = spice.netlist(circuit).replace("tox=857.5n", "tox=1670n")  # as much oxide as the new stack
+    for name in halved:
+        text, found = re.subn(rf"(?m)^({name.lower()} .* w=)(\d+)u", lambda m: f"{m[1]}{int(m[2]) / 2:g}u", text)
+        assert found == 1
+    thick = AmplifierDesign(sizes, Stack(paper.STACK.oxide, paper.STACK.film / 2))
+    model = two_stage_model(design=thick) if circuit == "opamp_b" else one_stage_model(design=thick)
+    what = spice_reference.stimuli()["step"]
+    seen = spice.run_follower(text, what.source, what.stop, what.largest_step)
+    rms = deviation(FollowerRun(seen.time, seen.v_in, seen.v_out), model.follower()).rms_pct
+    print(f"{circuit}: {rms:.2f} % rms")
+    assert rms <= 1.1
+
+
 def test_the_fall_that_the_model_does_not_follow_is_flagged() -> None:
-    figures = figures_of_merit()
-    model = slew_model(spice.closed_loop(small_signal("opamp_b", "ac")))
-    follower = replace(model.follower(), limits=figures.limits)
+    follower = two_stage_model().follower()
     time = np.linspace(0, 1e-6, 1001)
-    rise, fall = (follower.run(time, np.where(time > 0, volts, 0.0)) for volts in (0.2, -1.0))
+    rise, fall, small_fall = (follower.run(time, np.where(time > 0, volts, 0.0)) for volts in (1.0, -1.0, -0.2))
+    assert rise.valid.all()
     assert not fall.valid.all()
-    assert rise.valid[-1] and fall.valid[-1]
+    assert small_fall.valid.all()
+
+
+@pytest.mark.spice
+@needs_ngspice
+@pytest.mark.parametrize(("circuit", "figures"), [("opamp_b", figures_of_merit()), ("opamp_c", one_stage_figures())])
+def test_the_follower_is_straight_within_its_limits_and_bent_beyond(circuit: str, figures: OpAmpFigures) -> None:
+    """Slow ramps from 0 to either rail: 0.1 % of the range off a straight line at most inside, ever more outside."""
+    limits = figures.limits
+    runs = [
+        spice.run_follower(spice.netlist(circuit), spice.piecewise_linear([0, 1e-3], [0, volts]), 1e-3, 1e-6)
+        for volts in (-4.8, 4.8)
+    ]
+    v_in, v_out = (np.concatenate([getattr(runs[0], name)[::-1], getattr(runs[1], name)]) for name in ("v_in", "v_out"))
+    inside = (v_in > limits.v_low) & (v_in < limits.v_high)
+    line = np.polynomial.Polynomial.fit(v_in[inside], v_out[inside], 1)
+    error = np.abs(v_out - line(v_in)) / (limits.v_high - limits.v_low)
+    print(f"{circuit}: {error[inside].max():.1e} inside")
+    assert error[inside].max() < 1e-3
+    assert error[v_in < limits.v_low - 1.2].min() > 0.01
+    assert error[v_in > limits.v_high + 0.4].min() > 0.01
 
 
 @pytest.mark.parametrize("circuit", spice.CIRCUITS)

@@ -1,4 +1,4 @@
-"""The two-stage Miller op-amp of Table II by hand formulas: from sizes and a bias to gain, poles, slew and offset.
+"""A two-stage Miller op-amp like that of Table II by hand formulas: from sizes and bias to gain, poles, slew, offset.
 
     M1 (inverting), M2   POSFET input pair            M5, M6, M8  n-channel current mirror fed by the reference current
     M3, M4               p-channel mirror load        M7          p-channel second stage, Cc and Rz from gate to drain
@@ -16,16 +16,27 @@ from dataclasses import dataclass
 from posfet_model.checks import instance, real_number
 from posfet_model.follower import FollowerLimits
 from posfet_model.op_amp import (
-    SIZES,
+    CIRCUIT_B,
+    TABLE_II,
     AmplifierBias,
+    AmplifierDesign,
     OpAmpFigures,
-    gate_capacitance,
+    OperatingPoint,
+    lowest_input,
     operating_point,
-    output_capacitance,
+    saturated,
+    zero_of,
 )
-from posfet_model.paper import STACK
 
-__all__ = ["AmplifierBias", "AmplifierFigures", "figures_of_merit", "mismatch_offset"]
+__all__ = [
+    "CIRCUIT_B",
+    "TABLE_II",
+    "AmplifierBias",
+    "AmplifierDesign",
+    "AmplifierFigures",
+    "figures_of_merit",
+    "mismatch_offset",
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,12 +60,10 @@ class AmplifierFigures(OpAmpFigures):
     it: the output of a follower runs ahead by that when it slews up."""
     systematic_offset: float
     """Output of the follower with its input at 0 V and equal pairs [V]."""
-    limits: FollowerLimits
-    """Inputs between which all transistors stay saturated, the lower slew rate, the second pole as last frequency."""
 
 
-def figures_of_merit(bias: AmplifierBias | None = None) -> AmplifierFigures:
-    """Return gain, poles, offset and slew of the op-amp of Table II.
+def figures_of_merit(bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = TABLE_II) -> AmplifierFigures:
+    """Return gain, poles, offset and slew of the two-stage op-amp, by default of Table II.
 
     Raises ValueError when the supply is too low for the transistors to be saturated.
 
@@ -66,8 +75,8 @@ def figures_of_merit(bias: AmplifierBias | None = None) -> AmplifierFigures:
     While the output slews up, M7 carries the tail current too, so gm7 and the second gain are those of that current;
     ngspice slews at 4.85 V/us where this gives 4.49.
     """
-    bias = AmplifierBias() if bias is None else instance("bias", bias, AmplifierBias)
-    point = operating_point(bias)
+    bias, design = instance("bias", bias, AmplifierBias), instance("design", design, AmplifierDesign)
+    point = operating_point(bias, design)
     lam = bias.modulation
     gm1, gm3 = point.tail / point.pair_overdrive, point.tail / point.load_overdrive
     half = point.tail / 2
@@ -75,11 +84,11 @@ def figures_of_merit(bias: AmplifierBias | None = None) -> AmplifierFigures:
     gm7 = 2 * point.output / point.output_overdrive
     out2 = 2 * lam * point.output / (1 + lam * bias.supply) + 1 / bias.load_resistance
     first_gain, second_gain = gm1 / out1, gm7 / out2
-    p1, p2 = _poles(bias, out1, out2, gm7)
+    p1, p2 = _poles(bias, design, out1, out2, gm7)
     lead = bias.compensation * (bias.zero_resistor - 1 / gm7)
     loaded = math.sqrt(1 + point.tail / point.output)  # gm7 in slewing over gm7 at rest
     slew_rate = point.tail / (bias.compensation * (1 + 1 / (second_gain * loaded)))
-    sinking = bias.compensation * (1 + 1 / second_gain) + output_capacitance(bias)
+    sinking = bias.compensation * (1 + 1 / second_gain) + design.output_capacitance(bias.load_capacitance)
     falling = min(slew_rate, point.output / sinking)
     moved = point.output_overdrive * (point.tail / point.output) / (1 + loaded)  # overdrive of M7 in slewing less rest
     return AmplifierFigures(
@@ -98,12 +107,10 @@ def figures_of_merit(bias: AmplifierBias | None = None) -> AmplifierFigures:
         bend=0.5 * moved**2 / point.output_overdrive / (1 + 1 / (second_gain * loaded)),
         systematic_offset=(point.load_overdrive - point.output_overdrive) / first_gain,
         limits=FollowerLimits(
-            v_low=max(
-                -bias.supply + point.bias_overdrive + bias.threshold + point.pair_overdrive,
-                -point.output * bias.load_resistance,  # M8 cannot draw more through the load
-            ),
-            v_high=bias.supply - max(point.load_overdrive, point.output_overdrive),
-            slew_rate=falling,
+            v_low=lowest_input(bias, point),
+            v_high=_highest_input(bias, design, point),
+            slew_rate=slew_rate,
+            falling_slew_rate=falling,
             frequency=p2,
         ),
     )
@@ -139,10 +146,20 @@ def mismatch_offset(
     )
 
 
-def _poles(bias: AmplifierBias, out1: float, out2: float, gm7: float) -> tuple[float, float]:
+def _highest_input(bias: AmplifierBias, design: AmplifierDesign, point: OperatingPoint) -> float:
+    """Return the highest input [V] that leaves M1 and M7 saturated; M7's drain-source voltage is then its overdrive."""
+
+    def to_spare(overdrive: float) -> float:
+        most = saturated(design.p_factor("M7"), overdrive, overdrive, bias.modulation)
+        return most - point.output_demand(bias, bias.supply - overdrive)
+
+    return bias.supply - max(point.load_overdrive, zero_of(to_spare, 0.0, 2 * bias.supply))
+
+
+def _poles(bias: AmplifierBias, design: AmplifierDesign, out1: float, out2: float, gm7: float) -> tuple[float, float]:
     """Return both poles [Hz] of the two nodes with conductances out1, out2 [S], coupled by Cc."""
-    c1 = gate_capacitance(SIZES["M7"], STACK.oxide)
-    c2 = output_capacitance(bias)
+    c1 = design.gate_capacitance("M7")
+    c2 = design.output_capacitance(bias.load_capacitance)
     cc = bias.compensation
     a1 = (c1 + cc) / out1 + (c2 + cc) / out2 + gm7 * cc / (out1 * out2)
     a2 = (c1 * c2 + cc * (c1 + c2)) / (out1 * out2)

@@ -169,8 +169,8 @@ class OnePoleFollower(StaticFollower):
         ratio = step / self.time_constant
         return np.exp(-ratio), mean_decay(ratio)
 
-    def _demanded_rate(self, lags: Lags, change: Float64Array, step: Float64Array) -> Float64Array:
-        return np.asarray(self.gain * np.abs(lags[0]) / self.time_constant)
+    def _slope(self, lags: Lags, change: Float64Array, step: Float64Array) -> Float64Array:
+        return np.asarray(self.gain * lags[0] / self.time_constant)
 
     def _transfer(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
         return np.asarray(1 / (1 + s * self.time_constant))
@@ -264,8 +264,8 @@ class TwoPoleFollower(StaticFollower):
         addend = before * coupling + change * weight2
         return (first, linear_recurrence(np.broadcast_to(decay2, change.shape), addend, start[1]))
 
-    def _demanded_rate(self, lags: Lags, change: Float64Array, step: Float64Array) -> Float64Array:
-        return np.asarray(self.gain * np.abs((self._poles()[1] * (lags[1] - lags[0])).real))
+    def _slope(self, lags: Lags, change: Float64Array, step: Float64Array) -> Float64Array:
+        return np.asarray(self.gain * (self._poles()[1] * (lags[1] - lags[0])).real)
 
     def _transfer(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
         x = s / (2 * math.pi * self.natural_frequency)
@@ -311,8 +311,8 @@ class SquareLawFollower(OnePoleFollower):
         ratio = np.broadcast_to(step / self.time_constant, change.shape)
         return (self.overdrive * settle_series(start[0] / self.overdrive, change / self.overdrive, ratio, self.lead),)
 
-    def _demanded_rate(self, lags: Lags, change: Float64Array, step: Float64Array) -> Float64Array:
-        return np.asarray(self.slew_rate * np.abs(pair_current(lags[0] / self.overdrive)))
+    def _slope(self, lags: Lags, change: Float64Array, step: Float64Array) -> Float64Array:
+        return np.asarray(self.slew_rate * pair_current(lags[0] / self.overdrive))
 
     def _transfer(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
         x = s * self.time_constant

@@ -32,20 +32,31 @@ class FollowerLimits:
     """Highest input voltage, offset included [V]."""
     slew_rate: float = math.inf
     """Fastest output the amplifier can drive [V/s]; a linear model that asks for more is flagged."""
+    falling_slew_rate: float = math.inf
+    """The same of a falling output, where that is slower [V/s]."""
     frequency: float = math.inf
     """Highest frequency [Hz] at which the response is believed, usually the first pole that the model leaves out."""
 
     def __post_init__(self) -> None:
-        for name in ("v_low", "v_high", "slew_rate", "frequency"):
+        for name in ("v_low", "v_high", "slew_rate", "falling_slew_rate", "frequency"):
             value = getattr(self, name)
             real = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
             if not real or math.isnan(value):
                 raise ValueError(f"{name} must be a real number, inf allowed, got {value!r:.60}")
         if not self.v_low < self.v_high:
             raise ValueError(f"v_high must be in ({self.v_low:g}, inf], got {self.v_high:g}")
-        for name in ("slew_rate", "frequency"):
+        for name in ("slew_rate", "falling_slew_rate", "frequency"):
             if not getattr(self, name) > 0:
                 raise ValueError(f"{name} must be in (0, inf], got {getattr(self, name):g}")
+
+    @property
+    def any_slew(self) -> bool:
+        """Return whether the slope of the output is limited at all."""
+        return self.slew_rate < math.inf or self.falling_slew_rate < math.inf
+
+    def allow_slope(self, slope: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return where the amplifier can drive a slope of the output [V/s], negative when it falls. Unchecked."""
+        return np.asarray((slope <= self.slew_rate) & (slope >= -min(self.slew_rate, self.falling_slew_rate)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,13 +144,13 @@ class Follower(ABC):
         """Return the transfer function in units of the static gain at s = j*2*pi*f [1/s]."""
         return np.ones_like(s)
 
-    def _demanded_rate(
+    def _slope(
         self, lags: tuple[NDArray[Any], ...], change: NDArray[np.float64], step: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """Return the slope [V/s] that the output has at the end of a step, which a slew limit has to allow."""
         del lags
-        slope = np.abs(change) / np.where(step > 0, step, 1.0)
-        return self.static_gain * np.where(step > 0, slope, np.where(change == 0, 0.0, np.inf))
+        slope = change / np.where(step > 0, step, 1.0)
+        return self.static_gain * np.where(step > 0, slope, np.where(change == 0, 0.0, np.copysign(np.inf, change)))
 
     def start(self, v_in: ArrayLike) -> FollowerState:
         """Return the state at rest with the input voltage v_in [V], any shape, within +-1e6: no lag is left."""
@@ -161,8 +172,8 @@ class Follower(ABC):
             )
         change = held - state.v_in
         lags = self._advance_lags(state.lags, change, duration)
-        if self.limits.slew_rate < math.inf:
-            valid &= self._demanded_rate(lags, change, duration) <= self.limits.slew_rate
+        if self.limits.any_slew:
+            valid &= self.limits.allow_slope(self._slope(lags, change, duration))
         return FollowerState(v_in=held, lags=lags, valid=valid)
 
     def output(self, state: FollowerState) -> FollowerOutput:
@@ -222,8 +233,8 @@ class Follower(ABC):
         step = step.reshape(-1, *(1,) * (held.ndim - 1))
         change = np.diff(held, axis=0, prepend=state.v_in[None])
         lags = self._series_lags(state.lags, change, step)
-        if self.limits.slew_rate < math.inf:
-            valid = valid & (self._demanded_rate(lags, change, step) <= self.limits.slew_rate)
+        if self.limits.any_slew:
+            valid = valid & self.limits.allow_slope(self._slope(lags, change, step))
         end = FollowerState(v_in=held[-1], lags=tuple(lag[-1] for lag in lags), valid=np.asarray(valid[-1]))
         return FollowerSeries(output=FollowerOutput(v_out=self._out(held, lags), valid=valid), end=end)
 

@@ -1,27 +1,92 @@
-"""What the hand formulas of both op-amps of Table II's sizes share: bias, operating point of the pair, figures.
+"""What the hand formulas of both op-amps share: sizes and process, bias, operating point of the pair, figures.
 
 All transistors follow the square law with channel-length modulation, in saturation, bodies tied to sources. Functions
-here are inner ones, unchecked: the bias is checked where it is made.
+here are inner ones, unchecked: design and bias are checked where they are made.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from posfet_model.checks import real_number
-from posfet_model.follower import ClosedLoop, close_loop
+from posfet_model.checks import instance, real_number
+from posfet_model.follower import ClosedLoop, FollowerLimits, close_loop
 from posfet_model.paper import AMPLIFIER_SIZES, MOBILITY, STACK, THRESHOLD_VOLTAGE, TransistorSize
-from posfet_model.transistor import Plane
+from posfet_model.transistor import Plane, Stack
 
 HOLE_MOBILITY: Final = 283e-4
 """Mobility of the p-channel transistors [m2/(V s)], assumed: a third of the electrons'."""
 
-SIZES: Final = {size.name: size for size in AMPLIFIER_SIZES}
+LEAST_SHARE: Final = 0.05
+"""Share of its current at rest that M7 has to keep, assumed: ngspice has circuit B oscillate at 2 %."""
 
+_NAMES: Final = ("M1", "M2", "M3", "M4", "M5", "M6", "M7", "M8")
+_PAIRS: Final = (("M1", "M2"), ("M3", "M4"))
 _ITERATIONS: Final = 200
 _TOLERANCE: Final = 1e-15  # relative
+_HALVINGS: Final = 60
+
+
+@dataclass(frozen=True)
+class AmplifierDesign:
+    """What is drawn on the chip: transistors M1 to M8 and the layers they are made of. The defaults are the paper's."""
+
+    sizes: tuple[TransistorSize, ...] = AMPLIFIER_SIZES
+    """M1 to M8, one of each name; M1 like M2, M3 like M4."""
+    stack: Stack = STACK
+    """Film and oxide: the pair M1, M2 sees its gates through both, the others have the oxide alone."""
+    electron_mobility: float = MOBILITY.value
+    """[m2/(V s)], in [1e-9, 100]."""
+    hole_mobility: float = HOLE_MOBILITY
+    """[m2/(V s)], in [1e-9, 100]."""
+
+    def __post_init__(self) -> None:
+        names = [instance("sizes", size, TransistorSize).name for size in instance("sizes", self.sizes, tuple)]
+        if sorted(names) != list(_NAMES):
+            raise ValueError(f"sizes must be one each of {', '.join(_NAMES)}, got {', '.join(names) or 'none'}")
+        for one, other in _PAIRS:
+            if self.aspect(one) != self.aspect(other) or self.size(one).length != self.size(other).length:
+                raise ValueError(f"sizes must have {one} like {other}, got {self.size(one)} and {self.size(other)}")
+        instance("stack", self.stack, Stack)
+        real_number("electron_mobility", self.electron_mobility, 1e-9, 100)
+        real_number("hole_mobility", self.hole_mobility, 1e-9, 100)
+
+    def size(self, name: str) -> TransistorSize:
+        """Return the size of a transistor. Unchecked inner function."""
+        return next(size for size in self.sizes if size.name == name)
+
+    def aspect(self, name: str) -> float:
+        """Return width over length [1]. Unchecked inner function."""
+        return self.size(name).width / self.size(name).length
+
+    def pair_factor(self) -> float:
+        """Return the gain factor [A/V2] of M1 and M2, their gates on the film."""
+        return self.electron_mobility * self.stack.drive(Plane.GATE) * self.aspect("M1")
+
+    def n_factor(self, name: str) -> float:
+        """Return the gain factor [A/V2] of an n-channel transistor on the oxide. Unchecked inner function."""
+        return self.electron_mobility * self.stack.oxide * self.aspect(name)
+
+    def p_factor(self, name: str) -> float:
+        """Return the gain factor [A/V2] of a p-channel transistor on the oxide. Unchecked inner function."""
+        return self.hole_mobility * self.stack.oxide * self.aspect(name)
+
+    def gate_capacitance(self, name: str, plane: Plane = Plane.OXIDE) -> float:
+        """Return the gate-source capacitance in saturation [F], two thirds of the whole. Unchecked inner function."""
+        return 2 / 3 * self.size(name).width * self.size(name).length * self.stack.drive(plane)
+
+    def output_capacitance(self, load: float) -> float:
+        """Return the capacitance [F] at the output of a follower, which drives the gate of M1 beside the `load`.
+
+        Half of that gate's charge is shared with M2 through the tail. Unchecked inner function.
+        """
+        return load + 0.5 * self.gate_capacitance("M1", Plane.GATE)
+
+
+TABLE_II: Final = AmplifierDesign()
+"""The paper's amplifier."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +121,10 @@ class AmplifierBias:
         real_number("threshold", self.threshold, 0, 10)
 
 
+CIRCUIT_B: Final = AmplifierBias()
+"""Bias of circuit B, two stages."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class OpAmpFigures:
     """What the hand formulas say of either op-amp, at rest with input and output near 0 V."""
@@ -76,6 +145,8 @@ class OpAmpFigures:
     """[Hz]"""
     slew_rate: float
     """Steepest rise of the output [V/s]."""
+    limits: FollowerLimits
+    """Inputs between which all transistors stay saturated, the slew rates, the second pole as last frequency."""
 
     @property
     def open_loop_gain(self) -> float:
@@ -113,48 +184,33 @@ class OperatingPoint:
     output_overdrive: float
     """Of M7 at that current."""
 
-
-def aspect(size: TransistorSize) -> float:
-    """Return width over length [1]."""
-    return size.width / size.length
-
-
-def gate_capacitance(size: TransistorSize, capacitance: float) -> float:
-    """Return the gate-source capacitance in saturation [F]: two thirds of the oxide's."""
-    return 2 / 3 * size.width * size.length * capacitance
+    def output_demand(self, bias: AmplifierBias, volts: float) -> float:
+        """Return the current [A] that M7 has to carry at an output voltage: that of M8 and the load. Unchecked."""
+        sunk = self.output * (1 + bias.modulation * volts / (1 + bias.modulation * bias.supply))
+        return sunk + volts / bias.load_resistance
 
 
-def output_capacitance(bias: AmplifierBias) -> float:
-    """Return the capacitance [F] at the output of a follower, which drives the gate of M1 too.
-
-    Half of that gate's charge is shared with M2 through the tail.
-    """
-    return bias.load_capacitance + 0.5 * gate_capacitance(SIZES["M1"], STACK.drive(Plane.GATE))
-
-
-def operating_point(bias: AmplifierBias) -> OperatingPoint:
+def operating_point(bias: AmplifierBias, design: AmplifierDesign) -> OperatingPoint:
     """Return the currents and voltages at balance, by fixed-point iteration of the square laws."""
     lam, vth, supply = bias.modulation, bias.threshold, bias.supply
-    beta_n = {name: MOBILITY.value * STACK.oxide * aspect(SIZES[name]) for name in ("M5", "M6", "M8")}
-    beta_p = {name: HOLE_MOBILITY * STACK.oxide * aspect(SIZES[name]) for name in ("M3", "M7")}
-    beta1 = MOBILITY.value * STACK.drive(Plane.GATE) * aspect(SIZES["M1"])
+    mirror, load = design.n_factor("M6"), design.p_factor("M3")
     bias_overdrive = pair_overdrive = load_overdrive = 0.5
     for _ in range(_ITERATIONS):
         before = (bias_overdrive, pair_overdrive, load_overdrive)
-        bias_overdrive = math.sqrt(2 * bias.reference_current / (beta_n["M6"] * (1 + lam * (vth + bias_overdrive))))
+        bias_overdrive = math.sqrt(2 * bias.reference_current / (mirror * (1 + lam * (vth + bias_overdrive))))
         tail_voltage = supply - vth - pair_overdrive
         load_voltage = vth + load_overdrive
         pair_voltage = supply - load_voltage + vth + pair_overdrive
         if tail_voltage < bias_overdrive or load_voltage > supply:
             raise ValueError(f"supply must keep every transistor saturated, got {supply:g} V")
-        tail = _saturated(beta_n["M5"], bias_overdrive, tail_voltage, lam)
-        pair_overdrive = math.sqrt(tail / (beta1 * (1 + lam * pair_voltage)))
-        load_overdrive = math.sqrt(tail / (beta_p["M3"] * (1 + lam * load_voltage)))
+        tail = saturated(design.n_factor("M5"), bias_overdrive, tail_voltage, lam)
+        pair_overdrive = math.sqrt(tail / (design.pair_factor() * (1 + lam * pair_voltage)))
+        load_overdrive = math.sqrt(tail / (load * (1 + lam * load_voltage)))
         after = (bias_overdrive, pair_overdrive, load_overdrive)
         change = max(abs(a / b - 1) for a, b in zip(before, after, strict=True))
         if change < _TOLERANCE:
             break
-    output = _saturated(beta_n["M8"], bias_overdrive, supply, lam)
+    output = saturated(design.n_factor("M8"), bias_overdrive, supply, lam)
     return OperatingPoint(
         tail=tail,
         pair_overdrive=pair_overdrive,
@@ -163,10 +219,28 @@ def operating_point(bias: AmplifierBias) -> OperatingPoint:
         load_voltage=load_voltage,
         bias_overdrive=bias_overdrive,
         output=output,
-        output_overdrive=math.sqrt(2 * output / (beta_p["M7"] * (1 + lam * supply))),
+        output_overdrive=math.sqrt(2 * output / (design.p_factor("M7") * (1 + lam * supply))),
     )
 
 
-def _saturated(beta: float, overdrive: float, voltage: float, lam: float) -> float:
+def lowest_input(bias: AmplifierBias, point: OperatingPoint) -> float:
+    """Return the lowest input [V] that leaves the tail's M5 and M8 saturated and M7 its least share of current."""
+    tail = -bias.supply + point.bias_overdrive + bias.threshold + point.pair_overdrive
+    least = LEAST_SHARE * point.output
+    return max(tail, zero_of(lambda volts: point.output_demand(bias, volts) - least, -bias.supply, 0.0))
+
+
+def zero_of(rising: Callable[[float], float], low: float, high: float) -> float:
+    """Return where a rising function passes zero, by halving a bracket; an end where it does not."""
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if rising(middle) < 0:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def saturated(beta: float, overdrive: float, voltage: float, lam: float) -> float:
     """Return the drain current in saturation [A]."""
     return 0.5 * beta * overdrive**2 * (1 + lam * voltage)

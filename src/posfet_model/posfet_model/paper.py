@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from posfet_model.checks import real_number
 from posfet_model.film import Film
 from posfet_model.transistor import Plane, Stack, capacitance_per_area, gain_factor
 
@@ -26,13 +27,17 @@ class Quantity:
 
 @dataclass(frozen=True)
 class TransistorSize:
-    """Channel width and length [m] of one transistor of the amplifier, and where they come from."""
+    """Channel width and length [m], in [1e-9, 1], of one transistor of the amplifier, and where they come from."""
 
     name: str
     width: float
     length: float
-    source: str
+    source: str = ""
     assumed: bool = False
+
+    def __post_init__(self) -> None:
+        real_number("width", self.width, 1e-9, 1)
+        real_number("length", self.length, 1e-9, 1)
 
 
 _TABLE_I: Final = "Table I"

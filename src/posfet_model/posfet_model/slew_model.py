@@ -21,10 +21,10 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final
 
-from posfet_model.amplifier import AmplifierBias, figures_of_merit
+from posfet_model.amplifier import CIRCUIT_B, TABLE_II, AmplifierBias, AmplifierDesign, figures_of_merit
 from posfet_model.checks import instance, real_number
 from posfet_model.differential_pair import NO_LEAD, Lead
-from posfet_model.follower import ClosedLoop, SquareLawFollower, close_loop
+from posfet_model.follower import ClosedLoop, FollowerLimits, SquareLawFollower, close_loop
 from posfet_model.one_stage import CIRCUIT_C, one_stage_figures
 from posfet_model.paper import AMPLIFIER_GAIN, GAIN_BANDWIDTH
 
@@ -34,6 +34,9 @@ op-amp, 0.47 V, and of the one-stage one, 0.32 V."""
 
 EXPLAINED: Final = (1 / math.sqrt(2), 1.1 * math.sqrt(2))
 """Ratios of bandwidths that a zero or a second pole explains."""
+
+NO_LIMITS: Final = FollowerLimits()
+"""Nothing is known of where the model ends."""
 
 SEEN: Final = 1.01
 """Ratio of bandwidths from which on a second pole is seen."""
@@ -51,6 +54,8 @@ class SlewModel:
     """[V], in [1e-6, 1e3]."""
     lead: Lead = NO_LEAD
     """What the pair's current adds to the output at once."""
+    limits: FollowerLimits = NO_LIMITS
+    """Where the model holds, as far as the circuit is known. Its own slew rate is no limit."""
 
     def follower(self, overdrive: float | None = None) -> SquareLawFollower:
         """Return the follower, with another overdrive [V] where that is known."""
@@ -59,11 +64,12 @@ class SlewModel:
             bandwidth=self.loop.bandwidth,
             overdrive=self.overdrive if overdrive is None else overdrive,
             lead=self.lead,
+            limits=self.limits,
         )
 
 
-def two_stage_model(bias: AmplifierBias | None = None) -> SlewModel:
-    """Return the slewing follower of the two-stage op-amp from its bias alone, by hand formulas.
+def two_stage_model(bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = TABLE_II) -> SlewModel:
+    """Return the slewing follower of the two-stage op-amp from sizes and bias alone, by hand formulas.
 
     The zero counts less what the second pole takes back, ``k = GBW*(1/zero - 1/second pole)``, at least 0, at most 1.
 
@@ -72,21 +78,23 @@ def two_stage_model(bias: AmplifierBias | None = None) -> SlewModel:
     Against ngspice, steps of 1 V upwards at biases from 100 to 300 uA and Cc from 33 to 60 pF: at most 0.7 % rms. Not
     for falls beyond `AmplifierFigures.falling_slew_rate`.
     """
-    figures = figures_of_merit(bias)
+    figures = figures_of_merit(bias, design)
     zero = figures.gain_bandwidth * (1 / figures.zero - 1 / figures.second_pole)
     lead = Lead(linear=min(max(zero, 0.0), 1.0), square=min(figures.bend / figures.slew_overdrive, 0.5))
-    return SlewModel("two stages", figures.closed_loop, figures.slew_overdrive, lead)
+    limits = replace(figures.limits, slew_rate=math.inf)
+    return SlewModel("two stages", figures.closed_loop, figures.slew_overdrive, lead, limits)
 
 
-def one_stage_model(bias: AmplifierBias = CIRCUIT_C) -> SlewModel:
-    """Return the slewing follower of the one-stage op-amp from its bias alone, by hand formulas.
+def one_stage_model(bias: AmplifierBias = CIRCUIT_C, design: AmplifierDesign = TABLE_II) -> SlewModel:
+    """Return the slewing follower of the one-stage op-amp from sizes and bias alone, by hand formulas.
 
     Notes
     -----
     Against ngspice, steps of 1 V upwards at biases from 50 to 200 uA and Cc from 33 to 66 pF: at most 1.1 % rms.
     """
-    figures = one_stage_figures(bias)
-    return SlewModel("one stage and an output follower", figures.closed_loop, figures.slew_overdrive)
+    figures = one_stage_figures(bias, design)
+    limits = replace(figures.limits, slew_rate=math.inf)
+    return SlewModel("one stage and an output follower", figures.closed_loop, figures.slew_overdrive, limits=limits)
 
 
 def slew_model(loop: ClosedLoop, gain_bandwidth: float = GAIN_BANDWIDTH.value) -> SlewModel:
@@ -114,7 +122,8 @@ def slew_model(loop: ClosedLoop, gain_bandwidth: float = GAIN_BANDWIDTH.value) -
     if not EXPLAINED[0] < ratio <= EXPLAINED[1]:
         return SlewModel("one pole", loop, OVERDRIVE)
     hand = one_stage_model() if ratio > SEEN else two_stage_model()
+    measured = replace(hand, loop=one_pole, limits=NO_LIMITS)  # supply and load of the circuit are not known
     if ratio > SEEN:
-        return replace(hand, loop=one_pole)
+        return measured
     zero = max(0.0, 1 - math.sqrt(2 - 1 / ratio**2))
-    return replace(hand, loop=one_pole, lead=replace(hand.lead, linear=zero))
+    return replace(measured, lead=replace(hand.lead, linear=zero))

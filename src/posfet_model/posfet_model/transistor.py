@@ -45,7 +45,8 @@ class Plane(enum.Enum):
     and oxide counts as sigma/Cpvdf."""
 
     OXIDE = "oxide"
-    """The top of the oxide, all charge there imaged in the channel (top electrode open): Cox for both."""
+    """The top of the oxide, all charge there imaged in the channel, Cox for both: what is left of `GATE` when the
+    film's capacitance is neglected beside the oxide's."""
 
 
 @dataclass(frozen=True)
@@ -117,9 +118,10 @@ def threshold_shift(charge: ArrayLike, stack: Stack, plane: Plane, uncompensated
     The paper has no kappa. With kappa = 1 its numbers shift the oxide plane by 91.222 V, a field of 20.3 MV/cm in the
     oxide, twice what breaks it down: nearly all of the polarisation is compensated. kappa = 0.010962 shifts by 1 V.
 
-    The two planes are not two ways to say the same. A gate held at its voltage takes up part of the charge: the current
-    it drives is Cox/(Cox + Cpvdf) of that with the gate open (0.9475 with Table I). What may not be mixed is charge
-    divided by Cox and a current driven by Cstack, as the paper does: see `posfet_model.as_printed`.
+    The two planes are not two ways to say the same. By Gauss's law an electrode held at its voltage takes up part of
+    the charge, and Cox/(Cox + Cpvdf) of it reaches the channel (0.9475 with Table I): the gate plane. The oxide plane,
+    the paper's eq. (6), lets all of it reach the channel. What may not be mixed is charge divided by Cox and a current
+    driven by Cstack, as the paper does: see `posfet_model.as_printed`.
 
     Examples
     --------
