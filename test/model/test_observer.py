@@ -218,6 +218,17 @@ def test_a_release_within_a_gap_is_seen_and_its_doubt_is_counted() -> None:
     assert abs(watch.observer.force[MIDDLE]) < 5e-3
 
 
+def test_a_touch_that_began_within_a_gap_keeps_its_doubt() -> None:
+    watch, errors = Watch(), []
+    for time, scan in scans(SENSOR, 3.0, force=press(2.0, 1.02, 60.0)):
+        if not 1.0 <= time < 1.2:
+            force = float(watch.take(time, scan)[MIDDLE])
+            if time >= 1.2:
+                errors.append((abs(force - 2.0), float(watch.deviation()[MIDDLE])))
+    assert all(error < 3 * deviation for error, deviation in errors)
+    assert max(error for error, _ in errors) > 0.1, "nothing to doubt"
+
+
 def test_after_an_interruption_the_charge_that_is_left_is_the_force() -> None:
     watch = Watch()
     for time, scan in scans(SENSOR, 1.2, force=press(2.0, 1.0, 60.0)):

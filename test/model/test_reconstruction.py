@@ -303,6 +303,20 @@ def test_a_slow_press_on_the_whole_array_comes_to_light() -> None:
     assert contact.region.force == pytest.approx(0.1 * LAYOUT.taxels, rel=0.1)
 
 
+@pytest.mark.parametrize("gap", [range(1000, 1100), range(1500, 1600), range(2600, 2700)])
+def test_scans_lost_while_a_finger_slides_and_lifts_do_not_spoil_its_force(gap: range) -> None:
+    reconstructor, errors = Reconstructor(SENSOR), []
+    for scan, truth in wire_scans(SENSOR, load_scene("press_slide_lift", SENSOR), gap.stop * 1e-3 + 0.1, 0):
+        if scan.sequence in gap:
+            continue
+        result = reconstructor.process(scan)
+        if scan.sequence >= gap.stop and truth.force.sum() > 0.3:
+            [contact] = result.contacts
+            errors.append(abs(contact.region.force - float(truth.force.sum())))
+    assert len(errors) > 50
+    assert max(errors) < 0.03
+
+
 @pytest.mark.parametrize("start", [0.1, 0.35, 0.6, 1.0, 1.5, 2.0, 2.65])
 def test_a_start_amid_a_touch_is_not_valid_until_its_zero_can_be_trusted(start: float) -> None:
     reconstructor, begun = Reconstructor(SENSOR), round(1000 * start)

@@ -118,6 +118,7 @@ class ForceObserver:
         self._below_zero = np.zeros(taxels)
         self._last_mean = np.zeros(taxels)
         self._sum = np.zeros(taxels)
+        self._jumped = np.zeros(taxels)  # variance of long steps in the block so far
 
     @property
     def block_due(self) -> bool:
@@ -208,7 +209,9 @@ class ForceObserver:
         self._elapsed_square += step * step
         if step > self._long_step:
             # A jump at an unknown moment of the step has leaked by an unknown share of h/tau, evenly distributed.
+            self._jumped += (scratch * leak.ratio) ** 2 / 12.0
             self._zeros.variance[:] += (scratch * leak.ratio) ** 2 / 12.0
+            self._leaks.forget()
 
     def follow_common(self) -> None:
         """Where nothing touches, take what all taxels show together as the film's own temperature."""
@@ -289,6 +292,7 @@ class ForceObserver:
         leaks, begun = self._leaks, touched & ~self._was_touched
         if begun.any():
             self.force[begun] += self._zeros.undo(begun)
+            self._zeros.variance[begun] += self._jumped[begun]
             leaks.begin(begun, self._leaked)
         if touched.any():
             leaks.take(self._elapsed, self._scans, mean, self._leaked, touched & self._was_touched)
@@ -324,7 +328,7 @@ class ForceObserver:
         self._start_block()
 
     def _start_block(self) -> None:
-        self._sum[:] = 0.0
+        self._sum[:] = self._jumped[:] = 0.0
         self._scans = 0
         self._elapsed = 0.0
         self._elapsed_square = 0.0
