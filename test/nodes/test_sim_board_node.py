@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 from posfet_driver.frames import CLASSIC, FD, RATE_SWITCH
 from posfet_driver.messages import COMMAND_OFFSET, FD_BLOCK_OFFSET, Command, Request
 from posfet_driver.scene import load_scene
-from posfet_driver.sim_board_node import SimBoardNode
+from posfet_driver.sim_board_node import REMEMBERED, SimBoardNode
 from posfet_driver.simulated_board import SimulatedBoard
 from posfet_driver.slcan_lines import LineReader, encode_line
 from posfet_model.config import ConfigError
@@ -126,6 +126,24 @@ def test_truth_is_that_of_the_scan_with_its_sequence(spin) -> None:
     assert [(point.x, point.y, point.z) for point in truth.contact_centres] == [(-2e-3, -2e-3, 0.0)]
     assert [(normal.x, normal.y, normal.z) for normal in truth.contact_normals] == [(0.0, 0.0, 1.0)]
     np.testing.assert_array_equal(truth.contact_forces, expected.objects.contact_forces.astype(np.float32))
+
+
+def test_objects_of_a_scan_are_told_as_long_as_it_is_remembered(spin) -> None:
+    node = make_board(spin, scene="press_slide_lift", autostart=False)
+    scene = SimulatedBoard(node.sensor, load_scene("press_slide_lift", node.sensor), 0)
+    scan = Scan.empty(node.sensor.layout.id, node.sensor.layout.taxels)
+    told = {}
+    for index in range(0, 2 * REMEMBERED + 2, 2):
+        node.source.board.scan(index, scan)
+        node.deliver(scan, 0)
+        told[index] = scene.objects(node.source.board.time)
+    assert node.objects_in(0) is None
+    assert node.objects_in(3) is None
+    for index in (1000, 2000):  # long since the board went on
+        found = node.objects_in(index)
+        assert found is not None
+        np.testing.assert_array_equal(found.contact_centres, told[index].contact_centres)
+        assert found.contact_forces > 1.0
 
 
 def test_what_nobody_listens_to_is_not_computed(spin, monkeypatch) -> None:

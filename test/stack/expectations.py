@@ -33,6 +33,7 @@ NOTHING = {"frames lost", "repeated", "late", "layout mismatch"}
 among them: a machine that is busy with other things loses some there, which the model then counts."""
 PRESSED = 0.3
 """Force [N] from which on a true contact is compared."""
+Pair = tuple[TactileContacts, TactileTruth]
 
 
 class Listener:
@@ -115,10 +116,8 @@ def expect_contacts_of_the_scene(listener: Listener) -> None:
     contacts: list[TactileContacts] = listener.collect(TactileContacts, "contacts")
     truths: list[TactileTruth] = listener.collect(TactileTruth, "truth")
 
-    def compared() -> list[tuple[TactileContacts, TactileTruth]]:
-        by_sequence = {truth.sequence: truth for truth in truths}
-        pairs = [(found, by_sequence[found.sequence]) for found in contacts if found.sequence in by_sequence]
-        return [(found, truth) for found, truth in pairs if found.data_valid and _pressed(truth)]
+    def compared() -> list[Pair]:
+        return [(found, truth) for found, truth in _followed(contacts, truths) if found.data_valid and _pressed(truth)]
 
     listener.wait(lambda: len(contacts) > COMPARED and len(compared()) > COMPARED, "a contact of the scene")
     first, last = contacts[0], contacts[-1]
@@ -135,6 +134,25 @@ def expect_contacts_of_the_scene(listener: Listener) -> None:
         force_errors.append(-nearest.force.z - truth.contact_forces[0])
     assert max(distances) < 0.3e-3, f"centre of pressure off by up to {max(distances) * 1e3:.3f} mm"
     assert max(np.abs(force_errors)) < 0.1, f"force off by up to {max(np.abs(force_errors)):.3f} N"  # the scene: 1.5 N
+
+
+def _followed(contacts: list[TactileContacts], truths: list[TactileTruth]) -> list[Pair]:
+    """Pair contacts with the truth of their scans, of touches that were seen whole up to there.
+
+    Which force moved in a scan that a busy machine lost between two processes, and when, nobody can know: the model
+    then reports the doubt, and the charge that leaked unseen is missing until the touch is over.
+    """
+    by_sequence = {truth.sequence: truth for truth in truths}
+    pairs, whole, before = [], False, None
+    for found in contacts:
+        truth = by_sequence.get(found.sequence)
+        whole = whole and found.sequence == before + 1
+        before = found.sequence
+        if truth is not None:
+            whole = whole or not truth.contact_forces
+            if whole:
+                pairs.append((found, truth))
+    return pairs
 
 
 def expect_images(listener: Listener) -> None:
@@ -163,11 +181,12 @@ def expect_nothing_lost(listener: Listener) -> None:
     def newest() -> dict[str, object]:
         return {status.name: status for array in arrays for status in array.status}
 
-    listener.wait(lambda: len(newest()) > 1, "diagnostics of source and model")
+    def told() -> set[str]:
+        return {value.key for status in newest().values() for value in status.values}
+
+    listener.wait(lambda: told() >= NOTHING, f"diagnostics with {', '.join(sorted(NOTHING))}")
     seen = len(arrays)
     listener.wait(lambda: len(arrays) > seen + 2, "a second round of diagnostics")
-    found = {value.key for status in newest().values() for value in status.values}
-    assert found >= NOTHING, f"diagnostics without {NOTHING - found}"
     for status in newest().values():
         assert status.level in {DiagnosticStatus.OK, DiagnosticStatus.WARN}, f"{status.name}: {status.message}"
         for value in status.values:

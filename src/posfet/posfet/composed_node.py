@@ -72,7 +72,7 @@ class Graph:
             total_force=latest.total,
             data_valid=latest.valid,
             contacts=tuple(_view(contact) for contact in latest.contacts if contact.state != ContactState.RELEASED),
-            truth=self._truth(),
+            truth=self._truth(latest.sequence),
             state=report.state,
         )
 
@@ -80,11 +80,12 @@ class Graph:
         """Return what the source of scans says of itself."""
         return self._source.source.report().state
 
-    def _truth(self) -> tuple[TrueContact, ...]:
-        if self._simulation is None:
+    def _truth(self, sequence: int) -> tuple[TrueContact, ...]:
+        """Where the scene touched in that scan: behind a bus, the model is some scans behind the board."""
+        objects = None if self._simulation is None else self._simulation.objects_in(sequence)
+        if objects is None:
             return ()
-        truth = self._simulation.source.board.truth()
-        touching = zip(truth.objects.contact_centres.tolist(), truth.objects.contact_forces.tolist(), strict=True)
+        touching = zip(objects.contact_centres.tolist(), objects.contact_forces.tolist(), strict=True)
         return tuple(TrueContact(x, y, force) for (x, y), force in touching)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from array import array
+from collections import deque
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +14,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from posfet_driver.conversions import NANOSECONDS
 from posfet_driver.imperfections import NONE, load_imperfections
+from posfet_driver.loads import ObjectsState
 from posfet_driver.scan_source_node import ScanSourceNode
 from posfet_driver.scene import DEFAULT_SCENE, load_scene
 from posfet_driver.simulated_board import SEED_MAX
@@ -40,6 +42,8 @@ PARAMETERS = (
     Parameter("imperfections", NONE, "Imperfections of the board: none, default, or the path of a YAML file"),
 )
 TRUTH_DEPTH = 10
+REMEMBERED = 2000
+"""Scans of which it is known when the board took them."""
 
 
 class TruthMessage:
@@ -83,6 +87,7 @@ class SimBoardNode(ScanSourceNode):
         self._truth_message = TruthMessage(self.sensor.layout, self.frame_id)
         self._truth = self.create_publisher(TactileTruth, "truth", TRUTH_DEPTH)
         self._truth_listeners = Listeners(self._truth)
+        self._taken: deque[tuple[int, float]] = deque(maxlen=REMEMBERED)  # numbers and times [s] of the newest scans
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ScanSource:
         """Return the simulated board in real time: bare, behind an adapter, or on a bus."""
@@ -104,6 +109,11 @@ class SimBoardNode(ScanSourceNode):
         """Return whether the scene may begin; on a bus that is for the driver to say."""
         return not isinstance(self.source, SimulationSource) or super().wanted(now)
 
+    def objects_in(self, sequence: int) -> ObjectsState | None:
+        """Return what the objects did in the newest scan of that number, None when that is long ago. For any thread."""
+        times = [time for number, time in self._taken.copy() if number == sequence]
+        return self.source.board.objects(times[-1]) if times else None
+
     def deliver(self, scan: Scan, now: int) -> None:
         """Hand on one scan, then what truly was."""
         super().deliver(scan, now)
@@ -119,6 +129,7 @@ class SimBoardNode(ScanSourceNode):
                 raise
 
     def _tell_truth(self, sequence: int, stamp: int, now: int) -> None:
+        self._taken.append((sequence, self.source.board.time))
         if self._truth_listeners.any(now):
             self._truth.publish(self._truth_message.fill(self.source.board.truth(), sequence, stamp))
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_driver.imperfections import Imperfections
+from posfet_driver.loads import ObjectsState
 from posfet_driver.scene import Scene, SceneLoads
 from posfet_driver.sim_charge import TaxelCharge
 from posfet_driver.sim_clock import SimClock
@@ -143,6 +144,12 @@ class SimulatedBoard:
         return self._now[1]
 
     @property
+    def time(self) -> float:
+        """When the last scan was taken [s] since the board started. Another thread may ask, too."""
+        run, index = self._now
+        return run.times[index - run.first]
+
+    @property
     def touched(self) -> bool:
         """Whether an object pressed on a taxel in the last scan."""
         run, index = self._now
@@ -197,6 +204,10 @@ class SimulatedBoard:
             taxel_status=self._spread.status,
             objects=self._loads.objects(run.times[row]),
         )
+
+    def objects(self, time: float) -> ObjectsState:
+        """Return what the objects did at a time [s] since the board started. Another thread may ask, too."""
+        return self._loads.objects(time)
 
     def volts(self) -> NDArray[np.float64]:
         """Return what the followers put out at the last scan, without noise [V], shape [rows * cols]."""
