@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from posfet_model.contacts import ContactFinder, Region
+from posfet_model.contacts import ContactFinder, Region, Taxels
 from posfet_model.labelling import BitMap
 from posfet_model.moments import MomentFinder, principal_axes
 from posfet_model.sensor import Sensor, load_sensor
@@ -66,7 +66,8 @@ def find(
     finder = finder or ContactFinder(sensor)
     variance = np.full(sensor.layout.taxels, NOISE**2)
     finder.adapt(variance, 0.0)
-    return finder.measure(finder.find(forces), forces, variance, more.get("common", 0.0), more.get("saturated"))
+    taxels = Taxels(forces, variance, more.get("common", 0.0), more.get("saturated"))
+    return finder.measure(finder.find(forces), taxels)
 
 
 def sphere(x: float, y: float, force: float, radius: float = 6e-3, modulus: float = 1e6) -> NDArray[np.float64]:
@@ -159,7 +160,7 @@ def test_unusable_taxels_are_in_no_contact() -> None:
     usable[12] = False
     finder.adapt(VARIANCE, 0.0, usable)
     forces = sphere(0, 0, 1.0)
-    [region] = finder.measure(finder.find(forces), forces, VARIANCE, 0.0, None)
+    [region] = finder.measure(finder.find(forces), Taxels(forces, VARIANCE))
     assert 12 not in region.taxels
     assert region.force < 1.0 - forces[12] + 0.01
 
@@ -201,6 +202,7 @@ def test_principal_axes_are_those_of_a_turned_ellipse(long: float, short: float,
 
 @given(st.lists(st.floats(1e-6, 5.0), min_size=25, max_size=25))
 def test_moments_of_any_forces_are_finite_and_near_the_array(values: list[float]) -> None:
-    moments = MomentFinder(LAYOUT, SENSOR.device.contact_spread).find(np.arange(25), np.array(values), True)
+    finder = MomentFinder(LAYOUT, SENSOR.device.contact_spread)
+    moments = finder.of((values @ finder.basis(np.arange(25), at_edge=True)).tolist())
     assert all(math.isfinite(value) for value in (*moments.centre, *moments.major, *moments.minor))
     assert max(abs(value) for value in moments.centre) <= 3.75e-3 + 1e-12

@@ -17,7 +17,7 @@ from posfet_driver.score import Run, differing
 from posfet_driver.score import run as score
 from posfet_driver.wire_simulation import wire_scans
 from posfet_model.calibration import Calibration
-from posfet_model.contacts import ContactFinder, Region
+from posfet_model.contacts import ContactFinder, Region, Taxels
 from posfet_model.reconstruction import Reconstructor
 from posfet_model.sensor import load_sensor
 from posfet_model.tracker import ContactState
@@ -38,7 +38,7 @@ def sphere(x: float, y: float, force: float, radius: float = 1.5e-3, modulus: fl
 
 def measure(finder: ContactFinder, forces: NDArray[np.float64], before: list[Region]) -> list[Region]:
     finder.adapt(VARIANCE, 0.0)
-    return finder.measure(finder.find(forces), forces, VARIANCE, 0.0, None, before=before)
+    return finder.measure(finder.find(forces), Taxels(forces, VARIANCE), before)
 
 
 def centres(regions: list[Region]) -> list[tuple[float, float]]:

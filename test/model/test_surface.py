@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -99,7 +98,7 @@ def test_what_is_not_measured_is_not_known_and_breaks_no_transform() -> None:
         assert np.isfinite(head[:12]).all()
         assert np.count_nonzero(np.isfinite(head[12:])) == known
         assert np.isfinite(tail).all()
-    fresh = replace(contact, velocity=(math.nan, math.nan))
+    fresh = contact._replace(velocity=(math.nan, math.nan))
     for surface in (Surface(math.inf, True), Surface(5e-3, False)):
         assert np.isnan(placing(surface)(fresh)[1][6:]).all()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -138,7 +137,7 @@ def test_every_id_is_reported_once_a_scan_and_ends_once(story: list[set[tuple[in
         mask = np.zeros(25, np.bool_)
         mask[[5 * row + col for row, col in scan]] = True
         regions = [
-            replace(region(*where(bitmap.taxels(bits)), force=float(len(bitmap.taxels(bits)))), bits=bits)
+            region(*where(bitmap.taxels(bits)), force=float(len(bitmap.taxels(bits))))._replace(bits=bits)
             for bits in bitmap.regions(bitmap.pack(mask))
         ]
         contacts = tracker.update(regions, STEP)

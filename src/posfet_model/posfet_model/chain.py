@@ -227,8 +227,8 @@ class InverseChain:
 
     def charge(self, counts: NDArray[np.uint16], out: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the charge density sigma [C/m2] behind each count, in `out` and of its shape."""
-        return np.take(self._charge, counts, out=out, mode="clip")
+        return self._charge.take(counts, out=out, mode="clip")
 
     def saturated(self, counts: NDArray[np.uint16], out: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return, in `out`, where the voltage is so near an end of the range that it may have been clipped."""
-        return np.take(self._saturated, counts, out=out, mode="clip")
+        return self._saturated.take(counts, out=out, mode="clip")

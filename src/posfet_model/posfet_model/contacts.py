@@ -9,16 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model.footprint import Footprint, Footprints
 from posfet_model.labelling import BitMap
 from posfet_model.moments import MomentFinder
 from posfet_model.sensor import Sensor
-from posfet_model.separation import FIRST_ROUNDS, Separator
+from posfet_model.separation import FIRST_ROUNDS, ROUNDS, Places, Separator
 
 ENTER_DEVIATIONS: Final = 5.0
 """Standard deviations that a force has to be above zero to begin a contact [1]."""
@@ -27,8 +27,7 @@ STAY_DEVIATIONS: Final = 2.5
 """Standard deviations above zero below which a contact is no longer told from none [1]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Region:
+class Region(NamedTuple):
     """One connected region that is touched, in the frame of the array."""
 
     bits: int
@@ -52,30 +51,35 @@ class Region:
     """Principal axes of the force distribution, each as long as one standard deviation [m]."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Patch:
-    """The taxels of a region in contact."""
-
-    taxels: NDArray[np.intp]
-    """Those listed, ascending."""
-    bits: int
-    """All of them."""
-    members: NDArray[np.intp]
-    """Those and the ring around them, as far as it is no other contact's."""
-    force: NDArray[np.float64]
-    """Of the members [N]."""
-    at_edge: bool
-    """Whether a member lies in an outermost row or column."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Field:
-    """What is known of all taxels in one scan, as `ContactFinder.measure` has it."""
+class Taxels(NamedTuple):
+    """What is known of all taxels in one scan; arrays of shape [rows * cols], masks None for none."""
 
     force: NDArray[np.float64]
+    """[N]."""
     variance: NDArray[np.float64]
-    common_variance: float
-    saturated: NDArray[np.bool_] | None
+    """Variance of each force alone [N2]."""
+    common_variance: float = 0.0
+    """Variance that all taxels share [N2]."""
+    saturated: NDArray[np.bool_] | None = None
+    """Taxels whose force is a lower bound."""
+    unlisted: int = 0
+    """Taxels that count into force and moments, but are in no contact, as bits of `labelling.BitMap`."""
+    guessed: NDArray[np.bool_] | None = None
+    """Those among them whose force comes from their neighbours, and that are no region by themselves."""
+
+
+class _Patch(NamedTuple):
+    """A region in one scan."""
+
+    footprint: Footprint
+    weight: NDArray[np.float64]
+    """What of each member's force counts [N], shape [members]."""
+    variance: float
+    """Of their sum [N2]."""
+    highest: float
+    """Greatest force of a member [N]; NaN when one is not known."""
+    taxels: Taxels
+    """All of them."""
 
 
 class ContactFinder:
@@ -85,23 +89,18 @@ class ContactFinder:
         layout = sensor.layout
         self._bitmap = BitMap(layout.rows, layout.cols)
         self._moments = MomentFinder(layout, sensor.device.contact_spread)
+        self._footprints = Footprints(layout, self._bitmap, self._moments)
         self._separator = Separator(layout, sensor.device.contact_spread, sensor.contact.threshold)
-        self._positions = layout.positions
-        self._cell = layout.pitch_x * layout.pitch_y
         self._taxel_area = layout.taxel_area
         self._threshold = sensor.contact.threshold
         self._stay_threshold = sensor.contact.threshold - sensor.contact.deadband
-        taxels = np.arange(layout.taxels)
-        rows, cols = taxels // layout.cols, taxels % layout.cols
-        outermost = (rows == 0) | (rows == layout.rows - 1) | (cols == 0) | (cols == layout.cols - 1)
-        self._edge = self._bitmap.pack(outermost)
         self._enter = np.full(layout.taxels, self._threshold)
         self._stay = np.full(layout.taxels, self._stay_threshold)
         self._floor = np.zeros(layout.taxels)
         self._above = np.zeros(layout.taxels, np.bool_)
+        self._staying = np.zeros(layout.taxels, np.bool_)
         self._touched = np.zeros(layout.taxels, np.bool_)
         self._any = False
-        self._bits, self._regions = 0, list[int]()  # what was labelled last: the same taxels are the same regions
         self.patches: list[NDArray[np.intp]] = []
         """Taxels counted into each region that was measured last, the ring around it among them."""
 
@@ -110,9 +109,13 @@ class ContactFinder:
         """Mask of the taxels in contact in the last scan, shape [rows * cols]; overwritten by the next."""
         return self._touched
 
+    def bits(self, taxels: NDArray[np.bool_]) -> int:
+        """Return a mask, shape [rows * cols], as bits of `labelling.BitMap`."""
+        return self._bitmap.pack(taxels)
+
     def around(self, taxels: NDArray[np.bool_], reach: int, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return in `out` the mask of what lies within `reach` taxels of the masked ones."""
-        if not taxels.any():
+        if not np.count_nonzero(taxels):
             out[:] = False
             return out
         bits = self._bitmap.pack(taxels)
@@ -135,121 +138,95 @@ class ContactFinder:
             for limit in (self._enter, self._stay, self._floor):
                 limit[~usable] = math.inf
 
-    def find(self, force: NDArray[np.float64]) -> list[int]:
-        """Return the regions in contact for forces [N], shape [rows * cols], as bits; empty when nothing touches."""
+    def find(self, force: NDArray[np.float64]) -> list[Footprint]:
+        """Return the regions in contact for forces [N], shape [rows * cols]; empty when nothing touches."""
+        touched = self._touched
         np.greater_equal(force, self._enter, out=self._above)
         if self._any:
-            np.logical_and(self._touched, force >= self._stay, out=self._touched)
-            np.logical_or(self._touched, self._above, out=self._touched)
-            self._any = bool(self._touched.any())
-        elif self._above.any():
-            self._touched[:] = self._above
+            np.greater_equal(force, self._stay, out=self._staying)
+            np.logical_and(touched, self._staying, out=touched)
+            np.logical_or(touched, self._above, out=touched)
+            self._any = bool(np.count_nonzero(touched))
+        elif np.count_nonzero(self._above):
+            touched[:] = self._above
             self._any = True
-        if not self._any:
-            return []
-        bits = self._bitmap.pack(self._touched)
-        if bits != self._bits:
-            self._bits, self._regions = bits, self._bitmap.regions(bits)
-        return self._regions
+        return self._footprints.regions(touched.tobytes()) if self._any else []
 
-    def measure(
-        self,
-        regions: list[int],
-        force: NDArray[np.float64],
-        variance: NDArray[np.float64],
-        common_variance: float,
-        saturated: NDArray[np.bool_] | None,
-        unlisted: NDArray[np.bool_] | None = None,
-        guessed: NDArray[np.bool_] | None = None,
-        before: Sequence[Region] = (),
-    ) -> list[Region]:
+    def measure(self, regions: Sequence[Footprint], taxels: Taxels, before: Sequence[Region] = ()) -> list[Region]:
         """Measure the regions that `find` returned.
 
-        variance [N2], shape [rows * cols], is that of each taxel alone, common_variance [N2] the one that all taxels
-        share. Masks, None for none: `saturated` of taxels whose force is a lower bound; `unlisted` of those that count
-        into force and moments, but are in no contact; `guessed` of those among them whose force comes from their
-        neighbours, and that are no region by themselves. `before` are the contacts of the scan before: a region that
-        holds several of them, or a valley, becomes several.
+        `before` are the contacts of the scan before: a region that holds several of them, or a valley, becomes several.
         """
-        rings = [self._bitmap.grow(region) for region in regions]
-        field = _Field(force, variance, common_variance, saturated)
         found: list[Region] = []
         self.patches.clear()
-        for index, region in enumerate(regions):
-            others = 0
-            for other, ring in enumerate(rings):
-                if other != index:
-                    others |= ring
-            taxels = self._bitmap.taxels(region)
-            wide = rings[index] & ~others | region
-            members = self._bitmap.taxels(wide)
-            listed = taxels if unlisted is None else taxels[~unlisted[taxels]]
-            if not len(listed):
-                if unlisted is None or (guessed is not None and guessed[taxels].all()):
-                    continue
-                # Felt by a noisy taxel: a touch is felt by its neighbours, too.
-                listed = members[~unlisted[members] & (force[members] > self._floor[members])]
-                if not len(listed):
-                    continue
+        for footprint in regions:
+            listed = self._listed(footprint, taxels)
+            if not listed:
+                continue
+            members, bits = footprint.members, footprint.region.bits
             self.patches.append(members)
-            patch = _Patch(listed, region, members, force[members], bool(wide & self._edge))
-            weight = np.where(patch.force > self._floor[members], patch.force, 0.0)
-            inside = [contact.centre_of_pressure for contact in before if contact.bits & region]
-            whole = None if len(inside) > 1 else self._measure(patch, weight, field)
-            if whole is None:
-                shares = self._separator.shares(inside, members, weight)
-            elif math.hypot(*whole.major_axis) < self._separator.long:
-                shares = None
+            force = taxels.force[members]
+            above = force > self._floor[members]
+            counts = above.astype(np.float64)
+            weight = force * counts
+            number = np.count_nonzero(above)
+            variance = float(taxels.variance[members].dot(counts)) + number * number * taxels.common_variance
+            highest = float(force[force.argmax()])
+            if math.isnan(highest):
+                weight[~above] = 0.0
+            patch = _Patch(footprint, weight, variance, highest, taxels)
+            places: Places = [contact.centre_of_pressure for contact in before if contact.bits & bits]
+            whole, rounds = None, ROUNDS
+            if len(places) < 2:
+                whole = self._measure(patch, weight, listed)._replace(bits=bits)
+                places, rounds = self._peaks(whole, patch), FIRST_ROUNDS
+            shares = self._separator.shares(places, footprint, weight, rounds) if places else None
+            if shares is not None:
+                found += self._parts(patch, shares, listed)
             else:
-                peaks = self._separator.peaks(taxels, members, force, guessed)
-                shares = self._separator.shares(peaks, members, weight, FIRST_ROUNDS) if peaks else None
-            if shares is None:
-                found.append(whole or self._measure(patch, weight, field))
-            else:
-                found += self._parts(patch, weight, field, shares)
+                found.append(whole or self._measure(patch, weight, listed)._replace(bits=bits))
         return found
 
-    def _parts(
-        self,
-        patch: _Patch,
-        weight: NDArray[np.float64],
-        field: _Field,
-        shares: NDArray[np.float64],
-    ) -> list[Region]:
-        """Measure the contacts of one region by their shares; each taxel is listed with the one that has most of it."""
-        owner = np.zeros(len(field.force), np.intp)
-        owner[patch.members] = shares.argmax(axis=0)
-        parts = []
-        for number, share in enumerate(shares):
-            own = patch.taxels[owner[patch.taxels] == number]
-            if len(own):
-                mine = np.zeros(len(field.force), np.bool_)
-                mine[own] = True
-                part = replace(patch, taxels=own, bits=self._bitmap.pack(mine))
-                parts.append(self._measure(part, weight * share, field))
-        return parts
+    def _listed(self, footprint: Footprint, taxels: Taxels) -> int:
+        """Return which taxels a region lists, as bits; 0: it is no contact."""
+        region = footprint.region
+        listed = region.bits & ~taxels.unlisted
+        if listed or (taxels.guessed is not None and taxels.guessed[region.taxels].all()):
+            return listed
+        # Felt by a noisy taxel: a touch is felt by its neighbours, too.
+        return footprint.wide & ~taxels.unlisted & self._bitmap.pack(taxels.force > self._floor)
 
-    def _measure(self, patch: _Patch, weight: NDArray[np.float64], field: _Field) -> Region:
-        """Measure a contact by what of the members' force is its own [N], shape [members]."""
-        taxels, members = patch.taxels, patch.members
-        peak, highest = float(np.maximum.reduce(field.force[taxels])), float(np.maximum.reduce(patch.force))
-        moments = self._moments.find(members, weight, patch.at_edge)
-        bounded = field.saturated is not None and bool(field.saturated[taxels].any())
-        total = math.nan if math.isnan(highest) else float(np.add.reduce(weight))
-        counted = int(np.count_nonzero(weight))
-        independent = float(field.variance[members] @ (weight > 0.0))
-        centre = np.add.reduce(self._positions[taxels]).tolist()
+    def _peaks(self, whole: Region, patch: _Patch) -> Places:
+        """Return where the contacts of a region may be, by its valleys; empty when it is one."""
+        if math.hypot(*whole.major_axis) < self._separator.long:
+            return []
+        return self._separator.peaks(patch.footprint, patch.taxels.force, patch.taxels.guessed)
+
+    def _parts(self, patch: _Patch, shares: NDArray[np.float64], listed: int) -> list[Region]:
+        """Measure the contacts of one region by their shares; each taxel is listed with the one that has most of it."""
+        owners = shares.argmax(axis=0).tobytes()
+        outlines = self._footprints.parts(patch.footprint.wide, listed, len(shares), owners)
+        parts = zip(shares * patch.weight, outlines, strict=True)
+        return [self._measure(patch, weight, bits) for weight, bits in parts if bits]
+
+    def _measure(self, patch: _Patch, weight: NDArray[np.float64], listed: int) -> Region:
+        """Measure a contact by what of the members' force is its own [N], shape [members], and its taxels, as bits."""
+        outline, taxels, highest = self._footprints.outline(listed), patch.taxels, patch.highest
+        force = taxels.force[outline.taxels]
+        peak = float(force[force.argmax()])
+        sums = weight.dot(patch.footprint.basis).tolist()
+        centre, major, minor = self._moments.of(sums)
+        total = math.nan if math.isnan(highest) else sums[0]
+        bounded = taxels.saturated is not None and bool(taxels.saturated[outline.taxels].any())
         return Region(
-            bits=patch.bits,
-            taxels=taxels,
-            centre_of_pressure=moments.centre,
-            geometric_centre=(centre[0] / len(taxels), centre[1] / len(taxels)),
-            force=total,
-            force_variance=math.nan
-            if bounded or math.isnan(total)
-            else independent + counted * counted * field.common_variance,
-            area=len(taxels) * self._cell,
-            peak_pressure=math.nan if bounded or highest > peak else peak / self._taxel_area,
-            major_axis=moments.major,
-            minor_axis=moments.minor,
+            listed,
+            outline.taxels,
+            centre,
+            outline.centre,
+            total,
+            math.nan if bounded or math.isnan(total) else patch.variance,
+            outline.area,
+            math.nan if bounded or highest > peak else peak / self._taxel_area,
+            major,
+            minor,
         )

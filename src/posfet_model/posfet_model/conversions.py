@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from array import array
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -172,8 +171,8 @@ def contacts_writer(sensor: Sensor, frame_id: str) -> ContactsMessage | Contacts
     region = Region(1, np.arange(1), (1e-3, 2e-3), (3e-3, 4e-3), 0.5, 0.25, 5e-6, 6.0, (7e-3, 8e-3), (9e-3, 1e-2))
     first = Contact(LARGEST_INT32, ContactState.MOVING, region, (0.1, -0.2), 12.75)
     past = tuple(Merged(number, 0.0, (0.0, 0.0), 0) for number in (5, 6, 7))
-    second = replace(first, id=2, region=replace(region, taxels=np.arange(2)), merged=past, split_from=8)
-    third = replace(first, id=3, region=replace(region, taxels=np.arange(3)), merged=past[:1], velocity=(math.nan,) * 2)
+    second = first._replace(id=2, region=region._replace(taxels=np.arange(2)), merged=past, split_from=8)
+    third = first._replace(id=3, region=region._replace(taxels=np.arange(3)), merged=past[:1], velocity=(math.nan,) * 2)
     message, writer = ContactsMessage(sensor, frame_id), ContactsBytes(sensor, frame_id)
     for contacts in ((), (first, second, third), (second, first)):
         valid, motions = bool(contacts), {2: Motion(power=0.25, slipping=True)}

@@ -66,7 +66,8 @@ class FastChannel:
     def __init__(self, layout: Layout, newton_per_charge: NDArray[np.float64], noise: float) -> None:
         """Take the array, the force of each taxel's charge density [N m2/C], and the noise of a reading [N]."""
         self._newton_per_charge = newton_per_charge
-        self._positions = layout.positions
+        x, y = layout.positions.T
+        self._plane = np.stack([np.ones(layout.taxels), x, y], axis=1)
         self._lever = LEVER * max(layout.pitch_x, layout.pitch_y)
         self._noise = noise
         self._last = np.zeros(layout.taxels)
@@ -74,7 +75,8 @@ class FastChannel:
         self._square = np.zeros(layout.taxels)
         self._running = False
         self._motions: dict[int, Motion] = {}
-        self.fast = np.zeros(layout.taxels)
+        self._forces = np.zeros((2, layout.taxels))  # high-passed and as they are
+        self.fast = self._forces[0]
         """High-passed force of each taxel [N], shape [rows * cols]."""
         self.power = np.zeros(layout.taxels)
         """Mean square of it [N2], as far as `average` was called."""
@@ -112,20 +114,23 @@ class FastChannel:
 
         force [N] is that of all taxels, shape [rows * cols].
         """
+        self._forces[1] = force
         motions: dict[int, Motion] = {}
         for contact in contacts:
             if contact.state is not ContactState.RELEASED:
-                motions[contact.id] = self._of(contact.region, force, self._motions.get(contact.id) or Motion(), step)
+                motions[contact.id] = self._of(contact.region, self._motions.get(contact.id) or Motion(), step)
         self._motions = motions
         return motions
 
-    def _of(self, region: Region, force: NDArray[np.float64], motion: Motion, step: float) -> Motion:
+    def _of(self, region: Region, motion: Motion, step: float) -> Motion:
         taxels = region.taxels
-        fast, slow, places = self.fast[taxels], force[taxels], self._positions[taxels]
-        change, total = float(np.add.reduce(fast)), max(float(np.add.reduce(slow)), 1e-9)
+        sums = self._forces.take(taxels, 1).dot(self._plane.take(taxels, 0))
+        (change, fast_x, fast_y), (total, slow_x, slow_y) = sums.tolist()
+        total = max(total, 1e-9)
         motion.power += -math.expm1(-step / MEMORY) * (change * change - motion.power)
         # The centre is that of these taxels alone, without what else is known of the contact.
-        moment = math.hypot(*(fast @ places - slow @ places * (change / total)).tolist())
+        share = change / total
+        moment = math.hypot(fast_x - share * slow_x, fast_y - share * slow_y)
         reach = math.hypot(*region.major_axis) + math.hypot(*region.minor_axis)
         noise = SLIP_GUARD * self._noise * reach * math.sqrt(len(taxels))
         per_speed = total / (2.0 * math.pi * CORNER)

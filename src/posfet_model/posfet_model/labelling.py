@@ -51,6 +51,12 @@ class BitMap:
             self._known[bits] = found
         return found
 
+    def bits(self, taxels: NDArray[np.intp]) -> int:
+        """Return the bits of taxels that are given by their indices."""
+        mask = np.zeros(self._inner.size, np.bool_)
+        mask[taxels] = True
+        return self.pack(mask)
+
     def mask(self, bits: int, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Set `out`, shape [rows * cols], to the mask of `bits`."""
         out[:] = False

@@ -9,8 +9,7 @@ Gaussian, ``s[k+1] = s[k]^2/s[k-1]*exp(-(pitch/width)^2)``.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,15 +29,17 @@ FLANK: Final = 0.7
 """Bend of a profile at its middle over that of its flank [1]: fitted to Hertz's sphere; 1 would be a Gaussian."""
 
 
-@dataclass(frozen=True, slots=True)
-class Moments:
+Vector: TypeAlias = "tuple[float, float]"
+
+
+class Moments(NamedTuple):
     """Moments of a distribution of force; lengths in [m]."""
 
-    centre: tuple[float, float]
+    centre: Vector
     """Centre of pressure (x, y)."""
-    major: tuple[float, float]
+    major: Vector
     """Principal axis, as long as one standard deviation of the distribution; x >= 0."""
-    minor: tuple[float, float]
+    minor: Vector
     """Axis across the major one, turned left from it, as long as one standard deviation."""
 
 
@@ -49,50 +50,59 @@ class MomentFinder:
         """Take the array and the spread of its cover [m], below which no contact is narrow."""
         taxels = np.arange(layout.taxels)
         self._row, self._col = taxels // layout.cols, taxels % layout.cols
-        self._x, self._y = (np.ascontiguousarray(axis) for axis in layout.positions.T)
-        self._first = float(self._x[0]), float(self._y[0])
+        x, y = layout.positions.T
+        self._powers = np.stack([np.ones(layout.taxels), x, y, x * x, y * y, x * y], axis=1)
+        self._first = float(x[0]), float(y[0])
         self._pitch = layout.pitch_x, layout.pitch_y
+        self._square = tuple(pitch * pitch for pitch in self._pitch)
         self._size = layout.cols, layout.rows
-        self._narrowest = tuple(spread * spread + pitch * pitch / 12 for pitch in self._pitch)
+        self._narrowest = tuple(spread * spread + square / 12 for square in self._square)
 
-    def find(self, taxels: NDArray[np.intp], weight: NDArray[np.float64], at_edge: bool) -> Moments:
-        """Return the moments of `weight` [N] on the `taxels`, both of shape [k], the sum of weights above 0.
+    def basis(self, taxels: NDArray[np.intp], at_edge: bool) -> NDArray[np.float64]:
+        """Return what weights of the `taxels` are multiplied with for the sums of `of`, shape [taxels, sums].
 
-        `at_edge` says that a taxel of the outermost rows or columns is among them. The axes are those of what lies on
-        the array.
+        These are the powers 1, x, y, x2, y2 and xy, and where a taxel of the outermost rows or columns is among them,
+        as `at_edge` says, the profiles of weights along x and y.
         """
-        x, y = self._x[taxels], self._y[taxels]
-        total = float(np.add.reduce(weight))
-        share_x, share_y = weight * x, weight * y
-        mean_x, mean_y = float(weight @ x) / total, float(weight @ y) / total
-        xx = max(float(share_x @ x) / total - mean_x * mean_x, 0.0)
-        yy = max(float(share_y @ y) / total - mean_y * mean_y, 0.0)
-        xy = float(share_x @ y) / total - mean_x * mean_y
-        centre = mean_x, mean_y
-        if at_edge:
-            across_x = np.bincount(self._col[taxels], weight, self._size[0]).tolist()
-            across_y = np.bincount(self._row[taxels], weight, self._size[1]).tolist()
-            centre = self._completed((across_x, across_y))
-        return Moments(centre, *principal_axes(xx, yy, xy))
+        powers = self._powers[taxels]
+        if not at_edge:
+            return np.asfortranarray(powers)
+        axes = zip((self._col, self._row), self._size, strict=True)
+        profiles = [place[taxels, None] == np.arange(size) for place, size in axes]
+        return np.asfortranarray(np.concatenate([powers, *profiles], axis=1))
 
-    def _completed(self, profiles: tuple[list[float], list[float]]) -> tuple[float, float]:
-        """Return the centre [m] of the profiles along x and y, each carried on beyond the edges that cut it.
+    def of(self, sums: list[float]) -> Moments:
+        """Return the moments of weights [N] from the sums of their products with `basis`, the first one above 0.
+
+        The axes are those of what lies on the array.
+        """
+        total, x, y, xx, yy, xy = sums[:6]
+        x, y = centre = x / total, y / total
+        xx, yy = max(xx / total - x * x, 0.0), max(yy / total - y * y, 0.0)
+        if len(sums) > 6:
+            end = 6 + self._size[0]
+            profiles = self._profile(0, sums[6:end], total, x, xx), self._profile(1, sums[end:], total, y, yy)
+            centre = self._completed(*profiles)
+        return Moments(centre, *principal_axes(xx, yy, xy / total - x * y))
+
+    def _completed(self, along_x: _Profile, along_y: _Profile) -> Vector:
+        """Return the centre [m] of two profiles, each carried on beyond the edges that cut it.
 
         A contact that is round is as wide one way as the other: the width that carries one profile on is that of the
         other, carried on itself. It starts from the profile's own flank where both are cut.
         """
-        along_x, along_y = (_Profile(profile) for profile in profiles)
-        cut_x, cut_y = along_x.is_cut, along_y.is_cut
-        mean_x, variance_x = along_x.carried_on(math.inf)
-        mean_y, variance_y = along_y.carried_on(math.inf)
-        if cut_x or cut_y:
-            bend_x = self._flank_bend(0, along_x.values) if cut_y else self._bend(0, variance_y)
-            bend_y = self._flank_bend(1, along_y.values) if cut_x else self._bend(1, variance_x)
-            for _ in range(COMPLETIONS if cut_x and cut_y else 1):
-                mean_x, variance_x = along_x.carried_on(bend_x)
-                mean_y, variance_y = along_y.carried_on(bend_y)
+        if along_x.ends and along_y.ends:
+            bend_x, bend_y = self._flank_bend(0, along_x), self._flank_bend(1, along_y)
+            for _ in range(COMPLETIONS - 1):
+                (_, variance_x), (_, variance_y) = along_x.carried_on(bend_x), along_y.carried_on(bend_y)
                 bend_x, bend_y = self._bend(0, variance_y), self._bend(1, variance_x)
-        return self._position(0, mean_x), self._position(1, mean_y)
+        else:
+            bend_x, bend_y = self._bend(0, along_y.variance), self._bend(1, along_x.variance)
+        return self._position(0, along_x.carried_on(bend_x)[0]), self._position(1, along_y.carried_on(bend_y)[0])
+
+    def _profile(self, axis: int, values: list[float], total: float, mean: float, variance: float) -> _Profile:
+        """Return a profile along an axis, of which mean [m] and variance [m2] are known."""
+        return _Profile(values, total, (mean - self._first[axis]) / self._pitch[axis], variance / self._square[axis])
 
     def _position(self, axis: int, mean: float) -> float:
         """Return the coordinate [m] of a mean counted in taxels, not beyond the outermost cells."""
@@ -101,26 +111,22 @@ class MomentFinder:
 
     def _bend(self, axis: int, variance_across: float) -> float:
         """Return (pitch/width)^2 [1] along an axis for a variance across it, in squares of the other pitch."""
-        pitch = self._pitch[axis]
-        variance = variance_across * self._pitch[1 - axis] ** 2
-        return pitch * pitch / max(variance, self._narrowest[axis])
+        return self._square[axis] / max(variance_across * self._square[1 - axis], self._narrowest[axis])
 
-    def _flank_bend(self, axis: int, profile: list[float]) -> float:
+    def _flank_bend(self, axis: int, profile: _Profile) -> float:
         """Return (pitch/width)^2 [1] from the last three values of the profile on the side where it is cut.
 
         At least the one with which the profile would be symmetric about its last value.
         """
-        pitch = self._pitch[axis]
-        most = pitch * pitch / self._narrowest[axis]
-        if len(profile) < 3:
+        most, values = self._square[axis] / self._narrowest[axis], profile.values
+        if len(values) < 3:
             return most
-        least = 0.5 * CUT_SHARE * max(profile)
-        ends = profile[-3:] if profile[-1] >= profile[0] else profile[2::-1]
-        outer, inner, edge = (math.log(max(value, least)) for value in ends)
+        ends = values[-3:] if values[-1] >= values[0] else values[2::-1]
+        outer, inner, edge = [math.log(max(value, 0.5 * profile.least)) for value in ends]
         return min(max(FLANK * (2.0 * inner - outer - edge), 2.0 * (edge - inner), 0.0), most)
 
 
-def principal_axes(xx: float, yy: float, xy: float) -> tuple[tuple[float, float], tuple[float, float]]:
+def principal_axes(xx: float, yy: float, xy: float) -> tuple[Vector, Vector]:
     """Return the principal axes of second moments [m2], each as long as its standard deviation [m].
 
     Examples
@@ -141,48 +147,37 @@ def principal_axes(xx: float, yy: float, xy: float) -> tuple[tuple[float, float]
 class _Profile:
     """A distribution along one axis, counted from its first taxel [pitch]."""
 
-    def __init__(self, values: list[float]) -> None:
-        self.values = values
-        self._least = CUT_SHARE * max(values)
-        total = first = second = 0.0
-        for index, value in enumerate(values):
-            total += value
-            first += index * value
-            second += index * index * value
-        self._sums = total, first, second
+    __slots__ = ("_sums", "ends", "least", "values", "variance")
 
-    @property
-    def is_cut(self) -> bool:
-        """Whether it reaches its first or last taxel."""
-        return max(self.values[0], self.values[-1]) >= self._least
+    def __init__(self, values: list[float], total: float, mean: float, variance: float) -> None:
+        self.values = values
+        self.variance = variance
+        self.least = CUT_SHARE * max(values)
+        """Value below which nothing is carried on."""
+        self.ends: list[tuple[float, float, int, int]] = []
+        """Of the ends that are cut: the last value, the one before it, its place, and the way on."""
+        if len(values) > 1:
+            if values[0] >= self.least:
+                self.ends.append((values[0], values[1], 0, -1))
+            if values[-1] >= self.least:
+                self.ends.append((values[-1], values[-2], len(values) - 1, 1))
+        self._sums = total, mean * total, (variance + mean * mean) * total
 
     def carried_on(self, bend: float) -> tuple[float, float]:
-        """Return mean and variance with what lies beyond the two ends.
-
-        `bend` is (pitch/width)^2 [1] of what lies beyond, inf for nothing.
-        """
+        """Return mean and variance with what lies beyond the ends that are cut, whose bend is (pitch/width)^2 [1]."""
         total, first, second = self._sums
-        values, least = self.values, self._least
-        if bend < math.inf and len(values) > 1:
-            fall = math.exp(-bend)
-            last = len(values) - 1
-            for inner, edge, index, way in ((values[1], values[0], 0, -1), (values[last - 1], values[last], last, 1)):
-                if edge < least:
-                    continue
-                for step, beyond in enumerate(_beyond(inner, edge, fall, least), 1):
-                    place = index + way * step
-                    total += beyond
-                    first += place * beyond
-                    second += place * place * beyond
+        fall, least = math.exp(-bend), self.least
+        for edge, inner, end, way in self.ends:
+            # Not above the last one: a contact whose middle is beyond the edge cannot be told from a stronger one.
+            ratio = min(edge / max(inner, least) * fall, 1.0)
+            value = edge
+            for place in range(end + way, end + way * (MOST_BEYOND + 1), way):
+                value *= ratio
+                ratio *= fall
+                total += value
+                first += place * value
+                second += place * place * value
+                if value < least:
+                    break
         mean = first / total
         return mean, second / total - mean * mean
-
-
-def _beyond(inner: float, edge: float, fall: float, least: float) -> list[float]:
-    """Return the values that follow the last two of a profile, until they are below `least`."""
-    values: list[float] = []
-    while edge >= least and len(values) < MOST_BEYOND:
-        # Not above the last one: a contact whose middle is beyond the edge cannot be told from a stronger one.
-        inner, edge = edge, min(edge, edge * edge / max(inner, least) * fall)
-        values.append(edge)
-    return values

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from posfet_model.calibration import Calibration
 from posfet_model.chain import InverseChain, charge_per_newton, noise_of_a_scan
-from posfet_model.contacts import ENTER_DEVIATIONS, ContactFinder
+from posfet_model.contacts import ENTER_DEVIATIONS, ContactFinder, Taxels
 from posfet_model.crosstalk import CrosstalkInverse, non_negative
 from posfet_model.fast_channel import FastChannel, Motion
+from posfet_model.footprint import Footprint
 from posfet_model.observer import ForceObserver
 from posfet_model.scan import Scan
 from posfet_model.scan_clock import ScanClock, ScanCounts
@@ -282,7 +283,7 @@ class Reconstructor:
         self._clock.counts.implausible += 1
         return False
 
-    def _follow(self, regions: list[int], step: float) -> tuple[Contact, ...]:
+    def _follow(self, regions: list[Footprint], step: float) -> tuple[Contact, ...]:
         """Measure the regions in contact and continue the contacts."""
         observer = self._observer
         np.logical_or(self._touched, self._finder.touched, out=self._touched)
@@ -292,14 +293,10 @@ class Reconstructor:
         if self._any_guessed:
             force, guessed = self._filled, self._guessed
             self._variance[guessed] = (ESTIMATE_DEVIATION * force[guessed]) ** 2
-        bad = self._watch.bad if self._watch.any_bad else None
-        before = self._tracker.regions
-        measured = self._finder.measure(
-            regions, force, self._variance, observer.common_variance, saturated, bad, guessed, before
-        )
-        return self._tracker.update(measured, step)
+        taxels = Taxels(force, self._variance, observer.common_variance, saturated, self._unlisted, guessed)
+        return self._tracker.update(self._finder.measure(regions, taxels, self._tracker.regions), step)
 
-    def _find_around_bad(self) -> list[int]:
+    def _find_around_bad(self) -> list[Footprint]:
         """Find the regions in contact with what the bad taxels should read in place of what they do."""
         force, watch = self._filled, self._watch
         force[:] = self._observer.force
@@ -327,9 +324,10 @@ class Reconstructor:
     def _choose_guessed(self) -> None:
         """Choose the bad taxels for which their neighbours speak: not noisy ones that tell a touch from none."""
         watch = self._watch
+        self._any_guessed, self._unlisted = False, 0
         if not watch.any_bad:
-            self._any_guessed = False
             return
+        self._unlisted = self._finder.bits(watch.bad)
         telling = watch.telling(self._telling) & self._observer.settled
         np.logical_and(watch.bad, ~telling, out=self._guessed)
         self._any_guessed = bool(self._guessed.any())

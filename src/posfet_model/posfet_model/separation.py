@@ -11,11 +11,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final
+from itertools import combinations
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model.footprint import Footprint
 from posfet_model.sensor import Layout
 from posfet_model.surroundings import Surroundings
 
@@ -40,7 +42,9 @@ FIRST_ROUNDS: Final = 8
 ROUNDS: Final = 2
 """Rounds from the centres of one scan to those of the next."""
 
-Places = Sequence[tuple[float, float]]
+Places: TypeAlias = Sequence["tuple[float, float]"]
+Centre: TypeAlias = "tuple[float, float, float]"
+"""Force [N] of a contact, and its place (x, y) [m]."""
 
 
 class Separator:
@@ -57,23 +61,17 @@ class Separator:
         self._around = _neighbours(layout)
         self._neighbours = [[other for other in row if other < layout.taxels] for row in self._around.tolist()]
         self._padded = np.full(layout.taxels + 1, -np.inf)
-        pitches = np.array([layout.pitch_x, layout.pitch_y])
-        self._width = spread * spread + pitches * pitches / 12.0
-        self.long = math.sqrt(float(self._width.max()) + LONG * self._pitch**2)
+        self._width = [spread * spread + pitch * pitch / 12.0 for pitch in (layout.pitch_x, layout.pitch_y)]
+        self.long = math.sqrt(max(self._width) + LONG * self._pitch**2)
         """Length of the major axis from which a region may hold several contacts [m]."""
 
-    def peaks(
-        self,
-        taxels: NDArray[np.intp],
-        around: NDArray[np.intp],
-        force: NDArray[np.float64],
-        estimated: NDArray[np.bool_] | None,
-    ) -> list[tuple[float, float]]:
+    def peaks(self, footprint: Footprint, force: NDArray[np.float64], estimated: NDArray[np.bool_] | None) -> Places:
         """Return the places [m] of a region's peaks that valleys tell apart; empty when there are not several.
 
-        `taxels` are those of the region, `around` those and the ring around them, `force` [N] that of all taxels. One
-        that is `estimated` is no valley: what lies around it is taken for one hill.
+        `force` [N] is that of all taxels. One that is `estimated` is no valley: what lies around it is taken for one
+        hill.
         """
+        taxels = footprint.region.taxels
         if len(taxels) > LARGEST or (estimated is None and self._has_one_peak(taxels, force)):
             return []
         values = dict(zip(taxels.tolist(), force[taxels].tolist(), strict=True))
@@ -93,7 +91,7 @@ class Separator:
                 if values[taxel] > VALLEY * height[peak] or height[peak] - values[taxel] < self._threshold:
                     del height[peak]
                     hill.update({member: highest for member, of in hill.items() if of == peak})
-        if len(height) < 2 or self._is_hole(around, force):
+        if len(height) < 2 or self._is_hole(footprint.members, force):
             return []
         return [(float(x), float(y)) for x, y in self._positions[sorted(height)]]
 
@@ -109,58 +107,51 @@ class Separator:
         return bool(((least > 2.0 * self._threshold) & (force[around] < MISSING * least)).any())
 
     def shares(
-        self, places: Places, members: NDArray[np.intp], weight: NDArray[np.float64], rounds: int = ROUNDS
+        self, places: Places, footprint: Footprint, weight: NDArray[np.float64], rounds: int
     ) -> NDArray[np.float64] | None:
-        """Return each contact's share of the `members` [1], shape [contacts, members], from places [m] near theirs.
+        """Return each contact's share of a region's members [1], shape [contacts, members], from places near theirs.
 
-        `weight` [N] >= 0 is the force of the members. None when the contacts cannot be kept apart.
+        `places` [m], `weight` [N] >= 0 the force of the members. None when the contacts cannot be kept apart.
         """
-        positions = self._positions[members]
-        centres = np.array(places)
-        parts = self._nearby(positions, centres, weight)
+        plane = footprint.basis[:, :3]  # 1, x and y
+        moments = plane * weight[:, None]
+        nearest = self._closeness(plane, [(1.0, *place) for place in places]).argmax(axis=0)
+        parts = np.bincount(nearest, weight, len(places)) + 1e-9
+        centres = [(part, *place) for part, place in zip(parts.tolist(), places, strict=True)]
         for _ in range(rounds):
-            share = self._shares_at(positions, centres, parts)
-            mass = share @ weight
-            if float(mass.min()) < self._threshold:
-                there = mass >= self._threshold
-                share, mass = share[there], mass[there]
-                if len(mass) < 2:
-                    return None
-            centres = (share * weight) @ positions / mass[:, None]
-            parts = mass / float(mass.sum())
-        centres, parts = self._apart(centres, parts)
-        return self._shares_at(positions, centres, parts) if len(centres) > 1 else None
+            sums = self._shares_at(plane, centres).dot(moments).tolist()
+            centres = [(mass, x / mass, y / mass) for mass, x, y in sums if mass >= self._threshold]
+            if len(centres) < 2:
+                return None
+        self._keep_apart(centres)
+        return self._shares_at(plane, centres) if len(centres) > 1 else None
 
-    def _apart(
-        self, centres: NDArray[np.float64], parts: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the centres without the weaker one of every two that have come too near to each other."""
+    def _keep_apart(self, centres: list[Centre]) -> None:
+        """Take out the weaker one of every two centres that have come too near to each other."""
         while len(centres) > 1:
-            between = centres[:, None, :] - centres[None, :, :]
-            distance = np.hypot(between[..., 0], between[..., 1])
-            np.fill_diagonal(distance, np.inf)
-            if float(distance.min()) >= NEAREST * self._pitch:
-                break
-            one, other = divmod(int(distance.argmin()), len(centres))
-            weaker = one if parts[one] < parts[other] else other
-            centres, parts = np.delete(centres, weaker, axis=0), np.delete(parts, weaker)
-        return centres, parts
+            one, other = min(combinations(centres, 2), key=lambda pair: math.dist(pair[0][1:], pair[1][1:]))
+            if math.dist(one[1:], other[1:]) >= NEAREST * self._pitch:
+                return
+            centres.remove(min(one, other))
 
-    def _nearby(
-        self, positions: NDArray[np.float64], centres: NDArray[np.float64], weight: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Return the part of the force that is nearest to each centre [1], none of them zero."""
-        square = ((positions[None] - centres[:, None]) ** 2).sum(axis=2)
-        parts = np.bincount(square.argmin(axis=0), weight, len(centres)) + 1e-9
-        found: NDArray[np.float64] = parts / parts.sum()
+    def _closeness(self, plane: NDArray[np.float64], centres: list[Centre]) -> NDArray[np.float64]:
+        """Return ln(force*exp(-distance^2/(2*width^2))) of each centre at each member, shape [contacts, members].
+
+        But for what is the same for all centres: what is left is linear in x and y.
+        """
+        wide_x, wide_y = self._width
+        lines = [
+            (math.log(force) - 0.5 * (x * x / wide_x + y * y / wide_y), x / wide_x, y / wide_y)
+            for force, x, y in centres
+        ]
+        found: NDArray[np.float64] = np.array(lines).dot(plane.T)
         return found
 
-    def _shares_at(
-        self, positions: NDArray[np.float64], centres: NDArray[np.float64], parts: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        exponent = -0.5 * ((positions[None] - centres[:, None]) ** 2 / self._width).sum(axis=2)
-        density = parts[:, None] * np.exp(exponent - exponent.max(axis=0))
-        share: NDArray[np.float64] = density / density.sum(axis=0)
+    def _shares_at(self, plane: NDArray[np.float64], centres: list[Centre]) -> NDArray[np.float64]:
+        share = self._closeness(plane, centres)
+        share -= np.maximum.reduce(share)
+        np.exp(share, out=share)
+        share /= np.add.reduce(share)
         return share
 
 

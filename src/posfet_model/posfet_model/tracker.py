@@ -8,9 +8,9 @@ gets a new id, and names the one it came from.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import Final
+from typing import Final, NamedTuple
 
 from posfet_model.chain import noise_of_a_scan
 from posfet_model.contacts import Region
@@ -53,8 +53,7 @@ class TrackerSettings:
     """A moving contact rests below this speed [m/s]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Contact:
+class Contact(NamedTuple):
     """One contact at the time of a scan."""
 
     id: int
@@ -76,8 +75,7 @@ class Contact:
         return tuple(past.id for past in self.merged)
 
 
-@dataclass(frozen=True, slots=True)
-class Merged:
+class Merged(NamedTuple):
     """A contact that became one with another."""
 
     id: int
@@ -113,10 +111,10 @@ class ContactTracker:
         """Return the contacts of a scan a step [s] after the last one, ascending by id, released ones among them."""
         pairs = self._pairs(regions)
         if len(pairs) == len(regions) == len(self._contacts):
-            followed = [self._follow(self._contacts[track], regions[index], step) for track, index in pairs]
+            followed = [self._follow(self._contacts[track], regions[index], step) for track, index in pairs.items()]
             ended: list[Contact] = []
         else:
-            followed, ended = self._change(dict(pairs), regions, step)
+            followed, ended = self._change(pairs, regions, step)
         self._contacts = tuple(sorted(followed, key=lambda contact: contact.id))
         if not ended:
             return self._contacts
@@ -138,7 +136,7 @@ class ContactTracker:
         for track, others in joined.items():
             index = pairs[track]
             now = _unmoved(followed[index], before[track])
-            followed[index] = replace(now, merged=now.merged + _merged(before[track], others))
+            followed[index] = now._replace(merged=now.merged + _merged(before[track], others))
         gone = [contact for track, contact in enumerate(before) if track not in pairs]
         absorbed = {contact.id for others in joined.values() for contact in others}
         ended = [self._release(contact, step) for contact in gone if contact.id not in absorbed]
@@ -181,7 +179,7 @@ class ContactTracker:
                 places = (index, other)
                 way = -way[0], -way[1]
             rest = tuple(past for past in parent.merged if past is not back)
-            stays = _unmoved(replace(parent, region=regions[places[0]], merged=rest), self._contacts[track])
+            stays = _unmoved(parent._replace(region=regions[places[0]], merged=rest), self._contacts[track])
             followed[places[0]] = stays
             followed[places[1]] = Contact(
                 back.id,
@@ -194,19 +192,23 @@ class ContactTracker:
             return
         followed[index] = self._begin(regions[index])
 
-    def _pairs(self, regions: list[Region]) -> list[tuple[int, int]]:
-        """Return which contact goes on in which region, as pairs of indices, the nearest pairs first."""
+    def _pairs(self, regions: list[Region]) -> dict[int, int]:
+        """Return which contact goes on in which region, by their indices, the nearest pairs first."""
         reach = self._settings.reach * self._pitch
-        distances = sorted(
+        centres = [region.centre_of_pressure for region in regions]
+        near = [
             (distance, track, index)
             for track, contact in enumerate(self._contacts)
-            for index, region in enumerate(regions)
-            if (distance := math.dist(contact.region.centre_of_pressure, region.centre_of_pressure)) <= reach
-        )
-        pairs: list[tuple[int, int]] = []
-        for _, track, index in distances:
-            if all(track != other_track and index != other_index for other_track, other_index in pairs):
-                pairs.append((track, index))
+            for index, centre in enumerate(centres)
+            if (distance := math.dist(contact.region.centre_of_pressure, centre)) <= reach
+        ]
+        near.sort()
+        pairs: dict[int, int] = {}
+        taken: set[int] = set()
+        for _, track, index in near:
+            if track not in pairs and index not in taken:
+                pairs[track] = index
+                taken.add(index)
         return pairs
 
     def _begin(self, region: Region, split_from: int = 0) -> Contact:
@@ -227,15 +229,15 @@ class ContactTracker:
         return Contact(contact.id, state, region, (x, y), contact.age + step, contact.merged, contact.split_from)
 
     def _release(self, contact: Contact, step: float) -> Contact:
-        region = replace(contact.region, force=0.0, peak_pressure=0.0)
-        return replace(contact, state=ContactState.RELEASED, region=region, age=contact.age + step)
+        region = contact.region._replace(force=0.0, peak_pressure=0.0)
+        return contact._replace(state=ContactState.RELEASED, region=region, age=contact.age + step)
 
 
 def _unmoved(contact: Contact, before: Contact) -> Contact:
     """Return a contact whose centre jumped, as its region merged or split, with the motion it had before."""
     if before.state is ContactState.NEW:
-        return replace(contact, state=ContactState.HELD, velocity=(0.0, 0.0))
-    return replace(contact, state=before.state, velocity=before.velocity)
+        return contact._replace(state=ContactState.HELD, velocity=(0.0, 0.0))
+    return contact._replace(state=before.state, velocity=before.velocity)
 
 
 def _merged(contact: Contact, others: list[Contact]) -> tuple[Merged, ...]:
@@ -247,5 +249,5 @@ def _merged(contact: Contact, others: list[Contact]) -> tuple[Merged, ...]:
         offset = there[0] - here[0], there[1] - here[1]
         later = other.age - contact.age
         found.append(Merged(other.id, later, offset, other.split_from))
-        found += [replace(past, age=past.age + later, offset=offset) for past in other.merged]
+        found += [past._replace(age=past.age + later, offset=offset) for past in other.merged]
     return tuple(found)

@@ -1,0 +1,91 @@
+"""What follows of contacts from their taxels alone. They stay where they are for many scans, so answers are kept."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Final, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model.labelling import BitMap
+from posfet_model.moments import MomentFinder
+from posfet_model.sensor import Layout
+
+MOST_KNOWN: Final = 64
+"""Answers of each kind that are kept."""
+
+
+class Outline(NamedTuple):
+    """The taxels that a contact lists."""
+
+    bits: int
+    """As bits of `labelling.BitMap`."""
+    taxels: NDArray[np.intp]
+    """Their indices, ascending."""
+    centre: tuple[float, float]
+    """Their mean position (x, y) [m]."""
+    area: float
+    """Area of their cells [m2]."""
+
+
+class Footprint(NamedTuple):
+    """A region in contact and the ring around it, as far as that is no other region's."""
+
+    region: Outline
+    wide: int
+    """Region and ring, as bits."""
+    members: NDArray[np.intp]
+    """Indices of these, ascending: the taxels that count into force and moments."""
+    basis: NDArray[np.float64]
+    """What their forces are multiplied with for the sums of `MomentFinder.of`, shape [members, sums]."""
+
+
+class Footprints:
+    """Footprints and outlines on one array; none of their arrays is to be written to."""
+
+    def __init__(self, layout: Layout, bitmap: BitMap, moments: MomentFinder) -> None:
+        self._bitmap = bitmap
+        self._moments = moments
+        self._positions = layout.positions
+        self._cell = layout.pitch_x * layout.pitch_y
+        taxels = np.arange(layout.taxels)
+        rows, cols = taxels // layout.cols, taxels % layout.cols
+        outermost = (rows == 0) | (rows == layout.rows - 1) | (cols == 0) | (cols == layout.cols - 1)
+        self._edge = bitmap.pack(outermost)
+        keep = lru_cache(MOST_KNOWN)
+        self.outline = keep(self._outline)
+        """Return the outline of taxels that are given as bits, not 0."""
+        self.regions = keep(self._regions)
+        """Return the footprints of the regions of a mask, shape [rows * cols], given as its bytes."""
+        self.parts = keep(self._parts)
+        """Return what each contact of a region lists, as bits, 0 for nothing.
+
+        Arguments: members of the region and what is listed of it, as bits, the number of contacts, and for each member
+        the number of the contact that owns it, as bytes of np.intp.
+        """
+
+    def _outline(self, bits: int) -> Outline:
+        taxels = self._bitmap.taxels(bits)
+        x, y = self._positions[taxels].mean(axis=0).tolist()
+        return Outline(bits, taxels, (x, y), len(taxels) * self._cell)
+
+    def _regions(self, mask: bytes) -> list[Footprint]:
+        bits = self._bitmap.pack(np.frombuffer(mask, np.bool_))
+        regions = self._bitmap.regions(bits)
+        rings = [self._bitmap.grow(region) for region in regions]
+        once = twice = 0
+        for ring in rings:
+            twice |= once & ring
+            once |= ring
+        found = []
+        for region, ring in zip(regions, rings, strict=True):
+            wide = ring & ~twice | region
+            members = self._bitmap.taxels(wide)
+            basis = self._moments.basis(members, at_edge=bool(wide & self._edge))
+            found.append(Footprint(self.outline(region), wide, members, basis))
+        return found
+
+    def _parts(self, wide: int, listed: int, count: int, owners: bytes) -> list[int]:
+        members, owner = self._bitmap.taxels(wide), np.frombuffer(owners, np.intp)
+        return [self._bitmap.bits(members[owner == number]) & listed for number in range(count)]
