@@ -65,7 +65,7 @@ def find(
 ) -> list[Region]:
     finder = finder or ContactFinder(sensor)
     variance = np.full(sensor.layout.taxels, NOISE**2)
-    finder.adapt(variance, 0.0)
+    finder.adapt(forces, variance, 0.0)
     taxels = Taxels(forces, variance, more.get("common", 0.0), more.get("saturated"))
     return finder.measure(finder.find(forces), taxels)
 
@@ -148,18 +148,31 @@ def test_hysteresis_holds_a_contact_between_the_thresholds() -> None:
 def test_thresholds_rise_with_what_is_not_known_of_the_force() -> None:
     finder = ContactFinder(SENSOR)
     forces = np.full(LAYOUT.taxels, 0.03)
-    finder.adapt(VARIANCE, 0.01**2)
+    finder.adapt(forces, VARIANCE, 0.01**2)
     assert not finder.find(forces)
-    finder.adapt(VARIANCE, 0.0)
+    finder.adapt(forces, VARIANCE, 0.0)
     assert len(finder.find(forces)) == 1
+
+
+def test_a_held_force_stays_a_contact_when_it_is_hardly_known_and_ends_when_it_is_let_go() -> None:
+    finder = ContactFinder(SENSOR)
+    forces = np.zeros(LAYOUT.taxels)
+    forces[12] = 0.3
+    assert len(find(forces, finder=finder)) == 1
+    for deviation in np.linspace(0.0, 0.2, 100):
+        forces[12] -= 0.001  # what a zero wanders meanwhile
+        finder.adapt(forces, np.full(LAYOUT.taxels, deviation**2), 0.0)
+        assert len(finder.find(forces)) == 1
+    forces[12] -= 0.15
+    assert not finder.find(forces)
 
 
 def test_unusable_taxels_are_in_no_contact() -> None:
     finder = ContactFinder(SENSOR)
     usable = np.ones(LAYOUT.taxels, np.bool_)
     usable[12] = False
-    finder.adapt(VARIANCE, 0.0, usable)
     forces = sphere(0, 0, 1.0)
+    finder.adapt(forces, VARIANCE, 0.0, usable)
     [region] = finder.measure(finder.find(forces), Taxels(forces, VARIANCE))
     assert 12 not in region.taxels
     assert region.force < 1.0 - forces[12] + 0.01

@@ -7,6 +7,7 @@ import math
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import pytest
 from dense_pressure import sphere_forces
 from scan_player import START, press, scans
 
+from posfet_driver.calibrate import calibrate
 from posfet_driver.imperfections import Imperfections
 from posfet_driver.scene import load_scene
 from posfet_driver.score import Run
@@ -294,6 +296,44 @@ def test_an_abrupt_ramp_of_temperature_at_10_hz_is_no_contact(rate: float, lag: 
 def test_warming_of_a_board_with_other_leaks_than_described_is_no_contact(seed: int) -> None:
     score = run_score(Run(SENSOR, load_scene("temperature_ramp", SENSOR), 7.0, seed, Imperfections.default()))
     assert score.false_contacts_per_hour == 0.0
+
+
+WARM_FINGER = """
+name: warm_finger
+description: a fingertip of 34 degC holds 1.5 N on a chip of 25 degC, and lifts
+temperature_degC: 25.0
+objects:
+  - name: fingertip
+    kind: sphere
+    radius_mm: 4.0
+    effective_modulus_MPa: 2.0
+    temperature_degC: 34.0
+    keyframes:
+      - {time_s: 1.0, x_mm: 0.2, y_mm: 0.4, force_N: 0.0}
+      - {time_s: 1.3, x_mm: 0.2, y_mm: 0.4, force_N: 1.5}
+      - {time_s: 9.0, x_mm: 0.2, y_mm: 0.4, force_N: 1.5}
+      - {time_s: 9.3, x_mm: 0.2, y_mm: 0.4, force_N: 0.0}
+"""
+
+
+@pytest.mark.parametrize(("board", "error"), [("ideal", 0.05), ("calibrated", 0.2)])
+def test_a_warm_finger_stays_one_contact_of_its_force_until_it_lifts(board: str, error: float, tmp_path: Path) -> None:
+    """It warms the film by 1.1 K, of which each taxel makes as much signal as of 1.2 N."""
+    path = tmp_path / "warm_finger.yaml"
+    path.write_text(WARM_FINGER)
+    imperfections = None if board == "ideal" else replace(Imperfections.default(), resets_per_hour=0.0)
+    calibration = None if imperfections is None else calibrate(SENSOR, 3, imperfections)
+    reconstructor, ids = Reconstructor(SENSOR, calibration), set()
+    for scan, truth in wire_scans(SENSOR, load_scene(path, SENSOR), 10.0, 3, imperfections):
+        result = reconstructor.process(scan)
+        ids |= {contact.id for contact in result.contacts}
+        if 2.0 < truth.time < 8.9:
+            assert result.valid
+            [contact] = result.contacts
+            assert contact.region.force == pytest.approx(1.45, abs=error)
+        elif truth.time > 9.4:
+            assert not result.contacts
+    assert len(ids) == 1
 
 
 def test_a_slow_press_on_the_whole_array_comes_to_light() -> None:

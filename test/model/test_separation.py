@@ -37,7 +37,7 @@ def sphere(x: float, y: float, force: float, radius: float = 1.5e-3, modulus: fl
 
 
 def measure(finder: ContactFinder, forces: NDArray[np.float64], before: list[Region]) -> list[Region]:
-    finder.adapt(VARIANCE, 0.0)
+    finder.adapt(forces, VARIANCE, 0.0)
     return finder.measure(finder.find(forces), Taxels(forces, VARIANCE), before)
 
 

@@ -131,6 +131,15 @@ def test_it_prints_json_with_exactly_these_names(capsys: pytest.CaptureFixture[s
     assert list(json.loads(capsys.readouterr().out)) == NAMES
 
 
+def test_a_board_is_calibrated_before_it_is_scored_unless_told_otherwise(capsys: pytest.CaptureFixture[str]) -> None:
+    errors = []
+    for more in ([], ["--calibration", "none"]):
+        assert main(["press", "--for", "2", *more]) == 0
+        errors.append(json.loads(capsys.readouterr().out)["total_force_error_pct"])
+    assert errors[0] < 2.0
+    assert errors[1] > 5.0
+
+
 @pytest.mark.parametrize(
     "words",
     [["nowhere"], ["press_slide_lift", "--imperfections", "nowhere.yaml"], ["idle", "--sensor", "nowhere"]],

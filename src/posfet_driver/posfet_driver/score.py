@@ -1,4 +1,7 @@
-"""`posfet score`: a scene through simulated board, frames and reconstruction, held against the truth."""
+"""`posfet score`: a scene through simulated board, frames and reconstruction, held against the truth.
+
+Unless told otherwise the board is calibrated first, as `posfet calibrate` does: so is a real one before it is used.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from posfet_driver.calibrate import calibrate
 from posfet_driver.imperfections import Imperfections, load_imperfections
 from posfet_driver.scene import Scene, load_scene
 from posfet_driver.scoring import Score, Scorer
@@ -23,6 +27,7 @@ from posfet_model.reconstruction import Reconstructor
 from posfet_model.sensor import DEFAULT_SENSOR, Sensor, load_sensor
 
 BAD_INPUT = 1
+UNCALIBRATED: Final = "none"
 ENDLESS: Final = 10.0
 """How long a scene that never changes is scored [s], unless told otherwise."""
 
@@ -81,18 +86,17 @@ def main(words: Sequence[str] | None = None) -> int:
         sensor = load_sensor(options.sensor)
         device = differing(sensor, dict(options.device))
         scene = load_scene(options.scene, device)
-        calibration = load_calibration(options.calibration, sensor) if options.calibration else None
+        imperfections = load_imperfections(options.imperfections)
+        calibration = _calibration(options.calibration, sensor, options.seed, imperfections)
         if options.mismatch:
-            rng = np.random.default_rng(options.seed)
-            known = calibration or Calibration.nominal(sensor)
-            calibration = known.with_gain_error(options.mismatch / 100, rng)
+            calibration = calibration.with_gain_error(options.mismatch / 100, np.random.default_rng(options.seed))
         score = run(
             Run(
                 sensor=sensor,
                 scene=scene,
                 duration=options.seconds or scene.duration or ENDLESS,
                 seed=options.seed,
-                imperfections=load_imperfections(options.imperfections),
+                imperfections=imperfections,
                 calibration=calibration,
                 device=device,
             )
@@ -104,12 +108,25 @@ def main(words: Sequence[str] | None = None) -> int:
     return 0
 
 
+def _calibration(wanted: str | None, sensor: Sensor, seed: int, imperfections: Imperfections) -> Calibration:
+    """Return the calibration of a file, that of the board by default, or what is known by the description alone."""
+    if wanted == UNCALIBRATED:
+        return Calibration.nominal(sensor)
+    if wanted:
+        return load_calibration(wanted, sensor)
+    return calibrate(sensor, seed, replace(imperfections, resets_per_hour=0.0))
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="posfet score", description="Score the reconstruction on a scene of the simulated board; prints JSON."
     )
     parser.add_argument("scene", metavar="SCENE", help="a YAML file, or a shipped scene")
-    parser.add_argument("--calibration", metavar="FILE", help="of this sensor; without it, the description is believed")
+    parser.add_argument(
+        "--calibration",
+        metavar="FILE",
+        help="of this sensor, or none: the description is believed; without it, the board is calibrated first",
+    )
     parser.add_argument(
         "--mismatch",
         type=lambda text: _number(text, 0, 30),

@@ -26,6 +26,12 @@ ENTER_DEVIATIONS: Final = 5.0
 STAY_DEVIATIONS: Final = 2.5
 """Standard deviations above zero below which a contact is no longer told from none [1]."""
 
+HELD: Final = 0.5
+"""Unless it keeps this share of what its force was lately [1]: a zero wanders slowly, a release takes all at once."""
+
+LATELY: Final = 0.996
+"""Share of that which is remembered from one `adapt` to the next [1]: 5 s of blocks of 20 ms."""
+
 
 class Region(NamedTuple):
     """One connected region that is touched, in the frame of the array."""
@@ -97,6 +103,7 @@ class ContactFinder:
         self._enter = np.full(layout.taxels, self._threshold)
         self._stay = np.full(layout.taxels, self._stay_threshold)
         self._floor = np.zeros(layout.taxels)
+        self._lately = np.zeros(layout.taxels)
         self._above = np.zeros(layout.taxels, np.bool_)
         self._staying = np.zeros(layout.taxels, np.bool_)
         self._touched = np.zeros(layout.taxels, np.bool_)
@@ -124,16 +131,23 @@ class ContactFinder:
         return self._bitmap.mask(bits, out)
 
     def adapt(
-        self, variance: NDArray[np.float64], common_variance: float, usable: NDArray[np.bool_] | None = None
+        self,
+        force: NDArray[np.float64],
+        variance: NDArray[np.float64],
+        common_variance: float,
+        usable: NDArray[np.bool_] | None = None,
     ) -> None:
-        """Set the thresholds for a variance of the forces [N2], that of each taxel and the one that all share.
+        """Set the thresholds for forces [N] and their variance [N2], that of each taxel and the one that all share.
 
         Taxels that are not `usable` are left out of contacts; None: all are usable.
         """
         deviation = np.sqrt(variance + common_variance)
+        np.maximum(force, LATELY * self._lately, out=self._lately)
+        self._lately[~self._touched] = 0.0
         np.maximum(self._threshold, ENTER_DEVIATIONS * deviation, out=self._enter)
-        np.maximum(self._stay_threshold, STAY_DEVIATIONS * deviation, out=self._stay)
         np.multiply(deviation, STAY_DEVIATIONS, out=self._floor)
+        np.minimum(self._floor, HELD * self._lately, out=self._floor, where=self._touched)
+        np.maximum(self._stay_threshold, self._floor, out=self._stay)
         if usable is not None:
             for limit in (self._enter, self._stay, self._floor):
                 limit[~usable] = math.inf

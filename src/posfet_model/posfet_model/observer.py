@@ -295,6 +295,8 @@ class ForceObserver:
             self._zeros.variance[begun] += self._jumped[begun]
             leaks.begin(begun, self._leaked)
         if touched.any():
+            if not self.film.quiet:
+                leaks.forget()  # the film's charge leaks, too, and is not known as well as a window needs
             leaks.take(self._elapsed, self._scans, mean, self._leaked, touched & self._was_touched)
             change = leaks.learn(touched)
             if change is not None:

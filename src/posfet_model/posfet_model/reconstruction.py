@@ -339,4 +339,4 @@ class Reconstructor:
         if self._any_guessed:
             self._variance[self._guessed] = 0.0  # what stands for them comes from their neighbours
         usable = None if observer.valid and not self._watch.any_bad else observer.settled | self._guessed
-        self._finder.adapt(self._variance, observer.common_variance, usable)
+        self._finder.adapt(observer.force, self._variance, observer.common_variance, usable)
