@@ -31,6 +31,7 @@ SILENCE: Final = 0.3
 """Time without any scan [s] after which a board that should send is asked what it is."""
 SILENT_SCANS: Final = 10
 """The same in scans, where they come slower."""
+NEVER: Final = 1 << 63
 LOW_SUPPLY_MEMORY: Final = 2.0
 """Time after a low supply was told [s] in which a reset is called a brown-out."""
 
@@ -77,7 +78,8 @@ class Board:
         self._phase = Phase.CLOSED
         self._reason = "closed"
         self._diagnosis = ""
-        self._deadline = 0
+        self._arrival = 0  # of the newest batch of frames
+        self._deadline = NEVER
         self._looked_for = -1  # deadline after which the bus was read once more
         self._tag = 0
         self._own_tag = -1  # of the command that was sent to find and start the board
@@ -122,14 +124,14 @@ class Board:
 
     def read(self, timeout: float) -> Scan | None:
         """Return the next whole scan, or None when there was none within `timeout` [s]."""
-        end = self._clock.monotonic() + round(timeout * _NANOSECONDS)
-        while True:
-            if self._next_scan():
-                return self.receiver.scan
+        end = 0
+        while not self._next_scan():
             now = self._clock.monotonic()
+            end = end or now + round(timeout * _NANOSECONDS)
             if now >= end:
                 return None
             self._wait(now, end)
+        return self.receiver.scan
 
     def submit(self, command: Command, argument: int = 0, timeout: float = 0.5) -> Future[Response]:
         """Send a command, from any thread, while another one reads; scans go on meanwhile.
@@ -162,7 +164,7 @@ class Board:
         for frame in self._frames:
             if receiver.feed(frame):
                 if self._flowing:
-                    self._deadline = self._clock.monotonic() + self._silence
+                    self._deadline = self._arrival + self._silence
                 else:  # started, or back before it was started again
                     self._flowing = True
                     self._diagnosis = ""
@@ -171,7 +173,8 @@ class Board:
             if receiver.response is not None:
                 self._take(receiver.response)
                 receiver.response = None
-        self._look()
+        if receiver.news or receiver.errors.bus_off != self._bus_offs:
+            self._look()
         return False
 
     def _look(self) -> None:
@@ -180,7 +183,7 @@ class Board:
         if receiver.errors.bus_off != self._bus_offs:
             self._bus_offs = receiver.errors.bus_off
             self._fail(can.CanOperationError("the controller has taken itself off the bus"), "bus off")
-        elif receiver.news:
+        else:
             receiver.news = False
             if receiver.status.flags & ScanStatus.SUPPLY_LOW:
                 self._low_supply = self._clock.monotonic()
@@ -195,14 +198,14 @@ class Board:
 
     def _wait(self, now: int, end: int) -> None:
         """Let something happen: read frames, or do what is due when there are none."""
-        self._carry_orders(now)
-        timed = self._phase not in {Phase.CLOSED, Phase.STOPPED}
-        late = timed and now >= self._deadline
+        if pending := self._orders.pending():
+            self._carry_orders(now)
+        late = now >= self._deadline
         if late and (not self._link.is_open or self._looked_for == self._deadline):
             self._overdue()
             return
-        due = min(end, self._deadline) if timed else end
-        if self._orders.pending():
+        due = min(end, self._deadline)
+        if pending:
             due = min(due, now + round(PRESENCE_PERIOD * _NANOSECONDS))
         left = max(due - now, 0)
         if self._link.is_open:
@@ -334,14 +337,10 @@ class Board:
 
     def _carry_orders(self, now: int) -> None:
         """Send the next order when the board is ready for it, and give up those that take too long."""
-        if not self._orders.pending():
-            return
         if not self._link.is_open:
             self._orders.fail(self._reason)
-        elif self._phase in {Phase.SCANS, Phase.STOPPED, Phase.REFUSED}:
-            order = self._orders.next()
-            if order is not None:
-                order.tag = self._send(order.command, order.argument)
+        elif self._phase in {Phase.SCANS, Phase.STOPPED, Phase.REFUSED} and (order := self._orders.next()):
+            order.tag = self._send(order.command, order.argument)
         self._orders.expire(now, self._reason)
 
     def _take_period(self, period: int) -> None:
@@ -357,7 +356,7 @@ class Board:
         except (can.CanError, OSError) as error:
             self._fail(error)
             return True
-        arrival = self._clock.monotonic()
+        arrival = self._arrival = self._clock.monotonic()
         self.load.add(frames, arrival)
         self._frames = iter(self.receiver.begin_batch(frames, arrival, self._clock.wall() - arrival))
         if self._phase == Phase.SCANS and self.receiver.question_due():
@@ -397,4 +396,5 @@ class Board:
         if phase in DEAF:
             self.receiver.listening = False
         self._reason = reason
-        self._deadline = self._clock.monotonic() + round(timeout * _NANOSECONDS)
+        timed = phase not in {Phase.CLOSED, Phase.STOPPED}
+        self._deadline = self._clock.monotonic() + round(timeout * _NANOSECONDS) if timed else NEVER

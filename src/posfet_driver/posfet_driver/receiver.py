@@ -177,10 +177,11 @@ class Receiver:
             scan.status = assembler.status
         else:
             scan.status = self._flags
-        if assembler.clock_stands != self._clock_stood:  # from one clock to the other
-            self._clock_stood = assembler.clock_stands
+        clock_stands = assembler.clock_stands
+        if clock_stands != self._clock_stood:  # from one clock to the other
+            self._clock_stood = clock_stands
             self._clock.reset()
-        if not self._fd or assembler.clock_stands:
+        if not self._fd or clock_stands:
             board_time = round(assembler.sequence * self.scan_period / 1000)
             scan.device_time = 0
             scan.status |= _TIME_ESTIMATED

@@ -156,10 +156,9 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     def _run(self) -> None:
         read = self.source.read
         try:
+            while not self.wanted(time.monotonic_ns()) and not self._stop.wait(WANTED_PERIOD):
+                pass
             while not self._stop.is_set():
-                if not self.wanted(time.monotonic_ns()):
-                    self._stop.wait(WANTED_PERIOD)
-                    continue
                 scan = read(READ_TIMEOUT)
                 if scan is not None and self._active:
                     self.deliver(scan, time.monotonic_ns())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
 from typing import Final, Protocol
 
 SUBSCRIPTIONS_AGE: Final = 100_000_000
@@ -16,16 +17,35 @@ class Publisher(Protocol):
 
 
 class Listeners:
-    """Tells whether a publisher has subscriptions, looked up at most ten times a second."""
+    """Tells which publishers have subscriptions.
 
-    def __init__(self, publisher: Publisher) -> None:
-        self._publisher = publisher
+    Each is looked up ten times a second, one at a time, so that no scan waits for all; all at once after a pause.
+    """
+
+    def __init__(self, *publishers: Publisher) -> None:
+        self._publishers = publishers
+        self._period = SUBSCRIPTIONS_AGE // len(publishers)
+        self._turn = 0
         self._next = 0
-        self._any = False
+        self._heard: set[Publisher] = set()
+
+    def at(self, now: int) -> Set[Publisher]:
+        """Return the publishers that somebody listened to when last looked up; `now` is a monotonic time [ns]."""
+        if now >= self._next:
+            for _ in range(len(self._publishers) if now >= self._next + SUBSCRIPTIONS_AGE else 1):
+                self._look_up()
+            self._next = now + self._period
+        return self._heard
 
     def any(self, now: int) -> bool:
-        """Return whether anybody listened when it was last looked up; `now` is a monotonic time [ns]."""
-        if now >= self._next:
-            self._next = now + SUBSCRIPTIONS_AGE
-            self._any = self._publisher.get_subscription_count() > 0
-        return self._any
+        """Return whether anybody listened to any of them; `now` is a monotonic time [ns]."""
+        return bool(self.at(now))
+
+    def _look_up(self) -> None:
+        """Look up the next one."""
+        publisher = self._publishers[self._turn]
+        self._turn = (self._turn + 1) % len(self._publishers)
+        if publisher.get_subscription_count() > 0:
+            self._heard.add(publisher)
+        else:
+            self._heard.discard(publisher)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -130,8 +130,9 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         )
         self._vibration_message = VibrationMessage(layout, frame_id)
         self._vibration = self.create_publisher(TactileVibration, "vibration", OUTPUT_DEPTH)
-        outputs = (self._contacts, self._markers, self._vibration, *(publisher for publisher, _ in self._maps))
-        self._listeners = {publisher: Listeners(publisher) for publisher in outputs}
+        maps = (publisher for publisher, _ in self._maps)
+        self._listeners = Listeners(self._contacts, self._markers, self._vibration, *maps)
+        self._only_contacts = {self._contacts}
         self._next_markers = 0
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._info = self.create_publisher(TactileInfo, "info", latched)
@@ -151,26 +152,31 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         """
         with self._lock:
             now = time.monotonic_ns()
-            vibration = self._listeners[self._vibration].any(now)
-            self._reconstructor.vibration_wanted = vibration
+            heard = self._listeners.at(now)
+            self._reconstructor.vibration_wanted = self._vibration in heard
             result = self._reconstructor.process(scan)
             if result.accepted:
                 self._result = result
             elif not result.unusable:
                 return
-            if self._listeners[self._contacts].any(now):
+            if self._contacts in heard:
                 self._contacts.publish(self._contacts_message.fill(result))
-            wanted = [entry for entry in self._maps if self._listeners[entry[0]].any(now)]
-            if wanted:
-                image = self._reconstructor.image()
-                for publisher, fill in wanted:
-                    publisher.publish(fill(result, image))
-            if vibration:
-                self._vibration.publish(self._vibration_message.fill(result, self._reconstructor.vibration()))
-            if now >= self._next_markers and self._listeners[self._markers].any(now):
-                self._next_markers = now + MARKER_PERIOD
-                self._markers.publish(self._markers_message.fill(result))
+            if heard != self._only_contacts:
+                self._publish_others(result, heard, now)
             self._reconstructor.tidy()
+
+    def _publish_others(self, result: Reconstruction, heard: Set[Any], now: int) -> None:
+        """Publish what of the rest is listened to."""
+        wanted = [entry for entry in self._maps if entry[0] in heard]
+        if wanted:
+            image = self._reconstructor.image()
+            for publisher, fill in wanted:
+                publisher.publish(fill(result, image))
+        if self._vibration in heard:
+            self._vibration.publish(self._vibration_message.fill(result, self._reconstructor.vibration()))
+        if now >= self._next_markers and self._markers in heard:
+            self._next_markers = now + MARKER_PERIOD
+            self._markers.publish(self._markers_message.fill(result))
 
     def latest(self) -> Snapshot | None:
         """Return a copy of the newest reconstruction, None before the first scan. For any thread."""
