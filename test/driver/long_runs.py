@@ -33,6 +33,8 @@ NEW_NUMBERS = (Trouble.RESET, Trouble.BROWN_OUT)
 COUNTED = tuple(trouble for trouble in Trouble if trouble not in (*NEW_NUMBERS, Trouble.NONE))
 CADENCE = 500_000
 """Time between two batches of frames from the adapter [ns]."""
+POOL = 2_000
+"""Frames that are made at a time, and poured in ten orders."""
 LENGTHS = (0, 1, 7, 8, 8, 8, 12, 63, 64, 64, 64)
 KINDS = (CLASSIC, CLASSIC, FD | RATE_SWITCH, FD | RATE_SWITCH, FD, EXTENDED, REMOTE, ERROR, FD | EXTENDED)
 
@@ -104,17 +106,21 @@ def fuzz(frames: int, fd: bool, seed: int) -> tuple[int, int]:
     noise = random.Random(seed)
     firmware = BoardFirmware(SENSOR, FakeBoard(SENSOR), 0, fd)
     firmware.running = True
-    real = firmware.due(50_000_000)
     receiver = Receiver(SENSOR, fd)
     receiver.resync(0, count_gap=False)
-    pool = [any_frame(noise, real) for _ in range(min(frames, 50_000))]
-    taken, now, growth_from = 0, 0, 0
+    taken, now, growth_from = 0, 50_000_000, 0
     while taken < frames:
-        batch = noise.sample(pool, min(noise.randrange(1, 400), len(pool)))
-        now += round(noise.expovariate(1e-6))
-        for frame in receiver.begin_batch(batch, now, 0):
-            receiver.feed(frame)
-        taken += len(batch)
+        real = firmware.due(now)[-50:]
+        pool = [any_frame(noise, real) for _ in range(min(frames, POOL))]
+        for _ in range(10):
+            batches = noise.sample(pool, len(pool))
+            while batches:
+                size = noise.randrange(1, 400)
+                batch, batches = batches[:size], batches[size:]
+                now += round(noise.expovariate(1e-6))
+                for frame in receiver.begin_batch(batch, now, 0):
+                    receiver.feed(frame)
+            taken += len(pool)
         if not growth_from and taken >= frames // 4:
             growth_from = Usage.now().memory
     return taken, Usage.now().memory - growth_from

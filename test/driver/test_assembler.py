@@ -202,6 +202,27 @@ def test_a_reset_begins_anew(fd: bool) -> None:
     assert line.assembler.device_time == (4000 if fd else 0)
 
 
+@pytest.mark.parametrize("stands", range(16))
+def test_a_counter_that_stands_still_from_the_start_gives_no_scan_a_wrong_number(stands: int) -> None:
+    line = Line(False, 100)
+    for sequence in range(100, 120):
+        line.feed(
+            *(
+                (number, kind, bytes([data[0] & 0xF0 | stands]) + data[1:])
+                for number, kind, data in line.frames(sequence)
+            )
+        )
+    assert line.published in ([], [100])  # `feed` holds the number to what was sent
+    assert line.assembler.misled or line.losses.keys() == {"late"}
+
+
+def test_a_first_scan_that_is_not_the_announced_one_is_given_up() -> None:
+    line = Line(False, 100)
+    line.send(*range(102, 110))
+    assert line.published == list(range(103, 110))
+    assert line.losses == {"late": 12, "lost_scans": 3, "frames": 36}
+
+
 @settings(max_examples=300)
 @given(
     fd=st.booleans(),

@@ -83,6 +83,7 @@ class Assembler:
         self._synced = False  # `sequence` is a scan of this board
         self._clock_synced = False  # and so is `device_time`
         self._standing = 0  # scans in a row with the time of the one before
+        self._announced = False  # the next scan is the one that the board said comes next
 
     @property
     def clock_stands(self) -> bool:
@@ -107,11 +108,12 @@ class Assembler:
                 self._give_up()
                 self._lose((ahead - 1) * count_gap)
                 self.sequence += ahead - 1
+                self._announced = True
             return False
         self._give_up()
         self.sequence = next_scan - 1
         self._clock_synced = self.misled = False
-        self._synced = True
+        self._synced = self._announced = True
         return reset
 
     def align(self, newest: int, wrap: int) -> None:
@@ -185,7 +187,10 @@ class Assembler:
             self.losses.late += 1
             return False
         self._give_up()
-        self._lose(ahead - 1)
+        # A first scan that is not the announced one comes from behind a loss, or from a counter that stands still.
+        unsure = self._announced and ahead != 1 and not self.codec.fd
+        self._announced = False
+        self._lose(ahead - 1 + unsure)
         self.sequence += ahead
         if self.codec.fd:
             stands = clock == self._clock and self._clock_synced
@@ -195,7 +200,7 @@ class Assembler:
         self._synced = self._clock_synced = True
         self._clock = clock
         self._seen = 0
-        self._given_up = False
+        self._given_up = unsure
         return True
 
     def _give_up(self) -> None:
