@@ -1,4 +1,5 @@
-"""One suite for every bus: virtual, the emulated adapter by either slcan, socketcand, multicast, and real ones.
+"""One suite for every bus: virtual, the emulated adapter by either slcan, python-can's socketcan without a kernel that
+has it, socketcand, multicast, and real ones.
 
 udp_multicast needs msgpack (pip install msgpack); its datagrams do not leave this machine (hop_limit 0).
 
@@ -23,6 +24,7 @@ from pathlib import Path
 import can
 import pytest
 from fake_board import PATIENCE, FakeBoard, assert_marked, board_on_bus, read_scans, with_layout
+from fake_socketcan import FakeSocketcan
 from fake_socketcand import FakeSocketcand
 
 from posfet_driver.adapter import EmulatedAdapter
@@ -43,6 +45,7 @@ PLACES = [
     "virtual",
     "slcan",
     "slcan-python-can",
+    "socketcan",
     "socketcand",
     pytest.param("udp_multicast", marks=pytest.mark.skipif(not find_spec("msgpack"), reason="msgpack is missing")),
     pytest.param("can", marks=pytest.mark.skipif(not REAL_BUS, reason="POSFET_TEST_CAN names no SocketCAN device")),
@@ -78,7 +81,7 @@ def fd(request: pytest.FixtureRequest) -> bool:
 
 
 @pytest.fixture(params=PLACES)
-def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool) -> Iterator[Bench]:
+def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
     place, clock = request.param, SystemClock()
     sensor = EMULATED
     with ExitStack() as stack:
@@ -105,6 +108,11 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool) -> Iterator[
         else:
             if place == "virtual":
                 channel = uuid.uuid4().hex
+            elif place == "socketcan":
+                kernel = FakeSocketcan(monkeypatch, tmp_path / "net")
+                stack.callback(kernel.close)
+                kernel.add("can0")
+                channel = "can0"
             elif place == "udp_multicast":
                 channel, options = "239.74.163.2", ["hop_limit=0", f"port={free_port()}"]
             else:

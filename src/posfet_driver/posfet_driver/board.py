@@ -262,7 +262,7 @@ class Board:
         except can.CanError as error:
             self._fail(error)
             return
-        if self._diagnosis in {"", "bus gone", "bus off"}:
+        if self._diagnosis in {"", "bus gone"}:
             self._reason = "looking for the board"
         self._identify(anew=True)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import inspect
+import logging
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,14 +17,17 @@ from can.interfaces import BACKENDS
 from posfet_driver.frames import FrameBus
 from posfet_driver.message_frames import MessageFrames
 from posfet_driver.slcan import SlcanBus
+from posfet_driver.socketcan import SocketcanFrames
 from posfet_model.config import ConfigError
 from posfet_model.sensor import CanLink
 
+SOCKETCAN: Final = "socketcan"
 SLCAN: Final = "slcan"
 """The interface that is our own buffered reader."""
 PLAIN_SLCAN: Final = "slcan-python-can"
 """The interface that is python-can's slcan."""
 FD_CHOICES: Final = ("auto", "true", "false")
+logging.getLogger("can").addHandler(logging.NullHandler())  # errors are raised; else stderr has each attempt's, too
 _DOCUMENTED: Final = re.compile(r"^\s*:param (?:[^:\n]* )?(\w+):", re.MULTILINE)
 
 
@@ -87,6 +91,8 @@ def open_bus(settings: BusSettings) -> FrameBus:
     work.
     """
     bus = open_can_bus(settings)
+    if settings.interface == SOCKETCAN:
+        return SocketcanFrames(bus)
     return bus if isinstance(bus, SlcanBus) else MessageFrames(bus)
 
 

@@ -7,7 +7,6 @@ import glob
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 import can
@@ -19,10 +18,10 @@ from posfet_driver.bus import open_bus
 from posfet_driver.can_tool import EMULATOR, bus_of
 from posfet_driver.frames import CLASSIC, Frame, FrameBus
 from posfet_driver.messages import STATUS_OFFSET, Page, Status
+from posfet_driver.socketcan import NETWORK_DEVICES
 from posfet_model.config import ConfigError
 
 SERIAL_PORTS: Final = ("/dev/ttyACM*", "/dev/ttyUSB*")
-NETWORK_DEVICES: Final = Path("/sys/class/net")
 CAN_DEVICE: Final = "280"
 """Type of a CAN device in sysfs (ARPHRD_CAN)."""
 PAGES_NEEDED: Final = 3

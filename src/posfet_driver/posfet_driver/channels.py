@@ -5,16 +5,15 @@ from __future__ import annotations
 import glob
 import os
 from dataclasses import replace
-from pathlib import Path
 from typing import Final
 
 import can
 
+from posfet_driver import socketcan
 from posfet_driver.bus import PLAIN_SLCAN, SLCAN, BusSettings, one_line, open_bus
 from posfet_driver.frames import FrameBus
 
 WILDCARDS: Final = "*?["
-NETWORK_DEVICES: Final = Path("/sys/class/net")
 _SERIAL: Final = {SLCAN, PLAIN_SLCAN}
 
 
@@ -61,8 +60,7 @@ class BusOpener:
         """Return something that differs when an adapter came, went or was switched: reason to try at once."""
         if self.settings.interface in _SERIAL:
             return tuple(_identity(port) for port in self.ports())
-        device = NETWORK_DEVICES / self.settings.channel
-        return tuple(_content(device / name) for name in ("ifindex", "flags", "operstate"))
+        return socketcan.presence(self.settings.channel)
 
 
 def _identity(port: str) -> tuple[int, ...]:
@@ -71,10 +69,3 @@ def _identity(port: str) -> tuple[int, ...]:
     except OSError:
         return ()
     return link.st_ino, link.st_ctime_ns, target.st_ino, target.st_rdev
-
-
-def _content(path: Path) -> str:
-    try:
-        return path.read_text(encoding="ascii")
-    except (OSError, ValueError):
-        return ""

@@ -102,8 +102,8 @@ FAULTS: Final = {
         Fault(
             "receive overflows",
             _WARN,
-            "the adapter had no room for frames",
-            "free the processor, or take a faster adapter",
+            "the adapter or the kernel had no room for frames",
+            "free the processor, raise net.core.rmem_max with socketcan, or take a faster adapter",
         ),
         Fault("bus full", _WARN, "little room is left on the bus", "slow down or move other nodes, or use CAN FD"),
         Fault("torn scans", _WARN, "parts of scans are missing; they are not published", "check wiring and bus load"),
