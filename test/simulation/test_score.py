@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -37,6 +38,33 @@ NAMES = [
     "false_slips_per_hour",
     "us_per_scan",
 ]
+
+MEETING = """
+name: meeting
+description: two fingertips slide together until they cannot be told apart, and part again
+temperature_degC: 25.0
+objects:
+  - name: left
+    kind: sphere
+    radius_mm: 1.5
+    effective_modulus_MPa: 8.0
+    keyframes:
+      - {time_s: 0.4, x_mm: -2.6, y_mm: 0.0, force_N: 0.0}
+      - {time_s: 0.6, x_mm: -2.6, y_mm: 0.0, force_N: 0.8}
+      - {time_s: 2.0, x_mm: -0.8, y_mm: 0.0, force_N: 0.8}
+      - {time_s: 3.5, x_mm: -2.6, y_mm: 0.0, force_N: 0.8}
+      - {time_s: 3.7, x_mm: -2.6, y_mm: 0.0, force_N: 0.0}
+  - name: right
+    kind: sphere
+    radius_mm: 1.5
+    effective_modulus_MPa: 8.0
+    keyframes:
+      - {time_s: 0.4, x_mm: 2.6, y_mm: 0.0, force_N: 0.0}
+      - {time_s: 0.6, x_mm: 2.6, y_mm: 0.0, force_N: 1.0}
+      - {time_s: 2.0, x_mm: 0.8, y_mm: 0.0, force_N: 1.0}
+      - {time_s: 3.5, x_mm: 2.6, y_mm: 0.0, force_N: 1.0}
+      - {time_s: 3.7, x_mm: 2.6, y_mm: 0.0, force_N: 0.0}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -82,6 +110,14 @@ def test_every_imperfection_and_gains_off_by_5_percent_after_calibration(name: s
     assert score.cop_error_mm["mean"] is not None and score.cop_error_mm["mean"] <= 0.1
     assert score.force_rmse_pct is not None and score.force_rmse_pct <= 1.5
     assert score.false_slips_per_hour == score.false_contacts_per_hour == 0.0
+
+
+def test_two_that_meet_and_part_keep_their_ids(tmp_path: Path) -> None:
+    path = tmp_path / "meeting.yaml"
+    path.write_text(MEETING)
+    score = run(Run(SENSOR, load_scene(path, SENSOR), 4.0))
+    assert (score.contact_precision, score.id_switches, score.false_contacts_per_hour) == (1.0, 0, 0.0)
+    assert score.contact_recall is not None and 0.5 < score.contact_recall < 1.0, "they were told apart all the time"
 
 
 def test_slips_that_nobody_tells_or_that_are_none_are_counted() -> None:

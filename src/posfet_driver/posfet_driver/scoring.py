@@ -168,7 +168,10 @@ class Scorer:
     def _follow_id(self, number: int, partner: Contact | None) -> None:
         if partner is None:
             return
-        self._switches += self._ids.get(number, partner.id) != partner.id
+        last = self._ids.get(number, partner.id)
+        if last in partner.merged_ids:
+            return  # it goes on in that one, and comes back when they part
+        self._switches += last != partner.id
         self._ids[number] = partner.id
 
     def _wait_for(self, number: int, partner: Contact | None, carried: bool) -> None:
