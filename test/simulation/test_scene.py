@@ -22,6 +22,7 @@ from posfet_driver.scene import (
 )
 from posfet_driver.scene.lines import Cylinder, Edge
 from posfet_driver.scene.read import SHAPES, greatest_force
+from posfet_driver.scene.rectangle import RectangularPunch
 from posfet_driver.scene.shapes import Punch, Sphere
 from posfet_driver.scene.textures import Ridges, Roughness
 from posfet_model.config import ConfigError
@@ -53,6 +54,15 @@ SECOND = """\
     effective_modulus_MPa: 2.0
     keyframes: [{time_s: 0, x_mm: 0, y_mm: 0, force_N: 0}]
 """
+BENT_PUNCH = """temperature_degC: 25.0
+bend_radius_mm: 20
+bend_axis: x
+objects:
+  - name: block
+    kind: punch
+    length_mm: 4
+    width_mm: 2
+    """
 RAMP = """temperature_keyframes:
   - {time_s: 0.0, temperature_degC: 20.0}
   - {time_s: 1.0, temperature_degC: 30.0}
@@ -90,6 +100,10 @@ def test_a_file_is_read_into_si_units(tmp_path: Path) -> None:
     [
         ("kind: sphere, radius_mm: 5.0, effective_modulus_MPa: 2.0", Sphere(5e-3, 2e6)),
         ("kind: punch, radius_mm: 1.5, effective_modulus_MPa: 2.0", Punch(1.5e-3, 2e6)),
+        (
+            "kind: punch, length_mm: 4, width_mm: 0.2, effective_modulus_MPa: 2",
+            RectangularPunch(4e-3, 0.2e-3, 2e6),
+        ),
         ("kind: cylinder, radius_mm: 3, length_mm: 4, effective_modulus_MPa: 2", Cylinder(4e-3, 2e6, 3e-3)),
         (
             "kind: edge, length_mm: 4, flank_angle_deg: 45, effective_modulus_MPa: 2",
@@ -200,6 +214,17 @@ def test_the_scenes_that_are_promised_are_shipped() -> None:
         ("force_N: 1.5", "force_N: 1.5e0 N", r"keyframes\[1\].force_N: must be a number"),
         ("y_mm: 2.0, force_N: 0.0", "y_mm: 2.0, force_N: 0.1", r"keyframes\[2\].force_N: a scene with a period_s"),
         ("kind: sphere", "kind: cylinder", r"objects\[0\].length_mm: missing"),
+        (
+            "kind: sphere\n    radius_mm: 5.0",
+            "kind: punch\n    length_mm: 4.1\n    width_mm: 0.2",
+            r"objects\[0\].length_mm: must be in 1/20 to 20 times width_mm, got 20.5 times",
+        ),
+        ("kind: sphere", "kind: punch\n    length_mm: 4\n    width_mm: 2", r"objects\[0\].radius_mm: unknown key"),
+        (
+            GOOD[GOOD.index("temperature_degC") : GOOD.index("effective")],
+            BENT_PUNCH,
+            r"objects\[0\].length_mm: a rectangular punch needs a flat chip",
+        ),
         (
             "temperature_degC: 25.0",
             "temperature_degC: 25.0\nbend_radius_mm: 20",

@@ -86,11 +86,11 @@ class Footprint(NamedTuple):
     u: NDArray[np.float64]
     """In half-lengths, shape [n]; with `mirrored` [2*n], the second half -1 times the first."""
     u_weight: NDArray[np.float64]
-    """Share of the force at each u, shape [n]."""
+    """Share of the force at each u, shape [n]; below 0 in a part that takes from another."""
     v: NDArray[np.float64]
     """In half-widths, shape [n, m]; [1, m] when the same at each u."""
     v_weight: NDArray[np.float64]
-    """Shape [m]; sums to 1."""
+    """Share of that at each v, shape [m]."""
     mirrored: bool
     """Whether weights and v are those of -u, too; v is then symmetric about 0."""
 

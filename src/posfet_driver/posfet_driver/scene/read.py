@@ -16,6 +16,7 @@ from posfet_driver.scene.lines import Cylinder, Edge
 from posfet_driver.scene.model import ChipBend, Scene, SceneObject
 from posfet_driver.scene.paths import Track
 from posfet_driver.scene.read_paths import TIME_MAX, Limits, keyframe_time, keyframes, read_path
+from posfet_driver.scene.rectangle import LONGEST, RectangularPunch
 from posfet_driver.scene.shapes import FLAT, Bend, Punch, Shape, Sphere
 from posfet_driver.scene.textures import Pad, Ridges, Roughness
 from posfet_model.config import Section, find_file, read_yaml
@@ -90,6 +91,8 @@ def _object(section: Section, sensor: Sensor, cells: Cells, bend: ChipBend | Non
     name = section.text("name")
     shape = SHAPES[section.text("kind", tuple(SHAPES))](section)
     under = FLAT if bend is None else bend.along(0.0)
+    if bend is not None and isinstance(shape, RectangularPunch):
+        raise section.error("length_mm", "a rectangular punch needs a flat chip; a round one has radius_mm")
     force = greatest_force(sensor, cells, shape, under)
     limits = Limits(
         half_x=sensor.layout.cols * sensor.layout.pitch_x / 2,
@@ -121,6 +124,12 @@ def _cylinder(section: Section) -> Shape:
 
 
 def _punch(section: Section) -> Shape:
+    if "length_mm" in section:
+        length, width = _length(section, "length_mm"), _length(section, "width_mm")
+        if not 1 / LONGEST <= length / width <= LONGEST:
+            allowed = f"must be in 1/{LONGEST:g} to {LONGEST:g} times width_mm"
+            raise section.error("length_mm", f"{allowed}, got {length / width:g} times")
+        return RectangularPunch(length, width, _modulus(section))
     return Punch(_length(section, "radius_mm"), _modulus(section))
 
 

@@ -1,0 +1,92 @@
+"""Numerical contact on an elastic half-space: independent of every closed form of the simulation.
+
+Pressure on a grid of even rectangles, whose displacement is Love's closed form (Phil. Trans. R. Soc. A 228, 1929; K. L.
+Johnson, Contact Mechanics, 1985, eq. 3.25), summed by FFT without wrapping round; pressure and contact from the gap by
+the conjugate gradients of Polonsky and Keer (Wear 231, 1999), which know nothing of the shape.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+STEPS = 400
+CLOSE = 1e-8
+"""Change of the pressures, as a share of their sum, at which the search ends."""
+
+Grid = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Contact:
+    """What was found."""
+
+    x: Grid
+    """Middles of the rectangles [m], shape [1, cols]."""
+    y: Grid
+    """Shape [rows, 1]."""
+    force: Grid
+    """On each rectangle [N], shape [rows, cols]."""
+    indentation: float
+    """[m]"""
+
+
+def axis(half: float, count: int) -> Grid:
+    """Return the middles of `count` equal parts of [-half, half]."""
+    return ((np.arange(count) + 0.5) / count * 2 - 1) * half
+
+
+def press(gap: Grid, x: Grid, y: Grid, force: float, modulus: float) -> Contact:
+    """Return the contact of a rigid body under a force [N]; its gap [m], shape [rows, cols], infinite beside it."""
+    rows, cols = gap.shape
+    half_x, half_y = (x[0, 1] - x[0, 0]) / 2, (y[1, 0] - y[0, 0]) / 2
+    near = _offsets(cols, half_x)[None], _offsets(rows, half_y)[:, None]
+    influence = np.fft.rfft2(_displacement(*near, half_x, half_y) / (np.pi * modulus * 4 * half_x * half_y))
+
+    def sunk(load: Grid) -> Grid:
+        return np.fft.irfft2(np.fft.rfft2(load, (2 * rows, 2 * cols)) * influence)[:rows, :cols]
+
+    under = np.isfinite(gap)
+    gap = np.where(under, gap, 0.0)
+    load = np.where(under, force / under.sum(), 0.0)
+    way, before, restart = np.zeros_like(load), 1.0, 0.0
+    for _ in range(STEPS):
+        apart = sunk(load) + gap
+        touching = load > 0
+        apart -= apart[touching].mean()
+        square = float((apart[touching] ** 2).sum())
+        way = np.where(touching, apart + restart * square / before * way, 0.0)
+        before = square
+        pull = sunk(way)
+        pull -= pull[touching].mean()
+        length = float((apart * way)[touching].sum() / (pull * way)[touching].sum())
+        moved = np.where(touching, np.maximum(load - length * way, 0.0), 0.0)
+        overlap = under & (moved == 0) & (apart < 0)
+        moved[overlap] -= length * apart[overlap]
+        restart = 0.0 if overlap.any() else 1.0
+        moved *= force / moved.sum()
+        change, load = float(np.abs(moved - load).sum()), moved
+        if change < CLOSE * force:
+            break
+    return Contact(x, y, load, float((sunk(load) + gap)[load > 0].mean()))
+
+
+def _offsets(count: int, half: float) -> Grid:
+    """Distances of rectangles [m], those of the other side behind, as the FFT takes them."""
+    return np.fft.fftfreq(2 * count, 1 / (2 * count)) * 2 * half
+
+
+def _displacement(x: Grid, y: Grid, half_x: float, half_y: float) -> Grid:
+    """Love's displacement times pi*E under a pressure of 1 on a rectangle about 0."""
+
+    def part(along: Grid, across: Grid) -> Grid:
+        return along * np.arcsinh(across / np.abs(along))
+
+    def sides(along: Grid, half_along: float, across: Grid, half_across: float) -> Grid:
+        low, high = along - half_along, along + half_along
+        left, right = across - half_across, across + half_across
+        return part(high, right) - part(high, left) - part(low, right) + part(low, left)
+
+    return sides(x, half_x, y, half_y) + sides(y, half_y, x, half_x)
