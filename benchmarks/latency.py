@@ -13,12 +13,13 @@ BASE = Setup()
 SHORT = {
     "5 x 5, 1 kHz": BASE,
     "5 x 5, 1 kHz, idle": replace(BASE, touched=False),
+    "5 x 5, 1 kHz, echo": replace(BASE, stack="echo"),
     "5 x 5, 1 kHz, separate": replace(BASE, stack="separate", window=2.0),
     "5 x 5, 1 kHz, messages": replace(BASE, as_bytes=False, window=2.0),
     "5 x 5, 4 kHz": replace(BASE, rate=4000.0, window=1.0),
     "32 x 32, 1 kHz": replace(BASE, sensor="posfet_32x32", window=1.0),
 }
-NAMED = ("5 x 5, 1 kHz", "5 x 5, 1 kHz, idle")
+NAMED = ("5 x 5, 1 kHz", "5 x 5, 1 kHz, idle", "5 x 5, 1 kHz, echo")
 RUNS = 3
 COLUMNS = (
     "case",
@@ -68,7 +69,7 @@ def measure(full: bool) -> Outcome:
     for name in NAMED:
         again = [run(SHORT[name]) for _ in range(RUNS - 1)]
         taken[name] = min(taken[name], *again, key=lambda one: one.at(50))
-    touched, idle = (taken[name] for name in NAMED)
+    touched, idle, echo = (taken[name] for name in NAMED)
     values = {
         "latency_5x5_1khz_p50_us": touched.at(50),
         "latency_5x5_1khz_p90_us": touched.at(90),
@@ -77,12 +78,18 @@ def measure(full: bool) -> Outcome:
         "ready_5x5_1khz_p99_us": float(np.percentile(touched.ready, 99)),
         "driver_cpu_5x5_1khz_pct": touched.cpu,
         "driver_cpu_idle_pct": idle.cpu,
+        "latency_echo_1khz_p50_us": echo.at(50),
+        "latency_echo_1khz_p99_us": echo.at(99),
+        "ready_echo_1khz_p50_us": float(np.percentile(echo.ready, 50)),
+        "ready_echo_1khz_p99_us": float(np.percentile(echo.ready, 99)),
+        "echo_cpu_pct": echo.cpu,
         "latency_separate_5x5_1khz_p50_us": taken["5 x 5, 1 kHz, separate"].at(50),
         "latency_messages_5x5_1khz_p50_us": taken["5 x 5, 1 kHz, messages"].at(50),
     }
     note = (
-        f"Of the first two cases the run with the least median of {RUNS}: others on the machine only add. "
+        f"Of the first three cases the run with the least median of {RUNS}: others on the machine only add. "
         "CPU: driver and model together, share of one core. Composed and bytes unless said otherwise; touched: a "
-        "fingertip strokes over the array. Jitter: standard deviation of the middle 98 %."
+        "fingertip strokes over the array. Echo: a process that only reads each frame and publishes an empty message, which "
+        "is what the machine, its wake-ups and the middleware take. Jitter: standard deviation of the middle 98 %."
     )
     return Outcome(values, [Table("Latency", COLUMNS, [row(name, each) for name, each in taken.items()], note)])

@@ -39,7 +39,7 @@ class Setup:
     rate: float = 1000.0
     touched: bool = True
     stack: str = "composed"
-    """composed, separate, or ordinary."""
+    """composed, separate, ordinary, or echo."""
     as_bytes: bool = True
     """Contacts are given to the middleware as bytes."""
     window: float = 2.0
@@ -54,7 +54,7 @@ class Measurement:
     latency: np.ndarray[Any, Any]
     """From just before a scan was written by the adapter to its message in the other process [us]."""
     ready: np.ndarray[Any, Any]
-    """To contacts computed [us]; empty unless composed."""
+    """To contacts computed [us], by an echo to where it publishes; empty if separate or ordinary."""
     cpu: float
     """Processor time of the stack over time [%]."""
     written: int
@@ -155,6 +155,8 @@ def _start_stack(setup: Setup, sensor: str, link: str, folder: Path) -> list[Pro
         processes = [Process(["-m", "benchmarks.ordinary_stack.model_node", sensor])]
         processes.append(Process(["-m", "benchmarks.ordinary_stack.driver_node", sensor, link]))
         return processes
+    if setup.stack == "echo":
+        return [Process(["-m", "benchmarks.processes.echo", link, sensor, f"{folder}/ready.npy"])]
     model = {} if setup.as_bytes else {"contacts_as_bytes": False}
     if setup.stack == "composed":
         options = {"sensor_file": sensor, "link": link, "params": params, "model": model, "out": f"{folder}/ready.npy"}

@@ -1,0 +1,72 @@
+"""What this machine and the middleware take by themselves: `python -m benchmarks.processes.echo LINK SENSOR OUT`.
+
+A process in the stack's place that reads the terminal and publishes a message without contacts for each scan, with the
+scan's number, and does nothing else.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import threading
+from binascii import unhexlify
+from pathlib import Path
+
+from rclpy.node import Node
+
+from benchmarks.processes.recording import Moments
+from posfet_driver.board import Board
+from posfet_driver.slcan import READ_SIZE, SlcanBus
+from posfet_model.contacts_bytes import ContactsBytes
+from posfet_model.reconstruction import Reconstruction
+from posfet_model.run_node import ros, spin
+from posfet_model.sensor import load_sensor
+from posfet_msgs.msg import TactileContacts
+
+NUMBER = slice(13, 17)
+"""Where the low 16 bits of a scan's number are in the line of its CAN FD frame."""
+START_TIMEOUT = 5.0
+WAIT_MS = 100
+
+
+def echo(port: int, node: Node, message: ContactsBytes, moments: Moments, end: threading.Event) -> None:
+    """Publish a message for each line that can be read at `port`."""
+    publisher = node.create_publisher(TactileContacts, "contacts", 10)
+    poll = select.poll()
+    poll.register(port, select.POLLIN)
+    result = Reconstruction(True, False, 0, 0, True, (), {}, 0)
+    while not end.is_set():
+        if poll.poll(WAIT_MS):
+            for line in os.read(port, READ_SIZE).split(b"\r")[:-1]:
+                if line[:1] == b"b":  # else a status
+                    result.sequence = int.from_bytes(unhexlify(line[NUMBER]), "little")
+                    moments.add(result.sequence)
+                    publisher.publish(message.fill(result))
+
+
+def main() -> None:
+    """Have the board send, then echo until told to end."""
+    link, sensor_file, out = sys.argv[1:]
+    sensor, moments, end = load_sensor(sensor_file), Moments(), threading.Event()
+    bus = SlcanBus(link, sensor.can.bitrate, sensor.can.data_bitrate, fd=True)
+    board = Board(sensor, lambda: bus, fd=True)
+    board.open()
+    while board.read(START_TIMEOUT) is None:
+        pass
+    with ros([]) as stack:
+        node = Node("echo", namespace="tactile")
+        stack.callback(node.destroy_node)
+        arguments = bus.fileno(), node, ContactsBytes(sensor, "finger"), moments, end
+        thread = threading.Thread(target=echo, args=arguments)
+        thread.start()
+        print("ready", flush=True)
+        spin([node])
+        end.set()
+        thread.join()
+    board.close()
+    moments.write(Path(out))
+
+
+if __name__ == "__main__":
+    main()
