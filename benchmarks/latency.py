@@ -89,7 +89,8 @@ def measure(full: bool) -> Outcome:
     note = (
         f"Of the first three cases the run with the least median of {RUNS}: others on the machine only add. "
         "CPU: driver and model together, share of one core. Composed and bytes unless said otherwise; touched: a "
-        "fingertip strokes over the array. Echo: a process that only reads each frame and publishes an empty message, which "
-        "is what the machine, its wake-ups and the middleware take. Jitter: standard deviation of the middle 98 %."
+        "fingertip strokes over the array. Echo: a process that only reads each frame and publishes an empty "
+        "message, which is what the machine, its wake-ups and the middleware take. Jitter: standard deviation of the "
+        "middle 98 %."
     )
     return Outcome(values, [Table("Latency", COLUMNS, [row(name, each) for name, each in taken.items()], note)])

@@ -42,7 +42,7 @@ class OrdinaryDriver(Node):
         """Decode one frame and publish it."""
         if message.arbitration_id != self.block.frame_id:
             return
-        signals = self.block.decode(message.data)
+        signals = self.block.decode(message.data, decode_choices=False, scaling=False)
         raw = TactileRaw()
         raw.header.stamp = self.get_clock().now().to_msg()
         raw.layout_id = self.sensor.layout.id

@@ -9,6 +9,7 @@ import numpy as np
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from scipy import ndimage
 
 from posfet_model.sensor import load_sensor
@@ -67,7 +68,7 @@ class OrdinaryModel(Node):
 
 def main() -> None:
     """Run until told to end."""
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = OrdinaryModel(sys.argv[1])
     executor = SingleThreadedExecutor()
     executor.add_node(node)
