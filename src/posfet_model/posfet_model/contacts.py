@@ -181,14 +181,10 @@ class ContactFinder:
             self.patches.append(members)
             force = taxels.force[members]
             above = force > self._floor[members]
-            counts = above.astype(np.float64)
-            weight = force * counts
-            number = np.count_nonzero(above)
-            variance = float(taxels.variance[members].dot(counts)) + number * number * taxels.common_variance
-            highest = float(force[force.argmax()])
-            if math.isnan(highest):
-                weight[~above] = 0.0
-            patch = _Patch(footprint, weight, variance, highest, taxels)
+            weight = np.where(above, force, 0.0)
+            variances = taxels.variance[members[above]].tolist()
+            variance = sum(variances) + len(variances) ** 2 * taxels.common_variance
+            patch = _Patch(footprint, weight, variance, float(force[force.argmax()]), taxels)
             places: Places = [contact.centre_of_pressure for contact in before if contact.bits & bits]
             whole, rounds = None, ROUNDS
             if len(places) < 2:

@@ -121,9 +121,11 @@ class MomentFinder:
         most, values = self._square[axis] / self._narrowest[axis], profile.values
         if len(values) < 3:
             return most
-        ends = values[-3:] if values[-1] >= values[0] else values[2::-1]
-        outer, inner, edge = [math.log(max(value, 0.5 * profile.least)) for value in ends]
-        return min(max(FLANK * (2.0 * inner - outer - edge), 2.0 * (edge - inner), 0.0), most)
+        outer, inner, edge = values[-3:] if values[-1] >= values[0] else values[2::-1]
+        least = 0.5 * profile.least
+        outer, inner, edge = max(outer, least), max(inner, least), max(edge, least)
+        bend, mirrored = FLANK * math.log(inner * inner / (outer * edge)), 2.0 * math.log(edge / inner)
+        return min(max(bend, mirrored, 0.0), most)
 
 
 def principal_axes(xx: float, yy: float, xy: float) -> tuple[Vector, Vector]:
@@ -154,13 +156,13 @@ class _Profile:
         self.variance = variance
         self.least = CUT_SHARE * max(values)
         """Value below which nothing is carried on."""
-        self.ends: list[tuple[float, float, int, int]] = []
+        self.ends: list[tuple[float, float, float, float]] = []
         """Of the ends that are cut: the last value, the one before it, its place, and the way on."""
         if len(values) > 1:
             if values[0] >= self.least:
-                self.ends.append((values[0], values[1], 0, -1))
+                self.ends.append((values[0], values[1], 0.0, -1.0))
             if values[-1] >= self.least:
-                self.ends.append((values[-1], values[-2], len(values) - 1, 1))
+                self.ends.append((values[-1], values[-2], len(values) - 1.0, 1.0))
         self._sums = total, mean * total, (variance + mean * mean) * total
 
     def carried_on(self, bend: float) -> tuple[float, float]:
@@ -170,10 +172,11 @@ class _Profile:
         for edge, inner, end, way in self.ends:
             # Not above the last one: a contact whose middle is beyond the edge cannot be told from a stronger one.
             ratio = min(edge / max(inner, least) * fall, 1.0)
-            value = edge
-            for place in range(end + way, end + way * (MOST_BEYOND + 1), way):
+            value, place = edge, end
+            for _ in range(MOST_BEYOND):
                 value *= ratio
                 ratio *= fall
+                place += way
                 total += value
                 first += place * value
                 second += place * place * value

@@ -133,7 +133,8 @@ class ForceObserver:
     def variance(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return in `out` the variance of `force` [N2] that each taxel has alone, the common one left out."""
         # Until the next correction the uneven part of a warming adds up, as it did in the last block.
-        return np.add(self._zeros.variance, self._noise_variance + (2.0 * self._uneven) ** 2, out=out)
+        more = (2.0 * self._uneven) ** 2
+        return np.add(self._zeros.variance, self._noise_variance + more if more else self._noise_variance, out=out)
 
     def force_variance(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return in `out` the same with what is not known of gain and leak: of a force, not of its zero.
@@ -332,9 +333,7 @@ class ForceObserver:
     def _start_block(self) -> None:
         self._sum[:] = self._jumped[:] = 0.0
         self._scans = 0
-        self._elapsed = 0.0
-        self._elapsed_square = 0.0
-        self._warmed = 0.0
+        self._elapsed = self._elapsed_square = self._warmed = 0.0
 
     def _move(self, change: NDArray[np.float64]) -> None:
         """Add a correction to the force."""

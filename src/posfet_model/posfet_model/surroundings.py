@@ -32,6 +32,7 @@ class Surroundings:
         self._above = np.stack([padded[rows + down, cols + 1] for down, _ in corners], axis=1)
         self._across = np.stack([padded[rows + down, cols + right] for down, right in corners], axis=1)
         self._inside = self._across < layout.taxels
+        self._all = np.concatenate([self._beside, self._above, self._across], axis=1)
         self._values = np.zeros(layout.taxels + 1)
 
     def estimate(
@@ -61,7 +62,7 @@ class Surroundings:
         have to, so that a taxel in a gap between two contacts is not expected to read anything.
         """
         beside, above, across = self._squares(force, unknown, wanted, 0.0)
-        inside = self._inside[wanted]
+        inside = self._inside.take(wanted, axis=0)
         tells = np.minimum(np.minimum(beside, above), across) >= floor  # False for NaN
         sure = (tells | ~inside).all(axis=1) & inside.any(axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -76,11 +77,12 @@ class Surroundings:
         np.maximum(force, floor, out=values[:-1])
         values[:-1][unknown] = np.nan
         values[-1] = np.nan
-        return values[self._beside[wanted]], values[self._above[wanted]], values[self._across[wanted]]
+        beside, above, across = (way.take(wanted, axis=0) for way in (self._beside, self._above, self._across))
+        return values.take(beside), values.take(above), values.take(across)
 
     def loudest_neighbour(self, level: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the greatest value among the neighbours of each taxel, shape [rows * cols]; -inf without any."""
-        values = np.append(level, -np.inf)
-        squares = np.concatenate([self._beside, self._above, self._across], axis=1)
-        greatest: NDArray[np.float64] = values[squares].max(axis=1)
+        self._values[:-1] = level
+        self._values[-1] = -np.inf
+        greatest: NDArray[np.float64] = self._values.take(self._all).max(axis=1)
         return greatest

@@ -51,6 +51,13 @@ class TaxelStatus(IntEnum):
     NOISY = 5
 
 
+# Plain numbers: an array compared with a member of an enumeration takes ten times as long.
+_OK: Final = int(TaxelStatus.OK)
+_DEAD: Final = int(TaxelStatus.DEAD)
+_STUCK: Final = int(TaxelStatus.STUCK)
+_NOISY: Final = int(TaxelStatus.NOISY)
+
+
 @dataclass(frozen=True)
 class WatchSettings:
     """When a taxel is given up, and when it is taken back. All values are assumed."""
@@ -125,11 +132,13 @@ class TaxelWatch:
 
         What they show beyond that, their neighbours have to show, too, as a touch would.
         """
+        noisy: NDArray[np.bool_] = self.status == _NOISY
+        if not noisy.any():
+            return noisy
         most = deviation**2 / self._newton2_per_count2
         around = self.surroundings.loudest_neighbour(np.where(self.bad, 0.0, self._level_always))
         as_touch = self._level_always <= np.maximum(most, self._settings.shared**2 * around)
-        telling: NDArray[np.bool_] = (self.status == TaxelStatus.NOISY) & (self._level <= most) & as_touch
-        return telling
+        return noisy & (self._level <= most) & as_touch
 
     def take(self, counts: NDArray[np.uint16]) -> None:
         """Keep the counts of a scan until the block is judged."""
@@ -150,20 +159,22 @@ class TaxelWatch:
         force [N] is the block's mean, leaking [N] the charge left at each gate as a force, `saturated` masks taxels at
         the end of their range, `touched` those in or near a contact; shapes [rows * cols].
         """
-        stuck, changed = self._judge_runs(duration, leaking, saturated)
-        noisy, calm = self._judge_noise(duration, saturated, touched)
+        block = self._counts[: self._filled]
+        difference = block[1:] - block[:-1]
+        stuck, changed = self._judge_runs(duration, difference, leaking, saturated)
+        noisy, calm = self._judge_noise(duration, difference, saturated, touched)
         dead, alive = self._judge_answer(duration, force)
         s, status = self._settings, self.status
         if self.any_bad or stuck.any() or noisy.any() or dead.any():
-            well = np.where(status == TaxelStatus.STUCK, changed & calm, calm)
+            well = np.where(status == _STUCK, changed & calm, calm)
             self._well_for = np.where(well, self._well_for + duration, 0.0)
-            back = (status == TaxelStatus.DEAD) & (alive | stuck | noisy)
-            back |= ((status == TaxelStatus.STUCK) | (status == TaxelStatus.NOISY)) & (self._well_for >= s.heal)
-            status[back] = TaxelStatus.OK
-            status[noisy & (status == TaxelStatus.OK)] = TaxelStatus.NOISY
-            status[dead & (status == TaxelStatus.OK)] = TaxelStatus.DEAD
-            status[stuck] = TaxelStatus.STUCK
-            status[self._known_dead] = TaxelStatus.DEAD
+            back = (status == _DEAD) & (alive | stuck | noisy)
+            back |= ((status == _STUCK) | (status == _NOISY)) & (self._well_for >= s.heal)
+            status[back] = _OK
+            status[noisy & (status == _OK)] = _NOISY
+            status[dead & (status == _OK)] = _DEAD
+            status[stuck] = _STUCK
+            status[self._known_dead] = _DEAD
         # The last two scans begin the next block, so that no difference is lost.
         keep = min(self._filled, 2)
         self._counts[:keep] = self._counts[self._filled - keep : self._filled]
@@ -176,12 +187,15 @@ class TaxelWatch:
         return different
 
     def _judge_runs(
-        self, duration: float, leaking: NDArray[np.float64], saturated: NDArray[np.bool_]
+        self,
+        duration: float,
+        difference: NDArray[np.int32],
+        leaking: NDArray[np.float64],
+        saturated: NDArray[np.bool_],
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which taxels are stuck, and which changed in this block."""
-        block = self._counts[: self._filled]
-        changed: NDArray[np.bool_] = (block[1:] != block[:-1]).any(axis=0)
-        self._run = np.where(changed, 0.0, self._run + len(block))
+        """Return which taxels are stuck, and which changed in this block, by the `difference` of its scans [counts]."""
+        changed: NDArray[np.bool_] = np.logical_or.reduce(difference, axis=0)
+        self._run = np.where(changed, 0.0, self._run + self._filled)
         self._run_time = np.where(changed, 0.0, self._run_time + duration)
         silent = (self._run >= self._run_limit) & ~saturated
         # A held charge that does not leak would be a force that grows evenly, to within the noise.
@@ -190,16 +204,20 @@ class TaxelWatch:
         return silent | impossible, changed
 
     def _judge_noise(
-        self, duration: float, saturated: NDArray[np.bool_], touched: NDArray[np.bool_]
+        self,
+        duration: float,
+        difference: NDArray[np.int32],
+        saturated: NDArray[np.bool_],
+        touched: NDArray[np.bool_],
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return which taxels are noisy, and which are quiet enough to be taken back."""
         s = self._settings
         usual = max(self._noise, _middle(self._level))
         now = self._level_always
         if self._filled > 2:
-            second = np.diff(self._counts[: self._filled], 2, axis=0)
+            second = np.subtract(difference[1:], difference[:-1], dtype=np.float64)
             # White noise of variance v has second differences of variance 6*v.
-            found = np.einsum("ij,ij->j", second, second, dtype=np.float64) / (6.0 * len(second))
+            found: NDArray[np.float64] = np.einsum("ij,ij->j", second, second) / (6.0 * len(second))
             share = -math.expm1(-duration / s.confirm)
             now = found.copy()
             self._level_always += share * (found - self._level_always)
