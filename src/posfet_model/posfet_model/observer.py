@@ -97,8 +97,7 @@ class ForceObserver:
         """Taxels that had to start anew because their signal fitted no force."""
         alike, settle = ALIKE * sensor.contact.threshold, self._settings.settle
         self._rest = Rest(taxels, noise, alike, settle, float(self._tau.max()))
-        self._started = False
-        self._restless = False
+        self._started = self._restless = False
         self._recovering = 0.0
         self._uneven = 0.0
         self._uneven_share = s.uneven_calibrated if recorded else s.uneven
@@ -396,7 +395,6 @@ class ForceObserver:
         least = np.full(np.count_nonzero(known), (KNOWN_BEFORE * self._negative) ** 2)
         self._zeros.begin(known, self._zeros.offset[known], least, noise[known], np.zeros(len(least)))
         self._leaks.begin(where, self._leaked)
-        self._agreed[where] = 0.0
-        self._steady[where] = 0.0
-        self._below_zero[where] = 0.0
+        for duration in (self._agreed, self._steady, self._below_zero):
+            duration[where] = 0.0
         self.settled[where] = False
