@@ -31,6 +31,7 @@ SUBJECTS = {
     "sustained": 240.0,
     "startup": 120.0,
     "slcan": 40.0,
+    "decode": 20.0,
     "sim_vs_ngspice": 120.0,
     "board": 40.0,
     "schemes": 40.0,

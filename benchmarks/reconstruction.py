@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import time
 
-import numpy as np
-
 from benchmarks.outcome import Cell, Chart, Outcome, Point, Table
+from benchmarks.timing import scan_microseconds
 from posfet_driver.imperfections import Imperfections
 from posfet_driver.scene import SCENE_FOLDER, load_scene
 from posfet_driver.scoring import Scorer
@@ -33,7 +32,7 @@ def measure(full: bool) -> Outcome:
             result = reconstructor.process(scan)
             taken.append(time.perf_counter_ns() - begin)
             scorer.add(result, reconstructor.image(), truth)
-        micro = float(np.median(taken)) * 1e-3
+        micro = scan_microseconds(taken)
         score = scorer.score(micro)
         centre = score.cop_error_mm["mean"]
         found = (score.total_force_error_pct, centre, score.contact_precision, score.contact_recall)

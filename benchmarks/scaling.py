@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.outcome import Chart, Outcome, Point, Table
+from benchmarks.timing import scan_microseconds
 from posfet_driver.codec import make_codec
 from posfet_driver.receiver import Receiver
 from posfet_model.chain import ForwardChain
@@ -71,14 +72,14 @@ class Player:
 
 
 def cost(sensor: Sensor, contacts: int) -> tuple[float, int]:
-    """Return the median time of a scan in touch [us], and how many contacts were found in the end."""
+    """Return what a scan in touch costs [us], and how many contacts were found in the end."""
     player = Player(sensor, contacts)
     taken = []
     for counts in player.counts:
         begin = time.perf_counter_ns()
         player.take(counts)
         taken.append(time.perf_counter_ns() - begin)
-    return float(np.median(taken[TIMED // 3 :])) * 1e-3, len(player.reconstructor._result.contacts)
+    return scan_microseconds(taken[TIMED // 3 :]), len(player.reconstructor._result.contacts)
 
 
 class Wired:
@@ -111,7 +112,7 @@ def boards_cost(sensors: Sequence[Sensor]) -> float:
         for board in boards:
             board.play(index)
         taken.append(time.perf_counter_ns() - begin)
-    return float(np.median(taken[TIMED // 3 :])) * 1e-3
+    return scan_microseconds(taken[TIMED // 3 :])
 
 
 def exponent(x: Sequence[float], y: Sequence[float]) -> float:
@@ -145,14 +146,21 @@ def measure(full: bool) -> Outcome:
             "Over taxels",
             ("taxels", "one contact us a scan", "idle us a scan"),
             [(int(one[0]), one[1], other[1]) for one, other in zip(taxels, idle, strict=True)],
+            f"Fitted exponent {values['scaling_taxels_exponent']:.2f}, of the three largest "
+            f"{values['scaling_taxels_large_exponent']:.2f}.",
         ),
-        Table(f"Over contacts, {SIDE_OF_CONTACTS} x {SIDE_OF_CONTACTS}", ("contacts", "us a scan", "found"), counted),
+        Table(
+            f"Over contacts, {SIDE_OF_CONTACTS} x {SIDE_OF_CONTACTS}",
+            ("contacts", "us a scan", "found"),
+            counted,
+            f"Fitted exponent of what contacts add {values['scaling_contacts_exponent']:.2f}.",
+        ),
         Table(
             "Over boards in one thread, 5 x 5, frames to contacts",
             ("boards", "us for a scan of each", "% of a core at 1 kHz"),
             [*((str(number), taken, taken / 10) for number, taken in boards),
              ("five fingers (5 x 5) and a palm (16 x 16)", hand, hand / 10)],
-            "Without reading the bus and publishing.",
+            f"Fitted exponent {values['scaling_boards_exponent']:.2f}. Without reading the bus and publishing.",
         ),
     ]  # fmt: skip
     series = {"one contact": taxels, "idle": idle}

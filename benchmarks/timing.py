@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 REPEATS = 15
+BLOCK = 20
+"""Scans after which zeros are corrected at 1 kHz, which costs several scans: what a scan costs is a mean over them."""
 BATCH_SECONDS = 2e-3
 """Time of one batch: longer than the timer's step, shorter than what the kernel gives a process at once."""
 
@@ -25,6 +29,12 @@ def microseconds(call: Callable[[], object], repeats: int = REPEATS) -> float:
             call()
         least = min(least, time.perf_counter() - begin)
     return least / number * 1e6
+
+
+def scan_microseconds(taken: Sequence[int]) -> float:
+    """Return what a scan costs [us], from the times of scans in a row [ns]: the median of the means over blocks."""
+    whole = len(taken) // BLOCK * BLOCK
+    return float(np.median(np.reshape(taken[:whole], (-1, BLOCK)).mean(axis=1))) * 1e-3
 
 
 def processor_seconds(pid: int) -> float:

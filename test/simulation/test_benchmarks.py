@@ -18,7 +18,8 @@ from benchmarks.outcome import Chart, Outcome, Table
 from benchmarks.targets import TARGETS, Target
 
 NEED = {"latency": "rclpy", "ordinary": "rclpy", "sustained": "rclpy", "startup": "rclpy", "skipped": "posfet_msgs",
-        "labelling": "scipy"}  # fmt: skip
+        "labelling": "scipy",
+        "decode": "cantools"}  # fmt: skip
 
 
 def test_an_outcome_is_read_as_it_was_written(tmp_path: Path) -> None:
