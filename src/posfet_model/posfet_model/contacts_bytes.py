@@ -68,11 +68,11 @@ class ContactsBytes:
         """Write one contact from byte `at` on; return where it ends."""
         region, buffer = contact.region, self._buffer
         taxels = region.taxels.astype("<u2").tobytes()
-        end = at + _ROOM + 4 * len(contact.merged_ids) + len(taxels)
+        merged = contact.merged_ids if contact.merged else ()
+        end = at + _ROOM + 4 * len(merged) + len(taxels)
         if end > len(buffer):
             buffer += bytes(end + _ROOM - len(buffer))
         at += -at % 4
-        merged = contact.merged_ids
         _HEAD.pack_into(buffer, at, contact.id, contact.state, len(merged))
         at += _HEAD.size
         if merged:

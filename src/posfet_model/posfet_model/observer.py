@@ -112,9 +112,7 @@ class ForceObserver:
         self._scale_variance = np.zeros(taxels)
         self._prior_deviation = np.full(taxels, self._prior)
         self._was_touched = np.zeros(taxels, np.bool_)
-        self._agreed = np.zeros(taxels)
-        self._steady = np.zeros(taxels)
-        self._below_zero = np.zeros(taxels)
+        self._agreed, self._steady, self._below_zero = np.zeros((3, taxels))
         self._last_mean = np.zeros(taxels)
         self._sum = np.zeros(taxels)
         self._jumped = np.zeros(taxels)  # variance of long steps in the block so far
@@ -252,8 +250,10 @@ class ForceObserver:
         expected = zeros.expect(self._elapsed, noise + self.common_variance)
         agrees = mean * mean <= s.gate * s.gate * expected
         free = ~touched | ~self.settled
-        self._correct(free & agrees, mean, expected)
-        self._creep(free & self.settled & ~agrees, mean)
+        if (where := free & agrees).any():
+            self._correct(where, mean, expected)
+        if (where := free & self.settled & ~agrees).any():
+            self._creep(where, mean)
         self._heal(free & self.settled, mean, np.maximum(self._negative, s.gate * np.sqrt(expected)))
         failed = ~self.settled & ~agrees
         if self._restless and self.film.quiet:

@@ -101,6 +101,7 @@ class Reconstructor:
         self._charge = np.zeros(taxels)
         volts_per_charge = sensor.volts_per_newton / charge_per_newton(sensor)
         self._offset_charge = self.calibration.offset / volts_per_charge
+        self._any_offset = bool(self._offset_charge.any())
         self._filled = np.zeros(taxels)
         self._variance = np.zeros(taxels)
         self._saturated = np.zeros(taxels, np.bool_)
@@ -161,7 +162,8 @@ class Reconstructor:
         if not result.accepted:
             return self._flag(scan) if result.unusable else result
         self._inverse.charge(scan.counts, self._charge)
-        self._charge -= self._offset_charge
+        if self._any_offset:
+            self._charge -= self._offset_charge
         charge = self._crosstalk.apply(self._charge) if self._crosstalk.present else self._charge
         if clock.interrupted:
             observer.interrupt()

@@ -195,14 +195,14 @@ class ContactTracker:
     def _pairs(self, regions: list[Region]) -> dict[int, int]:
         """Return which contact goes on in which region, by their indices, the nearest pairs first."""
         reach = self._settings.reach * self._pitch
-        centres = [region.centre_of_pressure for region in regions]
-        near = [
+        now = [region.centre_of_pressure for region in regions]
+        was = [contact.region.centre_of_pressure for contact in self._contacts]
+        near = sorted(
             (distance, track, index)
-            for track, contact in enumerate(self._contacts)
-            for index, centre in enumerate(centres)
-            if (distance := math.dist(contact.region.centre_of_pressure, centre)) <= reach
-        ]
-        near.sort()
+            for track, here in enumerate(was)
+            for index, there in enumerate(now)
+            if (distance := math.dist(here, there)) <= reach
+        )
         pairs: dict[int, int] = {}
         taken: set[int] = set()
         for _, track, index in near:
