@@ -188,13 +188,13 @@ class ContactFinder:
             places: Places = [contact.centre_of_pressure for contact in before if contact.bits & bits]
             whole, rounds = None, ROUNDS
             if len(places) < 2:
-                whole = self._measure(patch, weight, listed)._replace(bits=bits)
+                whole = self._measure(patch, weight, listed, bits)
                 places, rounds = self._peaks(whole, patch), FIRST_ROUNDS
             shares = self._separator.shares(places, footprint, weight, rounds) if places else None
             if shares is not None:
                 found += self._parts(patch, shares, listed)
             else:
-                found.append(whole or self._measure(patch, weight, listed)._replace(bits=bits))
+                found.append(whole or self._measure(patch, weight, listed, bits))
         return found
 
     def _listed(self, footprint: Footprint, taxels: Taxels) -> int:
@@ -217,10 +217,13 @@ class ContactFinder:
         owners = shares.argmax(axis=0).tobytes()
         outlines = self._footprints.parts(patch.footprint.wide, listed, len(shares), owners)
         parts = zip(shares * patch.weight, outlines, strict=True)
-        return [self._measure(patch, weight, bits) for weight, bits in parts if bits]
+        return [self._measure(patch, weight, bits, bits) for weight, bits in parts if bits]
 
-    def _measure(self, patch: _Patch, weight: NDArray[np.float64], listed: int) -> Region:
-        """Measure a contact by what of the members' force is its own [N], shape [members], and its taxels, as bits."""
+    def _measure(self, patch: _Patch, weight: NDArray[np.float64], listed: int, bits: int) -> Region:
+        """Measure a contact by what of the members' force is its own [N], shape [members], and its taxels.
+
+        These are given as bits: those that it lists, and all of them.
+        """
         outline, taxels, highest = self._footprints.outline(listed), patch.taxels, patch.highest
         force = taxels.force[outline.taxels]
         peak = float(force[force.argmax()])
@@ -229,7 +232,7 @@ class ContactFinder:
         total = math.nan if math.isnan(highest) else sums[0]
         bounded = taxels.saturated is not None and bool(taxels.saturated[outline.taxels].any())
         return Region(
-            listed,
+            bits,
             outline.taxels,
             centre,
             outline.centre,

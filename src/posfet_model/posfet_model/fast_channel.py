@@ -75,8 +75,7 @@ class FastChannel:
         self._square = np.zeros(layout.taxels)
         self._running = False
         self._motions: dict[int, Motion] = {}
-        self._forces = np.zeros((2, layout.taxels))  # high-passed and as they are
-        self.fast = self._forces[0]
+        self.fast = np.zeros(layout.taxels)
         """High-passed force of each taxel [N], shape [rows * cols]."""
         self.power = np.zeros(layout.taxels)
         """Mean square of it [N2], as far as `average` was called."""
@@ -114,18 +113,18 @@ class FastChannel:
 
         force [N] is that of all taxels, shape [rows * cols].
         """
-        self._forces[1] = force
         motions: dict[int, Motion] = {}
         for contact in contacts:
             if contact.state is not ContactState.RELEASED:
-                motions[contact.id] = self._of(contact.region, self._motions.get(contact.id) or Motion(), step)
+                motions[contact.id] = self._of(contact.region, force, self._motions.get(contact.id) or Motion(), step)
         self._motions = motions
         return motions
 
-    def _of(self, region: Region, motion: Motion, step: float) -> Motion:
+    def _of(self, region: Region, force: NDArray[np.float64], motion: Motion, step: float) -> Motion:
         taxels = region.taxels
-        sums = self._forces.take(taxels, 1).dot(self._plane.take(taxels, 0))
-        (change, fast_x, fast_y), (total, slow_x, slow_y) = sums.tolist()
+        plane = self._plane.take(taxels, axis=0)
+        change, fast_x, fast_y = self.fast[taxels].dot(plane).tolist()
+        total, slow_x, slow_y = force[taxels].dot(plane).tolist()
         total = max(total, 1e-9)
         motion.power += -math.expm1(-step / MEMORY) * (change * change - motion.power)
         # The centre is that of these taxels alone, without what else is known of the contact.

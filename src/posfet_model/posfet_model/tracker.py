@@ -111,14 +111,12 @@ class ContactTracker:
         """Return the contacts of a scan a step [s] after the last one, ascending by id, released ones among them."""
         pairs = self._pairs(regions)
         if len(pairs) == len(regions) == len(self._contacts):
-            followed = [self._follow(self._contacts[track], regions[index], step) for track, index in pairs.items()]
-            ended: list[Contact] = []
-        else:
-            followed, ended = self._change(pairs, regions, step)
-        self._contacts = tuple(sorted(followed, key=lambda contact: contact.id))
-        if not ended:
+            pairing = enumerate(self._contacts)
+            self._contacts = tuple([self._follow(contact, regions[pairs[track]], step) for track, contact in pairing])
             return self._contacts
-        return tuple(sorted((*self._contacts, *ended), key=lambda contact: contact.id))
+        followed, ended = self._change(pairs, regions, step)
+        self._contacts = tuple(sorted(followed, key=_id))
+        return tuple(sorted((*followed, *ended), key=_id)) if ended else self._contacts
 
     def _change(self, pairs: dict[int, int], regions: list[Region], step: float) -> tuple[list[Contact], list[Contact]]:
         """Follow contacts of which some begin, end, merge or split; return those that go on, and those that ended."""
@@ -231,6 +229,10 @@ class ContactTracker:
     def _release(self, contact: Contact, step: float) -> Contact:
         region = contact.region._replace(force=0.0, peak_pressure=0.0)
         return contact._replace(state=ContactState.RELEASED, region=region, age=contact.age + step)
+
+
+def _id(contact: Contact) -> int:
+    return contact.id
 
 
 def _unmoved(contact: Contact, before: Contact) -> Contact:
