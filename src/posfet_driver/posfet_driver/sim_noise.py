@@ -49,13 +49,8 @@ class FlickerNoise:
         """
         return math.log(max(2 * bandwidth / rate, 1.0)) + math.log(FACTOR)
 
-    def block(self, number: int) -> NDArray[np.float64]:
-        """Return block `number`, shape [block, taxels]: scans number*block and on."""
-        result: NDArray[np.float64] = self.weights @ self.rows(number)
-        return result
-
     def rows(self, number: int) -> NDArray[np.float64]:
-        """Return what block `number` is made of by `weights`, shape [rows, taxels]."""
+        """Return what block `number` is made of, shape [rows, taxels]: ``weights @ rows`` are scans number*block and on."""
         start = number * self._block
         rows = np.empty((self.weights.shape[1], self._taxels))
         rows[0], rows[1] = self._slow_sum(start), self._slow_sum(start + self._block)
