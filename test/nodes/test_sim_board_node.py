@@ -77,7 +77,7 @@ class Listener(Node):
 
 def test_raw_carries_the_scans_of_the_board(spin) -> None:
     listener = Listener(spin, ("raw", TactileRaw))
-    node = make_board(spin, seed=5, scene="press_slide_lift", frame_id="thumb")
+    node = make_board(spin, seed=5, scene="press_slide_lift", frame_id="thumb", imperfections="none")
     node.start()
     messages = listener.wait("raw", 300)
     sensor = load_sensor()
@@ -101,7 +101,7 @@ def test_raw_carries_the_scans_of_the_board(spin) -> None:
 
 def test_truth_is_that_of_the_scan_with_its_sequence(spin) -> None:
     listener = Listener(spin, ("raw", TactileRaw), ("truth", TactileTruth))
-    make_board(spin, scene="two_fingers").start()
+    make_board(spin, scene="two_fingers", imperfections="none").start()
     listener.wait("raw", 1)
     while not any(message.contact_forces for message in listener.messages["truth"][-1:]):
         listener.wait("truth", len(listener.messages["truth"]) + 1)

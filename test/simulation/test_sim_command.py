@@ -69,7 +69,7 @@ def test_the_same_seed_gives_the_same_file_and_another_one_does_not(tmp_path: Pa
 def test_an_mcap_file_says_what_it_holds(tmp_path: Path) -> None:
     reader = pytest.importorskip("mcap.reader")
     path = tmp_path / "run.mcap"
-    assert main([SCENE, "--out", str(path), "--for", "0.5", "--namespace", "thumb"]) == 0
+    assert main([SCENE, "--out", str(path), "--for", "0.5", "--namespace", "thumb", "--imperfections", "none"]) == 0
     with path.open("rb") as stream:
         file = reader.make_reader(stream, validate_crcs=True)
         assert file.get_header().profile == "ros2"
@@ -126,7 +126,7 @@ def test_ros_reads_the_messages_of_an_mcap_file(tmp_path: Path) -> None:
     serialization = pytest.importorskip("rclpy.serialization")
     messages = pytest.importorskip("posfet_msgs.msg")
     path = tmp_path / "run.mcap"
-    assert main([SCENE, "--out", str(path), "--for", "0.7", "--seed", "5"]) == 0
+    assert main([SCENE, "--out", str(path), "--for", "0.7", "--seed", "5", "--imperfections", "none"]) == 0
     read: dict[str, list] = {"/tactile/raw": [], "/tactile/truth": []}
     with path.open("rb") as stream:
         for schema, channel, message in reader.make_reader(stream).iter_messages():

@@ -21,12 +21,13 @@ from launch_testing.actions import ReadyToTest
 from launch_testing.asserts import assertExitCodes
 
 LAUNCH_FILE = Path(__file__).parents[2] / "launch" / "bringup.launch.py"
+IDEAL = {"imperfections": "none"}
 VARIANTS = [
-    {"source": "sim"},
-    {"source": "emulator"},
-    {"source": "sim", "composed": "false"},
-    {"source": "emulator", "bus_interface": "virtual", "bus_channel": "launch"},
-    {"source": "emulator", "composed": "false"},
+    {"source": "sim", **IDEAL},
+    {"source": "emulator", **IDEAL},
+    {"source": "sim", "composed": "false", **IDEAL},
+    {"source": "emulator", "bus_interface": "virtual", "bus_channel": "launch", **IDEAL},
+    {"source": "emulator", "composed": "false", **IDEAL},
 ]
 
 

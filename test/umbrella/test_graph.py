@@ -72,10 +72,10 @@ def test_a_bus_that_nobody_would_use_is_refused(params_file: str, words: list[st
 
 
 def test_imperfections_reach_the_simulated_board(params_file: str) -> None:
-    assert nodes(params_file)["sim_board_node"].parameters["imperfections"] == "none"
+    assert nodes(params_file)["sim_board_node"].parameters["imperfections"] == "default"
     for source in ("sim", "emulator"):
-        specs = nodes(params_file, f"source:={source}", "imperfections:=default")
-        assert specs["sim_board_node"].parameters["imperfections"] == "default"
+        specs = nodes(params_file, f"source:={source}", "imperfections:=none")
+        assert specs["sim_board_node"].parameters["imperfections"] == "none"
 
 
 def test_arguments_of_the_command_line_keep_their_types(params_file: str) -> None:

@@ -153,9 +153,10 @@ KEYS: Final = (
     Key("converter", "quantisation", "quantisation", True),
     Key("clock", "drift_ppm", "clock_drift", 20e-6, 1e-6, -1000, 1000),
     Key("clock", "jitter_us", "clock_jitter", 0.2e-6, 1e-6, 0, 1000),
-    Key("line", "dropped_percent", "dropped_share", 1e-4, 1e-2, 0, 100),
-    Key("line", "torn_percent", "torn_share", 1e-4, 1e-2, 0, 100),
-    Key("line", "repeated_percent", "repeated_share", 1e-4, 1e-2, 0, 100),
+    # CAN sends again what was disturbed: only an overrun loses a frame now and then.
+    Key("line", "dropped_percent", "dropped_share", 1e-6, 1e-2, 0, 100),
+    Key("line", "torn_percent", "torn_share", 1e-6, 1e-2, 0, 100),
+    Key("line", "repeated_percent", "repeated_share", 1e-6, 1e-2, 0, 100),
     Key("board", "resets_per_hour", "resets_per_hour", 1.0, 1.0, 0, 3600),
     Key("board", "reset_time_s", "reset_time", 0.3, 1.0, 0, 60),
 )

@@ -13,7 +13,7 @@ from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from posfet_driver.conversions import NANOSECONDS
-from posfet_driver.imperfections import NONE, load_imperfections
+from posfet_driver.imperfections import DEFAULT, load_imperfections
 from posfet_driver.loads import ObjectsState
 from posfet_driver.scan_source_node import ScanSourceNode
 from posfet_driver.scene import DEFAULT_SCENE, load_scene
@@ -39,7 +39,7 @@ PARAMETERS = (
     ),
     Parameter("bus_interface", "", "python-can interface on which to appear as a board instead; '': none"),
     Parameter("bus_channel", "", "Channel of that interface"),
-    Parameter("imperfections", NONE, "Imperfections of the board: none, default, or the path of a YAML file"),
+    Parameter("imperfections", DEFAULT, "Imperfections of the board: none, default, or the path of a YAML file"),
 )
 TRUTH_DEPTH = 10
 REMEMBERED = 2000

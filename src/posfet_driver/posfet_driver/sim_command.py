@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, Protocol
 
-from posfet_driver.imperfections import NONE, load_imperfections
+from posfet_driver.imperfections import DEFAULT, load_imperfections
 from posfet_driver.scene import DEFAULT_SCENE, load_scene
 from posfet_driver.sim_faults import FaultyScans
 from posfet_driver.sim_record import FORMATS, make_recorder
@@ -83,7 +83,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--out", type=Path, required=True, help=f"file to write: {' or '.join(FORMATS)}")
     parser.add_argument("--sensor", default=DEFAULT_SENSOR, help="YAML file, or name of a shipped sensor")
     parser.add_argument("--seed", type=int, default=0, help="seed of everything random (default: 0)")
-    parser.add_argument("--imperfections", default=NONE, help="none, default, or a YAML file (default: none)")
+    parser.add_argument("--imperfections", default=DEFAULT, help="none, default, or a YAML file (default: default)")
     parser.add_argument("--for", dest="seconds", type=float, help="time to simulate in s (default: that of the scene)")
     parser.add_argument("--namespace", default="tactile", help="namespace of the topics (default: tactile)")
     parser.add_argument("--full", action="store_true", help="compute every taxel in every scan, for comparison")
