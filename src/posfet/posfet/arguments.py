@@ -41,7 +41,7 @@ ARGUMENTS: Final = (
     Argument("mount", "0 0 0 0 0 0", "Pose of the array in parent_frame: x y z [m] roll pitch yaw [rad]"),
     Argument("params_file", "", "YAML file with node parameters; empty: config/parameters.yaml of this package"),
     Argument("scene", "press_slide_lift", "What happens to the simulated board: a YAML file, or a shipped scene"),
-    Argument("imperfections", "default", "What the simulated board lacks of an ideal one: none, default, or a YAML file"),
+    Argument("imperfections", "default", "What the simulated board lacks of an ideal one: none, default, a YAML file"),
     Argument(
         "bus_interface",
         "",

@@ -50,7 +50,7 @@ class FlickerNoise:
         return math.log(max(2 * bandwidth / rate, 1.0)) + math.log(FACTOR)
 
     def rows(self, number: int) -> NDArray[np.float64]:
-        """Return the rows of block `number`, shape [rows, taxels]: ``weights @ rows`` are its scans, number*block and on."""
+        """Return block `number`, scans number*block and on, as ``weights @ rows``; shape [rows, taxels]."""
         start = number * self._block
         rows = np.empty((self.weights.shape[1], self._taxels))
         rows[0], rows[1] = self._slow_sum(start), self._slow_sum(start + self._block)
