@@ -216,6 +216,14 @@ def test_the_sink_gets_scans_that_nobody_subscribes(bench: Bench, adapter: Emula
     assert node._raw.get_subscription_count() == 0
 
 
+def test_a_board_is_looked_for_and_obeys_though_nobody_listens(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
+    node = bench.driver(can_channel=str(link))
+    node.start()
+    bench.wait(lambda: bench.state() == "receiving scans")
+    response = node._command(BoardCommand.Request(command=BoardCommand.Request.IDENTIFY), BoardCommand.Response())
+    assert (response.success, response.value & 0xFFFF) == (True, SENSOR.layout.id)
+
+
 def test_an_adapter_that_comes_goes_and_returns_is_told_in_diagnostics(bench: Bench, link: Path) -> None:
     bench.watcher.listen()
     bench.driver(can_channel=str(link)).start()

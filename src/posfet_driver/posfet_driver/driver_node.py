@@ -21,6 +21,9 @@ from posfet_msgs.srv import BoardCommand
 ANSWER_TIMEOUT = 0.5
 """Time in which a board has to answer a command [s]."""
 
+LISTENER_PATIENCE = 2_000_000_000
+"""Time [ns] after which the board is started although nobody listens: its faults are told, and commands are carried."""
+
 PARAMETERS = (
     Parameter("can_interface", "socketcan", "Interface of python-can; slcan is the buffered reader of this package"),
     Parameter("can_channel", "can0", "Channel: can0, /dev/ttyACM0, ...; a serial port may be a pattern: /dev/ttyACM*"),
@@ -35,6 +38,7 @@ class DriverNode(ScanSourceNode):
 
     def __init__(self, **node_arguments: Any) -> None:
         super().__init__("driver_node", PARAMETERS, **node_arguments)
+        self._patience_ends = 0
         self._commands = self.create_service(BoardCommand, "command", self._command)
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> Board:
@@ -51,6 +55,11 @@ class DriverNode(ScanSourceNode):
         link = replace(sensor.can, bitrate=settings.bitrate, data_bitrate=settings.data_bitrate)
         self._board = Board(replace(sensor, can=link), opener, settings.fd, presence=opener.presence)
         return self._board
+
+    def wanted(self, now: int) -> bool:
+        """Return whether to read the board already: once somebody listens, or nobody did for a while."""
+        self._patience_ends = self._patience_ends or now + LISTENER_PATIENCE
+        return super().wanted(now) or now >= self._patience_ends
 
     def _command(self, request: BoardCommand.Request, response: BoardCommand.Response) -> BoardCommand.Response:
         """Have the data thread send a command, and wait for the board's answer."""

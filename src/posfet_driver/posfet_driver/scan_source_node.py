@@ -36,7 +36,7 @@ REPORT_PERIOD = 1.0
 class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     """Publishes the scans of a source.
 
-    configure opens the source and starts the one data thread, which reads from the first listener on; activate lets
+    configure opens the source and starts the one data thread, which reads once `wanted`; activate lets
     scans out, to `sink` and, when somebody subscribes, to `raw`; deactivate holds them back, while the source is still
     read so that nothing old is waiting; cleanup closes the source. Raises ConfigError at construction for a parameter
     or file that cannot be used.
