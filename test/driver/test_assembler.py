@@ -213,7 +213,8 @@ def test_a_counter_that_stands_still_from_the_start_gives_no_scan_a_wrong_number
             )
         )
     assert line.published in ([], [100])  # `feed` holds the number to what was sent
-    assert line.assembler.misled or line.losses.keys() == {"late"}
+    assert line.assembler.misled
+    assert line.assembler.sequence in {99, 100}
 
 
 def test_a_first_scan_that_is_not_the_announced_one_is_given_up() -> None:

@@ -229,7 +229,7 @@ def test_bus_parameters_are_taken_from_the_sensor_unless_given(sensor: Sensor) -
 
 
 def test_a_bus_that_cannot_be_opened_says_why(sensor: Sensor) -> None:
-    with pytest.raises(can.CanError, match="slcan:/nowhere/can: /nowhere/can: No such file") as caught:
+    with pytest.raises(can.CanError, match="slcan:/nowhere/can: No such file") as caught:
         open_bus(bus_settings("slcan", "/nowhere/can", sensor.can))
     assert isinstance(caught.value.__cause__, can.CanInitializationError)
     with pytest.raises(ConfigError, match="slcan:x: bitrate must be one of"):

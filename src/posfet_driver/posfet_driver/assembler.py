@@ -84,6 +84,7 @@ class Assembler:
         self._clock_synced = False  # and so is `device_time`
         self._standing = 0  # scans in a row with the time of the one before
         self._announced = False  # the next scan is the one that the board said comes next
+        self._first = -1  # the counter that came instead
 
     @property
     def clock_stands(self) -> bool:
@@ -108,12 +109,13 @@ class Assembler:
                 self._give_up()
                 self._lose((ahead - 1) * count_gap)
                 self.sequence += ahead - 1
-                self._announced = True
+                self._announce()
             return False
         self._give_up()
         self.sequence = next_scan - 1
         self._clock_synced = self.misled = False
-        self._synced = self._announced = True
+        self._synced = True
+        self._announce()
         return reset
 
     def align(self, newest: int, wrap: int) -> None:
@@ -131,6 +133,7 @@ class Assembler:
         """Go on `ahead` of the newest scan; those between are lost."""
         self._give_up()
         self._seen = 0
+        self._announced = False
         if self._synced:
             self._lose(ahead)
         self._synced = True
@@ -144,7 +147,7 @@ class Assembler:
             return False
         clock, counter, block, status = header
         same = counter == self.sequence & self.codec.counter_mask and clock == self._clock
-        if not same and not self._begin(counter, clock):
+        if not same and not (self._announced and self._doubtful(counter)) and not self._begin(counter, clock):
             return False
         bit, place = 1 << block, self._places[block]
         if self._seen & bit:
@@ -170,6 +173,20 @@ class Assembler:
         self.codec.decode(self.counts)
         return True
 
+    def _announce(self) -> None:
+        """Take note that the board said which scan comes next: with CAN FD its time tells all the same."""
+        self._announced, self._first, self._seen = not self.codec.fd, -1, 0
+
+    def _doubtful(self, counter: int) -> bool:
+        """Return whether a classic counter, the first after an announcement, may stand still.
+
+        When it is not the announced one, scans were lost, or it does not count: until it does, its scan is given up.
+        """
+        if self._first < 0 and counter != (self.sequence + 1) & CLASSIC_COUNTER:
+            self._first = counter
+        self._announced = counter == self._first
+        return self._announced
+
     def _begin(self, counter: int, clock: int) -> bool:
         """Begin the scan that a frame belongs to; False when the frame is of no use."""
         mask = self.codec.counter_mask
@@ -187,10 +204,7 @@ class Assembler:
             self.losses.late += 1
             return False
         self._give_up()
-        # A first scan that is not the announced one comes from behind a loss, or from a counter that stands still.
-        unsure = self._announced and ahead != 1 and not self.codec.fd
-        self._announced = False
-        self._lose(ahead - 1 + unsure)
+        self._lose(ahead - 1)
         self.sequence += ahead
         if self.codec.fd:
             stands = clock == self._clock and self._clock_synced
@@ -200,7 +214,7 @@ class Assembler:
         self._synced = self._clock_synced = True
         self._clock = clock
         self._seen = 0
-        self._given_up = unsure
+        self._given_up = False
         return True
 
     def _give_up(self) -> None:

@@ -111,7 +111,8 @@ def open_can_bus(settings: BusSettings) -> can.BusABC:
     except can.CanInterfaceNotImplementedError as error:
         raise ConfigError(f"can_interface: '{settings.interface}' cannot be used here: {one_line(error)}") from error
     except (can.CanError, OSError) as error:
-        raise can.CanInitializationError(f"{settings.name}: {one_line(error)}") from error
+        reason = one_line(error).removeprefix(f"{settings.channel}: ")
+        raise can.CanInitializationError(f"{settings.name}: {reason}") from error
     except (ValueError, TypeError) as error:
         raise ConfigError(f"{settings.name}: {one_line(error)}") from error
 
