@@ -106,6 +106,8 @@ def open_can_bus(settings: BusSettings) -> can.BusABC:
     arguments = {key: value for key, value in offered.items() if key in accepted} | dict(settings.options)
     if settings.channel:
         arguments["channel"] = settings.channel
+    elif _channel_needed(bus_class):
+        raise ConfigError(f"can_channel: interface '{settings.interface}' needs one, such as can0, /dev/ttyACM0, ...")
     try:
         return bus_class(**arguments)
     except can.CanInterfaceNotImplementedError as error:
@@ -144,6 +146,11 @@ def _bus_class(interface: str) -> type[Any]:
 def _accepted(bus_class: type[Any]) -> set[str]:
     """Return the names of the arguments that a bus takes, those that it hands to its base classes included."""
     return set(_parameters(bus_class)) - {"self", "args", "kwargs"}
+
+
+def _channel_needed(bus_class: type[Any]) -> bool:
+    channel = inspect.signature(bus_class).parameters.get("channel")
+    return channel is not None and channel.default is channel.empty
 
 
 def _parameters(bus_class: type[Any]) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import Final
 
@@ -21,8 +22,8 @@ class BusLoad:
 
     def __init__(self, bitrate: int, data_bitrate: int) -> None:
         """Take the bitrates of the bus [bit/s]."""
-        self.load = 0.0
-        """Share of the last whole period in which the bus was in use; 1 is full."""
+        self.load = math.nan
+        """Share of the last whole period in which the bus was in use; 1 is full; NaN before the first."""
         self._bitrate = bitrate
         self._data_bitrate = data_bitrate
         self._times: dict[tuple[int, int], float] = {}
@@ -41,7 +42,7 @@ class BusLoad:
         self._busy += busy
         if now - self._begin >= PERIOD:
             # After a pause of the reader the frames of the pause come at once: their time is the whole of it.
-            self.load = self._busy * 1e9 / (now - self._begin) if self._begin else 0.0
+            self.load = self._busy * 1e9 / (now - self._begin) if self._begin else math.nan
             self._begin, self._busy = now, 0.0
 
     def _time(self, kind: int, length: int) -> float:

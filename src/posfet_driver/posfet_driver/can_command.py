@@ -39,7 +39,7 @@ def ask(bus: FrameBus, base: int, command: Command, argument: int = 0, heard: li
             elif heard is not None:
                 heard.append(frame)
     if answer.result != Result.OK:
-        raise CommandError(f"{command.name}: refused by the board: {answer.reason} (value {answer.value})")
+        raise CommandError(f"{command.name}: refused by the board: {answer.reason}")
     return answer
 
 

@@ -101,7 +101,10 @@ def run_replay(options: argparse.Namespace) -> int:
     """Run the action; return the exit code."""
     console = Console(highlight=False)
     if options.decode:
-        console.print(_table(options.file, decode(options.file, sensor_of(options))))
+        receiver = decode(options.file, sensor_of(options))
+        console.print(_table(options.file, receiver))
+        if receiver.traffic.frames and not receiver.scans:
+            console.print("no scan is in it: compare --sensor and --fd with the board's", soft_wrap=True)
         return 0
     recorded = messages(options.file)
     first = next(recorded, None)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import time
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Final
 
 from rich.console import Console, Group
@@ -30,7 +30,7 @@ MOST_ROWS: Final = 24
 _NAMES: Final = {0: "Command", 1: "Response", 2: "Status", FD_BLOCK_OFFSET: "ScanBlockFd"}
 
 
-@contextmanager
+@contextlib.contextmanager
 def started(bus: FrameBus, sensor: Sensor, wanted: bool) -> Iterator[None]:
     """Have the board scan for the time of the block, when that is wanted."""
     base = sensor.can.base_id
@@ -121,7 +121,7 @@ def run_monitor(options: argparse.Namespace) -> int:
         bus = open_bus(settings)
         monitor = Monitor(sensor, settings.fd)
         try:
-            with started(bus, sensor, options.start):
+            with started(bus, sensor, options.start), contextlib.suppress(KeyboardInterrupt):
                 if console.is_terminal:
                     with Live(console=console, auto_refresh=False) as live:
                         for _ in _ticks(bus, monitor, options.seconds):

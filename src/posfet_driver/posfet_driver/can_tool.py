@@ -26,6 +26,8 @@ from posfet_model.sensor import DEFAULT_SENSOR, FRAME_CHOICES, Sensor, load_sens
 EMULATOR: Final = "emulator"
 """The interface that is a simulated board behind an emulated adapter, started for the time of one command."""
 FAILED: Final = 1
+INTERRUPTED: Final = 130
+"""As shells tell it; monitor and record are meant to be interrupted, and end well."""
 
 ACTIONS: Final = {
     "list": ("can_list", "adapters of this machine, and the boards that are heard on them"),
@@ -125,7 +127,7 @@ def _settings(options: argparse.Namespace, sensor: Sensor, interface: str, chann
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run one action; return the exit code: 0, or 1 with one line on stderr."""
+    """Run one action; return the exit code: 0, 1 with one line on stderr, or 130 when it was interrupted."""
     options = make_parser().parse_args(words)
     module, _ = ACTIONS[options.action]
     try:
@@ -137,7 +139,7 @@ def main(words: Sequence[str] | None = None) -> int:
         print(f"posfet can {options.action}: {one_line(error)}", file=sys.stderr)
         return FAILED
     except KeyboardInterrupt:
-        return 0
+        return INTERRUPTED
 
 
 if __name__ == "__main__":

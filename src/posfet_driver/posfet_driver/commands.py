@@ -64,7 +64,7 @@ class CommandQueue:
         if response.result == Result.OK:
             order.answer.set_result(response)
         else:
-            reason = f"refused by the board: {response.reason} (value {response.value})"
+            reason = f"refused by the board: {response.reason}"
             order.answer.set_exception(CommandError(f"{order.command.name}: {reason}"))
         return order
 

@@ -123,9 +123,10 @@ class Response:
 
     @property
     def reason(self) -> str:
-        """The result in words."""
+        """The result in words, with the value that explains it where there is one."""
         known = self.result in Result.__members__.values()
-        return Result(self.result).name.lower().replace("_", " ") if known else f"result {self.result}"
+        words = Result(self.result).name.lower().replace("_", " ") if known else f"result {self.result}"
+        return f"{words} (value {self.value})" if self.value else words
 
 
 @dataclass(frozen=True)
