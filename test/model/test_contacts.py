@@ -216,6 +216,9 @@ def test_principal_axes_are_those_of_a_turned_ellipse(long: float, short: float,
 @given(st.lists(st.floats(1e-6, 5.0), min_size=25, max_size=25))
 def test_moments_of_any_forces_are_finite_and_near_the_array(values: list[float]) -> None:
     finder = MomentFinder(LAYOUT, SENSOR.device.contact_spread)
-    moments = finder.of((values @ finder.basis(np.arange(25), at_edge=True)).tolist())
+    weight, taxels = np.array(values), np.arange(25)
+    sums = (weight @ finder.basis(taxels, profiles=True)).tolist()
+    np.testing.assert_allclose(sums[6:], finder.profiles(taxels, weight), rtol=0, atol=1e-12)
+    moments = finder.of(sums)
     assert all(math.isfinite(value) for value in (*moments.centre, *moments.major, *moments.minor))
     assert max(abs(value) for value in moments.centre) <= 3.75e-3 + 1e-12

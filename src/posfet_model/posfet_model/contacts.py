@@ -182,8 +182,8 @@ class ContactFinder:
             force = taxels.force[members]
             above = force > self._floor[members]
             weight = np.where(above, force, 0.0)
-            variances = taxels.variance[members[above]].tolist()
-            variance = sum(variances) + len(variances) ** 2 * taxels.common_variance
+            variances = taxels.variance[members[above]]
+            variance = float(np.add.reduce(variances)) + len(variances) ** 2 * taxels.common_variance
             patch = _Patch(footprint, weight, variance, float(force[force.argmax()]), taxels)
             places: Places = [contact.centre_of_pressure for contact in before if contact.bits & bits]
             whole, rounds = None, ROUNDS
@@ -227,7 +227,10 @@ class ContactFinder:
         outline, taxels, highest = self._footprints.outline(listed), patch.taxels, patch.highest
         force = taxels.force[outline.taxels]
         peak = float(force[force.argmax()])
-        sums = weight.dot(patch.footprint.basis).tolist()
+        footprint = patch.footprint
+        sums = weight.dot(footprint.basis).tolist()
+        if footprint.profiles_apart:
+            sums += self._moments.profiles(footprint.members, weight)
         centre, major, minor = self._moments.of(sums)
         total = math.nan if math.isnan(highest) else sums[0]
         bounded = taxels.saturated is not None and bool(taxels.saturated[outline.taxels].any())

@@ -12,8 +12,11 @@ from posfet_model.labelling import BitMap
 from posfet_model.moments import MomentFinder
 from posfet_model.sensor import Layout
 
-MOST_KNOWN: Final = 64
+MOST_KNOWN: Final = 128
 """Answers of each kind that are kept."""
+
+FEW: Final = 64
+"""Most taxels of a region whose profiles are part of its basis."""
 
 
 class Outline(NamedTuple):
@@ -39,6 +42,8 @@ class Footprint(NamedTuple):
     """Indices of these, ascending: the taxels that count into force and moments."""
     basis: NDArray[np.float64]
     """What their forces are multiplied with for the sums of `MomentFinder.of`, shape [members, sums]."""
+    profiles_apart: bool
+    """Whether the profiles, needed at the edge of the array, are to be summed besides."""
 
 
 class Footprints:
@@ -54,23 +59,24 @@ class Footprints:
         outermost = (rows == 0) | (rows == layout.rows - 1) | (cols == 0) | (cols == layout.cols - 1)
         self._edge = bitmap.pack(outermost)
         keep = lru_cache(MOST_KNOWN)
-        self.outline = keep(self._outline)
+        self._footprint = keep(self._footprint_of)
+        self.outline = keep(self._outline_of)
         """Return the outline of taxels that are given as bits, not 0."""
-        self.regions = keep(self._regions)
+        self.regions = keep(self._regions_of)
         """Return the footprints of the regions of a mask, shape [rows * cols], given as its bytes."""
-        self.parts = keep(self._parts)
+        self.parts = keep(self._parts_of)
         """Return what each contact of a region lists, as bits, 0 for nothing.
 
         Arguments: members of the region and what is listed of it, as bits, the number of contacts, and for each member
         the number of the contact that owns it, as bytes of np.intp.
         """
 
-    def _outline(self, bits: int) -> Outline:
+    def _outline_of(self, bits: int) -> Outline:
         taxels = self._bitmap.taxels(bits)
         x, y = self._positions[taxels].mean(axis=0).tolist()
         return Outline(bits, taxels, (x, y), len(taxels) * self._cell)
 
-    def _regions(self, mask: bytes) -> list[Footprint]:
+    def _regions_of(self, mask: bytes) -> list[Footprint]:
         bits = self._bitmap.pack(np.frombuffer(mask, np.bool_))
         regions = self._bitmap.regions(bits)
         rings = [self._bitmap.grow(region) for region in regions]
@@ -78,14 +84,14 @@ class Footprints:
         for ring in rings:
             twice |= once & ring
             once |= ring
-        found = []
-        for region, ring in zip(regions, rings, strict=True):
-            wide = ring & ~twice | region
-            members = self._bitmap.taxels(wide)
-            basis = self._moments.basis(members, at_edge=bool(wide & self._edge))
-            found.append(Footprint(self.outline(region), wide, members, basis))
-        return found
+        return [self._footprint(region, ring & ~twice | region) for region, ring in zip(regions, rings, strict=True)]
 
-    def _parts(self, wide: int, listed: int, count: int, owners: bytes) -> list[int]:
+    def _footprint_of(self, region: int, wide: int) -> Footprint:
+        members = self._bitmap.taxels(wide)
+        at_edge, few = bool(wide & self._edge), len(members) <= FEW
+        basis = self._moments.basis(members, profiles=at_edge and few)
+        return Footprint(self.outline(region), wide, members, basis, at_edge and not few)
+
+    def _parts_of(self, wide: int, listed: int, count: int, owners: bytes) -> list[int]:
         members, owner = self._bitmap.taxels(wide), np.frombuffer(owners, np.intp)
         return [self._bitmap.bits(members[owner == number]) & listed for number in range(count)]

@@ -7,13 +7,8 @@ arrays of this size costs less than one call into an array library.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 from numpy.typing import NDArray
-
-MOST_KNOWN: Final = 64
-"""Sets of taxels whose indices are kept."""
 
 
 class BitMap:
@@ -27,7 +22,6 @@ class BitMap:
         self._bytes = (self._padded.size + 7) // 8
         self._taxel = np.zeros(self._padded.size, np.intp)
         self._taxel.reshape(rows, self._stride)[:, :cols] = np.arange(rows * cols).reshape(rows, cols)
-        self._known: dict[int, NDArray[np.intp]] = {}
         self.all = self.pack(np.ones(rows * cols, np.bool_))
         """Every taxel."""
 
@@ -37,18 +31,9 @@ class BitMap:
         return int.from_bytes(np.packbits(self._padded, bitorder="little").tobytes(), "little")
 
     def taxels(self, bits: int) -> NDArray[np.intp]:
-        """Return the indices of the taxels in `bits`, ascending; not to be written to.
-
-        Contacts stay where they are for many scans, so answers are kept, up to 64 of them.
-        """
-        found = self._known.get(bits)
-        if found is None:
-            flags = np.unpackbits(np.frombuffer(bits.to_bytes(self._bytes, "little"), np.uint8), bitorder="little")
-            found = self._taxel[flags.nonzero()[0]]
-            found.flags.writeable = False
-            if len(self._known) >= MOST_KNOWN:
-                self._known.clear()
-            self._known[bits] = found
+        """Return the indices of the taxels in `bits`, ascending."""
+        flags = np.unpackbits(np.frombuffer(bits.to_bytes(self._bytes, "little"), np.uint8), bitorder="little")
+        found: NDArray[np.intp] = self._taxel[flags.nonzero()[0]]
         return found
 
     def bits(self, taxels: NDArray[np.intp]) -> int:
