@@ -23,6 +23,7 @@ from posfet_driver.receiver import Receiver
 from posfet_model.chain import ForwardChain
 from posfet_model.contacts_bytes import ContactsBytes
 from posfet_model.conversions import ContactsMessage, contacts_writer
+from posfet_model.listeners import Listeners
 from posfet_model.model_node import ModelNode
 from posfet_model.reconstruction import Reconstructor
 from posfet_model.scan import Scan
@@ -102,6 +103,47 @@ def test_a_scan_publishes_what_is_subscribed_and_nothing_else(listening: bool) -
         peer.destroy_node()
         node.destroy_node()
         rclpy.shutdown(context=context)
+
+
+def test_what_can_wait_is_done_after_the_contacts_are_out() -> None:
+    """The end of a block, which takes longer than a scan, is neither before a message nor left to the next scan."""
+    context = Context()
+    rclpy.init(context=context)
+    node = ModelNode(context=context)
+    try:
+        observer, due = node._reconstructor._observer, []
+        node._listeners._heard.add(node._contacts)
+        node._listeners._next = time.monotonic_ns() + round(DEADLINE * 1e9)
+        node._contacts.publish = lambda _: due.append(observer.block_due)
+        scan = Scan.empty(1, 25)
+        for index, counts in enumerate(played(touched=False, count=101)):
+            set_scan(scan, index, counts)
+            node.process(scan)
+            assert not observer.block_due
+        assert due.count(True) == 5 and len(due) == 101
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+def test_subscribers_are_looked_up_one_publisher_at_a_time() -> None:
+    class Counted:
+        looked_up = 0
+
+        def get_subscription_count(self) -> int:
+            self.looked_up += 1
+            return self.looked_up % 2
+
+    publishers = [Counted() for _ in range(5)]
+    listeners = Listeners(*publishers)
+    start = 10**12
+    assert listeners.at(start) == set(publishers), "all of them before the first message"
+    for now in range(start + 1_000_000, start + 1_000_000_000, 1_000_000):
+        before = sum(one.looked_up for one in publishers)
+        heard = listeners.at(now)
+        assert sum(one.looked_up for one in publishers) - before <= 1
+        assert heard == {one for one in publishers if one.looked_up % 2}
+    assert all(10 <= one.looked_up <= 11 for one in publishers)
 
 
 def count_messages(publisher: Any, counts: dict[str, int]) -> None:
