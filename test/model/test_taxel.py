@@ -17,9 +17,9 @@ SMALL = Taxel(area=0.25e-6, film_thickness=5e-6, bias_resistance=1e11)
 def test_a_push_gives_the_voltage_of_the_charge_source_on_its_capacitance() -> None:
     for taxel in (Taxel(), SMALL):
         coulomb = abs(taxel.piezoelectric_coefficient)  # of 1 N, whatever the area
-        assert taxel.volts_per_newton == pytest.approx(coulomb / taxel.capacitance, rel=1e-15)
+        assert taxel.volts_per_newton == pytest.approx(coulomb / taxel.capacitance, rel=1e-14, abs=0)
     per_newton = noise.volts_per_newton(-38e-12, 1e-6, paper.STACK.charge_divisor(Plane.GATE))
-    assert Taxel().volts_per_newton == pytest.approx(float(per_newton), rel=1e-15)
+    assert Taxel().volts_per_newton == pytest.approx(float(per_newton), rel=1e-14, abs=0)
 
 
 def test_the_sensor_file_describes_the_same_taxel() -> None:
@@ -33,7 +33,7 @@ def test_energy_of_the_noise_is_half_kt() -> None:
     """Equipartition: in all frequencies the capacitor holds k*T/2, whatever the resistor and the size."""
     for taxel in (Taxel(), SMALL):
         budget = taxel.noise_budget(0.0, 0.0, 0.0, 1e-12, 1e15, temperature=310.0)
-        assert 0.5 * taxel.capacitance * budget.total**2 == pytest.approx(0.5 * 1.380649e-23 * 310, rel=1e-9)
+        assert 0.5 * taxel.capacitance * budget.total**2 == pytest.approx(0.5 * 1.380649e-23 * 310, rel=1e-9, abs=0)
 
 
 def test_a_warming_is_taken_for_the_force_that_gives_the_same_charge() -> None:
@@ -41,8 +41,8 @@ def test_a_warming_is_taken_for_the_force_that_gives_the_same_charge() -> None:
         d33, pyro = taxel.piezoelectric_coefficient, taxel.pyroelectric_coefficient
         warmed = charge.source_charge(0.0, 1.0, d33, pyro)
         pushed = charge.source_charge(-taxel.newtons_per_kelvin / taxel.area, 0.0, d33, pyro)
-        assert pushed == pytest.approx(warmed, rel=1e-15)
-    assert Taxel().newtons_per_kelvin == pytest.approx(-40 / 38, rel=1e-15)
+        assert pushed == pytest.approx(warmed, rel=1e-14, abs=0)
+    assert Taxel().newtons_per_kelvin == pytest.approx(-40 / 38, rel=1e-14, abs=0)
 
 
 def test_a_steady_warming_ends_up_as_said() -> None:
@@ -53,7 +53,7 @@ def test_a_steady_warming_ends_up_as_said() -> None:
         density = float(charge.propagate_first_order_hold(density, source, later, step, taxel.leak_time_constant))
         source = later
     newtons = density * taxel.area / -taxel.piezoelectric_coefficient
-    assert newtons == pytest.approx(taxel.newtons_per_kelvin * rate * taxel.leak_time_constant, rel=1e-9)
+    assert newtons == pytest.approx(taxel.newtons_per_kelvin * rate * taxel.leak_time_constant, rel=1e-9, abs=0)
 
 
 def test_the_smallest_force_grows_with_the_area_where_the_converter_decides() -> None:
