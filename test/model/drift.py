@@ -223,7 +223,7 @@ def cases() -> list[Case]:
         *(_charge(step, np.float64) for step in (1e-12, 1e-9, 1e-6, 3.7e-3)),
         *(_charge(step, np.float32) for step in (1e-3, 3.7e-3)),
         *(_two_poles(step, quality) for step in (1e-6, 0.1) for quality in (0.4, 0.7)),
-        _pair("SquareLawFollower, small, float64", (-5e-5, -2e-5, 1e-5, 5e-5), 9e-5, taken_as_linear=1.3e-13),
+        _pair("SquareLawFollower, small, float64", (-5e-6, -2e-6, 1e-6, 5e-6), 9e-6, taken_as_linear=1.3e-16),
         _pair("SquareLawFollower, slewing, float64", arc, 1.7),
         _pair("SquareLawFollower, slewing with a lead, float64", arc, 1.7, Lead(0.07, 0.18)),
     ]

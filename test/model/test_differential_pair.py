@@ -75,9 +75,29 @@ def test_any_way_is_its_parts(start: float, slope: float, duration: float, part:
         first = settle(x, slope * part * s, part * s, lead)
         both = settle(first, slope * (s - part * s), s - part * s, lead)
     assert_finite(whole)
-    # Time rounds in proportion to its length, x in proportion to the way that the input goes.
+    # Time rounds in proportion to its length, x in proportion to the way that the input goes, the slope as a quotient:
+    # near 1 the place of rest moves much more than the slope.
     way = abs(start) + (1 + abs(slope)) * duration
-    assert abs(both - whole) <= 8 * EPS * STEEPEST * (4 + (way if abs(slope) >= 1 or abs(start) > EDGE else 0))
+    room = 4.0 + (way if abs(slope) >= 1 or abs(start) > EDGE else 0.0)
+    if abs(slope) < 1:
+        room += 1 / math.sqrt(max(1 - slope**2, EPS))
+    assert abs(both - whole) <= 8 * EPS * STEEPEST * room
+
+
+@pytest.mark.parametrize("lead", [Lead(), Lead(linear=0.3), Lead(linear=0.3, square=-0.5)])
+def test_ways_from_beside_the_edges_of_saturation_and_of_linearity(lead: Lead) -> None:
+    """Starts and slopes a few roundings from +-EDGE and 1, and on either side of where f(x) = x is used."""
+    beside = np.arange(-8, 9) * EPS
+    under = np.array([1.4142135612040179, 1.4142135623702081, 1.4142135623727576])  # sin + cos round to EDGE there
+    tiny = np.array([9.9e-6, 1.01e-5, 9.9e-5, 1.01e-4])
+    starts = np.concatenate([EDGE * (1 + beside), -EDGE * (1 + beside), under, -under, tiny, -tiny, [0.0]])
+    slopes = np.concatenate([1 + beside, -1 - beside, tiny, [0.0]])
+    x, slope, s = (part.ravel() for part in np.meshgrid(starts, slopes, [1e-12, 1e-3, 1.0, 40.0]))
+    with np.errstate(over="raise", invalid="raise", divide="raise"):
+        whole = settle(x, slope * s, s, lead)
+        both = settle(settle(x, slope * 0.5 * s, 0.5 * s, lead), slope * 0.5 * s, 0.5 * s, lead)
+    room = 4.0 + np.where((np.abs(slope) < 1e-3) & (np.abs(x) < 1), 0.0, 2 * s)
+    assert np.max(np.abs(both - whole) / room) <= 8 * EPS * STEEPEST
 
 
 @pytest.mark.parametrize("duration", [1e2, 1112.0, 1153.0, 1e4])

@@ -163,7 +163,7 @@ class OnePoleFollower(StaticFollower):
 
     def _series_lags(self, start: Lags, change: Float64Array, step: Float64Array) -> Lags:
         decay, weight = self._weights(step)
-        return (linear_recurrence(np.broadcast_to(decay, change.shape), change * weight, start[0]),)
+        return (linear_recurrence(decay, change * weight, start[0]),)
 
     def _weights(self, step: Float64Array) -> tuple[Float64Array, Float64Array]:
         ratio = step / self.time_constant
@@ -259,10 +259,10 @@ class TwoPoleFollower(StaticFollower):
 
     def _series_lags(self, start: Lags, change: Float64Array, step: Float64Array) -> Lags:
         decay1, weight1, decay2, coupling, weight2 = self._coefficients(step)
-        first = linear_recurrence(np.broadcast_to(decay1, change.shape), change * weight1, start[0])
+        first = linear_recurrence(decay1, change * weight1, start[0])
         before = np.concatenate([start[0][None], first[:-1]])
         addend = before * coupling + change * weight2
-        return (first, linear_recurrence(np.broadcast_to(decay2, change.shape), addend, start[1]))
+        return (first, linear_recurrence(decay2, addend, start[1]))
 
     def _slope(self, lags: Lags, change: Float64Array, step: Float64Array) -> Float64Array:
         return np.asarray(self.gain * (self._poles()[1] * (lags[1] - lags[0])).real)

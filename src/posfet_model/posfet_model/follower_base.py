@@ -20,6 +20,7 @@ STEP_LIMIT: Final = 1e9
 
 
 _FLOAT64: Final = np.dtype(np.float64)
+_FRAME: Final = 8192  # elements
 
 
 @dataclass(frozen=True)
@@ -231,7 +232,9 @@ class Follower(ABC):
     ) -> FollowerSeries:
         """Return the series to the inputs `held`, [t] or [t, n], t >= 1, in steps [t]; `valid` is where they are."""
         step = step.reshape(-1, *(1,) * (held.ndim - 1))
-        change = np.diff(held, axis=0, prepend=state.v_in[None])
+        change = np.empty_like(held)
+        np.subtract(held[0], state.v_in, out=change[0, ...])
+        np.subtract(held[1:], held[:-1], out=change[1:])
         lags = self._series_lags(state.lags, change, step)
         if self.limits.any_slew:
             valid = valid & self.limits.allow_slope(self._slope(lags, change, step))
@@ -278,10 +281,11 @@ class Follower(ABC):
 def _within_limit(voltage: object) -> TypeGuard[NDArray[np.float64]]:
     """Return whether `voltage` is an array of float64 within the limit, and not near it; a NaN is not.
 
-    The sum of squares is the quickest that tells: no element is larger than its root.
+    For a frame the sum of squares is the quickest that tells: no element is larger than its root. A long series is
+    better looked through for its ends; its sum of squares would be shared out to threads, which cost more.
     """
-    return (
-        isinstance(voltage, np.ndarray)
-        and voltage.dtype is _FLOAT64
-        and bool(np.vdot(voltage, voltage) <= VOLTAGE_LIMIT * VOLTAGE_LIMIT)
-    )
+    if not isinstance(voltage, np.ndarray) or voltage.dtype is not _FLOAT64:
+        return False
+    if voltage.size <= _FRAME:
+        return bool(np.vdot(voltage, voltage) <= VOLTAGE_LIMIT * VOLTAGE_LIMIT)
+    return bool(voltage.min() >= -VOLTAGE_LIMIT and voltage.max() <= VOLTAGE_LIMIT)

@@ -30,8 +30,8 @@ from posfet_model.recurrence import linear_recurrence
 
 Float64Array = NDArray[np.float64]
 
-LINEAR_BELOW: Final = 1e-4
-"""Where |x| and |slope| are below this, f(x) = x is used: the error of x is then under 1.3e-13."""
+LINEAR_BELOW: Final = 1e-5
+"""Where |x| and |slope| are below this, f(x) = x is used: the error of x is then under 1.3e-16."""
 
 _SQUARE_BELOW: Final = 1e-8  # the same where the lead has a square, whose share grows in proportion to x
 _JUMP: Final = 1e-16  # a step so short [time constants] that the pair cannot move the output
@@ -306,7 +306,8 @@ def _run_away(x: Float64Array, rho: Float64Array, duration: Float64Array, ahead:
     p_start, q_start = np.sin(angle) - np.cos(angle), np.sin(angle) + np.cos(angle)
 
     def time_to(p: Float64Array, q: Float64Array) -> Float64Array:
-        in_q = np.minimum(b * (q - q_start) / (b * b - q * q_start), 1 - 1e-16)
+        ahead_of_q = np.maximum(b * b - q * q_start, 1e-300)  # 0 where b, q and its start are one number
+        in_q = np.minimum(b * (q - q_start) / ahead_of_q, 1 - 1e-16)
         time = np.arctan2(c * (p - p_start), c * c + p * p_start) / c + np.arctanh(in_q) / b
         if ahead.absent:
             return np.asarray(time)

@@ -9,36 +9,35 @@ from numpy.typing import NDArray
 
 _BLOCK_ELEMENTS: Final = 1 << 14  # a block and its copies stay in the cache of the processor
 _WIDE: Final = 512
+_NOTHING: Final = 1e-25  # a share of an earlier row too small to be seen beside it in float64
 
 
 def linear_recurrence(factor: NDArray[Any], addend: NDArray[Any], start: NDArray[Any]) -> NDArray[Any]:
-    """Return x with ``x[k] = factor[k]*x[k-1] + addend[k]`` and ``x[-1] = start``.
+    """Return x with ``x[k] = factor[k]*x[k-1] + addend[k]`` and ``x[-1] = start``, in the memory of addend.
 
-    factor and addend have shape [t] or [t, n], start the shape of one row; |factor| <= 1 is needed for accuracy. The
-    series is cut into blocks; within one, neighbouring rows are merged into rows of double reach until each reaches the
-    start of the block (Kogge and Stone 1973), which takes log2 passes of whole-array arithmetic instead of a loop. Wide
-    rows are worth a pass each.
+    addend has shape [t] or [t, n], start the shape of one row, factor that of addend or [t, 1]; |factor| <= 1 is needed
+    for accuracy. The series is cut into blocks; within one, neighbouring rows are merged into rows of double reach
+    until each reaches the start of the block, or so far back that nothing is left of it (Kogge and Stone 1973). That
+    takes log2 passes of whole-array arithmetic instead of a loop. Wide rows are worth a pass each.
     """
-    result = np.empty_like(addend)
-    row = start
+    result, row = addend, start
     if start.size >= _WIDE:
-        for k in range(len(addend)):
-            row = np.add(factor[k] * row, addend[k], out=result[k])
+        for k in range(len(result)):
+            row = np.add(factor[k] * row, result[k], out=result[k, ...])
         return result
     rows = max(1, _BLOCK_ELEMENTS // max(1, start.size))
-    for begin in range(0, len(addend), rows):
+    for begin in range(0, len(result), rows):
         block = slice(begin, begin + rows)
-        _solve_block(factor[block], addend[block], row, result[block])
+        _solve_block(factor[block], row, result[block])
         row = result[block][-1]
     return result
 
 
-def _solve_block(factor: NDArray[Any], addend: NDArray[Any], start: NDArray[Any], result: NDArray[Any]) -> None:
-    """Solve one block into `result`."""
-    result[...] = addend
+def _solve_block(factor: NDArray[Any], start: NDArray[Any], result: NDArray[Any]) -> None:
+    """Solve one block, in place."""
     result[0] += factor[0] * start
-    product, reach = factor.copy(), 1
-    while reach < len(result) and product.any():
+    product, reach = factor, 1
+    while reach < len(result) and np.abs(product).max(initial=0.0) > _NOTHING:
         result[reach:] += product[reach:] * result[:-reach]
-        product[reach:] = product[reach:] * product[:-reach]
+        product = np.concatenate([product[:reach], product[reach:] * product[:-reach]])
         reach *= 2
