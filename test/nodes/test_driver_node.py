@@ -26,6 +26,7 @@ from posfet_driver.driver_node import DriverNode
 from posfet_driver.firmware import BoardFirmware
 from posfet_driver.frames import frame_of, message_of
 from posfet_driver.source import SystemClock
+from posfet_model import sensor as sensor_module
 from posfet_model.config import ConfigError
 from posfet_model.scan import Scan, ScanStatus
 from posfet_model.sensor import load_sensor
@@ -84,10 +85,10 @@ class Bench:
         self.watcher = Watcher(self.context)
         self.executor.add_node(self.watcher)
 
-    def driver(self, **parameters: Any) -> DriverNode:
+    def driver(self, namespace: str = "/tactile", **parameters: Any) -> DriverNode:
         settings = {"can_interface": "slcan"} | parameters
         overrides = [Parameter(name, value=value) for name, value in settings.items()]
-        node = DriverNode(context=self.context, namespace="/tactile", parameter_overrides=overrides)
+        node = DriverNode(context=self.context, namespace=namespace, parameter_overrides=overrides)
         self.executor.add_node(node)
         return node
 
@@ -185,6 +186,43 @@ def test_raw_over_a_virtual_bus(bench: Bench) -> None:
         bench.driver(can_interface="virtual", can_channel=channel).start()
         bench.wait(board_turn)
     assert_counting(bench.watcher.raw)
+
+
+def test_two_boards_on_one_bus_have_a_driver_each(bench: Bench, tmp_path: Path) -> None:
+    """As documented: a sensor file for each, which differ in base_id, and a namespace for each."""
+    channel, clock = uuid.uuid4().hex, SystemClock()
+    shipped = (Path(sensor_module.__file__).parent / "sensors" / "posfet_5x5.yaml").read_text(encoding="utf-8")
+    nodes, firmwares, taken = [], [], {}
+    with can.Bus(interface="virtual", channel=channel) as bus:
+        for name, base in (("thumb", 0x100), ("palm", 0x110)):
+            file = tmp_path / f"{name}.yaml"
+            file.write_text(shipped.replace("base_id: 0x100", f"base_id: 0x{base:X}"), encoding="utf-8")
+            own = load_sensor(str(file))
+            firmwares.append(BoardFirmware(own, CountingBoard(), clock.monotonic()))
+            node = bench.driver(
+                f"/hand/{name}", can_interface="virtual", can_channel=channel, sensor_file=str(file), autostart=False
+            )
+            taken[name] = scans = []
+            node.sink = lambda scan, scans=scans: scans.append((scan.sequence, int(scan.counts[0])))
+            assert (node.trigger_configure(), node.trigger_activate()) == (SUCCESS, SUCCESS)
+            nodes.append(node)
+
+        def boards_turn() -> bool:
+            frames = [frame for firmware in firmwares for frame in firmware.due(clock.monotonic())]
+            while (message := bus.recv(0)) is not None:
+                for firmware in firmwares:
+                    frames += firmware.receive(frame_of(message), clock.monotonic())
+            for frame in frames:
+                bus.send(message_of(frame))
+            return all(len(scans) >= 50 for scans in taken.values())
+
+        bench.wait(boards_turn)
+        for node, scans in zip(nodes, taken.values(), strict=True):
+            node.trigger_shutdown()
+            assert [count for _, count in scans] == [(n % 4096) << 4 | (n % 4096) >> 8 for n, _ in scans]
+            report = node.source.report()
+            assert report.frames_lost == 0
+            assert report.counters["foreign frames"] > 0
 
 
 def test_lifecycle(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
