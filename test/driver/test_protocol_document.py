@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import importlib.resources
+import math
 from pathlib import Path
 
 import cantools
 import pytest
 
-from posfet_driver import codec, messages
+from posfet_driver import codec, frames, messages
 from posfet_driver.bus_time import BusTime, classic_time, fd_time
+from posfet_driver.receiver import Receiver
+from posfet_model.sensor import load_sensor
 
 TEXT = (Path(__file__).parents[2] / "docs" / "protocol.md").read_text(encoding="utf-8")
 DATABASE = cantools.database.load_string(
@@ -76,6 +79,48 @@ def test_identifiers(name: str, offset: int) -> None:
     assert row[1:4] == [name, "FD, rate switch" if message.is_fd else "classic", str(message.length)]
 
 
+def examples() -> dict[str, tuple[int, bytes, dict[str, float]]]:
+    """Identifier, data and signals of each example."""
+    found = {}
+    for name, (identifier, data, signals) in table("example").items():
+        pairs = [pair.split() for pair in signals.split(", ")]
+        found[name] = int(identifier, 16), bytes.fromhex(data), {key: float(value) for key, value in pairs}
+    return found
+
+
+@pytest.mark.parametrize("name", examples())
+def test_examples_are_what_cantools_decodes_and_encodes(name: str) -> None:
+    identifier, data, signals = examples()[name]
+    message = DATABASE.get_message_by_frame_id(identifier)
+    data = data.ljust(message.length, b"\0")
+    decoded = message.decode(data, decode_choices=False)
+    assert {key: decoded[key] for key in signals} == signals
+    assert all(value == 0 for key, value in decoded.items() if key not in signals)
+    assert message.encode({**decoded, **signals}, strict=False) == data  # -128 degC: not known
+
+
+def test_examples_are_what_the_driver_reads() -> None:
+    receiver = Receiver(load_sensor(), fd=True)
+    receiver.resync(1234, count_gap=False)
+    answers, temperatures = [], []
+    for identifier, data, signals in examples().values():
+        scan = "Count0" in signals
+        frame = (identifier, frames.FD, data.ljust(64, b"\0")) if scan else (identifier, frames.CLASSIC, data)
+        if receiver.feed(frame):
+            assert receiver.scan.device_time == 1234567
+            assert receiver.scan.counts[:4].tolist() == [32768, 65535, 4660, 0]
+        if receiver.response:
+            answers.append((receiver.response.result, receiver.response.value, receiver.response.reset))
+            receiver.response = None
+        if receiver.news:
+            temperatures.append((*receiver.status.temperatures, receiver.status.supply, receiver.status.flags))
+            receiver.news = False
+    assert receiver.scans == 1
+    assert answers == [(0, 2000, False), (0, 0, True), (4, 2, False)]
+    assert temperatures[0] == pytest.approx((25.5, math.nan, 5.0, 1), nan_ok=True)
+    assert temperatures[1] == (-1.5, -1.5, 5.0, 0)
+
+
 def test_status_comes_as_often_as_said() -> None:
     assert DATABASE.get_message_by_name("Status").cycle_time == messages.STATUS_PERIOD * 1000 == 100
 
@@ -91,14 +136,14 @@ def test_frame_times() -> None:
     [("5 x 5, FD", 25, True), ("5 x 5, classic", 25, False), ("16 x 16, FD", 256, True), ("32 x 32, FD", 1024, True)],
 )
 def test_bus_load(layout: str, taxels: int, fd: bool) -> None:
-    frames = (codec.FdCodec if fd else codec.ClassicCodec)(taxels).blocks
+    blocks = (codec.FdCodec if fd else codec.ClassicCodec)(taxels).blocks
     frame: BusTime = FD if fd else CLASSIC
     statuses = 1 / messages.STATUS_PERIOD
-    least, most = frames * frame.least, frames * frame.most
+    least, most = blocks * frame.least, blocks * frame.most
     load = [100 * (1000 * scan + statuses * status) for scan, status in ((least, CLASSIC.least), (most, CLASSIC.most))]
     highest = (1 - statuses * CLASSIC.most) / most
     assert table("layout, format")[layout] == [
-        str(frames),
+        str(blocks),
         span(least * 1e6, most * 1e6),
         f"{span(*load)} %" if load[1] <= 100 else "-",
         f"{int(highest)}",
