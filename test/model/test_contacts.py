@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from posfet_model.contacts import ContactFinder, Region, Taxels
+from posfet_model.footprint import Footprints
 from posfet_model.labelling import BitMap
 from posfet_model.moments import MomentFinder, principal_axes
 from posfet_model.sensor import Sensor, load_sensor
@@ -58,6 +59,27 @@ def test_growing_does_not_run_over_the_edges() -> None:
     corner[3] = True
     assert bitmap.taxels(bitmap.grow(bitmap.pack(corner))).tolist() == [2, 3, 6, 7]
     assert bitmap.grow(bitmap.all) == bitmap.all
+
+
+@given(st.integers(1, 9), st.integers(1, 9), st.data())
+def test_footprints_are_regions_and_what_lies_around_one_alone(rows: int, cols: int, data: st.DataObject) -> None:
+    mask = np.array(data.draw(st.lists(st.booleans(), min_size=rows * cols, max_size=rows * cols)), np.bool_)
+    layout = replace(LAYOUT, rows=rows, cols=cols)
+    bitmap, regions = BitMap(rows, cols), flood_fill(mask.reshape(rows, cols))
+    found = Footprints(layout, bitmap, MomentFinder(layout, SENSOR.device.contact_spread)).regions(mask.tobytes())
+
+    def near(taxel: int) -> list[int]:
+        """Number the regions that a taxel touches."""
+        row, col = divmod(taxel, cols)
+        reach = {(row + i) * cols + col + j for i in (-1, 0, 1) for j in (-1, 0, 1) if 0 <= col + j < cols}
+        return [number for number, region in enumerate(regions) if reach & set(region)]
+
+    assert [footprint.region.taxels.tolist() for footprint in found] == regions
+    for number, footprint in enumerate(found):
+        around = [taxel for taxel in range(rows * cols) if near(taxel) == [number]]
+        assert footprint.members.tolist() == sorted({*regions[number], *around})
+        places = layout.positions[regions[number]]
+        np.testing.assert_allclose(footprint.region.centre, places.mean(axis=0), rtol=0, atol=1e-12)
 
 
 def find(

@@ -18,8 +18,12 @@ from posfet_driver.score import run as score
 from posfet_driver.wire_simulation import wire_scans
 from posfet_model.calibration import Calibration
 from posfet_model.contacts import ContactFinder, Region, Taxels
+from posfet_model.footprint import Footprints
+from posfet_model.labelling import BitMap
+from posfet_model.moments import MomentFinder
 from posfet_model.reconstruction import Reconstructor
 from posfet_model.sensor import load_sensor
+from posfet_model.separation import Separator
 from posfet_model.tracker import ContactState
 
 SENSOR = load_sensor()
@@ -39,6 +43,29 @@ def sphere(x: float, y: float, force: float, radius: float = 1.5e-3, modulus: fl
 def measure(finder: ContactFinder, forces: NDArray[np.float64], before: list[Region]) -> list[Region]:
     finder.adapt(forces, VARIANCE, 0.0)
     return finder.measure(finder.find(forces), Taxels(forces, VARIANCE), before)
+
+
+def test_shares_are_those_of_a_mixture_of_gaussians_written_out() -> None:
+    """Against expectation and maximisation by distances, the plain way."""
+    forces = sphere(-1.3e-3, 0.2e-3, 0.8) + sphere(1.9e-3, -0.4e-3, 1.0)
+    bitmap, spread = BitMap(LAYOUT.rows, LAYOUT.cols), SENSOR.device.contact_spread
+    footprints = Footprints(LAYOUT, bitmap, MomentFinder(LAYOUT, spread))
+    [footprint] = footprints.regions(np.ones(LAYOUT.taxels, np.bool_).tobytes())
+    start, rounds = np.array([(-1e-3, 0.0), (2e-3, 0.0)]), 3
+    width = spread**2 + LAYOUT.pitch_x**2 / 12
+    square = ((LAYOUT.positions[None] - start[:, None]) ** 2).sum(axis=2)
+    mass = np.array([forces[square.argmin(axis=0) == number].sum() for number in (0, 1)])
+    middle = start
+    for _ in range(rounds + 1):
+        square = ((LAYOUT.positions[None] - middle[:, None]) ** 2).sum(axis=2)
+        density = mass[:, None] * np.exp(-0.5 * square / width)
+        share = density / density.sum(axis=0)
+        mass = share @ forces
+        middle = (share * forces) @ LAYOUT.positions / mass[:, None]
+    separator = Separator(LAYOUT, spread, SENSOR.contact.threshold)
+    found = separator.shares([(-1e-3, 0.0), (2e-3, 0.0)], footprint, forces, rounds)
+    assert found is not None
+    np.testing.assert_allclose(found, share, rtol=0, atol=1e-9)
 
 
 def centres(regions: list[Region]) -> list[tuple[float, float]]:
