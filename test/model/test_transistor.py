@@ -197,6 +197,17 @@ class TestThresholdFit:
         assert fit.threshold_voltage == pytest.approx(vth, rel=1e-12, abs=0)
         assert fit.gain_factor == pytest.approx(beta, rel=1e-12, abs=0)
 
+    def test_a_meter_that_is_off_and_noisy_gives_the_threshold_all_the_same(self) -> None:
+        """Below threshold it shows currents of either sign; they are left out."""
+        generator = np.random.default_rng(8)
+        for fit, drain in ((threshold.fit_saturation_curve, 5.0), (threshold.fit_linear_curve, 0.05)):
+            current = transistor.drain_current(self.GATE, drain, 0.7, 1e-3)
+            noisy = current + generator.normal(-1e-3, 1e-3, current.size) * current.max()
+            assert noisy.min() < 0
+            found = fit(self.GATE, noisy, drain)
+            assert found.threshold_voltage == pytest.approx(0.7, abs=0.01)
+            assert found.gain_factor == pytest.approx(1e-3, abs=1e-5)
+
     def test_poling_moves_the_fitted_threshold_by_the_shift(self) -> None:
         shift = transistor.threshold_shift(0.07, STACK, Plane.OXIDE, 0.010962)
         fits = [
@@ -221,6 +232,7 @@ class TestThresholdFit:
             ([], [], "gate_voltage must have two different"),
             ([1.0, 1.0], [1e-3, 1e-3], "gate_voltage must have two different"),
             ([1.0, 2.0], [1e-3, 0.9e-3], "drain_current must rise"),
+            ([1.0, 2.0], [0.0, -1e-9], "drain_current must rise above 0"),
             ([1.0, 2.0, 3.0], [1e-3, 2e-3], r"shape \(n,\), got \(3,\) and \(2,\)"),
             (1.0, 1e-3, r"shape \(n,\)"),
         ],
@@ -293,7 +305,7 @@ class TestThresholdFit:
                 function,
                 {"gate_voltage": [1, 2], "drain_current": [1e-3, 2e-3], "drain_voltage": 5.0, "lowest_share": 0.1},
                 gate_voltage=[[1, 2e6]],
-                drain_current=[[-1e-3, 1e-3]],
+                drain_current=[[-2e6, 1e-3]],
                 drain_voltage=[0, -1, [5.0, 5.0]],
                 lowest_share=[0, 1],
             )

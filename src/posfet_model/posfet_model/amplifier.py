@@ -86,11 +86,7 @@ def figures_of_merit(bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = 
     first_gain, second_gain = gm1 / out1, gm7 / out2
     p1, p2 = _poles(bias, design, out1, out2, gm7)
     lead = bias.compensation * (bias.zero_resistor - 1 / gm7)
-    loaded = math.sqrt(1 + point.tail / point.output)  # gm7 in slewing over gm7 at rest
-    slew_rate = point.tail / (bias.compensation * (1 + 1 / (second_gain * loaded)))
-    sinking = bias.compensation * (1 + 1 / second_gain) + design.output_capacitance(bias.load_capacitance)
-    falling = min(slew_rate, point.output / sinking)
-    moved = point.output_overdrive * (point.tail / point.output) / (1 + loaded)  # overdrive of M7 in slewing less rest
+    slewing = _slewing(bias, design, point, second_gain)
     return AmplifierFigures(
         tail_current=point.tail,
         output_current=point.output,
@@ -102,17 +98,40 @@ def figures_of_merit(bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = 
         dominant_pole=p1,
         second_pole=p2,
         zero=1 / (2 * math.pi * lead) if lead else math.inf,
-        slew_rate=slew_rate,
-        falling_slew_rate=falling,
-        bend=0.5 * moved**2 / point.output_overdrive / (1 + 1 / (second_gain * loaded)),
+        slew_rate=slewing.rise,
+        falling_slew_rate=slewing.fall,
+        bend=slewing.bend,
         systematic_offset=(point.load_overdrive - point.output_overdrive) / first_gain,
         limits=FollowerLimits(
             v_low=lowest_input(bias, point),
             v_high=_highest_input(bias, design, point),
-            slew_rate=slew_rate,
-            falling_slew_rate=falling,
+            slew_rate=slewing.rise,
+            falling_slew_rate=slewing.fall,
             frequency=p2,
         ),
+    )
+
+
+@dataclass(frozen=True)
+class _Slewing:
+    """Steepest rise and fall of the output [V/s], and by how much it runs ahead when it rises [V]."""
+
+    rise: float
+    fall: float
+    bend: float
+
+
+def _slewing(bias: AmplifierBias, design: AmplifierDesign, point: OperatingPoint, second_gain: float) -> _Slewing:
+    """Return how the output slews: up with the tail's current, which M7 carries too; down with what M8 can sink."""
+    stronger = math.sqrt(1 + point.tail / point.output)  # gm7, and with it the second gain, over those at rest
+    both_ends = 1 + 1 / (second_gain * stronger)  # the gate of M7 moves too, by this share of Cc's voltage more
+    rise = point.tail / (bias.compensation * both_ends)
+    sunk = bias.compensation * (1 + 1 / second_gain) + design.output_capacitance(bias.load_capacitance)
+    gate_moves = point.output_overdrive * (point.tail / point.output) / (1 + stronger)
+    return _Slewing(
+        rise=rise,
+        fall=min(rise, point.output / sunk),
+        bend=0.5 * gate_moves**2 / point.output_overdrive / both_ends,
     )
 
 

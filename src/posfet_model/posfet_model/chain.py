@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from posfet_model import adc
 from posfet_model.charge import invert_first_order_hold, propagate_first_order_hold
 from posfet_model.checks import FloatArray
+from posfet_model.exponential import mean_decay
 from posfet_model.scan import FULL_SCALE_COUNT
 from posfet_model.sensor import Sensor
 
@@ -84,7 +85,7 @@ class LeakSteps:
             if len(self._known) >= self.MOST:
                 self._known.clear()
             ratio = step / self._time_constant
-            found = self._known[step] = LeakStepArrays(ratio, -np.expm1(-ratio) / ratio)
+            found = self._known[step] = LeakStepArrays(ratio, mean_decay(ratio))
         return found
 
 

@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from posfet_model.arrays import alike
 from posfet_model.checks import FloatArray, real_array
 from posfet_model.constants import VACUUM_PERMITTIVITY
+from posfet_model.exponential import mean_decay
 
 STEP_RANGE: Final = (1e-12, 1e9)
 """Accepted time steps [s]."""
@@ -142,7 +143,7 @@ def propagate_first_order_hold(
     charge, source_start, source_end = _charges(charge=charge, source_start=source_start, source_end=source_end)
     ratio = _step_ratio(charge.shape, step, time_constant)
     decay = np.exp(-ratio).astype(charge.dtype)
-    return charge * decay + (source_end - source_start) * _mean_decay(ratio).astype(charge.dtype)
+    return charge * decay + (source_end - source_start) * mean_decay(ratio).astype(charge.dtype)
 
 
 def propagate_step(
@@ -190,7 +191,7 @@ def invert_first_order_hold(
     leaked = charge_start * np.expm1(-ratio).astype(dtype)
     remaining = charge_start * np.exp(-ratio).astype(dtype)
     change = np.where(ratio < _EXACT_DIFFERENCE_BELOW, (charge_end - charge_start) - leaked, charge_end - remaining)
-    return change / _mean_decay(ratio).astype(dtype)
+    return change / mean_decay(ratio).astype(dtype)
 
 
 def frequency_response(frequency: ArrayLike, time_constant: ArrayLike) -> NDArray[np.complexfloating[Any, Any]]:
@@ -251,8 +252,3 @@ def _step_ratio(shape: tuple[int, ...], step: ArrayLike, time_constant: ArrayLik
     time_constant = real_array("time_constant", time_constant, *TIME_CONSTANT_RANGE)
     alike(step=step, time_constant=time_constant, charge=np.empty(shape))
     return step.astype(np.float64) / time_constant.astype(np.float64)
-
-
-def _mean_decay(ratio: FloatArray) -> FloatArray:
-    """Return (1 - exp(-x))/x, the mean of exp(-x) over a step; expm1 keeps it right down to the smallest x."""
-    return -np.expm1(-ratio) / ratio

@@ -36,7 +36,7 @@ def fit_saturation_curve(
     Parameters
     ----------
     gate_voltage : Vgs [V], shape (n,), n >= 2, within +-1e6, in any order.
-    drain_current : Id [A], shape (n,), in [0, 1e6].
+    drain_current : Id [A], shape (n,), within +-1e6; what a meter shows below 0 is left out with the small ones.
     drain_voltage : Vds [V] of the whole curve, in (0, 1e6]; the transistor is saturated up to Vgs = Vth + Vds.
     lowest_share : points with less than this share of the largest current are left out, in (0, 1).
 
@@ -89,7 +89,7 @@ def _measured(
     gate_voltage: ArrayLike, drain_current: ArrayLike, drain_voltage: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     gate = real_array("gate_voltage", gate_voltage, -VOLTAGE_LIMIT, VOLTAGE_LIMIT).astype(np.float64)
-    current = real_array("drain_current", drain_current, 0, CURRENT_LIMIT).astype(np.float64)
+    current = real_array("drain_current", drain_current, -CURRENT_LIMIT, CURRENT_LIMIT).astype(np.float64)
     if gate.ndim != 1 or gate.shape != current.shape:
         raise ValueError(f"gate_voltage and drain_current must be of shape (n,), got {gate.shape} and {current.shape}")
     return gate, current, real_number("drain_voltage", drain_voltage, 1e-9, VOLTAGE_LIMIT)
@@ -100,7 +100,10 @@ def _strong(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The points of at least the given share of the largest current."""
     share = real_number("lowest_share", lowest_share, 0, 1, exclusive=True)
-    used = current >= share * current.max(initial=0)
+    largest = current.max(initial=0)
+    if current.size and not largest > 0:
+        raise ValueError("drain_current must rise above 0, got none that does")
+    used = current >= share * largest
     return gate[used], current[used]
 
 
