@@ -11,7 +11,9 @@ from model.sweep import NOT_REAL_NUMBERS, ErrorMap, assert_refused, reference, r
 from posfet_model.amplifier import AmplifierBias, AmplifierDesign, figures_of_merit, mismatch_offset
 from posfet_model.one_stage import CIRCUIT_C, one_stage_figures
 from posfet_model.paper import AMPLIFIER_SIZES as SIZES
+from posfet_model.paper import STACK
 from posfet_model.spice import closed_loop
+from posfet_model.transistor import drain_current, gate_voltage
 
 EPS = np.finfo(np.float64).eps
 FIGURES = figures_of_merit()
@@ -103,6 +105,24 @@ def test_follower_of_the_figures() -> None:
     assert loop.gain == pytest.approx(FIGURES.open_loop_gain / (1 + FIGURES.open_loop_gain), abs=1e-15)
     assert FIGURES.limits.v_low < -1 < 3 < FIGURES.limits.v_high
     assert FIGURES.limits.frequency == FIGURES.second_pole > 3 * FIGURES.gain_bandwidth
+
+
+@pytest.mark.parametrize("load", [11e3, 5e3, 1e9])
+@pytest.mark.parametrize("current", [50e-6, 200e-6])
+def test_at_the_highest_input_the_last_transistor_is_at_the_edge_of_saturation(load: float, current: float) -> None:
+    """With the transistor's own equations: M7 carries what M8 and the load take, pinched off just there."""
+    bias = AmplifierBias(reference_current=current, load_resistance=load)
+    limits, oxide = figures_of_merit(bias).limits, STACK.oxide
+    aspect = {size.name: size.width / size.length for size in SIZES}
+    lam, volts = bias.modulation, limits.v_high
+    edge = bias.supply - volts
+    most = drain_current(0.7 + edge, edge, 0.7, 283e-4 * oxide * aspect["M7"], lam)
+    mirror = gate_voltage(current, 5.0, 0.7, 850e-4 * oxide * aspect["M6"], 0.0)
+    for _ in range(50):  # M6 is its own gate: the current at a drain voltage that is the gate voltage
+        mirror = gate_voltage(current, mirror, 0.7, 850e-4 * oxide * aspect["M6"], lam)
+    sunk = drain_current(mirror, bias.supply + volts, 0.7, 850e-4 * oxide * aspect["M8"], lam)
+    assert float(most) == pytest.approx(float(sunk) + volts / load, rel=1e-9, abs=0)
+    assert limits.v_low < 0 < limits.v_high < bias.supply
 
 
 def test_mismatch_adds_up() -> None:
