@@ -120,15 +120,9 @@ class ContactFinder:
         """Return a mask, shape [rows * cols], as bits of `labelling.BitMap`."""
         return self._bitmap.pack(taxels)
 
-    def around(self, taxels: NDArray[np.bool_], reach: int, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return in `out` the mask of what lies within `reach` taxels of the masked ones."""
-        if not np.count_nonzero(taxels):
-            out[:] = False
-            return out
-        bits = self._bitmap.pack(taxels)
-        for _ in range(reach):
-            bits = self._bitmap.grow(bits)
-        return self._bitmap.mask(bits, out)
+    def around(self, taxels: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:
+        """Return the mask of what lies within `reach` taxels of the masked ones; not to be written to."""
+        return self._footprints.around(taxels.tobytes(), reach)
 
     def adapt(
         self,

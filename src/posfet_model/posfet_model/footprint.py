@@ -64,6 +64,8 @@ class Footprints:
         """Return the outline of taxels that are given as bits, not 0."""
         self.regions = keep(self._regions_of)
         """Return the footprints of the regions of a mask, shape [rows * cols], given as its bytes."""
+        self.around = keep(self._around_of)
+        """Return the mask of what lies within so many taxels of the masked ones; the mask is given as its bytes."""
         self.parts = keep(self._parts_of)
         """Return what each contact of a region lists, as bits, 0 for nothing.
 
@@ -91,6 +93,15 @@ class Footprints:
         at_edge, few = bool(wide & self._edge), len(members) <= FEW
         basis = self._moments.basis(members, profiles=at_edge and few)
         return Footprint(self.outline(region), wide, members, basis, at_edge and not few)
+
+    def _around_of(self, mask: bytes, reach: int) -> NDArray[np.bool_]:
+        flags = np.frombuffer(mask, np.bool_)
+        bits = self._bitmap.pack(flags)
+        for _ in range(reach):
+            bits = self._bitmap.grow(bits)
+        around = self._bitmap.mask(bits, np.empty(len(flags), np.bool_))
+        around.flags.writeable = False
+        return around
 
     def _parts_of(self, wide: int, listed: int, count: int, owners: bytes) -> list[int]:
         members, owner = self._bitmap.taxels(wide), np.frombuffer(owners, np.intp)

@@ -106,7 +106,6 @@ class Reconstructor:
         self._variance = np.zeros(taxels)
         self._saturated = np.zeros(taxels, np.bool_)
         self._touched = np.zeros(taxels, np.bool_)
-        self._near = np.zeros(taxels, np.bool_)
         self._guessed = np.zeros(taxels, np.bool_)
         self._telling = sensor.contact.threshold / ENTER_DEVIATIONS
         self._choose_guessed()
@@ -314,7 +313,7 @@ class Reconstructor:
     def _close_block(self) -> None:
         """Let the observer correct its zeros away from contacts, and set the thresholds by what it knows then."""
         observer, watch = self._observer, self._watch
-        near = self._finder.around(self._touched, self._reach, self._near)
+        near = self._finder.around(self._touched, self._reach)
         if watch.judge(observer.block_time, observer.block_mean, observer.leaking, self._saturated, near):
             observer.ignore(watch.bad)
         observer.know_noise(watch.noise_variance)
