@@ -52,7 +52,6 @@ class Separator:
 
     def __init__(self, layout: Layout, spread: float, threshold: float) -> None:
         """Take the array, the spread of its cover [m], and the threshold of contacts [N], a valley's least depth."""
-        self._layout = layout
         self._positions = layout.positions
         self._pitch = max(layout.pitch_x, layout.pitch_y)
         self._threshold = threshold
@@ -98,7 +97,7 @@ class Separator:
     def _has_one_peak(self, taxels: NDArray[np.intp], force: NDArray[np.float64]) -> bool:
         """Return whether no more than one taxel of a region reads more than all of its neighbours."""
         self._padded[:-1] = force
-        highest = self._padded[self._around[taxels]].max(axis=1)
+        highest = self._padded.take(self._around.take(taxels, axis=0)).max(axis=1)
         return int(np.count_nonzero(force[taxels] >= highest)) < 2
 
     def _is_hole(self, around: NDArray[np.intp], force: NDArray[np.float64]) -> bool:
