@@ -27,13 +27,13 @@ def frames_of(sensor: Sensor) -> tuple[list[Frame], np.ndarray]:
     """Return the CAN FD frames of one scan with any counts, and the counts, shape [taxels]."""
     scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
     scan.counts[:] = np.random.default_rng(4).integers(0, 1 << 16, sensor.layout.taxels)
-    return make_codec(sensor, True).encode(scan, sensor.can.base_id), scan.counts
+    return make_codec(sensor).encode(scan, sensor.can.base_id), scan.counts
 
 
 def compare(sensor: Sensor, block: Message) -> tuple[int, float, float, int]:
     """Return the frames of a scan, what it takes the receiver and cantools [us], and counts that came out wrong."""
     frames, counts = frames_of(sensor)
-    receiver, numbers = Receiver(sensor, True), count()
+    receiver, numbers = Receiver(sensor), count()
     receiver.resync(0, count_gap=False)
     theirs = np.zeros(len(frames) * FD_TAXELS, np.uint16)
 

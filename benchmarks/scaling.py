@@ -87,9 +87,9 @@ class Wired:
 
     def __init__(self, sensor: Sensor, seed: int) -> None:
         self.player = Player(sensor, 1, seed)
-        self.receiver = Receiver(sensor, True)
+        self.receiver = Receiver(sensor)
         self.receiver.resync(0, count_gap=False)
-        codec = make_codec(sensor, True)
+        codec = make_codec(sensor)
         self.frames = []
         for index, counts in enumerate(self.player.counts):
             scan = replace(self.player.scan, counts=counts, sequence=index, device_time=index * 1000)

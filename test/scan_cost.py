@@ -37,7 +37,7 @@ CASES = {"idle": False, "touched": True}
 
 def frames_of(touched: bool) -> list[list[Frame]]:
     """Return the frames of each scan: rest, then two fingertips that stay, or rest all along."""
-    chain, codec = ForwardChain(SENSOR, np.random.default_rng(3)), make_codec(SENSOR, True)
+    chain, codec = ForwardChain(SENSOR, np.random.default_rng(3)), make_codec(SENSOR)
     force = np.zeros((5, 5))
     force[1:3, 0:2], force[3:5, 3:5] = 0.3, 0.2
     scan = Scan.empty(SENSOR.layout.id, SENSOR.layout.taxels)
@@ -64,7 +64,7 @@ def fixed_work() -> float:
 
 def player(touched: bool) -> Callable[[int], None]:
     """Return what takes the scan of a number; in touch from the scan `REST` on."""
-    receiver, model = Receiver(SENSOR, fd=True), Reconstructor(SENSOR)
+    receiver, model = Receiver(SENSOR), Reconstructor(SENSOR)
     receiver.resync(0, count_gap=False)
     receiver.scan.temperatures[:] = 25.0
     frames = frames_of(touched)

@@ -50,7 +50,7 @@ def main() -> None:
     link, sensor_file, out = sys.argv[1:]
     sensor, moments, end = load_sensor(sensor_file), Moments(), threading.Event()
     bus = SlcanBus(link, sensor.can.bitrate, sensor.can.data_bitrate, fd=True)
-    board = Board(sensor, lambda: bus, fd=True)
+    board = Board(sensor, lambda: bus)
     board.open()
     while board.read(START_TIMEOUT) is None:
         pass

@@ -48,6 +48,11 @@ def assert_marked(scan: Scan) -> None:
     np.testing.assert_array_equal(scan.counts, marked_counts(scan.sequence, len(scan.counts)))
 
 
+def with_fd(sensor: Sensor, fd: bool) -> Sensor:
+    """The sensor with a board that sends CAN FD, or classic frames."""
+    return replace(sensor, can=replace(sensor.can, fd=fd))
+
+
 def with_layout(sensor: Sensor, rows: int, cols: int, **link: object) -> Sensor:
     """The sensor with another layout and CAN link."""
     layout = replace(sensor.layout, rows=rows, cols=cols)

@@ -15,7 +15,7 @@ from pathlib import Path
 if __name__ == "__main__":
     sys.path[:0] = [str(Path(__file__).parents[2] / "src" / name) for name in ("posfet_driver", "posfet_model")]
 
-from fake_board import FakeBoard, assert_marked
+from fake_board import FakeBoard, assert_marked, with_fd
 from stepped import SteppedBus, SteppedClock
 
 from posfet_driver.board import Board
@@ -43,8 +43,8 @@ def scans_under_faults(scans: int, fd: bool, seed: int, troubles: tuple[Trouble,
     """Let a board send `scans` scans under random troubles; return the account. Each scan is held to the one sent."""
     noise = random.Random(seed)
     clock = SteppedClock()
-    injector = FaultInjector(lambda now: BoardFirmware(SENSOR, FakeBoard(SENSOR), now, fd), BASE, 0, seed)
-    board = Board(SENSOR, lambda: SteppedBus(clock, injector, CADENCE), fd, clock)
+    injector = FaultInjector(lambda now: BoardFirmware(with_fd(SENSOR, fd), FakeBoard(SENSOR), now), BASE, 0, seed)
+    board = Board(with_fd(SENSOR, fd), lambda: SteppedBus(clock, injector, CADENCE), clock)
     board.open()
     scan = None
     while scan is None:
@@ -104,9 +104,9 @@ def any_frame(noise: random.Random, real: list[Frame]) -> Frame:
 def fuzz(frames: int, fd: bool, seed: int) -> tuple[int, int]:
     """Pour random and mutated frames into a receiver; return how many it took, and growth of memory [byte]."""
     noise = random.Random(seed)
-    firmware = BoardFirmware(SENSOR, FakeBoard(SENSOR), 0, fd)
+    firmware = BoardFirmware(with_fd(SENSOR, fd), FakeBoard(SENSOR), 0)
     firmware.running = True
-    receiver = Receiver(SENSOR, fd)
+    receiver = Receiver(with_fd(SENSOR, fd))
     receiver.resync(0, count_gap=False)
     taken, now, growth_from = 0, 50_000_000, 0
     while taken < frames:

@@ -11,7 +11,7 @@ from pathlib import Path
 import can
 import numpy as np
 import pytest
-from fake_board import PATIENCE, FakeBoard, assert_marked, read_scans, read_until, slcan_opener, with_layout
+from fake_board import PATIENCE, FakeBoard, assert_marked, read_scans, read_until, slcan_opener, with_fd, with_layout
 
 from posfet_driver.adapter import EmulatedAdapter
 from posfet_driver.board import Board
@@ -73,14 +73,14 @@ def require_slcan(fd: bool) -> None:
 
 
 def firmware_for(sensor: Sensor, fd: bool) -> BoardFirmware:
-    return BoardFirmware(sensor, FakeBoard(sensor), SystemClock().monotonic(), fd)
+    return BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), SystemClock().monotonic())
 
 
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 def test_scans_arrive_whole_in_order_and_none_is_lost(sensor: Sensor, link: Path, fd: bool) -> None:
     adapter = EmulatedAdapter(link, firmware_for(sensor, fd))
     adapter.open()
-    board = Board(sensor, slcan_opener(link), fd)
+    board = Board(with_fd(sensor, fd), slcan_opener(link))
     board.open()
     try:
         expected = None
@@ -262,7 +262,7 @@ def test_a_board_is_read_through_python_cans_own_slcan(sensor: Sensor, link: Pat
     adapter = EmulatedAdapter(link, firmware_for(sensor, fd))
     adapter.open()
     settings = bus_settings("slcan-python-can", str(link), sensor.can, options=["sleep_after_open=0"])
-    board = Board(sensor, lambda: open_bus(settings), fd)
+    board = Board(with_fd(sensor, fd), lambda: open_bus(settings))
     board.open()
     try:
         sequences = []

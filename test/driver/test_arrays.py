@@ -8,7 +8,7 @@ from pathlib import Path
 
 import can
 import pytest
-from fake_board import FakeBoard, assert_marked, board_on_bus, read_scans, with_layout
+from fake_board import FakeBoard, assert_marked, board_on_bus, read_scans, with_fd, with_layout
 
 from posfet_driver import adapter as adapter_module
 from posfet_driver.adapter import EmulatedAdapter, Node
@@ -66,7 +66,7 @@ def test_every_shipped_array_arrives_whole(tmp_path: Path, name: str) -> None:
 def test_the_bus_carries_the_rate_of_every_shipped_array(name: str) -> None:
     sensor = load_sensor(name)
     frame = fd_time(64, sensor.can.bitrate, sensor.can.data_bitrate).most
-    assert make_codec(sensor, True).blocks * frame * sensor.can.scan_rate < 0.95
+    assert make_codec(sensor).blocks * frame * sensor.can.scan_rate < 0.95
 
 
 def test_shipped_arrays_have_layouts_of_their_own() -> None:
@@ -97,13 +97,13 @@ def test_three_boards_on_one_bus_and_two_more_on_buses_of_their_own(tmp_path: Pa
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 def test_a_bus_full_of_foreign_frames_costs_no_scan(tmp_path: Path, fd: bool) -> None:
     """100 % of a classic bus beside 1 kHz of ours: more than any bus can carry."""
-    sensor, now = load_sensor(), SystemClock().monotonic()
-    injector = FaultInjector(lambda at: BoardFirmware(sensor, FakeBoard(sensor), at, fd), sensor.can.base_id, now)
+    sensor, now = with_fd(load_sensor(), fd), SystemClock().monotonic()
+    injector = FaultInjector(lambda at: BoardFirmware(sensor, FakeBoard(sensor), at), sensor.can.base_id, now)
     injector.trouble = Trouble.FOREIGN
     with ExitStack() as stack:
         adapter = plugged_in(stack, tmp_path / "can0", injector)
-        opener = BusOpener(bus_settings("slcan", str(tmp_path / "can0"), sensor.can, fd=str(fd).lower()))
-        board = Board(sensor, opener, fd)
+        opener = BusOpener(bus_settings("slcan", str(tmp_path / "can0"), sensor.can))
+        board = Board(sensor, opener)
         stack.callback(board.close)
         board.open()
         check_run(board, 2000)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from fake_board import make_scan, marked_counts, with_layout
+from fake_board import make_scan, marked_counts, with_fd, with_layout
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -22,7 +22,7 @@ class Line:
     """A board, a wire that does as told, an assembler, and the scans that came out of it."""
 
     def __init__(self, fd: bool, first: int = 0) -> None:
-        self.codec = make_codec(SENSOR, fd)
+        self.codec = make_codec(with_fd(SENSOR, fd))
         self.assembler = Assembler(self.codec)
         self.assembler.resync(first)
         self.published: list[int] = []

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import can
 import pytest
-from fake_board import FakeBoard, assert_marked, board_on_bus, read_scans, read_until, with_layout
+from fake_board import FakeBoard, assert_marked, board_on_bus, read_scans, read_until, with_fd, with_layout
 from stepped import SteppedBus, SteppedClock
 
 from posfet_driver.board import Board
@@ -37,9 +37,9 @@ def virtual(channel: str) -> Iterator[can.BusABC]:
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 def test_scans_over_a_virtual_bus(sensor: Sensor, virtual: can.BusABC, channel: str, fd: bool) -> None:
     sensor = with_layout(sensor, 5, 5, scan_rate=200.0)
-    settings = bus_settings("virtual", channel, sensor.can, fd=str(fd).lower(), options=["receive_own_messages=False"])
-    board = Board(sensor, lambda: open_bus(settings), fd)
-    with board_on_bus(virtual, BoardFirmware(sensor, FakeBoard(sensor), SystemClock().monotonic(), fd)):
+    settings = bus_settings("virtual", channel, with_fd(sensor, fd).can, options=["receive_own_messages=False"])
+    board = Board(with_fd(sensor, fd), lambda: open_bus(settings))
+    with board_on_bus(virtual, BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), SystemClock().monotonic())):
         board.open()
         try:
             sequences = []
@@ -156,8 +156,8 @@ def test_a_board_whose_scans_never_come_whole_is_not_called_well(sensor: Sensor)
 
 def test_a_reader_that_was_held_up_loses_nothing(sensor: Sensor) -> None:
     clock = SteppedClock()
-    bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0, fd=False))
-    board = Board(sensor, lambda: bus, fd=False, clock=clock)
+    bus = SteppedBus(clock, BoardFirmware(with_fd(sensor, False), FakeBoard(sensor), 0))
+    board = Board(with_fd(sensor, False), lambda: bus, clock=clock)
     board.open()
     list(read_scans(board, 10))
     clock.now += 2_000_000_000
@@ -210,7 +210,6 @@ def test_reading_a_closed_board_gives_nothing(sensor: Sensor) -> None:
         ({"interface": "slcam"}, r"can_interface: must be one of .*slcan, .*socketcan.*virtual.*, got 'slcam'"),
         ({"options": ["bitrat=1"]}, r"interface 'virtual' has no option 'bitrat', known are .*preserve_timestamps"),
         ({"options": ["loud"]}, r"can_options: each must be 'key=value', got 'loud'"),
-        ({"fd": "maybe"}, r"can_fd: must be one of auto, true, false, got 'maybe'"),
     ],
 )
 def test_mistakes_in_bus_parameters_are_named(sensor: Sensor, arguments: dict[str, object], message: str) -> None:
@@ -222,8 +221,8 @@ def test_mistakes_in_bus_parameters_are_named(sensor: Sensor, arguments: dict[st
 def test_bus_parameters_are_taken_from_the_sensor_unless_given(sensor: Sensor) -> None:
     plain = bus_settings("slcan", "x", sensor.can)
     assert (plain.bitrate, plain.data_bitrate, plain.fd) == (1_000_000, 5_000_000, True)
-    given = bus_settings("slcan", "x", sensor.can, bitrate=500_000, data_bitrate=2_000_000, fd="false")
-    assert (given.bitrate, given.data_bitrate, given.fd) == (500_000, 2_000_000, False)
+    given = bus_settings("slcan", "x", sensor.can, bitrate=500_000, data_bitrate=2_000_000)
+    assert (given.bitrate, given.data_bitrate, given.fd) == (500_000, 2_000_000, True)
     options = bus_settings("virtual", "x", sensor.can, options=["", "rx_queue_size=7", "preserve_timestamps=true"])
     assert options.options == {"rx_queue_size": 7, "preserve_timestamps": True}
 

@@ -9,7 +9,7 @@ from dataclasses import replace
 import cantools
 import numpy as np
 import pytest
-from fake_board import make_scan, with_layout
+from fake_board import make_scan, with_fd, with_layout
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -174,7 +174,7 @@ def test_a_frame_of_another_kind_is_no_block(codec: ScanCodec, offset: int, kind
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 def test_every_layout_comes_back(sensor: Sensor, rows: int, cols: int, fd: bool) -> None:
     sensor = with_layout(sensor, rows, cols)
-    codec = make_codec(sensor, fd)
+    codec = make_codec(with_fd(sensor, fd))
     scan = make_scan(sensor, 12_345)
     frames = codec.encode(scan, BASE)
     assert len(frames) == codec.blocks == math.ceil(rows * cols / (28 if fd else 5))
@@ -186,7 +186,7 @@ def test_every_layout_comes_back(sensor: Sensor, rows: int, cols: int, fd: bool)
 def test_a_layout_that_does_not_fit_is_refused_in_one_line() -> None:
     sensor = load_sensor()
     with pytest.raises(ConfigError, match=r"rows \* cols must be in \[1, 7168\] on CAN, got 16384"):
-        make_codec(with_layout(sensor, 128, 128), fd=True)
+        make_codec(with_layout(sensor, 128, 128))
     high = replace(sensor, can=replace(sensor.can, base_id=0x7F8))
     with pytest.raises(ConfigError, match=r"base_id: must be in \[0, 0x7F3\] for 5 classic scan blocks, got 0x7F8"):
-        make_codec(high, fd=False)
+        make_codec(with_fd(high, False))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from fake_board import FakeBoard, assert_marked, with_layout
+from fake_board import FakeBoard, assert_marked, with_fd, with_layout
 from stepped import SteppedBus, SteppedClock
 
 from posfet_driver.board import Board
@@ -59,16 +59,16 @@ class Bench:
     """A driver and a board with troubles, in stepped time; asks for a report once a second as the node does."""
 
     def __init__(self, fd: bool) -> None:
-        sensor = SENSORS[fd]
+        sensor = with_fd(SENSORS[fd], fd)
         self.clock = SteppedClock()
-        self.injector = FaultInjector(lambda now: BoardFirmware(sensor, FakeBoard(sensor), now, fd), 0x100, 0)
+        self.injector = FaultInjector(lambda now: BoardFirmware(sensor, FakeBoard(sensor), now), 0x100, 0)
         self.watch = FaultWatch()
         self.faults: list[str] = []
         self.said: list[str] = []
         self.health = Health.OK
         self.first = -1
         self._reported = 0
-        self.board = Board(sensor, lambda: SteppedBus(self.clock, self.injector, CADENCE), fd, self.clock)
+        self.board = Board(sensor, lambda: SteppedBus(self.clock, self.injector, CADENCE), self.clock)
         self.board.open()
 
     def run(self, seconds: float) -> int:

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import can
 import pytest
-from fake_board import PATIENCE, FakeBoard, assert_marked, board_on_bus, read_scans, with_layout
+from fake_board import PATIENCE, FakeBoard, assert_marked, board_on_bus, read_scans, with_fd, with_layout
 from fake_socketcan import FakeSocketcan
 from fake_socketcand import FakeSocketcand
 
@@ -85,7 +85,7 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool, monkeypatch:
     place, clock = request.param, SystemClock()
     sensor = EMULATED
     with ExitStack() as stack:
-        firmware = BoardFirmware(sensor, FakeBoard(sensor), clock.monotonic(), fd)
+        firmware = BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), clock.monotonic())
         interface, channel, options = place, "", []
         if place in {"slcan", "slcan-python-can"}:
             adapter = EmulatedAdapter(tmp_path / "can0", firmware)
@@ -117,11 +117,11 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool, monkeypatch:
                 channel, options = "239.74.163.2", ["hop_limit=0", f"port={free_port()}"]
             else:
                 interface, channel = "socketcan", REAL_BUS
-            settings = bus_settings(interface, channel, sensor.can, fd=str(fd).lower(), options=options)
+            settings = bus_settings(interface, channel, with_fd(sensor, fd).can, options=options)
             far_end: can.BusABC = stack.enter_context(open_can_bus(settings))
             stack.enter_context(board_on_bus(far_end, firmware))
-        opener = BusOpener(bus_settings(interface, channel, sensor.can, fd=str(fd).lower(), options=options))
-        board = Board(sensor, opener, fd, presence=opener.presence)
+        opener = BusOpener(bus_settings(interface, channel, with_fd(sensor, fd).can, options=options))
+        board = Board(with_fd(sensor, fd), opener, presence=opener.presence)
         stack.callback(board.close)
         board.open()
         yield Bench(board, sensor, place != "board")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 import importlib
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import can
@@ -23,7 +25,7 @@ EVERYWHERE = {"slcan", "slcan-python-can", "socketcan", "socketcand", "udp_multi
 def opened(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Takes an interface and what is asked for; returns what its constructor gets."""
 
-    def what_arrives(interface: str, channel: str, **wanted: Any) -> dict[str, Any]:
+    def what_arrives(interface: str, channel: str, options: Sequence[str], fd: bool = True) -> dict[str, Any]:
         module, name = BACKENDS[interface]
         bus_class = getattr(importlib.import_module(module), name)
         arguments: dict[str, Any] = {}
@@ -38,7 +40,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> Any:
             patch.setattr(bus_class, "__init__", constructor)
             patch.setattr(bus_class, "__del__", lambda self: None, raising=False)
             with pytest.raises(can.CanInitializationError, match=f"{interface}:{channel}: not here"):
-                open_can_bus(bus_settings(interface, channel, LINK, **wanted))
+                open_can_bus(bus_settings(interface, channel, replace(LINK, fd=fd), options=options))
         return arguments
 
     return what_arrives
@@ -69,7 +71,7 @@ def test_socketcan_takes_its_bitrate_from_the_kernel(opened: Any) -> None:
 
 @pytest.mark.parametrize("fd", [True, False])
 def test_kvaser_gets_what_it_takes_out_of_its_keywords(opened: Any, fd: bool) -> None:
-    arguments = opened("kvaser", "0", fd=str(fd).lower(), options=["accept_virtual=false", "sjw=4"])
+    arguments = opened("kvaser", "0", fd=fd, options=["accept_virtual=false", "sjw=4"])
     expected = {"channel": "0", "bitrate": 1_000_000, "fd": fd, "accept_virtual": False, "sjw": 4}
     assert arguments == expected | ({"data_bitrate": 5_000_000} if fd else {})
 
@@ -82,7 +84,7 @@ def test_pcan_gets_fd_and_its_bit_timing(opened: Any) -> None:
 
 
 def test_socketcand_and_multicast_get_address_and_port(opened: Any) -> None:
-    arguments = opened("socketcand", "can0", fd="false", options=["host=127.0.0.1", "port=29536"])
+    arguments = opened("socketcand", "can0", fd=False, options=["host=127.0.0.1", "port=29536"])
     assert arguments == {"channel": "can0", "host": "127.0.0.1", "port": 29536}
     arguments = opened("udp_multicast", "ff15::1", options=["port=43113", "hop_limit=0"])
     assert arguments == {"channel": "ff15::1", "fd": True, "port": 43113, "hop_limit": 0}

@@ -6,7 +6,7 @@ import random
 from collections import deque
 
 import pytest
-from fake_board import FakeBoard, assert_marked
+from fake_board import FakeBoard, assert_marked, with_fd
 
 from posfet_driver.firmware import BoardFirmware
 from posfet_driver.frames import CLASSIC, Frame
@@ -25,8 +25,8 @@ class Line:
     """A board, a wire that can be cut, an adapter that can be held up, and a host that asks; all in order, in steps."""
 
     def __init__(self, speed: float = 1.0, way: int = 0) -> None:
-        self.firmware = BoardFirmware(SENSOR, FakeBoard(SENSOR), 0, fd=False)
-        self.receiver = Receiver(SENSOR, fd=False)
+        self.firmware = BoardFirmware(with_fd(SENSOR, False), FakeBoard(SENSOR), 0)
+        self.receiver = Receiver(with_fd(SENSOR, False))
         self.now = 0
         self.cut = False
         self.held_up = False
@@ -163,7 +163,7 @@ def test_one_who_only_listens_takes_numbers_from_the_status() -> None:
     line = Line()
     line.run(25)
     frames = [line.firmware.due(index * PERIOD) for index in range(line.published[-1] + 1, 3000)]
-    receiver = Receiver(SENSOR, fd=False)
+    receiver = Receiver(with_fd(SENSOR, False))
     receiver.listening = True
     numbers = []
     for index, batch in enumerate(frames):

@@ -100,7 +100,7 @@ def test_examples_are_what_cantools_decodes_and_encodes(name: str) -> None:
 
 
 def test_examples_are_what_the_driver_reads() -> None:
-    receiver = Receiver(load_sensor(), fd=True)
+    receiver = Receiver(load_sensor())
     receiver.resync(1234, count_gap=False)
     answers, temperatures = [], []
     for identifier, data, signals in examples().values():

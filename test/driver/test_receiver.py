@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from fake_board import FakeBoard, assert_marked, make_scan
+from fake_board import FakeBoard, assert_marked, make_scan, with_fd
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -53,8 +53,8 @@ def receive(receiver: Receiver, frames: list[Frame], arrival: int) -> list[Scan]
 
 def started(fd: bool) -> tuple[BoardFirmware, Receiver]:
     """A running board and a receiver that knows its next scan."""
-    firmware = BoardFirmware(SENSOR, FakeBoard(SENSOR), 0, fd)
-    receiver = Receiver(SENSOR, fd)
+    firmware = BoardFirmware(with_fd(SENSOR, fd), FakeBoard(SENSOR), 0)
+    receiver = Receiver(with_fd(SENSOR, fd))
     receiver.asked(1, 0)
     receive(receiver, firmware.receive((BASE + COMMAND_OFFSET, CLASSIC, Request(Command.START, 1).pack()), 0), 0)
     receiver.resync(0, count_gap=False)
@@ -63,7 +63,7 @@ def started(fd: bool) -> tuple[BoardFirmware, Receiver]:
 
 @given(frames=st.lists(ANY_FRAME, max_size=60), fd=st.booleans())
 def test_any_frame_is_taken_and_accounted_for(frames: list[Frame], fd: bool) -> None:
-    receiver = Receiver(SENSOR, fd)
+    receiver = Receiver(with_fd(SENSOR, fd))
     receiver.resync(0, count_gap=False)
     scans = sum(receiver.feed(frame) for frame in receiver.begin_batch(frames, 0, 0))
     assert receiver.scans == scans
@@ -149,7 +149,7 @@ def test_under_faults_of_every_kind_the_sum_is_right(fd: bool, seed: int) -> Non
 
 @BOTH
 def test_garbage_takes_no_memory(fd: bool) -> None:
-    receiver = Receiver(SENSOR, fd)
+    receiver = Receiver(with_fd(SENSOR, fd))
     receiver.resync(0, count_gap=False)
     noise = random.Random(3)
     frames = [
@@ -197,7 +197,7 @@ def test_a_sender_that_was_held_up_loses_nothing(fd: bool, pause: int, pieces: i
 
 
 def test_status_frames_are_taken(sensor: Sensor) -> None:
-    receiver = Receiver(sensor, fd=True)
+    receiver = Receiver(sensor)
     assert np.isnan(receiver.scan.temperatures).all()
     for page, value in ((Page.LAYOUT, 7), (Page.FIRMWARE, 0x0203)):
         status = Status((20.5, math.nan), 4.9, ScanStatus.SUPPLY_LOW, page, value)
@@ -235,7 +235,7 @@ def test_after_a_reset_numbers_and_stamps_begin_anew() -> None:
     firmware, receiver = started(fd=True)
     for index in range(100):
         receive(receiver, firmware.due(index * PERIOD), index * PERIOD)
-    again = BoardFirmware(SENSOR, FakeBoard(SENSOR), 200 * PERIOD, True)
+    again = BoardFirmware(SENSOR, FakeBoard(SENSOR), 200 * PERIOD)
     again.receive((BASE + COMMAND_OFFSET, CLASSIC, Request(Command.START, 2).pack()), 200 * PERIOD)
     receiver.resync(0, count_gap=True)
     (scan,) = receive(receiver, again.due(200 * PERIOD), 200 * PERIOD)

@@ -6,6 +6,7 @@ import random
 import threading
 import uuid
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -122,7 +123,8 @@ def link(tmp_path: Path) -> Path:
 
 
 def make_adapter(link: Path, fd: bool = True) -> EmulatedAdapter:
-    adapter = EmulatedAdapter(link, BoardFirmware(SENSOR, CountingBoard(), SystemClock().monotonic(), fd))
+    sensor = replace(SENSOR, can=replace(SENSOR.can, fd=fd))
+    adapter = EmulatedAdapter(link, BoardFirmware(sensor, CountingBoard(), SystemClock().monotonic()))
     adapter.open()
     return adapter
 

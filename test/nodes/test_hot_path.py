@@ -159,9 +159,9 @@ def count_messages(publisher: Any, counts: dict[str, int]) -> None:
 @pytest.mark.parametrize("touched", [False, True], ids=["idle", "touched"])
 def test_a_scan_leaves_no_memory_behind(touched: bool) -> None:
     """From frames to the bytes of the contacts, nothing is left to the garbage collector, and nothing grows."""
-    receiver, model = Receiver(SENSOR, fd=True), Reconstructor(SENSOR)
+    receiver, model = Receiver(SENSOR), Reconstructor(SENSOR)
     receiver.resync(0, count_gap=False)
-    writer, codec, scan = ContactsBytes(SENSOR, "finger"), make_codec(SENSOR, True), Scan.empty(1, 25)
+    writer, codec, scan = ContactsBytes(SENSOR, "finger"), make_codec(SENSOR), Scan.empty(1, 25)
     frames = []
     for index, counts in enumerate(played(touched)):
         set_scan(scan, index, counts)

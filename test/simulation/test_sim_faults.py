@@ -165,7 +165,7 @@ def test_a_driver_never_hands_on_a_scan_that_the_line_has_spoilt(fd: bool) -> No
     spoilt = replace(NONE, dropped_share=0.03, torn_share=0.03, repeated_share=0.03)
     settings = bus_settings("virtual", f"spoilt-{threading.get_ident()}-{fd}", sensor.can)
     source = AdapterSource(sensor, load_scene("hold", sensor), 6, settings, imperfections=spoilt)
-    board = Board(sensor, lambda: open_bus(settings), fd)
+    board = Board(sensor, lambda: open_bus(settings))
     reference, expected = SimulatedBoard(sensor, load_scene("hold", sensor), 6), Scan.empty(1, sensor.layout.taxels)
     lost = 0x0F if not fd else 0  # bits that classic frames do not carry
     source.open()

@@ -52,16 +52,15 @@ class Board:
         self,
         sensor: Sensor,
         open_bus: Callable[[], FrameBus],
-        fd: bool | None = None,
         clock: Clock | None = None,
         presence: Callable[[], object] | None = None,
     ) -> None:
-        """Take what opens the bus, and the frame format (None: as in the sensor file).
+        """Take the sensor, with its frames, and what opens the bus.
 
         `presence` returns something that differs when an adapter came back: then it is tried without further pause.
         Raises ConfigError when the layout does not fit the frames.
         """
-        self.receiver = Receiver(sensor, sensor.can.fd if fd is None else fd)
+        self.receiver = Receiver(sensor)
         self.load = BusLoad(sensor.can.bitrate, sensor.can.data_bitrate)
         self.restarted = 0
         """How often a silent board was started anew."""

@@ -26,7 +26,6 @@ SLCAN: Final = "slcan"
 """The interface that is our own buffered reader."""
 PLAIN_SLCAN: Final = "slcan-python-can"
 """The interface that is python-can's slcan."""
-FD_CHOICES: Final = ("auto", "true", "false")
 logging.getLogger("can").addHandler(logging.NullHandler())  # errors are raised; else stderr has each attempt's, too
 _DOCUMENTED: Final = re.compile(r"^\s*:param (?:[^:\n]* )?(\w+):", re.MULTILINE)
 
@@ -58,21 +57,18 @@ def bus_settings(
     *,
     bitrate: int = 0,
     data_bitrate: int = 0,
-    fd: str = "auto",
     options: Sequence[str] = (),
 ) -> BusSettings:
-    """Return checked settings; a bitrate of 0 and fd 'auto' are taken from `link`, options are texts 'key=value'.
+    """Return checked settings; a bitrate of 0, and the frames, are taken from `link`, options are texts 'key=value'.
 
     Raises ConfigError, one line, for an interface or an option that does not exist, naming those that do.
     """
-    if fd not in FD_CHOICES:
-        raise ConfigError(f"can_fd: must be one of {', '.join(FD_CHOICES)}, got '{fd}'")
     settings = BusSettings(
         interface=interface,
         channel=channel,
         bitrate=bitrate or link.bitrate,
         data_bitrate=data_bitrate or link.data_bitrate,
-        fd=link.fd if fd == "auto" else fd == "true",
+        fd=link.fd,
         options=dict(_option(text) for text in options if text),
     )
     known = sorted(_accepted(_bus_class(interface)) - {"channel", "bitrate", "data_bitrate", "fd"})

@@ -89,7 +89,7 @@ def messages(file: Path) -> Iterator[can.Message]:
 
 def decode(file: Path, sensor: Sensor) -> Receiver:
     """Return a receiver that has taken all of a recording, as if it had just been heard."""
-    receiver = Receiver(sensor, sensor.can.fd)
+    receiver = Receiver(sensor)
     receiver.listening = True
     for message in messages(file):
         for frame in receiver.begin_batch([frame_of(message)], round(message.timestamp * 1e9), 0):

@@ -47,8 +47,8 @@ def started(bus: FrameBus, sensor: Sensor, wanted: bool) -> Iterator[None]:
 class Monitor:
     """Counts what is heard, and listens to one board's scans without knowing their whole number."""
 
-    def __init__(self, sensor: Sensor, fd: bool) -> None:
-        self.receiver = Receiver(sensor, fd)
+    def __init__(self, sensor: Sensor) -> None:
+        self.receiver = Receiver(sensor)
         self.receiver.listening = True
         self.load = BusLoad(sensor.can.bitrate, sensor.can.data_bitrate)
         self.counts: Counter[tuple[int, int]] = Counter()
@@ -119,7 +119,7 @@ def run_monitor(options: argparse.Namespace) -> int:
     console = Console(highlight=False)
     with bus_of(options) as (sensor, settings):
         bus = open_bus(settings)
-        monitor = Monitor(sensor, settings.fd)
+        monitor = Monitor(sensor)
         try:
             with started(bus, sensor, options.start), contextlib.suppress(KeyboardInterrupt):
                 if console.is_terminal:

@@ -38,7 +38,7 @@ class SelfTest:
     def __init__(self, sensor: Sensor, settings: BusSettings, seconds: float) -> None:
         self._sensor = sensor
         self._opener = BusOpener(settings)
-        self._board = Board(sensor, self._opener, settings.fd)
+        self._board = Board(sensor, self._opener)
         self._seconds = seconds
 
     def checks(self) -> list[tuple[str, Callable[[], str]]]:

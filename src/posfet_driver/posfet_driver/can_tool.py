@@ -8,7 +8,6 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Final
@@ -114,16 +113,14 @@ def bus_of(options: argparse.Namespace) -> Iterator[tuple[Sensor, BusSettings]]:
 
 
 def _settings(options: argparse.Namespace, sensor: Sensor, interface: str, channel: str) -> BusSettings:
-    settings = bus_settings(
+    return bus_settings(
         interface,
         channel,
         sensor.can,
         bitrate=options.bitrate,
         data_bitrate=options.data_bitrate,
-        fd=options.fd,
         options=options.option,
     )
-    return replace(settings, fd=sensor.can.fd)
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -162,15 +162,15 @@ class ClassicCodec(ScanCodec):
         return [(first + block, CLASSIC, data[8 * block : 8 * block + 8]) for block in range(self.blocks)]
 
 
-def make_codec(sensor: Sensor, fd: bool) -> ScanCodec:
-    """Return the codec of a sensor's layout.
+def make_codec(sensor: Sensor) -> ScanCodec:
+    """Return the codec of a sensor's layout and frames.
 
     Raises ConfigError when the layout has too many taxels for the blocks that the frames can number.
     """
     limit = MAX_BLOCKS * FD_TAXELS
     if sensor.layout.taxels > limit:
         raise ConfigError(f"layout: rows * cols must be in [1, {limit}] on CAN, got {sensor.layout.taxels}")
-    if fd:
+    if sensor.can.fd:
         return FdCodec(sensor.layout.taxels)
     codec = ClassicCodec(sensor.layout.taxels)
     check_identifiers(sensor.can.base_id, codec.blocks)

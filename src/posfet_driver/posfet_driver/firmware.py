@@ -49,8 +49,8 @@ class BoardFirmware:
     The number of a scan equals its index in `board` as long as the rate is the nominal one.
     """
 
-    def __init__(self, sensor: Sensor, board: ScanMaker, now: int, fd: bool | None = None) -> None:
-        """Switch on at `now` [ns]; `fd` None: frames as the sensor file has them.
+    def __init__(self, sensor: Sensor, board: ScanMaker, now: int) -> None:
+        """Switch on at `now` [ns].
 
         Raises ConfigError when the layout does not fit the frames.
         """
@@ -63,7 +63,7 @@ class BoardFirmware:
         """Version that the board tells."""
         self._fresh = True  # not started since it was switched on
         self._board = board
-        self._codec = make_codec(sensor, sensor.can.fd if fd is None else fd)
+        self._codec = make_codec(sensor)
         self._layout = sensor.layout.id
         self._base = sensor.can.base_id
         self._rate = sensor.can.scan_rate

@@ -48,9 +48,9 @@ class Receiver:
     `scan` is filled anew by each frame that makes a scan whole.
     """
 
-    def __init__(self, sensor: Sensor, fd: bool) -> None:
+    def __init__(self, sensor: Sensor) -> None:
         """Raise ConfigError when the layout does not fit the frames."""
-        codec: ScanCodec = make_codec(sensor, fd)
+        codec: ScanCodec = make_codec(sensor)
         self.assembler = Assembler(codec)
         self.traffic = Traffic()
         self.errors = ErrorCounts()
@@ -73,7 +73,7 @@ class Receiver:
         self.firmware: int | None = None
         """Of the board, from its status frames; None: not known yet."""
         self._base = sensor.can.base_id
-        self._fd = fd
+        self._fd = sensor.can.fd
         self._clock = BoardClock()
         self._clock_stood = False
         self._arrival = 0
@@ -81,7 +81,7 @@ class Receiver:
         self._reset = False
         times = (
             fd_time(FD_LENGTH, sensor.can.bitrate, sensor.can.data_bitrate)
-            if fd
+            if self._fd
             else classic_time(CLASSIC_LENGTH, sensor.can.bitrate)
         )
         self._way = codec.blocks * times.most

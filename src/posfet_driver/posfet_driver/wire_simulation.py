@@ -29,7 +29,7 @@ def wire_scans(
     """
     board = SimulatedBoard(sensor, scene, seed, imperfections)
     node = WireNode(board, seed, 0)
-    receiver = Receiver(sensor, sensor.can.fd)
+    receiver = Receiver(sensor)
     sent: list[tuple[int, Truth]] = []
     node.on_scan = lambda scan: sent.append((scan.sequence, board.truth()))
     now = node.next_due()
