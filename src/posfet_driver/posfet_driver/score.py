@@ -36,6 +36,7 @@ DIFFERENCES: Final = {
     "d33": "piezoelectric_coefficient",
     "spread": "contact_spread",
     "lag": "thermal_time_constant",
+    "pyroelectric": "pyroelectric_coefficient",
 }
 """What of the simulated device can be told to differ from its description."""
 

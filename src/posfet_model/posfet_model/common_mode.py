@@ -1,8 +1,12 @@
-"""What all taxels show together while nothing touches: the film's own temperature, ahead of the chip's sensors.
+"""What all taxels show together: the film's own temperature, ahead of the chip's sensors.
 
-The chip's sensors speak ten times a second, and the film may lag otherwise than described. So while nothing touches,
-what half of the taxels show alike is taken for warmth at once. The sensors have the last word: when their next readings
-do not bear it out, it was a press on the whole array, which then comes to light, 0.3 s late.
+The chip's sensors speak ten times a second, and the film may lag or charge otherwise than described. But all of it is
+at one temperature, and a touch can only push. So the taxels that read least tell the temperature of all.
+
+While nothing touches, what they show is taken for warmth at once. The sensors have the last word: when their next
+readings do not bear it out, it was a press on the whole array, which then comes to light, 0.3 s late. After that, and
+while something touches, it is taken for warmth only as far as it may come of what is not known of the film's
+temperature and of its pyroelectric coefficient: while the chip rests, a touch on the whole array loses nothing.
 """
 
 from __future__ import annotations
@@ -24,11 +28,37 @@ BORNE_OUT: Final = 0.3
 """Share of what was taken for warmth that the chip's sensors must show by then [1]."""
 
 
+LEAST_PRESSED: Final = 0.2
+"""The taxels that read least are so many of all [1]: the rest may be touched."""
+
+DOUBTS: Final = 3.0
+"""While something touches, so many standard deviations of the film's temperature are believed [1]."""
+
+PYROELECTRIC_DOUBT: Final = 0.3
+"""And this share of what the film warmed since the touch began: the pyroelectric coefficient may be wrong [1]."""
+
+
+SMOOTHED: Final = 5e-3
+"""Time over which that is averaged, so that noise is not taken for warmth [s]."""
+
+WORTH_IT: Final = 5.0
+"""Errors of the temperature are left alone that make less than this many times what is noticed [1]."""
+
+BELOW: Final = 0.5
+"""By so many standard deviations of noise the taxels that read least read less than their mean [1]: the normal
+distribution's quantile of `LEAST_PRESSED` of all, when a third is pressed."""
+
+
 class CommonMode:
     """Lets the film follow what all taxels show together."""
 
-    def __init__(self, film: FilmTemperature, newton_per_kelvin: float, threshold: float) -> None:
-        """Take the film, its signal of a taxel per temperature [N/K], and the threshold of contacts [N]."""
+    def __init__(self, film: FilmTemperature, newton_per_kelvin: float, threshold: float, noise: float) -> None:
+        """Take the film, its signal of a taxel per temperature [N/K], the threshold of contacts and the noise [N]."""
+        self._bias = BELOW * noise
+        self.told = False
+        """Whether the taxels that read least told the temperature lately, as far as they are believed."""
+        self._shift = 0.0
+        self._base = 0.0
         self._film = film
         self._newton_per_kelvin = newton_per_kelvin
         self._noticed = NOTICED * threshold
@@ -40,7 +70,12 @@ class CommonMode:
     @property
     def active(self) -> bool:
         """Whether to call `follow`."""
-        return self._left > 0.0 or (self._film.changing and not self._refuted)
+        return self._left > 0.0 or self._film.changing
+
+    @property
+    def since_touch(self) -> float:
+        """By how much the film changed since something touches [K]."""
+        return abs(self._film.warmth + self._shift - self._base)
 
     def look(self, mean: NDArray[np.float64], duration: float, touched: bool) -> float:
         """Take each usable taxel's mean force [N] over a block of `duration` [s], and whether something touches.
@@ -51,12 +86,12 @@ class CommonMode:
             return 0.0
         on_trial = self._left > 0.0
         self._left -= duration
-        noticed = abs(_middle(mean)) > self._noticed
+        noticed = abs(_least(mean)) > self._noticed
         if on_trial and self._left <= 0.0:
             warmed = self._film.chip - self._chip
             borne_out = warmed * self._believed >= BORNE_OUT * self._believed**2
             self._refuted = not borne_out and abs(self._believed * self._newton_per_kelvin) > self._noticed
-            return self._film.settle() if self._refuted else 0.0
+            return self._film.forget_nudges() if self._refuted else 0.0
         if self._refuted:
             self._refuted = noticed or touched
         elif not on_trial and noticed and not touched:
@@ -67,11 +102,33 @@ class CommonMode:
         """Return by how much [K] the film has to be taken for warmer, by the force [N] of each usable taxel."""
         if not len(force):
             return 0.0
-        believed = self._film.nudge(_middle(force) / self._newton_per_kelvin)
+        wanted = _least(force) / self._newton_per_kelvin
+        believed = self._film.nudge(wanted, DOUBTS * self._film.standard_deviation, further=self._left > 0.0)
         self._believed += believed
+        self.told = abs(wanted - believed) * abs(self._newton_per_kelvin) <= self._noticed
         return believed
 
+    def rest(self) -> None:
+        """Take note that nothing touched for a block."""
+        self._base, self._shift = self._film.warmth, 0.0
+        self.told &= self.active
+        if self._left <= 0.0:
+            self._film.keep_nudges()
 
-def _middle(values: NDArray[np.float64]) -> float:
-    """Return the upper median: a touch not found yet does not move it."""
-    return float(np.sort(values)[len(values) // 2])
+    def hold(self, force: NDArray[np.float64]) -> float:
+        """Return the same while something touches."""
+        film = self._film
+        most = DOUBTS * film.standard_deviation + PYROELECTRIC_DOUBT * abs(film.warmth - self._base)
+        self.told = len(force) > 0 and most * abs(self._newton_per_kelvin) > WORTH_IT * self._noticed
+        if not self.told:
+            return 0.0
+        wanted = self._shift + min(film.step / SMOOTHED, 1.0) * (_least(force) + self._bias) / self._newton_per_kelvin
+        shift = min(max(wanted, -most), most)
+        self.told = shift == wanted
+        change, self._shift = shift - self._shift, shift
+        return change
+
+
+def _least(force: NDArray[np.float64]) -> float:
+    """Return what the taxels read that are pressed least: a touch on all but those does not move it."""
+    return float(np.sort(force)[int(LEAST_PRESSED * len(force))])

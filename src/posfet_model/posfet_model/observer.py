@@ -25,17 +25,16 @@ from posfet_model.observer_settings import (
     ALIKE,
     DOUBT,
     KNOWN_BEFORE,
-    LEAST_UNEVEN,
     LONG_STEP,
     REFUTED,
     RESTLESS_WORTH,
     RUNAWAY,
-    UNEVEN_MEMORY,
     ObserverSettings,
 )
 from posfet_model.rest import Rest
 from posfet_model.sensor import Sensor
 from posfet_model.thermal import FilmTemperature
+from posfet_model.warming import Warming
 from posfet_model.zero_filter import ZeroFilter
 
 
@@ -55,8 +54,8 @@ class ForceObserver:
         self._settings = settings or ObserverSettings()
         gain = calibration.usable_gain
         self._newton_per_charge = 1.0 / (charge_per_newton(sensor) * gain)
-        self._newton_per_kelvin = device.pyroelectric_coefficient / charge_per_newton(sensor)
-        self._per_kelvin = self._newton_per_kelvin * calibration.pyroelectric_gain / gain
+        newton_per_kelvin = device.pyroelectric_coefficient / charge_per_newton(sensor)
+        self._per_kelvin = newton_per_kelvin * calibration.pyroelectric_gain / gain
         noise = noise_of_a_scan(sensor)
         self._noise_variance = np.full(taxels, noise**2)
         s, recorded = self._settings, calibration.residuals is not None
@@ -74,7 +73,7 @@ class ForceObserver:
             self._tau,
             self._noise_variance,
             (self._settings.flicker / sensor.volts_per_newton) ** 2,
-            (self._settings.temperature_wander * self._newton_per_kelvin) ** 2,
+            (self._settings.temperature_wander * newton_per_kelvin) ** 2,
         )
         self._slew = self._settings.zero_slew * sensor.contact.threshold
         self._doubt = (DOUBT * sensor.contact.threshold) ** 2
@@ -83,7 +82,9 @@ class ForceObserver:
         self._known_offset = (0.5 * sensor.contact.threshold * self._tau) ** 2
         lag = calibration.thermal_time_constant
         self.film = FilmTemperature(device.thermal_time_constant if lag is None else lag)
-        self.common = CommonMode(self.film, self._newton_per_kelvin, sensor.contact.threshold)
+        self.common = CommonMode(self.film, newton_per_kelvin, sensor.contact.threshold, noise)
+        uneven = s.uneven_calibrated if recorded else s.uneven
+        self._warming = Warming(self.film, self.common, self._per_kelvin, uneven, recorded)
 
         self.force = np.zeros(taxels)
         """Estimated force [N]; meaningful where `settled`. Owned by the observer."""
@@ -97,11 +98,8 @@ class ForceObserver:
         """Taxels that had to start anew because their signal fitted no force."""
         alike, settle = ALIKE * sensor.contact.threshold, self._settings.settle
         self._rest = Rest(taxels, noise, alike, settle, float(self._tau.max()))
-        self._started = self._restless = False
+        self._started = False
         self._recovering = 0.0
-        self._uneven = 0.0
-        self._uneven_share = s.uneven_calibrated if recorded else s.uneven
-        self._warmth = 0.0  # of the film since the start [K]
         self._make_state(taxels)
         self._start_block()
 
@@ -125,12 +123,11 @@ class ForceObserver:
     @property
     def common_variance(self) -> float:
         """Variance [N2] that all taxels share: what is not known of the film's temperature."""
-        return (self.film.standard_deviation * self._newton_per_kelvin) ** 2
+        return self._warming.common_variance
 
     def variance(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return in `out` the variance of `force` [N2] that each taxel has alone, the common one left out."""
-        # Until the next correction the uneven part of a warming adds up, as it did in the last block.
-        more = (2.0 * self._uneven) ** 2
+        more = self._warming.uneven_variance
         return np.add(self._zeros.variance, self._noise_variance + more if more else self._noise_variance, out=out)
 
     def force_variance(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -199,7 +196,7 @@ class ForceObserver:
         self._signal, self._change = change, signal
         if warmed:
             scratch -= warmed * self._per_kelvin
-            self._warm(warmed)
+            self._warming.warmth += warmed
         np.add(self.force, scratch, out=self.force)
         np.add(self._sum, self.force, out=self._sum)
         self._scans += 1
@@ -211,13 +208,15 @@ class ForceObserver:
             self._zeros.variance[:] += (scratch * leak.ratio) ** 2 / 12.0
             self._leaks.forget()
 
-    def follow_common(self) -> None:
-        """Where nothing touches, take what all taxels show together as the film's own temperature."""
-        if self.common.active and self.valid:
-            force = self.force[~self.ignored] if self.ignored.any() else self.force
-            warmed = self.common.follow(force)
+    def follow_common(self, touched: bool) -> None:
+        """Take what the taxels show together as the film's own temperature; `touched`: something touches."""
+        if not self.valid or not (touched or self.common.active):
+            return
+        force = self.force[~self.ignored] if self.ignored.any() else self.force
+        warmed = self.common.hold(force) if touched else self.common.follow(force)
+        if warmed:
             self.force -= warmed * self._per_kelvin
-            self._warm(warmed)
+            self._warming.warmth += warmed
 
     def tare(self) -> NDArray[np.float64]:
         """Make zero of what the last block read; return what was added to each force [N], 0 where it is ignored.
@@ -248,17 +247,17 @@ class ForceObserver:
         self._follow_touches(touched & self.settled, mean)
         # An error of the film's temperature is the same through the block: the mean does not make it smaller.
         expected = zeros.expect(self._elapsed, noise + self.common_variance)
-        agrees = mean * mean <= s.gate * s.gate * expected
+        agrees = mean * mean <= s.gate * s.gate * (expected + self._warming.film_variance)
         free = ~touched | ~self.settled
         if (where := free & agrees).any():
             self._correct(where, mean, expected)
         if (where := free & self.settled & ~agrees).any():
             self._creep(where, mean)
         self._heal(free & self.settled, mean, np.maximum(self._negative, s.gate * np.sqrt(expected)))
-        failed = ~self.settled & ~agrees
-        if self._restless and self.film.quiet:
-            failed = ~self.settled  # what was learnt meanwhile was the film's
-        self._restless = not self.film.quiet
+        unknown_misled, known_misled = self._warming.misled(self._elapsed)
+        if known_misled:
+            self.settled[:] = False
+        failed = ~self.settled & (~agrees | unknown_misled)
         failed |= np.abs(self.force) > self._runaway
         failed |= self._below_zero >= s.recover
         # While the film is elsewhere than followed, all taxels together can pretend an offset for a while.
@@ -269,7 +268,9 @@ class ForceObserver:
             self.restarts += int(np.count_nonzero(failed & ~self.ignored))
             self._restart(failed)
         if not self.settled.all():
-            at_rest = self._rest.look(self._signal, self.ignored, self._elapsed)
+            at_rest = self._rest.look(
+                self._signal - self._warming.left, self.ignored, self._elapsed, not self.film.quiet
+            )
             if self._rest.moved:
                 self._restart(~self.settled)
             elif at_rest:
@@ -278,14 +279,20 @@ class ForceObserver:
         sound = self.settled & (self._below_zero == 0.0) | self.ignored
         self.valid = self._recovering == 0.0 and bool(sound.all())
         self._last_mean = mean
-        warmer = self.common.look(mean[~self.ignored], self._elapsed, bool(touched.any()))
-        if warmer:
-            self.force -= warmer * self._per_kelvin
-            self._warm(warmer)
-            zeros.know_force(slice(None), self._noise_variance)
-            self._uneven = 0.0
+        self._share(mean[~self.ignored], bool(touched.any()))
         zeros.keep(mean, noise)
         self._start_block()
+
+    def _share(self, mean: NDArray[np.float64], touched: bool) -> None:
+        """Take what all taxels show together for warmth: the mean force [N] of each usable one tells it."""
+        if not touched:
+            self.common.rest()
+        warmer = self.common.look(mean, self._elapsed, touched)
+        if warmer:
+            self.force -= warmer * self._per_kelvin
+            self._warming.warmth += warmer
+            self._warming.uneven = 0.0
+            self._zeros.know_force(slice(None), self._noise_variance)
 
     def _follow_touches(self, touched: NDArray[np.bool_], mean: NDArray[np.float64]) -> None:
         """Put touched taxels back to before what was taken for drift, and learn from touched ones how they leak."""
@@ -311,13 +318,8 @@ class ForceObserver:
     @property
     def _leaked(self) -> NDArray[np.float64]:
         """What leaked of each taxel's charge so far, as a force [N], but for a constant."""
-        leaked: NDArray[np.float64] = self.force - self.leaking + self._warmth * self._per_kelvin
+        leaked: NDArray[np.float64] = self.force - self.leaking + self._warming.warmth * self._per_kelvin
         return leaked
-
-    def _warm(self, change: float) -> None:
-        """Take note that the film is warmer by a change [K]."""
-        self._warmth += change
-        self._warmed += abs(change)
 
     def _first(self, charge: NDArray[np.float64]) -> None:
         """Begin with a scan that has none before it."""
@@ -325,14 +327,14 @@ class ForceObserver:
         self.force[:] = np.where(self.settled, np.maximum(self._signal - self._zeros.offset, 0.0), 0.0)
         self._zeros.lose_force()
         self._started = True
-        self._rest.begin(self._signal)
+        self._rest.begin(self._signal - self._warming.left)
         self._restart(~self.settled)
         self._start_block()
 
     def _start_block(self) -> None:
         self._sum[:] = self._jumped[:] = 0.0
         self._scans = 0
-        self._elapsed = self._elapsed_square = self._warmed = 0.0
+        self._elapsed = self._elapsed_square = 0.0
 
     def _move(self, change: NDArray[np.float64]) -> None:
         """Add a correction to the force."""
@@ -342,12 +344,9 @@ class ForceObserver:
     def _grow(self) -> None:
         """Let what is known of the zeros fade over the block."""
         self._zeros.grow(self._elapsed, self._elapsed_square)
-        if self._warmed or self._uneven > 0.0:
-            # The gain for temperature is wrong the same way all the time: deviations add up, not variances.
-            now = self._warmed * abs(self._newton_per_kelvin) * self._uneven_share
-            self._uneven = max(now, UNEVEN_MEMORY * self._uneven) if now > LEAST_UNEVEN * self._negative else now
-            variance = self._zeros.variance
-            variance[:] = (np.sqrt(variance) + self._uneven) ** 2
+        uneven = self._warming.close(self._elapsed, self._tau, self._negative, bool(self._was_touched.any()))
+        if uneven:
+            self._zeros.variance[:] = (np.sqrt(self._zeros.variance) + uneven) ** 2
 
     def _correct(self, where: NDArray[np.bool_], mean: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
         """Update force and offset by the mean of a block in which force was zero.
@@ -355,7 +354,7 @@ class ForceObserver:
         Where the force is well known the zero moves only slowly, so that a slow press is not eaten.
         """
         limit = self._slew * self._elapsed + 3.0 * np.sqrt(self._noise_variance / self._scans)
-        limit += self._settings.gate * self._uneven
+        limit += self._settings.gate * self._warming.uneven
         correction = self._zeros.gain(expected) * mean
         limited = self.settled & (correction > limit) & (expected < self._doubt)
         self._zeros.correct(where & ~limited, mean, expected)
@@ -389,7 +388,7 @@ class ForceObserver:
         self.force[where] = 0.0
         # The offset has the noise of the signal it is taken from, which the force has, too, the other way round.
         prior = noise[new] + self._prior_deviation[new] ** 2
-        self._zeros.begin(new, self._signal[new], prior, noise[new], -noise[new])
+        self._zeros.begin(new, (self._signal - self._warming.left)[new], prior, noise[new], -noise[new])
         # No worse than the signal, which may be leaking.
         self._prior_deviation[known] = self._prior
         least = np.full(np.count_nonzero(known), (KNOWN_BEFORE * self._negative) ** 2)

@@ -14,6 +14,12 @@ RUNAWAY: Final = 4.0
 RESTLESS_WORTH: Final = 0.1
 """Worth of time for learning an offset while the temperature changes [1]."""
 
+CLEARER: Final = 0.5
+"""Offsets are learnt anew once the film's temperature is known with this share of the doubt there was [1]."""
+
+UNTOLD: Final = 0.5
+"""A chip that begins to warm so soon after the start did so before: its sensors speak ten times a second [s]."""
+
 REFUTED: Final = 3.0
 """Factor by which more is taken to be left of an earlier force, when less was refuted [1]."""
 

@@ -171,8 +171,7 @@ class Reconstructor:
         result.saturated = self._saturated_now
         if result.saturated:
             observer.lose(self._saturated, clock.step)
-        if self._tracker.idle:
-            observer.follow_common()
+        observer.follow_common(not self._tracker.idle)
         self._watch.take(scan.counts)
         regions = self._find_around_bad() if self._any_guessed else self._finder.find(observer.force)
         if regions or self.vibration_wanted:

@@ -44,9 +44,17 @@ class Rest:
         self._signal[:] = signal
         self._lasts = 0.0
 
-    def look(self, signal: NDArray[np.float64], ignored: NDArray[np.bool_], duration: float) -> bool:
-        """Take the signals [N] at the end of a block of `duration` [s]; return whether offsets may be believed."""
-        change = np.abs(signal - self._signal)
+    def look(
+        self, signal: NDArray[np.float64], ignored: NDArray[np.bool_], duration: float, warming: bool = False
+    ) -> bool:
+        """Take the signals [N] at the end of a block of `duration` [s]; return whether offsets may be believed.
+
+        While the chip is warming, what all taxels do alike is no motion.
+        """
+        change = signal - self._signal
+        if warming:
+            change -= _middle(change[~ignored])
+        change = np.abs(change)
         change[ignored] = 0.0
         moving = int(np.count_nonzero(change > self._still))
         self.moved = moving >= min(2, len(signal)) or bool((change > FAR * self._still).any())
@@ -58,5 +66,9 @@ class Rest:
         if self._lasts >= self._long:
             return True
         usable = signal[~ignored]
-        middle = float(np.sort(usable)[len(usable) // 2]) if len(usable) else 0.0
-        return self._lasts >= self._settle and bool((np.abs(usable - middle) <= self._alike).all())
+        return self._lasts >= self._settle and bool((np.abs(usable - _middle(usable)) <= self._alike).all())
+
+
+def _middle(values: NDArray[np.float64]) -> float:
+    """Return the upper median, or 0 of none."""
+    return float(np.sort(values)[len(values) // 2]) if len(values) else 0.0

@@ -61,23 +61,30 @@ class FilmTemperature:
         self._slope = 0.0
         self._carried = 0.0
         self._restless = 0.0
-        self._step = 0.0
+        self.step = 0.0
+        """Duration of the last update [s]."""
         self._age = 0.0
         self._interval = 0.0
         self._lag = 0.0
+        self._nudged = 0.0
         self._prediction_variance = 0.0
         self._unknown_variance = 0.0
 
     @property
     def standard_deviation(self) -> float:
         """Standard deviation of the film's temperature change [K]."""
-        lag = LAG_UNCERTAINTY * self._lag
+        lag = LAG_UNCERTAINTY * (self._lag + self._nudged)
         return math.sqrt(self._unknown_variance + self._prediction_variance + lag * lag)
 
     @property
     def chip(self) -> float:
         """Temperature of the chip since the start, as far as its sensors have told [K]."""
         return self._chip
+
+    @property
+    def warmth(self) -> float:
+        """Temperature of the film since the start, by the sensors alone [K]."""
+        return self._chip - self._lag - self._nudged
 
     @property
     def known(self) -> bool:
@@ -94,25 +101,34 @@ class FilmTemperature:
         """Whether the film is where it is followed to: the chip's temperature rests, and the film has caught up."""
         return self._restless <= 0.0 and abs(self._lag) < CAUGHT_UP
 
-    def nudge(self, change: float) -> float:
+    def nudge(self, change: float, most: float = math.inf, further: bool = False) -> float:
         """Take note that the film seems warmer by `change` [K] than followed; return how much of it is believed.
 
-        No more than `FASTEST_NUDGE` allows for the last step: what is faster has another cause.
+        In all no further than `most` [K] from where the sensors have it; if `further`, beyond that no faster than
+        `FASTEST_NUDGE`: what is faster has another cause.
         """
-        limit = FASTEST_NUDGE * self._step
-        believed = min(max(change, -limit), limit)
+        limit = FASTEST_NUDGE * self.step if further else 0.0
+        low, high = min(-most, self._nudged - limit), max(most, self._nudged + limit)
+        believed = min(max(self._nudged + change, low), high) - self._nudged
         self._lag -= believed
+        self._nudged += believed
         return believed
 
-    def settle(self) -> float:
-        """Put the film to the chip's temperature; return by how much [K] it is warmer then than followed."""
-        lag, self._lag = self._lag, 0.0
-        return lag
+    def keep_nudges(self) -> None:
+        """Take nudges for an error that stays: the sensors alone will not bring the film back."""
+        self._lag += self._nudged
+        self._nudged = 0.0
+
+    def forget_nudges(self) -> float:
+        """Put the film to where the sensors alone have it; return by how much [K] it is warmer then than followed."""
+        back, self._nudged = self._nudged, 0.0
+        self._lag += back
+        return -back
 
     def update(self, temperatures: NDArray[np.float32], step: float) -> float:
         """Return by how much [K] the film warmed over the last `step` [s], for the readings [degC] at its end."""
         readings: list[float] = temperatures.tolist()
-        self._step = step
+        self.step = step
         self._age += step
         self._restless -= step
         if readings != self._last:  # always so while one is NaN
@@ -125,6 +141,7 @@ class FilmTemperature:
         share = -math.expm1(-step / self._time_constant) if self._time_constant > 0 else 1.0
         change = share * self._lag
         self._lag -= change
+        self._nudged -= share * self._nudged
         if abs(self._lag) < SETTLED:
             self._lag = 0.0
         return change
