@@ -161,7 +161,7 @@ def _signals(
     ratio = 1.0 / RATE / sensor.device.leak_time_constant
     charge, last, index = 0.0, 0.0, 0
     while True:
-        noise = source.block(index // 64) * (flicker / per_newton)
+        noise = source.weights @ source.rows(index // 64) * (flicker / per_newton)
         noise += random.normal(0.0, sensor.adc.noise / per_newton, noise.shape) + offset
         for row in noise:
             true = force * min(max((index - start) / 20, 0.0), 1.0)

@@ -31,7 +31,7 @@ def test_a_start_while_the_chip_warms_becomes_valid_and_is_no_contact(kelvin_per
 
 
 @pytest.mark.parametrize(
-    "differences", [{}, {"lag": -30.0}, {"lag": 30.0}, {"pyroelectric": -20.0}, {"pyroelectric": 20.0}]
+    "differences", [{}, {"lag": -30.0}, {"lag": 30.0}, {"pyroelectric": -10.0}, {"pyroelectric": 10.0}]
 )
 def test_a_warm_finger_is_felt_and_measured_while_the_room_warms(differences: dict[str, float]) -> None:
     device = differing(SENSOR, differences)

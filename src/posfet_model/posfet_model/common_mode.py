@@ -118,6 +118,8 @@ class CommonMode:
     def hold(self, force: NDArray[np.float64]) -> float:
         """Return the same while something touches."""
         film = self._film
+        film.keep_nudges()  # a touch that is felt apart from the others refutes none
+        self._left = 0.0
         most = DOUBTS * film.standard_deviation + PYROELECTRIC_DOUBT * abs(film.warmth - self._base)
         self.told = len(force) > 0 and most * abs(self._newton_per_kelvin) > WORTH_IT * self._noticed
         if not self.told:
