@@ -7,7 +7,6 @@ together (mean of the logarithms, weighted by the least force in each) come near
 
 from __future__ import annotations
 
-import warnings
 from typing import Final
 
 import numpy as np
@@ -44,12 +43,13 @@ class Surroundings:
         every square of a taxel has an `unknown` one, or leaves the array.
         """
         beside, above, across = self._squares(force, unknown, wanted, floor)
-        with warnings.catch_warnings(), np.errstate(invalid="ignore"):
-            warnings.simplefilter("ignore", RuntimeWarning)  # a mean of nothing is NaN, as said
+        with np.errstate(invalid="ignore", divide="ignore"):
             logarithm = np.log(beside * above / across)
-            weight = np.where(np.isnan(logarithm), 0.0, np.minimum(np.minimum(beside, above), across))
-            estimate: NDArray[np.float64] = np.exp(np.nansum(weight * logarithm, axis=1) / np.nansum(weight, axis=1))
-            loudest = np.nanmax(np.maximum(beside, above), axis=1)
+            tells = np.isfinite(logarithm)
+            weight = np.where(tells, np.minimum(np.minimum(beside, above), across), 0.0)
+            weighted = np.add.reduce(weight * np.where(tells, logarithm, 0.0), axis=1)
+            estimate: NDArray[np.float64] = np.exp(weighted / np.add.reduce(weight, axis=1))
+        loudest = np.fmax.reduce(np.maximum(beside, above), axis=1)  # of the squares that are known
         estimate[loudest <= floor] = 0.0
         return estimate
 
