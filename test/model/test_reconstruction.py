@@ -18,7 +18,7 @@ from scan_player import START, press, scans
 from posfet_driver.calibrate import calibrate
 from posfet_driver.imperfections import Imperfections
 from posfet_driver.scene import load_scene
-from posfet_driver.score import Run
+from posfet_driver.score import Run, differing
 from posfet_driver.score import run as run_score
 from posfet_driver.wire_simulation import wire_scans
 from posfet_model.calibration import Calibration
@@ -355,6 +355,19 @@ def test_scans_lost_while_a_finger_slides_and_lifts_do_not_spoil_its_force(gap: 
             errors.append(abs(contact.region.force - float(truth.force.sum())))
     assert len(errors) > 50
     assert max(errors) < 0.03
+
+
+def test_the_deviation_of_a_contact_holds_what_a_wrong_leak_makes_of_its_force() -> None:
+    """By the description alone the leak is known to 10 %, and this board's is that far off."""
+    device = differing(SENSOR, {"leak": -10.0})
+    reconstructor, inside = Reconstructor(SENSOR), []
+    for scan, truth in wire_scans(device, load_scene("hold", device), 4.0, 1):
+        result = reconstructor.process(scan)
+        if truth.time > 1.2:
+            [contact] = result.contacts
+            error = contact.region.force - float(truth.force.sum())
+            inside.append(abs(error) < 2.0 * math.sqrt(contact.region.force_variance))
+    assert np.mean(inside) > 0.95
 
 
 @pytest.mark.parametrize("start", [0.1, 0.35, 0.6, 1.0, 1.5, 2.0, 2.65])

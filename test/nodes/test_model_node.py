@@ -137,7 +137,7 @@ def test_press_comes_out_as_one_contact_with_all_its_messages(bench: Bench) -> N
     assert math.dist((contact.centre_of_pressure.x, contact.centre_of_pressure.y), (X, Y)) < 0.1e-3
     assert contact.force.z == pytest.approx(-FORCE, abs=0.03)
     assert contact.normal.z == 1.0
-    assert 0 < contact.force_covariance[8] < 0.01**2
+    assert 1e-3 < contact.force_covariance[8] ** 0.5 < 0.05 * FORCE, "noise, and gains known to 5 % each"
     assert math.isnan(contact.force_covariance[0])
     assert contact.age.nanosec == 50_000_000
     assert list(contact.taxels) == sorted(contact.taxels)
@@ -190,7 +190,7 @@ def test_on_a_bent_chip_everything_lies_on_its_surface(bench: Bench, tmp_path: A
     # On the cylinder about an axis along y, one radius below the middle of the array.
     assert math.hypot(centre[0], centre[2] + radius) == pytest.approx(radius, abs=1e-9)
     assert np.isnan(contact.force_covariance).all()
-    assert 0 < contact.normal_force_deviation < 0.01
+    assert 1e-3 < contact.normal_force_deviation < 0.05 * FORCE, "noise, and gains known to 5 % each"
     points = np.frombuffer(clouds[350].data, np.float32).reshape(-1, 4)
     np.testing.assert_allclose(np.hypot(points[:, 0], points[:, 2] + radius), radius, rtol=0, atol=1e-8)
     np.testing.assert_allclose(

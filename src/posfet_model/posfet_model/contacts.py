@@ -72,6 +72,15 @@ class Taxels(NamedTuple):
     """Taxels that count into force and moments, but are in no contact, as bits of `labelling.BitMap`."""
     guessed: NDArray[np.bool_] | None = None
     """Those among them whose force comes from their neighbours, and that are no region by themselves."""
+    shared_error: NDArray[np.float64] | None = None
+    """What a standard deviation of an error that they have in common makes of each force [N]."""
+
+    def variance_of_sum(self, members: NDArray[np.intp]) -> float:
+        """Return the variance of the sum of some taxels' forces [N2]."""
+        variance = float(np.add.reduce(self.variance[members])) + len(members) ** 2 * self.common_variance
+        if self.shared_error is not None:
+            variance += float(np.add.reduce(self.shared_error[members])) ** 2
+        return variance
 
 
 class _Patch(NamedTuple):
@@ -176,8 +185,7 @@ class ContactFinder:
             force = taxels.force[members]
             above = force > self._floor[members]
             weight = np.where(above, force, 0.0)
-            variances = taxels.variance[members[above]]
-            variance = float(np.add.reduce(variances)) + len(variances) ** 2 * taxels.common_variance
+            variance = taxels.variance_of_sum(members[above])
             patch = _Patch(footprint, weight, variance, float(force[force.argmax()]), taxels)
             places: Places = [contact.centre_of_pressure for contact in before if contact.bits & bits]
             whole, rounds = None, ROUNDS

@@ -287,13 +287,14 @@ class Reconstructor:
         """Measure the regions in contact and continue the contacts."""
         observer = self._observer
         np.logical_or(self._touched, self._finder.touched, out=self._touched)
-        self._variance = observer.variance(self._variance)
+        self._variance = observer.force_variance(self._variance)
         saturated = self._saturated if self._result.saturated else None
         force, guessed = observer.force, None
         if self._any_guessed:
             force, guessed = self._filled, self._guessed
             self._variance[guessed] = (ESTIMATE_DEVIATION * force[guessed]) ** 2
-        taxels = Taxels(force, self._variance, observer.common_variance, saturated, self._unlisted, guessed)
+        common, shared = observer.common_variance, observer.shared_error
+        taxels = Taxels(force, self._variance, common, saturated, self._unlisted, guessed, shared)
         return self._tracker.update(self._finder.measure(regions, taxels, self._tracker.regions), step)
 
     def _find_around_bad(self) -> list[Footprint]:
