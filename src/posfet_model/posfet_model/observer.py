@@ -21,6 +21,7 @@ from posfet_model.calibration import Calibration
 from posfet_model.chain import LeakSteps, charge_per_newton, noise_of_a_scan
 from posfet_model.common_mode import CommonMode
 from posfet_model.leak_watch import LeakWatch
+from posfet_model.lost_force import LostForce
 from posfet_model.observer_settings import (
     ALIKE,
     DOUBT,
@@ -85,7 +86,6 @@ class ForceObserver:
         self.common = CommonMode(self.film, newton_per_kelvin, sensor.contact.threshold, noise)
         uneven = s.uneven_calibrated if recorded else s.uneven
         self._warming = Warming(self.film, self.common, self._per_kelvin, uneven, recorded)
-
         self.force = np.zeros(taxels)
         """Estimated force [N]; meaningful where `settled`. Owned by the observer."""
         self.settled = np.zeros(taxels, np.bool_)
@@ -100,13 +100,12 @@ class ForceObserver:
         self._rest = Rest(taxels, noise, alike, settle, float(self._tau.max()))
         self._started = False
         self._recovering = 0.0
+        self._lost = LostForce(taxels, self._negative, s.recover)
         self._make_state(taxels)
         self._start_block()
 
     def _make_state(self, taxels: int) -> None:
-        self._signal = np.zeros(taxels)
-        self._change = np.zeros(taxels)
-        self._scratch = np.zeros(taxels)
+        self._signal, self._change, self._scratch = (np.zeros(taxels) for _ in range(3))
         self._scale_variance = np.zeros(taxels)
         self._prior_deviation = np.full(taxels, self._prior)
         self._was_touched = np.zeros(taxels, np.bool_)
@@ -268,15 +267,15 @@ class ForceObserver:
             self.restarts += int(np.count_nonzero(failed & ~self.ignored))
             self._restart(failed)
         if not self.settled.all():
-            at_rest = self._rest.look(
-                self._signal - self._warming.left, self.ignored, self._elapsed, not self.film.quiet
-            )
+            cold = self._signal - self._warming.left
+            at_rest = self._rest.look(cold, self.ignored, self._elapsed, not self.film.quiet)
             if self._rest.moved:
                 self._restart(~self.settled)
             elif at_rest:
                 self.settled |= (self._agreed >= s.settle) & (zeros.offset_variance <= self._known_offset)
         self._recovering = max(0.0, self._recovering - self._elapsed)
-        sound = self.settled & (self._below_zero == 0.0) | self.ignored
+        self._lost.close(mean, self._elapsed)
+        sound = self.settled & (self._below_zero == 0.0) & ~self._lost.mask | self.ignored
         self.valid = self._recovering == 0.0 and bool(sound.all())
         self._last_mean = mean
         self._share(mean[~self.ignored], bool(touched.any()))
@@ -324,7 +323,9 @@ class ForceObserver:
     def _first(self, charge: NDArray[np.float64]) -> None:
         """Begin with a scan that has none before it."""
         np.multiply(charge, self._newton_per_charge, out=self._signal)
-        self.force[:] = np.where(self.settled, np.maximum(self._signal - self._zeros.offset, 0.0), 0.0)
+        left = np.where(self.settled, self._signal - self._zeros.offset, 0.0)
+        self._lost.begin(np.where(self.ignored, 0.0, self.force), np.where(self.ignored, 0.0, left))
+        self.force[:] = np.maximum(left, 0.0)
         self._zeros.lose_force()
         self._started = True
         self._rest.begin(self._signal - self._warming.left)
