@@ -37,9 +37,10 @@ def test_it_finds_the_taxels_as_they_were_drawn_on_a_device_unlike_its_descripti
     true = draw_spread(DEVICE, ROUGH, 4)
     nominal = SENSOR.amplifier.follower_gain / SENSOR.device.film_capacitance
     gain = true.charge_per_newton / charge_per_newton(SENSOR) * true.volts_per_charge / nominal
-    # The film's loop makes forces below the greatest count up to 3 % less.
+    # A press of 0.5 N is ahead of the film's plays of 0.25, 0.5 and 1 N by 0.25, 0.5 and 0.5 N, each of which counts
+    # 1 %/0.7 less: 1 - 0.0143*1.25/0.5 = 0.964.
     assert np.std(FOUND.gain / gain) < 0.005
-    assert np.mean(FOUND.gain / gain) == pytest.approx(0.98, abs=0.01)
+    assert np.mean(FOUND.gain / gain) == pytest.approx(0.964, abs=0.005)
     np.testing.assert_allclose(FOUND.leak_time_constant, true.leak_time_constant, rtol=0.01)
     np.testing.assert_allclose(FOUND.pyroelectric_gain, true.volts_per_charge / nominal, rtol=0.02)
     np.testing.assert_allclose(FOUND.offset, true.offset, rtol=0, atol=0.6e-3)

@@ -12,7 +12,7 @@ shows of its four neighbours is fitted beside them, and undone before the fit th
 The film's hysteresis leaves some charge behind when a force has gone, which would pass for leak, drift or warmth. So
 the distance F - P of the force from a play P of half width r (the simplest loop there is: P is dragged along at the
 distance r at most) is a column, too: x has ``g1*F + w*(F - P)``, and the gain is that of the line through it,
-``g = g1 + w*sum((F - P)*F)/sum(F^2)``.
+``g = g1 + w*sum((F - P)*F)/sum(F^2)``, for presses as strong as a fingertip's (`USUAL`).
 """
 
 from __future__ import annotations
@@ -41,6 +41,10 @@ DEAD_GAIN: Final = 0.1
 
 PLAY: Final = 0.1
 """Half width r of the play that stands for the film's loops, in the greatest force [1], assumed."""
+
+USUAL: Final = 0.1
+"""The gain is that of presses as strong as this, in the greatest force [1], assumed: small changes of force count less
+in the film's loops than great ones, and a fingertip gives no taxel more."""
 
 HELD_OUT: Final = 5
 """One stretch in this many is held out of the fit."""
@@ -246,8 +250,8 @@ def _loop(sensor: Sensor, force: FoundArray) -> FoundArray:
 
 
 def _line_gain(sensor: Sensor, recording: Recording, found: _Fit) -> FoundArray:
-    """Return the gain of the straight line through the film's loops, of each taxel [1]."""
-    force = recording.force
+    """Return the gain of the straight line through the film's loops that usual forces make, of each taxel [1]."""
+    force = recording.force * (USUAL * sensor.device.force_max / recording.force.max(axis=0))
     share = (_loop(sensor, force) * force).sum(axis=0) / (force * force).sum(axis=0)
     gain: FoundArray = found.gain + found.loop * share
     return gain
