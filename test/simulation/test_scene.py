@@ -381,7 +381,7 @@ def test_a_scene_rests_exactly_as_long_as_nothing_changes(name: str) -> None:
     def state(time: float) -> tuple[tuple[float, ...], ...]:
         local = scene.local_time(time)
         poses = [item.path.at(local) for item in scene.objects]
-        return (scene.temperature.at(local), *(pose if pose[-1] > 0 else (0.0,) for pose in poses))
+        return ((scene.chip_temperature(time),), *(pose if pose[-1] > 0 else (0.0,) for pose in poses))
 
     span = min(scene.period, 10.0)
     for time in np.linspace(0, 2 * span, 203):

@@ -101,7 +101,10 @@ def test_with_imperfections_the_work_that_is_saved_changes_nothing_either(name: 
         full.scan(index, scan)
         np.testing.assert_allclose(lazy.volts(), full.volts(), rtol=0, atol=1e-12 * SENSOR.adc.high)
     assert full.taxel_updates == 1000 * TAXELS
-    assert lazy.taxel_updates < full.taxel_updates
+    if scene.warming is None:
+        assert lazy.taxel_updates < full.taxel_updates
+    else:
+        assert lazy.taxel_updates <= 1024 * TAXELS, "all change all the time; scans are computed ahead"
 
 
 @pytest.mark.parametrize("name", SHIPPED)
