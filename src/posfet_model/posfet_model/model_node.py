@@ -68,6 +68,8 @@ REPORT_PERIOD = 1.0
 """Time between two diagnostics [s]."""
 MARKER_PERIOD = 33_000_000
 """Least time between two marker messages [ns]: they are for eyes."""
+TAKEN = 1e-4
+"""Time that readers of a message are given before longer work takes the processor they may have been woken on [s]."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +165,9 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
                 self._contacts.publish(self._contacts_message.fill(result))
             if heard != self._only_contacts:
                 self._publish_others(result, heard, now)
-            self._reconstructor.tidy()
+            if self._reconstructor.untidy:
+                time.sleep(TAKEN)
+                self._reconstructor.tidy()
 
     def _publish_others(self, result: Reconstruction, heard: Set[Any], now: int) -> None:
         """Publish what of the rest is listened to."""

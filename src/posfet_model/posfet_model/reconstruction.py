@@ -151,6 +151,11 @@ class Reconstructor:
         """Scans per second by the board's clock [Hz]."""
         return self._clock.rate
 
+    @property
+    def untidy(self) -> bool:
+        """Whether `tidy` has something to do."""
+        return self._observer.block_due
+
     def process(self, scan: Scan) -> Reconstruction:
         """Take one scan; the result is overwritten by the next call."""
         self.tidy()
