@@ -295,9 +295,6 @@ better calibration takes it away.
 A taxel that does not work is left out of the true force, too. The latency counts from the first scan in which a taxel
 truly carries the threshold of contacts (20 mN), whether that taxel works or not.
 
-What is left of the error of `tap` is mains hum: it is alike on all taxels, is not taken away, and lasts as long as a
-tap.
-
 ## A held force against the optimal estimator
 
 2 N held by 256 taxels at once, after 2 s at rest, with white noise and with 1/f noise besides. The optimal estimator is

@@ -241,6 +241,7 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
             unsettled, restarts = self._reconstructor.unsettled, self._reconstructor.restarts
             bad = self._reconstructor.bad
             temperature_known, rate = self._reconstructor.temperature_known, self._reconstructor.rate
+            hum_frequency, hum_amplitude = self._reconstructor.hum_frequency, self._reconstructor.hum_amplitude
         before, self._reported = self._reported, counts
         verdict = judge(Period.between(before, counts, unsettled, saturated, bad, temperature_known))
         values = {name.replace("_", " "): str(count) for name, count in asdict(counts).items()}
@@ -250,6 +251,8 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         values["taxels saturated"] = str(saturated)
         values["taxels dead, stuck or noisy"] = str(bad)
         values["zeros found anew"] = str(restarts)
+        values["mains hum taken away [mN]"] = f"{hum_amplitude * 1e3:.2f}"
+        values["frequency of the mains hum [Hz]"] = f"{hum_frequency:.2f}"
         name = f"{self.get_fully_qualified_name()}: reconstruction"
         hardware_id = self.sensor.serial or self.sensor.name
         self._diagnostics.publish(

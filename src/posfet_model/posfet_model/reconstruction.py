@@ -15,6 +15,7 @@ from posfet_model.contacts import ENTER_DEVIATIONS, ContactFinder, Taxels
 from posfet_model.crosstalk import CrosstalkInverse, non_negative
 from posfet_model.fast_channel import FastChannel, Motion
 from posfet_model.footprint import Footprint
+from posfet_model.mains_hum import MainsHum
 from posfet_model.observer import ForceObserver
 from posfet_model.scan import Scan
 from posfet_model.scan_clock import ScanClock, ScanCounts
@@ -88,7 +89,9 @@ class Reconstructor:
         self._crosstalk = CrosstalkInverse(sensor.layout, self.calibration.crosstalk)
         self._observer = ForceObserver(sensor, calibration=self.calibration)
         noise, gain = noise_of_a_scan(sensor), self.calibration.usable_gain
-        self._fast = FastChannel(sensor.layout, 1.0 / (charge_per_newton(sensor) * gain), noise)
+        self._newton_per_charge = 1.0 / charge_per_newton(sensor)
+        self._hum = MainsHum(taxels, sensor.can.scan_rate, noise / self._newton_per_charge)
+        self._fast = FastChannel(sensor.layout, self._newton_per_charge / gain, noise)
         self.vibration_wanted = False
         """Whether the fast channel runs while nothing touches, too, and averages the power of each taxel."""
         self._finder = ContactFinder(sensor)
@@ -152,6 +155,16 @@ class Reconstructor:
         return self._clock.rate
 
     @property
+    def hum_frequency(self) -> float:
+        """Of the mains hum that is taken away [Hz]; NaN: there is none."""
+        return self._hum.frequency
+
+    @property
+    def hum_amplitude(self) -> float:
+        """Of the mains hum that is taken away, root mean square of the taxels [N]."""
+        return self._hum.amplitude * self._newton_per_charge
+
+    @property
     def untidy(self) -> bool:
         """Whether `tidy` has something to do."""
         return self._observer.block_due
@@ -172,6 +185,9 @@ class Reconstructor:
         if clock.interrupted:
             observer.interrupt()
             self._fast.pause()
+            self._hum.interrupt()
+        if self._hum.listening:
+            self._hum.remove(charge, clock.step)
         observer.advance(charge, scan.temperatures, clock.step)
         result.saturated = self._saturated_now
         if result.saturated:
@@ -322,6 +338,7 @@ class Reconstructor:
         if watch.judge(observer.block_time, observer.block_mean, observer.leaking, self._saturated, near):
             observer.ignore(watch.bad)
         observer.know_noise(watch.noise_variance)
+        self._hum.close_block(self._touched, watch.bad | self._saturated, observer.block_time)
         observer.close_block(near)
         self._touched[:] = self._finder.touched
         self._choose_guessed()
