@@ -10,7 +10,7 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from datetime import date
@@ -60,7 +60,7 @@ SCENES: Final = (
 MISMATCH: Final = 0.05
 """Random error of the gains that is left after calibration [1]."""
 
-STILL: Final = (("press_slide_lift", 4.0), ("hold", 5.0))
+STILL: Final = (("press_slide_lift", 4.0), ("hold", 10.0))
 WARM: Final = (("warm_finger", 9.0),)
 
 DIFFERENCES: Final = (
@@ -131,20 +131,50 @@ def both_ways(seeds: Sequence[int], scene: str, seconds: float, *differences: tu
     return [Job(scene, seconds, seed, sign, differences) for seed in seeds for sign in (1, -1)]
 
 
-def _mean(values: Sequence[float | None], digits: int, worst: bool = False) -> str:
-    known = [value for value in values if value is not None]
-    if not known:
-        return "-"
-    return f"{max(known) if worst else float(np.mean(known)):.{digits}f}"
+@dataclass(frozen=True)
+class Column:
+    """A figure of the score, over the boards their mean or the worst."""
+
+    head: str
+    of: Callable[[Score], float | None]
+    digits: int
+    worst: bool = False
+    """The greatest of the boards counts, not their mean."""
+    more_is_better: bool = False
+
+    def over(self, scores: Sequence[Score]) -> float | None:
+        """Return the figure of several boards; None: nothing to judge it by."""
+        known = [value for score in scores if (value := self.of(score)) is not None]
+        if not known:
+            return None
+        return max(known) if self.worst else float(np.mean(known))
+
+    def text(self, *values: float | None) -> str:
+        """Return the worst of several as text."""
+        known = [value for value in values if value is not None]
+        return f"{(min if self.more_is_better else max)(known):.{self.digits}f}" if known else "-"
+
+
+TOTAL: Final = Column("total force %", lambda score: score.total_force_error_pct, 2)
+COLUMNS: Final = (
+    TOTAL,
+    Column("force rmse % of full scale", lambda score: score.force_rmse_pct, 2),
+    Column("drift of a held force %", lambda score: score.held_force_drift_pct, 2),
+    Column("cop mm, mean", lambda score: score.cop_error_mm["mean"], 3),
+    Column("p95", lambda score: score.cop_error_mm["p95"], 3),
+    Column("precision", lambda score: score.contact_precision, 3, more_is_better=True),
+    Column("recall", lambda score: score.contact_recall, 3, more_is_better=True),
+    Column("id switches", lambda score: score.id_switches, 0, worst=True),
+    Column("latency, scans", lambda score: score.detection_latency_scans, 0, worst=True),
+    Column("false contacts per h", lambda score: score.false_contacts_per_hour, 1),
+)
+HEADS: Final = " | ".join(column.head for column in COLUMNS)
+RULE: Final = "---|" * len(COLUMNS)
 
 
 def scene_rows(pool: Executor, seeds: Sequence[int], full: bool) -> list[str]:
     """Return a table of every figure of the score, a row for each scene: means over the boards, or the worst."""
-    rows = [
-        "| scene | s | force rmse % of full scale | total force % | by the gains alone | drift of a held force % |"
-        " cop mm, mean | p95 | precision | recall | id switches | latency, scans | false contacts per h |",
-        "|---|---|---|---|---|---|---|---|---|---|---|---|---|",
-    ]
+    rows = [f"| scene | s | {HEADS} | total force % by the gains alone |", f"|---|---|{RULE}---|"]
     runs = []
     for name, short, long in SCENES:
         seconds = long if full else short
@@ -155,19 +185,8 @@ def scene_rows(pool: Executor, seeds: Sequence[int], full: bool) -> list[str]:
     for name, seconds, futures in runs:
         scores = [future.result()[0] for future in futures]
         gains = [value for future in futures if math.isfinite(value := future.result()[1])]
-        cells = [
-            _mean([score.force_rmse_pct for score in scores], 2),
-            _mean([score.total_force_error_pct for score in scores], 2),
-            _mean(gains, 2),
-            _mean([score.held_force_drift_pct for score in scores], 2),
-            _mean([score.cop_error_mm["mean"] for score in scores], 3),
-            _mean([score.cop_error_mm["p95"] for score in scores], 3),
-            _mean([score.contact_precision for score in scores], 3),
-            _mean([score.contact_recall for score in scores], 3),
-            _mean([score.id_switches for score in scores], 0, worst=True),
-            _mean([score.detection_latency_scans for score in scores], 0, worst=True),
-            _mean([score.false_contacts_per_hour for score in scores], 1),
-        ]
+        cells = [column.text(column.over(scores)) for column in COLUMNS]
+        cells.append(TOTAL.text(float(np.mean(gains)) if gains else None))
         rows.append(f"| `{name}` | {seconds:g} | {' | '.join(cells)} |")
         print(rows[-1], flush=True)
     return rows
@@ -205,17 +224,20 @@ def held_rows(pool: Executor, full: bool) -> list[str]:
 
 @dataclass(frozen=True)
 class Point:
-    """Total force error of one difference, in the scene where it is worst [%]."""
+    """Every figure under one difference, of the scene in which it is worst."""
 
     percent: float
+    """By how much the device differs."""
     mean: float
-    """Over the boards."""
+    """Error of the total force over the boards [%]."""
     worst: float
-    """Of the boards."""
+    """Of the boards [%]."""
+    cells: list[str]
+    """Every figure as text, by `COLUMNS`."""
 
 
 def mismatches(pool: Executor, seeds: Sequence[int], full: bool) -> dict[str, list[Point]]:
-    """Return the errors of each difference."""
+    """Return the figures of each difference."""
     runs = {
         (kind, percent): [
             [pool.submit(score, job) for job in both_ways(seeds, name, seconds, (kind, percent))]
@@ -225,20 +247,22 @@ def mismatches(pool: Executor, seeds: Sequence[int], full: bool) -> dict[str, li
         for percent in ((-most, -most / 2, 0.0, most / 2, most) if full else (-most, 0.0, most))
     }
     found: dict[str, list[Point]] = {}
-    for (kind, percent), scenes in runs.items():
-        errors = [[future.result()[0].total_force_error_pct or 0.0 for future in boards] for boards in scenes]
-        found.setdefault(kind, []).append(
-            Point(percent, max(float(np.mean(boards)) for boards in errors), max(map(max, errors)))
-        )
-        print(kind, found[kind][-1], flush=True)
+    for (kind, percent), futures in runs.items():
+        scenes = [[future.result()[0] for future in boards] for boards in futures]
+        totals = [[score.total_force_error_pct or 0.0 for score in scores] for scores in scenes]
+        cells = [column.text(*(column.over(scores) for scores in scenes)) for column in COLUMNS]
+        point = Point(percent, max(float(np.mean(boards)) for boards in totals), max(map(max, totals)), cells)
+        found.setdefault(kind, []).append(point)
+        print(kind, point, flush=True)
     return found
 
 
 def mismatch_rows(found: dict[str, list[Point]]) -> list[str]:
     """Return the table of `mismatches`."""
-    rows = ["| device differs in | by % | total force error %, mean | worst board |", "|---|---|---|---|"]
+    rows = [f"| device differs in | by % | {HEADS} | total force % of the worst board |", f"|---|---|{RULE}---|"]
     for kind, points in found.items():
-        rows += [f"| {kind} | {point.percent:+g} | {point.mean:.2f} | {point.worst:.2f} |" for point in points]
+        for point in points:
+            rows.append(f"| {kind} | {point.percent:+g} | {' | '.join(point.cells)} | {point.worst:.2f} |")
     return rows
 
 
@@ -306,7 +330,7 @@ for 1/f noise, which nobody can know to be absent. The temperature does not chan
 
 ## A device unlike its description
 
-The device differs from what the model and the calibration take it for. The worst of the scenes counts:
+The device differs from what the model and the calibration take it for. For each figure the worst of the scenes counts:
 {names["still"]};
 for lag and pyroelectric coefficient {names["warm"]}, whose error at +0 is the scene's own.
 The force error published for a comparable PVDF array is {PUBLISHED:g} % (PMC4934245), a mean, too.
