@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -57,8 +58,12 @@ class Region(NamedTuple):
     """Principal axes of the force distribution, each as long as one standard deviation [m]."""
 
 
-class Taxels(NamedTuple):
-    """What is known of all taxels in one scan; arrays of shape [rows * cols], masks None for none."""
+@dataclass(frozen=True, eq=False)
+class Taxels:
+    """What is known of all taxels; arrays of shape [rows * cols], masks None for none.
+
+    Forces may be written to from scan to scan. Whatever else changes makes it another object.
+    """
 
     force: NDArray[np.float64]
     """[N]."""
@@ -75,11 +80,20 @@ class Taxels(NamedTuple):
     shared_error: NDArray[np.float64] | None = None
     """What a standard deviation of an error that they have in common makes of each force [N]."""
 
-    def variance_of_sum(self, members: NDArray[np.intp]) -> float:
-        """Return the variance of the sum of some taxels' forces [N2]."""
-        variance = float(np.add.reduce(self.variance[members])) + len(members) ** 2 * self.common_variance
+    _sums: dict[tuple[int, bytes], float] = field(default_factory=dict, init=False, repr=False)
+
+    def variance_of_sum(self, footprint: Footprint, counted: NDArray[np.bool_]) -> float:
+        """Return the variance of the sum of the forces of those members of a region that are `counted` [N2]."""
+        key = footprint.wide, counted.tobytes()
+        known = self._sums.get(key)
+        if known is None:
+            known = self._sums[key] = self._variance_of_sum(footprint.members[counted])
+        return known
+
+    def _variance_of_sum(self, taxels: NDArray[np.intp]) -> float:
+        variance = float(np.add.reduce(self.variance[taxels])) + len(taxels) ** 2 * self.common_variance
         if self.shared_error is not None:
-            variance += float(np.add.reduce(self.shared_error[members])) ** 2
+            variance += float(np.add.reduce(self.shared_error[taxels])) ** 2
         return variance
 
 
@@ -111,19 +125,16 @@ class ContactFinder:
         self._stay_threshold = sensor.contact.threshold - sensor.contact.deadband
         self._enter = np.full(layout.taxels, self._threshold)
         self._stay = np.full(layout.taxels, self._stay_threshold)
+        self._limit = self._enter.copy()
         self._floor = np.zeros(layout.taxels)
         self._lately = np.zeros(layout.taxels)
-        self._above = np.zeros(layout.taxels, np.bool_)
-        self._staying = np.zeros(layout.taxels, np.bool_)
         self._touched = np.zeros(layout.taxels, np.bool_)
-        self._any = False
+        self._mask = self._touched.tobytes()
+        self._regions: list[Footprint] = []
+        self.touched = np.zeros(layout.taxels, np.bool_)
+        """Mask of the taxels in contact in any scan since the last `adapt`, shape [rows * cols]."""
         self.patches: list[NDArray[np.intp]] = []
         """Taxels counted into each region that was measured last, the ring around it among them."""
-
-    @property
-    def touched(self) -> NDArray[np.bool_]:
-        """Mask of the taxels in contact in the last scan, shape [rows * cols]; overwritten by the next."""
-        return self._touched
 
     def bits(self, taxels: NDArray[np.bool_]) -> int:
         """Return a mask, shape [rows * cols], as bits of `labelling.BitMap`."""
@@ -154,20 +165,24 @@ class ContactFinder:
         if usable is not None:
             for limit in (self._enter, self._stay, self._floor):
                 limit[~usable] = math.inf
+        self._limit = np.where(self._touched, self._stay, self._enter)
+        self.touched[:] = self._touched
 
     def find(self, force: NDArray[np.float64]) -> list[Footprint]:
         """Return the regions in contact for forces [N], shape [rows * cols]; empty when nothing touches."""
+        np.greater_equal(force, self._limit, out=self._touched)
+        mask = self._touched.tobytes()
+        if mask != self._mask:
+            self._change(mask)
+        return self._regions
+
+    def _change(self, mask: bytes) -> None:
+        """Take other taxels for those in contact."""
         touched = self._touched
-        np.greater_equal(force, self._enter, out=self._above)
-        if self._any:
-            np.greater_equal(force, self._stay, out=self._staying)
-            np.logical_and(touched, self._staying, out=touched)
-            np.logical_or(touched, self._above, out=touched)
-            self._any = bool(np.count_nonzero(touched))
-        elif np.count_nonzero(self._above):
-            touched[:] = self._above
-            self._any = True
-        return self._footprints.regions(touched.tobytes()) if self._any else []
+        self._mask = mask
+        self._regions = self._footprints.regions(mask)
+        self._limit = np.where(touched, self._stay, self._enter)
+        np.logical_or(self.touched, touched, out=self.touched)
 
     def measure(self, regions: Sequence[Footprint], taxels: Taxels, before: Sequence[Region] = ()) -> list[Region]:
         """Measure the regions that `find` returned.
@@ -185,7 +200,7 @@ class ContactFinder:
             force = taxels.force[members]
             above = force > self._floor[members]
             weight = np.where(above, force, 0.0)
-            variance = taxels.variance_of_sum(members[above])
+            variance = taxels.variance_of_sum(footprint, above)
             patch = _Patch(footprint, weight, variance, float(force[force.argmax()]), taxels)
             places: Places = [contact.centre_of_pressure for contact in before if contact.bits & bits]
             whole, rounds = None, ROUNDS

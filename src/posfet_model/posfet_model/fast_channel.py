@@ -1,7 +1,6 @@
 """The fast channel beside the slow one: vibration of each taxel, and slip of each contact as it begins.
 
-The leak couples the signal as a capacitor does: above its corner (0.6 Hz for 0.27 s) charge is force. So the fast
-channel needs no observer, and none of its errors: it is the charge through a high pass of one pole.
+It is the change of force from scan to scan through a high pass of one pole, so that no error of a zero is left in it.
 
 A contact slips when its centre moves faster than a hand would move it. With y the high-passed force of a taxel at x, a
 centre c and time constant T of the high pass, a distribution F that moves at v gives ``sum((x - c)*y) = F*v*T``. A
@@ -63,15 +62,12 @@ class Motion:
 class FastChannel:
     """High-passed force of every taxel, while `advance` is called scan by scan; begins anew after a `pause`."""
 
-    def __init__(self, layout: Layout, newton_per_charge: NDArray[np.float64], noise: float) -> None:
-        """Take the array, the force of each taxel's charge density [N m2/C], and the noise of a reading [N]."""
-        self._newton_per_charge = newton_per_charge
+    def __init__(self, layout: Layout, noise: float) -> None:
+        """Take the array and the noise of a reading [N]."""
         x, y = layout.positions.T
         self._plane = np.stack([np.ones(layout.taxels), x, y], axis=1)
         self._lever = LEVER * max(layout.pitch_x, layout.pitch_y)
         self._noise = noise
-        self._last = np.zeros(layout.taxels)
-        self._now = np.zeros(layout.taxels)
         self._square = np.zeros(layout.taxels)
         self._running = False
         self._motions: dict[int, Motion] = {}
@@ -88,18 +84,14 @@ class FastChannel:
             self.power[:] = 0.0
             self._motions.clear()
 
-    def advance(self, charge: NDArray[np.float64], step: float) -> None:
-        """Take the charge densities [C/m2] at the end of a step [s]."""
-        now, last = self._now, self._last
-        np.multiply(charge, self._newton_per_charge, out=now)
+    def advance(self, change: NDArray[np.float64], step: float) -> None:
+        """Take by how much each force changed [N] in a step [s], shape [rows * cols]; the first one is left out."""
         if self._running:
-            decay = math.exp(-2.0 * math.pi * CORNER * step)
-            np.subtract(now, last, out=last)
-            last *= 0.5 * (1.0 + decay)  # passes half the scan rate as it is
+            passed = 2.0 * math.pi * CORNER * step
+            decay = math.exp(-passed)
             self.fast *= decay
-            self.fast += last
+            self.fast += (1.0 - decay) / passed * change  # which came evenly, also where scans are missing
         self._running = True
-        self._now, self._last = last, now
 
     def average(self, step: float) -> None:
         """Let the power of each taxel follow its vibration over a step [s]."""

@@ -84,11 +84,11 @@ class MomentFinder:
         if len(sums) > 6:
             end = 6 + self._size[0]
             profiles = self._profile(0, sums[6:end], total, x, xx), self._profile(1, sums[end:], total, y, yy)
-            centre = self._completed(*profiles)
+            centre = self._completed(centre, *profiles)
         return Moments(centre, *principal_axes(xx, yy, xy / total - x * y))
 
-    def _completed(self, along_x: _Profile, along_y: _Profile) -> Vector:
-        """Return the centre [m] of two profiles, each carried on beyond the edges that cut it.
+    def _completed(self, centre: Vector, along_x: _Profile, along_y: _Profile) -> Vector:
+        """Return the centre [m] of two profiles, each carried on beyond the edges that cut it; `centre` without that.
 
         A contact that is round is as wide one way as the other: the width that carries one profile on is that of the
         other, carried on itself. It starts from the profile's own flank where both are cut.
@@ -98,16 +98,21 @@ class MomentFinder:
             for _ in range(COMPLETIONS - 1):
                 (_, variance_x), (_, variance_y) = along_x.carried_on(bend_x), along_y.carried_on(bend_y)
                 bend_x, bend_y = self._bend(0, variance_y), self._bend(1, variance_x)
-        else:
-            bend_x, bend_y = self._bend(0, along_y.variance), self._bend(1, along_x.variance)
-        return self._position(0, along_x.carried_on(bend_x)[0]), self._position(1, along_y.carried_on(bend_y)[0])
+            return self._position(0, along_x, bend_x), self._position(1, along_y, bend_y)
+        x, y = centre
+        if along_x.ends:
+            x = self._position(0, along_x, self._bend(0, along_y.variance))
+        elif along_y.ends:
+            y = self._position(1, along_y, self._bend(1, along_x.variance))
+        return x, y
 
     def _profile(self, axis: int, values: list[float], total: float, mean: float, variance: float) -> _Profile:
         """Return a profile along an axis, of which mean [m] and variance [m2] are known."""
         return _Profile(values, total, (mean - self._first[axis]) / self._pitch[axis], variance / self._square[axis])
 
-    def _position(self, axis: int, mean: float) -> float:
-        """Return the coordinate [m] of a mean counted in taxels, not beyond the outermost cells."""
+    def _position(self, axis: int, profile: _Profile, bend: float) -> float:
+        """Return the mean [m] of a profile that is carried on, not beyond the outermost cells."""
+        mean, _ = profile.carried_on(bend)
         last = self._size[axis] - 1
         return self._first[axis] + self._pitch[axis] * min(max(mean, -0.5), last + 0.5)
 

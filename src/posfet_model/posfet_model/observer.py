@@ -92,6 +92,7 @@ class ForceObserver:
         """Where the offset is known."""
         self.ignored = np.zeros(taxels, np.bool_)
         """Taxels that do not work: `valid` does not wait for them. Set by `ignore`."""
+        self._any_ignored = False
         self.valid = False
         """Whether every taxel is settled."""
         self.restarts = 0
@@ -156,10 +157,16 @@ class ForceObserver:
         """Charge left at each gate, as the force that would bring it [N], shape [rows * cols]."""
         return self._signal - self._zeros.offset
 
+    @property
+    def change(self) -> NDArray[np.float64]:
+        """By how much each force changed in the last step by what the signals tell [N], shape [rows * cols]."""
+        return self._scratch
+
     def ignore(self, taxels: NDArray[np.bool_]) -> None:
         """Take note of which taxels do not work; one that works again finds its zero anew."""
         back = self.ignored & ~taxels
         self.ignored[:] = taxels
+        self._any_ignored = bool(taxels.any())
         if back.any():
             self._restart(back)
 
@@ -211,7 +218,7 @@ class ForceObserver:
         """Take what the taxels show together as the film's own temperature; `touched`: something touches."""
         if not self.valid or not (touched or self.common.active):
             return
-        force = self.force[~self.ignored] if self.ignored.any() else self.force
+        force = self.force[~self.ignored] if self._any_ignored else self.force
         warmed = self.common.hold(force) if touched else self.common.follow(force)
         if warmed:
             self.force -= warmed * self._per_kelvin

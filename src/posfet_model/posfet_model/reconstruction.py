@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -88,10 +88,10 @@ class Reconstructor:
         self._inverse = InverseChain(sensor)
         self._crosstalk = CrosstalkInverse(sensor.layout, self.calibration.crosstalk)
         self._observer = ForceObserver(sensor, calibration=self.calibration)
-        noise, gain = noise_of_a_scan(sensor), self.calibration.usable_gain
+        noise = noise_of_a_scan(sensor)
         self._newton_per_charge = 1.0 / charge_per_newton(sensor)
         self._hum = MainsHum(taxels, sensor.can.scan_rate, noise / self._newton_per_charge)
-        self._fast = FastChannel(sensor.layout, self._newton_per_charge / gain, noise)
+        self._fast = FastChannel(sensor.layout, noise)
         self.vibration_wanted = False
         """Whether the fast channel runs while nothing touches, too, and averages the power of each taxel."""
         self._finder = ContactFinder(sensor)
@@ -107,8 +107,8 @@ class Reconstructor:
         self._any_offset = bool(self._offset_charge.any())
         self._filled = np.zeros(taxels)
         self._variance = np.zeros(taxels)
+        self._known: Taxels | None = None
         self._saturated = np.zeros(taxels, np.bool_)
-        self._touched = np.zeros(taxels, np.bool_)
         self._guessed = np.zeros(taxels, np.bool_)
         self._telling = sensor.contact.threshold / ENTER_DEVIATIONS
         self._choose_guessed()
@@ -186,6 +186,7 @@ class Reconstructor:
             observer.interrupt()
             self._fast.pause()
             self._hum.interrupt()
+            self._known = None
         if self._hum.listening:
             self._hum.remove(charge, clock.step)
         observer.advance(charge, scan.temperatures, clock.step)
@@ -196,7 +197,7 @@ class Reconstructor:
         self._watch.take(scan.counts)
         regions = self._find_around_bad() if self._any_guessed else self._finder.find(observer.force)
         if regions or self.vibration_wanted:
-            self._fast.advance(charge, clock.step)
+            self._fast.advance(observer.change, clock.step)
             if self.vibration_wanted:
                 self._fast.average(clock.step)
         else:
@@ -306,17 +307,22 @@ class Reconstructor:
 
     def _follow(self, regions: list[Footprint], step: float) -> tuple[Contact, ...]:
         """Measure the regions in contact and continue the contacts."""
-        observer = self._observer
-        np.logical_or(self._touched, self._finder.touched, out=self._touched)
-        self._variance = observer.force_variance(self._variance)
-        saturated = self._saturated if self._result.saturated else None
-        force, guessed = observer.force, None
+        taxels = self._known or self._know()
         if self._any_guessed:
-            force, guessed = self._filled, self._guessed
-            self._variance[guessed] = (ESTIMATE_DEVIATION * force[guessed]) ** 2
-        common, shared = observer.common_variance, observer.shared_error
-        taxels = Taxels(force, self._variance, common, saturated, self._unlisted, guessed, shared)
+            variance = taxels.variance.copy()
+            variance[self._guessed] = (ESTIMATE_DEVIATION * self._filled[self._guessed]) ** 2
+            taxels = replace(taxels, force=self._filled, variance=variance, guessed=self._guessed)
+        if self._result.saturated:
+            taxels = replace(taxels, saturated=self._saturated)
         return self._tracker.update(self._finder.measure(regions, taxels, self._tracker.regions), step)
+
+    def _know(self) -> Taxels:
+        """Return what is known of the forces as of the last block: until the next one it stays the same."""
+        observer = self._observer
+        variance = observer.force_variance(np.empty_like(self._variance))
+        common, shared = observer.common_variance, observer.shared_error
+        self._known = Taxels(observer.force, variance, common, unlisted=self._unlisted, shared_error=shared)
+        return self._known
 
     def _find_around_bad(self) -> list[Footprint]:
         """Find the regions in contact with what the bad taxels should read in place of what they do."""
@@ -334,15 +340,15 @@ class Reconstructor:
     def _close_block(self) -> None:
         """Let the observer correct its zeros away from contacts, and set the thresholds by what it knows then."""
         observer, watch = self._observer, self._watch
-        near = self._finder.around(self._touched, self._reach)
+        near = self._finder.around(self._finder.touched, self._reach)
         if watch.judge(observer.block_time, observer.block_mean, observer.leaking, self._saturated, near):
             observer.ignore(watch.bad)
         observer.know_noise(watch.noise_variance)
-        self._hum.close_block(self._touched, watch.bad | self._saturated, observer.block_time)
+        self._hum.close_block(self._finder.touched, watch.bad | self._saturated, observer.block_time)
         observer.close_block(near)
-        self._touched[:] = self._finder.touched
         self._choose_guessed()
         self._set_thresholds()
+        self._known = None
 
     def _choose_guessed(self) -> None:
         """Choose the bad taxels for which their neighbours speak: not noisy ones that tell a touch from none."""

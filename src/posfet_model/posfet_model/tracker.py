@@ -195,6 +195,8 @@ class ContactTracker:
         reach = self._settings.reach * self._pitch
         now = [region.centre_of_pressure for region in regions]
         was = [contact.region.centre_of_pressure for contact in self._contacts]
+        if len(now) == len(was) == 1:
+            return {0: 0} if math.dist(now[0], was[0]) <= reach else {}
         near = sorted(
             (distance, track, index)
             for track, here in enumerate(was)
