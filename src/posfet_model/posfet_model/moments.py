@@ -83,27 +83,31 @@ class MomentFinder:
         xx, yy = max(xx / total - x * x, 0.0), max(yy / total - y * y, 0.0)
         if len(sums) > 6:
             end = 6 + self._size[0]
-            profiles = self._profile(0, sums[6:end], total, x, xx), self._profile(1, sums[end:], total, y, yy)
-            centre = self._completed(centre, *profiles)
+            centre = self._completed(sums[6:end], sums[end:], total, centre, (xx, yy))
         return Moments(centre, *principal_axes(xx, yy, xy / total - x * y))
 
-    def _completed(self, centre: Vector, along_x: _Profile, along_y: _Profile) -> Vector:
-        """Return the centre [m] of two profiles, each carried on beyond the edges that cut it; `centre` without that.
+    def _completed(
+        self, along_x: list[float], along_y: list[float], total: float, centre: Vector, variance: Vector
+    ) -> Vector:
+        """Return the centre [m] of two profiles, each carried on beyond the edges that cut it.
 
         A contact that is round is as wide one way as the other: the width that carries one profile on is that of the
         other, carried on itself. It starts from the profile's own flank where both are cut.
         """
-        if along_x.ends and along_y.ends:
-            bend_x, bend_y = self._flank_bend(0, along_x), self._flank_bend(1, along_y)
+        (x, y), (variance_x, variance_y) = centre, variance
+        cut_x, cut_y = _is_cut(along_x), _is_cut(along_y)
+        if cut_x and cut_y:
+            one = self._profile(0, along_x, total, x, variance_x)
+            other = self._profile(1, along_y, total, y, variance_y)
+            bend_x, bend_y = self._flank_bend(0, one), self._flank_bend(1, other)
             for _ in range(COMPLETIONS - 1):
-                (_, variance_x), (_, variance_y) = along_x.carried_on(bend_x), along_y.carried_on(bend_y)
-                bend_x, bend_y = self._bend(0, variance_y), self._bend(1, variance_x)
-            return self._position(0, along_x, bend_x), self._position(1, along_y, bend_y)
-        x, y = centre
-        if along_x.ends:
-            x = self._position(0, along_x, self._bend(0, along_y.variance))
-        elif along_y.ends:
-            y = self._position(1, along_y, self._bend(1, along_x.variance))
+                (_, wide_x), (_, wide_y) = one.carried_on(bend_x), other.carried_on(bend_y)
+                bend_x, bend_y = self._bend(0, wide_y * self._square[1]), self._bend(1, wide_x * self._square[0])
+            return self._position(0, one, bend_x), self._position(1, other, bend_y)
+        if cut_x:
+            x = self._position(0, self._profile(0, along_x, total, x, variance_x), self._bend(0, variance_y))
+        elif cut_y:
+            y = self._position(1, self._profile(1, along_y, total, y, variance_y), self._bend(1, variance_x))
         return x, y
 
     def _profile(self, axis: int, values: list[float], total: float, mean: float, variance: float) -> _Profile:
@@ -117,8 +121,8 @@ class MomentFinder:
         return self._first[axis] + self._pitch[axis] * min(max(mean, -0.5), last + 0.5)
 
     def _bend(self, axis: int, variance_across: float) -> float:
-        """Return (pitch/width)^2 [1] along an axis for a variance across it, in squares of the other pitch."""
-        return self._square[axis] / max(variance_across * self._square[1 - axis], self._narrowest[axis])
+        """Return (pitch/width)^2 [1] along an axis for a variance across it [m2]."""
+        return self._square[axis] / max(variance_across, self._narrowest[axis])
 
     def _flank_bend(self, axis: int, profile: _Profile) -> float:
         """Return (pitch/width)^2 [1] from the last three values of the profile on the side where it is cut.
@@ -153,30 +157,34 @@ def principal_axes(xx: float, yy: float, xy: float) -> tuple[Vector, Vector]:
     return (large * cosine, large * sine), (-small * sine, small * cosine)
 
 
-class _Profile:
-    """A distribution along one axis, counted from its first taxel [pitch]."""
+def _is_cut(values: list[float]) -> bool:
+    """Return whether a profile does not fade within the array, at one end of it or at both."""
+    least = CUT_SHARE * max(values)
+    return len(values) > 1 and (values[0] >= least or values[-1] >= least)
 
-    __slots__ = ("_sums", "ends", "least", "values", "variance")
+
+class _Profile:
+    """A distribution along one axis that is cut off, counted from its first taxel [pitch]."""
+
+    __slots__ = ("_ends", "_sums", "least", "values")
 
     def __init__(self, values: list[float], total: float, mean: float, variance: float) -> None:
         self.values = values
-        self.variance = variance
         self.least = CUT_SHARE * max(values)
         """Value below which nothing is carried on."""
-        self.ends: list[tuple[float, float, float, float]] = []
+        self._ends: list[tuple[float, float, float, float]] = []
         """Of the ends that are cut: the last value, the one before it, its place, and the way on."""
-        if len(values) > 1:
-            if values[0] >= self.least:
-                self.ends.append((values[0], values[1], 0.0, -1.0))
-            if values[-1] >= self.least:
-                self.ends.append((values[-1], values[-2], len(values) - 1.0, 1.0))
+        if values[0] >= self.least:
+            self._ends.append((values[0], values[1], 0.0, -1.0))
+        if values[-1] >= self.least:
+            self._ends.append((values[-1], values[-2], len(values) - 1.0, 1.0))
         self._sums = total, mean * total, (variance + mean * mean) * total
 
     def carried_on(self, bend: float) -> tuple[float, float]:
         """Return mean and variance with what lies beyond the ends that are cut, whose bend is (pitch/width)^2 [1]."""
         total, first, second = self._sums
         fall, least = math.exp(-bend), self.least
-        for edge, inner, end, way in self.ends:
+        for edge, inner, end, way in self._ends:
             # Not above the last one: a contact whose middle is beyond the edge cannot be told from a stronger one.
             ratio = min(edge / max(inner, least) * fall, 1.0)
             value, place = edge, end
