@@ -39,7 +39,7 @@ PYROELECTRIC_DOUBT: Final = 0.3
 
 
 SMOOTHED: Final = 5e-3
-"""Time over which that is averaged, so that noise is not taken for warmth [s]."""
+"""Time over which that is averaged, so that noise is not taken for warmth [s]. A steady warming does not lag behind."""
 
 WORTH_IT: Final = 5.0
 """Errors of the temperature are left alone that make less than this many times what is noticed [1]."""
@@ -58,6 +58,7 @@ class CommonMode:
         self.told = False
         """Whether the taxels that read least told the temperature lately, as far as they are believed."""
         self._shift = 0.0
+        self._pace = 0.0  # how fast the film warms by what the taxels show [K/s]
         self._base = 0.0
         self._film = film
         self._newton_per_kelvin = newton_per_kelvin
@@ -110,7 +111,7 @@ class CommonMode:
 
     def rest(self) -> None:
         """Take note that nothing touched for a block."""
-        self._base, self._shift = self._film.warmth, 0.0
+        self._base, self._shift, self._pace = self._film.warmth, 0.0, self._film.rate
         self.told &= self.active
         if self._left <= 0.0:
             self._film.keep_nudges()
@@ -123,10 +124,14 @@ class CommonMode:
         most = DOUBTS * film.standard_deviation + PYROELECTRIC_DOUBT * abs(film.warmth - self._base)
         self.told = len(force) > 0 and most * abs(self._newton_per_kelvin) > WORTH_IT * self._noticed
         if not self.told:
+            self._pace = film.rate
             return 0.0
-        wanted = self._shift + min(film.step / SMOOTHED, 1.0) * (_least(force) + self._bias) / self._newton_per_kelvin
+        error = (_least(force) + self._bias) / self._newton_per_kelvin
+        share = min(film.step / SMOOTHED, 1.0)
+        wanted = self._shift + (self._pace - film.rate) * film.step + share * error
         shift = min(max(wanted, -most), most)
         self.told = shift == wanted
+        self._pace = self._pace + 0.25 * share * error / SMOOTHED if self.told else film.rate
         change, self._shift = shift - self._shift, shift
         return change
 

@@ -63,6 +63,8 @@ class FilmTemperature:
         self._restless = 0.0
         self.step = 0.0
         """Duration of the last update [s]."""
+        self.rate = 0.0
+        """How fast the film warmed in it [K/s]."""
         self._age = 0.0
         self._interval = 0.0
         self._lag = 0.0
@@ -137,11 +139,13 @@ class FilmTemperature:
         elif self._slope or self._prediction_variance:
             self._carry_on(step)
         if self._lag == 0.0:
+            self.rate = 0.0
             return 0.0
         share = -math.expm1(-step / self._time_constant) if self._time_constant > 0 else 1.0
         change = share * self._lag
         self._lag -= change
         self._nudged -= share * self._nudged
+        self.rate = change / step if step > 0.0 else 0.0
         if abs(self._lag) < SETTLED:
             self._lag = 0.0
         return change
