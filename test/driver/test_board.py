@@ -207,9 +207,9 @@ def test_reading_a_closed_board_gives_nothing(sensor: Sensor) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"interface": "slcam"}, r"can_interface: must be one of .*slcan, .*socketcan.*virtual.*, got 'slcam'"),
+        ({"interface": "slcam"}, r"CAN interface must be one of .*slcan, .*socketcan.*virtual.*, got 'slcam'"),
         ({"options": ["bitrat=1"]}, r"interface 'virtual' has no option 'bitrat', known are .*preserve_timestamps"),
-        ({"options": ["loud"]}, r"can_options: each must be 'key=value', got 'loud'"),
+        ({"options": ["loud"]}, r"CAN option must be 'key=value', got 'loud'"),
     ],
 )
 def test_mistakes_in_bus_parameters_are_named(sensor: Sensor, arguments: dict[str, object], message: str) -> None:

@@ -16,6 +16,7 @@ from posfet_driver.can_tool import main
 from posfet_driver.firmware import BoardFirmware
 from posfet_driver.frames import CLASSIC, frame_of
 from posfet_driver.messages import Page, Status
+from posfet_driver.receiver import Receiver
 from posfet_driver.source import SystemClock
 from posfet_model.sensor import load_sensor
 
@@ -96,6 +97,14 @@ def test_monitor_shows_identifiers_rates_and_scans(virtual: list[str], capsys: p
 
 def test_monitor_of_a_silent_bus_fails(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["monitor", "-i", "virtual", "-c", uuid.uuid4().hex, "--for", "0.05"]) == 1
+    out = capsys.readouterr().out
+    assert "no whole scan yet" in out
+    assert "nan" not in out
+
+
+def test_an_emulated_board_is_started(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["monitor", "--for", "0.3", *EMULATOR]) == 0
+    assert "newest scan" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("suffix", ["log", "asc", "blf"])
@@ -119,7 +128,8 @@ def test_what_is_recorded_can_be_decoded_and_replayed(
 def test_a_recording_decodes_to_whole_scans(tmp_path: Path) -> None:
     file = tmp_path / "bus.log"
     assert main(["record", str(file), "--start", "--for", "0.3", *EMULATOR]) == 0
-    receiver = decode(file, SENSOR)
+    receiver = Receiver(SENSOR)
+    decode(file, receiver)
     assert receiver.scans > 200
     assert receiver.frames_lost == 0
 
@@ -139,11 +149,16 @@ def test_selftest_names_what_failed(tmp_path: Path, capsys: pytest.CaptureFixtur
 @pytest.mark.parametrize(
     ("words", "error"),
     [
-        (["command", "stop", "-i", "slcam"], "can_interface: must be one of"),
+        (["command", "stop", "-i", "slcam"], "CAN interface must be one of"),
         (["command", "stop", "-i", "virtual", "-o", "nonsense=1"], "has no option 'nonsense', known are"),
         (["command", "stop", "-i", "virtual", "-s", "nosuch"], "nosuch: no such sensor"),
         (["command", "stop", "-i", "slcan", "-c", "/nowhere"], "slcan:/nowhere: No such file or directory"),
         (["command", "stop", "-i", "virtual", "-c", "empty"], "STOP: no answer within 0.5 s at base identifier 0x100"),
+        (["command", "stop", "-i", "virtual", "-o", "loud"], "CAN option must be 'key=value', got 'loud'"),
+        (["list", "-i", "slcam"], "CAN interface must be one of"),
+        (["list", "-i", "slcan"], "CAN interface 'slcan' needs a channel"),
+        (["command", "set_rate", "-i", "virtual"], "set_rate: needs the scan period [us]"),
+        (["command", "start", "5", "-i", "virtual"], "start: takes no argument"),
         (["record", "bus.txt", "-i", "virtual"], "bus.txt: must end with one of .log, .asc, .blf"),
         (["replay", "/nowhere.log"], "/nowhere.log: No such file or directory"),
     ],
@@ -164,6 +179,42 @@ def test_a_broken_recording_is_refused_in_one_line(
     file.write_bytes(b"(nonsense) \xff\x00 what\n" * 20)
     assert main(["replay", str(file)]) == 1
     assert capsys.readouterr().err.startswith(f"posfet can replay: {file}: no")
+
+
+def test_a_recording_that_is_cut_off_is_told_after_what_is_in_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole, cut, none = (tmp_path / f"{name}.blf" for name in ("whole", "cut", "none"))
+    assert main(["record", str(whole), "--for", "0.3", *EMULATOR]) == 0
+    content = whole.read_bytes()
+    cut.write_bytes(content[:-20])
+    none.write_bytes(content[:3])
+    capsys.readouterr()
+    assert main(["replay", str(cut), "--decode"]) == 1
+    told = capsys.readouterr()
+    assert told.err == f"posfet can replay: {cut}: cut off after {len(content) - 20} of {len(content)} bytes\n"
+    assert main(["replay", str(none), "--decode"]) == 1
+    assert capsys.readouterr().err == f"posfet can replay: {none}: not a recording of its format\n"
+
+
+@pytest.mark.parametrize("suffix", ["log", "asc"])
+def test_an_empty_recording_is_no_recording(tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / f"bus.{suffix}"
+    file.touch()
+    for words in ([], ["--decode"]):
+        assert main(["replay", str(file), *words]) == 1
+        assert capsys.readouterr().err == f"posfet can replay: {file}: no frame is in it\n"
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs /dev/full")
+@pytest.mark.parametrize("suffix", ["log", "asc", "blf"])
+def test_a_full_disk_is_told_with_the_files_name(
+    tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / f"bus.{suffix}"
+    file.symlink_to("/dev/full")
+    assert main(["record", str(file), "--for", "0.3", *EMULATOR]) == 1
+    assert capsys.readouterr().err == f"posfet can record: {file}: cannot be written: No space left on device\n"
 
 
 @pytest.mark.parametrize(

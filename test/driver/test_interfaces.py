@@ -52,8 +52,8 @@ def test_an_option_that_an_interface_does_not_know_is_named_with_those_it_knows(
         bus_settings(interface, "", LINK, options=["no_such_option=1"])
     message = str(caught.value)
     assert "\n" not in message
-    unknown = f"can_options: interface '{interface}' has no option 'no_such_option', known are "
-    assert message.startswith((unknown, f"can_interface: '{interface}' cannot be used here: "))
+    unknown = f"CAN interface '{interface}' has no option 'no_such_option', known are "
+    assert message.startswith((unknown, f"CAN interface '{interface}' cannot be used here: "))
     assert "can_filters" in message or not message.startswith(unknown)
     assert interface not in EVERYWHERE or message.startswith(unknown)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 from pathlib import Path
 
@@ -152,3 +153,8 @@ def test_the_command_writes_a_file_that_the_score_reads(tmp_path: Path, capsys: 
     capsys.readouterr()
     assert main([str(tmp_path / "none" / "cal.yaml")]) == 1
     assert "cannot be written" in capsys.readouterr().err
+    device = tmp_path / "device"
+    os.mkfifo(device)
+    assert main([str(device)]) == 1
+    assert capsys.readouterr().err == f"{device}: cannot be written: not a regular file\n"
+    assert device.is_fifo()

@@ -170,6 +170,8 @@ def test_a_schema_brings_all_that_the_message_is_made_of() -> None:
         (["--out", "x.csv", "--for", "nan"], "--for: must be in (0, 1e+06], got nan"),
         (["--out", "x.csv", "--seed", "-3"], "--seed: must be in [0, 1000000000], got -3"),
         (["--out", "x.csv", "--imperfections", "some.yaml"], "some.yaml: cannot be read"),
+        (["--out", "x.mcap", "--namespace", ""], "namespace: must be names"),
+        (["--out", "x.csv", "--namespace", "a b"], "namespace: must be names"),
         (["--out", "no/such/folder/x.csv"], "no/such/folder/x.csv: cannot be written"),
     ],
 )
@@ -208,6 +210,19 @@ def test_an_interrupted_run_leaves_a_whole_file(tmp_path: Path, monkeypatch: pyt
     assert main([SCENE, "--out", str(path), "--for", "1"]) == INTERRUPTED
     with path.open("rb") as stream:
         assert reader.make_reader(stream, validate_crcs=True).get_summary().statistics.message_count == 600
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs /dev/full")
+@pytest.mark.parametrize("suffix", [".csv", ".mcap"])
+def test_a_full_disk_is_told_with_the_files_name(
+    tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if suffix == ".mcap":
+        pytest.importorskip("mcap")
+    path = tmp_path / f"run{suffix}"
+    path.symlink_to("/dev/full")
+    assert main([SCENE, "--out", str(path), "--for", "0.5"]) == BAD_INPUT
+    assert capsys.readouterr().err == f"{path}: cannot be written: No space left on device\n"
 
 
 def test_a_terminal_gets_a_bar(

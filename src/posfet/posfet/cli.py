@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Final
 
+from posfet_model.start import end_in_order
+
 COMMANDS: Final = {
     "bringup": ("posfet.bringup", "start the stack: board or simulated board, driver, model"),
     "sim": ("posfet_driver.sim_command", "run a scene on the simulated board, faster than real time, into a file"),
@@ -19,6 +21,10 @@ COMMANDS: Final = {
     "view": ("posfet.view_node", "show the live force map and the contacts of a running stack"),
 }
 """Subcommands: module whose `main` takes the remaining words and returns the exit code, and what it does."""
+NODES: Final = {"bringup", "view"}
+"""Subcommands that ROS ends in order."""
+INTERRUPTED: Final = 130
+"""Exit code after Ctrl-C or SIGTERM, as shells tell it."""
 
 
 def usage() -> str:
@@ -28,7 +34,7 @@ def usage() -> str:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run one subcommand and return its exit code; 2 with one line when there is no such command."""
+    """Run one subcommand and return its exit code: 2, with one line, for no such command; 130 when interrupted."""
     words = sys.argv[1:] if words is None else words
     if not words or words[0] in {"-h", "--help"}:
         print(usage())
@@ -37,4 +43,10 @@ def main(words: Sequence[str] | None = None) -> int:
         print(f"posfet: unknown command '{words[0]}', known are {', '.join(COMMANDS)}", file=sys.stderr)
         return 2
     module, _ = COMMANDS[words[0]]
-    return int(import_module(module).main(words[1:]))
+    try:
+        run = import_module(module).main
+        if words[0] not in NODES:
+            end_in_order()
+        return int(run(words[1:]))
+    except KeyboardInterrupt:
+        return INTERRUPTED

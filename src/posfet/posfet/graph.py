@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ from posfet.arguments import defaults
 from posfet_driver.adapter_lock import is_served
 from posfet_driver.imperfections import load_imperfections
 from posfet_driver.scene import load_scene
+from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError, read_yaml
 from posfet_model.mount import parse_mount
 from posfet_model.sensor import load_sensor
@@ -21,9 +21,6 @@ from posfet_model.sensor import load_sensor
 Value = bool | int | float | str
 
 NODES: Final = ("model_node", "sim_board_node", "driver_node")
-
-NAMESPACE: Final = re.compile(r"(?!.*__)[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
-"""Namespaces that ROS takes, and that start with no number."""
 
 
 @dataclass(frozen=True)
@@ -55,14 +52,6 @@ def _yaml(value: Value) -> str:
     if isinstance(value, str):
         return "'" + value.replace("'", "''") + "'"  # a bare 5 or true would become another type
     return repr(value)
-
-
-def checked_namespace(given: str) -> str:
-    """Return a namespace without slashes around it; raise ConfigError when ROS would not take it."""
-    namespace = given.strip("/")
-    if not NAMESPACE.fullmatch(namespace):
-        raise ConfigError(f"namespace: must be names of a-z, A-Z, 0-9 and single _ joined by '/', got '{given}'")
-    return namespace
 
 
 def check_params_file(path: str) -> None:

@@ -13,11 +13,10 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
-from posfet.graph import checked_namespace
 from posfet.screen import Screen
 from posfet.show_node import show
 from posfet.snapshot import ContactView, Snapshot, TrueContact
-from posfet_model.command_line import positive
+from posfet_model.command_line import checked_namespace, positive
 from posfet_model.config import ConfigError
 from posfet_model.run_node import ros
 from posfet_model.tracker import ContactState

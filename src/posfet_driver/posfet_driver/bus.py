@@ -74,9 +74,7 @@ def bus_settings(
     known = sorted(_accepted(_bus_class(interface)) - {"channel", "bitrate", "data_bitrate", "fd"})
     for key in settings.options:
         if key not in known:
-            raise ConfigError(
-                f"can_options: interface '{interface}' has no option '{key}', known are {', '.join(known)}"
-            )
+            raise ConfigError(f"CAN interface '{interface}' has no option '{key}', known are {', '.join(known)}")
     return settings
 
 
@@ -103,11 +101,11 @@ def open_can_bus(settings: BusSettings) -> can.BusABC:
     if settings.channel:
         arguments["channel"] = settings.channel
     elif _channel_needed(bus_class):
-        raise ConfigError(f"can_channel: interface '{settings.interface}' needs one, such as can0, /dev/ttyACM0, ...")
+        raise ConfigError(f"CAN interface '{settings.interface}' needs a channel, such as can0, /dev/ttyACM0, ...")
     try:
         return bus_class(**arguments)
     except can.CanInterfaceNotImplementedError as error:
-        raise ConfigError(f"can_interface: '{settings.interface}' cannot be used here: {one_line(error)}") from error
+        raise ConfigError(f"CAN interface '{settings.interface}' cannot be used here: {one_line(error)}") from error
     except (can.CanError, OSError) as error:
         reason = one_line(error).removeprefix(f"{settings.channel}: ")
         raise can.CanInitializationError(f"{settings.name}: {reason}") from error
@@ -130,12 +128,12 @@ def _bus_class(interface: str) -> type[Any]:
         return SlcanBus
     module_and_name = BACKENDS.get("slcan" if interface == PLAIN_SLCAN else interface)
     if module_and_name is None:
-        raise ConfigError(f"can_interface: must be one of {', '.join(interfaces())}, got '{interface}'")
+        raise ConfigError(f"CAN interface must be one of {', '.join(interfaces())}, got '{interface}'")
     module, name = module_and_name
     try:
         bus_class: type[Any] = getattr(importlib.import_module(module), name)
     except (ImportError, OSError, AttributeError, can.CanError) as error:  # makers' modules fail in many ways
-        raise ConfigError(f"can_interface: '{interface}' cannot be used here: {one_line(error)}") from error
+        raise ConfigError(f"CAN interface '{interface}' cannot be used here: {one_line(error)}") from error
     return bus_class
 
 
@@ -165,7 +163,7 @@ def _parameters(bus_class: type[Any]) -> Iterator[str]:
 def _option(text: str) -> tuple[str, Any]:
     key, separator, value = text.partition("=")
     if not separator or not key:
-        raise ConfigError(f"can_options: each must be 'key=value', got '{text}'")
+        raise ConfigError(f"CAN option must be 'key=value', got '{text}'")
     try:
         return key, ast.literal_eval(value)
     except (ValueError, SyntaxError):

@@ -58,10 +58,14 @@ def describe(answer: Response) -> str:
 
 def run_command(options: argparse.Namespace) -> int:
     """Run the action; return the exit code."""
+    command = Command[options.name.upper()]
+    if (command == Command.SET_RATE) != (options.argument is not None):
+        wanted = "needs the scan period [us]" if command == Command.SET_RATE else "takes no argument"
+        raise CommandError(f"{options.name}: {wanted}")
     with bus_of(options) as (sensor, settings):
         bus = open_bus(settings)
         try:
-            answer = ask(bus, sensor.can.base_id, Command[options.name.upper()], options.argument)
+            answer = ask(bus, sensor.can.base_id, command, options.argument or 0)
         finally:
             bus.shutdown()
     reset = " (switched on since the last START)" if answer.reset else ""

@@ -7,7 +7,7 @@ import contextlib
 import struct
 import time
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -23,7 +23,6 @@ from posfet_driver.frames import frame_of
 from posfet_driver.message_frames import MessageFrames
 from posfet_driver.receiver import Receiver
 from posfet_model.config import ConfigError
-from posfet_model.sensor import Sensor
 
 FORMATS: Final = (".log", ".asc", ".blf")
 """candump, Vector's text, Vector's binary."""
@@ -57,7 +56,7 @@ def run_record(options: argparse.Namespace) -> int:
     with bus_of(options) as (sensor, settings):
         bus = open_can_bus(settings)
         try:
-            with can.Logger(str(options.file)) as log, started(MessageFrames(bus), sensor, options.start):
+            with _recording(options.file) as log, started(MessageFrames(bus), sensor, options):
                 end = time.monotonic() + options.seconds
                 with contextlib.suppress(KeyboardInterrupt):
                     while (left := end - time.monotonic()) > 0:
@@ -71,6 +70,20 @@ def run_record(options: argparse.Namespace) -> int:
     return 0 if frames else 1
 
 
+@contextlib.contextmanager
+def _recording(file: Path) -> Iterator[Callable[[can.Message], None]]:
+    """Yield what writes a frame. Raises ConfigError, one line, for a file that cannot be written, or no longer."""
+    try:
+        log = can.Logger(str(file))
+        try:
+            with log:
+                yield log
+        finally:
+            log.file.close()  # python-can's writers leave it open when they cannot finish it
+    except OSError as error:
+        raise ConfigError(f"{file}: cannot be written: {error.strerror or one_line(error)}") from error
+
+
 def messages(file: Path) -> Iterator[can.Message]:
     """Yield what was recorded. Raises ConfigError, one line, for a file that cannot be read."""
     check_name(file)
@@ -81,29 +94,38 @@ def messages(file: Path) -> Iterator[can.Message]:
                     raise ConfigError(f"{file}: not a recording of its format")
         with can.LogReader(str(file)) as reader:
             yield from reader
+            wanted = getattr(reader, "file_size", 0)  # what a BLF file says of itself
+            if file.stat().st_size < wanted:
+                raise ConfigError(f"{file}: cut off after {file.stat().st_size} of {wanted} bytes")
     except OSError as error:
         raise ConfigError(f"{file}: {error.strerror or one_line(error)}") from error
+    except ConfigError:
+        raise
     except _BROKEN as error:
         raise ConfigError(f"{file}: not a recording of its format: {one_line(error)}") from error
 
 
-def decode(file: Path, sensor: Sensor) -> Receiver:
-    """Return a receiver that has taken all of a recording, as if it had just been heard."""
-    receiver = Receiver(sensor)
+def decode(file: Path, receiver: Receiver) -> None:
+    """Have `receiver` take a recording as if it had just been heard; what is before a broken place is taken, too."""
     receiver.listening = True
     for message in messages(file):
         for frame in receiver.begin_batch([frame_of(message)], round(message.timestamp * 1e9), 0):
             receiver.feed(frame)
-    return receiver
+    if not receiver.traffic.frames:
+        raise ConfigError(f"{file}: no frame is in it")
 
 
 def run_replay(options: argparse.Namespace) -> int:
     """Run the action; return the exit code."""
     console = Console(highlight=False)
     if options.decode:
-        receiver = decode(options.file, sensor_of(options))
-        console.print(_table(options.file, receiver))
-        if receiver.traffic.frames and not receiver.scans:
+        receiver = Receiver(sensor_of(options))
+        try:
+            decode(options.file, receiver)
+        finally:
+            if receiver.traffic.frames:
+                console.print(_table(options.file, receiver))
+        if not receiver.scans:
             console.print("no scan is in it: compare --sensor and --fd with the board's", soft_wrap=True)
         return 0
     recorded = messages(options.file)

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from posfet_driver.board_report import version
-from posfet_driver.bus import open_bus
+from posfet_driver.bus import one_line, open_bus
 from posfet_driver.can_tool import EMULATOR, bus_of
 from posfet_driver.frames import CLASSIC, Frame, FrameBus
 from posfet_driver.messages import STATUS_OFFSET, Page, Status
@@ -82,13 +82,20 @@ def listen(bus: FrameBus, seconds: float) -> list[Frame]:
 
 
 def run_list(options: argparse.Namespace) -> int:
-    """Run the action; return the exit code."""
-    places = [(options.interface, options.channel)] if options.interface else adapters()
+    """Run the action; return the exit code. Raises what is wrong with an adapter that was asked for by name."""
+    named = bool(options.interface)
+    places = [(options.interface, options.channel)] if named else adapters()
     table = Table("interface", "channel", "state", "base id", "layout", "firmware", "supply [V]", title="adapters")
     for interface, channel in places:
         options.interface, options.channel = interface, channel
         shown = channel or ("a simulated board" if interface == EMULATOR else "")
-        for row in _look(options):
+        try:
+            rows = _look(options)
+        except (can.CanError, ConfigError, OSError) as error:
+            if named:
+                raise
+            rows = [[one_line(error), "", "", "", ""]]
+        for row in rows:
             table.add_row(interface, shown, *row)
     console = Console(highlight=False)
     if table.row_count:
@@ -100,15 +107,12 @@ def run_list(options: argparse.Namespace) -> int:
 
 def _look(options: argparse.Namespace) -> list[list[str]]:
     """Return the cells of an adapter's rows, one row a board."""
-    try:
-        with bus_of(options) as (_, settings):
-            bus = open_bus(settings)
-            try:
-                frames = listen(bus, options.seconds)
-            finally:
-                bus.shutdown()
-    except (can.CanError, ConfigError, OSError) as error:
-        return [[str(error), "", "", "", ""]]
+    with bus_of(options) as (_, settings):
+        bus = open_bus(settings)
+        try:
+            frames = listen(bus, options.seconds)
+        finally:
+            bus.shutdown()
     found = boards(frames)
     if not found:
         return [[f"{len(frames)} frames, no board", "", "", "", ""]]

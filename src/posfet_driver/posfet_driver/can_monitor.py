@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import math
 import time
 from collections import Counter
 from collections.abc import Iterator
@@ -16,7 +17,7 @@ from rich.table import Table
 from posfet_driver.bus import open_bus
 from posfet_driver.bus_load import BusLoad
 from posfet_driver.can_command import ask
-from posfet_driver.can_tool import bus_of
+from posfet_driver.can_tool import EMULATOR, bus_of
 from posfet_driver.frames import ERROR, EXTENDED, Frame, FrameBus
 from posfet_driver.messages import FD_BLOCK_OFFSET, Command
 from posfet_driver.receiver import Receiver
@@ -31,9 +32,10 @@ _NAMES: Final = {0: "Command", 1: "Response", 2: "Status", FD_BLOCK_OFFSET: "Sca
 
 
 @contextlib.contextmanager
-def started(bus: FrameBus, sensor: Sensor, wanted: bool) -> Iterator[None]:
-    """Have the board scan for the time of the block, when that is wanted."""
+def started(bus: FrameBus, sensor: Sensor, options: argparse.Namespace) -> Iterator[None]:
+    """Have the board scan for the time of the block, when that is wanted; an emulated one nobody else could start."""
     base = sensor.can.base_id
+    wanted = options.start or options.interface == EMULATOR
     if wanted:
         ask(bus, base, Command.SET_RATE, round(1e6 / sensor.can.scan_rate))
         ask(bus, base, Command.START)
@@ -80,11 +82,11 @@ class Monitor:
         receiver = self.receiver
         losses, status = receiver.assembler.losses, receiver.status
         return (
-            f"{sum(self.rates.values()):7.0f} frames/s  load {100 * self.load.load:5.1f} %  "
+            f"{sum(self.rates.values()):7.0f} frames/s  load {_known(100 * self.load.load, 5)} %  "
             f"{self.scan_rate:7.1f} scans/s  "
             f"torn {losses.torn_scans}  lost {losses.lost_scans}  malformed {losses.malformed}  "
             f"foreign {receiver.traffic.foreign}  error frames {receiver.errors.frames}  "
-            f"{status.temperatures[0]:.1f} degC  {status.supply:.2f} V"
+            f"{_known(status.temperatures[0], 0)} degC  {_known(status.supply, 0, 2)} V"
         )
 
     def picture(self) -> Group:
@@ -96,6 +98,8 @@ class Monitor:
             )
         if len(self.counts) > MOST_ROWS:
             table.add_row("...", f"{len(self.counts) - MOST_ROWS} more", "", "")
+        if not self.receiver.scans:
+            return Group(self.line(), table, "no whole scan yet; --start starts a board that stands still")
         layout = self._sensor.layout
         grid = Table(*[f"col {col}" for col in range(layout.cols)], title="newest scan [counts]")
         if layout.cols <= MOST_ROWS:
@@ -114,6 +118,11 @@ class Monitor:
         return f"0x{identifier:03X}", name
 
 
+def _known(value: float, width: int, digits: int = 1) -> str:
+    """Return a number as text, "?" when it is not known."""
+    return f"{'?':>{width}}" if math.isnan(value) else f"{value:{width}.{digits}f}"
+
+
 def run_monitor(options: argparse.Namespace) -> int:
     """Run the action; return the exit code: 0 when any frame was heard."""
     console = Console(highlight=False)
@@ -121,7 +130,7 @@ def run_monitor(options: argparse.Namespace) -> int:
         bus = open_bus(settings)
         monitor = Monitor(sensor)
         try:
-            with started(bus, sensor, options.start), contextlib.suppress(KeyboardInterrupt):
+            with started(bus, sensor, options), contextlib.suppress(KeyboardInterrupt):
                 if console.is_terminal:
                     with Live(console=console, auto_refresh=False) as live:
                         for _ in _ticks(bus, monitor, options.seconds):

@@ -54,7 +54,7 @@ def make_parser() -> argparse.ArgumentParser:
     parsers["selftest"].add_argument("--for", dest="seconds", type=positive, default=2.0, help="time of scans [s]")
     names = [command.name.lower() for command in Command]
     parsers["command"].add_argument("name", choices=names, help="the command")
-    parsers["command"].add_argument("argument", nargs="?", type=_word, default=0, help="set_rate: scan period [us]")
+    parsers["command"].add_argument("argument", nargs="?", type=_word, help="set_rate: scan period [us]")
     for name in ("record", "replay"):
         parsers[name].add_argument("file", type=Path)
     parsers["replay"].add_argument("--decode", action="store_true", help="only tell what is in it; needs no bus")

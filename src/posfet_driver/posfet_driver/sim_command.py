@@ -17,6 +17,7 @@ from posfet_driver.scene import DEFAULT_SCENE, load_scene
 from posfet_driver.sim_faults import FaultyScans
 from posfet_driver.sim_record import FORMATS, make_recorder
 from posfet_driver.simulated_board import SEED_MAX, SimulatedBoard
+from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError
 from posfet_model.scan import Scan
 from posfet_model.sensor import DEFAULT_SENSOR, load_sensor
@@ -48,7 +49,7 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         outcome = _run(options)
     except (ConfigError, OSError, ValueError) as error:
-        print(_line(error), file=sys.stderr)
+        print(_line(error, options.out), file=sys.stderr)
         return BAD_INPUT
     board = outcome.scans.board
     simulated = outcome.done / board.sensor.can.scan_rate
@@ -101,10 +102,11 @@ def _run(options: argparse.Namespace) -> _Outcome:
         raise ConfigError(f"--for: must be in (0, {LONGEST:g}], got {seconds:g}")
     if not 0 <= options.seed <= SEED_MAX:
         raise ConfigError(f"--seed: must be in [0, {SEED_MAX}], got {options.seed}")
+    namespace = checked_namespace(options.namespace)
     board = SimulatedBoard(sensor, scene, options.seed, load_imperfections(options.imperfections), full=options.full)
     scans = FaultyScans(board, options.seed)
     asked = math.ceil(seconds * sensor.can.scan_rate - 1e-6)
-    recorder = make_recorder(options.out, sensor, [item.name for item in scene.objects], options.namespace.strip("/"))
+    recorder = make_recorder(options.out, sensor, [item.name for item in scene.objects], namespace)
     scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
     done = 0
     begin = time.perf_counter()
@@ -137,9 +139,9 @@ def _progress(title: str, total: int) -> Iterator[Progress]:
         yield lambda done: bar.update(task, completed=done)
 
 
-def _line(error: Exception) -> str:
-    if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: cannot be written: {error.strerror}"
+def _line(error: Exception, out: Path) -> str:
+    if isinstance(error, OSError):  # a full disk's names no file
+        return f"{error.filename or out}: cannot be written: {error.strerror}"
     return " ".join(str(error).split())
 
 

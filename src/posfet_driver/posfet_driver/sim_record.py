@@ -74,8 +74,10 @@ class McapRecorder:
 
     def close(self) -> None:
         """Finish the file."""
-        self._writer.finish()  # type: ignore[no-untyped-call]
-        self._stream.close()
+        try:
+            self._writer.finish()  # type: ignore[no-untyped-call]
+        finally:
+            self._stream.close()
 
 
 class CsvRecorder:

@@ -1,13 +1,20 @@
-"""Words of a command line as numbers; argparse tells what is wrong with a bad one."""
+"""Words of a command line, checked."""
 
 from __future__ import annotations
 
 import argparse
 import math
+import re
+from typing import Final
+
+from posfet_model.config import ConfigError
+
+_NAMESPACE: Final = re.compile(r"(?!.*__)[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
+"""Namespaces that ROS takes, and that start with no number."""
 
 
 def positive(text: str) -> float:
-    """Return a finite number above 0, such as a time [s].
+    """Return a finite number above 0, such as a time [s]; argparse tells what is wrong with a bad one.
 
     >>> positive("2.5")
     2.5
@@ -19,3 +26,11 @@ def positive(text: str) -> float:
     if not 0 < value < math.inf:
         raise argparse.ArgumentTypeError(f"must be a number above 0, got '{text}'")
     return value
+
+
+def checked_namespace(given: str) -> str:
+    """Return a namespace without slashes around it; raise ConfigError when ROS would not take it."""
+    namespace = given.strip("/")
+    if not _NAMESPACE.fullmatch(namespace):
+        raise ConfigError(f"namespace: must be names of a-z, A-Z, 0-9 and single _ joined by '/', got '{given}'")
+    return namespace

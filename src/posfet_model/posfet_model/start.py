@@ -20,6 +20,12 @@ def end_quietly() -> None:
         signal.signal(number, lambda *_: os._exit(0))
 
 
+def end_in_order() -> None:
+    """Let Ctrl-C and SIGTERM raise KeyboardInterrupt from here on, so that what was begun is finished."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+
+
 def end_with_parent() -> None:
     """Have the kernel send Ctrl-C's signal when the process that PARENT names has ended, even if killed; Linux only."""
     parent = os.environ.pop(PARENT, "")
