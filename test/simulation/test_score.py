@@ -67,6 +67,23 @@ objects:
 """
 
 
+STRONG = """
+name: strong
+description: a ball presses with 4 N, and lifts
+temperature_degC: 25.0
+objects:
+  - name: ball
+    kind: sphere
+    radius_mm: 4.0
+    effective_modulus_MPa: 5.0
+    keyframes:
+      - {time_s: 0.5, x_mm: 0.3, y_mm: 0.2, force_N: 0.0}
+      - {time_s: 0.8, x_mm: 0.3, y_mm: 0.2, force_N: 4.0}
+      - {time_s: 1.5, x_mm: 0.3, y_mm: 0.2, force_N: 4.0}
+      - {time_s: 1.7, x_mm: 0.3, y_mm: 0.2, force_N: 0.0}
+"""
+
+
 @pytest.fixture(scope="module")
 def calibrated() -> Calibration:
     """The board of seed 1, pressed taxel by taxel."""
@@ -118,6 +135,41 @@ def test_two_that_meet_and_part_keep_their_ids(tmp_path: Path) -> None:
     score = run(Run(SENSOR, load_scene(path, SENSOR), 4.0))
     assert (score.contact_precision, score.id_switches, score.false_contacts_per_hour) == (1.0, 0, 0.0)
     assert score.contact_recall is not None and 0.5 < score.contact_recall < 1.0, "they were told apart all the time"
+
+
+def test_what_the_film_keeps_of_a_strong_touch_is_no_contact(tmp_path: Path) -> None:
+    path = tmp_path / "strong.yaml"
+    path.write_text(STRONG)
+    what = Run(SENSOR, load_scene(path, SENSOR), 4.0, 1, replace(Imperfections.none(), hysteresis=0.01))
+    found = run(what)
+    assert found.contact_precision == 1.0
+    assert found.contact_recall == 1.0
+
+
+GRAZING = """
+name: grazing
+description: a fingertip presses twenty times a second and grazes in between
+temperature_degC: 25.0
+objects:
+  - name: finger
+    kind: sphere
+    radius_mm: 3.0
+    effective_modulus_MPa: 2.0
+    path: {kind: sine, start_s: 0.5, end_s: 1.5, rise_s: 0.1, x_mm: 0.0, y_mm: 0.0, force_N: 0.5, amplitude_N: 0.499,
+           frequency_Hz: 20.0}
+"""
+
+
+def test_one_that_grazes_between_presses_is_another_contact_each_time(tmp_path: Path) -> None:
+    path = tmp_path / "grazing.yaml"
+    path.write_text(GRAZING)
+    scene = load_scene(path, SENSOR)
+    assert run(Run(SENSOR, scene, 1.6)).id_switches == 0
+    deaf = replace(SENSOR, contact=replace(SENSOR.contact, threshold=1.0))
+    scorer, reconstructor = Scorer(SENSOR), Reconstructor(deaf)
+    for scan, truth in wire_scans(SENSOR, scene, 1.6, 1):
+        scorer.add(reconstructor.process(scan), reconstructor.image(), truth)
+    assert scorer.score(0.0).detection_latency_scans == pytest.approx(47, abs=3), "presses that were never found"
 
 
 def test_slips_that_nobody_tells_or_that_are_none_are_counted() -> None:

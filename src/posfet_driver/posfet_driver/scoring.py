@@ -131,9 +131,12 @@ class Scorer:
                 self._matched.add(contact.id)
         for index, number in enumerate(numbers):
             partner = partners.get(index)
-            self._follow_id(number, partner)
             near = np.hypot(*(self._positions - centres[index]).T) <= self._reach
-            carried = float(truth.force[near].max(initial=0.0)) >= self._sensor.contact.threshold
+            felt, limits = float(truth.force[near].max(initial=0.0)), self._sensor.contact
+            carried = felt >= limits.threshold
+            if partner is None and felt < limits.threshold - limits.deadband:
+                self._lift(number)  # it still grazes, but its contact has rightly ended
+            self._follow_id(number, partner)
             self._wait_for(number, partner, carried)
             if objects.contact_forces[index] >= COMPARED and on_chip[index] and (carried or partner):
                 self._true += 1
@@ -141,9 +144,15 @@ class Scorer:
                     self._found += 1
                     self._distances.append(math.dist(partner.region.centre_of_pressure, centres[index]))
         for gone in (self._ids.keys() | self._waiting.keys()) - set(numbers):
-            self._ids.pop(gone, None)
-            self._waiting.pop(gone, None)
+            self._lift(gone)
         return {numbers[index]: contact.id for index, contact in partners.items()}
+
+    def _lift(self, number: int) -> None:
+        """Take note that an object presses no more: when it does again, that is another contact."""
+        self._ids.pop(number, None)
+        waited = self._waiting.pop(number, 0)
+        if waited > 0:
+            self._latencies.append(waited)  # it was never found
 
     def _on_chip(self, centre: Sequence[float]) -> bool:
         return abs(centre[0]) <= self._half[0] and abs(centre[1]) <= self._half[1]
