@@ -189,6 +189,16 @@ def test_a_held_force_stays_a_contact_when_it_is_hardly_known_and_ends_when_it_i
     assert not finder.find(forces)
 
 
+def test_what_a_film_keeps_of_a_strong_touch_is_no_contact_and_is_forgotten() -> None:
+    finder = ContactFinder(SENSOR)
+    forces = np.zeros(LAYOUT.taxels)
+    for newton, blocks, contacts in ((2.0, 1, 1), (0.03, 2, 0), (0.05, 1, 1), (0.03, 1, 0), (0.03, 250, 1)):
+        forces[12] = newton
+        for _ in range(blocks):
+            found = find(forces, finder=finder)
+        assert len(found) == contacts, (newton, blocks)
+
+
 def test_unusable_taxels_are_in_no_contact() -> None:
     finder = ContactFinder(SENSOR)
     usable = np.ones(LAYOUT.taxels, np.bool_)

@@ -125,6 +125,20 @@ def test_two_that_come_together_become_one_and_are_told_apart_again() -> None:
     assert np.count_nonzero(np.diff(counts)) == 2
 
 
+@pytest.mark.parametrize(("valley", "contacts"), [(0.7, 2), (0.87, 1)])
+def test_regions_that_grow_together_stay_two_only_with_a_valley(valley: float, contacts: int) -> None:
+    """A pad that begins to touch at two places is one contact, two fingertips are two."""
+    shape = np.outer((0.0, 0.5, 1.0, 0.5, 0.0), (0.6, 1.0, valley, 1.0, 0.6)).reshape(-1)
+    finder = ContactFinder(SENSOR)
+    regions: list[Region] = []
+    counts = []
+    for force in (0.021, 0.022, 0.025, 0.03, 0.04, 0.045, 0.06, 0.1, 0.3, 0.3, 0.06, 0.03):
+        regions = measure(finder, force * shape, regions)
+        counts.append(len(regions))
+    assert counts[:6] == [2] * 6
+    assert set(counts[7:]) == {contacts}
+
+
 def test_one_that_lifts_beside_another_leaves_one_in_its_place() -> None:
     finder = ContactFinder(SENSOR)
     regions: list[Region] = []

@@ -33,6 +33,9 @@ HELD: Final = 0.5
 LATELY: Final = 0.996
 """Share of that which is remembered from one `adapt` to the next [1]: 5 s of blocks of 20 ms."""
 
+LEFT: Final = 0.02
+"""Share of a force that the film's loops may leave behind when it has gone [1], assumed: no contact is told by less."""
+
 
 class Region(NamedTuple):
     """One connected region that is touched, in the frame of the array."""
@@ -56,6 +59,8 @@ class Region(NamedTuple):
     major_axis: tuple[float, float]
     minor_axis: tuple[float, float]
     """Principal axes of the force distribution, each as long as one standard deviation [m]."""
+    told_apart: bool = False
+    """A valley told it from others in the same connected region."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,12 +161,12 @@ class ContactFinder:
         Taxels that are not `usable` are left out of contacts; None: all are usable.
         """
         deviation = np.sqrt(variance + common_variance)
-        np.maximum(force, LATELY * self._lately, out=self._lately)
-        self._lately[~self._touched] = 0.0
-        np.maximum(self._threshold, ENTER_DEVIATIONS * deviation, out=self._enter)
+        np.fmax(force, LATELY * self._lately, out=self._lately)
+        left = LEFT * self._lately
+        np.maximum(np.maximum(self._threshold, left), ENTER_DEVIATIONS * deviation, out=self._enter)
         np.multiply(deviation, STAY_DEVIATIONS, out=self._floor)
         np.minimum(self._floor, HELD * self._lately, out=self._floor, where=self._touched)
-        np.maximum(self._stay_threshold, self._floor, out=self._stay)
+        np.maximum(np.maximum(self._stay_threshold, left), self._floor, out=self._stay)
         if usable is not None:
             for limit in (self._enter, self._stay, self._floor):
                 limit[~usable] = math.inf
@@ -187,10 +192,12 @@ class ContactFinder:
     def measure(self, regions: Sequence[Footprint], taxels: Taxels, before: Sequence[Region] = ()) -> list[Region]:
         """Measure the regions that `find` returned.
 
-        `before` are the contacts of the scan before: a region that holds several of them, or a valley, becomes several.
+        `before` are the contacts of the scan before: a region that holds several of them, told apart by a valley, or
+        that shows one now, becomes several.
         """
         found: list[Region] = []
         self.patches.clear()
+        np.fmax(self._lately, taxels.force, out=self._lately)
         for footprint in regions:
             listed = self._listed(footprint, taxels)
             if not listed:
@@ -202,14 +209,18 @@ class ContactFinder:
             weight = np.where(above, force, 0.0)
             variance = taxels.variance_of_sum(footprint, above)
             patch = _Patch(footprint, weight, variance, float(force[force.argmax()]), taxels)
-            places: Places = [contact.centre_of_pressure for contact in before if contact.bits & bits]
-            whole, rounds = None, ROUNDS
-            if len(places) < 2:
+            known = [contact for contact in before if contact.bits & bits]
+            places: Places = [contact.centre_of_pressure for contact in known]
+            whole, rounds, told = None, ROUNDS, True
+            if len(known) < 2 or not all(contact.told_apart for contact in known):
                 whole = self._measure(patch, weight, listed, bits)
-                places, rounds = self._peaks(whole, patch), FIRST_ROUNDS
-            shares = self._separator.shares(places, footprint, weight, rounds) if places else None
+                peaks = self._peaks(whole, patch, len(known) > 1)
+                told = len(known) < 2 or len(peaks) >= len(known) or not self._too_weak_to_tell(known, patch)
+                if told and len(peaks) != len(known):
+                    places, rounds = peaks, FIRST_ROUNDS
+            shares = self._separator.shares(places, footprint, weight, rounds) if len(places) > 1 else None
             if shares is not None:
-                found += self._parts(patch, shares, listed)
+                found += self._parts(patch, shares, listed, told)
             else:
                 found.append(whole or self._measure(patch, weight, listed, bits))
         return found
@@ -223,20 +234,28 @@ class ContactFinder:
         # Felt by a noisy taxel: a touch is felt by its neighbours, too.
         return footprint.wide & ~taxels.unlisted & self._bitmap.pack(taxels.force > self._floor)
 
-    def _peaks(self, whole: Region, patch: _Patch) -> Places:
+    def _peaks(self, whole: Region, patch: _Patch, were_apart: bool) -> Places:
         """Return where the contacts of a region may be, by its valleys; empty when it is one."""
         if math.hypot(*whole.major_axis) < self._separator.long:
             return []
-        return self._separator.peaks(patch.footprint, patch.taxels.force, patch.taxels.guessed)
+        return self._separator.peaks(patch.footprint, patch.taxels.force, patch.taxels.guessed, were_apart)
 
-    def _parts(self, patch: _Patch, shares: NDArray[np.float64], listed: int) -> list[Region]:
+    def _too_weak_to_tell(self, known: Sequence[Region], patch: _Patch) -> bool:
+        """Return whether there may be a valley between contacts that were apart before, though none is seen."""
+        guessed, taxels = patch.taxels.guessed, patch.footprint.region.taxels
+        weakest = min([contact.peak_pressure for contact in known]) * self._taxel_area
+        return weakest < self._separator.telling or (guessed is not None and bool(guessed[taxels].any()))
+
+    def _parts(self, patch: _Patch, shares: NDArray[np.float64], listed: int, told: bool) -> list[Region]:
         """Measure the contacts of one region by their shares; each taxel is listed with the one that has most of it."""
         owners = shares.argmax(axis=0).tobytes()
         outlines = self._footprints.parts(patch.footprint.wide, listed, len(shares), owners)
         parts = zip(shares * patch.weight, outlines, strict=True)
-        return [self._measure(patch, weight, bits, bits) for weight, bits in parts if bits]
+        return [self._measure(patch, weight, bits, bits, told) for weight, bits in parts if bits]
 
-    def _measure(self, patch: _Patch, weight: NDArray[np.float64], listed: int, bits: int) -> Region:
+    def _measure(
+        self, patch: _Patch, weight: NDArray[np.float64], listed: int, bits: int, told: bool = False
+    ) -> Region:
         """Measure a contact by what of the members' force is its own [N], shape [members], and its taxels.
 
         These are given as bits: those that it lists, and all of them.
@@ -262,4 +281,5 @@ class ContactFinder:
             math.nan if bounded or highest > peak else peak / self._taxel_area,
             major,
             minor,
+            told,
         )

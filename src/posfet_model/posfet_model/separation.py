@@ -4,7 +4,8 @@ Two fingertips two pitches apart show a valley only while each is above a taxel 
 taxels in a row read the same. So a region is *split* where it has peaks with a valley between them that is deep enough,
 and it *stays split* as long as the peaks followed from scan to scan stay apart: each taxel's force is shared among them
 as a mixture of Gaussians of the cover's width has it, and the centres are those of the shares (expectation and
-maximisation: A. P. Dempster et al., J. R. Stat. Soc. B 39, 1, 1977).
+maximisation: A. P. Dempster et al., J. R. Stat. Soc. B 39, 1, 1977). Regions that grow together stay split, too, until
+they press hard enough for a valley to show; then only if there is one.
 """
 
 from __future__ import annotations
@@ -23,6 +24,10 @@ from posfet_model.surroundings import Surroundings
 
 VALLEY: Final = 0.6
 """A valley is at most this share of the lower of its two peaks [1]: left of wrong gains, rods and pads have none."""
+
+SHALLOW: Final = 0.8
+"""The same, and half as deep at least, for contacts that were regions of their own before [1]: a pad, too, may begin to
+touch at two places, but soon has no valley."""
 
 NEAREST: Final = 1.25
 """Peaks that come nearer to each other than this become one [pitch]."""
@@ -61,15 +66,24 @@ class Separator:
         self._neighbours = [[other for other in row if other < layout.taxels] for row in self._around.tolist()]
         self._padded = np.full(layout.taxels + 1, -np.inf)
         self._width = [spread * spread + pitch * pitch / 12.0 for pitch in (layout.pitch_x, layout.pitch_y)]
+        self.telling = 0.5 * threshold / (1.0 - SHALLOW)
+        """Force of a taxel from which a peak that has no shallow valley beside it has none [N]."""
         self.long = math.sqrt(max(self._width) + LONG * self._pitch**2)
         """Length of the major axis from which a region may hold several contacts [m]."""
 
-    def peaks(self, footprint: Footprint, force: NDArray[np.float64], estimated: NDArray[np.bool_] | None) -> Places:
+    def peaks(
+        self,
+        footprint: Footprint,
+        force: NDArray[np.float64],
+        estimated: NDArray[np.bool_] | None,
+        were_apart: bool = False,
+    ) -> Places:
         """Return the places [m] of a region's peaks that valleys tell apart; empty when there are not several.
 
         `force` [N] is that of all taxels. One that is `estimated` is no valley: what lies around it is taken for one
-        hill.
+        hill. Where there `were_apart` several regions before, a shallow valley will do.
         """
+        valley, depth = (SHALLOW, 0.5 * self._threshold) if were_apart else (VALLEY, self._threshold)
         taxels = footprint.region.taxels
         if len(taxels) > LARGEST or (estimated is None and self._has_one_peak(taxels, force)):
             return []
@@ -87,7 +101,7 @@ class Separator:
             if not near:
                 height[taxel] = values[taxel]
             for peak in near - {highest}:
-                if values[taxel] > VALLEY * height[peak] or height[peak] - values[taxel] < self._threshold:
+                if values[taxel] > valley * height[peak] or height[peak] - values[taxel] < depth:
                     del height[peak]
                     hill.update({member: highest for member, of in hill.items() if of == peak})
         if len(height) < 2 or self._is_hole(footprint.members, force):
