@@ -24,6 +24,7 @@ def section(**values: Any) -> Section:
         (lambda s: s.whole("x", 0, 9), 9, 9),
         (lambda s: s.flag("x"), False, False),
         (lambda s: s.text("x"), "", ""),
+        (lambda s: s.text("x"), "F\u00fcgel\n", "F\u00fcgel"),
         (lambda s: s.text("x", ("a", "b")), "b", "b"),
         (lambda s: s.section("x").whole("y", 0, 1), {"y": 1}, 1),
         (lambda s: [part.whole("y", 0, 9) for part in s.sections("x")], [{"y": 1}, {"y": 2}], [1, 2]),
@@ -69,7 +70,15 @@ def test_a_default_stands_in_for_a_missing_key(read: Callable[[Section], Any], r
         (lambda s: s.whole("x", 0, 9), 1.0, "part.x: must be a whole number in [0, 9], got 1.0"),
         (lambda s: s.whole("x", 0, 9), True, "part.x: must be a whole number in [0, 9], got True"),
         (lambda s: s.flag("x"), "yes", "part.x: must be true or false, got 'yes'"),
+        (lambda s: s.number("x", 0, 1), 10**400, f"part.x: must be a number in [0, 1], got 1{'0' * 56}..."),
+        (
+            lambda s: s.numbers("x", 1, 0, 1),
+            [-(10**400)],
+            f"part.x: must be a list of 1 numbers in [0, 1], got -1{'0' * 55}...",
+        ),
         (lambda s: s.text("x"), 1, "part.x: must be text, got 1"),
+        (lambda s: s.text("x"), "a\nb", r"part.x: must be one line of plain text, got 'a\nb'"),
+        (lambda s: s.text("x"), "a\x1b[0m", r"part.x: must be one line of plain text, got 'a\x1b[0m'"),
         (lambda s: s.text("x", ("a", "b")), "c", "part.x: must be one of a, b, got 'c'"),
         (lambda s: s.section("x"), 1, "part.x: must be a mapping of keys to values, got 1"),
         (lambda s: s.sections("x"), {}, "part.x: must be a list of mappings, got {}"),
@@ -104,6 +113,13 @@ def test_a_key_that_nobody_took_is_refused_with_the_known_ones() -> None:
     part = section(x=1, extra=2)
     part.whole("x", 0, 9)
     with pytest.raises(ConfigError, match=r"^file\.yaml: part\.extra: unknown key, known here are x$"):
+        part.end()
+
+
+def test_a_key_that_was_asked_for_is_known_though_it_is_not_there() -> None:
+    part = section(speed=3)
+    assert "period" not in part
+    with pytest.raises(ConfigError, match=r"part.speed: unknown key, known here are period$"):
         part.end()
 
 

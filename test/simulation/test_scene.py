@@ -175,7 +175,7 @@ def test_the_scenes_that_are_promised_are_shipped() -> None:
     [
         ("name: good\n", "", "name: missing, must be text"),
         ("name: good", "name: 3", "name: must be text, got 3"),
-        ("name: good", "name: good\nspeed: 2", "speed: unknown key"),
+        ("name: good", "name: good\nspeed: 2", "speed: unknown key, known here are .*period_s, .*cover_thickness_mm"),
         ("name: good", "name: good\nname: good", "key 'name' is given twice"),
         ("description: a ball presses and lifts\n", "", "description: missing"),
         ("period_s: 2.0", "period_s: 0", r"period_s: must be a number in \(0, 1e\+06\), got 0"),

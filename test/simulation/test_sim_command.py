@@ -13,6 +13,7 @@ import pytest
 from posfet_driver.imperfections import Imperfections
 from posfet_driver.message_definitions import message_fields, schema_text
 from posfet_driver.scene import load_scene
+from posfet_driver.scene.read import SCENE_FOLDER
 from posfet_driver.sim_command import BAD_INPUT, INTERRUPTED, main
 from posfet_driver.sim_faults import FaultyScans
 from posfet_driver.simulated_board import SimulatedBoard
@@ -223,6 +224,15 @@ def test_a_full_disk_is_told_with_the_files_name(
     path.symlink_to("/dev/full")
     assert main([SCENE, "--out", str(path), "--for", "0.5"]) == BAD_INPUT
     assert capsys.readouterr().err == f"{path}: cannot be written: No space left on device\n"
+
+
+def test_names_of_any_language_are_written(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.yaml"
+    shipped = (SCENE_FOLDER / f"{SCENE}.yaml").read_text(encoding="utf-8")
+    scene.write_text(shipped.replace("name: lower", "name: Fu\u00df"), encoding="utf-8")
+    path = tmp_path / "run.csv"
+    assert main([str(scene), "--out", str(path), "--for", "0.01"]) == 0
+    assert "Fu\u00df".encode() in path.read_bytes()
 
 
 def test_a_terminal_gets_a_bar(

@@ -177,7 +177,6 @@ def load_imperfections(name: str | Path) -> Imperfections:
     changes: dict[str, Any] = {}
     for title in dict.fromkeys(key.section for key in KEYS):
         if title not in top:
-            top.text(title, default="")  # makes the name known to the message about unknown keys
             continue
         section = top.section(title)
         for key in (key for key in KEYS if key.section == title):
@@ -186,8 +185,6 @@ def load_imperfections(name: str | Path) -> Imperfections:
                 changes[key.attribute] = section.flag(key.name, default=present)
             elif key.name in section:
                 changes[key.attribute] = section.number(key.name, key.low, key.high) * key.scale
-            else:
-                section.number(key.name, default=0.0)
         section.end()
     top.end()
     return replace(base, **changes)

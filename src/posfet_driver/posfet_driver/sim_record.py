@@ -86,7 +86,7 @@ class CsvRecorder:
     def __init__(self, path: Path, sensor: Sensor, objects: Sequence[str]) -> None:
         """Make the file; `objects` are the names of the scene's."""
         layout = sensor.layout
-        self._stream = path.open("w", newline="", encoding="ascii")
+        self._stream = path.open("w", newline="", encoding="utf-8")
         self._writer = csv.writer(self._stream, lineterminator="\n")
         self._writer.writerow(
             ["stamp_s", "raw_sequence", "device_time_us", "status"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -51,7 +52,7 @@ class Section:
         if not isinstance(value, dict):
             raise self.error("", f"must be a mapping of keys to values, got {_shown(value)}")
         self._values: dict[str, object] = dict(value)
-        self._known: list[str] = []
+        self._known: dict[str, None] = {}  # in order
 
     def error(self, name: str, reason: str) -> ConfigError:
         """Return the error for key `name` of this section ('' for the section itself)."""
@@ -59,6 +60,7 @@ class Section:
         return ConfigError(f"{self.source}: {path}: {reason}" if path else f"{self.source}: {reason}")
 
     def __contains__(self, name: str) -> bool:
+        self._known[name] = None
         return name in self._values
 
     def names(self) -> list[str]:
@@ -66,7 +68,7 @@ class Section:
         return list(self._values)
 
     def _take(self, name: str, default: object, expected: str) -> object:
-        self._known.append(name)
+        self._known[name] = None
         if name in self._values:
             return self._values.pop(name)
         if default is _REQUIRED:
@@ -99,7 +101,7 @@ class Section:
     ) -> float:
         if isinstance(value, str) and _reads_as_number(value):
             raise self.error(name, f"must be {expected}, got the text '{value}' (YAML wants a point: 1.0e-3)")
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
             raise self.error(name, f"must be {expected}, got {_shown(value)}")
         if not (low < value < high if exclusive else low <= value <= high):
             raise self.error(name, f"must be {expected}, got {value:g}")
@@ -131,12 +133,14 @@ class Section:
         return value
 
     def text(self, name: str, choices: Sequence[str] = (), *, default: object = _REQUIRED) -> str:
-        """Take a text; one of `choices` when any are given."""
+        """Take a text of one line, without the spaces around it; one of `choices` when any are given."""
         expected = f"one of {', '.join(choices)}" if choices else "text"
         value = self._take(name, default, expected)
         if not isinstance(value, str) or (choices and value not in choices):
             raise self.error(name, f"must be {expected}, got {_shown(value)}")
-        return value
+        if not value.strip().isprintable():
+            raise self.error(name, f"must be one line of plain text, got {_shown(value)}")
+        return value.strip()
 
     def section(self, name: str) -> Section:
         """Take a mapping."""
