@@ -131,14 +131,15 @@ class LeakWatch:
                 self._since = 0.0
                 self._fit(through.nonzero()[0], points, scans)
 
-    def learn(self, touched: Mask) -> Array | None:
+    def learn(self, touched: Mask, told: Array) -> Array | None:
         """Take what was found into the time constants, and set the doubt that is left of the forces that touch.
 
+        told is what leaked [N] since each touch began and is known otherwise but for what each taxel has alone.
         Return by what the forces change [N], as what leaked was counted with other time constants; None: nothing new.
         """
         change = self._learn(touched) if self._fresh else None
         leaked = np.where(touched, self._leaked - self._base, 0.0)
-        np.multiply(leaked, self.shared_deviation, out=self.shared_error)
+        np.multiply(np.where(touched, leaked - told, 0.0), self.shared_deviation, out=self.shared_error)
         np.multiply(leaked, self.own_deviation, out=self.variance)
         self.variance *= self.variance
         self.variance += self.shared_error**2

@@ -307,11 +307,12 @@ class ForceObserver:
             self.force[begun] += self._zeros.undo(begun)
             self._zeros.variance[begun] += self._jumped[begun]
             leaks.begin(begun, self._leaked)
+            self._warming.begin(begun)
         if touched.any():
             if not self.film.quiet:
                 leaks.forget()  # the film's charge leaks, too, and is not known as well as a window needs
             leaks.take(self._elapsed, self._scans, mean, self._leaked, touched & self._was_touched)
-            change = leaks.learn(touched)
+            change = leaks.learn(touched, self._warming.told_leak)
             if change is not None:
                 self.force += change
                 self._leak.forget()

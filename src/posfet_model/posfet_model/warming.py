@@ -33,6 +33,8 @@ class Warming:
         """By how much the film was taken for warmer since the start [K]; to be written to."""
         self._before = 0.0  # the same when the block began
         self._unleaked = np.zeros(len(per_kelvin))
+        self._gone_before = np.zeros(len(per_kelvin))  # what had leaked of the warmth when a touch began [K]
+        self._gone_told = np.zeros(len(per_kelvin))  # and when the taxels told the temperature last
         self._typical = abs(float(np.sort(per_kelvin)[len(per_kelvin) // 2]))
         self._share = uneven
         self._recorded = recorded
@@ -44,8 +46,7 @@ class Warming:
     @property
     def common_variance(self) -> float:
         """Variance of the forces [N2] that all taxels share: what is not known of the film, unless the taxels tell."""
-        # A taxel that does not answer shows no warmth either, and without calibration it is not known to be one.
-        return 0.0 if self.common.told and self._recorded else self.film_variance
+        return 0.0 if self._told else self.film_variance
 
     @property
     def film_variance(self) -> float:
@@ -57,6 +58,25 @@ class Warming:
         """Variance [N2] that each taxel has alone since the last correction."""
         # Until the next one the uneven part of a warming adds up, as it did in the last block.
         return (2.0 * self.uneven) ** 2 + self._share**2 * self.film_variance
+
+    @property
+    def _told(self) -> bool:
+        # A taxel that does not answer shows no warmth either, and without calibration it is not known to be one.
+        return self.common.told and self._recorded
+
+    @property
+    def told_leak(self) -> NDArray[np.float64]:
+        """What leaked since a touch began of the charge of warmth, as far as the taxels told it together [N].
+
+        What is not known of the leak that all share makes no error of it: the others would show it.
+        """
+        leaked: NDArray[np.float64] = (self._gone_told - self._gone_before) * self.per_kelvin
+        return leaked
+
+    def begin(self, where: NDArray[np.bool_]) -> None:
+        """Take note that the masked taxels begin to be touched."""
+        gone = self.warmth - self._unleaked[where]
+        self._gone_before[where] = self._gone_told[where] = gone
 
     @property
     def left(self) -> NDArray[np.float64]:
@@ -73,6 +93,8 @@ class Warming:
         self._before = self.warmth
         self._unleaked += change
         self._unleaked *= np.exp(-elapsed / tau)
+        if touched and self._told:
+            np.subtract(self.warmth, self._unleaked, out=self._gone_told)
         if touched:
             # Nothing is corrected: what counts is how far the film is from where it was before.
             before, self._swing = self._swing, max(self._swing, self.common.since_touch)
