@@ -1,6 +1,7 @@
 """Taxels that do not work, found while the array runs, and found again when they do.
 
-- Stuck: the counts stay the same although noise must move them, or although a charge so far from the zero would leak.
+- Stuck: the counts stay the same although noise must move them, or although a charge so far from the zero would leak,
+  or at the end of the range while no neighbour feels anything.
 - Noisy: the second differences of the counts are far above the noise described, that of most taxels, and what any
   neighbour shows. A touch is felt by the neighbours too: the cover spreads it.
 - Dead: the taxel reads next to nothing while all around it tells that it is pressed.
@@ -65,7 +66,8 @@ class WatchSettings:
     confirm: float = 0.2
     """A taxel is noisy once it has been so for this long; also the memory of the noise found [s]."""
     confirm_dead: float = 0.1
-    """A taxel is dead once it has read nothing under load for this long [s]."""
+    """A taxel is dead once it has read nothing under load for this long, and stuck once it alone has been at the end of
+    its range for this long [s]."""
     heal: float = 1.0
     """A stuck or noisy taxel is taken back after it has been well for this long [s]."""
     noisy: float = 3.0
@@ -200,8 +202,19 @@ class TaxelWatch:
         silent = (self._run >= self._run_limit) & ~saturated
         # A held charge that does not leak would be a force that grows evenly, to within the noise.
         impossible = np.abs(leaking) * (self._run_time / self._tau) > 0.5 * self._force_max
-        impossible = np.where(saturated, self._run_time > self._settings.leaked * self._tau, impossible)
+        if saturated.any():
+            impossible = np.where(saturated, self._run_time > self._saturated_for(leaking), impossible)
         return silent | impossible, changed
+
+    def _saturated_for(self, leaking: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return for how long a working taxel may stay at the end of its range [s].
+
+        Until its charge has leaked; a moment, where no neighbour feels what would have to press it.
+        """
+        s = self._settings
+        around = self.surroundings.loudest_neighbour(np.where(self.bad, 0.0, np.abs(leaking)))
+        alone = (around < self._force_max / s.neighbours) & np.isfinite(around) & self._felt_around
+        return np.where(alone, s.confirm_dead, s.leaked * self._tau)
 
     def _judge_noise(
         self,
