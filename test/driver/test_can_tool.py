@@ -98,8 +98,17 @@ def test_monitor_shows_identifiers_rates_and_scans(virtual: list[str], capsys: p
 def test_monitor_of_a_silent_bus_fails(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["monitor", "-i", "virtual", "-c", uuid.uuid4().hex, "--for", "0.05"]) == 1
     out = capsys.readouterr().out
-    assert "no whole scan yet" in out
+    assert "no frame yet" in out
     assert "nan" not in out
+
+
+def test_monitor_of_a_board_that_stands_still_shows_no_scan(
+    virtual: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["monitor", "--for", "0.3", *virtual]) == 0
+    out = capsys.readouterr().out
+    assert "no whole scan yet" in out
+    assert "newest scan" not in out
 
 
 def test_an_emulated_board_is_started(capsys: pytest.CaptureFixture[str]) -> None:

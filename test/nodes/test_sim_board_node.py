@@ -203,12 +203,15 @@ def test_behind_an_adapter_it_speaks_frames_and_tells_the_truth(spin, tmp_path: 
     assert not link.exists()
 
 
-def test_an_adapter_that_cannot_be_linked_is_said_so(spin, tmp_path: Path) -> None:
+def test_an_adapter_that_cannot_be_linked_is_said_so(spin, tmp_path: Path, capfd) -> None:
     taken = tmp_path / "file"
     taken.touch()
     node = make_board(spin, adapter_link=str(taken))
     with pytest.raises(ConfigError, match=f"{taken}: the adapter cannot be linked here: there is something else"):
         node.start()
+    assert str(taken) not in capfd.readouterr().err  # the one who started it tells, once
+    node.trigger_configure()
+    assert f"{taken}: the adapter cannot be linked here" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

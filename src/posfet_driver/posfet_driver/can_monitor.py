@@ -98,6 +98,8 @@ class Monitor:
             )
         if len(self.counts) > MOST_ROWS:
             table.add_row("...", f"{len(self.counts) - MOST_ROWS} more", "", "")
+        if not self.counts:
+            return Group(self.line(), "no frame yet: check adapter, cable, bitrate and the board's power")
         if not self.receiver.scans:
             return Group(self.line(), table, "no whole scan yet; --start starts a board that stands still")
         layout = self._sensor.layout

@@ -63,6 +63,7 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         self._stop = threading.Event()
         self._active = False
         self._begun = False
+        self._starting = False
         self._failure = ""
         self._said = ""
         self._watch = FaultWatch()
@@ -80,7 +81,10 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         """
         if not self.parameters["autostart"]:
             return
-        if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
+        self._starting = True
+        configured = self.trigger_configure()
+        self._starting = False
+        if configured != TransitionCallbackReturn.SUCCESS:
             raise ConfigError(f"{self.get_fully_qualified_name()}: {self._failure}")
         self.trigger_activate()
 
@@ -108,7 +112,8 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
             self.source.open()
         except (ConfigError, SourceError) as error:
             self._failure = str(error)
-            self.get_logger().error(self._failure)
+            if not self._starting:  # else the caller of `start` is told
+                self.get_logger().error(self._failure)
             return TransitionCallbackReturn.FAILURE
         self._reported = (self.source.report().scans, time.monotonic_ns())
         self._stop.clear()
