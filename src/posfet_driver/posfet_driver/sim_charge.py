@@ -68,12 +68,6 @@ class TaxelCharge:
         self._rate: Float64Array
         self._wake_up(np.full((layout.rows, layout.cols), full, np.bool_))
 
-    def all_charge(self) -> Float64Array:
-        """Return the charge density of every taxel [C/m2], shape [rows * cols]."""
-        self._all_charge[self.awake] = self.charge
-        result: Float64Array = self._all_charge.copy()
-        return result
-
     def wake(self, patches: Sequence[Patch]) -> None:
         """Wake the taxels that something is about to press on, or did until now, and their neighbours."""
         changed, self._patches = (*self._patches, *patches), tuple(patches)

@@ -7,9 +7,3 @@ VACUUM_PERMITTIVITY: Final = 8.8541878188e-12
 
 BOLTZMANN: Final = 1.380649e-23
 """Boltzmann constant [J/K], exact in the SI of 2019."""
-
-ELEMENTARY_CHARGE: Final = 1.602176634e-19
-"""Elementary charge [C], exact in the SI of 2019."""
-
-ZERO_CELSIUS: Final = 273.15
-"""0 degC on the Kelvin scale [K]."""
