@@ -215,6 +215,30 @@ def test_an_empty_recording_is_no_recording(tmp_path: Path, suffix: str, capsys:
         assert capsys.readouterr().err == f"posfet can replay: {file}: no frame is in it\n"
 
 
+def test_frames_that_no_bus_can_carry_and_times_that_cannot_be_are_told_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "bus.log"
+    for line, error in (
+        ("(nan) can0 123#11", f"{file}: times must be in [0, 1e+11] s, got nan"),
+        ("(1e300) can0 123#11", f"{file}: times must be in [0, 1e+11] s, got 1e+300"),
+        ("(2.0) can0 123##1" + "00" * 70, "frame at 2.000000 s cannot be sent: "),
+    ):
+        file.write_text(f"(1.0) can0 123#11\n{line}\n", encoding="ascii")
+        assert main(["replay", str(file), "--speed", "100", *EMULATOR]) == 1
+        told = capsys.readouterr().err
+        assert told.startswith(f"posfet can replay: {error}")
+        assert told.count("\n") == 1
+
+
+def test_monitor_shows_no_table_that_does_not_fit(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["monitor", "--for", "0.5", "-s", "posfet_16x16", *EMULATOR]) == 0
+    assert "the terminal needs 129 columns" in capsys.readouterr().out
+
+
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs /dev/full")
 @pytest.mark.parametrize("suffix", ["log", "asc", "blf"])
 def test_a_full_disk_is_told_with_the_files_name(

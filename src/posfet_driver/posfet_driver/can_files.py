@@ -39,6 +39,8 @@ _BROKEN: Final = (
 )
 """What python-can's readers let out when a file is not what it seems."""
 _BLF: Final = b"LOGG"
+LATEST: Final = 1e11
+"""Latest time of a frame [s], after 1970 or after the begin of the recording."""
 POLL: Final = 0.1
 """Longest wait for a frame [s]."""
 
@@ -93,7 +95,10 @@ def messages(file: Path) -> Iterator[can.Message]:
                 if start.read(len(_BLF)) != _BLF:
                     raise ConfigError(f"{file}: not a recording of its format")
         with can.LogReader(str(file)) as reader:
-            yield from reader
+            for message in reader:
+                if not 0 <= message.timestamp <= LATEST:
+                    raise ConfigError(f"{file}: times must be in [0, {LATEST:g}] s, got {message.timestamp:g}")
+                yield message
             wanted = getattr(reader, "file_size", 0)  # what a BLF file says of itself
             if file.stat().st_size < wanted:
                 raise ConfigError(f"{file}: cut off after {file.stat().st_size} of {wanted} bytes")
@@ -142,12 +147,20 @@ def run_replay(options: argparse.Namespace) -> int:
                 if wait > 0:
                     time.sleep(wait)
                 if not message.is_error_frame:
-                    bus.send(message, timeout=POLL)
+                    _send(bus, message)
                     frames += 1
         finally:
             bus.shutdown()
     console.print(f"{frames} frames sent")
     return 0
+
+
+def _send(bus: can.BusABC, message: can.Message) -> None:
+    """Send a frame. Raises can.CanError, one line, for one that the bus cannot carry, too."""
+    try:
+        bus.send(message, timeout=POLL)
+    except ValueError as error:
+        raise can.CanOperationError(f"frame at {message.timestamp:.6f} s cannot be sent: {one_line(error)}") from error
 
 
 def _all(first: can.Message, rest: Iterator[can.Message]) -> Iterator[Any]:

@@ -28,6 +28,8 @@ PERIOD: Final = 1.0
 SHORTEST: Final = 0.1
 """Time for which a rate says anything [s]."""
 MOST_ROWS: Final = 24
+COLUMN: Final = 8
+"""Width of one column of counts."""
 _NAMES: Final = {0: "Command", 1: "Response", 2: "Status", FD_BLOCK_OFFSET: "ScanBlockFd"}
 
 
@@ -89,8 +91,8 @@ class Monitor:
             f"{_known(status.temperatures[0], 0)} degC  {_known(status.supply, 0, 2)} V"
         )
 
-    def picture(self) -> Group:
-        """Return the state as tables: every identifier, and the newest scan."""
+    def picture(self, width: int) -> Group:
+        """Return the state as tables for a terminal of that many columns: every identifier, and the newest scan."""
         table = Table("identifier", "message", "frames", "rate [1/s]")
         for key in sorted(self.counts)[:MOST_ROWS]:
             table.add_row(
@@ -103,10 +105,14 @@ class Monitor:
         if not self.receiver.scans:
             return Group(self.line(), table, "no whole scan yet; --start starts a board that stands still")
         layout = self._sensor.layout
+        counts = self.receiver.scan.counts
+        needed = COLUMN * layout.cols + 1
+        if needed > width:
+            told = f"newest scan: {counts.min()} to {counts.max()} counts; the terminal needs {needed} columns for all"
+            return Group(self.line(), table, told)
         grid = Table(*[f"col {col}" for col in range(layout.cols)], title="newest scan [counts]")
-        if layout.cols <= MOST_ROWS:
-            for row in self.receiver.scan.counts.reshape(layout.rows, layout.cols):
-                grid.add_row(*[str(count) for count in row])
+        for row in counts.reshape(layout.rows, layout.cols):
+            grid.add_row(*[str(count) for count in row])
         return Group(self.line(), table, grid)
 
     def _name(self, identifier: int, kind: int) -> tuple[str, str]:
@@ -136,14 +142,14 @@ def run_monitor(options: argparse.Namespace) -> int:
                 if console.is_terminal:
                     with Live(console=console, auto_refresh=False) as live:
                         for _ in _ticks(bus, monitor, options.seconds):
-                            live.update(monitor.picture(), refresh=True)
+                            live.update(monitor.picture(console.width), refresh=True)
                 else:
                     for _ in _ticks(bus, monitor, options.seconds):
                         console.print(monitor.line(), soft_wrap=True)
         finally:
             bus.shutdown()
     if not console.is_terminal:
-        console.print(monitor.picture())
+        console.print(monitor.picture(console.width))
     return 0 if monitor.counts else 1
 
 

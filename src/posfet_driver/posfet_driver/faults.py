@@ -113,7 +113,7 @@ FAULTS: Final = {
             "late frames",
             _WARN,
             "frames came after their scan was given up",
-            "the board or a gateway must keep the order of scans",
+            "the board or a gateway must keep the order of scans; look for a second board of this base_id",
         ),
         Fault(
             "reordered frames",
