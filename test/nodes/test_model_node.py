@@ -434,4 +434,7 @@ def test_calibrations_are_saved_loaded_and_refused_in_one_line(bench: Bench, tmp
     assert "another layout" in answer.message
     with pytest.raises(ConfigError, match="another layout"):
         bench.model(calibration_file=str(path))
-    assert not call(bench, CalibrationFile, "calibration/save", path=str(tmp_path / "no" / "cal.yaml")).success
+    for action, bad in (("save", tmp_path / "no" / "cal.yaml"), ("save", ""), ("save", "/dev/null"), ("load", "")):
+        answer = call(bench, CalibrationFile, f"calibration/{action}", path=str(bad))
+        assert not answer.success
+        assert answer.message.count("cannot be") == 1

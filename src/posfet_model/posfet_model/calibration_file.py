@@ -50,9 +50,9 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
             "samples": found.samples,
         }
     target = Path(path)
+    if not target.name or (target.exists() and not target.is_file()):  # a device would be replaced
+        raise ConfigError(f"{target}: cannot be written: not a regular file")
     beside = target.with_name(f"{target.name}.part")
-    if target.exists() and not target.is_file():  # a device would be replaced
-        raise ConfigError(f"{path}: cannot be written: not a regular file")
     try:
         beside.write_text(yaml.safe_dump(document, sort_keys=False, width=120), encoding="utf-8")
         os.replace(beside, target)  # never half a file

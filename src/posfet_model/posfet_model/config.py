@@ -180,11 +180,13 @@ def read_yaml(path: str | Path) -> Section:
 
     Raises ConfigError, one line, when the file cannot be read, is not YAML, or repeats a key.
     """
+    if Path(path).is_char_device() or Path(path).is_fifo():  # which may have no end
+        raise ConfigError(f"{path}: cannot be read: not a regular file")
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
-        raise ConfigError(f"{path}: cannot be read: {reason}") from error
+        raise ConfigError(f"{Path(path)}: cannot be read: {reason}") from error
     try:
         value = yaml.load(text, _UniqueKeyLoader)
     except yaml.MarkedYAMLError as error:
