@@ -21,6 +21,7 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
+from benchmarks import slips
 from posfet_driver.calibrate import calibrate
 from posfet_driver.imperfections import Imperfections
 from posfet_driver.scene import load_scene
@@ -80,6 +81,11 @@ FEW: Final = 2
 
 TIMES: Final = (1.0, 5.0, 20.0, 60.0)
 """For how long a force has been held [s]."""
+
+SLIPLESS: Final = 15.0
+"""For how long a force wanders without a slip, on each board [s]."""
+
+SLIPLESS_FULL: Final = 600.0
 
 PROCESSES: Final = 2
 
@@ -296,6 +302,7 @@ def main() -> None:
     seeds = (1, 2, 3, 4) if full else (1, 2)
     with ProcessPoolExecutor(PROCESSES) as pool:
         scenes, held_table = scene_rows(pool, seeds, full), held_rows(pool, full)
+        slipped = slips.rows(pool, seeds, SLIPLESS_FULL if full else SLIPLESS, _calibration)
         found = mismatches(pool, seeds, full)
     style.save(lambda: draw(found), DOCUMENT.parent / "figures" / FIGURE)
     command = "make accuracy FULL=1" if full else "make accuracy"
@@ -327,6 +334,12 @@ root mean squares over the taxels. What is reported is more than the error under
 for 1/f noise, which nobody can know to be absent. The temperature does not change: `warm_finger` shows what that does.
 
 {chr(10).join(held_table)}
+
+## Slips
+
+{slips.TEXT}
+
+{chr(10).join(slipped)}
 
 ## A device unlike its description
 

@@ -172,6 +172,23 @@ def test_one_that_grazes_between_presses_is_another_contact_each_time(tmp_path: 
     assert scorer.score(0.0).detection_latency_scans == pytest.approx(47, abs=3), "presses that were never found"
 
 
+def test_strong_touches_that_land_and_lift_in_a_tenth_of_a_second_do_not_slip(
+    tmp_path: Path, calibrated: Calibration
+) -> None:
+    presses = [(0.65, -0.1), (-0.3, 0.71), (-0.43, -0.56), (-0.4, -0.5), (-1.4, 0.2), (-0.9, -0.3), (-0.3, 0.7)]
+    lines = ["name: strong", "description: a ball presses and lifts", "temperature_degC: 25.0", "objects:"]
+    for index, (x, y) in enumerate(presses):
+        path = f"{{kind: slide, start_s: {0.4 + 0.36 * index:.2f}, end_s: {0.66 + 0.36 * index:.2f}, rise_s: 0.1,"
+        path += f" x_mm: {x}, y_mm: {y}, to_x_mm: {x}, to_y_mm: {y}, force_N: 3.0}}"
+        lines += [f"  - name: ball {index}", "    kind: sphere", "    radius_mm: 4.0", "    effective_modulus_MPa: 2.0"]
+        lines += [f"    path: {path}"]
+    path = tmp_path / "strong.yaml"
+    path.write_text("\n".join(lines))
+    what = calibrated.with_gain_error(0.05, np.random.default_rng(1))
+    found = run(Run(SENSOR, load_scene(path, SENSOR), 3.0, 1, Imperfections.default(), what))
+    assert (found.contact_recall, found.false_slips_per_hour) == (1.0, 0.0)
+
+
 def test_slips_that_nobody_tells_or_that_are_none_are_counted() -> None:
     slips = Slips()
     for scan, truth in wire_scans(SENSOR, load_scene("grasp_lift_slip", SENSOR), 2.5, 1):

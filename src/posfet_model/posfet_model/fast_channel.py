@@ -42,6 +42,9 @@ SLIP_GUARD: Final = 6.0
 LEVER: Final = 0.5
 """Least distance between the centre of what changes and that of the contact [pitch]: a press changes about it."""
 
+LANDS: Final = 0.15
+"""A contact whose high-passed force is more than this share of its force lands or lifts, and does not slip [1]."""
+
 
 @dataclass(slots=True)
 class Motion:
@@ -125,7 +128,7 @@ class FastChannel:
         reach = math.hypot(*region.major_axis) + math.hypot(*region.minor_axis)
         noise = SLIP_GUARD * self._noise * reach * math.sqrt(len(taxels))
         per_speed = total / (2.0 * math.pi * CORNER)
-        if moment > max(SLIP_SPEED * per_speed, noise, self._lever * abs(change)):
+        if moment > max(SLIP_SPEED * per_speed, noise, self._lever * abs(change)) and abs(share) < LANDS:
             motion.slipping, motion.still = True, 0.0
         elif motion.slipping and moment < max(STILL_SPEED * per_speed, 0.5 * noise):
             motion.still += step
