@@ -55,9 +55,9 @@ MISMATCH: Final = 0.05
 
 TEXT: Final = f"""\
 A ball of 4 mm radius slips {SLIPS} times on each board, straight at a constant speed from one moment to the next, at
-random places and in random directions. From {SLIP_SPEED * 1e3:g} mm/s on that is a slip. It counts as told within 50 ms.
-"Told though none" are slips told at any other time, landing and lifting within {RISE * 1e3:g} ms among them. In the last
-row a held ball stays where it is while its force wanders at up to 5 Hz."""
+random places and in random directions. From {SLIP_SPEED * 1e3:g} mm/s on that is a slip. It counts as told within 50
+ms. "Told though none" are slips told at any other time, landing and lifting within {RISE * 1e3:g} ms among them. In the
+last row a held ball stays where it is while its force wanders at up to 5 Hz."""
 
 BOARD: Final = replace(Imperfections.default(), resets_per_hour=0.0)
 
