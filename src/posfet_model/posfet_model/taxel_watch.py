@@ -26,7 +26,10 @@ from posfet_model.sensor import Sensor
 from posfet_model.surroundings import Surroundings
 
 MOST_SCANS: Final = 64
-"""Scans of a block that are looked at."""
+"""Scans of a block that are looked at, and of several blocks in which noise is looked for."""
+
+PERIOD: Final = 0.055
+"""Noise and answers are judged once so much time has passed, or so many scans [s]: every third block of 20 ms."""
 
 LEAST_SPREAD: Final = 0.3
 """Spread of the cover, in pitches, from which every touch is felt by a neighbour [1]."""
@@ -104,6 +107,9 @@ class TaxelWatch:
         self._all = np.arange(taxels)
         self._counts = np.zeros((MOST_SCANS + 2, taxels), np.int32)
         self._filled = 0
+        self._last = 0  # row of the last scan of the block before
+        self._elapsed = 0.0
+        self._touched = np.zeros(taxels, np.bool_)  # since noise and answers were judged, as the time before
         self._threshold = sensor.contact.threshold
         self._tells = TELLING * noise_of_a_scan(sensor)
         self._force_max = sensor.device.force_max
@@ -121,6 +127,7 @@ class TaxelWatch:
         self._well_for = np.zeros(taxels)
         self._silent_for = np.zeros(taxels)
         self._answering_for = np.zeros(taxels)
+        self._noisy, self._calm, self._dead, self._alive = np.zeros((4, taxels), np.bool_)
 
     @property
     def noise_variance(self) -> NDArray[np.float64]:
@@ -161,26 +168,25 @@ class TaxelWatch:
         force [N] is the block's mean, leaking [N] the charge left at each gate as a force, `saturated` masks taxels at
         the end of their range, `touched` those in or near a contact; shapes [rows * cols].
         """
-        block = self._counts[: self._filled]
-        difference = block[1:] - block[:-1]
-        stuck, changed = self._judge_runs(duration, difference, leaking, saturated)
-        noisy, calm = self._judge_noise(duration, difference, saturated, touched)
-        dead, alive = self._judge_answer(duration, force)
-        s, status = self._settings, self.status
+        self._elapsed += duration
+        self._touched |= touched
+        stuck, changed = self._judge_runs(duration, leaking, saturated)
+        if self._elapsed >= PERIOD or self._filled == len(self._counts):
+            self._judge_noise(saturated)
+            self._judge_answer(force)
+            self._begin()
+        self._last = max(self._filled - 1, 0)
+        s, status, noisy, dead = self._settings, self.status, self._noisy, self._dead
         if self.any_bad or stuck.any() or noisy.any() or dead.any():
-            well = np.where(status == _STUCK, changed & calm, calm)
+            well = np.where(status == _STUCK, changed & self._calm, self._calm)
             self._well_for = np.where(well, self._well_for + duration, 0.0)
-            back = (status == _DEAD) & (alive | stuck | noisy)
+            back = (status == _DEAD) & (self._alive | stuck | noisy)
             back |= ((status == _STUCK) | (status == _NOISY)) & (self._well_for >= s.heal)
             status[back] = _OK
             status[noisy & (status == _OK)] = _NOISY
             status[dead & (status == _OK)] = _DEAD
             status[stuck] = _STUCK
             status[self._known_dead] = _DEAD
-        # The last two scans begin the next block, so that no difference is lost.
-        keep = min(self._filled, 2)
-        self._counts[:keep] = self._counts[self._filled - keep : self._filled]
-        self._filled = keep
         bad = status != 0
         different = bool((bad != self.bad).any())
         if different:
@@ -188,16 +194,22 @@ class TaxelWatch:
             self.any_bad = bool(bad.any())
         return different
 
+    def _begin(self) -> None:
+        """Begin to wait for the next judgement of noise and answers."""
+        # The last two scans go on, so that no difference is lost.
+        keep = min(self._filled, 2)
+        self._counts[:keep] = self._counts[self._filled - keep : self._filled]
+        self._filled = keep
+        self._elapsed = 0.0
+        self._touched[:] = False
+
     def _judge_runs(
-        self,
-        duration: float,
-        difference: NDArray[np.int32],
-        leaking: NDArray[np.float64],
-        saturated: NDArray[np.bool_],
+        self, duration: float, leaking: NDArray[np.float64], saturated: NDArray[np.bool_]
     ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which taxels are stuck, and which changed in this block, by the `difference` of its scans [counts]."""
-        changed: NDArray[np.bool_] = np.logical_or.reduce(difference, axis=0)
-        self._run = np.where(changed, 0.0, self._run + self._filled)
+        """Return which taxels are stuck, and which changed in this block."""
+        block = self._counts[self._last : self._filled]
+        changed: NDArray[np.bool_] = (block[1:] != block[:-1]).any(axis=0)
+        self._run = np.where(changed, 0.0, self._run + max(len(block) - 1, 0))
         self._run_time = np.where(changed, 0.0, self._run_time + duration)
         silent = (self._run >= self._run_limit) & ~saturated
         # A held charge that does not leak would be a force that grows evenly, to within the noise.
@@ -216,18 +228,14 @@ class TaxelWatch:
         alone = (around < self._force_max / s.neighbours) & np.isfinite(around) & self._felt_around
         return np.where(alone, s.confirm_dead, s.leaked * self._tau)
 
-    def _judge_noise(
-        self,
-        duration: float,
-        difference: NDArray[np.int32],
-        saturated: NDArray[np.bool_],
-        touched: NDArray[np.bool_],
-    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which taxels are noisy, and which are quiet enough to be taken back."""
-        s = self._settings
+    def _judge_noise(self, saturated: NDArray[np.bool_]) -> None:
+        """Judge which taxels are noisy, and which are quiet enough to be taken back."""
+        s, duration, touched = self._settings, self._elapsed, self._touched
         usual = max(self._noise, _middle(self._level))
         now = self._level_always
         if self._filled > 2:
+            block = self._counts[: self._filled]
+            difference = block[1:] - block[:-1]
             second = np.subtract(difference[1:], difference[:-1], dtype=np.float64)
             # White noise of variance v has second differences of variance 6*v.
             found: NDArray[np.float64] = np.einsum("ij,ij->j", second, second) / (6.0 * len(second))
@@ -247,15 +255,15 @@ class TaxelWatch:
             loud |= (self._level_always > least) & (now > least)  # a jump is remembered, but not repeated
         loud &= ~saturated
         self._noisy_for = np.maximum(self._noisy_for + np.where(loud, duration, -duration), 0.0)
-        return self._noisy_for >= s.confirm, self._level < s.quiet**2 * usual
+        self._noisy, self._calm = self._noisy_for >= s.confirm, self._level < s.quiet**2 * usual
 
-    def _judge_answer(self, duration: float, force: NDArray[np.float64]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Return which taxels are dead, and which dead ones answer again."""
-        s = self._settings
+    def _judge_answer(self, force: NDArray[np.float64]) -> None:
+        """Judge by the mean force of the last block [N] which taxels are dead, and which dead ones answer again."""
+        s, duration = self._settings, self._elapsed
         load = s.dead_load * self._threshold
         if not (force >= load).any():
-            none = np.zeros(len(force), np.bool_)
-            return none, none
+            self._dead[:] = self._alive[:] = False
+            return
         least = self.surroundings.least(force, self.bad, self._all, self._tells)
         loaded = least >= load
         silent = loaded & (np.abs(force) < s.dead * least)
@@ -264,9 +272,8 @@ class TaxelWatch:
         self._answering_for = np.where(
             answering, self._answering_for + duration, np.where(silent, 0.0, self._answering_for)
         )
-        alive = self._answering_for >= s.confirm_dead
-        self._answering_for[alive] = 0.0
-        return self._silent_for >= s.confirm_dead, alive
+        self._dead, self._alive = self._silent_for >= s.confirm_dead, self._answering_for >= s.confirm_dead
+        self._answering_for[self._alive] = 0.0
 
 
 def _middle(values: NDArray[np.float64]) -> float:
