@@ -9,7 +9,7 @@ Gaussian, ``s[k+1] = s[k]^2/s[k-1]*exp(-(pitch/width)^2)``.
 from __future__ import annotations
 
 import math
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,15 +32,11 @@ FLANK: Final = 0.7
 Vector: TypeAlias = "tuple[float, float]"
 
 
-class Moments(NamedTuple):
-    """Moments of a distribution of force; lengths in [m]."""
+Moments: TypeAlias = "tuple[Vector, Vector, Vector]"
+"""Centre of pressure, and the principal axes: the major one, x >= 0, and across it, turned left, the minor one [m].
 
-    centre: Vector
-    """Centre of pressure (x, y)."""
-    major: Vector
-    """Principal axis, as long as one standard deviation of the distribution; x >= 0."""
-    minor: Vector
-    """Axis across the major one, turned left from it, as long as one standard deviation."""
+Each axis is as long as one standard deviation of the distribution.
+"""
 
 
 class MomentFinder:
@@ -79,61 +75,65 @@ class MomentFinder:
         lies on the array.
         """
         total, x, y, xx, yy, xy = sums[:6]
-        x, y = centre = x / total, y / total
-        xx, yy = max(xx / total - x * x, 0.0), max(yy / total - y * y, 0.0)
+        x, y = x / total, y / total
+        xx, yy, xy = max(xx / total - x * x, 0.0), max(yy / total - y * y, 0.0), xy / total - x * y
         if len(sums) > 6:
             end = 6 + self._size[0]
-            centre = self._completed(sums[6:end], sums[end:], total, centre, (xx, yy))
-        return Moments(centre, *principal_axes(xx, yy, xy / total - x * y))
+            x, y = self._completed(sums[6:end], sums[end:], (x, y), (xx, yy))
+        return (x, y), *principal_axes(xx, yy, xy)
 
-    def _completed(
-        self, along_x: list[float], along_y: list[float], total: float, centre: Vector, variance: Vector
-    ) -> Vector:
+    def _completed(self, along_x: list[float], along_y: list[float], mean: Vector, variance: Vector) -> Vector:
         """Return the centre [m] of two profiles, each carried on beyond the edges that cut it.
 
         A contact that is round is as wide one way as the other: the width that carries one profile on is that of the
         other, carried on itself. It starts from the profile's own flank where both are cut.
         """
-        (x, y), (variance_x, variance_y) = centre, variance
+        (x, y), (wide_x, wide_y) = mean, variance
         cut_x, cut_y = _is_cut(along_x), _is_cut(along_y)
         if cut_x and cut_y:
-            one = self._profile(0, along_x, total, x, variance_x)
-            other = self._profile(1, along_y, total, y, variance_y)
-            bend_x, bend_y = self._flank_bend(0, one), self._flank_bend(1, other)
-            for _ in range(COMPLETIONS - 1):
-                (_, wide_x), (_, wide_y) = one.carried_on(bend_x), other.carried_on(bend_y)
-                bend_x, bend_y = self._bend(0, wide_y * self._square[1]), self._bend(1, wide_x * self._square[0])
-            return self._position(0, one, bend_x), self._position(1, other, bend_y)
-        if cut_x:
-            x = self._position(0, self._profile(0, along_x, total, x, variance_x), self._bend(0, variance_y))
+            bend_x, bend_y = self._flank_bend(0, along_x), self._flank_bend(1, along_y)
+            for _ in range(COMPLETIONS):
+                x, wide_x = self._carried_on(0, along_x, mean[0], variance[0], bend_x)
+                y, wide_y = self._carried_on(1, along_y, mean[1], variance[1], bend_y)
+                bend_x, bend_y = self._bend(0, wide_y), self._bend(1, wide_x)
+        elif cut_x:
+            x, _ = self._carried_on(0, along_x, x, wide_x, self._bend(0, wide_y))
         elif cut_y:
-            y = self._position(1, self._profile(1, along_y, total, y, variance_y), self._bend(1, variance_x))
+            y, _ = self._carried_on(1, along_y, y, wide_y, self._bend(1, wide_x))
         return x, y
 
-    def _profile(self, axis: int, values: list[float], total: float, mean: float, variance: float) -> _Profile:
-        """Return a profile along an axis, of which mean [m] and variance [m2] are known."""
-        return _Profile(values, total, (mean - self._first[axis]) / self._pitch[axis], variance / self._square[axis])
+    def _carried_on(self, axis: int, values: list[float], mean: float, variance: float, bend: float) -> Vector:
+        """Return mean [m] and variance [m2] of a profile with what lies beyond the ends that are cut.
 
-    def _position(self, axis: int, profile: _Profile, bend: float) -> float:
-        """Return the mean [m] of a profile that is carried on, not beyond the outermost cells."""
-        mean, _ = profile.carried_on(bend)
-        last = self._size[axis] - 1
-        return self._first[axis] + self._pitch[axis] * min(max(mean, -0.5), last + 0.5)
+        `mean` and `variance` are those of its values alone, bend is (pitch/width)^2 [1].
+        """
+        first, pitch, square = self._first[axis], self._pitch[axis], self._square[axis]
+        last, least, total = len(values) - 1, CUT_SHARE * max(values), sum(values)
+        mean, variance = (mean - first) / pitch, variance / square
+        sums = [total, mean * total, (variance + mean * mean) * total]
+        if values[0] >= least:
+            _add_beyond(sums, values[0], values[1], 0.0, -1.0, least, bend)
+        if values[-1] >= least:
+            _add_beyond(sums, values[-1], values[-2], float(last), 1.0, least, bend)
+        mean = sums[1] / sums[0]
+        variance = sums[2] / sums[0] - mean * mean
+        # Not beyond the outermost cells.
+        return first + pitch * min(max(mean, -0.5), last + 0.5), variance * square
 
     def _bend(self, axis: int, variance_across: float) -> float:
         """Return (pitch/width)^2 [1] along an axis for a variance across it [m2]."""
         return self._square[axis] / max(variance_across, self._narrowest[axis])
 
-    def _flank_bend(self, axis: int, profile: _Profile) -> float:
+    def _flank_bend(self, axis: int, values: list[float]) -> float:
         """Return (pitch/width)^2 [1] from the last three values of the profile on the side where it is cut.
 
         At least the one with which the profile would be symmetric about its last value.
         """
-        most, values = self._square[axis] / self._narrowest[axis], profile.values
+        most = self._square[axis] / self._narrowest[axis]
         if len(values) < 3:
             return most
         outer, inner, edge = values[-3:] if values[-1] >= values[0] else values[2::-1]
-        least = 0.5 * profile.least
+        least = 0.5 * CUT_SHARE * max(values)
         outer, inner, edge = max(outer, least), max(inner, least), max(edge, least)
         bend, mirrored = FLANK * math.log(inner * inner / (outer * edge)), 2.0 * math.log(edge / inner)
         return min(max(bend, mirrored, 0.0), most)
@@ -163,39 +163,22 @@ def _is_cut(values: list[float]) -> bool:
     return len(values) > 1 and (values[0] >= least or values[-1] >= least)
 
 
-class _Profile:
-    """A distribution along one axis that is cut off, counted from its first taxel [pitch]."""
+def _add_beyond(
+    sums: list[float], edge: float, inner: float, place: float, way: float, least: float, bend: float
+) -> None:
+    """Add to sums of force, its first and second moments [pitch] what lies beyond an end that is cut.
 
-    __slots__ = ("_ends", "_sums", "least", "values")
-
-    def __init__(self, values: list[float], total: float, mean: float, variance: float) -> None:
-        self.values = values
-        self.least = CUT_SHARE * max(values)
-        """Value below which nothing is carried on."""
-        self._ends: list[tuple[float, float, float, float]] = []
-        """Of the ends that are cut: the last value, the one before it, its place, and the way on."""
-        if values[0] >= self.least:
-            self._ends.append((values[0], values[1], 0.0, -1.0))
-        if values[-1] >= self.least:
-            self._ends.append((values[-1], values[-2], len(values) - 1.0, 1.0))
-        self._sums = total, mean * total, (variance + mean * mean) * total
-
-    def carried_on(self, bend: float) -> tuple[float, float]:
-        """Return mean and variance with what lies beyond the ends that are cut, whose bend is (pitch/width)^2 [1]."""
-        total, first, second = self._sums
-        fall, least = math.exp(-bend), self.least
-        for edge, inner, end, way in self._ends:
-            # Not above the last one: a contact whose middle is beyond the edge cannot be told from a stronger one.
-            ratio = min(edge / max(inner, least) * fall, 1.0)
-            value, place = edge, end
-            for _ in range(MOST_BEYOND):
-                value *= ratio
-                ratio *= fall
-                place += way
-                total += value
-                first += place * value
-                second += place * place * value
-                if value < least:
-                    break
-        mean = first / total
-        return mean, second / total - mean * mean
+    `edge` is the value there, at `place` [pitch], `inner` the one before it; nothing below `least` is carried on.
+    """
+    fall = math.exp(-bend)
+    # Not above the last one: a contact whose middle is beyond the edge cannot be told from a stronger one.
+    ratio, value = min(edge / max(inner, least) * fall, 1.0), edge
+    for _ in range(MOST_BEYOND):
+        value *= ratio
+        ratio *= fall
+        place += way
+        sums[0] += value
+        sums[1] += place * value
+        sums[2] += place * place * value
+        if value < least:
+            break

@@ -193,10 +193,11 @@ class ContactTracker:
     def _pairs(self, regions: list[Region]) -> dict[int, int]:
         """Return which contact goes on in which region, by their indices, the nearest pairs first."""
         reach = self._settings.reach * self._pitch
+        if len(regions) == len(self._contacts) == 1:
+            moved = math.dist(regions[0].centre_of_pressure, self._contacts[0].region.centre_of_pressure)
+            return {0: 0} if moved <= reach else {}
         now = [region.centre_of_pressure for region in regions]
         was = [contact.region.centre_of_pressure for contact in self._contacts]
-        if len(now) == len(was) == 1:
-            return {0: 0} if math.dist(now[0], was[0]) <= reach else {}
         near = sorted(
             (distance, track, index)
             for track, here in enumerate(was)
