@@ -204,7 +204,8 @@ class Assembler:
             self.losses.late += 1
             return False
         self._give_up()
-        self._lose(ahead - 1)
+        if ahead > 1:
+            self._lose(ahead - 1)
         self.sequence += ahead
         if self.codec.fd:
             stands = clock == self._clock and self._clock_synced

@@ -72,6 +72,7 @@ class Board:
         self._clock = clock or SystemClock()
         self._link = BusLink(open_bus, presence, self._clock)
         self._hush = Silence(self.receiver)
+        self._batch: list[Frame] = []
         self._frames: Iterator[Frame] = iter(())
         self._orders = CommandQueue()
         self._phase = Phase.CLOSED
@@ -350,13 +351,14 @@ class Board:
 
     def _read_frames(self, timeout: int) -> bool:
         """Read what is there or comes within `timeout` [ns]; return whether anything happened."""
+        self.load.add(self._batch, self._arrival)  # of the read before: scans were handed on first
+        self._batch = []
         try:
-            frames = self._link.read(timeout / _NANOSECONDS)
+            frames = self._batch = self._link.read(timeout / _NANOSECONDS)
         except (can.CanError, OSError) as error:
             self._fail(error)
             return True
         arrival = self._arrival = self._clock.monotonic()
-        self.load.add(frames, arrival)
         self._frames = iter(self.receiver.begin_batch(frames, arrival, self._clock.wall() - arrival))
         if self._phase == Phase.SCANS and self.receiver.question_due():
             self._send_own(Command.START)

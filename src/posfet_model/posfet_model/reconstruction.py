@@ -295,7 +295,7 @@ class Reconstructor:
     def _plausible(self, scan: Scan) -> bool:
         """Look for taxels at the end of their range; refuse a scan in which most are, unless it goes on."""
         self._inverse.saturated(scan.counts, self._saturated)
-        self._saturated_now = int(np.count_nonzero(self._saturated))
+        self._saturated_now = self._saturated.tobytes().count(1)
         if 2 * self._saturated_now <= len(self._saturated):
             self._implausible_in_a_row = 0
             return True
