@@ -125,12 +125,16 @@ class FastChannel:
         # The centre is that of these taxels alone, without what else is known of the contact.
         share = change / total
         moment = math.hypot(fast_x - share * slow_x, fast_y - share * slow_y)
-        reach = math.hypot(*region.major_axis) + math.hypot(*region.minor_axis)
-        noise = SLIP_GUARD * self._noise * reach * math.sqrt(len(taxels))
         per_speed = total / (2.0 * math.pi * CORNER)
-        if moment > max(SLIP_SPEED * per_speed, noise, self._lever * abs(change)) and abs(share) < LANDS:
+        least = max(SLIP_SPEED * per_speed, self._lever * abs(change))
+        if moment > least and abs(share) < LANDS and moment > self._noise_of(region):
             motion.slipping, motion.still = True, 0.0
-        elif motion.slipping and moment < max(STILL_SPEED * per_speed, 0.5 * noise):
+        elif motion.slipping and moment < max(STILL_SPEED * per_speed, 0.5 * self._noise_of(region)):
             motion.still += step
             motion.slipping = motion.still < SLIP_ENDS
         return motion
+
+    def _noise_of(self, region: Region) -> float:
+        """Return up to what moment [N m] noise is no slip of a contact."""
+        reach = math.hypot(*region.major_axis) + math.hypot(*region.minor_axis)
+        return SLIP_GUARD * self._noise * reach * math.sqrt(len(region.taxels))

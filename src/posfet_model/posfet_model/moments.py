@@ -108,17 +108,28 @@ class MomentFinder:
         `mean` and `variance` are those of its values alone, bend is (pitch/width)^2 [1].
         """
         first, pitch, square = self._first[axis], self._pitch[axis], self._square[axis]
-        last, least, total = len(values) - 1, CUT_SHARE * max(values), sum(values)
-        mean, variance = (mean - first) / pitch, variance / square
-        sums = [total, mean * total, (variance + mean * mean) * total]
-        if values[0] >= least:
-            _add_beyond(sums, values[0], values[1], 0.0, -1.0, least, bend)
-        if values[-1] >= least:
-            _add_beyond(sums, values[-1], values[-2], float(last), 1.0, least, bend)
-        mean = sums[1] / sums[0]
-        variance = sums[2] / sums[0] - mean * mean
+        last, least, fall = len(values) - 1, CUT_SHARE * max(values), math.exp(-bend)
+        mean, variance, total = (mean - first) / pitch, variance / square, sum(values)
+        moment, second = mean * total, (variance + mean * mean) * total
+        for place, inner, way in ((0, 1, -1), (last, last - 1, 1)):
+            value = values[place]
+            if value < least:
+                continue
+            # Not above the last one: a contact whose middle is beyond the edge cannot be told from a stronger one.
+            ratio = min(value / max(values[inner], least) * fall, 1.0)
+            beyond = place
+            for _ in range(MOST_BEYOND):
+                value *= ratio
+                ratio *= fall
+                beyond += way
+                total += value
+                moment += beyond * value
+                second += beyond * beyond * value
+                if value < least:
+                    break
+        mean = moment / total
         # Not beyond the outermost cells.
-        return first + pitch * min(max(mean, -0.5), last + 0.5), variance * square
+        return first + pitch * min(max(mean, -0.5), last + 0.5), (second / total - mean * mean) * square
 
     def _bend(self, axis: int, variance_across: float) -> float:
         """Return (pitch/width)^2 [1] along an axis for a variance across it [m2]."""
@@ -161,24 +172,3 @@ def _is_cut(values: list[float]) -> bool:
     """Return whether a profile does not fade within the array, at one end of it or at both."""
     least = CUT_SHARE * max(values)
     return len(values) > 1 and (values[0] >= least or values[-1] >= least)
-
-
-def _add_beyond(
-    sums: list[float], edge: float, inner: float, place: float, way: float, least: float, bend: float
-) -> None:
-    """Add to sums of force, its first and second moments [pitch] what lies beyond an end that is cut.
-
-    `edge` is the value there, at `place` [pitch], `inner` the one before it; nothing below `least` is carried on.
-    """
-    fall = math.exp(-bend)
-    # Not above the last one: a contact whose middle is beyond the edge cannot be told from a stronger one.
-    ratio, value = min(edge / max(inner, least) * fall, 1.0), edge
-    for _ in range(MOST_BEYOND):
-        value *= ratio
-        ratio *= fall
-        place += way
-        sums[0] += value
-        sums[1] += place * value
-        sums[2] += place * place * value
-        if value < least:
-            break

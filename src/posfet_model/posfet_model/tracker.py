@@ -92,6 +92,7 @@ class ContactTracker:
     def __init__(self, sensor: Sensor, settings: TrackerSettings | None = None) -> None:
         self._settings = settings or TrackerSettings()
         self._pitch = max(sensor.layout.pitch_x, sensor.layout.pitch_y)
+        self._reach = self._settings.reach * self._pitch
         self._threshold = sensor.contact.threshold
         self._noise = NOISE_GUARD * TAXELS_ACROSS * self._pitch * noise_of_a_scan(sensor) / self._settings.smoothing
         self._contacts: tuple[Contact, ...] = ()
@@ -109,6 +110,9 @@ class ContactTracker:
 
     def update(self, regions: list[Region], step: float) -> tuple[Contact, ...]:
         """Return the contacts of a scan a step [s] after the last one, ascending by id, released ones among them."""
+        if len(regions) == len(self._contacts) == 1 and self._distance(self._contacts[0], regions[0]) <= self._reach:
+            self._contacts = (self._follow(self._contacts[0], regions[0], step),)
+            return self._contacts
         pairs = self._pairs(regions)
         if len(pairs) == len(regions) == len(self._contacts):
             pairing = enumerate(self._contacts)
@@ -192,17 +196,11 @@ class ContactTracker:
 
     def _pairs(self, regions: list[Region]) -> dict[int, int]:
         """Return which contact goes on in which region, by their indices, the nearest pairs first."""
-        reach = self._settings.reach * self._pitch
-        if len(regions) == len(self._contacts) == 1:
-            moved = math.dist(regions[0].centre_of_pressure, self._contacts[0].region.centre_of_pressure)
-            return {0: 0} if moved <= reach else {}
-        now = [region.centre_of_pressure for region in regions]
-        was = [contact.region.centre_of_pressure for contact in self._contacts]
         near = sorted(
             (distance, track, index)
-            for track, here in enumerate(was)
-            for index, there in enumerate(now)
-            if (distance := math.dist(here, there)) <= reach
+            for track, contact in enumerate(self._contacts)
+            for index, region in enumerate(regions)
+            if (distance := self._distance(contact, region)) <= self._reach
         )
         pairs: dict[int, int] = {}
         taken: set[int] = set()
@@ -211,6 +209,9 @@ class ContactTracker:
                 pairs[track] = index
                 taken.add(index)
         return pairs
+
+    def _distance(self, contact: Contact, region: Region) -> float:
+        return math.dist(contact.region.centre_of_pressure, region.centre_of_pressure)
 
     def _begin(self, region: Region, split_from: int = 0) -> Contact:
         contact = Contact(self._next_id, ContactState.NEW, region, (math.nan, math.nan), 0.0, split_from=split_from)
