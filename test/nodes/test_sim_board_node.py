@@ -24,6 +24,7 @@ from posfet_model.config import ConfigError
 from posfet_model.scan import Scan
 from posfet_model.sensor import load_sensor
 from posfet_msgs.msg import TactileRaw, TactileTruth
+from posfet_msgs.srv import LoadScene
 
 pytestmark = pytest.mark.ros
 PATIENCE = 10.0
@@ -176,6 +177,50 @@ def test_without_autostart_it_waits_for_its_transitions(spin) -> None:
     assert node.source.board is not board
 
 
+def load(spin, node: SimBoardNode, scene: str) -> LoadScene.Response:
+    client = node.create_client(LoadScene, "scene/load")
+    future = client.call_async(LoadScene.Request(scene=scene))
+    spin.spin_until_future_complete(future, PATIENCE)
+    return future.result()
+
+
+def test_another_scene_is_loaded_while_it_runs(spin, tmp_path: Path) -> None:
+    node = make_board(spin, scene="idle")
+    node.start()
+    listener = Listener(spin, ("raw", TactileRaw), ("truth", TactileTruth))
+    assert listener.wait("truth", 10)[-1].objects == []
+    answer = load(spin, node, "two_fingers")
+    assert (answer.success, answer.message) == (True, "scene 'two_fingers' from its beginning")
+    listener.messages["truth"].clear()
+    while not (truths := [each for each in listener.wait("truth", 1) if each.objects]):
+        listener.messages["truth"].clear()
+    assert truths[0].objects == ["lower", "upper"]
+    assert truths[0].sequence == 0
+    wrong = tmp_path / "wrong.yaml"
+    wrong.write_text("name: wrong\n", encoding="utf-8")
+    for scene, reason in (("", ": no such scene"), ("nowhere", "nowhere: no such scene"), (str(wrong), f"{wrong}: ")):
+        refused = load(spin, node, scene)
+        assert not refused.success
+        assert refused.message.startswith(reason)
+    listener.messages["truth"].clear()
+    assert listener.wait("truth", 10)[-1].objects == ["lower", "upper"]
+
+
+def test_a_board_that_is_held_back_stays_so_with_another_scene(spin) -> None:
+    node = make_board(spin, autostart=False)
+    node.start()
+    assert load(spin, node, "hold").success
+    assert not node.reading
+    node.trigger_configure()
+    assert load(spin, node, "tap").success
+    listener = Listener(spin, ("raw", TactileRaw))
+    spin.spin_once(0.2)
+    assert not listener.messages["raw"]
+    node.trigger_activate()
+    listener.wait("raw", 10)
+    assert node.source.board.scene.name == "tap"
+
+
 @pytest.mark.parametrize("fd", [False, True])
 def test_behind_an_adapter_it_speaks_frames_and_tells_the_truth(spin, tmp_path: Path, fd: bool) -> None:
     link = tmp_path / "board"
@@ -190,6 +235,9 @@ def test_behind_an_adapter_it_speaks_frames_and_tells_the_truth(spin, tmp_path: 
         while len({data for identifier, _, data in frames if identifier >= sensor.can.base_id + FD_BLOCK_OFFSET}) < 50:
             frames += reader.frames(terminal.read(4096))
         truth = listener.wait("truth", 20)[-1]
+        assert load(spin, node, "tap").success
+        assert node.source.report().values["scene"] == "tap"
+        assert link.exists()
     assert {kind for identifier, kind, _ in frames if identifier >= sensor.can.base_id + FD_BLOCK_OFFSET} == {
         FD | RATE_SWITCH if fd else CLASSIC
     }

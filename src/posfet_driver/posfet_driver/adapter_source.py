@@ -35,6 +35,8 @@ class AdapterSource:
 
         Raises ValueError for a seed outside [0, 1e9].
         """
+        self.scene = scene
+        """The scene that the next `open` begins with."""
         self.board = SimulatedBoard(sensor, scene, seed, imperfections)
         """The board behind the adapter; another one after each `open`."""
         self.on_scan: Callable[[Scan, int], None] | None = None
@@ -55,13 +57,13 @@ class AdapterSource:
         return True
 
     def open(self) -> None:
-        """Switch the board on and put it in its place.
+        """Switch a fresh board on, at the beginning of `scene`, and put it in its place.
 
         Raises ConfigError when the layout does not fit the frames or the bus cannot be, SourceError when the adapter
         or the bus cannot be opened.
         """
         board = self.board
-        self.board = SimulatedBoard(board.sensor, board.scene, self._seed, board.imperfections)
+        self.board = SimulatedBoard(board.sensor, self.scene, self._seed, board.imperfections)
         node = WireNode(self.board, self._seed, self._clock.monotonic())
         node.on_scan = self._sent
         self._faults = node.counters = self._faults or node.counters  # go on counting

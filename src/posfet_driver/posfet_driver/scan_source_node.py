@@ -109,19 +109,30 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Open the source and start reading."""
         try:
-            self.source.open()
+            self._begin()
         except (ConfigError, SourceError) as error:
             self._failure = str(error)
             if not self._starting:  # else the caller of `start` is told
                 self.get_logger().error(self._failure)
             return TransitionCallbackReturn.FAILURE
+        return super().on_configure(state)
+
+    def restart(self) -> None:
+        """Close the source and open it again, if it is being read; raises ConfigError or SourceError as `open` does."""
+        active = self._active
+        if self.reading:
+            self._end()
+            self._begin()
+            self._active = active
+
+    def _begin(self) -> None:
+        self.source.open()
         self._reported = (self.source.report().scans, time.monotonic_ns())
         self._stop.clear()
         self._thread = threading.Thread(target=self._run, name=f"{self.get_name()} data", daemon=True)
         self._thread.start()
         self._report_timer.reset()
         self._say(self.source.report())
-        return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Let scans out."""

@@ -19,14 +19,16 @@ from posfet_driver.scan_source_node import ScanSourceNode
 from posfet_driver.scene import DEFAULT_SCENE, load_scene
 from posfet_driver.simulated_board import SEED_MAX
 from posfet_driver.simulation_source import SimulationSource
-from posfet_driver.source import ScanSource
+from posfet_driver.source import ScanSource, SourceError
 from posfet_driver.truth import Truth
+from posfet_model.config import ConfigError
 from posfet_model.listeners import Listeners
 from posfet_model.ros_parameters import Parameter
 from posfet_model.run_node import run_node
 from posfet_model.scan import Scan
 from posfet_model.sensor import Layout, Sensor
 from posfet_msgs.msg import TactileTruth
+from posfet_msgs.srv import LoadScene
 
 if TYPE_CHECKING:
     from posfet_driver.adapter_source import AdapterSource
@@ -87,6 +89,7 @@ class SimBoardNode(ScanSourceNode):
         self._truth_message = TruthMessage(self.sensor.layout, self.frame_id)
         self._truth = self.create_publisher(TactileTruth, "truth", TRUTH_DEPTH)
         self._truth_listeners = Listeners(self._truth)
+        self.create_service(LoadScene, "scene/load", self._load_scene)
         self._taken: deque[tuple[int, float]] = deque(maxlen=REMEMBERED)  # numbers and times [s] of the newest scans
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ScanSource:
@@ -118,6 +121,17 @@ class SimBoardNode(ScanSourceNode):
         """Hand on one scan, then what truly was."""
         super().deliver(scan, now)
         self._tell_truth(scan.sequence, scan.stamp, now)
+
+    def _load_scene(self, request: LoadScene.Request, response: LoadScene.Response) -> LoadScene.Response:
+        """Switch the board off, and on again with another scene."""
+        try:
+            self.source.scene = load_scene(request.scene, self.sensor)
+            self.restart()
+        except (ConfigError, SourceError) as error:
+            response.success, response.message = False, str(error)
+            return response
+        response.success, response.message = True, f"scene '{self.source.scene.name}' from its beginning"
+        return response
 
     def _scan_sent(self, scan: Scan, stamp: int) -> None:
         """Tell what truly was in a scan that went out on the adapter, in whose thread this is."""

@@ -37,6 +37,8 @@ class SimulationSource:
 
         Raises ValueError for a seed outside [0, 1e9].
         """
+        self.scene = scene
+        """The scene that the next `open` begins with."""
         self.board = SimulatedBoard(sensor, scene, seed, imperfections)
         """The board that the scans come from, for its ground truth; another one after each `open`."""
         self._scans = FaultyScans(self.board, seed)
@@ -57,9 +59,9 @@ class SimulationSource:
         return True
 
     def open(self) -> None:
-        """Put a fresh board at the beginning of the scene, which the first `read` starts."""
+        """Put a fresh board at the beginning of `scene`, which the first `read` starts."""
         board = self.board
-        self.board = SimulatedBoard(board.sensor, board.scene, self._seed, board.imperfections)
+        self.board = SimulatedBoard(board.sensor, self.scene, self._seed, board.imperfections)
         counters = self._scans.counters  # go on counting
         self._scans = FaultyScans(self.board, self._seed)
         self._scans.counters = counters
