@@ -40,10 +40,10 @@ def ask(receiver: Receiver, firmware: BoardFirmware, now: int) -> list[Frame]:
     return firmware.receive((BASE + COMMAND_OFFSET, CLASSIC, Request(Command.START, 9).pack()), now)
 
 
-def receive(receiver: Receiver, frames: list[Frame], arrival: int) -> list[Scan]:
-    """Feed one batch; return copies of what came out, held to what was sent."""
+def receive(receiver: Receiver, frames: list[Frame], arrival: int, held_up: int = 0) -> list[Scan]:
+    """Feed one batch, read `held_up` [ns] too late; return copies of what came out, held to what was sent."""
     scans = []
-    for frame in receiver.begin_batch(frames, arrival, WALL_OFFSET):
+    for frame in receiver.begin_batch(frames, arrival, WALL_OFFSET + held_up):
         if receiver.feed(frame):
             assert_marked(receiver.scan)
             scans.append(make_scan(SENSOR, receiver.scan.sequence))
@@ -86,6 +86,22 @@ def test_foreign_traffic_changes_nothing(fd: bool) -> None:
     assert scans == 200
     assert receiver.traffic.foreign == 8000
     assert receiver.frames_lost == 0
+
+
+@BOTH
+def test_a_process_that_is_held_up_between_two_clocks_moves_no_stamp(fd: bool) -> None:
+    firmware, receiver = started(fd)
+    scans = []
+    for index in range(50):
+        frames = firmware.due(index * PERIOD)
+        scans += receive(receiver, frames, index * PERIOD, held_up=5_000_000 if index % 7 == 3 else 0)
+    assert {later.stamp - scan.stamp for scan, later in pairwise(scans)} == {PERIOD}
+    hour = 3_600_000_000_000
+    for index in range(50, 53):  # the wall clock is set
+        [scan] = receive(receiver, firmware.due(index * PERIOD), index * PERIOD, held_up=hour)
+    assert scan.stamp - scans[-1].stamp == hour + 3 * PERIOD
+    [scan] = receive(receiver, firmware.due(53 * PERIOD), 53 * PERIOD)
+    assert scan.stamp - scans[-1].stamp == 4 * PERIOD
 
 
 def mutate(noise: random.Random, frames: list[Frame]) -> list[Frame]:

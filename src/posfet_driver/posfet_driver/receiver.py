@@ -26,6 +26,7 @@ from posfet_model.scan import Scan, ScanStatus
 from posfet_model.sensor import Sensor
 
 NANOSECONDS: Final = 1e9
+_NEVER_READ: Final = 1 << 63
 _TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)  # a flag is ten times as slow as a number
 _BOARD_RESET: Final = int(ScanStatus.BOARD_RESET)
 
@@ -78,6 +79,7 @@ class Receiver:
         self._clock_stood = False
         self._arrival = 0
         self._wall_offset = 0
+        self._wall_read = _NEVER_READ  # as it was read with the batch before
         self._reset = False
         times = (
             fd_time(FD_LENGTH, sensor.can.bitrate, sensor.can.data_bitrate)
@@ -128,12 +130,14 @@ class Receiver:
     def begin_batch(self, frames: list[Frame], arrival: int, wall_offset: int) -> list[Frame]:
         """Take `frames`, read at `arrival` [ns, monotonic]; return those to be fed now.
 
-        `wall_offset` [ns] leads to wall time. Classic blocks may be held until a later batch, or dropped when the
-        numbers of their scans cannot be known (`Numbering`).
+        `wall_offset` [ns] leads to wall time; the lesser of this one and the one before counts, as a process that is held
+        up between its looks at the two clocks reads too much. Classic blocks may be held until a later batch, or dropped
+        when the numbers of their scans cannot be known (`Numbering`).
         """
         self.traffic.frames += len(frames)
         self._arrival = arrival
-        self._wall_offset = wall_offset
+        self._wall_offset = min(wall_offset, self._wall_read)
+        self._wall_read = wall_offset
         if self._fd:
             return frames
         return self._numbering.take(frames, arrival, self.scan_period, self.listening)
