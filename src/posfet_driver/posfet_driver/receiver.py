@@ -130,9 +130,9 @@ class Receiver:
     def begin_batch(self, frames: list[Frame], arrival: int, wall_offset: int) -> list[Frame]:
         """Take `frames`, read at `arrival` [ns, monotonic]; return those to be fed now.
 
-        `wall_offset` [ns] leads to wall time; the lesser of this one and the one before counts: a process that is held up
-        between its looks at the two clocks reads too much. Classic blocks may be held until a later batch, or dropped
-        when the numbers of their scans cannot be known (`Numbering`).
+        `wall_offset` [ns] leads to wall time. The lesser of this one and the one before counts: a process that is held
+        up between its looks at the two clocks reads too much. Classic blocks may be held until a later batch, or
+        dropped when the numbers of their scans cannot be known (`Numbering`).
         """
         self.traffic.frames += len(frames)
         self._arrival = arrival
