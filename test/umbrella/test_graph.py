@@ -6,7 +6,10 @@ import pytest
 
 from posfet.arguments import parse
 from posfet.graph import NodeSpec, graph
+from posfet_model.calibration import Calibration
+from posfet_model.calibration_file import save_calibration
 from posfet_model.config import ConfigError
+from posfet_model.sensor import load_sensor
 
 
 @pytest.fixture
@@ -56,6 +59,17 @@ def test_board_and_driver_meet_on_the_bus_that_is_named(params_file: str) -> Non
     )
     assert (driver["can_interface"], driver["can_channel"]) == ("udp_multicast", "239.74.163.2")
     assert "bus_interface" not in nodes(params_file, "source:=emulator")["sim_board_node"].parameters
+
+
+def test_a_calibration_reaches_the_model_and_without_one_the_parameter_file_may_tell(
+    params_file: str, tmp_path: Path
+) -> None:
+    assert "calibration_file" not in nodes(params_file)["model_node"].parameters
+    path, sensor = tmp_path / "cal.yaml", load_sensor()
+    save_calibration(path, sensor, Calibration.nominal(sensor))
+    assert nodes(params_file, f"calibration_file:={path}")["model_node"].parameters["calibration_file"] == str(path)
+    with pytest.raises(ConfigError, match="is of another sensor"):
+        nodes(params_file, f"calibration_file:={path}", "sensor_file:=posfet_16x16")
 
 
 @pytest.mark.parametrize(
@@ -145,6 +159,7 @@ def test_a_missing_parameter_file_is_refused() -> None:
     [
         ("sensor_file:=nowhere", "no such sensor"),
         ("scene:=nowhere", "no such scene"),
+        ("calibration_file:=nowhere.yaml", "nowhere.yaml: cannot be read"),
         ("imperfections:=nowhere.yaml", "nowhere.yaml: cannot be read"),
     ],
 )

@@ -37,6 +37,9 @@ ARGUMENTS: Final = (
     Argument("can_fd", "auto", "CAN FD or classic CAN; auto: as in the sensor file", ("auto", *BOOLEAN)),
     Argument("namespace", "tactile", "Namespace of nodes and topics, one for each sensor"),
     Argument("sensor_file", "posfet_5x5", "Sensor description: a YAML file, or the name of a shipped one"),
+    Argument(
+        "calibration_file", "", "Calibration of this very sensor: a YAML file; empty: as params_file has it, or none"
+    ),
     Argument("parent_frame", "", "TF frame that the array is mounted on; empty: no transform is broadcast"),
     Argument("mount", "0 0 0 0 0 0", "Pose of the array in parent_frame: x y z [m] roll pitch yaw [rad]"),
     Argument("params_file", "", "YAML file with node parameters; empty: config/parameters.yaml of this package"),

@@ -13,10 +13,11 @@ from posfet.arguments import defaults
 from posfet_driver.adapter_lock import is_served
 from posfet_driver.imperfections import load_imperfections
 from posfet_driver.scene import load_scene
+from posfet_model.calibration_file import load_calibration
 from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError, read_yaml
 from posfet_model.mount import parse_mount
-from posfet_model.sensor import load_sensor
+from posfet_model.sensor import Sensor, load_sensor
 
 Value = bool | int | float | str
 
@@ -86,6 +87,15 @@ def _place(arguments: Mapping[str, str]) -> dict[str, Value]:
     return {}
 
 
+def _calibration(arguments: Mapping[str, str], sensor: Sensor) -> dict[str, Value]:
+    """Return which calibration the model uses, nothing without one: then the parameter file may say so."""
+    path = arguments["calibration_file"]
+    if not path:
+        return {}
+    load_calibration(path, sensor)
+    return {"calibration_file": path}
+
+
 def _bus(arguments: Mapping[str, str], namespace: str) -> tuple[dict[str, Value], dict[str, Value]]:
     """Return the bus as the driver is told of it, and as the simulated board is."""
     interface, channel = arguments["bus_interface"], arguments["bus_channel"]
@@ -123,8 +133,8 @@ def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
         own = {**sensor, **parameters}
         return NodeSpec(package, executable, namespace, params_file, arguments["log_level"], own)
 
-    place = _place(arguments)
-    nodes = [node("posfet_model", "model_node", {"simulated": source != "can", **place})]
+    known = {**_place(arguments), **_calibration(arguments, described)}
+    nodes = [node("posfet_model", "model_node", {"simulated": source != "can", **known})]
     if source != "can":
         simulated = {name: arguments[name] for name in ("scene", "imperfections")}
         nodes.append(node("posfet_driver", "sim_board_node", {**simulated, **board}))

@@ -1,4 +1,8 @@
-"""`posfet calibrate`: a simulated board pressed taxel by taxel, its calibration fitted and written to a file."""
+"""`posfet calibrate`: fit a calibration and write it to a file.
+
+Of a real board, from a recording of its frames and the readings of a test stand that pressed a ball on each taxel; or
+of a simulated one, which is pressed taxel by taxel.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +16,7 @@ from typing import Final
 
 import numpy as np
 
+from posfet_driver.bench_recording import COLUMNS, combine, even_temperature, read_reference, read_scans
 from posfet_driver.imperfections import Imperfections, load_imperfections
 from posfet_driver.scene import Scene, SceneObject, Track
 from posfet_driver.scene.shapes import Sphere
@@ -19,6 +24,7 @@ from posfet_driver.wire_simulation import wire_scans
 from posfet_model.calibration import Calibration
 from posfet_model.calibration_file import save_calibration
 from posfet_model.calibration_fit import Recording, fit
+from posfet_model.command_line import positive
 from posfet_model.config import ConfigError
 from posfet_model.sensor import DEFAULT_SENSOR, Sensor, load_sensor
 
@@ -64,16 +70,11 @@ def record(sensor: Sensor, seed: int, imperfections: Imperfections | None, devic
         counts.append(scan.counts.copy())
         temperatures.append(float(np.mean(scan.temperatures)))
         forces.append(truth.force)
-    temperature = np.array(temperatures)
-    known = np.flatnonzero(np.isfinite(temperature))
     time = np.array(times)
-    # Status frames come ten times a second: between two of them the temperature is taken to move in a straight line.
-    fresh = known[np.concatenate([[True], np.diff(temperature[known]) != 0])]
-    ends = np.unique(np.append(fresh, known[-1]))
     return Recording(
         time=time,
         counts=np.array(counts),
-        temperature=np.interp(time, time[ends], temperature[ends]),
+        temperature=even_temperature(time, np.array(temperatures)),
         force=np.array(forces),
     )
 
@@ -82,9 +83,19 @@ def calibrate(
     sensor: Sensor, seed: int, imperfections: Imperfections | None = None, device: Sensor | None = None
 ) -> Calibration:
     """Return the calibration of the simulated board with this seed."""
-    return fit(
-        sensor, record(sensor, seed, imperfections, device), datetime.now(timezone.utc).isoformat("T", "seconds")
-    )
+    return fit(sensor, record(sensor, seed, imperfections, device), _now())
+
+
+def _now() -> str:
+    return datetime.now(timezone.utc).isoformat("T", "seconds")
+
+
+def _at_the_bench(sensor: Sensor, options: argparse.Namespace) -> Calibration:
+    """Return the calibration of the board that was recorded."""
+    ball = Sphere(options.ball_radius * 1e-3, options.ball_modulus * 1e6)
+    recording, late = combine(sensor, read_scans(options.recording, sensor), read_reference(options.reference), ball)
+    print(f"{options.reference}: its clock is {late * 1e3:+.1f} ms late; {len(recording.time)} scans")
+    return fit(sensor, recording, _now())
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -92,8 +103,13 @@ def main(words: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(words)
     try:
         sensor = load_sensor(options.sensor)
-        imperfections = replace(load_imperfections(options.imperfections), resets_per_hour=0.0)
-        calibration = calibrate(sensor, options.seed, imperfections)
+        if (options.recording is None) != (options.reference is None):
+            raise ConfigError("--recording and --reference go together")
+        if options.recording is not None:
+            calibration = _at_the_bench(sensor, options)
+        else:
+            imperfections = replace(load_imperfections(options.imperfections), resets_per_hour=0.0)
+            calibration = calibrate(sensor, options.seed, imperfections)
         save_calibration(options.out, sensor, calibration)
     except (ConfigError, ValueError) as error:
         print(error, file=sys.stderr)
@@ -109,12 +125,22 @@ def main(words: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="posfet calibrate", description="Press the simulated board taxel by taxel and write its calibration."
+        prog="posfet calibrate",
+        description="Write the calibration of a board that was recorded while a test stand pressed a ball on each "
+        "taxel, or of a simulated one, which is pressed now.",
     )
     parser.add_argument("out", metavar="FILE", type=Path, help="the YAML file to write")
+    parser.add_argument("--recording", metavar="FILE", type=Path, help="of the board's frames, by posfet can record")
+    parser.add_argument(
+        "--reference", metavar="FILE", type=Path, help=f"readings of the stand, CSV: {','.join(COLUMNS)}"
+    )
+    parser.add_argument("--ball-radius", metavar="MM", type=positive, default=2.0, help="of the stand's ball [mm]")
+    parser.add_argument(
+        "--ball-modulus", metavar="MPA", type=positive, default=4.0, help="effective, of ball and cover together [MPa]"
+    )
     parser.add_argument("--imperfections", default="default", help="none, default, or a YAML file")
     parser.add_argument("--sensor", default=DEFAULT_SENSOR, help="sensor description: a YAML file, or a shipped one")
-    parser.add_argument("--seed", type=int, default=1, help="of the board")
+    parser.add_argument("--seed", type=int, default=1, help="of the board; that of bring-up is 0")
     return parser
 
 
