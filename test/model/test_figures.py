@@ -1,6 +1,8 @@
 """The figures: drawn without fault, the same on every run, with units, and readable without colour."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +33,14 @@ def test_a_figure_that_is_not_there_is_an_error_with_the_names(tmp_path, capsys)
         command.main(["fig99", "--out", str(tmp_path)])
     assert stop.value.code == 2
     assert "no figure fig99; there are fig2_hysteresis" in capsys.readouterr().err
+
+
+def test_without_matplotlib_one_line_says_so() -> None:
+    program = "import runpy, sys; sys.modules['matplotlib'] = None; runpy.run_module('posfet_model.figures')"
+    folder = Path(command.__file__).parents[2]
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, cwd=folder)
+    assert done.returncode == 1
+    assert re.fullmatch(r"posfet_model\.figures: needs matplotlib\S* \(pip install matplotlib\)\n", done.stderr)
 
 
 @pytest.mark.parametrize("name", FIGURES)

@@ -6,8 +6,11 @@ import argparse
 import sys
 from pathlib import Path
 
-from posfet_model.figures.registry import FIGURES
-from posfet_model.figures.style import save
+try:
+    from posfet_model.figures.registry import FIGURES
+    from posfet_model.figures.style import save
+except ModuleNotFoundError as error:  # matplotlib is for the figures alone
+    sys.exit(f"posfet_model.figures: needs {error.name} (pip install matplotlib)")
 
 
 def main(arguments: list[str] | None = None) -> int:
