@@ -185,6 +185,30 @@ def test_a_taxel_pressed_beyond_its_range_for_a_moment_is_saturated_and_not_stuc
     assert not np.any(statuses[900:])
 
 
+def test_a_taxel_that_dies_while_it_is_pressed_holds_no_contact_for_ever() -> None:
+    dying = dead(12)
+
+    def fault(index: int, scan: Scan) -> None:
+        if index >= 700:
+            dying(index, scan)
+
+    _, results, statuses = run(fault, 2.5, press(1.5, 0.5, 1.5))
+    assert found_at(statuses, 12, TaxelStatus.STUCK) > 1500
+    assert not any(result.contacts for result in results[1950:])
+
+
+def test_a_taxel_with_a_loose_wire_does_not_hold_up_the_others() -> None:
+    def fault(index: int, scan: Scan) -> None:
+        if index // 100 % 2:
+            scan.counts[12] = 0
+
+    _, results, statuses = run(fault, 3.0, press(1.5, 1.5, 2.5))
+    assert all(result.valid for result in results[1300:])
+    assert {int(row[12]) for row in statuses[1300:]} <= {TaxelStatus.NOISY, TaxelStatus.STUCK}
+    [contact] = results[2400].contacts
+    assert abs(contact.region.force - 1.5) < 2 * math.sqrt(contact.region.force_variance)
+
+
 def test_a_taxel_that_sticks_under_load_and_comes_loose_is_taken_back() -> None:
     def fault(index: int, scan: Scan) -> None:
         if 600 <= index < 900:

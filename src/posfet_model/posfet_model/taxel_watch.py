@@ -1,7 +1,7 @@
 """Taxels that do not work, found while the array runs, and found again when they do.
 
 - Stuck: the counts stay the same although noise must move them, or although a charge so far from the zero would leak,
-  or at the end of the range while no neighbour feels anything.
+  or at the end of the range while no neighbour feels anything. Or a force is held that no neighbour feels.
 - Noisy: the second differences of the counts are far above the noise described, that of most taxels, and what any
   neighbour shows. A touch is felt by the neighbours too: the cover spreads it.
 - Dead: the taxel reads next to nothing while all around it tells that it is pressed.
@@ -67,7 +67,7 @@ class WatchSettings:
     """When a taxel is given up, and when it is taken back. All values are assumed."""
 
     confirm: float = 0.2
-    """A taxel is noisy once it has been so for this long; also the memory of the noise found [s]."""
+    """A taxel is noisy, or holds a force alone, once it has done so for this long; also the memory of the noise [s]."""
     confirm_dead: float = 0.1
     """A taxel is dead once it has read nothing under load for this long, and stuck once it alone has been at the end of
     its range for this long [s]."""
@@ -79,6 +79,8 @@ class WatchSettings:
     """Noise below which it is well again, in that of others [1]."""
     neighbours: float = 20.0
     """A touch moves some neighbour by at least one part in this many [1]."""
+    alone: float = 50.0
+    """A taxel holds a force alone when no neighbour feels one part in this many of it [1]."""
     shared: float = 10.0
     """A noisy taxel shows at most this many times what a neighbour does of a touch on both [1]."""
     dead: float = 0.05
@@ -125,6 +127,7 @@ class TaxelWatch:
         self._level_always = np.full(taxels, self._noise)
         self._noisy_for = np.zeros(taxels)
         self._well_for = np.zeros(taxels)
+        self._alone_for = np.zeros(taxels)
         self._silent_for = np.zeros(taxels)
         self._answering_for = np.zeros(taxels)
         self._noisy, self._calm, self._dead, self._alive = np.zeros((4, taxels), np.bool_)
@@ -171,9 +174,11 @@ class TaxelWatch:
         self._elapsed += duration
         self._touched |= touched
         stuck, changed = self._judge_runs(duration, leaking, saturated)
+        stuck |= self._alone_for >= self._settings.confirm
         if self._elapsed >= PERIOD or self._filled == len(self._counts):
             self._judge_noise(saturated)
             self._judge_answer(force)
+            self._judge_alone(force)
             self._begin()
         self._last = max(self._filled - 1, 0)
         s, status, noisy, dead = self._settings, self.status, self._noisy, self._dead
@@ -225,7 +230,7 @@ class TaxelWatch:
         """
         s = self._settings
         around = self.surroundings.loudest_neighbour(np.where(self.bad, 0.0, np.abs(leaking)))
-        alone = (around < self._force_max / s.neighbours) & np.isfinite(around) & self._felt_around
+        alone = (around < self._force_max / s.alone) & np.isfinite(around) & self._felt_around
         return np.where(alone, s.confirm_dead, s.leaked * self._tau)
 
     def _judge_noise(self, saturated: NDArray[np.bool_]) -> None:
@@ -253,8 +258,9 @@ class TaxelWatch:
             around = self.surroundings.loudest_neighbour(heard) + (doubt - 1.0) * usual
             least = s.neighbours**2 * np.maximum(around, doubt * usual)
             loud |= (self._level_always > least) & (now > least)  # a jump is remembered, but not repeated
-        loud &= ~saturated
-        self._noisy_for = np.maximum(self._noisy_for + np.where(loud, duration, -duration), 0.0)
+        more = np.where(loud, duration, -duration)
+        more[saturated] = 0.0  # which tells neither
+        self._noisy_for = np.maximum(self._noisy_for + more, 0.0)
         self._noisy, self._calm = self._noisy_for >= s.confirm, self._level < s.quiet**2 * usual
 
     def _judge_answer(self, force: NDArray[np.float64]) -> None:
@@ -274,6 +280,20 @@ class TaxelWatch:
         )
         self._dead, self._alive = self._silent_for >= s.confirm_dead, self._answering_for >= s.confirm_dead
         self._answering_for[self._alive] = 0.0
+
+    def _judge_alone(self, force: NDArray[np.float64]) -> None:
+        """Judge by the mean force of the last block [N] for how long taxels have held one that no neighbour feels.
+
+        They died while they were pressed.
+        """
+        s = self._settings
+        pressed = self._touched & (force >= s.dead_load * self._threshold)
+        if not (self._felt_around and pressed.any()):
+            self._alone_for[:] = 0.0
+            return
+        around = self.surroundings.loudest_neighbour(np.where(self.bad, np.inf, np.abs(force)))
+        alone = pressed & (around < force / s.alone) & np.isfinite(around)
+        self._alone_for = np.where(alone, self._alone_for + self._elapsed, 0.0)
 
 
 def _middle(values: NDArray[np.float64]) -> float:
