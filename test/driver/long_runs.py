@@ -74,7 +74,7 @@ def scans_under_faults(scans: int, fd: bool, seed: int, troubles: tuple[Trouble,
         "published": board.receiver.scans,
         "torn": losses.torn_scans,
         "lost": losses.lost_scans,
-        "reopened": board.reopened,
+        "reopened": board.link.opened - 1,
         "restarted": board.restarted,
         "resets": board.resets,
     }

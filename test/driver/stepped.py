@@ -32,6 +32,8 @@ class SteppedBus:
     Frames come in batches, `cadence` [ns] apart, as those of a USB adapter do.
     """
 
+    malformed_lines = 0
+
     def __init__(self, clock: SteppedClock, firmware: Node, cadence: int = 0) -> None:
         self.clock = clock
         self.firmware = firmware

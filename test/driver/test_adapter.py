@@ -140,7 +140,7 @@ def test_the_board_survives_an_adapter_that_goes_and_comes_back(sensor: Sensor, 
                 assert scan.sequence < 20_000  # each board counts from its own start
             adapter.close()
             read_until(board, lambda: board.report().health == Health.ERROR)
-            assert board.lost == round_trip + 1
+            assert board.link.failed == round_trip + 1
             assert board.report().conditions == ("bus gone",)
     finally:
         board.close()

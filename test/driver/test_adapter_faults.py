@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import threading
+import tty
 from concurrent.futures import wait
 from pathlib import Path
 
@@ -16,6 +18,7 @@ from posfet_driver.board import Board
 from posfet_driver.bus import bus_settings
 from posfet_driver.channels import BusOpener
 from posfet_driver.commands import CommandError
+from posfet_driver.faults import FaultWatch
 from posfet_driver.firmware import BoardFirmware
 from posfet_driver.message_frames import MessageFrames
 from posfet_driver.messages import Command
@@ -50,6 +53,23 @@ def test_a_second_adapter_at_a_link_is_refused_until_the_first_has_ended(tmp_pat
     make_adapter(tmp_path / "can0").close()
 
 
+def test_a_port_that_speaks_no_slcan_is_told() -> None:
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    board, _ = make_board(os.ttyname(slave))
+    board.open()
+    try:
+        os.write(master, b"$GPGGA,123519,4807.038,N\r\n" * 20)
+        read_until(board, lambda: board.report().counters["malformed lines"] == 20)
+        told = [fault.name for fault in FaultWatch().present(board.report(), 0)]
+        assert "malformed lines" in told
+    finally:
+        board.close()
+        os.close(master)
+        os.close(slave)
+    assert board.report().counters["malformed lines"] == 20  # though the port is closed
+
+
 def test_an_adapter_that_comes_back_under_another_name_is_found(tmp_path: Path) -> None:
     board, opener = make_board(tmp_path / "can*")
     board.open()
@@ -64,7 +84,7 @@ def test_an_adapter_that_comes_back_under_another_name_is_found(tmp_path: Path) 
             finally:
                 adapter.close()
             read_until(board, lambda: board.report().conditions == ("bus gone",))
-        assert board.lost == 3
+        assert board.link.failed == 3
     finally:
         board.close()
 

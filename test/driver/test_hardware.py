@@ -170,5 +170,5 @@ def test_the_bus_is_opened_anew_after_a_failure(bench: Bench) -> None:
     bench.board._fail(can.CanOperationError("pulled"))
     assert bench.board.report().conditions == ("bus gone",)
     list(bench.scans(5))
-    assert bench.board.lost == 1
+    assert bench.board.link.failed == 1
     assert bench.board.report().health == Health.OK

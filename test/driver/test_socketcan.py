@@ -162,7 +162,7 @@ def test_a_cable_that_is_out_is_not_taken_for_a_bus_that_is_gone(device: Device)
     device.queue_full = True
     read_until(bench.board, lambda: bench.board.report().counters["unacknowledged"] > 3)
     assert bench.board.report().conditions == ("bus silent",)
-    assert bench.board.lost == 0
+    assert bench.board.link.failed == 0
     device.queue_full = False
     bench.scans()
     bench.board.close()

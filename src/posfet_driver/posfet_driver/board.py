@@ -70,7 +70,7 @@ class Board:
         """Resets around which the supply was low."""
         self._sensor = sensor
         self._clock = clock or SystemClock()
-        self._link = BusLink(open_bus, presence, self._clock)
+        self.link = BusLink(open_bus, presence, self._clock)
         self._hush = Silence(self.receiver)
         self._batch: list[Frame] = []
         self._frames: Iterator[Frame] = iter(())
@@ -91,23 +91,13 @@ class Board:
         self._silence = 0
         self._take_period(round(1e6 / sensor.can.scan_rate))
 
-    @property
-    def reopened(self) -> int:
-        """How often the bus was opened anew."""
-        return max(self._link.opened - 1, 0)
-
-    @property
-    def lost(self) -> int:
-        """How often an open bus failed."""
-        return self._link.failed
-
     def open(self) -> None:
         """Begin to look for the board; a bus that cannot be opened yet is tried again by `read`.
 
         Raises ConfigError when the bus can never be opened with these arguments.
         """
         if self._phase == Phase.CLOSED:
-            self._link.settle()
+            self.link.settle()
             self._enter(Phase.BUS, "the bus is being opened", 0.0)
             self._connect()
 
@@ -117,7 +107,7 @@ class Board:
             self._send(Command.STOP)
         self._stopped = True
         self._diagnosis = ""
-        self._link.drop()
+        self.link.drop()
         self._frames = iter(())
         self._enter(Phase.CLOSED, "closed", 0.0)
         self._orders.fail(self._reason)
@@ -201,21 +191,21 @@ class Board:
         if pending := self._orders.pending():
             self._carry_orders(now)
         late = now >= self._deadline
-        if late and (not self._link.is_open or self._looked_for == self._deadline):
+        if late and (not self.link.is_open or self._looked_for == self._deadline):
             self._overdue()
             return
         due = min(end, self._deadline)
         if pending:
             due = min(due, now + round(PRESENCE_PERIOD * _NANOSECONDS))
         left = max(due - now, 0)
-        if self._link.is_open:
+        if self.link.is_open:
             deadline = self._deadline
             arrived = self._read_frames(left)
             if late or (not arrived and self._clock.monotonic() >= deadline):
                 self._looked_for = deadline  # nothing that came in time is waiting any more
         elif self._phase != Phase.BUS:
             self._clock.sleep(left / _NANOSECONDS)
-        elif self._link.rest(left):
+        elif self.link.rest(left):
             self._deadline = self._clock.monotonic()
 
     def _overdue(self) -> None:
@@ -244,8 +234,8 @@ class Board:
         self._reason = f"no board answers at base identifier 0x{base:X}: check power, cable, bitrate and base_id"
         self._diagnosis = self._hush.cause()
         self._ask_adapter()
-        if self._link.is_open and self._hush.too_long(self._clock.monotonic()):
-            self._link.drop()
+        if self.link.is_open and self._hush.too_long(self._clock.monotonic()):
+            self.link.drop()
             self._frames = iter(())
             self._enter(Phase.BUS, self._reason, 0.0)
             self._try_bus()
@@ -258,7 +248,7 @@ class Board:
 
     def _connect(self) -> None:
         try:
-            self._link.connect()
+            self.link.connect()
         except can.CanError as error:
             self._fail(error)
             return
@@ -320,7 +310,7 @@ class Board:
         if self._phase == Phase.SCANS:  # it was only asked for the number of the next scan
             return
         self._stopped = False
-        self._link.settle()
+        self.link.settle()
         self._hush.broken()
         self._flowing = False
         self._enter(Phase.SCANS, self._reason, self._silence / _NANOSECONDS)
@@ -337,7 +327,7 @@ class Board:
 
     def _carry_orders(self, now: int) -> None:
         """Send the next order when the board is ready for it, and give up those that take too long."""
-        if not self._link.is_open:
+        if not self.link.is_open:
             self._orders.fail(self._reason)
         elif self._phase in {Phase.SCANS, Phase.STOPPED, Phase.REFUSED} and (order := self._orders.next()):
             order.tag = self._send(order.command, order.argument)
@@ -354,7 +344,7 @@ class Board:
         self.load.add(self._batch, self._arrival)  # of the read before: scans were handed on first
         self._batch = []
         try:
-            frames = self._batch = self._link.read(timeout / _NANOSECONDS)
+            frames = self._batch = self.link.read(timeout / _NANOSECONDS)
         except (can.CanError, OSError) as error:
             self._fail(error)
             return True
@@ -374,14 +364,14 @@ class Board:
         if command == Command.START:
             self.receiver.asked(self._tag, self._clock.monotonic())
         try:
-            self._link.write((self._sensor.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()))
+            self.link.write((self._sensor.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()))
         except (can.CanError, OSError) as error:
             self._fail(error)
         return self._tag
 
     def _ask_adapter(self) -> None:
         try:
-            self._link.ask_state()
+            self.link.ask_state()
         except (can.CanError, OSError) as error:
             self._fail(error)
 
@@ -389,7 +379,7 @@ class Board:
         """Give the bus up and try again later."""
         self._diagnosis = diagnosis
         self._frames = iter(())
-        self._enter(Phase.BUS, f"the bus is not there, trying again: {one_line(error)}", self._link.fail())
+        self._enter(Phase.BUS, f"the bus is not there, trying again: {one_line(error)}", self.link.fail())
         self._orders.fail(self._reason)
 
     def _enter(self, phase: Phase, reason: str, timeout: float) -> None:

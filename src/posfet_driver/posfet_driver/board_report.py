@@ -78,8 +78,9 @@ def _counters(board: Board) -> dict[str, int]:
         "receive overflows": errors.overflow,
         "board resets": board.resets,
         "brown-outs": board.brown_outs,
-        "bus lost": board.lost,
-        "bus opened anew": board.reopened,
+        "malformed lines": board.link.malformed_lines,
+        "bus lost": board.link.failed,
+        "bus opened anew": max(board.link.opened - 1, 0),
         "board started anew": board.restarted,
         "numbers asked for": receiver.questions,
     }

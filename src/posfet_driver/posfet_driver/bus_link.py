@@ -35,6 +35,13 @@ class BusLink:
         self._bus: FrameBus | None = None
         self._seen: object = None
         self._pause = BACK_OFF_FIRST
+        self._malformed_before = 0
+
+    @property
+    def malformed_lines(self) -> int:
+        """What adapters sent that was no frame and no reply, also by those that are gone."""
+        bus = self._bus
+        return self._malformed_before + (bus.malformed_lines if bus else 0)
 
     @property
     def is_open(self) -> bool:
@@ -52,6 +59,7 @@ class BusLink:
         """Close the bus, which may not work any more."""
         bus, self._bus = self._bus, None
         if bus:
+            self._malformed_before += bus.malformed_lines
             with contextlib.suppress(can.CanError, OSError):
                 bus.shutdown()
 

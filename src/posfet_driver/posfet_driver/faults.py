@@ -105,6 +105,12 @@ FAULTS: Final = {
             "the adapter or the kernel had no room for frames",
             "free the processor, raise net.core.rmem_max with socketcan, or take a faster adapter",
         ),
+        Fault(
+            "malformed lines",
+            _WARN,
+            "the serial port sends what is no slcan",
+            "check that it is the adapter's port, and its cable",
+        ),
         Fault("bus full", _WARN, "little room is left on the bus", "slow down or move other nodes, or use CAN FD"),
         Fault("torn scans", _WARN, "parts of scans are missing; they are not published", "check wiring and bus load"),
         Fault("lost scans", _WARN, "whole scans are missing", "check wiring, bus load, and load of this machine"),

@@ -26,6 +26,11 @@ RATE_SWITCH: Final = 16
 class FrameBus(Protocol):
     """A bus that reads many frames at once. Every method raises can.CanError when the bus is gone."""
 
+    @property
+    def malformed_lines(self) -> int:
+        """Lines of a serial adapter that were no frame and no reply; 0 where there are no lines."""
+        ...
+
     def read_frames(self, timeout: float) -> list[Frame]:
         """Return the frames that are there; when none is, wait up to `timeout` [s] for the first."""
         ...

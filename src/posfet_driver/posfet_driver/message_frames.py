@@ -17,6 +17,8 @@ READ_LIMIT: Final = 1024
 class MessageFrames:
     """Any python-can bus as a FrameBus."""
 
+    malformed_lines = 0
+
     def __init__(self, bus: can.BusABC) -> None:
         self._bus = bus
         self._waiting: list[Frame] = []

@@ -47,6 +47,8 @@ class SocketcanFrames:
     anew would not help.
     """
 
+    malformed_lines = 0
+
     def __init__(self, bus: SocketcanBus) -> None:
         self._bus = bus
         self._socket: socket.socket = bus.socket
