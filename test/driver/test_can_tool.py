@@ -239,6 +239,20 @@ def test_monitor_shows_no_table_that_does_not_fit(
     assert "the terminal needs 129 columns" in capsys.readouterr().out
 
 
+def test_names_are_shown_as_they_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["record", "[red]a.log", "--for", "0.3", *EMULATOR]) == 0
+    assert capsys.readouterr().out.endswith(" frames in [red]a.log\n")
+    assert main(["replay", "[red]a.log", "--decode"]) == 0
+    assert "[red]a.log" in capsys.readouterr().out
+    assert main(["selftest", "-i", "slcan", "-c", "[/red]"]) == 1
+    assert "no port matches [/red]" in capsys.readouterr().out
+    assert main(["list", "-i", "virtual", "-c", "[/red]", "--for", "0.1"]) == 0
+    assert "[/red]" in capsys.readouterr().out
+
+
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs /dev/full")
 @pytest.mark.parametrize("suffix", ["log", "asc", "blf"])
 def test_a_full_disk_is_told_with_the_files_name(

@@ -238,8 +238,11 @@ def test_names_of_any_language_are_written(tmp_path: Path) -> None:
 def test_a_terminal_gets_a_bar(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    scene = tmp_path / "scene.yaml"
+    shipped = (SCENE_FOLDER / f"{SCENE}.yaml").read_text(encoding="utf-8")
+    scene.write_text(shipped.replace(f"name: {SCENE}\n", 'name: "[/red]"\n'), encoding="utf-8")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    assert main([SCENE, "--out", str(tmp_path / "run.csv"), "--for", "0.5"]) == 0
+    assert main([str(scene), "--out", str(tmp_path / "run.csv"), "--for", "0.5"]) == 0
     shown = capsys.readouterr()
-    assert SCENE in shown.err
+    assert "[/red]" in shown.err
     assert "500 scans" in shown.out

@@ -69,5 +69,5 @@ def run_command(options: argparse.Namespace) -> int:
         finally:
             bus.shutdown()
     reset = " (switched on since the last START)" if answer.reset else ""
-    Console(highlight=False).print(f"{options.name}: ok, {describe(answer)}{reset}")
+    Console(highlight=False, markup=False).print(f"{options.name}: ok, {describe(answer)}{reset}")
     return 0

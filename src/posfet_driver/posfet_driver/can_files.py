@@ -68,7 +68,7 @@ def run_record(options: argparse.Namespace) -> int:
                             frames += 1
         finally:
             bus.shutdown()
-    Console(highlight=False).print(f"{frames} frames in {options.file}", soft_wrap=True)
+    Console(highlight=False, markup=False).print(f"{frames} frames in {options.file}", soft_wrap=True)
     return 0 if frames else 1
 
 
@@ -122,7 +122,7 @@ def decode(file: Path, receiver: Receiver) -> None:
 
 def run_replay(options: argparse.Namespace) -> int:
     """Run the action; return the exit code."""
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     if options.decode:
         receiver = Receiver(sensor_of(options))
         try:

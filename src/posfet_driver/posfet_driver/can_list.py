@@ -97,7 +97,7 @@ def run_list(options: argparse.Namespace) -> int:
             rows = [[one_line(error), "", "", "", ""]]
         for row in rows:
             table.add_row(interface, shown, *row)
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     if table.row_count:
         console.print(table)
     else:

@@ -133,7 +133,7 @@ def _known(value: float, width: int, digits: int = 1) -> str:
 
 def run_monitor(options: argparse.Namespace) -> int:
     """Run the action; return the exit code: 0 when any frame was heard."""
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     with bus_of(options) as (sensor, settings):
         bus = open_bus(settings)
         monitor = Monitor(sensor)

@@ -10,6 +10,7 @@ from typing import Final
 import can
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from posfet_driver.board import Board
 from posfet_driver.board_report import version
@@ -123,12 +124,12 @@ def run_selftest(options: argparse.Namespace) -> int:
         try:
             for name, check in test.checks():
                 passed, found = _try(check)
-                table.add_row(name, "[green]ok[/]" if passed else "[red]failed[/]", found)
+                table.add_row(name, Text("ok", "green") if passed else Text("failed", "red"), found)
                 if not passed:
                     break
         finally:
             test.close()
-    Console(highlight=False).print(table)
+    Console(highlight=False, markup=False).print(table)
     return 0 if passed else 1
 
 

@@ -132,10 +132,11 @@ def _progress(title: str, total: int) -> Iterator[Progress]:
         yield lambda done: None
         return
     from rich.console import Console  # noqa: PLC0415  only who looks at a terminal needs it
+    from rich.markup import escape  # noqa: PLC0415
     from rich.progress import Progress as Bar  # noqa: PLC0415
 
     with Bar(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=total)
+        task = bar.add_task(escape(title), total=total)
         yield lambda done: bar.update(task, completed=done)
 
 
