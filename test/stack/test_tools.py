@@ -1,9 +1,11 @@
-"""The command `posfet` as real processes: what was begun is finished after Ctrl-C and SIGTERM."""
+"""Commands as real processes: what was begun is finished after Ctrl-C and SIGTERM; a reader that goes is no error."""
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -13,6 +15,7 @@ from expectations import TIMEOUT
 
 pytestmark = [pytest.mark.process, needs_installation]
 
+RUN = Path(__file__).parents[1] / "data" / "spice" / "opamp_b_tap.csv"
 SIGNALS = [signal.SIGINT, signal.SIGTERM]
 
 
@@ -27,6 +30,19 @@ def interrupted(words: list[str], number: signal.Signals, file: Path) -> subproc
         process.send_signal(number)
         output, errors = process.communicate(timeout=TIMEOUT)
     return subprocess.CompletedProcess(words, process.returncode, output, errors)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [["posfet", "bringup", "-s"], [sys.executable, "-m", "posfet_model.spice_compare", str(RUN)]],
+    ids=["posfet", "spice_compare"],
+)
+def test_a_reader_that_goes_ends_a_command_quietly(command: list[str]) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "w") as pipe:
+        result = subprocess.run(command, stdout=pipe, stderr=subprocess.PIPE, text=True, timeout=TIMEOUT, check=False)
+    assert (result.returncode, result.stderr) == (1, "")
 
 
 @pytest.mark.parametrize("number", SIGNALS)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Final
 
+from posfet_model.command_line import until_reader_goes
 from posfet_model.start import end_in_order
 
 COMMANDS: Final = {
@@ -47,6 +48,6 @@ def main(words: Sequence[str] | None = None) -> int:
         run = import_module(module).main
         if words[0] not in NODES:
             end_in_order()
-        return int(run(words[1:]))
+        return until_reader_goes(lambda: int(run(words[1:])))
     except KeyboardInterrupt:
         return INTERRUPTED

@@ -1,16 +1,30 @@
-"""Words of a command line, checked."""
+"""Words of a command line, checked; and a command whose reader may go."""
 
 from __future__ import annotations
 
 import argparse
 import math
+import os
 import re
+import sys
+from collections.abc import Callable
 from typing import Final
 
 from posfet_model.config import ConfigError
 
 _NAMESPACE: Final = re.compile(r"(?!.*__)[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 """Namespaces that ROS takes, and that start with no number."""
+
+
+def until_reader_goes(run: Callable[[], int]) -> int:
+    """Run a command and return its exit code: 1, without a word, when whoever reads its output has gone (`| head`)."""
+    try:
+        code = run()
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python complains at its end
+        return 1
+    return code
 
 
 def positive(text: str) -> float:

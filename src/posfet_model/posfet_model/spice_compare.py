@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from posfet_model.command_line import until_reader_goes
 from posfet_model.follower import ClosedLoop, SquareLawFollower
 from posfet_model.follower_run import (
     SECOND_POLE_QUALITY,
@@ -226,4 +227,4 @@ def _parser() -> argparse.ArgumentParser:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(until_reader_goes(main))
