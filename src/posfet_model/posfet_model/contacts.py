@@ -206,9 +206,12 @@ class ContactFinder:
             self.patches.append(members)
             force = taxels.force[members]
             above = force > self._floor[members]
-            weight = np.where(above, force, 0.0)
+            weight, values = force * above, force.tolist()
+            highest = max(values)
+            if math.isnan(sum(values)):
+                weight, highest = np.where(above, force, 0.0), math.nan
             variance = taxels.variance_of_sum(footprint, above)
-            patch = _Patch(footprint, weight, variance, float(force[force.argmax()]), taxels)
+            patch = _Patch(footprint, weight, variance, highest, taxels)
             known = [contact for contact in before if contact.bits & bits]
             places: Places = [contact.centre_of_pressure for contact in known]
             whole, rounds, told = None, ROUNDS, True
@@ -261,8 +264,7 @@ class ContactFinder:
         These are given as bits: those that it lists, and all of them.
         """
         outline, taxels, highest = self._footprints.outline(listed), patch.taxels, patch.highest
-        force = taxels.force[outline.taxels]
-        peak = float(force[force.argmax()])
+        peak = max(taxels.force[outline.taxels].tolist())
         footprint = patch.footprint
         sums = weight.dot(footprint.basis).tolist()
         if footprint.profiles_apart:

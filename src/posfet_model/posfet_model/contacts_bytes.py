@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import struct
+from functools import lru_cache
 from typing import Final
 
 from posfet_model.fast_channel import Motion
@@ -27,10 +28,8 @@ _LENGTH: Final = struct.Struct("<I")
 
 _HEAD: Final = struct.Struct("<IB3xI")
 """Id and state of a contact, and number of ids merged in it."""
-_BODY: Final = struct.Struct("<21d3f4x9d?3xfiII")
-"""Its fields from the centre of pressure to the number of taxels; the first is aligned to 8."""
-_ROOM: Final = 512
-"""Bytes that a contact takes at most, without its taxels and the ids merged in it."""
+_ROOM: Final = 64
+"""Bytes that a contact takes at most beside the ids merged in it and what follows them."""
 
 
 class ContactsBytes:
@@ -67,9 +66,10 @@ class ContactsBytes:
     def _write(self, at: int, contact: Contact, motion: Motion) -> int:
         """Write one contact from byte `at` on; return where it ends."""
         region, buffer = contact.region, self._buffer
-        taxels = region.taxels.astype("<u2").tobytes()
+        taxels = region.taxels.tolist()
+        body = _body(len(taxels))
         merged = contact.merged_ids if contact.merged else ()
-        end = at + _ROOM + 4 * len(merged) + len(taxels)
+        end = at + _ROOM + 4 * len(merged) + body.size
         if end > len(buffer):
             buffer += bytes(end + _ROOM - len(buffer))
         at += -at % 4
@@ -82,14 +82,12 @@ class ContactsBytes:
         at += 4
         at += -(at - len(ENCODING)) % 8
         head, tail = self._place(contact)
-        _BODY.pack_into(
+        body.pack_into(
             buffer, at, *head, math.sqrt(region.force_variance), region.area, region.peak_pressure, *tail,
             motion.slipping, motion.vibration,
-            *divmod(round(contact.age * NANOSECONDS), NANOSECONDS), len(taxels) // 2,
+            *divmod(round(contact.age * NANOSECONDS), NANOSECONDS), len(taxels), *taxels,
         )  # fmt: skip
-        at += _BODY.size
-        buffer[at : at + len(taxels)] = taxels
-        return at + len(taxels)
+        return at + body.size
 
     def _append(self, data: bytes, alignment: int) -> int:
         """Append a number at its alignment; return where it is."""
@@ -102,3 +100,9 @@ class ContactsBytes:
         data = text.encode() + b"\0"
         self._append(_LENGTH.pack(len(data)), 4)
         self._buffer += data
+
+
+@lru_cache(maxsize=256)
+def _body(taxels: int) -> struct.Struct:
+    """Return the form of a contact's fields from the centre of pressure on, which is aligned to 8, to its taxels."""
+    return struct.Struct(f"<21d3f4x9d?3xfiII{taxels}H")

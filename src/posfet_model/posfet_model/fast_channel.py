@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -71,6 +72,7 @@ class FastChannel:
         self._plane = np.stack([np.ones(layout.taxels), x, y], axis=1)
         self._lever = LEVER * max(layout.pitch_x, layout.pitch_y)
         self._noise = noise
+        self._passed = np.zeros(layout.taxels)
         self._square = np.zeros(layout.taxels)
         self._running = False
         self._motions: dict[int, Motion] = {}
@@ -90,10 +92,10 @@ class FastChannel:
     def advance(self, change: NDArray[np.float64], step: float) -> None:
         """Take by how much each force changed [N] in a step [s], shape [rows * cols]; the first one is left out."""
         if self._running:
-            passed = 2.0 * math.pi * CORNER * step
-            decay = math.exp(-passed)
-            self.fast *= decay
-            self.fast += (1.0 - decay) / passed * change  # which came evenly, also where scans are missing
+            decay, share = _high_pass(step)
+            np.multiply(self.fast, decay, out=self.fast)
+            np.multiply(change, share, out=self._passed)
+            np.add(self.fast, self._passed, out=self.fast)
         self._running = True
 
     def average(self, step: float) -> None:
@@ -138,3 +140,14 @@ class FastChannel:
         """Return up to what moment [N m] noise is no slip of a contact."""
         reach = math.hypot(*region.major_axis) + math.hypot(*region.minor_axis)
         return SLIP_GUARD * self._noise * reach * math.sqrt(len(region.taxels))
+
+
+@lru_cache(maxsize=64)
+def _high_pass(step: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return which share of the last value is left after a step [s], and of a change that came evenly during it.
+
+    Kept, as a board repeats few different steps, and as arrays, which cost less than numbers beside other arrays.
+    """
+    passed = 2.0 * math.pi * CORNER * step
+    decay = math.exp(-passed)
+    return np.array(decay), np.array((1.0 - decay) / passed)

@@ -161,10 +161,10 @@ def principal_axes(xx: float, yy: float, xy: float) -> tuple[Vector, Vector]:
     half, mean = 0.5 * (xx - yy), 0.5 * (xx + yy)
     spread = math.hypot(half, xy)
     large, small = math.sqrt(mean + spread), math.sqrt(max(mean - spread, 0.0))
-    angle = 0.5 * math.atan2(xy, half)
-    cosine, sine = math.cos(angle), math.sin(angle)
-    if abs(cosine) < 1e-15:
-        cosine = 0.0
+    # Cosine and sine of half the angle at which (half, xy) lies.
+    longer = math.sqrt(0.5 + 0.5 * abs(half) / spread) if spread else 1.0
+    shorter = 0.5 * xy / (spread * longer) if spread else 0.0
+    cosine, sine = (longer, shorter) if half >= 0.0 else (abs(shorter), math.copysign(longer, xy))
     return (large * cosine, large * sine), (-small * sine, small * cosine)
 
 

@@ -107,7 +107,7 @@ class TaxelWatch:
         self.bad = self._known_dead.copy()
         self.any_bad = bool(self.bad.any())
         self._all = np.arange(taxels)
-        self._counts = np.zeros((MOST_SCANS + 2, taxels), np.int32)
+        self._counts = np.zeros((MOST_SCANS + 2, taxels), np.uint16)
         self._filled = 0
         self._last = 0  # row of the last scan of the block before
         self._elapsed = 0.0
@@ -240,8 +240,8 @@ class TaxelWatch:
         now = self._level_always
         if self._filled > 2:
             block = self._counts[: self._filled]
-            difference = block[1:] - block[:-1]
-            second = np.subtract(difference[1:], difference[:-1], dtype=np.float64)
+            difference = np.subtract(block[1:], block[:-1], dtype=np.float64)
+            second = difference[1:] - difference[:-1]
             # White noise of variance v has second differences of variance 6*v.
             found: NDArray[np.float64] = np.einsum("ij,ij->j", second, second) / (6.0 * len(second))
             share = -math.expm1(-duration / s.confirm)
