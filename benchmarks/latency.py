@@ -63,9 +63,19 @@ def row(name: str, taken: Measurement) -> tuple[str | int | float, ...]:
     return name, taken.at(50), taken.at(90), taken.at(99), jitter, *ready, taken.cpu, received, taken.lost
 
 
+def attempt(setup: Setup) -> Measurement:
+    """Run a case that may be more than the machine can do: a stack that is too far behind to begin is a result, too."""
+    try:
+        return run(setup)
+    except RuntimeError:
+        return Measurement(np.zeros(0), np.zeros(0), float("nan"), 0, 0, 0)
+
+
 def measure(full: bool) -> Outcome:
     """Measure and sum up."""
-    taken = {name: run(setup) for name, setup in (SHORT | full_cases() if full else SHORT).items()}
+    taken = {name: run(setup) for name, setup in SHORT.items()}
+    if full:
+        taken |= {name: attempt(setup) for name, setup in full_cases().items() if name not in SHORT}
     for name in NAMED:
         again = [run(SHORT[name]) for _ in range(RUNS - 1)]
         taken[name] = min(taken[name], *again, key=lambda one: one.at(50))
