@@ -206,10 +206,9 @@ class ContactFinder:
             self.patches.append(members)
             force = taxels.force[members]
             above = force > self._floor[members]
-            weight, values = force * above, force.tolist()
-            highest = max(values)
-            if math.isnan(sum(values)):
-                weight, highest = np.where(above, force, 0.0), math.nan
+            highest = float(force[force.argmax()])
+            # A product with 0 is faster, but leaves unknown what is not known.
+            weight = np.where(above, force, 0.0) if math.isnan(highest) else force * above
             variance = taxels.variance_of_sum(footprint, above)
             patch = _Patch(footprint, weight, variance, highest, taxels)
             known = [contact for contact in before if contact.bits & bits]
@@ -264,7 +263,8 @@ class ContactFinder:
         These are given as bits: those that it lists, and all of them.
         """
         outline, taxels, highest = self._footprints.outline(listed), patch.taxels, patch.highest
-        peak = max(taxels.force[outline.taxels].tolist())
+        force = taxels.force[outline.taxels]
+        peak = float(force[force.argmax()])
         footprint = patch.footprint
         sums = weight.dot(footprint.basis).tolist()
         if footprint.profiles_apart:
