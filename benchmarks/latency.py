@@ -49,7 +49,8 @@ def full_cases() -> dict[str, Setup]:
                         words += ["idle"] * (not touched) + [stack] * (stack == "separate")
                         words += ["messages"] * (not as_bytes)
                         sensor = f"posfet_{size}x{size}"
-                        cases[", ".join(words)] = Setup(sensor, rate, touched, stack, as_bytes)
+                        window = 2.0 if rate < 1000.0 else 1.0
+                        cases[", ".join(words)] = Setup(sensor, rate, touched, stack, as_bytes, window)
     return cases
 
 
