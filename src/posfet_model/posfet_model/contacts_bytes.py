@@ -25,6 +25,7 @@ ENCODING: Final = b"\x00\x01\x00\x00"
 _STAMP: Final = struct.Struct("<iI")
 _SEQUENCE: Final = struct.Struct("<Q")
 _LENGTH: Final = struct.Struct("<I")
+_END: Final = struct.Struct("<ff?")
 
 _HEAD: Final = struct.Struct("<IB3xI")
 """Id and state of a contact, and number of ids merged in it."""
@@ -45,8 +46,7 @@ class ContactsBytes:
         self._append_text(sensor.name)
         self._count = self._append(_LENGTH.pack(0), 4)
         self._first = len(self._buffer)
-        threshold = struct.pack("<ff", sensor.contact.threshold, sensor.contact.deadband)
-        self._ends = threshold + b"\x00", threshold + b"\x01"
+        self._limits = sensor.contact.threshold, sensor.contact.deadband
         self._buffer += bytes(_ROOM)
 
     def fill(self, result: Reconstruction) -> bytes:
@@ -59,9 +59,8 @@ class ContactsBytes:
         for contact in contacts:
             at = self._write(at, contact, result.motions.get(contact.id, AT_REST))
         at += -at % 4
-        end = self._ends[result.valid]
-        buffer[at : at + len(end)] = end
-        return bytes(memoryview(buffer)[: at + len(end)])
+        _END.pack_into(buffer, at, *self._limits, result.valid)
+        return bytes(buffer[: at + _END.size])
 
     def _write(self, at: int, contact: Contact, motion: Motion) -> int:
         """Write one contact from byte `at` on; return where it ends."""
