@@ -9,7 +9,8 @@ import pytest
 
 rclpy = pytest.importorskip("rclpy")
 
-from lifecycle_msgs.msg import State
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -188,14 +189,14 @@ def test_another_scene_is_loaded_while_it_runs(spin, tmp_path: Path) -> None:
     node = make_board(spin, scene="idle")
     node.start()
     listener = Listener(spin, ("raw", TactileRaw), ("truth", TactileTruth))
-    assert listener.wait("truth", 10)[-1].objects == []
+    before = listener.wait("truth", 500)[-1]
+    assert before.objects == []
     answer = load(spin, node, "two_fingers")
     assert (answer.success, answer.message) == (True, "scene 'two_fingers' from its beginning")
-    listener.messages["truth"].clear()
-    while not (truths := [each for each in listener.wait("truth", 1) if each.objects]):
-        listener.messages["truth"].clear()
+    while not (truths := [each for each in listener.messages["truth"] if each.objects]):
+        listener.wait("truth", len(listener.messages["truth"]) + 1)
     assert truths[0].objects == ["lower", "upper"]
-    assert truths[0].sequence == 0
+    assert truths[0].sequence < before.sequence  # numbers begin anew
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text("name: wrong\n", encoding="utf-8")
     for scene, reason in (("", ": no such scene"), ("nowhere", "nowhere: no such scene"), (str(wrong), f"{wrong}: ")):
@@ -219,6 +220,20 @@ def test_a_board_that_is_held_back_stays_so_with_another_scene(spin) -> None:
     node.trigger_activate()
     listener.wait("raw", 10)
     assert node.source.board.scene.name == "tap"
+
+
+@pytest.mark.parametrize("transition", [Transition.TRANSITION_CLEANUP, Transition.TRANSITION_CONFIGURE, 99])
+def test_a_transition_that_is_not_there_is_refused_and_no_more(spin, transition: int) -> None:
+    node = make_board(spin)
+    listener = Listener(spin, ("raw", TactileRaw))
+    node.start()
+    client = node.create_client(ChangeState, "sim_board_node/change_state")
+    future = client.call_async(ChangeState.Request(transition=Transition(id=transition)))
+    spin.spin_until_future_complete(future, PATIENCE)
+    assert not future.result().success
+    listener.messages["raw"].clear()
+    listener.wait("raw", 10)
+    assert node._state_machine.current_state[0] == State.PRIMARY_STATE_ACTIVE
 
 
 @pytest.mark.parametrize("fd", [False, True])

@@ -33,6 +33,19 @@ REPORT_PERIOD = 1.0
 """Time between two diagnostics [s]."""
 
 
+def _refusing(change_state: Callable[..., Any]) -> Callable[..., Any]:
+    """Return rclpy's service of transitions, with an answer where it would end the process: no such transition now."""
+
+    def change(request: Any, response: Any) -> Any:
+        try:
+            return change_state(request, response)
+        except rclpy_implementation.RCLError:  # which rcl has logged
+            response.success = False
+            return response
+
+    return change
+
+
 class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     """Publishes the scans of a source.
 
@@ -44,6 +57,7 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
 
     def __init__(self, node_name: str, parameters: Sequence[Parameter] = (), **node_arguments: Any) -> None:
         super().__init__(node_name, **node_arguments)
+        self._service_change_state.callback = _refusing(self._service_change_state.callback)
         self.sink: Callable[[Scan], None] | None = None
         """Called with every scan in the data thread, before anything is published; set it while not active."""
         try:
