@@ -1,7 +1,7 @@
 """A force held by many taxels at once, ours against the optimal estimator that knows the true noise.
 
 The taxels have white noise and 1/f noise of the simulated board (sums of octaves, not the observer's Markov processes),
-an offset each, rest, and are then pressed all alike.
+an offset each, rest, and are then pressed all alike. The temperature rests or drifts (held_warmth.py).
 """
 
 from __future__ import annotations
@@ -9,12 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import islice, repeat
 from typing import Final
 
 import numpy as np
+from held_warmth import BEFORE, MEMORIES, Drift, Warmth, newton_per_kelvin
 from numpy.typing import NDArray
 
 from posfet_driver.sim_noise import FlickerNoise
+from posfet_model.calibration import Calibration, Residuals
 from posfet_model.chain import charge_per_newton
 from posfet_model.observer import ForceObserver
 from posfet_model.observer_settings import ObserverSettings
@@ -26,7 +29,9 @@ BLOCK: Final = 20
 RATE: Final = 1000.0
 """[Hz]"""
 
-KNOWN_LEAK: Final = ObserverSettings(leak_shared=1e-6, leak_own=1e-6)
+KNOWN_LEAK: Final = ObserverSettings(
+    leak_shared=1e-6, leak_own=1e-6, leak_shared_calibrated=1e-6, leak_own_calibrated=1e-6
+)
 """The optimal estimator knows the leak, and so does ours."""
 
 
@@ -35,41 +40,42 @@ class Optimal:
 
     1/f noise is a sum of first-order Markov processes, one per decade from 10 ms to 1000 s. A taxel at rest shows its
     noise alone, so the filter learns the noise from the signal then, foretells it while a force is held, and takes
-    signal and leaked charge for what is foretold of it.
+    signal and leaked charge for what is foretold of it. What warmth does unevenly to a taxel is a random constant times
+    the warmth, which is told.
     """
 
-    MEMORIES: Final = np.array([1e-2, 1e-1, 1.0, 1e1, 1e2, 1e3])
-
-    def __init__(self, taxels: int, white: float, flicker: float, leak: float) -> None:
-        """Take the variance of a reading [N2], the density of the 1/f noise at 1 Hz [N2], and tau [s]."""
-        self._decade = flicker * math.log(10.0)
-        self._state = np.zeros((len(self.MEMORIES) + 1, taxels))
-        self._covariance = np.diag([*(self._decade for _ in self.MEMORIES), 1.0])  # the last: an unknown constant
-        self._noise = white / BLOCK
-        self._kept = np.append(np.exp(-BLOCK / RATE / self.MEMORIES), 1.0)
+    def __init__(self, taxels: int, white: float, flicker: float, leak: float, uneven: float) -> None:
+        """Take the variance of a reading [N2], the density of 1/f noise at 1 Hz [N2], tau [s] and unevenness [1]."""
+        decade = flicker * math.log(10.0)
+        self._state = np.zeros((len(MEMORIES) + 2, taxels))  # the last two: an unknown offset, and unevenness
+        self._covariance = np.diag([*(decade for _ in MEMORIES), 1.0, uneven**2])
+        self._white = white / BLOCK
+        self._kept = np.array([*np.exp(-BLOCK / RATE / MEMORIES), 1.0, 1.0])
+        self._noise = np.diag(decade * (1.0 - self._kept**2))
         self._leak = leak
         self._leaked = np.zeros(taxels)
 
-    def rest(self, mean: NDArray[np.float64]) -> None:
-        """Take the mean signal of a block [N] without force."""
+    def rest(self, mean: NDArray[np.float64], warm: float) -> None:
+        """Take the mean signal of a block without force, and what the warmth shows in it, left out already [N]."""
         self._pass()
-        seen = self._covariance.sum(axis=1)
-        gain = seen / (seen.sum() + self._noise)
-        self._state += np.outer(gain, mean - self._state.sum(axis=0))
+        shown = np.append(np.ones(len(self._state) - 1), warm)
+        seen = self._covariance @ shown
+        gain = seen / (shown @ seen + self._white)
+        self._state += np.outer(gain, mean - shown @ self._state)
         self._covariance -= np.outer(gain, seen)
 
-    def hold(self, mean: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Take the mean signal of a block [N] under force; return the mean force [N]."""
+    def hold(self, mean: NDArray[np.float64], warm: float) -> NDArray[np.float64]:
+        """Take the mean signal of a block under force, and the warmth's part in it; return the mean force, all [N]."""
         self._pass()
-        charge = mean - self._state.sum(axis=0)
+        charge = mean - self._state[:-1].sum(axis=0)
         step = charge * (BLOCK / RATE / self._leak)
         self._leaked += step
-        return charge + self._leaked - 0.5 * step
+        return charge + self._leaked - 0.5 * step - warm * (1.0 + self._state[-1])
 
     def _pass(self) -> None:
         self._state *= self._kept[:, None]
         self._covariance *= np.outer(self._kept, self._kept)
-        self._covariance += np.diag(np.append(self._decade * (1.0 - self._kept[:-1] ** 2), 0.0))
+        self._covariance += self._noise
 
 
 @dataclass(frozen=True)
@@ -98,30 +104,24 @@ def hold(
     flicker: float = 10e-6,
     side: int = 16,
     sensor: Sensor | None = None,
+    drift: Drift | None = None,
+    lag: float | None = None,
 ) -> Iterator[Held]:
     """Yield the errors at `times` [s] of a `force` [N] held by side x side taxels after a `rest` [s].
 
-    flicker [V/sqrt(Hz)] is the 1/f noise at 1 Hz.
+    flicker [V/sqrt(Hz)] is the 1/f noise at 1 Hz; without drift the temperature rests. lag [s] is
+    that of the film if it is another than the one told to ours; the optimal estimator is not told either.
     """
     sensor = sensor or load_sensor()
     sensor = replace(sensor, layout=replace(sensor.layout, rows=side, cols=side))
     taxels, start = sensor.layout.taxels, round(rest * RATE)
-    white = (sensor.adc.noise / sensor.volts_per_newton) ** 2
-    leak = sensor.device.leak_time_constant
-    optimal = Optimal(taxels, white, (flicker / sensor.volts_per_newton) ** 2, leak)
-    observer, touched = ForceObserver(sensor, KNOWN_LEAK), np.zeros(taxels, np.bool_)
-    mean = np.zeros(taxels)
+    optimal = _Optimum(sensor, flicker, drift)
+    observer, touched = ForceObserver(sensor, KNOWN_LEAK, _calibration(sensor)), np.zeros(taxels, np.bool_)
     recent: list[NDArray[np.float64]] = []
     best: list[NDArray[np.float64]] = []
-    for index, (true, signal) in enumerate(_signals(sensor, seed, start, force, flicker)):
-        _observe(observer, signal * charge_per_newton(sensor), touched, sensor.contact.threshold)
-        mean = mean + signal / BLOCK
-        if index % BLOCK == BLOCK - 1:
-            if index < start:
-                optimal.rest(mean)
-            else:
-                best = [*best[-4:], optimal.hold(mean)]
-            mean = np.zeros(taxels)
+    for index, (true, signal, readings) in enumerate(_signals(sensor, seed, start, force, flicker, drift, lag)):
+        _observe(observer, signal * charge_per_newton(sensor), readings, touched, sensor.contact.threshold)
+        best = [*best[-4:], *optimal.take(signal, readings, index >= start)]
         recent = [*recent[-99:], observer.force.copy()]
         held = (index + 1 - start) / RATE
         if held in times:
@@ -139,11 +139,50 @@ def hold(
                 return
 
 
+class _Optimum:
+    """The optimal estimator, scan by scan: of what all taxels have in common, and of what each has alone."""
+
+    def __init__(self, sensor: Sensor, flicker: float, drift: Drift | None) -> None:
+        white, density = (sensor.adc.noise / sensor.volts_per_newton) ** 2, (flicker / sensor.volts_per_newton) ** 2
+        taxels, uneven = sensor.layout.taxels, drift.uneven if drift else 0.0
+        self._warmth = Warmth(sensor, drift, white, density) if drift else None
+        self._own = Optimal(taxels, white, density, sensor.device.leak_time_constant, uneven)
+        self._mean = np.zeros(taxels)
+        self._scans = 0
+
+    def take(
+        self, signal: NDArray[np.float64], readings: NDArray[np.float32], touched: bool
+    ) -> Iterator[NDArray[np.float64]]:
+        """Take a scan [N] and temperatures [degC]; yield the mean force [N] where a block under force ends."""
+        self._mean += signal / BLOCK
+        self._scans += 1
+        if self._warmth:
+            self._warmth.take(float(signal.mean()), readings, touched)
+        if self._scans % BLOCK:
+            return
+        common, warm = self._warmth.close_block(BLOCK) if self._warmth else (0.0, 0.0)
+        if touched:
+            yield self._own.hold(self._mean - common, warm)
+        else:
+            self._own.rest(self._mean - common, warm)
+        self._mean[:] = 0.0
+
+
+def _calibration(sensor: Sensor) -> Calibration:
+    """Return a recorded calibration that is right."""
+    return replace(Calibration.nominal(sensor), residuals=Residuals(0.0, 0.0, 1))
+
+
 def _observe(
-    observer: ForceObserver, charge: NDArray[np.float64], touched: NDArray[np.bool_], threshold: float
+    observer: ForceObserver,
+    charge: NDArray[np.float64],
+    readings: NDArray[np.float32],
+    touched: NDArray[np.bool_],
+    threshold: float,
 ) -> None:
     """Give a scan to the observer; a taxel above the threshold of contacts is touched."""
-    observer.advance(charge, np.full(2, 25.0, np.float32), 1.0 / RATE)
+    observer.advance(charge, readings, 1.0 / RATE)
+    observer.follow_common(bool(touched.any()))
     touched |= observer.force > threshold
     if observer.block_due:
         observer.close_block(touched)
@@ -151,21 +190,29 @@ def _observe(
 
 
 def _signals(
-    sensor: Sensor, seed: int, start: int, force: float, flicker: float
-) -> Iterator[tuple[float, NDArray[np.float64]]]:
-    """Yield the true force [N], and the signals of the taxels as forces that leak [N], scan by scan for ever."""
+    sensor: Sensor, seed: int, start: int, force: float, flicker: float, drift: Drift | None, lag: float | None
+) -> Iterator[tuple[float, NDArray[np.float64], NDArray[np.float32]]]:
+    """Yield the true force [N], the signals as forces that leak [N], and temperatures [degC], scan by scan for ever."""
     taxels, random = sensor.layout.taxels, np.random.default_rng(seed)
     per_newton = sensor.volts_per_newton
     source = FlickerNoise(seed, taxels, 64)
     offset = random.normal(0.0, 5e-3 / per_newton, taxels)
+    steady = repeat((0.0, np.full(2, 25.0, np.float32)))
+    warmth = drift.scans(seed, start, lag or sensor.device.thermal_time_constant) if drift else steady
+    uneven = drift.uneven if drift else 0.0
+    per_kelvin = newton_per_kelvin(sensor) * (1.0 + uneven * np.random.default_rng([seed, 2]).standard_normal(taxels))
     ratio = 1.0 / RATE / sensor.device.leak_time_constant
-    charge, last, index = 0.0, 0.0, 0
+    mean, kept = -math.expm1(-ratio) / ratio, math.exp(-ratio)
+    charge, warm, last, film, index = 0.0, 0.0, 0.0, 0.0, 0
+    for now, _ in islice(warmth, BEFORE if drift else 0):
+        warm, film = warm * kept + (now - film) * mean, now
     while True:
         noise = source.weights @ source.rows(index // 64) * (flicker / per_newton)
         noise += random.normal(0.0, sensor.adc.noise / per_newton, noise.shape) + offset
-        for row in noise:
+        for row, (now, readings) in zip(noise, warmth, strict=False):
             true = force * min(max((index - start) / 20, 0.0), 1.0)
-            charge = charge * math.exp(-ratio) + (true - last) * -math.expm1(-ratio) / ratio
-            last = true
+            charge = charge * kept + (true - last) * mean
+            warm = warm * kept + (now - film) * mean
+            last, film = true, now
             index += 1
-            yield true, charge + row
+            yield true, charge + row + warm * per_kelvin, readings

@@ -1,0 +1,37 @@
+"""Forces below zero, which cannot be: a zero was taken under load, and is wrong."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+class BelowZero:
+    """For how long each taxel has been below zero, and how steadily: one that is steady is not still settling."""
+
+    def __init__(self, taxels: int, patience: float) -> None:
+        """Take for how long a force below zero has to be steady until it is a wrong zero [s]."""
+        self.lasts = np.zeros(taxels)
+        """[s]."""
+        self._steady, self._mean = np.zeros((2, taxels))
+        self._patience = patience
+
+    def look(self, where: Mask, mean: Array, limit: Array, still: Array, duration: float) -> Mask:
+        """Take the mean forces [N] of a block of `duration` [s]; return which of the masked taxels have a wrong zero.
+
+        Forces below -limit [N] cannot be; those that moved by less than `still` [N] are steady.
+        """
+        below = where & (mean < -limit)
+        self.lasts = np.where(below, self.lasts + duration, 0.0)
+        self._steady = np.where(below & (np.abs(mean - self._mean) <= still), self._steady + duration, 0.0)
+        self._mean = mean.copy()
+        ripe: Mask = self._steady >= self._patience
+        self._steady[ripe] = 0.0
+        return ripe
+
+    def forget(self, where: Mask) -> None:
+        """Begin anew with the masked taxels."""
+        self.lasts[where] = self._steady[where] = 0.0
