@@ -352,6 +352,7 @@ class ForceObserver:
     def _start_block(self) -> None:
         self._sum[:] = self._jumped[:] = 0.0
         np.add(self._zeros.offset, self._shared.offset, out=self._offset)
+        self._together.refresh()
         self._scans = 0
         self._elapsed = self._elapsed_square = 0.0
 

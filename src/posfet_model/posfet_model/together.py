@@ -40,19 +40,24 @@ class Together:
         """Take the forces [N], which are written to, their signals for temperature [N/K], and what is known of them."""
         self._force, self._per_kelvin = force, per_kelvin
         self._zeros, self._warming, self._shared = zeros, warming, shared
+        self._variance = 0.0
         self._ahead = 0.0  # what was taken off the forces beyond the temperature of the film [K]
         self._typical = float(per_kelvin.mean())
 
     @property
     def variance(self) -> float:
         """Variance that all forces share [N2]."""
-        shared = self._shared
-        return (shared.offset_drift if shared.following else shared.variance) + self.unseen_variance
+        return self._variance + self.unseen_variance
 
     @property
     def unseen_variance(self) -> float:
         """The part of it that what the taxels show together cannot tell [N2]."""
         return self._warming.common_variance if self._shared.following else self._warming.unseen_variance
+
+    def refresh(self) -> None:
+        """Reckon `variance` anew: once a block is done, so that scans need not."""
+        shared = self._shared
+        self._variance = shared.offset_drift if shared.following else shared.variance
 
     def watch(self, mean: Array, usable: Mask, warmth: float, duration: float, noise: float, quiet: bool) -> None:
         """Learn how fast the film wanders from a block's mean forces [N], each with a variance of `noise` by itself.
@@ -91,6 +96,7 @@ class Together:
             shared.feel(film.chip, film.age, film.sensors, duration)
             shows = shared.shows(warmth - self._ahead, duration)
         self._follow()
+        self.refresh()
         return shows
 
     def learn(self, where: Mask, mean: Array, expected: Array, duration: float, slew: float, touched: bool) -> float:
