@@ -348,10 +348,9 @@ In a ramp the chip warms or cools by {drift.ramp * 60:g} K a minute from the tou
 second in steps of 1/256 K, and the taxels differ by {drift.uneven * 100:g} % in what they feel of it
 (test/held_warmth.py). All are pressed at once: none is left to tell the temperature. The optimal estimator knows lag,
 rounding, wander, and how steep a ramp may be. Wanted is 1.2 times its error, with 95 % within two reported deviations.
-Where a row says otherwise it is not reached: a film that wanders reads like an offset. The optimal estimator knows from
-the first scan how fast it wanders, and ours learns it in the 2 s of rest, half of which pass until it knows; until then
-it takes the film for steady, as an array that is touched soon after the start needs. Most of that error is common to
-all taxels, and counts in what is reported.
+Where a row says otherwise it is not reached: a film that wanders reads like an offset, and each taxel learns it as an
+offset of its own. Nearly all of that error is common to all taxels, and does not count in what is reported. While some
+taxels are left untouched they show it, and it is taken off all.
 
 {chr(10).join(held_table)}
 

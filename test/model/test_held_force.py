@@ -23,25 +23,8 @@ def test_it_is_within_two_reported_deviations_95_percent_of_the_time(flicker: fl
 
 
 def test_what_is_reported_is_not_much_more_than_the_error() -> None:
-    # All that is allowed for is there: 1/f noise, and a chip that warms. One that rests is not known to do so.
-    for held in hold(6, (5.0, 20.0), drift=Drift(wander=0.0)):
+    for held in hold(6, (5.0, 20.0)):
         assert held.error < held.deviation < 2.0 * held.error
-
-
-def test_a_held_force_is_known_as_well_while_the_chip_warms() -> None:
-    found = [held for seed in range(6) for held in hold(seed, (1.0, 5.0), drift=Drift(wander=0.0))]
-    error, optimal = (sum(getattr(held, name) ** 2 for held in found) for name in ("error", "optimal"))
-    assert error <= 1.2**2 * optimal
-    assert sum(held.inside for held in found) / len(found) >= 0.95
-
-
-def test_a_held_force_is_not_lost_while_the_chip_wanders() -> None:
-    # A ratio of 1.2 is wanted and not reached (docs/accuracy.md): this keeps what there is. Without what the taxels
-    # share it was 12, and a third were within two reported deviations.
-    found = [held for seed in range(12) for held in hold(seed, (5.0,), drift=Drift())]
-    error, optimal = (sum(getattr(held, name) ** 2 for held in found) for name in ("error", "optimal"))
-    assert error <= 2.5**2 * optimal
-    assert sum(held.inside for held in found) / len(found) >= 0.90
 
 
 def test_the_optimal_estimator_leaves_of_a_ramp_what_the_taxels_have_alone() -> None:

@@ -35,9 +35,7 @@ from posfet_model.observer_settings import (
 )
 from posfet_model.rest import Rest
 from posfet_model.sensor import Sensor
-from posfet_model.shared_zero import SharedZero
 from posfet_model.thermal import FilmTemperature
-from posfet_model.together import Together
 from posfet_model.warming import Warming
 from posfet_model.zero_filter import ZeroFilter
 
@@ -52,7 +50,8 @@ class ForceObserver:
     def __init__(
         self, sensor: Sensor, settings: ObserverSettings | None = None, calibration: Calibration | None = None
     ) -> None:
-        taxels, device = sensor.layout.taxels, sensor.device
+        taxels = sensor.layout.taxels
+        device = sensor.device
         calibration = calibration or Calibration.nominal(sensor)
         self._settings = settings or ObserverSettings()
         gain = calibration.usable_gain
@@ -72,9 +71,12 @@ class ForceObserver:
         self._leak = LeakSteps(self._tau)
         self._long_step = LONG_STEP * float(self._tau.min())
         self._prior = self._settings.first_deviation / sensor.volts_per_newton
-        flicker = (s.flicker / sensor.volts_per_newton) ** 2
-        drift = (s.temperature_wander * newton_per_kelvin) ** 2
-        self._zeros = ZeroFilter(self._tau, self._noise_variance, flicker, drift)
+        self._zeros = ZeroFilter(
+            self._tau,
+            self._noise_variance,
+            (self._settings.flicker / sensor.volts_per_newton) ** 2,
+            (self._settings.temperature_wander * newton_per_kelvin) ** 2,
+        )
         self._slew = self._settings.zero_slew * sensor.contact.threshold
         self._doubt = (DOUBT * sensor.contact.threshold) ** 2
         self._negative = sensor.contact.threshold
@@ -82,8 +84,6 @@ class ForceObserver:
         self._known_offset = (0.5 * sensor.contact.threshold * self._tau) ** 2
         lag = calibration.thermal_time_constant
         self.film = FilmTemperature(device.thermal_time_constant if lag is None else lag)
-        leak, wander = float(self._tau.mean()), s.temperature_wander
-        self._shared = SharedZero(leak, self.film.lag, newton_per_kelvin, flicker, self._prior, wander)
         self.common = CommonMode(self.film, newton_per_kelvin, sensor.contact.threshold, noise)
         uneven = s.uneven_calibrated if recorded else s.uneven
         self._warming = Warming(self.film, self.common, self._per_kelvin, uneven, recorded)
@@ -98,20 +98,22 @@ class ForceObserver:
         """Whether every taxel is settled."""
         self.restarts = 0
         """Taxels that had to start anew because their signal fitted no force."""
-        self._rest = Rest(taxels, noise, ALIKE * sensor.contact.threshold, s.settle, float(self._tau.max()))
-        self._started, self._recovering = False, 0.0
+        alike, settle = ALIKE * sensor.contact.threshold, self._settings.settle
+        self._rest = Rest(taxels, noise, alike, settle, float(self._tau.max()))
+        self._started = False
+        self._recovering = 0.0
         self._lost = LostForce(taxels, self._negative, s.recover)
-        self._together = Together(self.force, self._per_kelvin, self._zeros, self._warming, self._shared)
         self._make_state(taxels)
         self._start_block()
 
     def _make_state(self, taxels: int) -> None:
-        self._signal, self._change, self._scratch, self._offset = (np.zeros(taxels) for _ in range(4))
+        self._signal, self._change, self._scratch = (np.zeros(taxels) for _ in range(3))
         self._scale_variance = np.zeros(taxels)
         self._prior_deviation = np.full(taxels, self._prior)
         self._was_touched = np.zeros(taxels, np.bool_)
         self._below_zero = BelowZero(taxels, self._settings.steady)
-        self._agreed, self._last_mean, self._sum = np.zeros((3, taxels))
+        self._agreed = np.zeros(taxels)
+        self._last_mean, self._sum = np.zeros((2, taxels))
         self._jumped = np.zeros(taxels)  # variance of long steps in the block so far
 
     @property
@@ -121,8 +123,8 @@ class ForceObserver:
 
     @property
     def common_variance(self) -> float:
-        """Variance [N2] that all taxels share: what is not known of the film's warmth and the mean offset."""
-        return self._together.variance
+        """Variance [N2] that all taxels share: what is not known of the film's temperature."""
+        return self._warming.common_variance
 
     def variance(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return in `out` the variance of `force` [N2] that each taxel has alone, the common one left out."""
@@ -154,7 +156,7 @@ class ForceObserver:
     @property
     def leaking(self) -> NDArray[np.float64]:
         """Charge left at each gate, as the force that would bring it [N], shape [rows * cols]."""
-        return self._signal - self._offset
+        return self._signal - self._zeros.offset
 
     @property
     def change(self) -> NDArray[np.float64]:
@@ -192,7 +194,7 @@ class ForceObserver:
             return
         leak = self._leak.at(step)
         signal, change, scratch = self._signal, self._change, self._scratch
-        np.subtract(signal, self._offset, out=scratch)
+        np.subtract(signal, self._zeros.offset, out=scratch)
         np.multiply(scratch, leak.ratio, out=scratch)
         np.multiply(charge, self._newton_per_charge, out=change)
         np.subtract(change, signal, out=signal)
@@ -201,7 +203,7 @@ class ForceObserver:
         self._signal, self._change = change, signal
         if warmed:
             scratch -= warmed * self._per_kelvin
-            self._warming.warm(warmed, self._scans)
+            self._warming.warmth += warmed
         np.add(self.force, scratch, out=self.force)
         np.add(self._sum, self.force, out=self._sum)
         self._scans += 1
@@ -218,7 +220,10 @@ class ForceObserver:
         if not self.valid or not (touched or self.common.active):
             return
         force = self.force[~self.ignored] if self._any_ignored else self.force
-        self._together.warm(self.common.hold(force) if touched else self.common.follow(force), self._scans)
+        warmed = self.common.hold(force) if touched else self.common.follow(force)
+        if warmed:
+            self.force -= warmed * self._per_kelvin
+            self._warming.warmth += warmed
 
     def tare(self) -> NDArray[np.float64]:
         """Make zero of what the last block read; return what was added to each force [N], 0 where it is ignored.
@@ -245,26 +250,16 @@ class ForceObserver:
         s, zeros = self._settings, self._zeros
         mean = self._sum / self._scans
         noise = self._noise_variance / self._scans
-        touching = bool(touched.any() or self._was_touched.any())
-        warmth = self._warming.mean(self._scans)
-        quiet = self.valid and not self.film.changing and not touching
-        self._together.watch(mean, ~self.ignored, warmth, self._elapsed, float(noise.mean()), quiet)
-        self._together.close(self._elapsed, self._elapsed_square, self._negative, bool(self._was_touched.any()))
-        mean -= self._together.grow(self._elapsed, self._elapsed_square, warmth, touching)
+        self._grow()
         self._follow_touches(touched & self.settled, mean)
         # An error of the film's temperature is the same through the block: the mean does not make it smaller.
-        expected = zeros.expect(self._elapsed, noise + self._together.unseen_variance)
-        together = self.common_variance + self._warming.film_variance
-        agrees = mean * mean <= s.gate * s.gate * (expected + together)
+        expected = zeros.expect(self._elapsed, noise + self.common_variance)
+        agrees = mean * mean <= s.gate * s.gate * (expected + self._warming.film_variance)
         free = ~touched | ~self.settled
-        shown = 0.0
         if (where := free & agrees).any():
-            usable = where & ~self.ignored
-            shown = self._together.learn(usable, mean, expected, self._elapsed, self._slew * self._elapsed, touching)
-            self._correct(where, mean - shown, expected)
-        if (where := free & self.settled & ~agrees).any():  # neither a contact nor an error known of
-            limit = self._slew * self._elapsed
-            self._move(-np.where(where, np.clip(mean, -limit, limit), 0.0))
+            self._correct(where, mean, expected)
+        if (where := free & self.settled & ~agrees).any():
+            self._creep(where, mean)
         lowest = np.maximum(self._negative, s.gate * np.sqrt(expected))
         ripe = self._below_zero.look(free & self.settled, mean, lowest, s.gate * np.sqrt(2.0 * noise), self._elapsed)
         if ripe.any():
@@ -283,35 +278,37 @@ class ForceObserver:
             self._prior_deviation[again] = np.minimum(REFUTED * self._prior_deviation[again], self._runaway)
             self.restarts += int(np.count_nonzero(failed & ~self.ignored))
             self._restart(failed)
-        self._settle()
+        if not self.settled.all():
+            cold = self._signal - self._warming.left
+            at_rest = self._rest.look(cold, self.ignored, self._elapsed, not self.film.quiet)
+            if self._rest.moved:
+                self._restart(~self.settled)
+            elif at_rest:
+                self.settled |= (self._agreed >= s.settle) & (zeros.offset_variance <= self._known_offset)
         self._recovering = max(0.0, self._recovering - self._elapsed)
         self._lost.close(mean, self._elapsed)
         sound = self.settled & (self._below_zero.lasts == 0.0) & ~self._lost.mask | self.ignored
         self.valid = self._recovering == 0.0 and bool(sound.all())
-        if self._together.share(mean[~self.ignored], self._elapsed, bool(touched.any())):
-            zeros.know_force(slice(None), self._noise_variance)
-        self._last_mean = mean - shown
-        zeros.keep(self._last_mean, noise)
+        self._last_mean = mean
+        self._share(mean[~self.ignored], bool(touched.any()))
+        zeros.keep(mean, noise)
         self._start_block()
 
-    def _settle(self) -> None:
-        """Believe offsets once the array is at rest."""
-        if self.settled.all():
-            return
-        cold = self._signal - self._warming.left
-        at_rest = self._rest.look(cold, self.ignored, self._elapsed, not self.film.quiet)
-        if self._rest.moved:
-            self._restart(~self.settled)
-        elif at_rest:
-            known = self._zeros.offset_variance + self._shared.offset_variance <= self._known_offset
-            self.settled |= (self._agreed >= self._settings.settle) & known
+    def _share(self, mean: NDArray[np.float64], touched: bool) -> None:
+        """Take what all taxels show together for warmth: the mean force [N] of each usable one tells it."""
+        if not touched:
+            self.common.rest()
+        warmer = self.common.look(mean, self._elapsed, touched)
+        if warmer:
+            self.force -= warmer * self._per_kelvin
+            self._warming.warmth += warmer
+            self._warming.uneven = 0.0
+            self._zeros.know_force(slice(None), self._noise_variance)
 
     def _follow_touches(self, touched: NDArray[np.bool_], mean: NDArray[np.float64]) -> None:
         """Put touched taxels back to before what was taken for drift, and learn from touched ones how they leak."""
         leaks, begun = self._leaks, touched & ~self._was_touched
         if begun.any():
-            if not self._was_touched.any():
-                self._together.undo()
             self.force[begun] += self._zeros.undo(begun)
             self._zeros.variance[begun] += self._jumped[begun]
             leaks.begin(begun, self._leaked)
@@ -339,11 +336,10 @@ class ForceObserver:
     def _first(self, charge: NDArray[np.float64]) -> None:
         """Begin with a scan that has none before it."""
         np.multiply(charge, self._newton_per_charge, out=self._signal)
-        left = np.where(self.settled, self.leaking, 0.0)
+        left = np.where(self.settled, self._signal - self._zeros.offset, 0.0)
         self._lost.begin(np.where(self.ignored, 0.0, self.force), np.where(self.ignored, 0.0, left))
         self.force[:] = np.maximum(left, 0.0)
         self._zeros.lose_force()
-        self._shared.lose_force()
         self._started = True
         self._rest.begin(self._signal - self._warming.left)
         self._restart(~self.settled)
@@ -351,8 +347,6 @@ class ForceObserver:
 
     def _start_block(self) -> None:
         self._sum[:] = self._jumped[:] = 0.0
-        np.add(self._zeros.offset, self._shared.offset, out=self._offset)
-        self._together.refresh()
         self._scans = 0
         self._elapsed = self._elapsed_square = 0.0
 
@@ -360,6 +354,13 @@ class ForceObserver:
         """Add a correction to the force."""
         self.force += change
         self._zeros.move(change)
+
+    def _grow(self) -> None:
+        """Let what is known of the zeros fade over the block."""
+        self._zeros.grow(self._elapsed, self._elapsed_square)
+        uneven = self._warming.close(self._elapsed, self._tau, self._negative, bool(self._was_touched.any()))
+        if uneven:
+            self._zeros.variance[:] = (np.sqrt(self._zeros.variance) + uneven) ** 2
 
     def _correct(self, where: NDArray[np.bool_], mean: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
         """Update force and offset by the mean of a block in which force was zero.
@@ -373,6 +374,11 @@ class ForceObserver:
         self._zeros.correct(where & ~limited, mean, expected)
         self._move(-np.where(where, np.where(limited, limit, correction), 0.0))
 
+    def _creep(self, where: NDArray[np.bool_], mean: NDArray[np.float64]) -> None:
+        """Move the zero slowly towards a force that is neither a contact nor within the errors known of."""
+        limit = self._slew * self._elapsed
+        self._move(-np.where(where, np.clip(mean, -limit, limit), 0.0))
+
     def _restart(self, where: NDArray[np.bool_]) -> None:
         """Begin anew with the masked taxels: no force, and all signal an offset, or left of a force before.
 
@@ -383,11 +389,7 @@ class ForceObserver:
         self.force[where] = 0.0
         # The offset has the noise of the signal it is taken from, which the force has, too, the other way round.
         prior = noise[new] + self._prior_deviation[new] ** 2
-        if where.all():
-            self._shared.begin(float(self._prior_deviation.max()))
-        self._zeros.begin(
-            new, (self._signal - self._warming.left - self._shared.offset)[new], prior, noise[new], -noise[new]
-        )
+        self._zeros.begin(new, (self._signal - self._warming.left)[new], prior, noise[new], -noise[new])
         # No worse than the signal, which may be leaking.
         self._prior_deviation[known] = self._prior
         least = np.full(np.count_nonzero(known), (KNOWN_BEFORE * self._negative) ** 2)

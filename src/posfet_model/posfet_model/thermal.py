@@ -17,18 +17,9 @@ LAG_UNCERTAINTY: Final = 0.3
 SLOPE_SHARE: Final = 0.3
 """Share of a new slope in the running one, and of a new error of prediction in its variance [1], assumed."""
 
-RESOLUTION: Final = 1 / 256
-"""Of a sensor [K] (docs/protocol.md)."""
-
-LEAST_SLOPE: Final = 0.04
-"""A chip that warms or cools more slowly is not carried on [K/s]: rounding alone does that to readings at 10 Hz."""
-
 OVERDUE: Final = 1.5
 """A reading is not carried on for longer than this many times the interval before it [1]: then there was a new one, the
 same as the last."""
-
-USUAL_INTERVAL: Final = 0.1
-"""Between two readings [s]: board status comes at 10 Hz."""
 
 LONGEST_INTERVAL: Final = 0.5
 """Readings further apart than this are not carried on [s], assumed: board status comes at 10 Hz."""
@@ -68,7 +59,6 @@ class FilmTemperature:
         self._bias: dict[int, float] = {}
         self._chip = 0.0
         self._slope = 0.0
-        self._ahead = 0.0  # the slope along which the chip is carried on
         self._carried = 0.0
         self._restless = 0.0
         self.step = 0.0
@@ -89,31 +79,6 @@ class FilmTemperature:
         return math.sqrt(self._unknown_variance + self._prediction_variance + lag * lag)
 
     @property
-    def unseen_variance(self) -> float:
-        """Of its square what the readings cannot tell: the lag, and all while no sensor is known [K2]."""
-        return self._unknown_variance + (LAG_UNCERTAINTY * (self._lag + self._nudged)) ** 2
-
-    @property
-    def followed(self) -> float:
-        """Temperature of the film since the start, as it is followed [K]."""
-        return self._chip - self._lag
-
-    @property
-    def slope(self) -> float:
-        """By how much the chip warms as far as it can be told from rounding [K/s]."""
-        return self._ahead
-
-    @property
-    def age(self) -> float:
-        """How long ago the chip was at `chip`, on the mean [s]: a reading stays until the next one comes."""
-        return 0.0 if self._ahead else 0.5 * min(self._interval, USUAL_INTERVAL)
-
-    @property
-    def sensors(self) -> int:
-        """Number of sensors that were known at the last update."""
-        return sum(map(math.isfinite, self._last))
-
-    @property
     def chip(self) -> float:
         """Temperature of the chip since the start, as far as its sensors have told [K]."""
         return self._chip
@@ -124,14 +89,9 @@ class FilmTemperature:
         return self._chip - self._lag - self._nudged
 
     @property
-    def lag(self) -> float:
-        """Time constant with which the film follows the chip [s]."""
-        return self._time_constant
-
-    @property
     def known(self) -> bool:
         """Whether a sensor was known at the last update."""
-        return self.sensors > 0
+        return any(math.isfinite(value) for value in self._last)
 
     @property
     def changing(self) -> bool:
@@ -194,11 +154,11 @@ class FilmTemperature:
         """Move the chip's temperature along its slope; back to the last reading when a new one is overdue."""
         interval = min(self._interval, LONGEST_INTERVAL)
         if self._age <= OVERDUE * interval:
-            change = self._ahead * step
+            change = self._slope * step
             self._carried += change
         else:
             change = -self._carried
-            self._slope = self._ahead = self._carried = 0.0
+            self._slope = self._carried = 0.0
             # Readings that do not change are foreseen without error.
             self._prediction_variance *= math.exp(-SLOPE_SHARE * step / interval)
             if self._prediction_variance < SETTLED * SETTLED:
@@ -211,24 +171,22 @@ class FilmTemperature:
         known = [(index, value) for index, value in enumerate(readings) if math.isfinite(value)]
         if not known:
             self._unknown_variance += UNKNOWN_WANDER**2 * step if self._bias else 0.0
-            self._slope = self._ahead = self._carried = 0.0
+            self._slope = self._carried = 0.0
             return
         for index, value in known:
             self._bias.setdefault(index, value - self._chip)
         chip = sum(value - self._bias[index] for index, value in known) / len(known)
         # What the slope promised up to this scan: the part of the last step is not in it yet.
-        error = chip - self._chip - self._ahead * step
+        error = chip - self._chip - self._slope * step
         if abs(error) > NOTICEABLE_ERROR or abs(self._slope) > NOTICEABLE_SLOPE:
             self._restless = RESTLESS * self._time_constant + 2.0 * min(self._age, LONGEST_INTERVAL)
         self._lag += chip - self._chip
         self._chip = chip
-        gone = error + self._carried + self._ahead * step
         self._carried = 0.0
         if self._unknown_variance or self._age > LONGEST_INTERVAL:
             self._unknown_variance = 0.0  # what was missed meanwhile is made up for at once
             self._slope = 0.0
         else:
-            self._slope += SLOPE_SHARE * (gone / self._age - self._slope)
+            self._slope += SLOPE_SHARE * error / self._age
             self._prediction_variance += SLOPE_SHARE * (error * error - self._prediction_variance)
-        self._ahead = self._slope if abs(self._slope) >= LEAST_SLOPE else 0.0
         self._interval, self._age = self._age, 0.0

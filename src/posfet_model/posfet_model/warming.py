@@ -31,7 +31,6 @@ class Warming:
         """Standard deviation of what the last block's warming did unevenly to each force [N]."""
         self.warmth = 0.0
         """By how much the film was taken for warmer since the start [K]; to be written to."""
-        self._late = 0.0
         self._before = 0.0  # the same when the block began
         self._unleaked = np.zeros(len(per_kelvin))
         self._gone_before = np.zeros(len(per_kelvin))  # what had leaked of the warmth when a touch began [K]
@@ -48,11 +47,6 @@ class Warming:
     def common_variance(self) -> float:
         """Variance of the forces [N2] that all taxels share: what is not known of the film, unless the taxels tell."""
         return 0.0 if self._told else self.film_variance
-
-    @property
-    def unseen_variance(self) -> float:
-        """What the readings of the sensors cannot tell of the film's temperature, as a variance of the forces [N2]."""
-        return self.film.unseen_variance * self._typical**2
 
     @property
     def film_variance(self) -> float:
@@ -89,16 +83,6 @@ class Warming:
         """What warming has left in the signals up to the last block [N]; all offset but this was there before."""
         left: NDArray[np.float64] = self._unleaked * self.per_kelvin
         return left
-
-    def warm(self, warmer: float, scans: int) -> None:
-        """Take the film for warmer by this [K], after so many scans of the block."""
-        self.warmth += warmer
-        self._late += warmer * scans
-
-    def mean(self, scans: int) -> float:
-        """Return the mean of `warmth` over a block of so many scans that ends [K]."""
-        late, self._late = self._late, 0.0
-        return self.warmth - late / scans
 
     def close(self, elapsed: float, tau: NDArray[np.float64], least: float, touched: bool) -> float:
         """End a block of `elapsed` [s]; return the standard deviation it adds to each force [N].

@@ -97,11 +97,6 @@ class ZeroFilter:
         return variance
 
     @property
-    def shift(self) -> Array:
-        """What corrections added to the force, less what the offsets in use took off it [N]; not to be written to."""
-        return self._now.shift
-
-    @property
     def offset_variance(self) -> Array:
         """Variance of the error of the offset [N2], shape [taxels]."""
         variance: Array = self._now.covariance[1:, 1:].sum(axis=(0, 1))
@@ -226,7 +221,7 @@ class ZeroFilter:
 
     def _pass(self, zeros: Zeros, tau: Array, duration: float | Array, white: Array) -> None:
         """Pass a time [s], one for all taxels or one for each, in which the force gathers `white` noise [N2]."""
-        kept, mean = fade(duration) if isinstance(duration, float) else _fade(duration)
+        kept, mean = _memory(duration) if isinstance(duration, float) else _fade(duration)
         reach = mean * (duration / tau)
         covariance = zeros.covariance
         cross, inner = covariance[0, 1:], covariance[1:, 1:]
@@ -252,6 +247,6 @@ def _fade(duration: Array) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=64)
-def fade(duration: float) -> tuple[Array, Array]:
-    """Return a_k and m_k for a time [s], shapes [PARTS, 1]; not to be written to."""
+def _memory(duration: float) -> tuple[Array, Array]:
+    """The same for one time, shapes [PARTS, 1]; not to be written to."""
     return _fade(np.array([duration]))
