@@ -32,3 +32,10 @@ def test_the_optimal_estimator_leaves_of_a_ramp_what_the_taxels_have_alone() -> 
     drift = Drift(ramp=0.01, wander=0.0)
     for held in hold(3, (10.0,), flicker=0.0, drift=drift):
         assert 1e-3 < held.optimal < 2.5e-3, held
+
+
+def test_a_held_force_is_known_as_well_while_the_chip_warms() -> None:
+    found = [held for seed in range(6) for held in hold(seed, (1.0, 5.0), drift=Drift(wander=0.0))]
+    error, optimal = (sum(getattr(held, name) ** 2 for held in found) for name in ("error", "optimal"))
+    assert error <= 1.2**2 * optimal
+    assert sum(held.inside for held in found) / len(found) >= 0.95

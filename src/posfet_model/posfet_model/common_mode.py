@@ -6,7 +6,8 @@ at one temperature, and a touch can only push. So the taxels that read least tel
 While nothing touches, what they show is taken for warmth at once. The sensors have the last word: when their next
 readings do not bear it out, it was a press on the whole array, which then comes to light, 0.3 s late. After that, and
 while something touches, it is taken for warmth only as far as it may come of what is not known of the film's
-temperature and of its pyroelectric coefficient: while the chip rests, a touch on the whole array loses nothing.
+temperature and of its pyroelectric coefficient: while the chip rests, a touch on the whole array loses nothing. Where
+even those that read least read far more than that, all are pressed, and nothing is taken for warmth.
 """
 
 from __future__ import annotations
@@ -37,6 +38,8 @@ DOUBTS: Final = 3.0
 PYROELECTRIC_DOUBT: Final = 0.3
 """And this share of what the film warmed since the touch began: the pyroelectric coefficient may be wrong [1]."""
 
+PRESSED: Final = 2.0
+"""When those that read least read more than this many times what is believed, all are pressed [1]."""
 
 SMOOTHED: Final = 5e-3
 """Time over which that is averaged, so that noise is not taken for warmth [s]. A steady warming does not lag behind."""
@@ -126,11 +129,15 @@ class CommonMode:
         if not self.told:
             self._pace = film.rate
             return 0.0
-        error = (_least(force) + self._bias) / self._newton_per_kelvin
+        least = _least(force) + self._bias
+        pressed = least + self._shift * self._newton_per_kelvin > PRESSED * most * abs(self._newton_per_kelvin)
+        if pressed:
+            least = -self._shift * self._newton_per_kelvin  # no warmth does that: all are pressed, and tell none
+        error = least / self._newton_per_kelvin
         share = min(film.step / SMOOTHED, 1.0)
         wanted = self._shift + (self._pace - film.rate) * film.step + share * error
         shift = min(max(wanted, -most), most)
-        self.told = shift == wanted
+        self.told = shift == wanted and not pressed
         self._pace = self._pace + 0.25 * share * error / SMOOTHED if self.told else film.rate
         change, self._shift = shift - self._shift, shift
         return change
