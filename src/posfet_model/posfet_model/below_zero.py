@@ -16,18 +16,17 @@ class BelowZero:
         """Take for how long a force below zero has to be steady until it is a wrong zero [s]."""
         self.lasts = np.zeros(taxels)
         """[s]."""
-        self._steady, self._mean = np.zeros((2, taxels))
+        self._steady = np.zeros(taxels)
         self._patience = patience
 
-    def look(self, where: Mask, mean: Array, limit: Array, still: Array, duration: float) -> Mask:
+    def look(self, where: Mask, mean: Array, limit: Array, still: Mask, duration: float) -> Mask:
         """Take the mean forces [N] of a block of `duration` [s]; return which of the masked taxels have a wrong zero.
 
-        Forces below -limit [N] cannot be; those that moved by less than `still` [N] are steady.
+        Forces below -limit [N] cannot be; `still` masks those that are as in the block before.
         """
         below = where & (mean < -limit)
         self.lasts = np.where(below, self.lasts + duration, 0.0)
-        self._steady = np.where(below & (np.abs(mean - self._mean) <= still), self._steady + duration, 0.0)
-        self._mean = mean.copy()
+        self._steady = np.where(below & still, self._steady + duration, 0.0)
         ripe: Mask = self._steady >= self._patience
         self._steady[ripe] = 0.0
         return ripe

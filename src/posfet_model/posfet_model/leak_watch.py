@@ -21,6 +21,8 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model.upper_median import upper_median
+
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 
@@ -89,7 +91,7 @@ class LeakWatch:
         self._theta = np.zeros(taxels)
         self._weight = np.zeros(taxels)
         self._weighted = np.zeros(taxels)
-        self._typical = float(np.sort(time_constant)[taxels // 2])
+        self._typical = upper_median(time_constant)
         self._force = np.zeros((POINTS, taxels))
         self._charge = np.zeros((POINTS, taxels))
         self._durations = np.zeros(POINTS)
@@ -193,7 +195,7 @@ class LeakWatch:
         count = len(taxels)
         variance = variance + count * CREEP**2 + (LONELY / count) ** 2
         found = self._theta[taxels] + np.log1p(-slope)
-        middle = np.sort(found)[count // 2]
+        middle = upper_median(found)
         alike = np.abs(found - middle) <= APART * np.sqrt(variance + self._own**2)
         expected = variance + self.own_deviation[taxels] ** 2 + self.shared_deviation**2
         alike &= np.abs(found - self._theta[taxels]) <= APART * np.sqrt(expected)

@@ -220,10 +220,7 @@ class ForceObserver:
         if not self.valid or not (touched or self.common.active):
             return
         force = self.force[~self.ignored] if self._any_ignored else self.force
-        warmed = self.common.hold(force) if touched else self.common.follow(force)
-        if warmed:
-            self.force -= warmed * self._per_kelvin
-            self._warming.warmth += warmed
+        self._warm(self.common.hold(force) if touched else self.common.follow(force))
 
     def tare(self) -> NDArray[np.float64]:
         """Make zero of what the last block read; return what was added to each force [N], 0 where it is ignored.
@@ -259,9 +256,11 @@ class ForceObserver:
         if (where := free & agrees).any():
             self._correct(where, mean, expected)
         if (where := free & self.settled & ~agrees).any():
-            self._creep(where, mean)
+            limit = self._slew * self._elapsed  # neither a contact nor an error known of: followed slowly
+            self._move(-np.where(where, np.clip(mean, -limit, limit), 0.0))
         lowest = np.maximum(self._negative, s.gate * np.sqrt(expected))
-        ripe = self._below_zero.look(free & self.settled, mean, lowest, s.gate * np.sqrt(2.0 * noise), self._elapsed)
+        still = np.abs(mean - self._last_mean) <= s.gate * np.sqrt(2.0 * noise)
+        ripe = self._below_zero.look(free & self.settled, mean, lowest, still, self._elapsed)
         if ripe.any():
             self.force[ripe] -= mean[ripe]
             zeros.know_force(ripe, self._noise_variance[ripe])
@@ -294,14 +293,19 @@ class ForceObserver:
         zeros.keep(mean, noise)
         self._start_block()
 
+    def _warm(self, change: float) -> None:
+        """Take the film for warmer by a change [K] than it was followed."""
+        if change:
+            self.force -= change * self._per_kelvin
+            self._warming.warmth += change
+
     def _share(self, mean: NDArray[np.float64], touched: bool) -> None:
         """Take what all taxels show together for warmth: the mean force [N] of each usable one tells it."""
         if not touched:
             self.common.rest()
         warmer = self.common.look(mean, self._elapsed, touched)
         if warmer:
-            self.force -= warmer * self._per_kelvin
-            self._warming.warmth += warmer
+            self._warm(warmer)
             self._warming.uneven = 0.0
             self._zeros.know_force(slice(None), self._noise_variance)
 
@@ -373,11 +377,6 @@ class ForceObserver:
         limited = self.settled & (correction > limit) & (expected < self._doubt)
         self._zeros.correct(where & ~limited, mean, expected)
         self._move(-np.where(where, np.where(limited, limit, correction), 0.0))
-
-    def _creep(self, where: NDArray[np.bool_], mean: NDArray[np.float64]) -> None:
-        """Move the zero slowly towards a force that is neither a contact nor within the errors known of."""
-        limit = self._slew * self._elapsed
-        self._move(-np.where(where, np.clip(mean, -limit, limit), 0.0))
 
     def _restart(self, where: NDArray[np.bool_]) -> None:
         """Begin anew with the masked taxels: no force, and all signal an offset, or left of a force before.

@@ -12,6 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model.upper_median import upper_median
+
 STILL: Final = 8.0
 """A signal stands still within this many standard deviations of a reading [1]."""
 
@@ -53,7 +55,7 @@ class Rest:
         """
         change = signal - self._signal
         if warming:
-            change -= _middle(change[~ignored])
+            change -= upper_median(change[~ignored])
         change = np.abs(change)
         change[ignored] = 0.0
         moving = int(np.count_nonzero(change > self._still))
@@ -66,9 +68,4 @@ class Rest:
         if self._lasts >= self._long:
             return True
         usable = signal[~ignored]
-        return self._lasts >= self._settle and bool((np.abs(usable - _middle(usable)) <= self._alike).all())
-
-
-def _middle(values: NDArray[np.float64]) -> float:
-    """Return the upper median, or 0 of none."""
-    return float(np.sort(values)[len(values) // 2]) if len(values) else 0.0
+        return self._lasts >= self._settle and bool((np.abs(usable - upper_median(usable)) <= self._alike).all())

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from posfet_model.chain import COARSEST_BITS, noise_of_a_scan, volts_per_count
 from posfet_model.sensor import Sensor
 from posfet_model.surroundings import Surroundings
+from posfet_model.upper_median import upper_median
 
 MOST_SCANS: Final = 64
 """Scans of a block that are looked at, and of several blocks in which noise is looked for."""
@@ -236,7 +237,7 @@ class TaxelWatch:
     def _judge_noise(self, saturated: NDArray[np.bool_]) -> None:
         """Judge which taxels are noisy, and which are quiet enough to be taken back."""
         s, duration, touched = self._settings, self._elapsed, self._touched
-        usual = max(self._noise, _middle(self._level))
+        usual = max(self._noise, upper_median(self._level))
         now = self._level_always
         if self._filled > 2:
             block = self._counts[: self._filled]
@@ -294,11 +295,6 @@ class TaxelWatch:
         around = self.surroundings.loudest_neighbour(np.where(self.bad, np.inf, np.abs(force)))
         alone = pressed & (around < force / s.alone) & np.isfinite(around)
         self._alone_for = np.where(alone, self._alone_for + self._elapsed, 0.0)
-
-
-def _middle(values: NDArray[np.float64]) -> float:
-    """Return the upper median; np.median takes ten times as long, and loads a library with its first call."""
-    return float(np.sort(values)[len(values) // 2])
 
 
 def longest_run(sensor: Sensor) -> float:

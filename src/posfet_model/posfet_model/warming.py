@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from posfet_model.common_mode import CommonMode
 from posfet_model.observer_settings import CLEARER, LEAST_UNEVEN, UNEVEN_MEMORY, UNTOLD
 from posfet_model.thermal import FilmTemperature
+from posfet_model.upper_median import upper_median
 
 
 class Warming:
@@ -35,7 +36,7 @@ class Warming:
         self._unleaked = np.zeros(len(per_kelvin))
         self._gone_before = np.zeros(len(per_kelvin))  # what had leaked of the warmth when a touch began [K]
         self._gone_told = np.zeros(len(per_kelvin))  # and when the taxels told the temperature last
-        self._typical = abs(float(np.sort(per_kelvin)[len(per_kelvin) // 2]))
+        self._typical = abs(upper_median(per_kelvin))
         self._share = uneven
         self._recorded = recorded
         self._swing = 0.0  # how far the film has been from where it was before something touched [K]

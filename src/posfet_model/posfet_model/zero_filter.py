@@ -24,6 +24,8 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model.exponential import mean_decay
+
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 
@@ -241,9 +243,7 @@ class ZeroFilter:
 def _fade(duration: Array) -> tuple[Array, Array]:
     """Return a_k and m_k for times [s] of shape [n], shapes [PARTS, n]."""
     ratio = np.multiply.outer(_RATES, duration)
-    with np.errstate(invalid="ignore"):
-        mean = np.where(ratio > 0.0, -np.expm1(-ratio) / ratio, 1.0)
-    return np.exp(-ratio), mean
+    return np.exp(-ratio), mean_decay(ratio)
 
 
 @lru_cache(maxsize=64)
