@@ -13,7 +13,7 @@ from itertools import islice, repeat
 from typing import Final
 
 import numpy as np
-from held_warmth import BEFORE, MEMORIES, Drift, Warmth, newton_per_kelvin
+from held_warmth import BEFORE, MEMORIES, STEP, Drift, Warmth, newton_per_kelvin
 from numpy.typing import NDArray
 
 from posfet_driver.sim_noise import FlickerNoise
@@ -26,7 +26,7 @@ from posfet_model.sensor import Sensor, load_sensor
 BLOCK: Final = 20
 """Scans of a block of the optimal estimator."""
 
-RATE: Final = 1000.0
+RATE: Final = 1.0 / STEP
 """[Hz]"""
 
 KNOWN_LEAK: Final = ObserverSettings(
