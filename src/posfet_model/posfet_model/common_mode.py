@@ -4,9 +4,9 @@ The chip's sensors speak ten times a second, and the film may lag or charge othe
 at one temperature, and a touch can only push. So the taxels that read least tell the temperature of all.
 
 While nothing touches, what they show is taken for warmth at once. The sensors have the last word: when their next
-readings do not bear it out, it was a press on the whole array, which then comes to light, 0.3 s late. After that, and
-while something touches, it is taken for warmth only as far as it may come of what is not known of the film's
-temperature and of its pyroelectric coefficient: while the chip rests, a touch on the whole array loses nothing. Where
+readings do not bear it out, it was a press on the whole array, which then comes to light, 0.3 s late; unless it is no
+more than may come of what is not known of the film's temperature and of its pyroelectric coefficient. Only so far it
+is taken for warmth while something touches, too: while the chip rests, a touch on the whole array loses nothing. Where
 even those that read least read far more than that, all are pressed, and nothing is taken for warmth.
 """
 
@@ -67,7 +67,7 @@ class CommonMode:
         self._newton_per_kelvin = newton_per_kelvin
         self._noticed = NOTICED * threshold
         self._left = 0.0
-        self._chip = 0.0
+        self._chip = self._warmth = 0.0  # of chip and film when a trial began [K]
         self._believed = 0.0
         self._refuted = False
 
@@ -94,12 +94,13 @@ class CommonMode:
         if on_trial and self._left <= 0.0:
             warmed = self._film.chip - self._chip
             borne_out = warmed * self._believed >= BORNE_OUT * self._believed**2
+            borne_out |= abs(self._film.nudged) <= self._doubtful(self._warmth)
             self._refuted = not borne_out and abs(self._believed * self._newton_per_kelvin) > self._noticed
             return self._film.forget_nudges() if self._refuted else 0.0
         if self._refuted:
             self._refuted = noticed or touched
         elif not on_trial and noticed and not touched:
-            self._left, self._chip, self._believed = TRIAL, self._film.chip, 0.0
+            self._left, self._chip, self._warmth, self._believed = TRIAL, self._film.chip, self._film.warmth, 0.0
         return 0.0
 
     def follow(self, force: NDArray[np.float64]) -> float:
@@ -124,7 +125,7 @@ class CommonMode:
         film = self._film
         film.keep_nudges()  # a touch that is felt apart from the others refutes none
         self._left = 0.0
-        most = DOUBTS * film.standard_deviation + PYROELECTRIC_DOUBT * abs(film.warmth - self._base)
+        most = self._doubtful(self._base)
         self.told = len(force) > 0 and most * abs(self._newton_per_kelvin) > WORTH_IT * self._noticed
         if not self.told:
             self._pace = film.rate
@@ -141,6 +142,11 @@ class CommonMode:
         self._pace = self._pace + 0.25 * share * error / SMOOTHED if self.told else film.rate
         change, self._shift = shift - self._shift, shift
         return change
+
+    def _doubtful(self, since: float) -> float:
+        """Return how far [K] the film may be from where the sensors have it, known at a warmth `since` [K]."""
+        film = self._film
+        return DOUBTS * film.standard_deviation + PYROELECTRIC_DOUBT * abs(film.warmth - since)
 
 
 def _least(force: NDArray[np.float64]) -> float:

@@ -89,6 +89,11 @@ class FilmTemperature:
         return self._chip - self._lag - self._nudged
 
     @property
+    def nudged(self) -> float:
+        """By how much the film is followed to be warmer than the sensors alone have it [K]."""
+        return self._nudged
+
+    @property
     def known(self) -> bool:
         """Whether a sensor was known at the last update."""
         return any(math.isfinite(value) for value in self._last)

@@ -58,7 +58,7 @@ class Warming:
     def uneven_variance(self) -> float:
         """Variance [N2] that each taxel has alone since the last correction."""
         # Until the next one the uneven part of a warming adds up, as it did in the last block.
-        return (2.0 * self.uneven) ** 2 + self._share**2 * self.film_variance
+        return (2.0 * self.uneven) ** 2
 
     @property
     def _told(self) -> bool:
