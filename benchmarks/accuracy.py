@@ -52,7 +52,7 @@ SCENES: Final = (
     ("vibration", 3.0, 6.0),
     ("texture", 3.0, 6.0),
     ("grasp_lift_slip", 6.0, 12.0),
-    ("warm_finger", 9.0, 10.0),
+    ("warm_finger", 10.0, 10.0),
     ("hold", 63.0, 63.0),
     ("temperature_ramp", 20.0, 60.0),
     ("idle", 600.0, 600.0),
@@ -63,7 +63,7 @@ MISMATCH: Final = 0.05
 """Random error of the gains that is left after calibration [1]."""
 
 STILL: Final = (("press_slide_lift", 4.0), ("hold", 10.0))
-WARM: Final = (("warm_finger", 9.0),)
+WARM: Final = (("warm_finger", 10.0),)
 
 DIFFERENCES: Final = (
     ("leak", 20.0, STILL),

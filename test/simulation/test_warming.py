@@ -42,6 +42,17 @@ def test_a_warm_finger_is_felt_and_measured_while_the_room_warms(differences: di
     assert score.detection_latency_scans is not None and score.detection_latency_scans <= 2
 
 
+@pytest.mark.parametrize("pyroelectric", [-20.0, 0.0, 20.0])
+def test_a_lift_goes_into_no_zero_though_doubt_ended_its_contact_before(pyroelectric: float) -> None:
+    device = differing(SENSOR, {"pyroelectric": pyroelectric})
+    reconstructor, ids = Reconstructor(SENSOR, RECORDED), set()
+    for scan, truth in wire_scans(device, load_scene("warm_finger", device), 10.0, 2):
+        ids |= {contact.id for contact in reconstructor.process(scan).contacts}
+        if truth.time > 8.5:
+            assert np.abs(reconstructor.image().force).max() < 0.5 * SENSOR.contact.threshold
+    assert len(ids) == 1
+
+
 @pytest.mark.parametrize("kelvin_per_second", [-2.0, -0.5, 0.25, 2.0])
 @pytest.mark.parametrize("differences", [{"lag": 30.0, "pyroelectric": -20.0}, {"lag": -30.0, "pyroelectric": 20.0}])
 def test_warming_otherwise_than_described_is_no_contact(

@@ -36,6 +36,10 @@ LATELY: Final = 0.996
 LEFT: Final = 0.02
 """Share of a force that the film's loops may leave behind when it has gone [1], assumed: no contact is told by less."""
 
+LEAVING: Final = 0.1
+"""A force that falls by more than this from one `adapt` to the next is still being let go, though its contact has ended
+by a raised threshold [threshold]; the error of an offset makes less of it."""
+
 
 class Region(NamedTuple):
     """One connected region that is touched, in the frame of the array."""
@@ -133,11 +137,12 @@ class ContactFinder:
         self._limit = self._enter.copy()
         self._floor = np.zeros(layout.taxels)
         self._lately = np.zeros(layout.taxels)
+        self._before = np.zeros(layout.taxels)
         self._touched = np.zeros(layout.taxels, np.bool_)
         self._mask = self._touched.tobytes()
         self._regions: list[Footprint] = []
         self.touched = np.zeros(layout.taxels, np.bool_)
-        """Mask of the taxels in contact in any scan since the last `adapt`, shape [rows * cols]."""
+        """Mask of the taxels in contact in any scan since the last `adapt`, or just leaving one, [rows * cols]."""
         self.patches: list[NDArray[np.intp]] = []
         """Taxels counted into each region that was measured last, the ring around it among them."""
 
@@ -171,7 +176,9 @@ class ContactFinder:
             for limit in (self._enter, self._stay, self._floor):
                 limit[~usable] = math.inf
         self._limit = np.where(self._touched, self._stay, self._enter)
-        self.touched[:] = self._touched
+        leaving = self.touched & (self._before - force > LEAVING * self._threshold)
+        np.logical_or(self._touched, leaving, out=self.touched)
+        self._before[:] = force
 
     def find(self, force: NDArray[np.float64]) -> list[Footprint]:
         """Return the regions in contact for forces [N], shape [rows * cols]; empty when nothing touches."""
