@@ -210,6 +210,31 @@ def test_unusable_taxels_are_in_no_contact() -> None:
     assert region.force < 1.0 - forces[12] + 0.01
 
 
+def test_a_touch_on_a_noisy_taxel_goes_on_by_less_of_its_neighbours_than_it_began_by() -> None:
+    finder, forces = ContactFinder(SENSOR), np.zeros(LAYOUT.taxels)
+    finder.adapt(forces, np.full(LAYOUT.taxels, 3e-3**2), 0.0)
+    taxels = Taxels(forces, VARIANCE, unlisted=finder.bits(np.arange(LAYOUT.taxels) == 12))
+    forces[12] = 0.05
+    found: list[Region] = []
+    counts = []
+    for beside in (6e-3, 9e-3, 6e-3, 3e-3, 6e-3):
+        forces[13] = beside
+        found = finder.measure(finder.find(forces), taxels, found)
+        counts.append(len(found))
+    assert counts == [0, 1, 1, 0, 0]
+
+
+def test_a_force_that_is_being_let_go_counts_as_touched() -> None:
+    finder, forces = ContactFinder(SENSOR), np.zeros(LAYOUT.taxels)
+    told = []
+    for force in (0.1, 0.09, 0.008, 0.004, 0.003, 0.003):
+        forces[12] = force
+        finder.find(forces)
+        told.append(bool(finder.touched[12]))
+        finder.adapt(forces, VARIANCE, 0.0)
+    assert told == [True, True, True, True, True, False]
+
+
 def test_two_contacts_stay_two_and_share_no_taxel() -> None:
     forces = np.zeros(LAYOUT.taxels)
     forces[[0, 1, 5]] = 0.2, 0.1, 0.1

@@ -36,6 +36,9 @@ LATELY: Final = 0.996
 LEFT: Final = 0.02
 """Share of a force that the film's loops may leave behind when it has gone [1], assumed: no contact is told by less."""
 
+STILL_FELT: Final = 0.5
+"""What a neighbour of a noisy taxel has to feel of a contact there to go on, of that to begin one [1]."""
+
 LEAVING: Final = 0.1
 """A force that falls by more than this from one `adapt` to the next is still being let go, though its contact has ended
 by a raised threshold [threshold]; the error of an offset makes less of it."""
@@ -206,7 +209,7 @@ class ContactFinder:
         self.patches.clear()
         np.fmax(self._lately, taxels.force, out=self._lately)
         for footprint in regions:
-            listed = self._listed(footprint, taxels)
+            listed = self._listed(footprint, taxels, before)
             if not listed:
                 continue
             members, bits = footprint.members, footprint.region.bits
@@ -234,14 +237,15 @@ class ContactFinder:
                 found.append(whole or self._measure(patch, weight, listed, bits))
         return found
 
-    def _listed(self, footprint: Footprint, taxels: Taxels) -> int:
+    def _listed(self, footprint: Footprint, taxels: Taxels, before: Sequence[Region]) -> int:
         """Return which taxels a region lists, as bits; 0: it is no contact."""
         region = footprint.region
         listed = region.bits & ~taxels.unlisted
         if listed or (taxels.guessed is not None and taxels.guessed[region.taxels].all()):
             return listed
-        # Felt by a noisy taxel: a touch is felt by its neighbours, too.
-        return footprint.wide & ~taxels.unlisted & self._bitmap.pack(taxels.force > self._floor)
+        # Felt by a noisy taxel: a touch is felt by its neighbours, too, to begin with more surely than later.
+        share = STILL_FELT if any(contact.bits & region.bits for contact in before) else 1.0
+        return footprint.wide & ~taxels.unlisted & self._bitmap.pack(taxels.force > share * self._floor)
 
     def _peaks(self, whole: Region, patch: _Patch, were_apart: bool) -> Places:
         """Return where the contacts of a region may be, by its valleys; empty when it is one."""
