@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, ProcessPoolExecutor
@@ -21,7 +20,7 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks import slips
+from benchmarks import ablation, held, slips
 from posfet_driver.calibrate import calibrate
 from posfet_driver.imperfections import Imperfections
 from posfet_driver.scene import load_scene
@@ -30,17 +29,11 @@ from posfet_driver.scoring import Score, Scorer
 from posfet_driver.wire_simulation import wire_scans
 from posfet_model.calibration import Calibration
 from posfet_model.figures import style
-from posfet_model.reconstruction import Reconstructor
 from posfet_model.sensor import load_sensor
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 DOCUMENT: Final = ROOT / "docs" / "accuracy.md"
 FIGURE: Final = "accuracy_mismatch"
-
-sys.path.insert(0, str(ROOT / "test"))
-
-from held_force import Held, hold  # noqa: E402  the optimal estimator is a test's
-from held_warmth import Drift  # noqa: E402
 
 SCENES: Final = (
     ("press", 4.0, 4.0),
@@ -80,9 +73,6 @@ LONG: Final = 12.0
 
 FEW: Final = 2
 
-TIMES: Final = (1.0, 5.0, 20.0, 60.0)
-"""For how long a force has been held [s]."""
-
 SLIPLESS: Final = 15.0
 """For how long a force wanders without a slip, on each board [s]."""
 
@@ -95,6 +85,9 @@ PUBLISHED: Final = 10.68
 
 BOARD: Final = replace(Imperfections.default(), resets_per_hour=0.0)
 
+WHITE: Final = replace(Imperfections.none(), thermal_noise=BOARD.thermal_noise)
+"""White noise and quantisation alone."""
+
 
 @dataclass(frozen=True)
 class Job:
@@ -104,32 +97,37 @@ class Job:
     seconds: float
     seed: int
     sign: int
-    """Which way the gains are wrong: each board is run with errors of both signs, so that their mean is no bias."""
+    """Which way the gains are wrong: each board is run with errors of both signs, so that their mean is no bias. 0 for
+    right ones."""
     differences: tuple[tuple[str, float], ...] = ()
+    board: Imperfections = BOARD
+    without: str = "nothing"
+    """Piece of the reconstruction that is taken out, of `ablation.PIECES`."""
 
 
 @lru_cache
-def _calibration(seed: int) -> Calibration:
-    return calibrate(load_sensor(), seed, BOARD)
+def _calibration(seed: int, board: Imperfections = BOARD) -> Calibration:
+    return calibrate(load_sensor(), seed, board)
 
 
 def score(job: Job) -> tuple[Score, float]:
     """Return the score of a job, and the error of the total force that the wrong gains alone leave [%]."""
-    sensor, right = load_sensor(), _calibration(job.seed)
+    sensor, right = load_sensor(), _calibration(job.seed, job.board)
     wrong = 1.0 + job.sign * MISMATCH * np.random.default_rng(job.seed).standard_normal(sensor.layout.taxels)
     device = differing(sensor, dict(job.differences))
-    reconstructor, scorer = Reconstructor(sensor, replace(right, gain=right.gain * wrong)), Scorer(sensor)
+    scorer, calibration = Scorer(sensor), replace(right, gain=right.gain * wrong)
     errors, forces = [], []
-    for scan, truth in wire_scans(device, load_scene(job.scene, device), job.seconds, job.seed, BOARD):
-        result = reconstructor.process(scan)
-        image = reconstructor.image()
-        if not result.accepted:
-            continue
-        scorer.add(result, image, truth)
-        if result.valid and truth.force.any():
-            force = np.where(np.isfinite(image.force), truth.force, 0.0)
-            errors.append(abs(float((force / wrong - force).sum())))
-            forces.append(float(force.sum()))
+    with ablation.PIECES[job.without].reconstructor(sensor, calibration) as reconstructor:
+        for scan, truth in wire_scans(device, load_scene(job.scene, device), job.seconds, job.seed, job.board):
+            result = reconstructor.process(scan)
+            image = reconstructor.image()
+            if not result.accepted:
+                continue
+            scorer.add(result, image, truth)
+            if result.valid and truth.force.any():
+                force = np.where(np.isfinite(image.force), truth.force, 0.0)
+                errors.append(abs(float((force / wrong - force).sum())))
+                forces.append(float(force.sum()))
     return scorer.score(0.0), 100.0 * sum(errors) / sum(forces) if sum(forces) else math.nan
 
 
@@ -188,53 +186,30 @@ def scene_rows(pool: Executor, seeds: Sequence[int], full: bool) -> list[str]:
         jobs = both_ways(seeds, name, seconds)
         if seconds > LONG:  # nothing is touched, or the same for long: the sign of the gains tells nothing new
             jobs = jobs[: 2 * FEW : 2]
-        runs.append((name, seconds, [pool.submit(score, job) for job in jobs]))
+        runs.append((f"`{name}`", seconds, [pool.submit(score, job) for job in jobs]))
+    jobs = [Job("hold", 63.0, seed, 0, board=WHITE) for seed in seeds[:FEW]]
+    runs.append(("`hold`, white noise and quantisation alone", 63.0, [pool.submit(score, job) for job in jobs]))
     for name, seconds, futures in runs:
         scores = [future.result()[0] for future in futures]
         gains = [value for future in futures if math.isfinite(value := future.result()[1])]
         cells = [column.text(column.over(scores)) for column in COLUMNS]
         cells.append(TOTAL.text(float(np.mean(gains)) if gains else None))
-        rows.append(f"| `{name}` | {seconds:g} | {' | '.join(cells)} |")
+        rows.append(f"| {name} | {seconds:g} | {' | '.join(cells)} |")
         print(rows[-1], flush=True)
     return rows
 
 
-def held(seed: int, flicker: float, drift: Drift | None) -> list[Held]:
-    """Return the errors of a held force at `TIMES`."""
-    return list(hold(seed, TIMES, flicker=flicker, drift=drift))
-
-
-def held_rows(pool: Executor, full: bool) -> list[str]:
-    """Return a table of the error of a held force against the optimal estimator's."""
-    rows = [
-        "| 1/f noise, uV/sqrt(Hz) at 1 Hz | temperature | held for s | error mN | % of the force | optimal mN | ratio |"
-        " reported mN | within two reported % |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    cases = (
-        (0.0, "rests", None),
-        (10e-6, "rests", None),
-        (10e-6, "ramp", Drift(wander=0.0)),
-        (10e-6, "ramp, wanders", Drift()),
-    )
-    few, many = 10 if full else 3, 20  # a drift is the same to all taxels of a run
-    runs = [
-        [pool.submit(held, seed, flicker, drift) for seed in range(many if drift else few)]
-        for flicker, _, drift in cases
-    ]
-    for (flicker, temperature, _), futures in zip(cases, runs, strict=True):
-        found = [future.result() for future in futures]
-        for at, time_held in enumerate(TIMES):
-            these = [one[at] for one in found]
-            error, optimal = (
-                float(np.sqrt(np.mean([getattr(one, name) ** 2 for one in these]))) for name in ("error", "optimal")
-            )
-            reported, inside = (np.mean([getattr(one, name) for one in these]) for name in ("deviation", "inside"))
-            cells = [f"{flicker * 1e6:g}", temperature, f"{time_held:g}", f"{error * 1e3:.2f}"]
-            cells += [f"{100 * error / these[0].force:.2f}", f"{optimal * 1e3:.2f}", f"{error / optimal:.2f}"]
-            cells += [f"{reported * 1e3:.2f}", f"{inside * 100:.1f}"]
-            rows.append(f"| {' | '.join(cells)} |")
-            print(rows[-1], flush=True)
+def without_rows(pool: Executor, seeds: Sequence[int]) -> list[str]:
+    """Return a table of scenes with one piece of the reconstruction taken out."""
+    runs = {
+        (piece, title): [
+            pool.submit(score, Job(scene, seconds, seed, 0, differences, without=piece)) for seed in seeds[:FEW]
+        ]
+        for piece in ablation.PIECES
+        for title, (scene, seconds, differences) in ablation.SCENES.items()
+    }
+    rows = ablation.rows({key: [future.result()[0] for future in futures] for key, futures in runs.items()})
+    print(*rows, sep="\n", flush=True)
     return rows
 
 
@@ -311,12 +286,13 @@ def main() -> None:
     begin = time.monotonic()
     seeds = (1, 2, 3, 4) if full else (1, 2)
     with ProcessPoolExecutor(PROCESSES) as pool:
-        scenes, held_table = scene_rows(pool, seeds, full), held_rows(pool, full)
+        scenes, held_table = scene_rows(pool, seeds, full), held.rows(pool, full)
+        without = without_rows(pool, seeds)
         slipped = slips.rows(pool, seeds, SLIPLESS_FULL if full else SLIPLESS, _calibration)
         found = mismatches(pool, seeds, full)
     style.save(lambda: draw(found), DOCUMENT.parent / "figures" / FIGURE)
     command = "make accuracy FULL=1" if full else "make accuracy"
-    tables, drift = {"still": STILL, "warm": WARM}, Drift()
+    tables = {"still": STILL, "warm": WARM}
     names = {kind: ", ".join(f"`{name}` ({seconds:g} s)" for name, seconds in of) for kind, of in tables.items()}
     document = f"""# Accuracy
 
@@ -338,21 +314,15 @@ truly carries the threshold of contacts (20 mN), whether that taxel works or not
 
 ## A held force against the optimal estimator
 
-2 N held by 256 taxels at once, after 2 s at rest, with white noise and with 1/f noise besides. The optimal estimator is
-a Kalman filter that knows the noise and when something touches (test/held_force.py); both know the leak. Errors are
-root mean squares over the taxels. What is reported is more than the error under white noise alone: the observer allows
-for 1/f noise, which nobody can know to be absent.
-
-In a ramp the chip warms or cools by {drift.ramp * 60:g} K a minute from the touch on; wandering, by
-{drift.wander * 1e3:g} mK/sqrt(s) at random all the time. The film lags behind it, two sensors tell it ten times a
-second in steps of 1/256 K, and the taxels differ by {drift.uneven * 100:g} % in what they feel of it
-(test/held_warmth.py). All are pressed at once: none is left to tell the temperature. The optimal estimator knows lag,
-rounding, wander, and how steep a ramp may be. Wanted is 1.2 times its error, with 95 % within two reported deviations.
-Where a row says otherwise it is not reached: a film that wanders reads like an offset, and each taxel learns it as an
-offset of its own. Nearly all of that error is common to all taxels, and does not count in what is reported. While some
-taxels are left untouched they show it, and it is taken off all.
+{held.TEXT}
 
 {chr(10).join(held_table)}
+
+## What each piece is worth
+
+{ablation.TEXT}
+
+{chr(10).join(without)}
 
 ## Slips
 

@@ -29,9 +29,10 @@ BLOCK: Final = 20
 RATE: Final = 1.0 / STEP
 """[Hz]"""
 
-KNOWN_LEAK: Final = ObserverSettings(
-    leak_shared=1e-6, leak_own=1e-6, leak_shared_calibrated=1e-6, leak_own_calibrated=1e-6
-)
+LEARNT_LEAK: Final = ObserverSettings(gain=1e-6)
+"""Gains are right, and known to be; the leak is known as well as by a calibration."""
+
+KNOWN_LEAK: Final = replace(LEARNT_LEAK, leak_shared_calibrated=1e-6, leak_own_calibrated=1e-6)
 """The optimal estimator knows the leak, and so does ours."""
 
 
@@ -44,8 +45,11 @@ class Optimal:
     the warmth, which is told.
     """
 
-    def __init__(self, taxels: int, white: float, flicker: float, leak: float, uneven: float) -> None:
-        """Take the variance of a reading [N2], the density of 1/f noise at 1 Hz [N2], tau [s] and unevenness [1]."""
+    def __init__(self, taxels: int, white: float, flicker: float, leak: NDArray[np.float64], uneven: float) -> None:
+        """Take the variance of a reading [N2], the density of 1/f noise at 1 Hz [N2], tau [s] and unevenness [1].
+
+        tau is of shape [taxels].
+        """
         decade = flicker * math.log(10.0)
         self._state = np.zeros((len(MEMORIES) + 2, taxels))  # the last two: an unknown offset, and unevenness
         self._covariance = np.diag([*(decade for _ in MEMORIES), 1.0, uneven**2])
@@ -106,27 +110,34 @@ def hold(
     sensor: Sensor | None = None,
     drift: Drift | None = None,
     lag: float | None = None,
+    learnt: bool = False,
 ) -> Iterator[Held]:
     """Yield the errors at `times` [s] of a `force` [N] held by side x side taxels after a `rest` [s].
 
     flicker [V/sqrt(Hz)] is the 1/f noise at 1 Hz; without drift the temperature rests. lag [s] is
-    that of the film if it is another than the one told to ours; the optimal estimator is not told either.
+    that of the film if it is another than the one told to ours; the optimal estimator is not told either. If `learnt`,
+    ours is told time constants of the leak that are as wrong as a calibration leaves them; the optimal one knows them.
     """
     sensor = sensor or load_sensor()
     sensor = replace(sensor, layout=replace(sensor.layout, rows=side, cols=side))
     taxels, start = sensor.layout.taxels, round(rest * RATE)
-    optimal = _Optimum(sensor, flicker, drift)
-    observer, touched = ForceObserver(sensor, KNOWN_LEAK, _calibration(sensor)), np.zeros(taxels, np.bool_)
+    settings = LEARNT_LEAK if learnt else KNOWN_LEAK
+    random = np.random.default_rng([seed, 3])
+    wrong = settings.leak_shared_calibrated * random.standard_normal()
+    wrong = wrong + settings.leak_own_calibrated * random.standard_normal(taxels)
+    leak = sensor.device.leak_time_constant * np.exp(wrong * learnt)
+    optimal = _Optimum(sensor, flicker, drift, leak)
+    observer, touched = ForceObserver(sensor, settings, _calibration(sensor)), np.zeros(taxels, np.bool_)
     recent: list[NDArray[np.float64]] = []
     best: list[NDArray[np.float64]] = []
-    for index, (true, signal, readings) in enumerate(_signals(sensor, seed, start, force, flicker, drift, lag)):
+    for index, (true, signal, readings) in enumerate(_signals(sensor, seed, start, force, flicker, drift, lag, leak)):
         _observe(observer, signal * charge_per_newton(sensor), readings, touched, sensor.contact.threshold)
         best = [*best[-4:], *optimal.take(signal, readings, index >= start)]
         recent = [*recent[-99:], observer.force.copy()]
         held = (index + 1 - start) / RATE
         if held in times:
             error = np.mean(recent, axis=0) - true
-            deviation = np.sqrt(observer.variance(np.empty(taxels)) + observer.common_variance)
+            deviation = np.sqrt(observer.force_variance(np.empty(taxels)) + observer.common_variance)
             yield Held(
                 time=held,
                 force=true,
@@ -142,11 +153,11 @@ def hold(
 class _Optimum:
     """The optimal estimator, scan by scan: of what all taxels have in common, and of what each has alone."""
 
-    def __init__(self, sensor: Sensor, flicker: float, drift: Drift | None) -> None:
+    def __init__(self, sensor: Sensor, flicker: float, drift: Drift | None, leak: NDArray[np.float64]) -> None:
         white, density = (sensor.adc.noise / sensor.volts_per_newton) ** 2, (flicker / sensor.volts_per_newton) ** 2
         taxels, uneven = sensor.layout.taxels, drift.uneven if drift else 0.0
         self._warmth = Warmth(sensor, drift, white, density) if drift else None
-        self._own = Optimal(taxels, white, density, sensor.device.leak_time_constant, uneven)
+        self._own = Optimal(taxels, white, density, leak, uneven)
         self._mean = np.zeros(taxels)
         self._scans = 0
 
@@ -190,7 +201,14 @@ def _observe(
 
 
 def _signals(
-    sensor: Sensor, seed: int, start: int, force: float, flicker: float, drift: Drift | None, lag: float | None
+    sensor: Sensor,
+    seed: int,
+    start: int,
+    force: float,
+    flicker: float,
+    drift: Drift | None,
+    lag: float | None,
+    leak: NDArray[np.float64],
 ) -> Iterator[tuple[float, NDArray[np.float64], NDArray[np.float32]]]:
     """Yield the true force [N], the signals as forces that leak [N], and temperatures [degC], scan by scan for ever."""
     taxels, random = sensor.layout.taxels, np.random.default_rng(seed)
@@ -201,9 +219,10 @@ def _signals(
     warmth = drift.scans(seed, start, lag or sensor.device.thermal_time_constant) if drift else steady
     uneven = drift.uneven if drift else 0.0
     per_kelvin = newton_per_kelvin(sensor) * (1.0 + uneven * np.random.default_rng([seed, 2]).standard_normal(taxels))
-    ratio = 1.0 / RATE / sensor.device.leak_time_constant
-    mean, kept = -math.expm1(-ratio) / ratio, math.exp(-ratio)
-    charge, warm, last, film, index = 0.0, 0.0, 0.0, 0.0, 0
+    ratio = 1.0 / RATE / leak
+    mean, kept = -np.expm1(-ratio) / ratio, np.exp(-ratio)
+    charge = warm = np.zeros(taxels)
+    last, film, index = 0.0, 0.0, 0
     for now, _ in islice(warmth, BEFORE if drift else 0):
         warm, film = warm * kept + (now - film) * mean, now
     while True:

@@ -1,0 +1,110 @@
+"""A held force against the optimal estimator: a part of `make accuracy`, alone `python -m benchmarks.held`."""
+
+from __future__ import annotations
+
+import sys
+from concurrent.futures import Executor, ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "test"))
+
+from held_force import LEARNT_LEAK, Held, hold
+from held_warmth import Drift
+
+TIMES: Final = (1.0, 5.0, 20.0, 60.0)
+"""For how long a force has been held [s]."""
+
+FLICKER: Final = 10e-6
+"""1/f noise of the simulated board at 1 Hz [V/sqrt(Hz)]."""
+
+FEW: Final = 3
+FEW_FULL: Final = 10
+"""Runs of 256 taxels whose errors are their own."""
+
+MANY: Final = 20
+"""Runs where all taxels of one have an error in common."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A row for each time."""
+
+    flicker: float
+    """[V/sqrt(Hz)] at 1 Hz."""
+    temperature: str = "rests"
+    drift: Drift | None = None
+    learnt: bool = False
+    """Whether the leak is not known, but learnt."""
+
+
+CASES: Final = (
+    Case(0.0),
+    Case(FLICKER),
+    Case(FLICKER, learnt=True),
+    Case(FLICKER, "ramp", Drift(wander=0.0)),
+    Case(FLICKER, "ramp, wanders", Drift()),
+)
+
+TEXT: Final = f"""\
+2 N held by 256 taxels at once, after 2 s at rest, with white noise and with 1/f noise besides. The optimal estimator is
+a Kalman filter that knows the noise, the leak, and when something touches (test/held_force.py). Errors are root mean
+squares over the taxels. What is reported is more than the error under white noise alone: the observer allows for 1/f
+noise, which nobody can know to be absent.
+
+Where the leak is "learnt", its time constants differ from what the calibration says by {
+    LEARNT_LEAK.leak_shared_calibrated * 100:g} % on all taxels alike
+and by {LEARNT_LEAK.leak_own_calibrated * 100:g} % on each, standard deviations, of which ours knows no more than that;
+the optimal estimator knows them. What is left after learning is what a held force tells of its own leak.
+
+In a ramp the chip warms or cools by {Drift.ramp * 60:g} K a minute from the touch on; wandering, by
+{Drift.wander * 1e3:g} mK/sqrt(s) at random all the time. The film lags behind it, two sensors tell it ten times a
+second in steps of 1/256 K, and the taxels differ by {Drift.uneven * 100:g} % in what they feel of it
+(test/held_warmth.py). All are pressed at once: none is left to tell the temperature. The optimal estimator knows lag,
+rounding, wander, and how steep a ramp may be. Wanted is 1.2 times its error, with 95 % within two reported deviations.
+Where a row says otherwise it is not reached: a film that wanders reads like an offset, and each taxel learns it as an
+offset of its own. Nearly all of that error is common to all taxels, and does not count in what is reported. While some
+taxels are left untouched they show it, and it is taken off all."""
+
+
+def held(seed: int, case: Case) -> list[Held]:
+    """Return the errors of a held force at `TIMES`."""
+    return list(hold(seed, TIMES, flicker=case.flicker, drift=case.drift, learnt=case.learnt))
+
+
+def rows(pool: Executor, full: bool) -> list[str]:
+    """Return a table of the error of a held force against the optimal estimator's."""
+    table = [
+        "| 1/f noise, uV/sqrt(Hz) at 1 Hz | temperature | leak | held for s | error mN | % of the force | optimal mN |"
+        " ratio | reported mN | within two reported % |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    few = FEW_FULL if full else FEW
+    runs = [
+        [pool.submit(held, seed, case) for seed in range(MANY if case.drift or case.learnt else few)] for case in CASES
+    ]
+    for case, futures in zip(CASES, runs, strict=True):
+        found = [future.result() for future in futures]
+        for at, time_held in enumerate(TIMES):
+            table.append(_row(case, time_held, [one[at] for one in found]))
+            print(table[-1], flush=True)
+    return table
+
+
+def _row(case: Case, time_held: float, these: list[Held]) -> str:
+    error, optimal = (
+        float(np.sqrt(np.mean([getattr(one, name) ** 2 for one in these]))) for name in ("error", "optimal")
+    )
+    reported, inside = (np.mean([getattr(one, name) for one in these]) for name in ("deviation", "inside"))
+    cells = [f"{case.flicker * 1e6:g}", case.temperature, "learnt" if case.learnt else "known", f"{time_held:g}"]
+    cells += [f"{error * 1e3:.2f}", f"{100 * error / these[0].force:.2f}", f"{optimal * 1e3:.2f}"]
+    cells += ["-" if case.learnt else f"{error / optimal:.2f}", f"{reported * 1e3:.2f}", f"{inside * 100:.1f}"]
+    return f"| {' | '.join(cells)} |"
+
+
+if __name__ == "__main__":
+    with ProcessPoolExecutor(2) as workers:
+        rows(workers, full=False)
