@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from itertools import permutations
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from posfet_model.assignment import cheapest_pairs
 from posfet_model.contacts import Region
 from posfet_model.labelling import BitMap
 from posfet_model.sensor import load_sensor
@@ -80,6 +82,53 @@ def test_two_contacts_keep_their_ids_when_they_pass_in_another_order() -> None:
         pair = tracker.update([region(x, 1e-3), region(-x, -1e-3)], STEP)
         assert [contact.id for contact in pair] == [first.id, second.id]
         assert pair[0].region.centre_of_pressure == (-x, -1e-3)
+
+
+@pytest.mark.parametrize("step", [(1.3, 0.0), (-1.3, 0.2), (0.5, 1.2)])
+def test_contacts_that_crowd_keep_their_ids_whichever_way_they_move(step: tuple[float, float]) -> None:
+    """Three within 2 mm of each other; each comes nearer to where another was than to where it was itself."""
+    places = np.array([(0.0, 0.0), (2.0, 0.0), (1.0, 1.75)])
+    tracker = ContactTracker(SENSOR)
+    for scan in range(6):
+        moved = (places + (0, 1, 2, 1, 0, 1)[scan] * np.array(step)) * 1e-3
+        order = np.roll(np.arange(3), scan)
+        contacts = tracker.update([region(*moved[index]) for index in order], 0.01)
+        assert [contact.id for contact in contacts] == [1, 2, 3]
+        for contact, place in zip(contacts, moved, strict=True):
+            assert contact.region.centre_of_pressure == tuple(place)
+
+
+def test_contacts_that_pass_by_each_other_closely_keep_their_ids() -> None:
+    tracker = ContactTracker(SENSOR)
+    for scan in range(41):
+        way = (scan - 20) * 0.4e-3
+        contacts = tracker.update([region(way, 0.95e-3), region(-way, -0.95e-3), region(0.5 * way, 2.9e-3)], 0.01)
+        assert [math.copysign(1.0, contact.region.centre_of_pressure[1]) for contact in contacts] == [1.0, -1.0, 1.0]
+    assert [contact.id for contact in contacts] == [1, 2, 3]
+
+
+def test_one_that_lifts_leaves_its_neighbours_alone_when_another_lands_at_the_same_time() -> None:
+    tracker = ContactTracker(SENSOR)
+    tracker.update([region(0.0), region(2e-3)], STEP)
+    contacts = tracker.update([region(2e-3), region(4e-3)], STEP)
+    assert [(contact.id, contact.state) for contact in contacts] == [
+        (1, ContactState.RELEASED),
+        (2, ContactState.HELD),
+        (3, ContactState.NEW),
+    ]
+
+
+@given(st.integers(1, 5), st.integers(1, 5), st.data())
+def test_pairs_are_the_cheapest_of_all(rows: int, columns: int, data: st.DataObject) -> None:
+    cost = st.floats(0.0, 2.0)
+    costs = data.draw(st.lists(st.lists(cost, min_size=columns, max_size=columns), min_size=rows, max_size=rows))
+    pairs = cheapest_pairs(costs, 1.0)
+    assert len(set(pairs.values())) == len(pairs)
+    found = sum(costs[row][column] for row, column in pairs.items()) + rows - len(pairs)
+    padded = [[*row, *([1.0] * rows)] for row in costs]
+    ways = permutations(range(columns + rows), rows)
+    least = min(sum(padded[row][column] for row, column in enumerate(way)) for way in ways)
+    assert found == pytest.approx(least, abs=1e-12)
 
 
 def test_one_that_lifts_beside_another_is_released_and_one_that_lands_there_says_from_which_it_split() -> None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final, NamedTuple
 
+from posfet_model.assignment import cheapest_pairs
 from posfet_model.chain import noise_of_a_scan
 from posfet_model.contacts import Region
 from posfet_model.sensor import Sensor
@@ -87,7 +88,7 @@ class Merged(NamedTuple):
 
 
 class ContactTracker:
-    """Gives regions the ids of the contacts they continue: nearest centre of pressure first."""
+    """Gives regions the ids of the contacts they continue, so that all centres of pressure together move least."""
 
     def __init__(self, sensor: Sensor, settings: TrackerSettings | None = None) -> None:
         self._settings = settings or TrackerSettings()
@@ -195,20 +196,18 @@ class ContactTracker:
         followed[index] = self._begin(regions[index])
 
     def _pairs(self, regions: list[Region]) -> dict[int, int]:
-        """Return which contact goes on in which region, by their indices, the nearest pairs first."""
-        near = sorted(
-            (distance, track, index)
-            for track, contact in enumerate(self._contacts)
-            for index, region in enumerate(regions)
-            if (distance := self._distance(contact, region)) <= self._reach
-        )
+        """Return which contact goes on in which region, by their indices, so that all together move the least."""
+        places = [region.centre_of_pressure for region in regions]
+        ways = [[math.dist(contact.region.centre_of_pressure, place) for place in places] for contact in self._contacts]
         pairs: dict[int, int] = {}
-        taken: set[int] = set()
-        for _, track, index in near:
-            if track not in pairs and index not in taken:
-                pairs[track] = index
-                taken.add(index)
-        return pairs
+        for track, row in enumerate(ways):
+            nearest = min(row, default=math.inf)
+            if nearest <= self._reach:
+                pairs[track] = row.index(nearest)
+        if len(set(pairs.values())) == len(pairs):
+            return pairs
+        # To end and begin anew counts as much as the longest way that is still the same contact's.
+        return cheapest_pairs([[way * way for way in row] for row in ways], self._reach**2)
 
     def _distance(self, contact: Contact, region: Region) -> float:
         return math.dist(contact.region.centre_of_pressure, region.centre_of_pressure)
