@@ -18,7 +18,7 @@ from posfet_driver.adapter import EmulatedAdapter
 from posfet_driver.firmware import BoardFirmware
 from posfet_driver.scene import load_scene
 from posfet_driver.simulated_board import SimulatedBoard
-from posfet_model.scan import Scan
+from posfet_model.scan import Scan, ScanStatus
 from posfet_model.sensor import Sensor, load_sensor
 
 
@@ -44,6 +44,7 @@ class Replay:
         out.counts[:] = self._counts[min(index - self._first, len(self._counts) - 1)]
         out.temperatures[:] = self._temperatures
         out.device_time = round(index * self._microseconds)
+        out.status = ScanStatus.OK
 
 
 class StampingAdapter(EmulatedAdapter):
