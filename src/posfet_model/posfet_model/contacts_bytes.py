@@ -22,8 +22,6 @@ from posfet_model.tracker import Contact
 NANOSECONDS: Final = 1_000_000_000
 AT_REST: Final = Motion()
 ENCODING: Final = b"\x00\x01\x00\x00"
-_STAMP: Final = struct.Struct("<iI")
-_SEQUENCE: Final = struct.Struct("<Q")
 _LENGTH: Final = struct.Struct("<I")
 _END: Final = struct.Struct("<ff?")
 
@@ -38,26 +36,29 @@ class ContactsBytes:
 
     def __init__(self, sensor: Sensor, frame_id: str) -> None:
         self._place = placing(Surface.of(sensor.layout))
-        self._buffer = bytearray(ENCODING)
-        self._append(_STAMP.pack(0, 0), 4)
-        self._append_text(frame_id)
-        self._append(_LENGTH.pack(sensor.layout.id), 4)
-        self._sequence = self._append(_SEQUENCE.pack(0), 8)
-        self._append_text(sensor.name)
-        self._count = self._append(_LENGTH.pack(0), 4)
-        self._first = len(self._buffer)
         self._limits = sensor.contact.threshold, sensor.contact.deadband
-        self._buffer += bytes(_ROOM)
+        frame, name = _text(frame_id), _text(sensor.name)
+        # Behind the stamp 8 bytes are aligned as they are behind the encoding, so gaps are of whole groups of 8.
+        self._before_sequence = _gap(frame, 4) + _LENGTH.pack(sensor.layout.id)
+        self._before_sequence += bytes(-len(self._before_sequence) % 8)
+        self._before_count = _gap(name, 4)
+        begin = f"<4siI{len(self._before_sequence)}sQ{len(self._before_count)}sI"
+        self._begin, self._empty = struct.Struct(begin), struct.Struct(begin + "ff?")
+        self._buffer = bytearray(self._begin.size + _ROOM)
 
     def fill(self, result: Reconstruction) -> bytes:
         """Return the message of the contacts of a scan."""
-        buffer, contacts = self._buffer, result.contacts
-        _STAMP.pack_into(buffer, len(ENCODING), *divmod(result.stamp, NANOSECONDS))
-        _SEQUENCE.pack_into(buffer, self._sequence, result.sequence)
-        _LENGTH.pack_into(buffer, self._count, len(contacts))
-        at = self._first
+        contacts, stamp = result.contacts, result.stamp
+        begin = (
+            ENCODING, stamp // NANOSECONDS, stamp % NANOSECONDS,
+            self._before_sequence, result.sequence, self._before_count, len(contacts),
+        )  # fmt: skip
+        if not contacts:
+            return self._empty.pack(*begin, *self._limits, result.valid)
+        buffer, motions, at = self._buffer, result.motions, self._begin.size
+        self._begin.pack_into(buffer, 0, *begin)
         for contact in contacts:
-            at = self._write(at, contact, result.motions.get(contact.id, AT_REST))
+            at = self._write(at, contact, motions.get(contact.id, AT_REST))
         at += -at % 4
         _END.pack_into(buffer, at, *self._limits, result.valid)
         return bytes(buffer[: at + _END.size])
@@ -88,17 +89,15 @@ class ContactsBytes:
         )  # fmt: skip
         return at + body.size
 
-    def _append(self, data: bytes, alignment: int) -> int:
-        """Append a number at its alignment; return where it is."""
-        self._buffer += bytes(-(len(self._buffer) - len(ENCODING)) % alignment)
-        at = len(self._buffer)
-        self._buffer += data
-        return at
 
-    def _append_text(self, text: str) -> None:
-        data = text.encode() + b"\0"
-        self._append(_LENGTH.pack(len(data)), 4)
-        self._buffer += data
+def _text(text: str) -> bytes:
+    data = text.encode() + b"\0"
+    return _LENGTH.pack(len(data)) + data
+
+
+def _gap(data: bytes, alignment: int) -> bytes:
+    """Return data that begin aligned, with the zeros up to what comes next."""
+    return data + bytes(-len(data) % alignment)
 
 
 @lru_cache(maxsize=256)

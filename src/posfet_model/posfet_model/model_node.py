@@ -123,6 +123,9 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
             self._contacts_message = contacts_writer(self.sensor, frame_id)
         self._markers_message = MarkersMessage(layout, frame_id)
         self._contacts = self.create_publisher(TactileContacts, "contacts", OUTPUT_DEPTH)
+        if isinstance(self._contacts_message, ContactsBytes):
+            # Without what rclpy puts around it, which costs twice as much: it looks what kind of message this is.
+            self._contacts.publish = self._contacts.handle.publish_raw
         self._markers = self.create_publisher(MarkerArray, "markers", OUTPUT_DEPTH)
         self._maps: tuple[tuple[Publisher, Callable[[Reconstruction, ForceImage], Any]], ...] = (
             (self.create_publisher(TactileImage, "image", OUTPUT_DEPTH), image.fill),
