@@ -76,6 +76,7 @@ class Assembler:
         length = codec.block_length
         self._places = [slice(block * length, (block + 1) * length) for block in range(codec.blocks)]
         self._whole = (1 << codec.blocks) - 1
+        self._mask = codec.counter_mask
         self._half = (codec.counter_mask + 1) // 2
         self._seen = 0  # blocks of the scan being collected
         self._given_up = True  # nothing is being collected
@@ -146,7 +147,7 @@ class Assembler:
             self.losses.malformed += 1
             return False
         clock, counter, block, status = header
-        same = counter == self.sequence & self.codec.counter_mask and clock == self._clock
+        same = clock == self._clock and counter == self.sequence & self._mask
         if not same and not (self._announced and self._doubtful(counter)) and not self._begin(counter, clock):
             return False
         bit, place = 1 << block, self._places[block]
@@ -189,8 +190,7 @@ class Assembler:
 
     def _begin(self, counter: int, clock: int) -> bool:
         """Begin the scan that a frame belongs to; False when the frame is of no use."""
-        mask = self.codec.counter_mask
-        ahead = (counter - self.sequence) & mask
+        ahead = (counter - self.sequence) & self._mask
         if not self._synced:
             self.sequence, ahead = counter - 1, 1
         elif self.codec.fd:
@@ -200,17 +200,20 @@ class Assembler:
             if ahead >= self._half:
                 self.losses.late += 1
                 return False
-        elif ahead > mask - CLASSIC_LATE:
+        elif ahead > self._mask - CLASSIC_LATE:
             self.losses.late += 1
             return False
-        self._give_up()
+        if self._seen != self._whole:
+            self._give_up()
         if ahead > 1:
             self._lose(ahead - 1)
         self.sequence += ahead
         if self.codec.fd:
-            stands = clock == self._clock and self._clock_synced
-            self._standing = (self._standing + 1) * stands
-            self.losses.clock_stuck += stands
+            if clock == self._clock and self._clock_synced:
+                self._standing += 1
+                self.losses.clock_stuck += 1
+            else:
+                self._standing = 0
         self.device_time = self.device_time + ((clock - self._clock) & FD_CLOCK) if self._clock_synced else clock
         self._synced = self._clock_synced = True
         self._clock = clock

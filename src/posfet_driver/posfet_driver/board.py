@@ -87,6 +87,7 @@ class Board:
         self._low_supply = -round(LOW_SUPPLY_MEMORY * _NANOSECONDS)  # when it was told last
         self._stopped = True  # nothing is lost that a board does not send because it was told so
         self._flowing = False  # a scan came since the board was started
+        self._counters_hide = not sensor.can.fd  # numbers of scans, as they have few bits
         self._period = 0
         self._silence = 0
         self._take_period(round(1e6 / sensor.can.scan_rate))
@@ -114,13 +115,18 @@ class Board:
 
     def read(self, timeout: float) -> Scan | None:
         """Return the next whole scan, or None when there was none within `timeout` [s]."""
-        end = 0
+        wait, end = round(timeout * _NANOSECONDS), 0
         while not self._next_scan():
-            now = self._clock.monotonic()
-            end = end or now + round(timeout * _NANOSECONDS)
+            # While scans flow the time of the newest batch will do, and nothing is due before the next one.
+            steady = self._phase is Phase.SCANS and self._arrival + wait < self._deadline
+            now = self._arrival if steady else self._clock.monotonic()
+            end = end or now + wait
             if now >= end:
                 return None
-            self._wait(now, end)
+            if steady and not self._orders.pending():
+                self._read_frames(end - now)
+            else:
+                self._wait(now, end)
         return self.receiver.scan
 
     def submit(self, command: Command, argument: int = 0, timeout: float = 0.5) -> Future[Response]:
@@ -350,7 +356,7 @@ class Board:
             return True
         arrival = self._arrival = self._clock.monotonic()
         self._frames = iter(self.receiver.begin_batch(frames, arrival, self._clock.wall() - arrival))
-        if self._phase == Phase.SCANS and self.receiver.question_due():
+        if self._counters_hide and self._phase == Phase.SCANS and self.receiver.question_due():
             self._send_own(Command.START)
         return bool(frames)
 

@@ -55,11 +55,14 @@ class BoardClock:
         """
         difference = float(arrival - device_time * 1000)
         if self._known:
-            followed = self._offset + max(arrival - self._last, 0) * DRIFT
-            self._offset = min(difference, followed)
+            elapsed = arrival - self._last
+            followed = self._offset + elapsed * DRIFT if elapsed > 0 else self._offset
             if difference <= followed:
-                self._undelayed = arrival
-            self._watch(difference, arrival)
+                followed, self._undelayed = difference, arrival
+            self._offset = followed
+            self._window_least = min(self._window_least, difference)
+            if arrival >= self._window_end:
+                self._end_window(difference, arrival)
         else:
             self._offset = difference
             self._known = True
@@ -68,14 +71,12 @@ class BoardClock:
         self._last = arrival
         return device_time * 1000 + round(self._offset)
 
-    def _watch(self, difference: float, arrival: int) -> None:
+    def _end_window(self, difference: float, arrival: int) -> None:
         """Begin anew when no frame of a window came undelayed."""
-        self._window_least = min(self._window_least, difference)
-        if arrival >= self._window_end:
-            if self._window_least > self._offset + STEP_LIMIT:
-                self._offset = self._window_least
-                self._undelayed = arrival
-            self._begin_window(difference, arrival)
+        if self._window_least > self._offset + STEP_LIMIT:
+            self._offset = self._window_least
+            self._undelayed = arrival
+        self._begin_window(difference, arrival)
 
     def _begin_window(self, difference: float, arrival: int) -> None:
         self._window_end = arrival + WINDOW

@@ -34,11 +34,10 @@ class BusLoad:
         """Take the frames that were read at `now` [ns]."""
         times, busy = self._times, 0.0
         for _, kind, data in frames:
-            key = kind, len(data)
-            time = times.get(key)
-            if time is None:
-                time = times[key] = self._time(*key)
-            busy += time
+            try:
+                busy += times[kind, len(data)]
+            except KeyError:
+                busy += times.setdefault((kind, len(data)), self._time(kind, len(data)))
         self._busy += busy
         if now - self._begin >= PERIOD:
             # After a pause of the reader the frames of the pause come at once: their time is the whole of it.

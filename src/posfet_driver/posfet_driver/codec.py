@@ -79,6 +79,7 @@ class FdCodec(ScanCodec):
         self._wire_counts = np.frombuffer(self.wire, _FD_BLOCK)["counts"]
         self._padded = np.zeros((self.blocks, FD_TAXELS), np.uint16)
         self._counts = self._padded.reshape(-1)[:taxels]
+        self._only_block = self._wire_counts[0, :taxels] if self.blocks == 1 else None
 
     def offset(self, block: int) -> int:
         """Return the identifier of a block less the board's base identifier: all blocks share one."""
@@ -93,6 +94,9 @@ class FdCodec(ScanCodec):
 
     def decode(self, out: Counts) -> None:
         """Write the counts in `wire` to `out`, shape [taxels]."""
+        if self._only_block is not None:
+            out[...] = self._only_block
+            return
         self._padded[:] = self._wire_counts
         out[:] = self._counts
 

@@ -136,7 +136,7 @@ class Receiver:
         """
         self.traffic.frames += len(frames)
         self._arrival = arrival
-        self._wall_offset = min(wall_offset, self._wall_read)
+        self._wall_offset = wall_offset if wall_offset < self._wall_read else self._wall_read
         self._wall_read = wall_offset
         if self._fd:
             return frames

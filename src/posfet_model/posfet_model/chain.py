@@ -204,6 +204,10 @@ class ForwardChain:
         return result
 
 
+READING: Final = np.dtype([("charge", np.float64), ("saturated", np.bool_)], align=True)
+"""What a count tells: charge density sigma [C/m2], and whether it may have been clipped."""
+
+
 class InverseChain:
     """Counts back to charge, by tables of all 65536 counts; the inverse of `ForwardChain.counts`.
 
@@ -225,10 +229,16 @@ class InverseChain:
             raise ValueError("adc.noise must leave a usable range between the ends of ADC and amplifier")
         self.charge_range = float(usable[0]), float(usable[-1])
         """Charge densities [C/m2] between which nothing is clipped."""
+        self._readings = np.zeros(len(volts), READING)
+        self._readings["charge"], self._readings["saturated"] = self._charge, self._saturated
 
     def charge(self, counts: NDArray[np.uint16], out: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the charge density sigma [C/m2] behind each count, in `out` and of its shape."""
         return self._charge.take(counts, out=out, mode="clip")
+
+    def read(self, counts: NDArray[np.uint16], out: NDArray[np.void]) -> NDArray[np.void]:
+        """Return both in `out`, of type `READING`: one look at the table costs as much as the other."""
+        return self._readings.take(counts, out=out, mode="clip")
 
     def saturated(self, counts: NDArray[np.uint16], out: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return, in `out`, where the voltage is so near an end of the range that it may have been clipped."""

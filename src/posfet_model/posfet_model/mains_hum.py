@@ -79,7 +79,8 @@ class MainsHum:
         self._frequency = 0.0
         self._phase = 0.0  # when the window began [rad]
         self._time = 0.0  # since then [s]
-        self._rows = np.zeros((scans, taxels), np.float32)
+        self._window = np.zeros((scans, taxels))
+        self._rows = list(self._window)
         self._times = np.zeros(scans)
         self._filled = 0
         self._pause = 0.0
@@ -114,10 +115,10 @@ class MainsHum:
             angle = self._phase + TURN * self._frequency * self._time
             turned = self._turned
             turned[0], turned[1] = math.cos(angle), math.sin(angle)
-            np.subtract(signal, np.dot(turned, self._parts, out=self._hum), out=signal)
+            signal -= turned.dot(self._parts, self._hum)
         filled = self._filled
         if filled < len(self._rows):
-            self._rows[filled] = signal
+            self._rows[filled][...] = signal
             self._times[filled] = self._time
             self._filled = filled + 1
 
@@ -213,7 +214,7 @@ class MainsHum:
     def _correlate(self, frequency: float) -> Array:
         """Return what the window shows of cosine and sine of the phase, shape [2, taxels]."""
         angle = self._phase + TURN * frequency * self._times
-        shown: Array = np.stack([np.cos(angle), np.sin(angle)]) * self._weights @ self._rows
+        shown: Array = np.stack([np.cos(angle), np.sin(angle)]) * self._weights @ self._window
         return shown
 
 

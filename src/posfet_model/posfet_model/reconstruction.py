@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model.calibration import Calibration
-from posfet_model.chain import InverseChain, charge_per_newton, noise_of_a_scan
+from posfet_model.chain import READING, InverseChain, charge_per_newton, noise_of_a_scan
 from posfet_model.contacts import ENTER_DEVIATIONS, ContactFinder, Taxels
 from posfet_model.crosstalk import CrosstalkInverse, non_negative
 from posfet_model.fast_channel import FastChannel, Motion
@@ -101,14 +101,14 @@ class Reconstructor:
         self._least = TELLING * noise
         pitch = min(sensor.layout.pitch_x, sensor.layout.pitch_y)
         self._reach = math.ceil(3.0 * sensor.device.contact_spread / pitch) + 1
-        self._charge = np.zeros(taxels)
+        self._readings = np.zeros(taxels, READING)
+        self._charge, self._saturated = self._readings["charge"], self._readings["saturated"]
         volts_per_charge = sensor.volts_per_newton / charge_per_newton(sensor)
         self._offset_charge = self.calibration.offset / volts_per_charge
         self._any_offset = bool(self._offset_charge.any())
         self._filled = np.zeros(taxels)
         self._variance = np.zeros(taxels)
         self._known: Taxels | None = None
-        self._saturated = np.zeros(taxels, np.bool_)
         self._guessed = np.zeros(taxels, np.bool_)
         self._telling = sensor.contact.threshold / ENTER_DEVIATIONS
         self._choose_guessed()
@@ -171,14 +171,14 @@ class Reconstructor:
 
     def process(self, scan: Scan) -> Reconstruction:
         """Take one scan; the result is overwritten by the next call."""
-        self.tidy()
         result = self._result
         clock, observer = self._clock, self._observer
+        if observer.block_due:
+            self._close_block()
         result.unusable = not (clock.fits(scan) and self._plausible(scan))
         result.accepted = not result.unusable and clock.admit(scan)
         if not result.accepted:
             return self._flag(scan) if result.unusable else result
-        self._inverse.charge(scan.counts, self._charge)
         if self._any_offset:
             self._charge -= self._offset_charge
         charge = self._crosstalk.apply(self._charge) if self._crosstalk.present else self._charge
@@ -294,9 +294,10 @@ class Reconstructor:
 
     def _plausible(self, scan: Scan) -> bool:
         """Look for taxels at the end of their range; refuse a scan in which most are, unless it goes on."""
-        self._inverse.saturated(scan.counts, self._saturated)
-        self._saturated_now = self._saturated.tobytes().count(1)
-        if 2 * self._saturated_now <= len(self._saturated):
+        self._inverse.read(scan.counts, self._readings)
+        flags = self._saturated.tobytes()
+        self._saturated_now = flags.count(1) if 1 in flags else 0
+        if 2 * self._saturated_now <= len(flags):
             self._implausible_in_a_row = 0
             return True
         self._implausible_in_a_row += 1

@@ -65,7 +65,8 @@ class ScanClock:
         self._layout_id = sensor.layout.id
         self._shape = (sensor.layout.taxels,)
         self._longest = LONGEST_GAP * sensor.device.leak_time_constant
-        self._nominal = self._period = 1.0 / sensor.can.scan_rate
+        self._period = 1.0 / sensor.can.scan_rate
+        self._periods = self._period / JUMP_FACTOR, self._period * JUMP_FACTOR
         self._late_in_a_row = 0
         self._sequence = -1
         self._device_time = 0
@@ -134,8 +135,8 @@ class ScanClock:
         expected = ahead * self._period
         estimated = self._estimated or scan.status & _TIME_ESTIMATED
         ticks = (scan.stamp - self._stamp) * 1e-9 if estimated else (scan.device_time - self._device_time) * 1e-6
-        beyond = ticks - expected
-        if ticks < 0.0 or (ticks == 0.0 and not estimated) or (beyond > JUMP_LEAST and ticks > JUMP_FACTOR * expected):
+        late = ticks - expected > JUMP_LEAST and ticks > JUMP_FACTOR * expected
+        if late or ticks < 0.0 or (ticks == 0.0 and not estimated):
             self.counts.time_jumps += 1
             self.suspect = True
             ticks = expected
@@ -152,7 +153,8 @@ class ScanClock:
     def _learn(self, interval: float, gain: float) -> None:
         """Let the period follow an interval [s], within what a board of this sensor can be set to."""
         period = self._period + gain * (interval - self._period)
-        self._period = min(max(period, self._nominal / JUMP_FACTOR), self._nominal * JUMP_FACTOR)
+        shortest, longest = self._periods
+        self._period = shortest if period < shortest else longest if period > longest else period
 
     @property
     def rate(self) -> float:

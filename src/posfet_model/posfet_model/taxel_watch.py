@@ -109,6 +109,7 @@ class TaxelWatch:
         self.any_bad = bool(self.bad.any())
         self._all = np.arange(taxels)
         self._counts = np.zeros((MOST_SCANS + 2, taxels), np.uint16)
+        self._rows = list(self._counts)
         self._filled = 0
         self._last = 0  # row of the last scan of the block before
         self._elapsed = 0.0
@@ -155,8 +156,8 @@ class TaxelWatch:
 
     def take(self, counts: NDArray[np.uint16]) -> None:
         """Keep the counts of a scan until the block is judged."""
-        if self._filled < len(self._counts):
-            self._counts[self._filled] = counts
+        if self._filled < len(self._rows):
+            self._rows[self._filled][...] = counts
             self._filled += 1
 
     def judge(
