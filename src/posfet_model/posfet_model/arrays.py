@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from posfet_model.checks import FloatArray
 
@@ -24,3 +25,8 @@ def alike(**arrays: FloatArray) -> tuple[FloatArray, ...]:
     deciding = [array for array in arrays.values() if array.ndim] or arrays.values()
     dtype: np.dtype[Any] = np.result_type(*(array.dtype for array in deciding))
     return tuple(array.astype(dtype, copy=False) for array in arrays.values())
+
+
+def some(mask: NDArray[np.bool_]) -> bool:
+    """Return whether any is true: `mask.any()`, which for a small array takes ten times as long."""
+    return 1 in mask.tobytes()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model.arrays import some
+
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
@@ -18,6 +20,7 @@ class BelowZero:
         """[s]."""
         self._steady = np.zeros(taxels)
         self._patience = patience
+        self._any = False
 
     def look(self, where: Mask, mean: Array, limit: Array, still: Mask, duration: float) -> Mask:
         """Take the mean forces [N] of a block of `duration` [s]; return which of the masked taxels have a wrong zero.
@@ -25,6 +28,9 @@ class BelowZero:
         Forces below -limit [N] cannot be; `still` masks those that are as in the block before.
         """
         below = where & (mean < -limit)
+        if not (self._any or some(below)):
+            return below
+        self._any = some(below)
         self.lasts = np.where(below, self.lasts + duration, 0.0)
         self._steady = np.where(below & still, self._steady + duration, 0.0)
         ripe: Mask = self._steady >= self._patience

@@ -65,13 +65,17 @@ def leak_step(step: float, time_constant: float) -> LeakStep:
 
 
 class LeakSteps:
-    """Coefficients of time steps for taxels that leak each at its own rate; those of few different steps are kept."""
+    """Coefficients of time steps for taxels that leak each at its own rate; those of few different steps are kept.
+
+    With signals s = k*sigma a step brings the force ``(s1 - s0)/mean + ratio*(s0 - offset)``.
+    """
 
     MOST = 64
 
-    def __init__(self, time_constant: NDArray[np.float64]) -> None:
-        """Take the time constants [s], shape [taxels]."""
+    def __init__(self, time_constant: NDArray[np.float64], newton_per_charge: NDArray[np.float64]) -> None:
+        """Take the time constants [s], shape [taxels], and k [N m2/C]."""
         self._time_constant = time_constant
+        self._newton_per_charge = newton_per_charge
         self._known: dict[float, LeakStepArrays] = {}
 
     def forget(self) -> None:
@@ -85,16 +89,20 @@ class LeakSteps:
             if len(self._known) >= self.MOST:
                 self._known.clear()
             ratio = step / self._time_constant
-            found = self._known[step] = LeakStepArrays(ratio, mean_decay(ratio))
+            now = self._newton_per_charge / mean_decay(ratio)
+            found = self._known[step] = LeakStepArrays(ratio, now, self._newton_per_charge * ratio - now)
         return found
 
 
 @dataclass(frozen=True)
 class LeakStepArrays:
-    """h/tau and (1 - exp(-h/tau))/(h/tau) of each taxel, as in `LeakStep`."""
+    """Of each taxel."""
 
     ratio: NDArray[np.float64]
-    mean: NDArray[np.float64]
+    """h/tau, what an offset is multiplied with."""
+    now: NDArray[np.float64]
+    before: NDArray[np.float64]
+    """And the charges at the end and at the start of the step [N m2/C]."""
 
 
 def charge_per_newton(sensor: Sensor) -> float:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model.arrays import some
+
 Array = NDArray[np.float64]
 
 
@@ -30,7 +32,7 @@ class LostForce:
 
     def close(self, force: Array, elapsed: float) -> None:
         """Take the mean forces [N] of a block of `elapsed` [s]."""
-        if not self.mask.any():
+        if not some(self.mask):
             return
         self.mask &= force > -self._threshold
         pressing = bool((force[self.mask] > self._threshold).any())

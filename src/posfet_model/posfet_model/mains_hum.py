@@ -16,6 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model.arrays import some
+
 FREQUENCIES: Final = (50.0, 60.0)
 """Of the mains, nominally [Hz]."""
 
@@ -140,7 +142,7 @@ class MainsHum:
         free = ~(self._touched | ignored)
         enough = np.count_nonzero(free) >= max(1.0, FEWEST * np.count_nonzero(~ignored))
         if self.present:
-            self._follow(free if enough else None, bool(self._touched.any()))
+            self._follow(free if enough else None, some(self._touched))
         elif enough:
             self._look(free)
         if self.present or self._suspected is not None:

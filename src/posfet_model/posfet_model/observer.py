@@ -17,9 +17,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model.arrays import some
 from posfet_model.below_zero import BelowZero
 from posfet_model.calibration import Calibration
-from posfet_model.chain import LeakSteps, charge_per_newton, noise_of_a_scan
+from posfet_model.chain import LeakStepArrays, LeakSteps, charge_per_newton, noise_of_a_scan
 from posfet_model.common_mode import CommonMode
 from posfet_model.leak_watch import LeakWatch
 from posfet_model.lost_force import LostForce
@@ -68,7 +69,7 @@ class ForceObserver:
             s.leak_own_calibrated if recorded else s.leak_own,
         )
         self._tau = self._leaks.time_constant
-        self._leak = LeakSteps(self._tau)
+        self._leak = LeakSteps(self._tau, self._newton_per_charge)
         self._long_step = LONG_STEP * float(self._tau.min())
         self._prior = self._settings.first_deviation / sensor.volts_per_newton
         self._zeros = ZeroFilter(
@@ -107,7 +108,8 @@ class ForceObserver:
         self._start_block()
 
     def _make_state(self, taxels: int) -> None:
-        self._signal, self._change, self._scratch = (np.zeros(taxels) for _ in range(3))
+        self._charge, self._change, self._offset_leaks = np.zeros((3, taxels))
+        self._leak_used: LeakStepArrays | None = None  # for `_offset_leaks`; None: the offsets are others since
         self._scale_variance = np.zeros(taxels)
         self._prior_deviation = np.full(taxels, self._prior)
         self._was_touched = np.zeros(taxels, np.bool_)
@@ -159,9 +161,15 @@ class ForceObserver:
         return self._signal - self._zeros.offset
 
     @property
+    def _signal(self) -> NDArray[np.float64]:
+        """Signals of the last scan as forces [N]: what leaks is not put back."""
+        signal: NDArray[np.float64] = self._charge * self._newton_per_charge
+        return signal
+
+    @property
     def change(self) -> NDArray[np.float64]:
         """By how much each force changed in the last step by what the signals tell [N], shape [rows * cols]."""
-        return self._scratch
+        return self._change
 
     def ignore(self, taxels: NDArray[np.bool_]) -> None:
         """Take note of which taxels do not work; one that works again finds its zero anew."""
@@ -193,26 +201,27 @@ class ForceObserver:
             self._first(charge)
             return
         leak = self._leak.at(step)
-        signal, change, scratch = self._signal, self._change, self._scratch
-        np.subtract(signal, self._zeros.offset, out=scratch)
-        np.multiply(scratch, leak.ratio, out=scratch)
-        np.multiply(charge, self._newton_per_charge, out=change)
-        np.subtract(change, signal, out=signal)
-        np.divide(signal, leak.mean, out=signal)
-        np.add(scratch, signal, out=scratch)
-        self._signal, self._change = change, signal
+        if leak is not self._leak_used:
+            np.multiply(self._zeros.offset, leak.ratio, out=self._offset_leaks)
+            self._leak_used = leak
+        last, change, force, total = self._charge, self._change, self.force, self._sum
+        np.multiply(charge, leak.now, out=change)
+        last *= leak.before
+        change += last
+        change -= self._offset_leaks
+        last[...] = charge
         if warmed:
-            scratch -= warmed * self._per_kelvin
+            change -= warmed * self._per_kelvin
             self._warming.warmth += warmed
-        np.add(self.force, scratch, out=self.force)
-        np.add(self._sum, self.force, out=self._sum)
+        force += change
+        total += force
         self._scans += 1
         self._elapsed += step
         self._elapsed_square += step * step
         if step > self._long_step:
             # A jump at an unknown moment of the step has leaked by an unknown share of h/tau, evenly distributed.
-            self._jumped += (scratch * leak.ratio) ** 2 / 12.0
-            self._zeros.variance[:] += (scratch * leak.ratio) ** 2 / 12.0
+            self._jumped += (change * leak.ratio) ** 2 / 12.0
+            self._zeros.variance[:] += (change * leak.ratio) ** 2 / 12.0
             self._leaks.forget()
 
     def follow_common(self, touched: bool) -> None:
@@ -253,15 +262,15 @@ class ForceObserver:
         expected = zeros.expect(self._elapsed, noise + self.common_variance)
         agrees = mean * mean <= s.gate * s.gate * (expected + self._warming.film_variance)
         free = ~touched | ~self.settled
-        if (where := free & agrees).any():
+        if some(where := free & agrees):
             self._correct(where, mean, expected)
-        if (where := free & self.settled & ~agrees).any():
+        if some(where := free & self.settled & ~agrees):
             limit = self._slew * self._elapsed  # neither a contact nor an error known of: followed slowly
             self._move(-np.where(where, np.clip(mean, -limit, limit), 0.0))
         lowest = np.maximum(self._negative, s.gate * np.sqrt(expected))
         still = np.abs(mean - self._last_mean) <= s.gate * np.sqrt(2.0 * noise)
         ripe = self._below_zero.look(free & self.settled, mean, lowest, still, self._elapsed)
-        if ripe.any():
+        if some(ripe):
             self.force[ripe] -= mean[ripe]
             zeros.know_force(ripe, self._noise_variance[ripe])
         unknown_misled, known_misled = self._warming.misled(self._elapsed)
@@ -272,12 +281,12 @@ class ForceObserver:
         failed |= self._below_zero.lasts >= s.recover
         # While the film is elsewhere than followed, all taxels together can pretend an offset for a while.
         self._agreed += self._elapsed * (1.0 if self.film.quiet else RESTLESS_WORTH)
-        if failed.any():
+        if some(failed):
             again = failed & ~self.settled
             self._prior_deviation[again] = np.minimum(REFUTED * self._prior_deviation[again], self._runaway)
             self.restarts += int(np.count_nonzero(failed & ~self.ignored))
             self._restart(failed)
-        if not self.settled.all():
+        if some(~self.settled):
             cold = self._signal - self._warming.left
             at_rest = self._rest.look(cold, self.ignored, self._elapsed, not self.film.quiet)
             if self._rest.moved:
@@ -287,9 +296,9 @@ class ForceObserver:
         self._recovering = max(0.0, self._recovering - self._elapsed)
         self._lost.close(mean, self._elapsed)
         sound = self.settled & (self._below_zero.lasts == 0.0) & ~self._lost.mask | self.ignored
-        self.valid = self._recovering == 0.0 and bool(sound.all())
+        self.valid = self._recovering == 0.0 and not some(~sound)
         self._last_mean = mean
-        self._share(mean[~self.ignored], bool(touched.any()))
+        self._share(mean[~self.ignored], some(touched))
         zeros.keep(mean, noise)
         self._start_block()
 
@@ -312,12 +321,12 @@ class ForceObserver:
     def _follow_touches(self, touched: NDArray[np.bool_], mean: NDArray[np.float64]) -> None:
         """Put touched taxels back to before what was taken for drift, and learn from touched ones how they leak."""
         leaks, begun = self._leaks, touched & ~self._was_touched
-        if begun.any():
+        if some(begun):
             self.force[begun] += self._zeros.undo(begun)
             self._zeros.variance[begun] += self._jumped[begun]
             leaks.begin(begun, self._leaked)
             self._warming.begin(begun)
-        if touched.any():
+        if some(touched):
             if not self.film.quiet:
                 leaks.forget()  # the film's charge leaks, too, and is not known as well as a window needs
             leaks.take(self._elapsed, self._scans, mean, self._leaked, touched & self._was_touched)
@@ -326,7 +335,7 @@ class ForceObserver:
                 self.force += change
                 self._leak.forget()
             self._scale_variance = leaks.variance + (self._settings.gain * self.force) ** 2
-        elif self._was_touched.any():
+        elif some(self._was_touched):
             leaks.rest()
             self._scale_variance[:] = 0.0
         self._was_touched[:] = touched
@@ -339,7 +348,7 @@ class ForceObserver:
 
     def _first(self, charge: NDArray[np.float64]) -> None:
         """Begin with a scan that has none before it."""
-        np.multiply(charge, self._newton_per_charge, out=self._signal)
+        self._charge[...] = charge
         left = np.where(self.settled, self._signal - self._zeros.offset, 0.0)
         self._lost.begin(np.where(self.ignored, 0.0, self.force), np.where(self.ignored, 0.0, left))
         self.force[:] = np.maximum(left, 0.0)
@@ -350,6 +359,7 @@ class ForceObserver:
         self._start_block()
 
     def _start_block(self) -> None:
+        self._leak_used = None
         self._sum[:] = self._jumped[:] = 0.0
         self._scans = 0
         self._elapsed = self._elapsed_square = 0.0
@@ -362,7 +372,7 @@ class ForceObserver:
     def _grow(self) -> None:
         """Let what is known of the zeros fade over the block."""
         self._zeros.grow(self._elapsed, self._elapsed_square)
-        uneven = self._warming.close(self._elapsed, self._tau, self._negative, bool(self._was_touched.any()))
+        uneven = self._warming.close(self._elapsed, self._tau, self._negative, some(self._was_touched))
         if uneven:
             self._zeros.variance[:] = (np.sqrt(self._zeros.variance) + uneven) ** 2
 
@@ -385,6 +395,7 @@ class ForceObserver:
         """
         noise = self._noise_variance
         new, known = where & ~self.settled, where & self.settled
+        self._leak_used = None
         self.force[where] = 0.0
         # The offset has the noise of the signal it is taken from, which the force has, too, the other way round.
         prior = noise[new] + self._prior_deviation[new] ** 2

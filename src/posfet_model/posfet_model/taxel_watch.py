@@ -21,6 +21,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model.arrays import some
 from posfet_model.chain import COARSEST_BITS, noise_of_a_scan, volts_per_count
 from posfet_model.sensor import Sensor
 from posfet_model.surroundings import Surroundings
@@ -147,7 +148,7 @@ class TaxelWatch:
         What they show beyond that, their neighbours have to show, too, as a touch would.
         """
         noisy: NDArray[np.bool_] = self.status == _NOISY
-        if not noisy.any():
+        if not some(noisy):
             return noisy
         most = deviation**2 / self._newton2_per_count2
         around = self.surroundings.loudest_neighbour(np.where(self.bad, 0.0, self._level_always))
@@ -184,7 +185,7 @@ class TaxelWatch:
             self._begin()
         self._last = max(self._filled - 1, 0)
         s, status, noisy, dead = self._settings, self.status, self._noisy, self._dead
-        if self.any_bad or stuck.any() or noisy.any() or dead.any():
+        if self.any_bad or some(stuck | noisy | dead):
             well = np.where(status == _STUCK, changed & self._calm, self._calm)
             self._well_for = np.where(well, self._well_for + duration, 0.0)
             back = (status == _DEAD) & (self._alive | stuck | noisy)
@@ -195,10 +196,10 @@ class TaxelWatch:
             status[stuck] = _STUCK
             status[self._known_dead] = _DEAD
         bad = status != 0
-        different = bool((bad != self.bad).any())
+        different = some(bad != self.bad)
         if different:
             self.bad[:] = bad
-            self.any_bad = bool(bad.any())
+            self.any_bad = some(bad)
         return different
 
     def _begin(self) -> None:
@@ -221,7 +222,7 @@ class TaxelWatch:
         silent = (self._run >= self._run_limit) & ~saturated
         # A held charge that does not leak would be a force that grows evenly, to within the noise.
         impossible = np.abs(leaking) * (self._run_time / self._tau) > 0.5 * self._force_max
-        if saturated.any():
+        if some(saturated):
             impossible = np.where(saturated, self._run_time > self._saturated_for(leaking), impossible)
         return silent | impossible, changed
 
@@ -253,7 +254,7 @@ class TaxelWatch:
             np.minimum(found, (4.0 * s.noisy) ** 2 * usual, out=found)
             self._level += np.where(touched, 0.0, share) * (found - self._level)
         loud = (self._level > s.noisy**2 * usual) & ~touched
-        if self._felt_around and touched.any():
+        if self._felt_around and some(touched):
             # What a neighbour shows is known to so much only, from the second differences in memory.
             doubt = 4.0 * math.sqrt(3.9 * duration / (self._filled * s.confirm))
             heard = np.where(self.bad, 0.0, self._level_always)
@@ -269,7 +270,7 @@ class TaxelWatch:
         """Judge by the mean force of the last block [N] which taxels are dead, and which dead ones answer again."""
         s, duration = self._settings, self._elapsed
         load = s.dead_load * self._threshold
-        if not (force >= load).any():
+        if not some(force >= load):
             self._dead[:] = self._alive[:] = False
             return
         least = self.surroundings.least(force, self.bad, self._all, self._tells)
@@ -290,7 +291,7 @@ class TaxelWatch:
         """
         s = self._settings
         pressed = self._touched & (force >= s.dead_load * self._threshold)
-        if not (self._felt_around and pressed.any()):
+        if not (self._felt_around and some(pressed)):
             self._alone_for[:] = 0.0
             return
         around = self.surroundings.loudest_neighbour(np.where(self.bad, np.inf, np.abs(force)))

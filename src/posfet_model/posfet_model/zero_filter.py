@@ -119,11 +119,11 @@ class ZeroFilter:
         """
         covariance, reach, seen = self._now.covariance, self._reach, self._seen
         np.divide(0.5 * duration, self.time_constant, out=reach)
-        np.sum(covariance[:, 1:], axis=1, out=seen)
+        np.add.reduce(covariance[:, 1:], axis=1, out=seen)
         seen *= reach
         seen[0] += covariance[0, 0]
         seen[1:] += covariance[0, 1:]
-        expected: Array = seen[1:].sum(axis=0)
+        expected: Array = np.add.reduce(seen[1:])
         expected *= reach
         expected += seen[0]
         expected += noise
@@ -137,13 +137,15 @@ class ZeroFilter:
     def correct(self, where: Mask, mean: Array, expected: Array) -> None:
         """Learn from the mean force [N] of the masked taxels; moving the force is left to the caller, see `move`."""
         gains = np.where(where, self._seen / expected, 0.0)
-        self._now.parts[:] -= gains[1:] * mean
-        self._now.covariance[:] -= gains[:, None] * self._seen
-        self._now.parts.sum(axis=0, out=self.offset)
+        parts, covariance = self._now.parts, self._now.covariance
+        parts -= gains[1:] * mean
+        covariance -= gains[:, None] * self._seen
+        parts.sum(axis=0, out=self.offset)
 
     def move(self, change: Array) -> None:
         """Take note of a correction that was added to the force [N]."""
-        self._now.shift[:] += change
+        shift = self._now.shift
+        shift += change
 
     def know_force(self, where: Mask | slice, variance: Array) -> None:
         """Take the force of the masked taxels for known to within a variance [N2]."""
@@ -227,8 +229,9 @@ class ZeroFilter:
         reach = mean * (duration / tau)
         covariance = zeros.covariance
         cross, inner = covariance[0, 1:], covariance[1:, 1:]
-        zeros.shift[:] -= np.einsum("ij,ij->j", reach, zeros.parts)
-        zeros.parts[:] *= kept
+        shift, parts = zeros.shift, zeros.parts
+        shift -= np.einsum("ij,ij->j", reach, parts)
+        parts *= kept
         moved = np.einsum("ijk,jk->ik", inner, reach)
         covariance[0, 0] += np.einsum("ij,ij->j", moved - 2.0 * cross, reach)
         covariance[0, 0] += white + self._drift * duration
@@ -236,8 +239,8 @@ class ZeroFilter:
         cross *= kept
         inner *= kept[:, None] * kept
         inner[0, 0] += (2.0 * self._decade / MEMORIES[0]) * duration
-        for part in range(1, PARTS):
-            inner[part, part] += self._decade * (1.0 - kept[part] ** 2)
+        own = np.einsum("iij->ij", inner)[1:]  # a view
+        own += self._decade * (1.0 - kept[1:] ** 2)
 
 
 def _fade(duration: Array) -> tuple[Array, Array]:
