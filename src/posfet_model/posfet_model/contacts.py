@@ -261,10 +261,15 @@ class ContactFinder:
 
     def _parts(self, patch: _Patch, shares: NDArray[np.float64], listed: int, told: bool) -> list[Region]:
         """Measure the contacts of one region by their shares; each taxel is listed with the one that has most of it."""
-        owners = shares.argmax(axis=0).tobytes()
-        outlines = self._footprints.parts(patch.footprint.wide, listed, len(shares), owners)
-        parts = zip(shares * patch.weight, outlines, strict=True)
-        return [self._measure(patch, weight, bits, bits, told) for weight, bits in parts if bits]
+        owners = shares.argmax(axis=0)
+        outlines = self._footprints.parts(patch.footprint.wide, listed, len(shares), owners.tobytes())
+        force = patch.taxels.force[patch.footprint.members]
+        found: list[Region] = []
+        for index, bits in enumerate(outlines):
+            if bits:
+                own = patch._replace(highest=float(force[owners == index].max()))
+                found.append(self._measure(own, shares[index] * patch.weight, bits, bits, told))
+        return found
 
     def _measure(
         self, patch: _Patch, weight: NDArray[np.float64], listed: int, bits: int, told: bool = False

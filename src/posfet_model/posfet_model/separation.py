@@ -26,8 +26,11 @@ VALLEY: Final = 0.6
 """A valley is at most this share of the lower of its two peaks [1]: left of wrong gains, rods and pads have none."""
 
 SHALLOW: Final = 0.8
-"""The same, and half as deep at least, for contacts that were regions of their own before [1]: a pad, too, may begin to
-touch at two places, but soon has no valley."""
+"""The same for contacts that were regions of their own before [1]: a pad, too, may begin to touch at two places, but
+soon has no valley."""
+
+DIP: Final = 0.2
+"""Least depth of such a valley [threshold]; others are as deep as the threshold of contacts at least."""
 
 NEAREST: Final = 1.25
 """Peaks that come nearer to each other than this become one [pitch]."""
@@ -62,11 +65,13 @@ class Separator:
         self._threshold = threshold
         self._surroundings = Surroundings(layout)
         self._none = np.zeros(layout.taxels, np.bool_)
-        self._around = _neighbours(layout)
-        self._neighbours = [[other for other in row if other < layout.taxels] for row in self._around.tolist()]
+        around = _neighbours(layout)
+        self._beside = around[:, [1, 3, 4, 6]]
+        self._neighbours = [[other for other in row if other < layout.taxels] for row in around.tolist()]
+        self._corners = _corners(layout)
         self._padded = np.full(layout.taxels + 1, -np.inf)
         self._width = [spread * spread + pitch * pitch / 12.0 for pitch in (layout.pitch_x, layout.pitch_y)]
-        self.telling = 0.5 * threshold / (1.0 - SHALLOW)
+        self.telling = DIP * threshold / (1.0 - SHALLOW)
         """Force of a taxel from which a peak that has no shallow valley beside it has none [N]."""
         self.long = math.sqrt(max(self._width) + LONG * self._pitch**2)
         """Length of the major axis from which a region may hold several contacts [m]."""
@@ -83,7 +88,7 @@ class Separator:
         `force` [N] is that of all taxels. One that is `estimated` is no valley: what lies around it is taken for one
         hill. Where there `were_apart` several regions before, a shallow valley will do.
         """
-        valley, depth = (SHALLOW, 0.5 * self._threshold) if were_apart else (VALLEY, self._threshold)
+        valley, depth = (SHALLOW, DIP * self._threshold) if were_apart else (VALLEY, self._threshold)
         taxels = footprint.region.taxels
         if len(taxels) > LARGEST or (estimated is None and self._has_one_peak(taxels, force)):
             return []
@@ -95,23 +100,29 @@ class Separator:
         hill: dict[int, int] = {}  # of a taxel: the peak it belongs to
         height: dict[int, float] = {}
         for taxel in sorted(values, key=values.__getitem__, reverse=True):
-            near = {hill[other] for other in self._neighbours[taxel] if other in hill}
-            highest = max(near, key=height.__getitem__, default=taxel)
-            hill[taxel] = highest
-            if not near:
-                height[taxel] = values[taxel]
-            for peak in near - {highest}:
-                if values[taxel] > valley * height[peak] or height[peak] - values[taxel] < depth:
-                    del height[peak]
-                    hill.update({member: highest for member, of in hill.items() if of == peak})
+            passes: dict[int, float] = {}
+            for other in self._neighbours[taxel]:
+                if other in hill:
+                    way = values[taxel]
+                    if corners := self._corners.get((taxel, other)):
+                        # Between two that touch at a corner lies about the mean of the four there, but more of a rod.
+                        beside = sum(max(float(force[corner]), 0.0) for corner in corners)
+                        way = min(way, 0.25 * valley / VALLEY * (way + values[other] + beside))
+                    passes[hill[other]] = max(way, passes.get(hill[other], 0.0))
+            hill[taxel], height[taxel] = taxel, values[taxel]
+            for peak in sorted(passes, key=passes.__getitem__, reverse=True):
+                low, high = sorted((peak, hill[taxel]), key=height.__getitem__)
+                if passes[peak] > valley * height[low] or height[low] - passes[peak] < depth:
+                    del height[low]
+                    hill.update({member: high for member, of in hill.items() if of == low})
         if len(height) < 2 or self._is_hole(footprint.members, force):
             return []
         return [(float(x), float(y)) for x, y in self._positions[sorted(height)]]
 
     def _has_one_peak(self, taxels: NDArray[np.intp], force: NDArray[np.float64]) -> bool:
-        """Return whether no more than one taxel of a region reads more than all of its neighbours."""
+        """Return whether no more than one taxel of a region reads more than the four beside it."""
         self._padded[:-1] = force
-        highest = self._padded.take(self._around.take(taxels, axis=0)).max(axis=1)
+        highest = self._padded.take(self._beside.take(taxels, axis=0)).max(axis=1)
         return int(np.count_nonzero(force[taxels] >= highest)) < 2
 
     def _is_hole(self, around: NDArray[np.intp], force: NDArray[np.float64]) -> bool:
@@ -175,3 +186,14 @@ def _neighbours(layout: Layout) -> NDArray[np.intp]:
     ways = [(down, right) for down in range(3) for right in range(3) if (down, right) != (1, 1)]
     beside = [padded[down : down + layout.rows, right : right + layout.cols].reshape(-1) for down, right in ways]
     return np.stack(beside, axis=1)
+
+
+def _corners(layout: Layout) -> dict[tuple[int, int], tuple[int, int]]:
+    """Return for every two taxels that touch at a corner the other two there."""
+    grid = np.arange(layout.taxels).reshape(layout.rows, layout.cols)
+    found: dict[tuple[int, int], tuple[int, int]] = {}
+    for square in zip(grid[:-1, :-1].flat, grid[:-1, 1:].flat, grid[1:, :-1].flat, grid[1:, 1:].flat, strict=True):
+        one, two, three, four = map(int, square)
+        for (this, that), rest in (((one, four), (two, three)), ((two, three), (one, four))):
+            found[this, that] = found[that, this] = rest
+    return found
