@@ -25,10 +25,8 @@ ENCODING: Final = b"\x00\x01\x00\x00"
 _LENGTH: Final = struct.Struct("<I")
 _END: Final = struct.Struct("<ff?")
 
-_HEAD: Final = struct.Struct("<IB3xI")
-"""Id and state of a contact, and number of ids merged in it."""
 _ROOM: Final = 64
-"""Bytes that a contact takes at most beside the ids merged in it and what follows them."""
+"""Bytes behind the last contact that are enough for what follows."""
 
 
 class ContactsBytes:
@@ -67,27 +65,18 @@ class ContactsBytes:
         """Write one contact from byte `at` on; return where it ends."""
         region, buffer = contact.region, self._buffer
         taxels = region.taxels.tolist()
-        body = _body(len(taxels))
         merged = contact.merged_ids if contact.merged else ()
-        end = at + _ROOM + 4 * len(merged) + body.size
-        if end > len(buffer):
-            buffer += bytes(end + _ROOM - len(buffer))
-        at += -at % 4
-        _HEAD.pack_into(buffer, at, contact.id, contact.state, len(merged))
-        at += _HEAD.size
-        if merged:
-            struct.pack_into(f"<{len(merged)}I", buffer, at, *merged)
-            at += 4 * len(merged)
-        _LENGTH.pack_into(buffer, at, contact.split_from)
-        at += 4
-        at += -(at - len(ENCODING)) % 8
+        form = _form((at - len(ENCODING)) % 8, len(merged), len(taxels))
+        if at + form.size + _ROOM > len(buffer):
+            buffer += bytes(at + form.size + _ROOM - len(buffer))
         head, tail = self._place(contact)
-        body.pack_into(
-            buffer, at, *head, math.sqrt(region.force_variance), region.area, region.peak_pressure, *tail,
-            motion.slipping, motion.vibration,
-            *divmod(round(contact.age * NANOSECONDS), NANOSECONDS), len(taxels), *taxels,
+        age = round(contact.age * NANOSECONDS)
+        form.pack_into(
+            buffer, at, contact.id, contact.state, len(merged), *merged, contact.split_from,
+            *head, math.sqrt(region.force_variance), region.area, region.peak_pressure, *tail,
+            motion.slipping, motion.vibration, age // NANOSECONDS, age % NANOSECONDS, len(taxels), *taxels,
         )  # fmt: skip
-        return at + body.size
+        return at + form.size
 
 
 def _text(text: str) -> bytes:
@@ -101,6 +90,8 @@ def _gap(data: bytes, alignment: int) -> bytes:
 
 
 @lru_cache(maxsize=256)
-def _body(taxels: int) -> struct.Struct:
-    """Return the form of a contact's fields from the centre of pressure on, which is aligned to 8, to its taxels."""
-    return struct.Struct(f"<21d3f4x9d?3xfiII{taxels}H")
+def _form(at: int, merged: int, taxels: int) -> struct.Struct:
+    """Return the form of a contact with so many ids merged in it and so many taxels, from byte `at` of eight on."""
+    first = -at % 4
+    second = -(at + first + 16 + 4 * merged) % 8  # the centre of pressure is aligned to 8
+    return struct.Struct(f"<{first}xIB3xI{merged}II{second}x21d3f4x9d?3xfiII{taxels}H")

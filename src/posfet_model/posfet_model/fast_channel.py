@@ -56,6 +56,10 @@ class Motion:
     slipping: bool = False
     still: float = 0.0
     """For how long it has not been slipping [s]."""
+    taxels: NDArray[np.intp] | None = None
+    """Its taxels, as long as they stay the same object."""
+    plane: NDArray[np.float64] | None = None
+    """What is known of where they are."""
 
     @property
     def vibration(self) -> float:
@@ -93,9 +97,9 @@ class FastChannel:
         """Take by how much each force changed [N] in a step [s], shape [rows * cols]; the first one is left out."""
         if self._running:
             decay, share = _high_pass(step)
-            np.multiply(self.fast, decay, out=self.fast)
-            np.multiply(change, share, out=self._passed)
-            np.add(self.fast, self._passed, out=self.fast)
+            fast = self.fast
+            fast *= decay
+            fast += np.multiply(change, share, out=self._passed)
         self._running = True
 
     def average(self, step: float) -> None:
@@ -119,17 +123,23 @@ class FastChannel:
 
     def _of(self, region: Region, force: NDArray[np.float64], motion: Motion, step: float) -> Motion:
         taxels = region.taxels
-        plane = self._plane.take(taxels, axis=0)
+        if motion.plane is None or motion.taxels is not taxels:
+            motion.taxels, motion.plane = taxels, self._plane.take(taxels, axis=0)
+        plane = motion.plane
         change, fast_x, fast_y = self.fast[taxels].dot(plane).tolist()
         total, slow_x, slow_y = force[taxels].dot(plane).tolist()
-        total = max(total, 1e-9)
+        total = total if total > 1e-9 else 1e-9
         motion.power += -math.expm1(-step / MEMORY) * (change * change - motion.power)
         # The centre is that of these taxels alone, without what else is known of the contact.
         share = change / total
         moment = math.hypot(fast_x - share * slow_x, fast_y - share * slow_y)
         per_speed = total / (2.0 * math.pi * CORNER)
-        least = max(SLIP_SPEED * per_speed, self._lever * abs(change))
-        if moment > least and abs(share) < LANDS and moment > self._noise_of(region):
+        if (
+            moment > SLIP_SPEED * per_speed
+            and moment > self._lever * abs(change)
+            and abs(share) < LANDS
+            and moment > self._noise_of(region)
+        ):
             motion.slipping, motion.still = True, 0.0
         elif motion.slipping and moment < max(STILL_SPEED * per_speed, 0.5 * self._noise_of(region)):
             motion.still += step

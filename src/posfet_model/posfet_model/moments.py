@@ -76,7 +76,8 @@ class MomentFinder:
         """
         total, x, y, xx, yy, xy = sums[:6]
         x, y = x / total, y / total
-        xx, yy, xy = max(xx / total - x * x, 0.0), max(yy / total - y * y, 0.0), xy / total - x * y
+        xx, yy, xy = xx / total - x * x, yy / total - y * y, xy / total - x * y
+        xx, yy = xx if xx > 0.0 else 0.0, yy if yy > 0.0 else 0.0
         if len(sums) > 6:
             end = 6 + self._size[0]
             x, y = self._completed(sums[6:end], sums[end:], (x, y), (xx, yy))
@@ -112,11 +113,12 @@ class MomentFinder:
         mean, variance, total = (mean - first) / pitch, variance / square, sum(values)
         moment, second = mean * total, (variance + mean * mean) * total
         for place, inner, way in ((0, 1, -1), (last, last - 1, 1)):
-            value = values[place]
+            value, before = values[place], values[inner]
             if value < least:
                 continue
             # Not above the last one: a contact whose middle is beyond the edge cannot be told from a stronger one.
-            ratio = min(value / max(values[inner], least) * fall, 1.0)
+            ratio = value / (before if before > least else least) * fall
+            ratio = ratio if ratio < 1.0 else 1.0
             beyond = place
             for _ in range(MOST_BEYOND):
                 value *= ratio
@@ -160,7 +162,7 @@ def principal_axes(xx: float, yy: float, xy: float) -> tuple[Vector, Vector]:
     """
     half, mean = 0.5 * (xx - yy), 0.5 * (xx + yy)
     spread = math.hypot(half, xy)
-    large, small = math.sqrt(mean + spread), math.sqrt(max(mean - spread, 0.0))
+    large, small = math.sqrt(mean + spread), math.sqrt(mean - spread) if mean > spread else 0.0
     # Cosine and sine of half the angle at which (half, xy) lies.
     longer = math.sqrt(0.5 + 0.5 * abs(half) / spread) if spread else 1.0
     shorter = 0.5 * xy / (spread * longer) if spread else 0.0
