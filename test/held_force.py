@@ -32,7 +32,9 @@ RATE: Final = 1.0 / STEP
 LEARNT_LEAK: Final = ObserverSettings(gain=1e-6)
 """Gains are right, and known to be; the leak is known as well as by a calibration."""
 
-KNOWN_LEAK: Final = replace(LEARNT_LEAK, leak_shared_calibrated=1e-6, leak_own_calibrated=1e-6)
+KNOWN_LEAK: Final = ObserverSettings(
+    gain=1e-6, leak_shared=1e-6, leak_own=1e-6, leak_shared_calibrated=1e-6, leak_own_calibrated=1e-6
+)
 """The optimal estimator knows the leak, and so does ours."""
 
 

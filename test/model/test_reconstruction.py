@@ -338,6 +338,22 @@ def test_a_warm_finger_stays_one_contact_of_its_force_until_it_lifts(board: str,
     assert len(ids) == 1
 
 
+@pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 2), (3, 1), (2, 2), (1, 7)])
+def test_an_array_of_few_taxels_does_what_a_large_one_does(rows: int, cols: int) -> None:
+    sensor = replace(SENSOR, layout=replace(LAYOUT, rows=rows, cols=cols))
+    shape = np.ones(rows * cols)
+    shape[4:] = 0.0  # a fingertip covers a small one whole
+    reconstructor = Reconstructor(sensor)
+    results = run(reconstructor, 1.5, device=sensor, force=press(0.5, 0.5, 9.0, rise=0.2), shape=shape)
+    assert all(result.valid for result in results[101:])
+    first = next(index for index, result in enumerate(results) if result.contacts)
+    assert first <= 500 + round(200 * sensor.contact.threshold / 0.5) + 2
+    [contact] = results[-1].contacts
+    assert contact.region.force == pytest.approx(0.5 * shape.sum(), rel=0.02)
+    assert contact.region.taxels.tolist() == shape.nonzero()[0].tolist()
+    assert not reconstructor.tare().done
+
+
 def test_a_slow_press_on_the_whole_array_comes_to_light() -> None:
     results = run(Reconstructor(SENSOR), 3.0, force=press(0.1, 1.0, 9.0, rise=0.2), shape=np.ones(LAYOUT.taxels))
     assert not contacts_of(results[:1000])

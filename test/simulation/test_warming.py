@@ -64,3 +64,17 @@ def test_warming_otherwise_than_described_is_no_contact(
     reconstructor, device = Reconstructor(SENSOR, RECORDED), differing(SENSOR, differences)
     for scan, _ in wire_scans(device, scene, 4.5, 1):
         assert not reconstructor.process(scan).contacts
+
+
+@pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 2), (2, 2), (1, 7)])
+@pytest.mark.parametrize("kelvin_per_second", [-1.0, 1.0])
+def test_warming_of_an_array_of_few_taxels_is_no_contact(rows: int, cols: int, kelvin_per_second: float) -> None:
+    sensor = replace(SENSOR, layout=replace(SENSOR.layout, rows=rows, cols=cols))
+    warmed = 25.0 + 2.0 * kelvin_per_second
+    warm = Track((1.0, 3.0, 99.0), ((25.0,), (warmed,), (25.0,)))
+    scene = Scene(name="warming", description="nothing touches", period=1e2, objects=(), temperature=warm)
+    device = differing(sensor, {"lag": 30.0, "pyroelectric": -10.0})
+    reconstructor = Reconstructor(sensor)
+    for scan, _ in wire_scans(device, scene, 4.0, 1):
+        assert not reconstructor.process(scan).contacts
+    assert reconstructor.tare().done

@@ -115,7 +115,10 @@ def _calibration(wanted: str | None, sensor: Sensor, seed: int, imperfections: I
         return Calibration.nominal(sensor)
     if wanted:
         return load_calibration(wanted, sensor)
-    return calibrate(sensor, seed, replace(imperfections, resets_per_hour=0.0))
+    try:
+        return calibrate(sensor, seed, replace(imperfections, resets_per_hour=0.0))
+    except ValueError as error:
+        raise ConfigError(f"calibration of the simulated board: {error}") from error
 
 
 def _parser() -> argparse.ArgumentParser:

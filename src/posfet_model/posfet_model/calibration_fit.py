@@ -91,6 +91,8 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
     tau = 1.0 / np.maximum(found.leak, 1e-9)
     gain = _line_gain(sensor, recording, found)
     dead = gain < DEAD_GAIN
+    if dead.all():
+        raise ValueError("no taxel answers to the force: nothing to calibrate")
     nominal = sensor.device.leak_time_constant
     usual = sensor.device.pyroelectric_coefficient / charge_per_newton(sensor)
     return Calibration(

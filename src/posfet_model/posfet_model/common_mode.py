@@ -32,6 +32,9 @@ BORNE_OUT: Final = 0.3
 LEAST_PRESSED: Final = 0.2
 """The taxels that read least are so many of all [1]: the rest may be touched."""
 
+FEWEST: Final = 5
+"""Fewer usable taxels tell no temperature: a fingertip presses them all."""
+
 DOUBTS: Final = 3.0
 """While something touches, so many standard deviations of the film's temperature are believed [1]."""
 
@@ -86,7 +89,7 @@ class CommonMode:
 
         Return by how much [K] the film has to be taken for warmer, as what it was taken for was not borne out.
         """
-        if self._newton_per_kelvin == 0.0 or not len(mean):
+        if self._newton_per_kelvin == 0.0 or len(mean) < FEWEST:
             return 0.0
         on_trial = self._left > 0.0
         self._left -= duration
@@ -105,7 +108,7 @@ class CommonMode:
 
     def follow(self, force: NDArray[np.float64]) -> float:
         """Return by how much [K] the film has to be taken for warmer, by the force [N] of each usable taxel."""
-        if not len(force):
+        if len(force) < FEWEST:
             return 0.0
         wanted = _least(force) / self._newton_per_kelvin
         believed = self._film.nudge(wanted, DOUBTS * self._film.standard_deviation, further=self._left > 0.0)
@@ -126,7 +129,7 @@ class CommonMode:
         film.keep_nudges()  # a touch that is felt apart from the others refutes none
         self._left = 0.0
         most = self._doubtful(self._base)
-        self.told = len(force) > 0 and most * abs(self._newton_per_kelvin) > WORTH_IT * self._noticed
+        self.told = len(force) >= FEWEST and most * abs(self._newton_per_kelvin) > WORTH_IT * self._noticed
         if not self.told:
             self._pace = film.rate
             return 0.0
