@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks import ablation, held, slips
+from benchmarks import ablation, held, slips, slow_press
 from posfet_driver.calibrate import calibrate
 from posfet_driver.imperfections import Imperfections
 from posfet_driver.scene import load_scene
@@ -287,7 +287,7 @@ def main() -> None:
     seeds = (1, 2, 3, 4) if full else (1, 2)
     with ProcessPoolExecutor(PROCESSES) as pool:
         scenes, held_table = scene_rows(pool, seeds, full), held.rows(pool, full)
-        without = without_rows(pool, seeds)
+        without, slow = without_rows(pool, seeds), slow_press.rows(pool, seeds[0], BOARD, _calibration)
         slipped = slips.rows(pool, seeds, SLIPLESS_FULL if full else SLIPLESS, _calibration)
         found = mismatches(pool, seeds, full)
     style.save(lambda: draw(found), DOCUMENT.parent / "figures" / FIGURE)
@@ -323,6 +323,12 @@ truly carries the threshold of contacts (20 mN), whether that taxel works or not
 {ablation.TEXT}
 
 {chr(10).join(without)}
+
+## Slow presses
+
+{slow_press.TEXT}
+
+{chr(10).join(slow)}
 
 ## Slips
 

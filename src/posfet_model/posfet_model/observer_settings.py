@@ -69,7 +69,7 @@ class ObserverSettings:
     """The same with calibration [1]."""
     gate: float = 5.0
     """Standard deviations within which a mean of a block agrees with what was expected [1]."""
-    zero_slew: float = 0.25
+    zero_slew: float = 0.1
     """Fastest motion of a settled taxel's zero, in contact thresholds per second [1/s]: slower presses are lost."""
     steady: float = 0.2
     """A force below zero is a wrong zero once it has been steady for this long [s]."""

@@ -1,0 +1,75 @@
+"""How late a slow press is found, and how much of it is taken for drift: a part of `make accuracy`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from posfet_driver.imperfections import Imperfections
+from posfet_driver.scene import Scene, SceneObject, Track
+from posfet_driver.scene.shapes import Sphere
+from posfet_driver.wire_simulation import wire_scans
+from posfet_model.calibration import Calibration
+from posfet_model.observer_settings import ObserverSettings
+from posfet_model.reconstruction import Reconstructor
+from posfet_model.sensor import load_sensor
+
+FORCES: Final = (1.0, 0.1)
+"""[N]."""
+
+RISES: Final = (2.0, 5.0, 8.0, 15.0, 30.0)
+"""Time in which they come up [s]."""
+
+BEGINS: Final = 1.0
+HELD: Final = 1.0
+"""How long they are held [s]."""
+
+TEXT: Final = f"""\
+A ball of 4 mm radius presses slowly on a calibrated board with right gains. The delay counts from the scan in which a
+taxel truly carries the threshold of contacts. A press that grows by less than
+{ObserverSettings.zero_slew:g} thresholds a second on its strongest taxel is taken for drift, and of faster ones what
+came up unnoticed, on taxels around for longer: "lost" is what is missing of the total force after {HELD:g} s."""
+
+
+def press(
+    force: float, rise: float, seed: int, board: Imperfections, calibration: Callable[[int], Calibration]
+) -> tuple[float, float]:
+    """Return the delay [s], infinite when it is not found, and the share of the force that is lost [1]."""
+    sensor = load_sensor()
+    end = BEGINS + rise + HELD
+    times = (BEGINS, BEGINS + rise, end, end + 1.0)
+    values = tuple((0.2e-3, -0.1e-3, 0.0, load) for load in (0.0, force, force, 0.0))
+    ball = SceneObject("ball", Sphere(4e-3, 2e6), Track(times, values))
+    steady = Track((0.0,), ((25.0,),))
+    scene = Scene(name="slow", description="a slow press", period=end + 1.0, objects=(ball,), temperature=steady)
+    model = Reconstructor(sensor, calibration(seed))
+    carried = found = np.inf
+    for scan, truth in wire_scans(sensor, scene, end, seed, board):
+        result = model.process(scan)
+        if truth.force.max() >= sensor.contact.threshold:
+            carried = min(carried, truth.time)
+        if result.contacts:
+            found = min(found, truth.time)
+    image = model.image()
+    known = np.isfinite(image.force)
+    lost = 1.0 - float(image.force[known].sum() / truth.force[known].sum())
+    return max(found - carried, 0.0), lost
+
+
+def rows(pool: Executor, seed: int, board: Imperfections, calibration: Callable[[int], Calibration]) -> list[str]:
+    """Return a table, a row for each force and time."""
+    cases = [(force, rise) for force in FORCES for rise in RISES]
+    run = partial(press, seed=seed, board=board, calibration=calibration)
+    futures = [pool.submit(run, force, rise) for force, rise in cases]
+    table = ["| N | comes up in s | found after s | lost % |", "|---|---|---|---|"]
+    for (force, rise), future in zip(cases, futures, strict=True):
+        delay, lost = future.result()
+        table.append(
+            f"| {force:g} | {rise:g} | {f'{delay:.2f}' if np.isfinite(delay) else 'never'} | {100 * lost:.0f} |"
+        )
+        print(table[-1], flush=True)
+    return table
