@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from posfet_model import adc
 from posfet_model.charge import invert_first_order_hold, propagate_first_order_hold
 from posfet_model.checks import FloatArray
-from posfet_model.exponential import mean_decay
 from posfet_model.scan import FULL_SCALE_COUNT
 from posfet_model.sensor import Sensor
 
@@ -62,47 +61,6 @@ def leak_step(step: float, time_constant: float) -> LeakStep:
         decay=float(propagate_first_order_hold(1.0, 0.0, 0.0, step, time_constant)),
         mean=float(propagate_first_order_hold(0.0, 0.0, 1.0, step, time_constant)),
     )
-
-
-class LeakSteps:
-    """Coefficients of time steps for taxels that leak each at its own rate; those of few different steps are kept.
-
-    With signals s = k*sigma a step brings the force ``(s1 - s0)/mean + ratio*(s0 - offset)``.
-    """
-
-    MOST = 64
-
-    def __init__(self, time_constant: NDArray[np.float64], newton_per_charge: NDArray[np.float64]) -> None:
-        """Take the time constants [s], shape [taxels], and k [N m2/C]."""
-        self._time_constant = time_constant
-        self._newton_per_charge = newton_per_charge
-        self._known: dict[float, LeakStepArrays] = {}
-
-    def forget(self) -> None:
-        """Take note that the time constants were changed in place."""
-        self._known.clear()
-
-    def at(self, step: float) -> LeakStepArrays:
-        """Return the coefficients of a step [s], > 0; the arrays are not to be written to."""
-        found = self._known.get(step)
-        if found is None:
-            if len(self._known) >= self.MOST:
-                self._known.clear()
-            ratio = step / self._time_constant
-            now = self._newton_per_charge / mean_decay(ratio)
-            found = self._known[step] = LeakStepArrays(ratio, now, self._newton_per_charge * ratio - now)
-        return found
-
-
-@dataclass(frozen=True)
-class LeakStepArrays:
-    """Of each taxel."""
-
-    ratio: NDArray[np.float64]
-    """h/tau, what an offset is multiplied with."""
-    now: NDArray[np.float64]
-    before: NDArray[np.float64]
-    """And the charges at the end and at the start of the step [N m2/C]."""
 
 
 def charge_per_newton(sensor: Sensor) -> float:

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 from posfet_model.arrays import some
 from posfet_model.below_zero import BelowZero
 from posfet_model.calibration import Calibration
-from posfet_model.chain import LeakStepArrays, LeakSteps, charge_per_newton, noise_of_a_scan
+from posfet_model.chain import charge_per_newton, noise_of_a_scan
 from posfet_model.common_mode import CommonMode
+from posfet_model.leak_inverse import LeakInverse
 from posfet_model.leak_watch import LeakWatch
 from posfet_model.lost_force import LostForce
 from posfet_model.observer_settings import (
@@ -56,7 +57,7 @@ class ForceObserver:
         calibration = calibration or Calibration.nominal(sensor)
         self._settings = settings or ObserverSettings()
         gain = calibration.usable_gain
-        self._newton_per_charge = 1.0 / (charge_per_newton(sensor) * gain)
+        newton_per_charge = 1.0 / (charge_per_newton(sensor) * gain)
         newton_per_kelvin = device.pyroelectric_coefficient / charge_per_newton(sensor)
         self._per_kelvin = newton_per_kelvin * calibration.pyroelectric_gain / gain
         noise = noise_of_a_scan(sensor)
@@ -69,7 +70,7 @@ class ForceObserver:
             s.leak_own_calibrated if recorded else s.leak_own,
         )
         self._tau = self._leaks.time_constant
-        self._leak = LeakSteps(self._tau, self._newton_per_charge)
+        self._leak = LeakInverse(self._tau, newton_per_charge)
         self._long_step = LONG_STEP * float(self._tau.min())
         self._prior = self._settings.first_deviation / sensor.volts_per_newton
         self._zeros = ZeroFilter(
@@ -108,8 +109,7 @@ class ForceObserver:
         self._start_block()
 
     def _make_state(self, taxels: int) -> None:
-        self._charge, self._change, self._offset_leaks = np.zeros((3, taxels))
-        self._leak_used: LeakStepArrays | None = None  # for `_offset_leaks`; None: the offsets are others since
+        self._change = np.zeros(taxels)
         self._scale_variance = np.zeros(taxels)
         self._prior_deviation = np.full(taxels, self._prior)
         self._was_touched = np.zeros(taxels, np.bool_)
@@ -158,13 +158,7 @@ class ForceObserver:
     @property
     def leaking(self) -> NDArray[np.float64]:
         """Charge left at each gate, as the force that would bring it [N], shape [rows * cols]."""
-        return self._signal - self._zeros.offset
-
-    @property
-    def _signal(self) -> NDArray[np.float64]:
-        """Signals of the last scan as forces [N]: what leaks is not put back."""
-        signal: NDArray[np.float64] = self._charge * self._newton_per_charge
-        return signal
+        return self._leak.signal - self._zeros.offset
 
     @property
     def change(self) -> NDArray[np.float64]:
@@ -200,16 +194,8 @@ class ForceObserver:
         if not self._started:
             self._first(charge)
             return
-        leak = self._leak.at(step)
-        if leak is not self._leak_used:
-            np.multiply(self._zeros.offset, leak.ratio, out=self._offset_leaks)
-            self._leak_used = leak
-        last, change, force, total = self._charge, self._change, self.force, self._sum
-        np.multiply(charge, leak.now, out=change)
-        last *= leak.before
-        change += last
-        change -= self._offset_leaks
-        last[...] = charge
+        change, force, total = self._change, self.force, self._sum
+        leak = self._leak.advance(charge, self._zeros.offset, step, change)
         if warmed:
             change -= warmed * self._per_kelvin
             self._warming.warmth += warmed
@@ -243,7 +229,7 @@ class ForceObserver:
 
     def lose(self, saturated: NDArray[np.bool_], step: float) -> None:
         """Count as unknown the charge that leaks beyond the end of the range during a step [s] of the masked taxels."""
-        lost = np.abs(self._signal[saturated]) * (step / self._tau[saturated])
+        lost = np.abs(self._leak.signal[saturated]) * (step / self._tau[saturated])
         variance = self._zeros.variance
         variance[saturated] = (np.sqrt(variance[saturated]) + lost) ** 2
 
@@ -287,7 +273,7 @@ class ForceObserver:
             self.restarts += int(np.count_nonzero(failed & ~self.ignored))
             self._restart(failed)
         if some(~self.settled):
-            cold = self._signal - self._warming.left
+            cold = self._leak.signal - self._warming.left
             at_rest = self._rest.look(cold, self.ignored, self._elapsed, not self.film.quiet)
             if self._rest.moved:
                 self._restart(~self.settled)
@@ -348,18 +334,18 @@ class ForceObserver:
 
     def _first(self, charge: NDArray[np.float64]) -> None:
         """Begin with a scan that has none before it."""
-        self._charge[...] = charge
-        left = np.where(self.settled, self._signal - self._zeros.offset, 0.0)
+        self._leak.begin(charge)
+        left = np.where(self.settled, self._leak.signal - self._zeros.offset, 0.0)
         self._lost.begin(np.where(self.ignored, 0.0, self.force), np.where(self.ignored, 0.0, left))
         self.force[:] = np.maximum(left, 0.0)
         self._zeros.lose_force()
         self._started = True
-        self._rest.begin(self._signal - self._warming.left)
+        self._rest.begin(self._leak.signal - self._warming.left)
         self._restart(~self.settled)
         self._start_block()
 
     def _start_block(self) -> None:
-        self._leak_used = None
+        self._leak.forget_offset()
         self._sum[:] = self._jumped[:] = 0.0
         self._scans = 0
         self._elapsed = self._elapsed_square = 0.0
@@ -395,11 +381,11 @@ class ForceObserver:
         """
         noise = self._noise_variance
         new, known = where & ~self.settled, where & self.settled
-        self._leak_used = None
+        self._leak.forget_offset()
         self.force[where] = 0.0
         # The offset has the noise of the signal it is taken from, which the force has, too, the other way round.
         prior = noise[new] + self._prior_deviation[new] ** 2
-        self._zeros.begin(new, (self._signal - self._warming.left)[new], prior, noise[new], -noise[new])
+        self._zeros.begin(new, (self._leak.signal - self._warming.left)[new], prior, noise[new], -noise[new])
         # No worse than the signal, which may be leaking.
         self._prior_deviation[known] = self._prior
         least = np.full(np.count_nonzero(known), (KNOWN_BEFORE * self._negative) ** 2)
