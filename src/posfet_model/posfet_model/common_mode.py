@@ -75,6 +75,11 @@ class CommonMode:
         self._refuted = False
 
     @property
+    def told_variance(self) -> float:
+        """Variance of the forces [N2] that the taxels leave open when they tell the temperature."""
+        return self._noticed**2
+
+    @property
     def active(self) -> bool:
         """Whether to call `follow`."""
         return self._left > 0.0 or self._film.changing

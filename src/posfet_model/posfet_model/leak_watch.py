@@ -100,6 +100,11 @@ class LeakWatch:
         self._since = 0.0
         self._fresh = False
 
+    @property
+    def doubt(self) -> float:
+        """Standard deviation of the mean theta [1]."""
+        return math.hypot(self.shared_deviation, float(self.own_deviation.mean()))
+
     def forget(self) -> None:
         """Begin a new window."""
         self._touched[:] = 0

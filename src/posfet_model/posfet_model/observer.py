@@ -38,6 +38,7 @@ from posfet_model.observer_settings import (
 from posfet_model.rest import Rest
 from posfet_model.sensor import Sensor
 from posfet_model.thermal import FilmTemperature
+from posfet_model.together import Together
 from posfet_model.warming import Warming
 from posfet_model.zero_filter import ZeroFilter
 
@@ -73,12 +74,9 @@ class ForceObserver:
         self._leak = LeakInverse(self._tau, newton_per_charge)
         self._long_step = LONG_STEP * float(self._tau.min())
         self._prior = self._settings.first_deviation / sensor.volts_per_newton
-        self._zeros = ZeroFilter(
-            self._tau,
-            self._noise_variance,
-            (self._settings.flicker / sensor.volts_per_newton) ** 2,
-            (self._settings.temperature_wander * newton_per_kelvin) ** 2,
-        )
+        flicker = (s.flicker / sensor.volts_per_newton) ** 2
+        drift = (s.temperature_wander * newton_per_kelvin) ** 2
+        self._zeros = ZeroFilter(self._tau, self._noise_variance, flicker, drift)
         self._slew = self._settings.zero_slew * sensor.contact.threshold
         self._doubt = (DOUBT * sensor.contact.threshold) ** 2
         self._negative = sensor.contact.threshold
@@ -106,6 +104,9 @@ class ForceObserver:
         self._recovering = 0.0
         self._lost = LostForce(taxels, self._negative, s.recover)
         self._make_state(taxels)
+        self._together = Together(
+            self.force, self._per_kelvin, self._zeros, self._leaks, self.film, sensor.contact.threshold
+        )
         self._start_block()
 
     def _make_state(self, taxels: int) -> None:
@@ -126,7 +127,8 @@ class ForceObserver:
     @property
     def common_variance(self) -> float:
         """Variance [N2] that all taxels share: what is not known of the film's temperature."""
-        return self._warming.common_variance
+        unknown = self._warming.common_variance
+        return max(unknown, self._together.offset.variance) if unknown else unknown
 
     def variance(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return in `out` the variance of `force` [N2] that each taxel has alone, the common one left out."""
@@ -170,6 +172,7 @@ class ForceObserver:
         back = self.ignored & ~taxels
         self.ignored[:] = taxels
         self._any_ignored = bool(taxels.any())
+        self._together.use(~taxels)
         if back.any():
             self._restart(back)
 
@@ -199,6 +202,7 @@ class ForceObserver:
         if warmed:
             change -= warmed * self._per_kelvin
             self._warming.warmth += warmed
+            self._together.followed += warmed
         force += change
         total += force
         self._scans += 1
@@ -215,7 +219,12 @@ class ForceObserver:
         if not self.valid or not (touched or self.common.active):
             return
         force = self.force[~self.ignored] if self._any_ignored else self.force
-        self._warm(self.common.hold(force) if touched else self.common.follow(force))
+        if touched:
+            self._warm(self.common.hold(force))
+        else:
+            warmer = self.common.follow(force)
+            self._warm(warmer)
+            self._together.followed += warmer
 
     def tare(self) -> NDArray[np.float64]:
         """Make zero of what the last block read; return what was added to each force [N], 0 where it is ignored.
@@ -241,8 +250,13 @@ class ForceObserver:
         """
         s, zeros = self._settings, self._zeros
         mean = self._sum / self._scans
+        if self._together.due:
+            self._together.look(self._leaked, self._elapsed, self._scans)
+        self._together.clear(mean, touched, self.common.told)
         noise = self._noise_variance / self._scans
         self._grow()
+        if some(self._was_touched):
+            self._together.hold(self._leak.signal, self._elapsed)
         self._follow_touches(touched & self.settled, mean)
         # An error of the film's temperature is the same through the block: the mean does not make it smaller.
         expected = zeros.expect(self._elapsed, noise + self.common_variance)
@@ -253,13 +267,10 @@ class ForceObserver:
         if some(where := free & self.settled & ~agrees):
             limit = self._slew * self._elapsed  # neither a contact nor an error known of: followed slowly
             self._move(-np.where(where, np.clip(mean, -limit, limit), 0.0))
-        lowest = np.maximum(self._negative, s.gate * np.sqrt(expected))
-        still = np.abs(mean - self._last_mean) <= s.gate * np.sqrt(2.0 * noise)
-        ripe = self._below_zero.look(free & self.settled, mean, lowest, still, self._elapsed)
-        if some(ripe):
-            self.force[ripe] -= mean[ripe]
-            zeros.know_force(ripe, self._noise_variance[ripe])
+        self._heal(free & self.settled, mean, noise, expected)
         unknown_misled, known_misled = self._warming.misled(self._elapsed)
+        if self._together.offset.wanders:
+            unknown_misled = known_misled = False  # such a film is told apart from the offsets
         if known_misled:
             self.settled[:] = False
         failed = ~self.settled & (~agrees | unknown_misled)
@@ -272,21 +283,48 @@ class ForceObserver:
             self._prior_deviation[again] = np.minimum(REFUTED * self._prior_deviation[again], self._runaway)
             self.restarts += int(np.count_nonzero(failed & ~self.ignored))
             self._restart(failed)
-        if some(~self.settled):
-            cold = self._leak.signal - self._warming.left
-            at_rest = self._rest.look(cold, self.ignored, self._elapsed, not self.film.quiet)
-            if self._rest.moved:
-                self._restart(~self.settled)
-            elif at_rest:
-                self.settled |= (self._agreed >= s.settle) & (zeros.offset_variance <= self._known_offset)
+        self._settle()
         self._recovering = max(0.0, self._recovering - self._elapsed)
         self._lost.close(mean, self._elapsed)
         sound = self.settled & (self._below_zero.lasts == 0.0) & ~self._lost.mask | self.ignored
         self.valid = self._recovering == 0.0 and not some(~sound)
         self._last_mean = mean
         self._share(mean[~self.ignored], some(touched))
+        if not some(touched):
+            warmer = self._together.rest(self._leak.signal, self.settled, self.valid, self._elapsed)
+            self._warming.warmth += warmer
+        else:
+            self._together.pause()
         zeros.keep(mean, noise)
         self._start_block()
+
+    def _heal(
+        self,
+        where: NDArray[np.bool_],
+        mean: NDArray[np.float64],
+        noise: NDArray[np.float64],
+        expected: NDArray[np.float64],
+    ) -> None:
+        """Set zeros right that were taken under load: forces below zero cannot be."""
+        gate = self._settings.gate
+        lowest = np.maximum(self._negative, gate * np.sqrt(expected))
+        still = np.abs(mean - self._last_mean) <= gate * np.sqrt(2.0 * noise)
+        ripe = self._below_zero.look(where, mean, lowest, still, self._elapsed)
+        if some(ripe):
+            self.force[ripe] -= mean[ripe]
+            self._zeros.know_force(ripe, self._noise_variance[ripe])
+
+    def _settle(self) -> None:
+        """Believe offsets once the array is at rest."""
+        if self.settled.all():
+            return
+        cold = self._leak.signal - self._warming.left
+        at_rest = self._rest.look(cold, self.ignored, self._elapsed, not self.film.quiet)
+        if self._rest.moved:
+            self._restart(~self.settled)
+        elif at_rest:
+            known = self._zeros.offset_variance <= self._known_offset
+            self.settled |= (self._agreed >= self._settings.settle) & known
 
     def _warm(self, change: float) -> None:
         """Take the film for warmer by a change [K] than it was followed."""
@@ -301,6 +339,7 @@ class ForceObserver:
         warmer = self.common.look(mean, self._elapsed, touched)
         if warmer:
             self._warm(warmer)
+            self._together.followed += warmer
             self._warming.uneven = 0.0
             self._zeros.know_force(slice(None), self._noise_variance)
 
@@ -308,7 +347,10 @@ class ForceObserver:
         """Put touched taxels back to before what was taken for drift, and learn from touched ones how they leak."""
         leaks, begun = self._leaks, touched & ~self._was_touched
         if some(begun):
-            self.force[begun] += self._zeros.undo(begun)
+            back, blocks = self._zeros.undo(begun)
+            self.force[begun] += back
+            if self.valid and not some(self._was_touched):
+                self._together.touch(begun, blocks, self._leak.signal, self._elapsed)
             self._zeros.variance[begun] += self._jumped[begun]
             leaks.begin(begun, self._leaked)
             self._warming.begin(begun)
@@ -320,6 +362,7 @@ class ForceObserver:
             if change is not None:
                 self.force += change
                 self._leak.forget()
+                self._together.offset.time_constant = float(self._tau.mean())
             self._scale_variance = leaks.variance + (self._settings.gain * self.force) ** 2
         elif some(self._was_touched):
             leaks.rest()
@@ -347,6 +390,8 @@ class ForceObserver:
     def _start_block(self) -> None:
         self._leak.forget_offset()
         self._sum[:] = self._jumped[:] = 0.0
+        if self._together.due:
+            self._together.begin_block(self._leaked)
         self._scans = 0
         self._elapsed = self._elapsed_square = 0.0
 

@@ -33,6 +33,9 @@ NOTICEABLE_ERROR: Final = 5e-3
 NOTICEABLE_SLOPE: Final = 0.2
 """A chip that warms or cools this fast may leave the film elsewhere than followed [K/s]."""
 
+STEADY_SLOPE: Final = 0.03
+"""A slope above this is no wander [K/s]."""
+
 CAUGHT_UP: Final = 1e-3
 """A lag below this makes no difference to an offset [K]: it changes the force by 1 mN within 50 ms."""
 
@@ -54,7 +57,10 @@ class FilmTemperature:
 
     def __init__(self, time_constant: float) -> None:
         """Follow with the lag `time_constant` [s], >= 0; 0 follows at once."""
-        self._time_constant = time_constant
+        self.time_constant = time_constant
+        """Of the lag [s]."""
+        self.told = math.nan
+        """Chip temperature since the start as the sensors last told it [K]; NaN: none is known."""
         self._last: list[float] = []
         self._bias: dict[int, float] = {}
         self._chip = 0.0
@@ -84,6 +90,11 @@ class FilmTemperature:
         return self._chip
 
     @property
+    def age(self) -> float:
+        """For how long the sensors have told the same [s]."""
+        return self._age
+
+    @property
     def warmth(self) -> float:
         """Temperature of the film since the start, by the sensors alone [K]."""
         return self._chip - self._lag - self._nudged
@@ -102,6 +113,11 @@ class FilmTemperature:
     def changing(self) -> bool:
         """Whether the chip's temperature changed so lately that the film may still be elsewhere than followed."""
         return self._restless > 0.0
+
+    @property
+    def warming(self) -> bool:
+        """Whether the chip does more than wander: it warms or cools."""
+        return self._restless > 0.0 or abs(self._slope) > STEADY_SLOPE
 
     @property
     def quiet(self) -> bool:
@@ -146,7 +162,7 @@ class FilmTemperature:
         if self._lag == 0.0:
             self.rate = 0.0
             return 0.0
-        share = -math.expm1(-step / self._time_constant) if self._time_constant > 0 else 1.0
+        share = -math.expm1(-step / self.time_constant) if self.time_constant > 0 else 1.0
         change = share * self._lag
         self._lag -= change
         self._nudged -= share * self._nudged
@@ -175,16 +191,17 @@ class FilmTemperature:
         """Move the chip's temperature to new readings; keep the slope, and count what was not foreseen or not known."""
         known = [(index, value) for index, value in enumerate(readings) if math.isfinite(value)]
         if not known:
+            self.told = math.nan
             self._unknown_variance += UNKNOWN_WANDER**2 * step if self._bias else 0.0
             self._slope = self._carried = 0.0
             return
         for index, value in known:
             self._bias.setdefault(index, value - self._chip)
-        chip = sum(value - self._bias[index] for index, value in known) / len(known)
+        self.told = chip = sum(value - self._bias[index] for index, value in known) / len(known)
         # What the slope promised up to this scan: the part of the last step is not in it yet.
         error = chip - self._chip - self._slope * step
         if abs(error) > NOTICEABLE_ERROR or abs(self._slope) > NOTICEABLE_SLOPE:
-            self._restless = RESTLESS * self._time_constant + 2.0 * min(self._age, LONGEST_INTERVAL)
+            self._restless = RESTLESS * self.time_constant + 2.0 * min(self._age, LONGEST_INTERVAL)
         self._lag += chip - self._chip
         self._chip = chip
         self._carried = 0.0

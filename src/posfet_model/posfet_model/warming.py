@@ -46,8 +46,8 @@ class Warming:
 
     @property
     def common_variance(self) -> float:
-        """Variance of the forces [N2] that all taxels share: what is not known of the film, unless the taxels tell."""
-        return 0.0 if self._told else self.film_variance
+        """Variance of the forces [N2] that all taxels share: what is not known of the film."""
+        return self.common.told_variance if self._told else self.film_variance
 
     @property
     def film_variance(self) -> float:

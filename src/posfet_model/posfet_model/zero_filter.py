@@ -142,7 +142,7 @@ class ZeroFilter:
         covariance -= gains[:, None] * self._seen
         parts.sum(axis=0, out=self.offset)
 
-    def move(self, change: Array) -> None:
+    def move(self, change: Array | float) -> None:
         """Take note of a correction that was added to the force [N]."""
         shift = self._now.shift
         shift += change
@@ -151,6 +151,17 @@ class ZeroFilter:
         """Take the force of the masked taxels for known to within a variance [N2]."""
         self._now.covariance[0, 1:, where] = 0.0
         self._now.covariance[0, 0, where] = variance
+
+    @property
+    def wander(self) -> float:
+        """Variance per time [N2/s] by which an offset wanders for ever."""
+        return 2.0 * self._decade / MEMORIES[0]
+
+    def share(self, usable: Mask, offset: float) -> None:
+        """Make `offset` [N] the mean of those of the usable taxels, and move all others along."""
+        self._now.parts[:] -= self._now.parts[:, usable].mean(axis=1)[:, None]
+        self._now.parts[0] += offset
+        self._now.parts.sum(axis=0, out=self.offset)
 
     def begin(self, where: Mask, offset: Array, variance: Array, force: Array, common: Array) -> None:
         """Begin anew with the masked taxels.
@@ -186,14 +197,16 @@ class ZeroFilter:
         np.greater(mean, PRESSING * np.sqrt(noise), out=self._pressing[index])
         self._filled = min(self._filled + 1, BLOCKS)
 
-    def undo(self, where: Mask) -> Array:
-        """Put the masked taxels back to before their touch began; return what that adds to the force [N], [masked].
+    def undo(self, where: Mask) -> tuple[Array, NDArray[np.intp]]:
+        """Put the masked taxels back to before their touch began.
+
+        Return what that adds to the force [N], and by how many blocks, 0 to the one before, both of shape [masked].
 
         It began in the first of the last blocks that all were above zero, or in the one before.
         """
         taxels = where.nonzero()[0]
         if not self._filled:
-            return np.zeros(len(taxels))
+            return np.zeros(len(taxels)), np.zeros(len(taxels), np.intp)
         pressing = np.ones(len(taxels), np.bool_)
         age = np.zeros(len(taxels), np.intp)
         for back in range(self._filled - 1):
@@ -216,7 +229,7 @@ class ZeroFilter:
         self._now.covariance[:, :, taxels] = then.covariance
         self._now.shift[taxels] = then.shift
         self._now.parts.sum(axis=0, out=self.offset)
-        return change
+        return change, age
 
     @property
     def _fast(self) -> float:
@@ -238,7 +251,7 @@ class ZeroFilter:
         cross -= moved
         cross *= kept
         inner *= kept[:, None] * kept
-        inner[0, 0] += (2.0 * self._decade / MEMORIES[0]) * duration
+        inner[0, 0] += self.wander * duration
         own = np.einsum("iij->ij", inner)[1:]  # a view
         own += self._decade * (1.0 - kept[1:] ** 2)
 

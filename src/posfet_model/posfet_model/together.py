@@ -1,0 +1,159 @@
+"""What all taxels share taken off their forces, and kept out of what each learns of its own zero."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model.leak_watch import LeakWatch
+from posfet_model.shared_offset import LEAKS, Seen, SharedOffset
+from posfet_model.thermal import FilmTemperature
+from posfet_model.upper_median import upper_median
+from posfet_model.zero_filter import ZeroFilter
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+LEFT_IN: Final = 5e-3
+"""Standard deviation, in contact thresholds, of what hum and the like leave in the middle of all signals [1]."""
+
+OFTEN: Final = 5
+SELDOM: Final = 20
+"""While the film is not found to wander, one block of so many is looked at; seldom when it surely rests."""
+
+FEW: Final = 3
+"""Fewer untouched taxels than this do not tell what all share."""
+
+
+class Together:
+    """Follows what all taxels share by the middle one, so that a touch on less than half of them does not count."""
+
+    def __init__(
+        self, force: Array, per_kelvin: Array, zeros: ZeroFilter, leaks: LeakWatch, film: FilmTemperature, least: float
+    ) -> None:
+        """Take forces [N], which are written to, signals for temperature [N/K], and the threshold of contacts [N]."""
+        self._force, self._per_kelvin, self._zeros, self._leaks, self._film = force, per_kelvin, zeros, leaks, film
+        typical = upper_median(per_kelvin)
+        self.offset = SharedOffset(float(leaks.time_constant.mean()), film.time_constant, typical, zeros.wander)
+        self.followed = 0.0
+        """By how much the film warmed since the start, as it is followed [K]; to be written to."""
+        self._left_in = (LEFT_IN * least) ** 2
+        self._usable = np.ones(len(force), np.bool_)
+        self._count = len(force)
+        self._rested = LEAKS  # for so long nothing touched, in time constants of the leak [1]
+        self._charge = np.zeros(len(force))
+        self._leaked = np.zeros(len(force))
+        self._signal = self._noise = 0.0
+        self._skipped, self._passed = 0, 0.0  # blocks that were not looked at, and the time since one was [s]
+
+    @property
+    def due(self) -> bool:
+        """Whether the block that begins is looked at, so that `begin_block` is to be called."""
+        if self.offset.wanders or self.offset.holding:
+            return True
+        return self._skipped + 1 >= (SELDOM if self.offset.rests else OFTEN)
+
+    def begin_block(self, leaked: Array) -> None:
+        """Take what leaked of each taxel's charge so far [N], but for a constant, when a block begins."""
+        self._leaked = leaked
+
+    def use(self, usable: Mask) -> None:
+        """Take which taxels work; all until told."""
+        self._usable = usable
+        self._count = int(np.count_nonzero(usable))
+        self.offset.forget()
+
+    def look(self, leaked: Array, duration: float, scans: int) -> None:
+        """Take what leaked up to the end of a block of `duration` [s], before its zeros are corrected."""
+        if not self._count:
+            return
+        # What leaked tells the mean of the signals.
+        charge = (leaked - self._leaked) * self._leaks.time_constant / duration
+        self._signal = upper_median(charge[self._usable]) + float(self._zeros.offset.mean(where=self._usable))
+        # A median of many has pi/2 times the variance of their mean.
+        self._noise = self._left_in + 0.5 * np.pi * float(self._zeros.noise_variance.mean()) / (scans * self._count)
+
+    def clear(self, mean: Array, touched: Mask, told: bool) -> None:
+        """Take off mean forces [N], in place, what is no error of a taxel's own zero.
+
+        told: the taxels that are not touched tell the temperature.
+        """
+        touches = bool(touched.any())
+        if not (told if touches else self.offset.wanders):
+            return
+        free = self._usable & ~touched
+        if np.count_nonzero(free) >= FEW:
+            mean[free if touches else slice(None)] -= upper_median(mean[free])
+
+    def touch(self, begun: Mask, blocks: NDArray[np.intp], signal: Array, duration: float) -> None:
+        """Correct those that begin to be touched, put back by so many blocks, at the end of one of `duration` [s]."""
+        if not self.offset.wanders:
+            return
+        touch = self.offset.touch(self._seen(signal), duration)
+        blocks = np.minimum(blocks, len(touch.force) - 1)
+        self._force[begun] += touch.force[blocks] - touch.warmer[blocks] * self._per_kelvin[begun]
+        self._zeros.share(self._usable, touch.offset)
+
+    def hold(self, signal: Array, duration: float) -> None:
+        """Correct all by what is known better at the end of a block under a touch."""
+        if not self.offset.holding:
+            return
+        hold = self.offset.hold(self._seen(signal), duration)
+        self._force += hold.force - hold.warmer * self._per_kelvin
+        self._zeros.share(self._usable, hold.offset)
+
+    def pause(self) -> None:
+        """Take note that something touched in a block."""
+        self._rested = self._passed = 0.0
+        self._skipped = 0
+        if not self.offset.holding:
+            self.offset.forget()
+
+    def rest(self, signal: Array, settled: Mask, valid: bool, duration: float) -> float:
+        """Learn from a block in which nothing touched, and correct all where the film is found to wander.
+
+        Takes the signals [N] at its end, which offsets are known, and whether all is well. Returns by how much the
+        film was taken for warmer [K].
+        """
+        self._rested += duration / self.offset.time_constant
+        self._passed += duration
+        if not self._count:
+            return 0.0
+        if not self.due:
+            self._skipped += 1
+            return 0.0
+        passed, self._passed, self._skipped = self._passed, 0.0, 0
+        known = np.count_nonzero(settled & self._usable)
+        disturbed = known == self._count and not valid
+        if disturbed or (self._film.warming and not (self.offset.wanders and valid)):
+            self.offset.forget()
+            return 0.0
+        rest = self.offset.rest(self._seen(signal), duration, passed, 2 * known > self._count)
+        if not rest:
+            return 0.0
+        if rest.begins:
+            self._begin(self._usable & ~settled, signal, rest.charge)
+        self._force += rest.force - rest.warmer * self._per_kelvin
+        self._zeros.move(rest.force)
+        self._zeros.share(self._usable, rest.offset)
+        self.followed += rest.warmer
+        return rest.warmer
+
+    def _begin(self, new: Mask, signal: Array, charge: float) -> None:
+        """Begin anew with offsets that were not known yet: what the film has left is no part of them."""
+        noise = self._zeros.noise_variance[new]
+        typical = float(self._per_kelvin.mean(where=self._usable))
+        self._zeros.begin(new, signal[new] - charge * self._per_kelvin[new] / typical, noise, noise, -noise)
+        self._force[new] = 0.0
+
+    def _seen(self, signal: Array) -> Seen:
+        usable, noise, left = self._usable, self._noise, 0.0
+        offset = float(self._zeros.offset.mean(where=usable))
+        if self._rested < LEAKS:
+            # What a touch has left in the signals leaks, as fast as is known of the leak.
+            left = float(signal.mean(where=usable)) - offset
+            noise += (self._leaks.doubt * self._rested * left) ** 2
+        force = upper_median(self._force[usable])
+        return Seen(self._signal, noise, left, force, offset, self.followed, self._film.told, self._film.age)
