@@ -190,6 +190,7 @@ class ForceObserver:
         self.valid = False
         self._recovering = self._settings.resume
         self._leaks.forget()
+        self._together.offset.forget()
 
     def advance(self, charge: NDArray[np.float64], temperatures: NDArray[np.float32], step: float) -> None:
         """Take the charge densities [C/m2] of the scan that ends a step [s], and the chip's temperatures [degC]."""

@@ -121,15 +121,15 @@ class Together:
         self._passed += duration
         if not self._count:
             return 0.0
-        if not self.due:
-            self._skipped += 1
-            return 0.0
-        passed, self._passed, self._skipped = self._passed, 0.0, 0
         known = np.count_nonzero(settled & self._usable)
         disturbed = known == self._count and not valid
         if disturbed or (self._film.warming and not (self.offset.wanders and valid)):
             self.offset.forget()
             return 0.0
+        if not self.due:
+            self._skipped += 1
+            return 0.0
+        passed, self._passed, self._skipped = self._passed, 0.0, 0
         rest = self.offset.rest(self._seen(signal), duration, passed, 2 * known > self._count)
         if not rest:
             return 0.0
