@@ -266,8 +266,9 @@ class ForceObserver:
         if some(where := free & agrees):
             self._correct(where, mean, expected)
         if some(where := free & self.settled & ~agrees):
-            limit = self._slew * self._elapsed  # neither a contact nor an error known of: followed slowly
-            self._move(-np.where(where, np.clip(mean, -limit, limit), 0.0))
+            # Neither a contact nor an error known of: followed slowly.
+            low, high = -s.zero_rise * self._negative * self._elapsed, self._slew * self._elapsed
+            self._move(-np.where(where, np.clip(mean, low, high), 0.0))
         self._heal(free & self.settled, mean, noise, expected)
         unknown_misled, known_misled = self._warming.misled(self._elapsed)
         if self._together.offset.wanders:

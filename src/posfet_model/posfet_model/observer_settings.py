@@ -71,6 +71,8 @@ class ObserverSettings:
     """Standard deviations within which a mean of a block agrees with what was expected [1]."""
     zero_slew: float = 0.1
     """Fastest motion of a settled taxel's zero, in contact thresholds per second [1/s]: slower presses are lost."""
+    zero_rise: float = 0.25
+    """The same of one that is below zero, where no press is [1/s]."""
     steady: float = 0.2
     """A force below zero is a wrong zero once it has been steady for this long [s]."""
     resume: float = 0.04
