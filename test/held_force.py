@@ -95,7 +95,7 @@ class Held:
     error: float
     """Of the observer, in means over 0.1 s: root mean square [N]."""
     optimal: float
-    """Of the optimal estimator, in the same means [N]."""
+    """Of the optimal estimator, in the same means [N]; NaN when some are left untouched."""
     deviation: float
     """What the observer reports [N]."""
     inside: float
@@ -113,12 +113,14 @@ def hold(
     drift: Drift | None = None,
     lag: float | None = None,
     learnt: bool = False,
+    untouched: int = 0,
 ) -> Iterator[Held]:
     """Yield the errors at `times` [s] of a `force` [N] held by side x side taxels after a `rest` [s].
 
     flicker [V/sqrt(Hz)] is the 1/f noise at 1 Hz; without drift the temperature rests. lag [s] is
     that of the film if it is another than the one told to ours; the optimal estimator is not told either. If `learnt`,
     ours is told time constants of the leak that are as wrong as a calibration leaves them; the optimal one knows them.
+    So many taxels are left untouched, and do not count; what these show, the optimal one does not use.
     """
     sensor = sensor or load_sensor()
     sensor = replace(sensor, layout=replace(sensor.layout, rows=side, cols=side))
@@ -132,21 +134,24 @@ def hold(
     observer, touched = ForceObserver(sensor, settings, _calibration(sensor)), np.zeros(taxels, np.bool_)
     recent: list[NDArray[np.float64]] = []
     best: list[NDArray[np.float64]] = []
-    for index, (true, signal, readings) in enumerate(_signals(sensor, seed, start, force, flicker, drift, lag, leak)):
+    pressed = np.arange(taxels) >= untouched
+    signals = _signals(sensor, seed, start, force * pressed, flicker, drift, lag, leak)
+    for index, (rise, signal, readings) in enumerate(signals):
         _observe(observer, signal * charge_per_newton(sensor), readings, touched, sensor.contact.threshold)
         best = [*best[-4:], *optimal.take(signal, readings, index >= start)]
         recent = [*recent[-99:], observer.force.copy()]
         held = (index + 1 - start) / RATE
         if held in times:
-            error = np.mean(recent, axis=0) - true
-            deviation = np.sqrt(observer.force_variance(np.empty(taxels)) + observer.common_variance)
+            true = force * rise
+            error, least = np.mean(recent, axis=0)[pressed] - true, np.mean(best, axis=0) - true
+            deviation = np.sqrt(observer.force_variance(np.empty(taxels)) + observer.common_variance)[pressed]
             yield Held(
                 time=held,
                 force=true,
                 error=float(np.sqrt(np.mean(error**2))),
-                optimal=float(np.sqrt(np.mean((np.mean(best, axis=0) - true) ** 2))),
+                optimal=float(np.sqrt(np.mean(least**2))) if not untouched else math.nan,
                 deviation=float(np.mean(deviation)),
-                inside=float(np.mean(np.abs(observer.force - true) <= 2 * deviation)),
+                inside=float(np.mean(np.abs(observer.force[pressed] - true) <= 2 * deviation)),
             )
             if held >= max(times):
                 return
@@ -206,13 +211,16 @@ def _signals(
     sensor: Sensor,
     seed: int,
     start: int,
-    force: float,
+    force: NDArray[np.float64],
     flicker: float,
     drift: Drift | None,
     lag: float | None,
     leak: NDArray[np.float64],
 ) -> Iterator[tuple[float, NDArray[np.float64], NDArray[np.float32]]]:
-    """Yield the true force [N], the signals as forces that leak [N], and temperatures [degC], scan by scan for ever."""
+    """Yield, scan by scan for ever, which share of the `force` [N] is there, the signals, and temperatures [degC].
+
+    Signals are forces that leak [N].
+    """
     taxels, random = sensor.layout.taxels, np.random.default_rng(seed)
     per_newton = sensor.volts_per_newton
     source = FlickerNoise(seed, taxels, 64)
@@ -231,9 +239,9 @@ def _signals(
         noise = source.weights @ source.rows(index // 64) * (flicker / per_newton)
         noise += random.normal(0.0, sensor.adc.noise / per_newton, noise.shape) + offset
         for row, (now, readings) in zip(noise, warmth, strict=False):
-            true = force * min(max((index - start) / 20, 0.0), 1.0)
-            charge = charge * kept + (true - last) * mean
+            rise = min(max((index - start) / 20, 0.0), 1.0)
+            charge = charge * kept + force * (rise - last) * mean
             warm = warm * kept + (now - film) * mean
-            last, film = true, now
+            last, film = rise, now
             index += 1
-            yield true, charge + row + warm * per_kelvin, readings
+            yield rise, charge + row + warm * per_kelvin, readings

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from held_force import hold
+from held_force import Held, hold
 from held_warmth import Drift
 
 
@@ -36,6 +36,33 @@ def test_the_optimal_estimator_leaves_of_a_ramp_what_the_taxels_have_alone() -> 
 
 def test_a_held_force_is_known_as_well_while_the_chip_warms() -> None:
     found = [held for seed in range(6) for held in hold(seed, (1.0, 5.0), drift=Drift(wander=0.0))]
+    assert _ratio(found) <= 1.2
+    assert _inside(found) >= 0.95
+
+
+@pytest.mark.parametrize(("wander", "most"), [(5e-4, 1.35), (1e-3, 1.35), (2e-3, 1.35), (4e-3, 2.0)])
+def test_a_held_force_is_known_nearly_as_well_while_the_chip_wanders(wander: float, most: float) -> None:
+    # What all taxels share is one draw a seed, so that a ratio is known to 10 %: docs/accuracy.md has it from more. A chip
+    # that wanders faster than it does there now and then looks like one that warms.
+    found = [held for seed in range(16) for held in hold(seed, (5.0,), drift=Drift(wander=wander), side=8)]
+    assert _ratio(found) <= most
+    assert _inside(found) >= 0.95
+
+
+@pytest.mark.parametrize("wander", [0.0, 2e-3])
+def test_untouched_taxels_tell_the_temperature_of_touched_ones(wander: float) -> None:
+    found = [
+        held for seed in range(16) for held in hold(seed, (1.0, 5.0), drift=Drift(wander=wander), side=5, untouched=15)
+    ]
+    assert _inside(found) >= 0.95
+    assert max(held.error for held in found) <= 0.01
+
+
+def _ratio(found: list[Held]) -> float:
+    """Return error over that of the optimal estimator, both root mean square."""
     error, optimal = (sum(getattr(held, name) ** 2 for held in found) for name in ("error", "optimal"))
-    assert error <= 1.2**2 * optimal
-    assert sum(held.inside for held in found) / len(found) >= 0.95
+    return float((error / optimal) ** 0.5)
+
+
+def _inside(found: list[Held]) -> float:
+    return sum(held.inside for held in found) / len(found)

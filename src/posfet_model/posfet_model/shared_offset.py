@@ -110,6 +110,8 @@ class Correction:
     """Whether the film was not found to wander until now: what each taxel learnt of its offset is wrong."""
     charge: float = 0.0
     """What the film has left in the signals, on the mean [N]."""
+    charge_variance: float = 0.0
+    """Variance of what it leaves there while it wanders [N2]."""
 
 
 @dataclass(frozen=True)
@@ -229,7 +231,8 @@ class SharedOffset:
         if not self.wanders:
             return None
         if not before or not self._past:
-            return Correction(offset, left - seen.force, 0.0, not before, charge)
+            variance = float(self._mixed @ self._charge_variance())
+            return Correction(offset, left - seen.force, 0.0, not before, charge, variance)
         last = self._past[-1]
         warmer = film - last.film - (seen.warmth - last.warmth)
         return Correction(offset, left - seen.force + warmer * self._per_kelvin, warmer)
@@ -292,11 +295,17 @@ class SharedOffset:
         film = covariance[:, FILM, FILM].copy()
         for index in (LEAKED, CHARGE, FILM, CHIP, RATE):
             covariance[:, index] = covariance[:, :, index] = 0.0
-        gone = 1.0 + self._lag / self.time_constant
-        covariance[:, CHARGE, CHARGE] = 0.5 * p * p * self._density * self.time_constant / gone + left * left
-        covariance[:, CHARGE, CHIP] = covariance[:, CHIP, CHARGE] = 0.5 * p * self._density * self._lag / gone
+        together = 0.5 * p * self._density * self._lag / (1.0 + self._lag / self.time_constant)
+        covariance[:, CHARGE, CHARGE] = self._charge_variance() + left * left
+        covariance[:, CHARGE, CHIP] = covariance[:, CHIP, CHARGE] = together
         covariance[:, FILM, FILM] = covariance[:, FILM, CHIP] = covariance[:, CHIP, FILM] = film
         covariance[:, CHIP, CHIP] = film + 0.5 * self._density * self._lag
+
+    def _charge_variance(self) -> Array:
+        """Return the variance [N2] of the charge that a film leaves which has wandered for long."""
+        gone = 1.0 + self._lag / self.time_constant
+        variance: Array = 0.5 * self._per_kelvin**2 * self._density * self.time_constant / gone
+        return variance
 
     def _read(self, seen: Seen, duration: float) -> bool:
         """Learn from the chip's sensors, when they told something or should have.

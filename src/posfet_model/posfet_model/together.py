@@ -35,8 +35,9 @@ class Together:
     ) -> None:
         """Take forces [N], which are written to, signals for temperature [N/K], and the threshold of contacts [N]."""
         self._force, self._per_kelvin, self._zeros, self._leaks, self._film = force, per_kelvin, zeros, leaks, film
-        typical = upper_median(per_kelvin)
-        self.offset = SharedOffset(float(leaks.time_constant.mean()), film.time_constant, typical, zeros.wander)
+        self._typical = upper_median(per_kelvin)
+        wander = zeros.wander / len(force)
+        self.offset = SharedOffset(float(leaks.time_constant.mean()), film.time_constant, self._typical, wander)
         self.followed = 0.0
         """By how much the film warmed since the start, as it is followed [K]; to be written to."""
         self._left_in = (LEFT_IN * least) ** 2
@@ -119,7 +120,7 @@ class Together:
         """
         self._rested += duration / self.offset.time_constant
         self._passed += duration
-        if not self._count:
+        if not self._count or not self._typical:
             return 0.0
         known = np.count_nonzero(settled & self._usable)
         disturbed = known == self._count and not valid
@@ -135,6 +136,7 @@ class Together:
             return 0.0
         if rest.begins:
             self._begin(self._usable & ~settled, signal, rest.charge)
+            self._zeros.doubt(self._usable & settled, rest.charge_variance)
         self._force += rest.force - rest.warmer * self._per_kelvin
         self._zeros.move(rest.force)
         self._zeros.share(self._usable, rest.offset)
@@ -144,8 +146,8 @@ class Together:
     def _begin(self, new: Mask, signal: Array, charge: float) -> None:
         """Begin anew with offsets that were not known yet: what the film has left is no part of them."""
         noise = self._zeros.noise_variance[new]
-        typical = float(self._per_kelvin.mean(where=self._usable))
-        self._zeros.begin(new, signal[new] - charge * self._per_kelvin[new] / typical, noise, noise, -noise)
+        offset = signal[new] - charge / self._typical * self._per_kelvin[new]
+        self._zeros.begin(new, offset, noise, noise, -noise)
         self._force[new] = 0.0
 
     def _seen(self, signal: Array) -> Seen:

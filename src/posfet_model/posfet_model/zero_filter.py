@@ -163,6 +163,10 @@ class ZeroFilter:
         self._now.parts[0] += offset
         self._now.parts.sum(axis=0, out=self.offset)
 
+    def doubt(self, where: Mask, variance: Array | float) -> None:
+        """Take the offsets of the masked taxels for less well known by a variance [N2]."""
+        self._now.covariance[1, 1, where] += variance
+
     def begin(self, where: Mask, offset: Array, variance: Array, force: Array, common: Array) -> None:
         """Begin anew with the masked taxels.
 
