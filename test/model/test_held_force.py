@@ -42,8 +42,8 @@ def test_a_held_force_is_known_as_well_while_the_chip_warms() -> None:
 
 @pytest.mark.parametrize(("wander", "most"), [(5e-4, 1.35), (1e-3, 1.35), (2e-3, 1.35), (4e-3, 2.0)])
 def test_a_held_force_is_known_nearly_as_well_while_the_chip_wanders(wander: float, most: float) -> None:
-    # What all taxels share is one draw a seed, so that a ratio is known to 10 %: docs/accuracy.md has it from more. A chip
-    # that wanders faster than it does there now and then looks like one that warms.
+    # What all taxels share is one draw a seed: a ratio is known to 10 %, and docs/accuracy.md has it from more. A chip
+    # that wanders fast looks like one that warms now and then.
     found = [held for seed in range(16) for held in hold(seed, (5.0,), drift=Drift(wander=wander), side=8)]
     assert _ratio(found) <= most
     assert _inside(found) >= 0.95

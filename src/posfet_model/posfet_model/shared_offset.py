@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 
-WANDERS: Final = 2e-4 * 2.0 ** np.arange(6)
+WANDERS: Final[Array] = np.array([2e-4 * 2.0**index for index in range(6)])
 """The q that are tried, as sqrt(q) [K/sqrt(s)]. The first is taken for rest."""
 
 CALM: Final = 0.1
@@ -146,7 +146,7 @@ class SharedOffset:
         self.time_constant = time_constant
         """Of the leak [s]; to be written to."""
         self._lag, self._per_kelvin, self._flicker = lag, newton_per_kelvin, flicker
-        self._density = WANDERS**2
+        self._density: Array = WANDERS**2
         self._alike = RESOLUTION**2 / (15.0 * self._density)  # for how long a rounding stays the same [s]
         self.holding = False
         """Whether `hold` is to be called: a touch began while the film was found to wander."""
@@ -292,7 +292,7 @@ class SharedOffset:
         state, covariance, p = self._state, self._covariance, self._per_kelvin
         state[:, [LEAKED, CHARGE, RATE]] = 0.0
         state[:, CHIP] = state[:, FILM]
-        film = covariance[:, FILM, FILM].copy()
+        film: Array = covariance[:, FILM, FILM].copy()
         for index in (LEAKED, CHARGE, FILM, CHIP, RATE):
             covariance[:, index] = covariance[:, :, index] = 0.0
         together = 0.5 * p * self._density * self._lag / (1.0 + self._lag / self.time_constant)
