@@ -14,6 +14,8 @@ force is held, and when it is let go: leak_watch.py finds the right one.
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,6 +44,9 @@ from posfet_model.together import Together
 from posfet_model.warming import Warming
 from posfet_model.zero_filter import ZeroFilter
 
+Array: TypeAlias = NDArray[np.float64]
+Mask: TypeAlias = NDArray[np.bool_]
+
 
 class ForceObserver:
     """Force [N] of every taxel, with its variance, from charge densities; row by row, shape [rows * cols].
@@ -64,12 +69,8 @@ class ForceObserver:
         noise = noise_of_a_scan(sensor)
         self._noise_variance = np.full(taxels, noise**2)
         s, recorded = self._settings, calibration.residuals is not None
-        self._leaks = LeakWatch(
-            calibration.leak_time_constant,
-            self._noise_variance,
-            s.leak_shared_calibrated if recorded else s.leak_shared,
-            s.leak_own_calibrated if recorded else s.leak_own,
-        )
+        leak = (s.leak_shared_calibrated, s.leak_own_calibrated) if recorded else (s.leak_shared, s.leak_own)
+        self._leaks = LeakWatch(calibration.leak_time_constant, self._noise_variance, *leak)
         self._tau = self._leaks.time_constant
         self._leak = LeakInverse(self._tau, newton_per_charge)
         self._long_step = LONG_STEP * float(self._tau.min())
@@ -93,30 +94,23 @@ class ForceObserver:
         """Where the offset is known."""
         self.ignored = np.zeros(taxels, np.bool_)
         """Taxels that do not work: `valid` does not wait for them. Set by `ignore`."""
-        self._any_ignored = False
-        self.valid = False
+        self.valid = self._any_ignored = False
         """Whether every taxel is settled."""
         self.restarts = 0
         """Taxels that had to start anew because their signal fitted no force."""
-        alike, settle = ALIKE * sensor.contact.threshold, self._settings.settle
-        self._rest = Rest(taxels, noise, alike, settle, float(self._tau.max()))
-        self._started = False
-        self._recovering = 0.0
+        self._rest = Rest(taxels, noise, ALIKE * sensor.contact.threshold, s.settle, float(self._tau.max()))
+        self._started, self._recovering = False, 0.0
         self._lost = LostForce(taxels, self._negative, s.recover)
         self._make_state(taxels)
-        self._together = Together(
-            self.force, self._per_kelvin, self._zeros, self._leaks, self.film, sensor.contact.threshold
-        )
+        self._together = Together(self.force, self._zeros, self._leaks, self._warming, sensor.contact.threshold)
         self._start_block()
 
     def _make_state(self, taxels: int) -> None:
-        self._change = np.zeros(taxels)
-        self._scale_variance = np.zeros(taxels)
+        self._change, self._scale_variance = np.zeros((2, taxels))
         self._prior_deviation = np.full(taxels, self._prior)
         self._was_touched = np.zeros(taxels, np.bool_)
         self._below_zero = BelowZero(taxels, self._settings.steady)
-        self._agreed = np.zeros(taxels)
-        self._last_mean, self._sum = np.zeros((2, taxels))
+        self._agreed, self._last_mean, self._sum = np.zeros((3, taxels))
         self._jumped = np.zeros(taxels)  # variance of long steps in the block so far
 
     @property
@@ -130,12 +124,12 @@ class ForceObserver:
         unknown = self._warming.common_variance
         return max(unknown, self._together.offset.variance) if unknown else unknown
 
-    def variance(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
+    def variance(self, out: Array) -> Array:
         """Return in `out` the variance of `force` [N2] that each taxel has alone, the common one left out."""
         more = self._warming.uneven_variance
         return np.add(self._zeros.variance, self._noise_variance + more if more else self._noise_variance, out=out)
 
-    def force_variance(self, out: NDArray[np.float64]) -> NDArray[np.float64]:
+    def force_variance(self, out: Array) -> Array:
         """Return in `out` the same with what is not known of gain and leak: of a force, not of its zero.
 
         As of the last block: a touch that began since does not count yet.
@@ -143,7 +137,7 @@ class ForceObserver:
         return np.add(self.variance(out), self._scale_variance, out=out)
 
     @property
-    def shared_error(self) -> NDArray[np.float64]:
+    def shared_error(self) -> Array:
         """By how much each force is wrong if the leak that all taxels share is by a standard deviation [N]."""
         return self._leaks.shared_error
 
@@ -153,21 +147,21 @@ class ForceObserver:
         return self._elapsed
 
     @property
-    def block_mean(self) -> NDArray[np.float64]:
+    def block_mean(self) -> Array:
         """Mean of `force` over the block that is due [N], shape [rows * cols]."""
         return self._sum / self._scans
 
     @property
-    def leaking(self) -> NDArray[np.float64]:
+    def leaking(self) -> Array:
         """Charge left at each gate, as the force that would bring it [N], shape [rows * cols]."""
         return self._leak.signal - self._zeros.offset
 
     @property
-    def change(self) -> NDArray[np.float64]:
+    def change(self) -> Array:
         """By how much each force changed in the last step by what the signals tell [N], shape [rows * cols]."""
         return self._change
 
-    def ignore(self, taxels: NDArray[np.bool_]) -> None:
+    def ignore(self, taxels: Mask) -> None:
         """Take note of which taxels do not work; one that works again finds its zero anew."""
         back = self.ignored & ~taxels
         self.ignored[:] = taxels
@@ -176,7 +170,7 @@ class ForceObserver:
         if back.any():
             self._restart(back)
 
-    def know_noise(self, variance: NDArray[np.float64]) -> None:
+    def know_noise(self, variance: Array) -> None:
         """Take the variance of a reading of each taxel [N2], shape [rows * cols]: all alike until told."""
         self._noise_variance[:] = variance
         self._zeros.noise_variance[:] = variance
@@ -192,7 +186,7 @@ class ForceObserver:
         self._leaks.forget()
         self._together.offset.forget()
 
-    def advance(self, charge: NDArray[np.float64], temperatures: NDArray[np.float32], step: float) -> None:
+    def advance(self, charge: Array, temperatures: NDArray[np.float32], step: float) -> None:
         """Take the charge densities [C/m2] of the scan that ends a step [s], and the chip's temperatures [degC]."""
         warmed = self.film.update(temperatures, step)
         if not self._started:
@@ -219,15 +213,9 @@ class ForceObserver:
         """Take what the taxels show together as the film's own temperature; `touched`: something touches."""
         if not self.valid or not (touched or self.common.active):
             return
-        force = self.force[~self.ignored] if self._any_ignored else self.force
-        if touched:
-            self._warm(self.common.hold(force))
-        else:
-            warmer = self.common.follow(force)
-            self._warm(warmer)
-            self._together.followed += warmer
+        self._together.follow(self.force[~self.ignored] if self._any_ignored else self.force, touched)
 
-    def tare(self) -> NDArray[np.float64]:
+    def tare(self) -> Array:
         """Make zero of what the last block read; return what was added to each force [N], 0 where it is ignored.
 
         Offsets stay: they are found all the time.
@@ -237,13 +225,13 @@ class ForceObserver:
         self._zeros.know_force(slice(None), self._noise_variance)
         return change
 
-    def lose(self, saturated: NDArray[np.bool_], step: float) -> None:
+    def lose(self, saturated: Mask, step: float) -> None:
         """Count as unknown the charge that leaks beyond the end of the range during a step [s] of the masked taxels."""
         lost = np.abs(self._leak.signal[saturated]) * (step / self._tau[saturated])
         variance = self._zeros.variance
         variance[saturated] = (np.sqrt(variance[saturated]) + lost) ** 2
 
-    def close_block(self, touched: NDArray[np.bool_]) -> None:
+    def close_block(self, touched: Mask) -> None:
         """Correct zero and offset where nothing touched during the block; everywhere else let the covariance grow.
 
         `touched` masks the taxels in or near a contact at any time of the block. It is not heeded where the offset is
@@ -270,11 +258,8 @@ class ForceObserver:
             low, high = -s.zero_rise * self._negative * self._elapsed, self._slew * self._elapsed
             self._move(-np.where(where, np.clip(mean, low, high), 0.0))
         self._heal(free & self.settled, mean, noise, expected)
-        unknown_misled, known_misled = self._warming.misled(self._elapsed)
-        if self._together.offset.wanders:
-            unknown_misled = known_misled = False  # such a film is told apart from the offsets
-        if known_misled:
-            self.settled[:] = False
+        unknown_misled, known_misled = self._together.misled(self._elapsed)
+        self.settled &= not known_misled
         failed = ~self.settled & (~agrees | unknown_misled)
         failed |= np.abs(self.force) > self._runaway
         failed |= self._below_zero.lasts >= s.recover
@@ -291,22 +276,11 @@ class ForceObserver:
         sound = self.settled & (self._below_zero.lasts == 0.0) & ~self._lost.mask | self.ignored
         self.valid = self._recovering == 0.0 and not some(~sound)
         self._last_mean = mean
-        self._share(mean[~self.ignored], some(touched))
-        if not some(touched):
-            warmer = self._together.rest(self._leak.signal, self.settled, self.valid, self._elapsed)
-            self._warming.warmth += warmer
-        else:
-            self._together.pause()
+        self._together.close(mean, some(touched), self._leak.signal, self.settled, self.valid, self._elapsed)
         zeros.keep(mean, noise)
         self._start_block()
 
-    def _heal(
-        self,
-        where: NDArray[np.bool_],
-        mean: NDArray[np.float64],
-        noise: NDArray[np.float64],
-        expected: NDArray[np.float64],
-    ) -> None:
+    def _heal(self, where: Mask, mean: Array, noise: Array, expected: Array) -> None:
         """Set zeros right that were taken under load: forces below zero cannot be."""
         gate = self._settings.gate
         lowest = np.maximum(self._negative, gate * np.sqrt(expected))
@@ -325,27 +299,10 @@ class ForceObserver:
         if self._rest.moved:
             self._restart(~self.settled)
         elif at_rest:
-            known = self._zeros.offset_variance <= self._known_offset
-            self.settled |= (self._agreed >= self._settings.settle) & known
+            lasts = self._agreed >= self._settings.settle
+            self.settled |= lasts & (self._zeros.offset_variance <= self._known_offset)
 
-    def _warm(self, change: float) -> None:
-        """Take the film for warmer by a change [K] than it was followed."""
-        if change:
-            self.force -= change * self._per_kelvin
-            self._warming.warmth += change
-
-    def _share(self, mean: NDArray[np.float64], touched: bool) -> None:
-        """Take what all taxels show together for warmth: the mean force [N] of each usable one tells it."""
-        if not touched:
-            self.common.rest()
-        warmer = self.common.look(mean, self._elapsed, touched)
-        if warmer:
-            self._warm(warmer)
-            self._together.followed += warmer
-            self._warming.uneven = 0.0
-            self._zeros.know_force(slice(None), self._noise_variance)
-
-    def _follow_touches(self, touched: NDArray[np.bool_], mean: NDArray[np.float64]) -> None:
+    def _follow_touches(self, touched: Mask, mean: Array) -> None:
         """Put touched taxels back to before what was taken for drift, and learn from touched ones how they leak."""
         leaks, begun = self._leaks, touched & ~self._was_touched
         if some(begun):
@@ -372,12 +329,12 @@ class ForceObserver:
         self._was_touched[:] = touched
 
     @property
-    def _leaked(self) -> NDArray[np.float64]:
+    def _leaked(self) -> Array:
         """What leaked of each taxel's charge so far, as a force [N], but for a constant."""
-        leaked: NDArray[np.float64] = self.force - self.leaking + self._warming.warmth * self._per_kelvin
+        leaked: Array = self.force - self.leaking + self._warming.warmth * self._per_kelvin
         return leaked
 
-    def _first(self, charge: NDArray[np.float64]) -> None:
+    def _first(self, charge: Array) -> None:
         """Begin with a scan that has none before it."""
         self._leak.begin(charge)
         left = np.where(self.settled, self._leak.signal - self._zeros.offset, 0.0)
@@ -397,7 +354,7 @@ class ForceObserver:
         self._scans = 0
         self._elapsed = self._elapsed_square = 0.0
 
-    def _move(self, change: NDArray[np.float64]) -> None:
+    def _move(self, change: Array) -> None:
         """Add a correction to the force."""
         self.force += change
         self._zeros.move(change)
@@ -409,7 +366,7 @@ class ForceObserver:
         if uneven:
             self._zeros.variance[:] = (np.sqrt(self._zeros.variance) + uneven) ** 2
 
-    def _correct(self, where: NDArray[np.bool_], mean: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
+    def _correct(self, where: Mask, mean: Array, expected: Array) -> None:
         """Update force and offset by the mean of a block in which force was zero.
 
         Where the force is well known the zero moves only slowly, so that a slow press is not eaten.
@@ -421,7 +378,7 @@ class ForceObserver:
         self._zeros.correct(where & ~limited, mean, expected)
         self._move(-np.where(where, np.where(limited, limit, correction), 0.0))
 
-    def _restart(self, where: NDArray[np.bool_]) -> None:
+    def _restart(self, where: Mask) -> None:
         """Begin anew with the masked taxels: no force, and all signal an offset, or left of a force before.
 
         Where that was refuted, more may be left.

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from posfet_model.leak_watch import LeakWatch
 from posfet_model.shared_offset import LEAKS, Seen, SharedOffset
-from posfet_model.thermal import FilmTemperature
 from posfet_model.upper_median import upper_median
+from posfet_model.warming import Warming
 from posfet_model.zero_filter import ZeroFilter
 
 Array = NDArray[np.float64]
@@ -30,14 +30,14 @@ FEW: Final = 3
 class Together:
     """Follows what all taxels share by the middle one, so that a touch on less than half of them does not count."""
 
-    def __init__(
-        self, force: Array, per_kelvin: Array, zeros: ZeroFilter, leaks: LeakWatch, film: FilmTemperature, least: float
-    ) -> None:
-        """Take forces [N], which are written to, signals for temperature [N/K], and the threshold of contacts [N]."""
-        self._force, self._per_kelvin, self._zeros, self._leaks, self._film = force, per_kelvin, zeros, leaks, film
+    def __init__(self, force: Array, zeros: ZeroFilter, leaks: LeakWatch, warming: Warming, least: float) -> None:
+        """Take forces [N], which are written to, what is known of them, and the threshold of contacts [N]."""
+        self._force, self._zeros, self._leaks, self._warming = force, zeros, leaks, warming
+        self._film, self._common, per_kelvin = warming.film, warming.common, warming.per_kelvin
+        self._per_kelvin = per_kelvin
         self._typical = upper_median(per_kelvin)
         wander = zeros.wander / len(force)
-        self.offset = SharedOffset(float(leaks.time_constant.mean()), film.time_constant, self._typical, wander)
+        self.offset = SharedOffset(float(leaks.time_constant.mean()), self._film.time_constant, self._typical, wander)
         self.followed = 0.0
         """By how much the film warmed since the start, as it is followed [K]; to be written to."""
         self._left_in = (LEFT_IN * least) ** 2
@@ -59,6 +59,46 @@ class Together:
     def begin_block(self, leaked: Array) -> None:
         """Take what leaked of each taxel's charge so far [N], but for a constant, when a block begins."""
         self._leaked = leaked
+
+    def follow(self, force: Array, touched: bool) -> None:
+        """Take what the working taxels' forces [N] show together in a scan as the film's own temperature."""
+        if touched:
+            self._warm(self._common.hold(force))
+        else:
+            self._warm_untouched(self._common.follow(force))
+
+    def close(self, mean: Array, touched: bool, signal: Array, settled: Mask, valid: bool, duration: float) -> None:
+        """End a block of `duration` [s]: mean forces, signals at its end [N], known offsets, whether all is well."""
+        self._share(mean[self._usable], touched, duration)
+        if touched:
+            self._pause()
+        else:
+            self._rest(signal, settled, valid, duration)
+
+    def misled(self, duration: float) -> tuple[bool, bool]:
+        """Return what `Warming.misled` does, to be called once a block: not so where the film is found to wander."""
+        unknown, known = self._warming.misled(duration)
+        return unknown and not self.offset.wanders, known and not self.offset.wanders
+
+    def _share(self, mean: Array, touched: bool, duration: float) -> None:
+        """Take what all show in a block for warmth or no warmth."""
+        if not touched:
+            self._common.rest()
+        warmer = self._common.look(mean, duration, touched)
+        if warmer:
+            self._warm_untouched(warmer)
+            self._warming.uneven = 0.0
+            self._zeros.know_force(slice(None), self._zeros.noise_variance)
+
+    def _warm(self, change: float) -> None:
+        """Take the film for warmer by a change [K] than it was followed."""
+        if change:
+            self._force -= change * self._per_kelvin
+            self._warming.warmth += change
+
+    def _warm_untouched(self, change: float) -> None:
+        self._warm(change)
+        self.followed += change
 
     def use(self, usable: Mask) -> None:
         """Take which taxels work; all until told."""
@@ -105,43 +145,38 @@ class Together:
         self._force += hold.force - hold.warmer * self._per_kelvin
         self._zeros.share(self._usable, hold.offset)
 
-    def pause(self) -> None:
+    def _pause(self) -> None:
         """Take note that something touched in a block."""
         self._rested = self._passed = 0.0
         self._skipped = 0
         if not self.offset.holding:
             self.offset.forget()
 
-    def rest(self, signal: Array, settled: Mask, valid: bool, duration: float) -> float:
-        """Learn from a block in which nothing touched, and correct all where the film is found to wander.
-
-        Takes the signals [N] at its end, which offsets are known, and whether all is well. Returns by how much the
-        film was taken for warmer [K].
-        """
+    def _rest(self, signal: Array, settled: Mask, valid: bool, duration: float) -> None:
+        """Learn from a block in which nothing touched, and correct all where the film is found to wander."""
         self._rested += duration / self.offset.time_constant
         self._passed += duration
         if not self._count or not self._typical:
-            return 0.0
+            return
         known = np.count_nonzero(settled & self._usable)
         disturbed = known == self._count and not valid
         if disturbed or (self._film.warming and not (self.offset.wanders and valid)):
             self.offset.forget()
-            return 0.0
+            return
         if not self.due:
             self._skipped += 1
-            return 0.0
+            return
         passed, self._passed, self._skipped = self._passed, 0.0, 0
         rest = self.offset.rest(self._seen(signal), duration, passed, 2 * known > self._count)
         if not rest:
-            return 0.0
+            return
         if rest.begins:
             self._begin(self._usable & ~settled, signal, rest.charge)
             self._zeros.doubt(self._usable & settled, rest.charge_variance)
-        self._force += rest.force - rest.warmer * self._per_kelvin
+        self._warm_untouched(rest.warmer)
+        self._force += rest.force
         self._zeros.move(rest.force)
         self._zeros.share(self._usable, rest.offset)
-        self.followed += rest.warmer
-        return rest.warmer
 
     def _begin(self, new: Mask, signal: Array, charge: float) -> None:
         """Begin anew with offsets that were not known yet: what the film has left is no part of them."""
