@@ -56,8 +56,9 @@ def _none(*_: object) -> float:
     return 0.0
 
 
-def _no_change(_: ZeroFilter, where: Any) -> Any:
-    return np.zeros(np.count_nonzero(where))
+def _no_change(_: ZeroFilter, where: Any) -> tuple[Any, Any]:
+    taxels = np.count_nonzero(where)
+    return np.zeros(taxels), np.zeros(taxels, np.intp)
 
 
 @dataclass(frozen=True)
