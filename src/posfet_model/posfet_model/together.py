@@ -44,7 +44,6 @@ class Together:
         self._usable = np.ones(len(force), np.bool_)
         self._count = len(force)
         self._rested = LEAKS  # for so long nothing touched, in time constants of the leak [1]
-        self._charge = np.zeros(len(force))
         self._leaked = np.zeros(len(force))
         self._signal = self._noise = 0.0
         self._skipped, self._passed = 0, 0.0  # blocks that were not looked at, and the time since one was [s]
