@@ -34,10 +34,13 @@ def test_the_optimal_estimator_leaves_of_a_ramp_what_the_taxels_have_alone() -> 
         assert 1e-3 < held.optimal < 2.5e-3, held
 
 
-def test_a_held_force_is_known_as_well_while_the_chip_warms() -> None:
-    found = [held for seed in range(6) for held in hold(seed, (1.0, 5.0), drift=Drift(wander=0.0))]
+@pytest.mark.parametrize("ramp", [1 / 60, 0.3])
+def test_a_held_force_is_known_as_well_while_the_chip_warms(ramp: float) -> None:
+    # In 20 s at 0.3 K/s the film is in more doubt than the force is: what was pressed stays pressed.
+    drift = Drift(ramp=ramp, wander=0.0)
+    found = [held for seed in range(4) for held in hold(seed, (1.0, 5.0, 20.0), drift=drift, side=8)]
     assert _ratio(found) <= 1.2
-    assert _inside(found) >= 0.95
+    assert _inside(found) >= 0.94  # as above, known to 1 %
 
 
 @pytest.mark.parametrize(("wander", "most"), [(5e-4, 1.35), (1e-3, 1.35), (2e-3, 1.35), (4e-3, 2.0)])

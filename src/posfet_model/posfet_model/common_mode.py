@@ -44,6 +44,9 @@ PYROELECTRIC_DOUBT: Final = 0.3
 PRESSED: Final = 2.0
 """When those that read least read more than this many times what is believed, all are pressed [1]."""
 
+STILL_PRESSED: Final = 0.5
+"""And all stay pressed until they read less than this share of what they did then [1], whatever the film does."""
+
 SMOOTHED: Final = 5e-3
 """Time over which that is averaged, so that noise is not taken for warmth [s]. A steady warming does not lag behind."""
 
@@ -64,6 +67,7 @@ class CommonMode:
         self.told = False
         """Whether the taxels that read least told the temperature lately, as far as they are believed."""
         self._shift = 0.0
+        self._pressed = 0.0  # what those that read least read when all were surely pressed [N]
         self._pace = 0.0  # how fast the film warms by what the taxels show [K/s]
         self._base = 0.0
         self._film = film
@@ -124,6 +128,7 @@ class CommonMode:
     def rest(self) -> None:
         """Take note that nothing touched for a block."""
         self._base, self._shift, self._pace = self._film.warmth, 0.0, self._film.rate
+        self._pressed = 0.0
         self.told &= self.active
         if self._left <= 0.0:
             self._film.keep_nudges()
@@ -139,7 +144,12 @@ class CommonMode:
             self._pace = film.rate
             return 0.0
         least = _least(force) + self._bias
-        pressed = least + self._shift * self._newton_per_kelvin > PRESSED * most * abs(self._newton_per_kelvin)
+        level = least + self._shift * self._newton_per_kelvin
+        if level > PRESSED * most * abs(self._newton_per_kelvin):
+            self._pressed = level
+        elif level < STILL_PRESSED * self._pressed:
+            self._pressed = 0.0
+        pressed = self._pressed > 0.0
         if pressed:
             least = -self._shift * self._newton_per_kelvin  # no warmth does that: all are pressed, and tell none
         error = least / self._newton_per_kelvin

@@ -267,7 +267,10 @@ class SharedOffset:
         )
 
     def hold(self, seen: Seen, duration: float) -> Correction:
-        """Take what is seen after a block of `duration` [s] under a touch."""
+        """Take what is seen after a block of `duration` [s] under a touch.
+
+        When the chip does more than wander this was the last one: `variance` stays.
+        """
         self._pass(duration, held=True)
         self._time += duration
         self.holding = not self._read(seen, duration)

@@ -148,7 +148,7 @@ class Together:
         """Take note that something touched in a block."""
         self._rested = self._passed = 0.0
         self._skipped = 0
-        if not self.offset.holding:
+        if not (self.offset.holding or self.offset.variance):
             self.offset.forget()
 
     def _rest(self, signal: Array, settled: Mask, valid: bool, duration: float) -> None:
@@ -159,7 +159,8 @@ class Together:
             return
         known = np.count_nonzero(settled & self._usable)
         disturbed = known == self._count and not valid
-        if disturbed or (self._film.warming and not (self.offset.wanders and valid)):
+        given_up = self.offset.variance > 0.0 and not self.offset.holding
+        if disturbed or given_up or (self._film.warming and not (self.offset.wanders and valid)):
             self.offset.forget()
             return
         if not self.due:
