@@ -16,8 +16,8 @@ STEPS = 20
 """Of the simulation in a block."""
 
 
-def blocks(wander: float, offset: float, seed: int = 0, rise: float = 0.0) -> Iterator[tuple[Seen, float]]:
-    """Yield blocks at rest, for ever, and the film's charge at their ends [N].
+def blocks(wander: float, offset: float, seed: int = 0, rise: float = 0.0) -> Iterator[Seen]:
+    """Yield blocks at rest, for ever.
 
     The chip's temperature is a random walk [K/sqrt(s)]; by `rise` [N/s] something presses that no one notices.
     """
@@ -35,16 +35,13 @@ def blocks(wander: float, offset: float, seed: int = 0, rise: float = 0.0) -> It
             signal += (offset + charge) / STEPS
         before, reading = reading, round(chip / RESOLUTION) * RESOLUTION
         age = 0.0 if reading != before else age + BLOCK
-        yield Seen(signal + 1e-5 * random.standard_normal(), 1e-10, 0.0, 0.0, 0.0, 0.0, reading, age), charge
+        yield Seen(signal + 1e-5 * random.standard_normal(), 1e-10, 0.0, 0.0, 0.0, 0.0, reading, age)
 
 
-def rested(shared: SharedOffset, seconds: float, wander: float, offset: float = 0.0, seed: int = 0) -> float:
-    """Rest for a time [s]; return the film's charge at its end [N]."""
-    last = 0.0
-    for _, (seen, charge) in zip(range(round(seconds / BLOCK)), blocks(wander, offset, seed), strict=False):
+def rest(shared: SharedOffset, seconds: float, wander: float, offset: float = 0.0, seed: int = 0) -> None:
+    """Let nothing touch for a time [s]."""
+    for _, seen in zip(range(round(seconds / BLOCK)), blocks(wander, offset, seed), strict=False):
         shared.rest(seen, BLOCK, BLOCK, known=True)
-        last = charge
-    return last
 
 
 @pytest.mark.parametrize("offset", [-0.02, 0.0, 0.5])
@@ -53,11 +50,10 @@ def test_the_offset_is_within_what_is_reported(wander: float, offset: float) -> 
     errors = []
     for seed in range(40):
         shared = SharedOffset(LEAK, LAG, PER_KELVIN, 1e-16)
-        charge = rested(shared, 2.0, wander, offset, seed)
+        rest(shared, 2.0, wander, offset, seed)
         assert shared.wanders
-        seen = Seen(offset + charge, 1e-10, 0.0, 0.0, 0.0, 0.0, math.nan, 0.0)
-        touch = shared.touch(seen, BLOCK)
-        later = shared.hold(seen, 20.0)  # what is not known of the offset leaks
+        touch = shared.touch(0.0, BLOCK)
+        later = shared.hold(0.0, math.nan, 0.0, 20.0)  # what is not known of the offset leaks
         assert later.offset == pytest.approx(touch.offset, abs=1e-9)
         drift = (touch.offset - offset) * 20.0 / LEAK
         errors.append(drift / math.sqrt(shared.variance))
@@ -68,14 +64,14 @@ def test_the_offset_is_within_what_is_reported(wander: float, offset: float) -> 
 
 def test_a_film_at_rest_is_not_found_to_wander() -> None:
     shared = SharedOffset(LEAK, LAG, PER_KELVIN, 1e-16)
-    rested(shared, 60.0, 0.0, 0.01)
+    rest(shared, 60.0, 0.0, 0.01)
     assert shared.rests
     assert not shared.wanders
 
 
 def test_a_jump_of_the_signal_is_no_warmth() -> None:
     shared = SharedOffset(LEAK, LAG, PER_KELVIN, 1e-16)
-    rested(shared, 2.0, 2e-3)
+    rest(shared, 2.0, 2e-3)
     assert shared.wanders
     assert shared.rest(Seen(0.1, 1e-10, 0.0, 0.0, 0.0, 0.0, math.nan, 0.0), BLOCK, BLOCK, known=True) is None
     assert not shared.wanders
@@ -83,8 +79,8 @@ def test_a_jump_of_the_signal_is_no_warmth() -> None:
 
 def test_a_slow_press_on_all_is_given_up_when_the_chip_does_not_bear_it_out() -> None:
     shared, taken = SharedOffset(LEAK, LAG, PER_KELVIN, 1e-16), 0.0
-    rested(shared, 2.0, 2e-3)
-    for _, (seen, _) in zip(range(100), blocks(0.0, 0.0, rise=0.05), strict=False):
+    rest(shared, 2.0, 2e-3)
+    for _, seen in zip(range(100), blocks(0.0, 0.0, rise=0.05), strict=False):
         shared.rest(seen, BLOCK, BLOCK, known=True)
         taken += BLOCK * shared.wanders
     assert not shared.wanders

@@ -245,7 +245,7 @@ class ForceObserver:
         noise = self._noise_variance / self._scans
         self._grow()
         if some(self._was_touched):
-            self._together.hold(self._leak.signal, self._elapsed)
+            self._together.hold(self._elapsed)
         self._follow_touches(touched & self.settled, mean)
         # An error of the film's temperature is the same through the block: the mean does not make it smaller.
         expected = zeros.expect(self._elapsed, noise + self.common_variance)
@@ -309,7 +309,7 @@ class ForceObserver:
             back, blocks = self._zeros.undo(begun)
             self.force[begun] += back
             if self.valid and not some(self._was_touched):
-                self._together.touch(begun, blocks, self._leak.signal, self._elapsed)
+                self._together.touch(begun, blocks, self._elapsed)
             self._zeros.variance[begun] += self._jumped[begun]
             leaks.begin(begun, self._leaked)
             self._warming.begin(begun)

@@ -148,6 +148,8 @@ class SharedOffset:
         self._lag, self._per_kelvin, self._flicker = lag, newton_per_kelvin, flicker
         self._density: Array = WANDERS**2
         self._alike = RESOLUTION**2 / (15.0 * self._density)  # for how long a rounding stays the same [s]
+        self.variance = 0.0
+        """Of the error that all forces share since a touch began [N2]."""
         self.holding = False
         """Whether `hold` is to be called: a touch began while the film was found to wander."""
         self._states, self._weights = np.zeros((BLOCKS, len(WANDERS), 6)), np.zeros((BLOCKS, len(WANDERS)))
@@ -170,15 +172,10 @@ class SharedOffset:
         self.wanders = self.rests = False
         self._told = math.inf  # age of the reading that was taken last [s]
         self.holding = False
-        self._variance = 0.0
+        self.variance = 0.0
         self._state = np.zeros((len(WANDERS), 6))
         self._covariance = np.zeros((len(WANDERS), 6, 6))
         self._covariance[:, OFFSET, OFFSET] = self._covariance[:, FILM, FILM] = UNKNOWN**2
-
-    @property
-    def variance(self) -> float:
-        """Variance of the error that all forces share since a touch began [N2]."""
-        return self._variance
 
     def rest(self, seen: Seen, duration: float, passed: float, known: bool) -> Correction | None:
         """Take what is seen after a block of `duration` [s] in which nothing touched; None: no help.
@@ -194,8 +191,9 @@ class SharedOffset:
         self._time += passed
         self._rested += passed
         self._likelihood *= math.exp(-passed / REMEMBERED)
-        warms = self._read(seen, passed)
-        error, variance = self._learn(self._shown(duration), seen.signal, seen.noise)
+        warms = self._read(seen.reading, seen.age, passed)
+        shown = self._shown(duration)
+        error, variance = self._learn(shown, seen.signal, seen.noise)
         # Readings do not count: how much a rounding tells depends on the wander that is tried.
         self._likelihood -= 0.5 * (error * error / variance + np.log(variance))
         self._likelihood -= self._likelihood.max()
@@ -210,7 +208,7 @@ class SharedOffset:
         weight = self._mixed = self._weight()
         offset, _, charge = self._means()
         film = float(weight @ self._state[:, FILM])
-        left = seen.signal - float(weight @ self._state @ self._shown(duration))
+        left = seen.signal - float(weight @ self._state @ shown)
         correction = self._correct(seen, offset, charge, film, left)
         if correction:
             force, used, warmth = left, offset, seen.warmth + correction.warmer
@@ -237,10 +235,10 @@ class SharedOffset:
         warmer = film - last.film - (seen.warmth - last.warmth)
         return Correction(offset, left - seen.force + warmer * self._per_kelvin, warmer)
 
-    def touch(self, seen: Seen, duration: float) -> Touch:
+    def touch(self, warmth: float, duration: float) -> Touch:
         """Take note that something touches while the film `wanders`, noticed at the end of a block of `duration` [s].
 
-        What was learnt since it may have begun is undone.
+        warmth [K] is as in `Seen`. What was learnt since it may have begun is undone.
         """
         self._time += duration
         past = self._past
@@ -252,7 +250,7 @@ class SharedOffset:
         self.holding = True
         offset, _, _ = self._last = self._means()
         self._past = []
-        self._used, self._warmth = offset, seen.warmth
+        self._used, self._warmth = offset, warmth
         self._find_variance()
         film = float(self._mixed @ self._state[:, FILM])
         return Touch(
@@ -263,20 +261,20 @@ class SharedOffset:
                     for one in past[::-1]
                 ]
             ),
-            np.array([film - one.film - (seen.warmth - one.warmth) for one in past[::-1]]),
+            np.array([film - one.film - (warmth - one.warmth) for one in past[::-1]]),
         )
 
-    def hold(self, seen: Seen, duration: float) -> Correction:
-        """Take what is seen after a block of `duration` [s] under a touch.
+    def hold(self, warmth: float, reading: float, age: float, duration: float) -> Correction:
+        """Take warmth, reading and age, as in `Seen`, after a block of `duration` [s] under a touch.
 
         When the chip does more than wander this was the last one: `variance` stays.
         """
         self._pass(duration, held=True)
         self._time += duration
-        self.holding = not self._read(seen, duration)
+        self.holding = not self._read(reading, age, duration)
         offset, leaked, charge = now = self._means()
         before, self._last = self._last, now
-        followed, self._warmth = seen.warmth - self._warmth, seen.warmth
+        followed, self._warmth = warmth - self._warmth, warmth
         used, self._used = self._used, offset
         self._find_variance()
         return Correction(
@@ -291,7 +289,7 @@ class SharedOffset:
         What was known of offset and film still is; the film is taken to have wandered for long.
         """
         self.holding = False
-        self._variance = 0.0
+        self.variance = 0.0
         state, covariance, p = self._state, self._covariance, self._per_kelvin
         state[:, [LEAKED, CHARGE, RATE]] = 0.0
         state[:, CHIP] = state[:, FILM]
@@ -310,20 +308,20 @@ class SharedOffset:
         variance: Array = 0.5 * self._per_kelvin**2 * self._density * self.time_constant / gone
         return variance
 
-    def _read(self, seen: Seen, duration: float) -> bool:
+    def _read(self, reading: float, age: float, duration: float) -> bool:
         """Learn from the chip's sensors, when they told something or should have.
 
         Return whether they told more than wander and rounding allow: the chip warms or cools.
         """
         told, self._told = self._told, self._told + duration
-        if not math.isfinite(seen.reading) or (seen.age > duration and told < INTERVAL):
+        if not math.isfinite(reading) or (age > duration and told < INTERVAL):
             return False
         self._told = 0.0
-        age = min(seen.age, duration)
+        age = min(age, duration)
         shown = np.zeros(6)
         shown[CHIP], shown[RATE] = 1.0, -age
         rounding = RESOLUTION**2 / 24.0 * np.maximum(INTERVAL, self._alike) / INTERVAL  # of two sensors
-        error, variance = self._learn(shown, seen.reading, rounding + self._density * age)
+        error, variance = self._learn(shown, reading, rounding + self._density * age)
         return bool((error * error > TOLD_JUMP**2 * variance).all())
 
     def _shown(self, duration: float) -> Array:
@@ -382,4 +380,4 @@ class SharedOffset:
     def _find_variance(self) -> None:
         wrong = self._state @ _WRONG
         spread = wrong - self._mixed @ wrong
-        self._variance = float(self._mixed @ (self._covariance @ _WRONG @ _WRONG + spread * spread))
+        self.variance = float(self._mixed @ (self._covariance @ _WRONG @ _WRONG + spread * spread))

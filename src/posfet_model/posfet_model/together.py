@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model.arrays import some
 from posfet_model.leak_watch import LeakWatch
 from posfet_model.shared_offset import LEAKS, Seen, SharedOffset
 from posfet_model.upper_median import upper_median
@@ -120,27 +121,27 @@ class Together:
 
         told: the taxels that are not touched tell the temperature.
         """
-        touches = bool(touched.any())
+        touches = some(touched)
         if not (told if touches else self.offset.wanders):
             return
         free = self._usable & ~touched
         if np.count_nonzero(free) >= FEW:
             mean[free if touches else slice(None)] -= upper_median(mean[free])
 
-    def touch(self, begun: Mask, blocks: NDArray[np.intp], signal: Array, duration: float) -> None:
+    def touch(self, begun: Mask, blocks: NDArray[np.intp], duration: float) -> None:
         """Correct those that begin to be touched, put back by so many blocks, at the end of one of `duration` [s]."""
         if not self.offset.wanders:
             return
-        touch = self.offset.touch(self._seen(signal), duration)
+        touch = self.offset.touch(self.followed, duration)
         blocks = np.minimum(blocks, len(touch.force) - 1)
         self._force[begun] += touch.force[blocks] - touch.warmer[blocks] * self._per_kelvin[begun]
         self._zeros.share(self._usable, touch.offset)
 
-    def hold(self, signal: Array, duration: float) -> None:
+    def hold(self, duration: float) -> None:
         """Correct all by what is known better at the end of a block under a touch."""
         if not self.offset.holding:
             return
-        hold = self.offset.hold(self._seen(signal), duration)
+        hold = self.offset.hold(self.followed, self._film.told, self._film.age, duration)
         self._force += hold.force - hold.warmer * self._per_kelvin
         self._zeros.share(self._usable, hold.offset)
 
