@@ -7,9 +7,10 @@ import select
 import threading
 import tty
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 from posfet_driver.adapter_lock import lock
+from posfet_driver.bus_node import Node
 from posfet_driver.frames import Frame
 from posfet_driver.slcan_lines import END, FLAG_BUS_ERROR, FLAG_WARNING, REFUSED, LineReader, encode_line, parse_line
 from posfet_driver.source import Clock, SourceError, SystemClock
@@ -23,22 +24,6 @@ at once, and a board would not have lost them.
 READ_SIZE: Final = 4096
 IDLE: Final = 0.5
 """Longest wait for commands [s]."""
-
-
-class Node(Protocol):
-    """What is on the bus behind the adapter, such as a BoardFirmware. Times are monotonic [ns]."""
-
-    def next_due(self) -> int:
-        """Return when the next frame is due."""
-        ...
-
-    def due(self, now: int) -> list[Frame]:
-        """Return the frames that are due."""
-        ...
-
-    def receive(self, frame: Frame, now: int) -> list[Frame]:
-        """Take a frame and return those that answer it."""
-        ...
 
 
 class EmulatedAdapter:

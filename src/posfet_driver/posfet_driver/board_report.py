@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from posfet_driver.messages import version
 from posfet_driver.source import Health, SourceReport
 from posfet_model.scan import ScanStatus
 
@@ -50,11 +51,6 @@ def board_report(board: Board, health: Health, state: str, diagnosis: str) -> So
             "stamps after acquisition by at most [ms]": f"{1e3 * receiver.stamp_uncertainty:.3f}",
         },
     )
-
-
-def version(firmware: int) -> str:
-    """Return a firmware version as people write it."""
-    return f"{firmware >> 8}.{firmware & 0xFF}"
 
 
 def _counters(board: Board) -> dict[str, int]:

@@ -16,10 +16,10 @@ from rich.table import Table
 
 from posfet_driver.bus import open_bus
 from posfet_driver.bus_load import BusLoad
-from posfet_driver.can_command import ask
-from posfet_driver.can_tool import EMULATOR, bus_of
+from posfet_driver.can_tool import bus_of
 from posfet_driver.frames import ERROR, EXTENDED, Frame, FrameBus
-from posfet_driver.messages import FD_BLOCK_OFFSET, Command
+from posfet_driver.messages import FD_BLOCK_OFFSET
+from posfet_driver.one_shot import started
 from posfet_driver.receiver import Receiver
 from posfet_model.sensor import Sensor
 
@@ -31,21 +31,6 @@ MOST_ROWS: Final = 24
 COLUMN: Final = 8
 """Width of one column of counts."""
 _NAMES: Final = {0: "Command", 1: "Response", 2: "Status", FD_BLOCK_OFFSET: "ScanBlockFd"}
-
-
-@contextlib.contextmanager
-def started(bus: FrameBus, sensor: Sensor, options: argparse.Namespace) -> Iterator[None]:
-    """Have the board scan for the time of the block, when that is wanted; an emulated one nobody else could start."""
-    base = sensor.can.base_id
-    wanted = options.start or options.interface == EMULATOR
-    if wanted:
-        ask(bus, base, Command.SET_RATE, round(1e6 / sensor.can.scan_rate))
-        ask(bus, base, Command.START)
-    try:
-        yield
-    finally:
-        if wanted:
-            ask(bus, base, Command.STOP)
 
 
 class Monitor:

@@ -6,10 +6,13 @@ import math
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from posfet_model.config import ConfigError
 from posfet_model.scan import ScanStatus
+
+if TYPE_CHECKING:
+    pass
 
 COMMAND_OFFSET: Final = 0
 RESPONSE_OFFSET: Final = 1
@@ -185,3 +188,8 @@ def check_identifiers(base: int, classic_blocks: int) -> None:
         raise ConfigError(
             f"can.base_id: {allowed} for {classic_blocks} classic scan blocks, got 0x{base:X}; CAN FD needs only one"
         )
+
+
+def version(firmware: int) -> str:
+    """Return a firmware version as people write it."""
+    return f"{firmware >> 8}.{firmware & 0xFF}"

@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Callable
 from typing import Final
 
-import can
-
-from posfet_driver.adapter import Node
-from posfet_driver.bus import BusSettings, one_line, open_bus
 from posfet_driver.codec import CLASSIC_LENGTH, FD_LENGTH
 from posfet_driver.firmware import BoardFirmware
-from posfet_driver.frames import CLASSIC, FD, Frame, FrameBus
+from posfet_driver.frames import CLASSIC, FD, Frame
 from posfet_driver.messages import CLASSIC_BLOCK_OFFSET, COMMAND_OFFSET, FD_BLOCK_OFFSET, Command, Request
 from posfet_driver.sim_faults import Fate, Fates, Resets
 from posfet_driver.simulated_board import SimulatedBoard
-from posfet_driver.source import Clock, SourceError, SystemClock
 from posfet_model.scan import Scan
-
-IDLE: Final = 0.1
-"""Longest wait for frames [s]."""
 
 _NANOSECONDS: Final = 1_000_000_000
 
@@ -152,60 +143,3 @@ class _Later:
         """Compute the scan at time index / scan rate since the reset."""
         self._board.scan(index + self._offset, out)
         out.device_time -= round(self._offset / self._board.sensor.can.scan_rate * 1e6)
-
-
-class BusServer:
-    """Puts a node on any python-can bus, in a thread of its own, from `open` to `close`."""
-
-    def __init__(self, settings: BusSettings, node: Node, clock: Clock | None = None) -> None:
-        """Take the bus to open, the node, and the clock (that of this machine by default)."""
-        self.frames_sent = 0
-        """Frames given to the bus."""
-        self.frames_dropped = 0
-        """Frames that the bus did not take."""
-        self._settings = settings
-        self._node = node
-        self._clock = clock or SystemClock()
-        self._bus: FrameBus | None = None
-        self._thread: threading.Thread | None = None
-        self._ended = threading.Event()
-        self.gone = ""
-        """Why the bus was given up; '' while it works."""
-
-    def open(self) -> None:
-        """Open the bus and serve it. Raises SourceError when it cannot be opened, ConfigError when it never can."""
-        try:
-            self._bus = open_bus(self._settings)
-        except can.CanError as error:
-            raise SourceError(one_line(error)) from error
-        self._ended.clear()
-        self._thread = threading.Thread(target=self._run, args=(self._bus,), name="simulated board", daemon=True)
-        self._thread.start()
-
-    def close(self) -> None:
-        """End the thread and close the bus; may be called twice."""
-        if self._thread is None or self._bus is None:
-            return
-        self._ended.set()
-        self._thread.join()
-        self._bus.shutdown()
-        self._thread = self._bus = None
-
-    def _run(self, bus: FrameBus) -> None:
-        while not self._ended.is_set():
-            wait = (self._node.next_due() - self._clock.monotonic()) / _NANOSECONDS
-            try:
-                received = bus.read_frames(min(max(wait, 0.0), IDLE))
-            except can.CanError as error:
-                self.gone = one_line(error)
-                return
-            answers = [answer for frame in received for answer in self._node.receive(frame, self._clock.monotonic())]
-            for frame in answers + self._node.due(self._clock.monotonic()):
-                self._write(bus, frame)
-
-    def _write(self, bus: FrameBus, frame: Frame) -> None:
-        try:
-            bus.write_frame(frame)
-            self.frames_sent += 1
-        except can.CanError:
-            self.frames_dropped += 1

@@ -8,6 +8,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
 
 _Kind = TypeVar("_Kind")
@@ -68,3 +69,20 @@ def instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
     if not isinstance(value, kind):
         raise ValueError(f"{name} must be a {kind.__name__}, got {value!r:.60}")
     return value
+
+
+def alike(**arrays: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the arrays in their common type, in the same order: float32 when all are float32, else float64.
+
+    Scalars (0-d) count only when there is nothing else, so that a float32 frame stays float32 beside float parameters.
+    The conversion is made here because NumPy before 2.0 and after have different rules for scalars. Raises ValueError,
+    naming arguments and shapes, when the shapes do not broadcast together.
+    """
+    try:
+        np.broadcast_shapes(*(array.shape for array in arrays.values()))
+    except ValueError:
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in arrays.items())
+        raise ValueError(f"shapes must broadcast together, got {shapes}") from None
+    deciding = [array for array in arrays.values() if array.ndim] or arrays.values()
+    dtype: np.dtype[Any] = np.result_type(*(array.dtype for array in deciding))
+    return tuple(array.astype(dtype, copy=False) for array in arrays.values())

@@ -69,31 +69,3 @@ def _sines(size: int) -> NDArray[np.float64]:
     number = np.arange(1, size + 1)
     modes: NDArray[np.float64] = math.sqrt(2.0 / (size + 1)) * np.sin(np.pi * np.outer(number, number) / (size + 1))
     return modes
-
-
-def non_negative(force: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return forces [N] that are not negative, as near as can be to those given, with the same sum.
-
-    Near by the sum of ``(answer - force)^2/variance``, variance [N2] > 0 of each, shapes [k]: the answer is
-    ``max(force - theta*variance, 0)``, theta found by dropping what falls below zero (C. Michelot, J. Optim. Theory
-    Appl. 50, 195, 1986). Where the sum is not positive there is no such answer but zeros. With a share c of crosstalk
-    errors of neighbours go together by about 2*c, which is left out: that moves a force by at most about 8*c of the
-    greatest one below zero.
-
-    Examples
-    --------
-    >>> non_negative(np.array([1.0, 0.5, -0.25]), np.ones(3)).tolist()
-    [0.875, 0.375, 0.0]
-    """
-    total = float(force.sum())
-    if total <= 0.0:
-        return np.zeros(len(force))
-    theta, kept = 0.0, force > 0.0
-    for _ in range(len(force)):
-        theta = (float(force @ kept) - total) / float(variance @ kept)
-        still = force > theta * variance
-        if still.sum() == kept.sum():
-            break
-        kept = still
-    nearest: NDArray[np.float64] = np.maximum(force - theta * variance, 0.0)
-    return nearest

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model.checks import instance, real_number
+from posfet_model.closed_loop import FREQUENCY_RANGE, ClosedLoop, close_loop
 from posfet_model.differential_pair import NO_LEAD, Lead, pair_current
 from posfet_model.exponential import mean_decay
 from posfet_model.follower_base import (
@@ -55,46 +56,9 @@ __all__ = [
 GAIN_RANGE: Final = (1e-3, 1e3)
 """Accepted static gains."""
 
-FREQUENCY_RANGE: Final = (1e-12, 1e15)
-"""Accepted bandwidths [Hz]."""
 
 Lags = tuple[NDArray[Any], ...]
 Float64Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class ClosedLoop:
-    """A follower as seen from outside, for small signals."""
-
-    gain: float
-    """Gain at frequency 0 [V/V]."""
-    bandwidth: float
-    """Frequency at which the gain has fallen by 3 dB [Hz]."""
-
-
-def close_loop(open_loop_gain: float, gain_bandwidth: float) -> ClosedLoop:
-    """Return gain ``A0/(1 + A0)`` and bandwidth ``GBW*(1 + A0)/A0`` of an op-amp whose output is fed back whole.
-
-    Parameters
-    ----------
-    open_loop_gain : A0 [V/V], in [1, 1e9].
-    gain_bandwidth : GBW [Hz], A0 times the frequency of its only pole, in [1e-12, 1e14].
-
-    Raises
-    ------
-    ValueError : an argument is not a real, finite number or out of range.
-
-    Examples
-    --------
-    Sec. V of the paper, 42.3 dB and 1.5 MHz:
-
-    >>> loop = close_loop(10 ** (42.3 / 20), 1.5e6)
-    >>> print(f"{loop.gain:.6f} {loop.bandwidth:.0f}")
-    0.992385 1511510
-    """
-    a0 = real_number("open_loop_gain", open_loop_gain, 1, 1e9)
-    product = real_number("gain_bandwidth", gain_bandwidth, FREQUENCY_RANGE[0], 1e14)
-    return ClosedLoop(gain=a0 / (1 + a0), bandwidth=product * (1 + a0) / a0)
 
 
 class IdealFollower(Follower):

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from posfet_model.checks import FloatArray, instance, real_array
+from posfet_model.closed_loop import FollowerLimits
 
 VOLTAGE_LIMIT: Final = 1e6
 """Largest accepted magnitude of a voltage [V]."""
@@ -21,43 +22,6 @@ STEP_LIMIT: Final = 1e9
 
 _FLOAT64: Final = np.dtype(np.float64)
 _FRAME: Final = 8192  # elements
-
-
-@dataclass(frozen=True)
-class FollowerLimits:
-    """Where a follower model holds. The defaults say nothing: give what is known of the circuit."""
-
-    v_low: float = -math.inf
-    """Lowest input voltage, offset included [V]."""
-    v_high: float = math.inf
-    """Highest input voltage, offset included [V]."""
-    slew_rate: float = math.inf
-    """Fastest output the amplifier can drive [V/s]; a linear model that asks for more is flagged."""
-    falling_slew_rate: float = math.inf
-    """The same of a falling output, where that is slower [V/s]."""
-    frequency: float = math.inf
-    """Highest frequency [Hz] at which the response is believed, usually the first pole that the model leaves out."""
-
-    def __post_init__(self) -> None:
-        for name in ("v_low", "v_high", "slew_rate", "falling_slew_rate", "frequency"):
-            value = getattr(self, name)
-            real = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
-            if not real or math.isnan(value):
-                raise ValueError(f"{name} must be a real number, inf allowed, got {value!r:.60}")
-        if not self.v_low < self.v_high:
-            raise ValueError(f"v_high must be in ({self.v_low:g}, inf], got {self.v_high:g}")
-        for name in ("slew_rate", "falling_slew_rate", "frequency"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} must be in (0, inf], got {getattr(self, name):g}")
-
-    @property
-    def any_slew(self) -> bool:
-        """Return whether the slope of the output is limited at all."""
-        return self.slew_rate < math.inf or self.falling_slew_rate < math.inf
-
-    def allow_slope(self, slope: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return where the amplifier can drive a slope of the output [V/s], negative when it falls. Unchecked."""
-        return np.asarray((slope <= self.slew_rate) & (slope >= -min(self.slew_rate, self.falling_slew_rate)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,6 +15,7 @@ from posfet_model.contacts import ENTER_DEVIATIONS, ContactFinder, Taxels
 from posfet_model.crosstalk import CrosstalkInverse, non_negative
 from posfet_model.fast_channel import FastChannel, Motion
 from posfet_model.footprint import Footprint
+from posfet_model.force_image import ForceImage
 from posfet_model.mains_hum import MainsHum
 from posfet_model.observer import ForceObserver
 from posfet_model.scan import Scan
@@ -48,22 +49,6 @@ class Reconstruction:
     """What the fast channel says of each contact that is not released, by its id."""
     saturated: int
     """Number of taxels at the end of their range."""
-
-
-@dataclass(slots=True)
-class ForceImage:
-    """Forces of all taxels, shapes [rows * cols], row by row. Made once and filled again and again."""
-
-    force: NDArray[np.float32]
-    """[N], positive when pushed; not negative in and around contacts; NaN: not known."""
-    standard_deviation: NDArray[np.float32]
-    """[N]; NaN: not known."""
-    status: NDArray[np.uint8]
-    """Values of TaxelStatus."""
-    total: float
-    """Sum of the known forces [N]; NaN: none is known."""
-    total_standard_deviation: float
-    """[N]; NaN: not known."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Forces that cannot be known after an interruption: what was pressed before it may have leaked, or gone."""
+"""When an estimated force contradicts itself: negative forces, and forces lost in an interruption."""
 
 from __future__ import annotations
 
@@ -8,6 +8,40 @@ from numpy.typing import NDArray
 from posfet_model.arrays import some
 
 Array = NDArray[np.float64]
+
+
+Mask = NDArray[np.bool_]
+
+
+class BelowZero:
+    """For how long each taxel has been below zero, and how steadily: one that is steady is not still settling."""
+
+    def __init__(self, taxels: int, patience: float) -> None:
+        """Take for how long a force below zero has to be steady until it is a wrong zero [s]."""
+        self.lasts = np.zeros(taxels)
+        """[s]."""
+        self._steady = np.zeros(taxels)
+        self._patience = patience
+        self._any = False
+
+    def look(self, where: Mask, mean: Array, limit: Array, still: Mask, duration: float) -> Mask:
+        """Take the mean forces [N] of a block of `duration` [s]; return which of the masked taxels have a wrong zero.
+
+        Forces below -limit [N] cannot be; `still` masks those that are as in the block before.
+        """
+        below = where & (mean < -limit)
+        if not (self._any or some(below)):
+            return below
+        self._any = some(below)
+        self.lasts = np.where(below, self.lasts + duration, 0.0)
+        self._steady = np.where(below & still, self._steady + duration, 0.0)
+        ripe: Mask = self._steady >= self._patience
+        self._steady[ripe] = 0.0
+        return ripe
+
+    def forget(self, where: Mask) -> None:
+        """Begin anew with the masked taxels."""
+        self.lasts[where] = self._steady[where] = 0.0
 
 
 class LostForce:

@@ -1,4 +1,4 @@
-"""Linear recurrences over a whole time series at once."""
+"""First-order linear systems, exact over steps of any length: mean decay over a step, and linear recurrences."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 _BLOCK_ELEMENTS: Final = 1 << 14  # a block and its copies stay in the cache of the processor
+
+
 _WIDE: Final = 512
+
+
 _NOTHING: Final = 1e-25  # a share of an earlier row too small to be seen beside it in float64
 
 
@@ -41,3 +45,18 @@ def _solve_block(factor: NDArray[Any], start: NDArray[Any], result: NDArray[Any]
         result[reach:] += product[reach:] * result[:-reach]
         product = np.concatenate([product[:reach], product[reach:] * product[:-reach]])
         reach *= 2
+
+
+_TINY: Final = 1e-20  # below, the result is 1 to rounding, and complex division would come near underflow
+
+
+def mean_decay(x: NDArray[Any]) -> NDArray[Any]:
+    """Return ``(1 - exp(-x))/x``, the mean of exp(-x*s) over s in [0, 1]; 1 at x = 0. Any shape, real part >= 0.
+
+    What a first-order lag makes of a straight piece of input: over a step h with a time constant tau, an input that
+    rises by 1 leaves the lag ``mean_decay(h/tau)``. Right to 4 units in the last place; x may be complex.
+    """
+    tiny = np.abs(x) < _TINY
+    safe = np.where(tiny, 1, x).astype(x.dtype)
+    result: NDArray[Any] = np.where(tiny, 1, -np.expm1(-safe) / safe).astype(x.dtype)
+    return result
