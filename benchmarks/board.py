@@ -9,7 +9,7 @@ import numpy as np
 from benchmarks.outcome import Cell, Chart, Outcome, Point, Table
 from benchmarks.simulation import CHUNK, DEFAULT, FULL_SCALE, NONE, SENSOR, run
 from posfet_driver.imperfections import Imperfections
-from posfet_driver.scene import load_scene
+from posfet_driver.scene import SceneLoads, load_scene
 from posfet_driver.simulated_board import SimulatedBoard
 from posfet_model.scan import Scan
 from posfet_model.sensor import Sensor
@@ -28,7 +28,7 @@ def cost(sensor: Sensor, imperfections: Imperfections, scene: str, part: range, 
     """Return the median time of a scan [us]; scans at rest are computed many at once, so chunks are timed."""
     chunks = []
     for _ in range(runs):
-        board = SimulatedBoard(sensor, load_scene(scene, sensor), 0, imperfections)
+        board = SimulatedBoard(sensor, SceneLoads(load_scene(scene, sensor), sensor), 0, imperfections)
         run(board, range(part.start))
         pieces = [range(k, k + CHUNK) for k in range(part.start, part.stop - CHUNK + 1, CHUNK)]
         chunks.append(sum(run(board, piece) for piece in pieces) / (CHUNK * len(pieces)) * 1e6)
@@ -37,10 +37,14 @@ def cost(sensor: Sensor, imperfections: Imperfections, scene: str, part: range, 
 
 def shortcut(scene: str) -> tuple[float, float, float, float]:
     """Return the time of a scan [us] of the lazy and of the full board, largest difference / full scale, and share."""
-    boards = [SimulatedBoard(SENSOR, load_scene(scene, SENSOR), 0, NONE.without_noise(), full=full) for full in (0, 1)]
+    boards = [
+        SimulatedBoard(SENSOR, SceneLoads(load_scene(scene, SENSOR), SENSOR), 0, NONE.without_noise(), full=full)
+        for full in (0, 1)
+    ]
     taken = [run(board, range(FRONT_SCANS)) / FRONT_SCANS * 1e6 for board in boards]
     lazy, full = (
-        SimulatedBoard(SENSOR, load_scene(scene, SENSOR), 0, NONE.without_noise(), full=full) for full in (False, True)
+        SimulatedBoard(SENSOR, SceneLoads(load_scene(scene, SENSOR), SENSOR), 0, NONE.without_noise(), full=full)
+        for full in (False, True)
     )
     scan, worst = Scan.empty(1, SENSOR.layout.taxels), 0.0
     for index in range(FRONT_SCANS):

@@ -72,9 +72,15 @@ def scenes(options: argparse.Namespace) -> None:
         for name in options.scene:
             count = scans(name, options.longest or 2.0)
             scene = load_scene(name, sensor)
-            lazy, full = (SimulatedBoard(sensor, scene, 0, NONE.without_noise(), full=full) for full in (False, True))
+            lazy, full = (
+                SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, NONE.without_noise(), full=full)
+                for full in (False, True)
+            )
             taken = run(lazy, range(count)), run(full, range(count))
-            lazy, full = (SimulatedBoard(sensor, scene, 0, NONE.without_noise(), full=full) for full in (False, True))
+            lazy, full = (
+                SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, NONE.without_noise(), full=full)
+                for full in (False, True)
+            )
             scan, worst = Scan.empty(1, sensor.layout.taxels), 0.0
             for index in range(count):
                 lazy.scan(index, scan)
@@ -98,8 +104,8 @@ def reference(options: argparse.Namespace) -> None:
         count = scans(name, options.longest or math.inf)
         errors = []
         for imperfections in (NONE.without_noise(), replace(DEFAULT.without_noise(), dead_share=0.0, stuck_share=0.0)):
-            board = SimulatedBoard(SENSOR, load_scene(name, SENSOR), 0, imperfections)
-            truth = SimulatedBoard(fast, load_scene(name, fast), 0, imperfections, full=True)
+            board = SimulatedBoard(SENSOR, SceneLoads(load_scene(name, SENSOR), SENSOR), 0, imperfections)
+            truth = SimulatedBoard(fast, SceneLoads(load_scene(name, fast), fast), 0, imperfections, full=True)
             scan, worst = Scan.empty(1, SENSOR.layout.taxels), 0.0
             for index in range(count):
                 board.scan(index, scan)
@@ -125,7 +131,7 @@ def speed(options: argparse.Namespace) -> None:
                 if "askew" in state:
                     scene = turned(scene, 0.5)
                 for _ in range(3):
-                    board = SimulatedBoard(sensor, scene, 0, imperfections)
+                    board = SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, imperfections)
                     run(board, range(part.start))
                     chunks = [range(k, k + CHUNK) for k in range(part.start, part.stop - CHUNK + 1, CHUNK)]
                     micro += [run(board, chunk) / CHUNK * 1e6 for chunk in chunks]
@@ -243,7 +249,14 @@ def whole_boards() -> list[tuple[str, str, float, float, float]]:
         step = stride / REFERENCE_RATE
         for narrow in (False, True):
             small, wide, truth = (
-                SimulatedBoard(each, load_scene(SCHEME_SCENE, each), 0, silent, narrow=narrow and not full, full=full)
+                SimulatedBoard(
+                    each,
+                    SceneLoads(load_scene(SCHEME_SCENE, each), each),
+                    0,
+                    silent,
+                    narrow=narrow and not full,
+                    full=full,
+                )
                 for each, full in (
                     *((replace(each, can=replace(each.can, scan_rate=1 / step)), False) for each in (SENSOR, large)),
                     (replace(SENSOR, can=replace(SENSOR.can, scan_rate=REFERENCE_RATE)), True),

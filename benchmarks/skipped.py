@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.outcome import Cell, Outcome, Table
 from benchmarks.simulation import NONE, SENSOR, SHIPPED, run
-from posfet_driver.scene import load_scene
+from posfet_driver.scene import SceneLoads, load_scene
 from posfet_driver.simulated_board import SimulatedBoard
 from posfet_model.conversions import ForceImageMessage, ImageMessage, PointsMessage, WrenchMessage
 from posfet_model.model_node import MARKER_PERIOD
@@ -22,7 +22,10 @@ def labelled(scene: str) -> tuple[int, int, float, float]:
     """Return in how many scans regions were labelled, in how many nothing touched, and the median times [us] of a scan
     in which nothing touched and of one with a contact.
     """
-    board, reconstructor = SimulatedBoard(SENSOR, load_scene(scene, SENSOR), 0), Reconstructor(SENSOR)
+    board, reconstructor = (
+        SimulatedBoard(SENSOR, SceneLoads(load_scene(scene, SENSOR), SENSOR), 0),
+        Reconstructor(SENSOR),
+    )
     bitmap = reconstructor._finder._bitmap
     label, count = bitmap.regions, 0
 
@@ -70,7 +73,10 @@ def measure(full: bool) -> Outcome:
     updates = saved = labellings = 0.0
     for name in SHIPPED:
         scene = load_scene(name, SENSOR)
-        lazy, whole = (SimulatedBoard(SENSOR, scene, 0, NONE.without_noise(), full=full) for full in (False, True))
+        lazy, whole = (
+            SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 0, NONE.without_noise(), full=full)
+            for full in (False, True)
+        )
         cheap, dear = (run(board, range(SCANS)) / SCANS * 1e6 for board in (lazy, whole))
         share = 1 - lazy.taxel_updates / whole.taxel_updates
         labels, quiet, idle, touched = labelled(name)

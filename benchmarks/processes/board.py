@@ -16,7 +16,7 @@ import numpy as np
 from benchmarks.processes.recording import Moments
 from posfet_driver.adapter import EmulatedAdapter
 from posfet_driver.firmware import BoardFirmware
-from posfet_driver.scene import load_scene
+from posfet_driver.scene import SceneLoads, load_scene
 from posfet_driver.simulated_board import SimulatedBoard
 from posfet_model.scan import Scan, ScanStatus
 from posfet_model.sensor import Sensor, load_sensor
@@ -26,7 +26,7 @@ class Replay:
     """Scans of a scene from its beginning, from the first one that is asked for; the last one stays."""
 
     def __init__(self, sensor: Sensor, scene: str, seconds: float) -> None:
-        board = SimulatedBoard(sensor, load_scene(scene, sensor), 1)
+        board = SimulatedBoard(sensor, SceneLoads(load_scene(scene, sensor), sensor), 1)
         count = round(seconds * sensor.can.scan_rate)
         self._counts = np.zeros((count, sensor.layout.taxels), np.uint16)
         scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)

@@ -17,7 +17,7 @@ from rclpy.parameter import Parameter
 
 from posfet_driver.frames import CLASSIC, FD, RATE_SWITCH
 from posfet_driver.messages import COMMAND_OFFSET, FD_BLOCK_OFFSET, Command, Request
-from posfet_driver.scene import load_scene
+from posfet_driver.scene import SceneLoads, load_scene
 from posfet_driver.sim_board_node import REMEMBERED, SimBoardNode
 from posfet_driver.simulated_board import SimulatedBoard
 from posfet_driver.slcan_lines import LineReader, encode_line
@@ -83,7 +83,7 @@ def test_raw_carries_the_scans_of_the_board(spin) -> None:
     node.start()
     messages = listener.wait("raw", 300)
     sensor = load_sensor()
-    board = SimulatedBoard(sensor, load_scene("press_slide_lift", sensor), 5)
+    board = SimulatedBoard(sensor, SceneLoads(load_scene("press_slide_lift", sensor), sensor), 5)
     scan = Scan.empty(0, sensor.layout.taxels)
     expected = {}
     for index in range(messages[-1].sequence + 1):
@@ -112,7 +112,7 @@ def test_truth_is_that_of_the_scan_with_its_sequence(spin) -> None:
         listener.wait("raw", len(listener.messages["raw"]) + 1)
     assert [truth.header] == [raw.header for raw in listener.messages["raw"] if raw.sequence == truth.sequence]
     sensor = load_sensor()
-    board = SimulatedBoard(sensor, load_scene("two_fingers", sensor), 0)
+    board = SimulatedBoard(sensor, SceneLoads(load_scene("two_fingers", sensor), sensor), 0)
     board.scan(truth.sequence, Scan.empty(0, sensor.layout.taxels))
     expected = board.truth()
     np.testing.assert_array_equal(truth.force, expected.force.astype(np.float32))
@@ -132,7 +132,7 @@ def test_truth_is_that_of_the_scan_with_its_sequence(spin) -> None:
 
 def test_objects_of_a_scan_are_told_as_long_as_it_is_remembered(spin) -> None:
     node = make_board(spin, scene="press_slide_lift", autostart=False)
-    scene = SimulatedBoard(node.sensor, load_scene("press_slide_lift", node.sensor), 0)
+    scene = SimulatedBoard(node.sensor, SceneLoads(load_scene("press_slide_lift", node.sensor), node.sensor), 0)
     scan = Scan.empty(node.sensor.layout.id, node.sensor.layout.taxels)
     told = {}
     for index in range(0, 2 * REMEMBERED + 2, 2):
@@ -219,7 +219,7 @@ def test_a_board_that_is_held_back_stays_so_with_another_scene(spin) -> None:
     assert not listener.messages["raw"]
     node.trigger_activate()
     listener.wait("raw", 10)
-    assert node.source.board.scene.name == "tap"
+    assert node.source.board.loads.name == "tap"
 
 
 @pytest.mark.parametrize("transition", [Transition.TRANSITION_CLEANUP, Transition.TRANSITION_CONFIGURE, 99])
@@ -258,7 +258,7 @@ def test_behind_an_adapter_it_speaks_frames_and_tells_the_truth(spin, tmp_path: 
     }
     assert not listener.messages["raw"]
     assert truth.objects == ["fingertip"]
-    board = SimulatedBoard(sensor, load_scene("hold", sensor), 0)
+    board = SimulatedBoard(sensor, SceneLoads(load_scene("hold", sensor), sensor), 0)
     board.scan(truth.sequence, Scan.empty(0, sensor.layout.taxels))
     np.testing.assert_array_equal(truth.force, board.truth().force.astype(np.float32))
     node.trigger_deactivate()

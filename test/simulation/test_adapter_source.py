@@ -9,7 +9,7 @@ import pytest
 from posfet_driver.adapter_source import AdapterSource
 from posfet_driver.frames import CLASSIC
 from posfet_driver.messages import COMMAND_OFFSET, FD_BLOCK_OFFSET, Command, Request
-from posfet_driver.scene import load_scene
+from posfet_driver.scene import SceneLoads, load_scene
 from posfet_driver.simulated_board import SimulatedBoard
 from posfet_driver.slcan_lines import LineReader, encode_line
 from posfet_driver.source import Health, ScanSource, SourceError
@@ -45,7 +45,11 @@ def test_the_scans_that_are_sent_are_those_of_the_board(source: AdapterSource, t
     source.open()
     read_scans(tmp_path / "board", 100)
     source.close()
-    quiet, board, scan = sent[:100], SimulatedBoard(SENSOR, SCENE, 4), Scan.empty(1, SENSOR.layout.taxels)
+    quiet, board, scan = (
+        sent[:100],
+        SimulatedBoard(SENSOR, SceneLoads(SCENE, SENSOR), 4),
+        Scan.empty(1, SENSOR.layout.taxels),
+    )
     first_sequence, first_stamp, _ = quiet[0]
     for sequence, stamp, counts in quiet:
         board.scan(sequence, scan)

@@ -14,6 +14,7 @@ from posfet_driver.calibrate import main, pressing_scene
 from posfet_driver.frames import CLASSIC, message_of
 from posfet_driver.imperfections import Imperfections
 from posfet_driver.messages import COMMAND_OFFSET, Command, Request
+from posfet_driver.scene import SceneLoads
 from posfet_driver.sim_spread import draw_spread
 from posfet_driver.sim_wire import WireNode
 from posfet_driver.simulated_board import SimulatedBoard
@@ -38,7 +39,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
     folder = tmp_path_factory.mktemp("bench")
     log, stand = folder / "board.log", folder / "stand.csv"
     scene = pressing_scene(SENSOR)
-    node = WireNode(SimulatedBoard(SENSOR, scene, SEED, ROUGH), SEED, 0)
+    node = WireNode(SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), SEED, ROUGH), SEED, 0)
     with can.Logger(str(log)) as write:
         node.receive((SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, Request(Command.START, 0).pack()), 0)
         while (now := node.next_due()) < scene.period * 1e9:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from posfet_driver.imperfections import KEYS, OF_THE_SENSOR, Imperfections, load_imperfections
-from posfet_driver.scene import Scene, Track, load_scene
+from posfet_driver.scene import Scene, SceneLoads, Track, load_scene
 from posfet_driver.sim_clock import SimClock
 from posfet_driver.sim_spread import TaxelStatus, draw_spread
 from posfet_driver.simulated_board import SimulatedBoard
@@ -29,7 +29,7 @@ def run(
     imperfections: Imperfections, scans: int, sensor: Sensor = SENSOR, scene: str = "press_slide_lift"
 ) -> np.ndarray:
     """Counts of the first scans, shape [scans, taxels]."""
-    board = SimulatedBoard(sensor, load_scene(scene, sensor), 3, imperfections)
+    board = SimulatedBoard(sensor, SceneLoads(load_scene(scene, sensor), sensor), 3, imperfections)
     scan = Scan.empty(1, sensor.layout.taxels)
     result = np.empty((scans, sensor.layout.taxels), np.uint16)
     for index in range(scans):
@@ -46,7 +46,9 @@ def volts(
     imperfections: Imperfections, index: int = 700, sensor: Sensor = SENSOR, scene: Scene | None = None
 ) -> np.ndarray:
     """Noise-free output at one scan."""
-    board = SimulatedBoard(sensor, scene or load_scene("press_slide_lift", sensor), 3, imperfections)
+    board = SimulatedBoard(
+        sensor, SceneLoads(scene or load_scene("press_slide_lift", sensor), sensor), 3, imperfections
+    )
     scan = Scan.empty(1, sensor.layout.taxels)
     for each in range(index + 1):
         board.scan(each, scan)
@@ -111,7 +113,7 @@ def test_area_acts_on_force_and_not_on_temperature() -> None:
 
 
 def test_crosstalk_reaches_the_four_neighbours() -> None:
-    board = SimulatedBoard(SENSOR, load_scene("idle", SENSOR), 0, replace(SILENT, crosstalk=0.1))
+    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0, replace(SILENT, crosstalk=0.1))
     readout = board._readout
     awake = np.array([6, 7, 8, 1, 2, 3, 11, 12, 13])
     readout.wake(awake)
@@ -127,7 +129,7 @@ def test_crosstalk_reaches_the_four_neighbours() -> None:
 
 def test_dead_stuck_and_noisy_taxels_do_what_their_names_say() -> None:
     faulty = replace(NONE, dead_share=0.2, stuck_share=0.2, noisy_share=0.2, noisy_factor=10.0)
-    board = SimulatedBoard(SENSOR, load_scene("press_slide_lift", SENSOR), 3, faulty)
+    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 3, faulty)
     status = board.taxel_status
     counts = run(faulty, 1500).astype(float)
     spread = draw_spread(SENSOR, faulty, 3)
@@ -144,7 +146,7 @@ def test_dead_stuck_and_noisy_taxels_do_what_their_names_say() -> None:
 
 def test_hysteresis_opens_the_loop_by_its_width() -> None:
     width, greatest = 0.02, SENSOR.device.force_max
-    board = SimulatedBoard(SENSOR, load_scene("idle", SENSOR), 0, replace(SILENT, hysteresis=width))
+    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0, replace(SILENT, hysteresis=width))
     charge = board._charge
     charge._wake_up(np.ones((5, 5), bool))
 
@@ -202,7 +204,9 @@ def test_what_the_sensor_file_gives_can_be_switched_off() -> None:
 
 def test_a_slow_amplifier_climbs_at_its_slew_rate() -> None:
     slew = 2.0  # [V/s]: 2 mV a scan
-    board = SimulatedBoard(SENSOR, load_scene("press_slide_lift", SENSOR), 3, replace(SILENT, slew_rate=slew))
+    board = SimulatedBoard(
+        SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 3, replace(SILENT, slew_rate=slew)
+    )
     scan = Scan.empty(1, TAXELS)
     before, steepest = board.volts(), 0.0
     for index in range(600):
@@ -238,7 +242,7 @@ def test_the_clock_drifts_and_jitters() -> None:
         assert clock.time(index) == times[index]
         assert times[clock.last_by(times[index] + 1e-3)] <= times[index] + 1e-3
     scan = Scan.empty(1, TAXELS)
-    board = SimulatedBoard(SENSOR, load_scene("idle", SENSOR), 0, replace(NONE, clock_drift=100e-6))
+    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0, replace(NONE, clock_drift=100e-6))
     board.scan(10_000, scan)
     assert scan.stamp - 10_000_000_000 == 1_000_000
     assert scan.device_time == 10_000_000  # by the board's own clock
@@ -247,7 +251,7 @@ def test_the_clock_drifts_and_jitters() -> None:
 @pytest.mark.parametrize("imperfections", [NONE, DEFAULT], ids=["none", "default"])
 def test_the_bytes_do_not_depend_on_which_scans_are_asked_for(imperfections: Imperfections) -> None:
     every = run(imperfections, 1000)
-    board = SimulatedBoard(SENSOR, load_scene("press_slide_lift", SENSOR), 3, imperfections)
+    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 3, imperfections)
     scan = Scan.empty(1, TAXELS)
     for index in [*range(130), *range(200, 900, 37), *range(930, 1000)]:
         board.scan(index, scan)

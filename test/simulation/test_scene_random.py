@@ -126,7 +126,7 @@ def test_a_valid_scene_runs_and_its_truth_adds_up(tmp_path: Path, scene: dict[st
     path = tmp_path / "random.yaml"
     path.write_text(yaml.safe_dump(scene), encoding="utf-8")
     loaded = load_scene(path, SENSOR)
-    board = SimulatedBoard(SENSOR, loaded, seed)
+    board = SimulatedBoard(SENSOR, SceneLoads(loaded, SENSOR), seed)
     scan = Scan.empty(LAYOUT.id, LAYOUT.taxels)
     loads = SceneLoads(loaded, SENSOR)
     for index in (0, 60, 130, 131, 333, 555):
@@ -149,7 +149,7 @@ def test_a_valid_scene_runs_and_its_truth_adds_up(tmp_path: Path, scene: dict[st
 
 def test_a_row_says_what_the_truth_says(tmp_path: Path) -> None:
     loaded = load_scene("two_fingers", SENSOR)
-    board = SimulatedBoard(SENSOR, loaded, 0)
+    board = SimulatedBoard(SENSOR, SceneLoads(loaded, SENSOR), 0)
     board.scan(600, Scan.empty(LAYOUT.id, LAYOUT.taxels))
     truth = board.truth()
     row = dict(zip(truth_columns(LAYOUT, truth.objects.names), truth_row(truth), strict=True))

@@ -12,7 +12,7 @@ import pytest
 
 from posfet_driver.imperfections import Imperfections
 from posfet_driver.message_definitions import message_fields, schema_text
-from posfet_driver.scene import load_scene
+from posfet_driver.scene import SceneLoads, load_scene
 from posfet_driver.scene.read import SCENE_FOLDER
 from posfet_driver.sim_command import BAD_INPUT, INTERRUPTED, main
 from posfet_driver.sim_faults import FaultyScans
@@ -26,7 +26,7 @@ TAXELS = SENSOR.layout.taxels
 
 
 def board_counts(scans: int, seed: int, imperfections: Imperfections) -> np.ndarray:
-    board = SimulatedBoard(SENSOR, load_scene(SCENE, SENSOR), seed, imperfections)
+    board = SimulatedBoard(SENSOR, SceneLoads(load_scene(SCENE, SENSOR), SENSOR), seed, imperfections)
     source, scan = FaultyScans(board, seed), Scan.empty(1, TAXELS)
     return np.array([scan.counts.copy() for index in range(scans) for _ in range(source.scan(index, scan))])
 

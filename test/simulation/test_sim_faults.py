@@ -15,7 +15,7 @@ from posfet_driver.codec import FD_LENGTH
 from posfet_driver.frames import CLASSIC, FD
 from posfet_driver.imperfections import Imperfections
 from posfet_driver.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Command, Request
-from posfet_driver.scene import load_scene
+from posfet_driver.scene import SceneLoads, load_scene
 from posfet_driver.sim_faults import FaultyScans, Resets
 from posfet_driver.sim_wire import WireNode
 from posfet_driver.simulated_board import SimulatedBoard
@@ -83,7 +83,7 @@ def test_without_faults_every_scan_comes_once() -> None:
 
 
 def test_a_reset_is_silent_and_begins_anew() -> None:
-    board = SimulatedBoard(SENSOR, SCENE, 4, RESETTING)
+    board = SimulatedBoard(SENSOR, SceneLoads(SCENE, SENSOR), 4, RESETTING)
     scans = FaultyScans(board, 4)
     scan = Scan.empty(1, SENSOR.layout.taxels)
     flagged, silent, before = 0, 0, -1
@@ -111,7 +111,7 @@ def test_resets_do_not_depend_on_when_one_asks() -> None:
 
 def frames_of_a_run(imperfections: Imperfections, seconds: float, fd: bool = True) -> list[tuple[int, int, bytes]]:
     sensor = replace(SENSOR, can=replace(SENSOR.can, fd=fd))
-    node = WireNode(SimulatedBoard(sensor, SCENE, 1, imperfections), 1, 0)
+    node = WireNode(SimulatedBoard(sensor, SceneLoads(SCENE, sensor), 1, imperfections), 1, 0)
     frames = node.receive(START, 0)
     now = 0
     while now < seconds * 1e9:
@@ -141,7 +141,7 @@ def test_frames_are_lost_cut_short_and_repeated(fd: bool) -> None:
 
 
 def test_the_boards_clock_drifts_on_the_wire() -> None:
-    node = WireNode(SimulatedBoard(SENSOR, SCENE, 1, replace(NONE, clock_drift=500e-6)), 1, 0)
+    node = WireNode(SimulatedBoard(SENSOR, SceneLoads(SCENE, SENSOR), 1, replace(NONE, clock_drift=500e-6)), 1, 0)
     node.receive(START, 0)
     stamps: list[int] = []
     node.on_scan = lambda scan: stamps.append(scan.stamp)
@@ -166,7 +166,10 @@ def test_a_driver_never_hands_on_a_scan_that_the_line_has_spoilt(fd: bool) -> No
     settings = bus_settings("virtual", f"spoilt-{threading.get_ident()}-{fd}", sensor.can)
     source = AdapterSource(sensor, load_scene("hold", sensor), 6, settings, imperfections=spoilt)
     board = Board(sensor, lambda: open_bus(settings))
-    reference, expected = SimulatedBoard(sensor, load_scene("hold", sensor), 6), Scan.empty(1, sensor.layout.taxels)
+    reference, expected = (
+        SimulatedBoard(sensor, SceneLoads(load_scene("hold", sensor), sensor), 6),
+        Scan.empty(1, sensor.layout.taxels),
+    )
     lost = 0x0F if not fd else 0  # bits that classic frames do not carry
     source.open()
     board.open()
@@ -216,7 +219,10 @@ def test_a_driver_reads_the_board_on_a_python_can_bus(fd: bool) -> None:
         bus.shutdown()
         source.close()
     assert source.report().state == "simulation stopped"
-    board, scan = SimulatedBoard(sensor, load_scene("hold", sensor), 6), Scan.empty(1, sensor.layout.taxels)
+    board, scan = (
+        SimulatedBoard(sensor, SceneLoads(load_scene("hold", sensor), sensor), 6),
+        Scan.empty(1, sensor.layout.taxels),
+    )
     for sequence in sorted(sent):
         board.scan(sequence, scan)
         np.testing.assert_array_equal(sent[sequence], scan.counts)

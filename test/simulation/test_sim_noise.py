@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from posfet_driver.imperfections import Imperfections
-from posfet_driver.scene import load_scene
+from posfet_driver.scene import SceneLoads, load_scene
 from posfet_driver.sim_noise import FACTOR, OCTAVES, FlickerNoise
 from posfet_driver.sim_random import Stream, generator
 from posfet_driver.simulated_board import SimulatedBoard
@@ -87,7 +87,7 @@ def test_white_noise_of_the_board_adds_up() -> None:
         (both, sensor.adc.noise),
         (both.without_noise(), 0.0),
     ):
-        board = SimulatedBoard(sensor, load_scene("idle", sensor), 9, imperfections)
+        board = SimulatedBoard(sensor, SceneLoads(load_scene("idle", sensor), sensor), 9, imperfections)
         scan = Scan.empty(1, sensor.layout.taxels)
         counts = np.empty((4000, sensor.layout.taxels))
         for index in range(4000):

@@ -41,14 +41,18 @@ def run(board: SimulatedBoard, indices: Iterable[int]) -> bytes:
 
 def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not() -> None:
     scene = load_scene("two_fingers", SENSOR)
-    first, second, other = (run(SimulatedBoard(SENSOR, scene, seed), range(1500)) for seed in (7, 7, 8))
+    first, second, other = (
+        run(SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), seed), range(1500)) for seed in (7, 7, 8)
+    )
     assert first == second
     assert first != other
 
 
 def test_without_noise_the_counts_do_not_depend_on_the_seed() -> None:
     scene = load_scene("two_fingers", QUIET)
-    assert run(SimulatedBoard(QUIET, scene, 1), range(800)) == run(SimulatedBoard(QUIET, scene, 2), range(800))
+    assert run(SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 1), range(800)) == run(
+        SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 2), range(800)
+    )
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -56,7 +60,10 @@ def test_without_noise_the_counts_do_not_depend_on_the_seed() -> None:
 def test_a_gap_leads_to_the_state_that_stepping_leads_to(name: str, warm: bool) -> None:
     scene = load_scene(name, QUIET)
     scene = warming(scene) if warm else scene
-    stepped, jumped = SimulatedBoard(QUIET, scene, 0), SimulatedBoard(QUIET, scene, 0)
+    stepped, jumped = (
+        SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0),
+        SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0),
+    )
     last = -1
     for index in (0, 1, 320, 700, 701, 1400):
         there = run(stepped, range(last + 1, index + 1))[-TAXELS * 2 - 8 :]
@@ -67,7 +74,10 @@ def test_a_gap_leads_to_the_state_that_stepping_leads_to(name: str, warm: bool) 
 
 def test_a_gap_longer_than_the_memory_forgets_what_was_before() -> None:
     scene = warming(load_scene("press_slide_lift", QUIET))
-    stepped, jumped = SimulatedBoard(QUIET, scene, 0), SimulatedBoard(QUIET, scene, 0)
+    stepped, jumped = (
+        SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0),
+        SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0),
+    )
     for board in (stepped, jumped):
         run(board, range(600))
     run(stepped, range(600, 13_201))
@@ -82,7 +92,7 @@ def test_a_gap_longer_than_the_memory_forgets_what_was_before() -> None:
 def test_the_work_that_is_saved_changes_nothing(name: str, sensor: Sensor) -> None:
     scene = load_scene(name, sensor)
     scene = replace(scene, temperature=Track((0.6, 1.1), ((25.0,), (30.0,)))) if name == "idle" else scene
-    board = SimulatedBoard(sensor, scene, 0)
+    board = SimulatedBoard(sensor, SceneLoads(scene, sensor), 0)
     scan = Scan.empty(0, TAXELS)
     for index, chain in enumerate(full_computation(sensor, scene, 1200)):
         board.scan(index, scan)
@@ -94,7 +104,9 @@ def test_the_work_that_is_saved_changes_nothing(name: str, sensor: Sensor) -> No
 def test_with_imperfections_the_work_that_is_saved_changes_nothing_either(name: str) -> None:
     imperfections = replace(Imperfections.default().without_noise(), clock_jitter=20e-6, slew_rate=5e3)
     scene = load_scene(name, SENSOR)
-    lazy, full = (SimulatedBoard(SENSOR, scene, 5, imperfections, full=full) for full in (False, True))
+    lazy, full = (
+        SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 5, imperfections, full=full) for full in (False, True)
+    )
     scan = Scan.empty(0, TAXELS)
     for index in range(1000):
         lazy.scan(index, scan)
@@ -112,7 +124,7 @@ def test_the_error_against_every_taxel_at_100_kilohertz_is_below_a_thousandth(na
     # 40 ms from where something first changes; benchmarks/simulation.py does whole scenes.
     scene = load_scene(name, QUIET)
     begin = math.floor(min(SceneLoads(scene, QUIET).rests_until(0.0), 1.0) * RATE)
-    board, scan = SimulatedBoard(QUIET, scene, 0), Scan.empty(0, TAXELS)
+    board, scan = SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0), Scan.empty(0, TAXELS)
     largest = 0.0
     for index, chain in enumerate(full_computation(QUIET, scene, 4001, 100 * RATE, 100 * begin)):
         if index % 100 == 0:
@@ -143,7 +155,7 @@ def full_computation(
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_truth_adds_up(name: str) -> None:
     scene = load_scene(name, SENSOR)
-    board = SimulatedBoard(SENSOR, scene, 0)
+    board = SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 0)
     touched = 0
     for index in range(0, 4000, 37):
         run(board, [index])
@@ -167,7 +179,7 @@ def test_the_truth_adds_up(name: str) -> None:
 
 
 def test_the_truth_is_a_copy_that_the_next_scan_leaves_alone() -> None:
-    board = SimulatedBoard(SENSOR, load_scene("press_slide_lift", SENSOR), 0)
+    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 0)
     run(board, [500])
     truth = board.truth()
     before = truth.force.copy()
@@ -178,7 +190,7 @@ def test_the_truth_is_a_copy_that_the_next_scan_leaves_alone() -> None:
 
 def test_the_sphere_sinks_in_by_the_indentation() -> None:
     scene = load_scene("hold", SENSOR)
-    board = SimulatedBoard(SENSOR, scene, 0)
+    board = SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 0)
     (ball,) = scene.objects
     run(board, [100])
     assert board.truth().objects.positions[0, 2] == ball.shape.radius
@@ -191,7 +203,7 @@ def test_the_sphere_sinks_in_by_the_indentation() -> None:
 
 def test_a_push_raises_the_count_of_the_taxel_under_it_as_the_sensor_says() -> None:
     # The press of 0.2 s is short against the leak of 0.27 s only roughly: charge lies between half and all of it.
-    board = SimulatedBoard(QUIET, load_scene("hold", QUIET), 0)
+    board = SimulatedBoard(QUIET, SceneLoads(load_scene("hold", QUIET), QUIET), 0)
     scan = Scan.empty(0, TAXELS)
     board.scan(0, scan)
     rest = scan.counts[12]
@@ -201,13 +213,13 @@ def test_a_push_raises_the_count_of_the_taxel_under_it_as_the_sensor_says() -> N
 
 
 def test_an_idle_board_moves_no_charge() -> None:
-    board = SimulatedBoard(SENSOR, load_scene("idle", SENSOR), 0)
+    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0)
     run(board, [*range(500), 600_000])
     assert board.taxel_updates == 0
 
 
 def test_a_held_force_costs_nothing_once_it_has_leaked_away() -> None:
-    board = SimulatedBoard(SENSOR, load_scene("hold", SENSOR), 0)
+    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("hold", SENSOR), SENSOR), 0)
     run(board, range(1200))
     run(board, range(1200, 1200 + math.ceil(32 * SENSOR.device.leak_time_constant * RATE)))
     settled = board.taxel_updates
@@ -220,7 +232,7 @@ def test_a_held_force_costs_nothing_once_it_has_leaked_away() -> None:
 
 
 def test_a_gap_at_rest_is_one_jump() -> None:
-    board = SimulatedBoard(SENSOR, load_scene("press_slide_lift", SENSOR), 0)
+    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 0)
     run(board, range(3000))
     before = board.taxel_updates
     run(board, [4250])
@@ -232,7 +244,7 @@ def test_chip_sensors_read_the_scene_and_the_film_lags() -> None:
     idle = load_scene("idle", SENSOR)
     steps = np.arange(0, 1.001, 0.01)
     ramp = Track(tuple(steps), tuple((25 + slope * time,) for time in steps))  # short keyframes: a straight line
-    board = SimulatedBoard(SENSOR, replace(idle, temperature=ramp), 0)
+    board = SimulatedBoard(SENSOR, SceneLoads(replace(idle, temperature=ramp), SENSOR), 0)
     scan = Scan.empty(0, TAXELS)
     for index in range(1001):
         board.scan(index, scan)
@@ -245,7 +257,7 @@ def test_chip_sensors_read_the_scene_and_the_film_lags() -> None:
 
 def test_a_film_without_lag_has_the_chips_temperature() -> None:
     sensor = replace(SENSOR, device=replace(SENSOR.device, thermal_time_constant=0.0))
-    board = SimulatedBoard(sensor, warming(load_scene("idle", sensor)), 0)
+    board = SimulatedBoard(sensor, SceneLoads(warming(load_scene("idle", sensor)), sensor), 0)
     run(board, [850])
     assert board.truth().film_temperature == pytest.approx(27.5, abs=1e-9)
 
@@ -256,20 +268,23 @@ def test_a_hot_chip_raises_the_boards_flag(tmp_path: Path) -> None:
         path = tmp_path / "hot.yaml"
         path.write_text(text.replace("25.0", str(temperature)), encoding="utf-8")
         scan = Scan.empty(0, TAXELS)
-        SimulatedBoard(SENSOR, load_scene(path, SENSOR), 0).scan(0, scan)
+        SimulatedBoard(SENSOR, SceneLoads(load_scene(path, SENSOR), SENSOR), 0).scan(0, scan)
         assert scan.status == status
 
 
 def test_a_scan_is_filled_wholly() -> None:
     scan = Scan.empty(0, TAXELS)
-    SimulatedBoard(SENSOR, load_scene("idle", SENSOR), 0).scan(1234, scan)
+    SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0).scan(1234, scan)
     assert (scan.layout_id, scan.sequence, scan.stamp, scan.device_time) == (1, 1234, 1_234_000_000, 1_234_000)
     assert scan.frames_lost == 0
 
 
 def test_what_is_computed_ahead_leaves_the_last_scan_alone() -> None:
     scene = load_scene("press_slide_lift", SENSOR)
-    board, same = SimulatedBoard(SENSOR, scene, 4), SimulatedBoard(SENSOR, scene, 4)
+    board, same = (
+        SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 4),
+        SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 4),
+    )
     scan = Scan.empty(0, TAXELS)
     for index in range(300, 420):
         there = run(board, [index])
@@ -287,7 +302,7 @@ def test_what_is_computed_ahead_leaves_the_last_scan_alone() -> None:
 
 def test_in_float32_the_board_is_the_same_to_its_digits() -> None:
     scene = load_scene("tap", SENSOR)
-    wide, narrow = (SimulatedBoard(SENSOR, scene, 0, narrow=each) for each in (False, True))
+    wide, narrow = (SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 0, narrow=each) for each in (False, True))
     scan = Scan.empty(0, TAXELS)
     for index in range(800):
         wide.scan(index, scan)
@@ -300,8 +315,8 @@ def test_in_float32_the_board_is_the_same_to_its_digits() -> None:
 def test_what_cannot_be_is_refused() -> None:
     scene = load_scene("idle", SENSOR)
     with pytest.raises(ValueError, match=r"seed must be in \[0, 1000000000\], got -1"):
-        SimulatedBoard(SENSOR, scene, -1)
-    board = SimulatedBoard(SENSOR, scene, 0)
+        SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), -1)
+    board = SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 0)
     run(board, [5])
     with pytest.raises(ValueError, match="index must be above 5"):
         run(board, [5])

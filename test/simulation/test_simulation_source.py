@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posfet_driver.scene import load_scene
+from posfet_driver.scene import SceneLoads, load_scene
 from posfet_driver.simulated_board import SimulatedBoard
 from posfet_driver.simulation_source import LATE, SimulationSource
 from posfet_driver.source import Clock, Health, ScanSource
@@ -86,7 +86,11 @@ def test_nothing_is_due_within_a_short_timeout(clock: FakeClock) -> None:
 
 
 def test_the_scans_are_those_of_the_board(clock: FakeClock) -> None:
-    source, board, expected = opened(clock), SimulatedBoard(SENSOR, SCENE, 3), Scan.empty(1, SENSOR.layout.taxels)
+    source, board, expected = (
+        opened(clock),
+        SimulatedBoard(SENSOR, SceneLoads(SCENE, SENSOR), 3),
+        Scan.empty(1, SENSOR.layout.taxels),
+    )
     for index in range(600):
         board.scan(index, expected)
         np.testing.assert_array_equal(read(source).counts, expected.counts)

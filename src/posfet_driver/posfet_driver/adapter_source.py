@@ -8,7 +8,7 @@ from pathlib import Path
 from posfet_driver.adapter import EmulatedAdapter
 from posfet_driver.bus import BusSettings
 from posfet_driver.imperfections import Imperfections
-from posfet_driver.scene import Scene
+from posfet_driver.scene import Scene, SceneLoads
 from posfet_driver.sim_wire import BusServer, WireNode
 from posfet_driver.simulated_board import SimulatedBoard
 from posfet_driver.source import Clock, Health, SourceReport, SystemClock
@@ -37,7 +37,7 @@ class AdapterSource:
         """
         self.scene = scene
         """The scene that the next `open` begins with."""
-        self.board = SimulatedBoard(sensor, scene, seed, imperfections)
+        self.board = SimulatedBoard(sensor, SceneLoads(scene, sensor), seed, imperfections)
         """The board behind the adapter; another one after each `open`."""
         self.on_scan: Callable[[Scan, int], None] | None = None
         """Called in the thread that serves the bus with each scan sent and its time [ns] since the Unix epoch."""
@@ -63,7 +63,7 @@ class AdapterSource:
         or the bus cannot be opened.
         """
         board = self.board
-        self.board = SimulatedBoard(board.sensor, self.scene, self._seed, board.imperfections)
+        self.board = SimulatedBoard(board.sensor, SceneLoads(self.scene, board.sensor), self._seed, board.imperfections)
         node = WireNode(self.board, self._seed, self._clock.monotonic())
         node.on_scan = self._sent
         self._faults = node.counters = self._faults or node.counters  # go on counting
@@ -98,7 +98,7 @@ class AdapterSource:
         elif gone:
             health, state = Health.ERROR, f"the {place} is gone: {gone}"
         elif node.running:
-            health, state = Health.OK, f"simulating scene '{self.board.scene.name}' on the {place}"
+            health, state = Health.OK, f"simulating scene '{self.board.loads.name}' on the {place}"
         else:
             health, state = Health.OK, f"waiting on the {place} for a driver to start the scans"
         dropped = self._dropped + (server.frames_dropped if server else 0)
@@ -109,7 +109,7 @@ class AdapterSource:
             scans=self._scans,
             frames_lost=dropped,
             counters={"frames nobody read": dropped, **faults},
-            values={"scene": self.board.scene.name},
+            values={"scene": self.board.loads.name},
         )
 
     def _sent(self, scan: Scan) -> None:

@@ -19,7 +19,7 @@ from posfet_driver.can_tool import bus_of, sensor_of
 from posfet_driver.frames import frame_of
 from posfet_driver.message_frames import MessageFrames
 from posfet_driver.receiver import Receiver
-from posfet_driver.recording import recording, check_name, messages
+from posfet_driver.recording import check_name, messages, recording
 from posfet_model.config import ConfigError
 
 POLL: Final = 0.1

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Final, Protocol
 
 from posfet_driver.imperfections import DEFAULT, load_imperfections
-from posfet_driver.scene import DEFAULT_SCENE, load_scene
+from posfet_driver.scene import DEFAULT_SCENE, SceneLoads, load_scene
 from posfet_driver.sim_faults import FaultyScans
 from posfet_driver.sim_record import FORMATS, make_recorder
 from posfet_driver.simulated_board import SEED_MAX, SimulatedBoard
@@ -103,7 +103,9 @@ def _run(options: argparse.Namespace) -> _Outcome:
     if not 0 <= options.seed <= SEED_MAX:
         raise ConfigError(f"--seed: must be in [0, {SEED_MAX}], got {options.seed}")
     namespace = checked_namespace(options.namespace)
-    board = SimulatedBoard(sensor, scene, options.seed, load_imperfections(options.imperfections), full=options.full)
+    board = SimulatedBoard(
+        sensor, SceneLoads(scene, sensor), options.seed, load_imperfections(options.imperfections), full=options.full
+    )
     scans = FaultyScans(board, options.seed)
     asked = math.ceil(seconds * sensor.can.scan_rate - 1e-6)
     recorder = make_recorder(options.out, sensor, [item.name for item in scene.objects], namespace)

@@ -1,4 +1,4 @@
-"""A readout board with an array on it, as a model: a scene in, scans and their ground truth out."""
+"""A readout board with an array on it, as a model: loads in, scans and their ground truth out."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_driver.imperfections import Imperfections
-from posfet_driver.loads import ObjectsState
-from posfet_driver.scene import Scene, SceneLoads
+from posfet_driver.loads import Loads, ObjectsState
 from posfet_driver.sim_charge import TaxelCharge
 from posfet_driver.sim_clock import SimClock
 from posfet_driver.sim_readout import Readout
@@ -87,34 +86,33 @@ class SimulatedBoard:
     def __init__(
         self,
         sensor: Sensor,
-        scene: Scene,
+        loads: Loads,
         seed: int,
         imperfections: Imperfections | None = None,
         *,
         full: bool = False,
         narrow: bool = False,
     ) -> None:
-        """Put a fresh board at the beginning of `scene`, read for this `sensor`.
+        """Put a fresh board at the beginning of its `loads`, those of a scene (`SceneLoads`) or any other.
 
         Without `imperfections` it has none. For comparison, `full` computes every taxel in every scan, and `narrow`
         computes charge and read-out in float32. Raises ValueError for a seed outside [0, 1e9].
         """
         seed = whole_number("seed", seed, 0, SEED_MAX)
         self.sensor = sensor
-        self.scene = scene
+        self.loads = loads
         self.imperfections = imperfections or Imperfections.none()
         self.clock = SimClock(
             sensor.can.scan_rate, self.imperfections.clock_drift, self.imperfections.clock_jitter, seed
         )
         """When the scans are taken."""
-        self._loads = SceneLoads(scene, sensor)
         spread = draw_spread(sensor, self.imperfections, seed)
         self._spread = spread.narrow() if narrow else spread
         self._charge = TaxelCharge(sensor, self._spread, self.imperfections.hysteresis, full)
         self._readout = Readout(sensor, self.imperfections, self._spread, self.clock, seed)
         self._readout.wake(self._charge.awake)
         self._full = full
-        self._start_temperature = self._chip = self._loads.temperatures([0.0])[0]
+        self._start_temperature = self._chip = self.loads.temperatures([0.0])[0]
         self._film_lag = 0.0
         self._force = np.zeros(sensor.layout.taxels)
         self._memory = math.ceil(
@@ -202,12 +200,12 @@ class SimulatedBoard:
             chip_temperature=run.chip[row],
             film_temperature=run.film[row],
             taxel_status=self._spread.status,
-            objects=self._loads.objects(run.times[row]),
+            objects=self.loads.objects(run.times[row]),
         )
 
     def objects(self, time: float) -> ObjectsState:
         """Return what the objects did at a time [s] since the board started. Another thread may ask, too."""
-        return self._loads.objects(time)
+        return self.loads.objects(time)
 
     def volts(self) -> NDArray[np.float64]:
         """Return what the followers put out at the last scan, without noise [V], shape [rows * cols]."""
@@ -248,12 +246,12 @@ class SimulatedBoard:
         times = self.clock.times(first, count).tolist()
         steps = self.clock.steps(first, count)
         steps[0] = self.clock.between(self._end, first)
-        patches = self._loads.forces(times)
+        patches = self.loads.forces(times)
         force = np.zeros((count, layout.rows, layout.cols))
         for patch in patches:
             force[:, patch.rows, patch.cols] += patch.force
         force.flags.writeable = False  # a ground truth may hold it
-        chip = self._loads.temperatures(times)
+        chip = self.loads.temperatures(times)
         lag, steady = self._follow(chip, steps)
         film = [each - behind for each, behind in zip(chip, lag, strict=True)]
         self._charge.wake(patches)
@@ -262,7 +260,7 @@ class SimulatedBoard:
         all_forces = force.reshape(count, -1)
         charge = self._charge.advance(all_forces, np.array(film) - self._start_temperature, steps)
         self._force, self._chip, self._film_lag, self._end = all_forces[-1], chip[-1], lag[-1], last
-        rest = self.clock.last_by(self._loads.rests_until(times[-1]))
+        rest = self.clock.last_by(self.loads.rests_until(times[-1]))
         if self._film_lag == 0.0 and rest > last and not self._full:
             self._rest_end = rest
         return self._read_out(_Run(first, times, all_forces, chip, film, self._charge.awake, charge, charge), steps)

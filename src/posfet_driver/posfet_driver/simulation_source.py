@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from posfet_driver.imperfections import Imperfections
-from posfet_driver.scene import Scene
+from posfet_driver.scene import Scene, SceneLoads
 from posfet_driver.sim_faults import FaultyScans
 from posfet_driver.simulated_board import SimulatedBoard
 from posfet_driver.source import Clock, Health, SourceReport, SystemClock
@@ -39,7 +39,7 @@ class SimulationSource:
         """
         self.scene = scene
         """The scene that the next `open` begins with."""
-        self.board = SimulatedBoard(sensor, scene, seed, imperfections)
+        self.board = SimulatedBoard(sensor, SceneLoads(scene, sensor), seed, imperfections)
         """The board that the scans come from, for its ground truth; another one after each `open`."""
         self._scans = FaultyScans(self.board, seed)
         self._again = False  # whether the last scan is to be handed on once more
@@ -61,7 +61,7 @@ class SimulationSource:
     def open(self) -> None:
         """Put a fresh board at the beginning of `scene`, which the first `read` starts."""
         board = self.board
-        self.board = SimulatedBoard(board.sensor, self.scene, self._seed, board.imperfections)
+        self.board = SimulatedBoard(board.sensor, SceneLoads(self.scene, board.sensor), self._seed, board.imperfections)
         counters = self._scans.counters  # go on counting
         self._scans = FaultyScans(self.board, self._seed)
         self._scans.counters = counters
@@ -110,16 +110,16 @@ class SimulationSource:
         if not self._running:
             health, state = Health.STALE, "simulation stopped"
         elif self._next == 0:
-            health, state = Health.OK, f"scene '{self.board.scene.name}' waits for its first listener"
+            health, state = Health.OK, f"scene '{self.board.loads.name}' waits for its first listener"
         elif self._delay > LATE:
             health, state = Health.WARN, "simulation late: this machine cannot keep up with the scan rate"
         else:
-            health, state = Health.OK, f"simulating scene '{self.board.scene.name}'"
+            health, state = Health.OK, f"simulating scene '{self.board.loads.name}'"
         return SourceReport(
             health=health,
             state=state,
             scans=self._delivered,
             frames_lost=0,
             counters={f"simulated: {name}": count for name, count in self._scans.counters.items() if count},
-            values={"scene": self.board.scene.name, "delay [ms]": f"{self._delay * 1e3:.1f}"},
+            values={"scene": self.board.loads.name, "delay [ms]": f"{self._delay * 1e3:.1f}"},
         )

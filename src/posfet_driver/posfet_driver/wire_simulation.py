@@ -9,7 +9,7 @@ from posfet_driver.frames import CLASSIC
 from posfet_driver.imperfections import Imperfections
 from posfet_driver.messages import COMMAND_OFFSET, Command, Request
 from posfet_driver.receiver import Receiver
-from posfet_driver.scene import Scene
+from posfet_driver.scene import Scene, SceneLoads
 from posfet_driver.sim_wire import WireNode
 from posfet_driver.simulated_board import SimulatedBoard
 from posfet_driver.truth import Truth
@@ -27,7 +27,7 @@ def wire_scans(
     The scan is overwritten by the next one. Temperatures are those of the status frames. The board is started again
     after a reset. Raises ConfigError when the layout does not fit the frames, ValueError for a seed outside [0, 1e9].
     """
-    board = SimulatedBoard(sensor, scene, seed, imperfections)
+    board = SimulatedBoard(sensor, SceneLoads(scene, sensor), seed, imperfections)
     node = WireNode(board, seed, 0)
     receiver = Receiver(sensor)
     sent: list[tuple[int, Truth]] = []

@@ -8,7 +8,6 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-
 FloatArray: TypeAlias = NDArray[np.floating[Any]]
 
 _Kind = TypeVar("_Kind")

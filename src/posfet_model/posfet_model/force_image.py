@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-
 def non_negative(force: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return forces [N] that are not negative, as near as can be to those given, with the same sum.
 
