@@ -50,7 +50,7 @@ check: $(BUILT)
 	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy
 
 soak: $(BUILT)
-	@$(IN_ENVIRONMENT) exec python3 -m posfet_driver.soak --for $(or $(FOR),1800) $(ARGS)
+	@$(IN_ENVIRONMENT) cd test && exec python3 -m support.soak --for $(or $(FOR),1800) $(ARGS)
 
 bench: $(BUILT) benchmarks/.ready
 	@$(IN_ENVIRONMENT) exec python3 -m benchmarks $(if $(FULL),--full) $(if $(ONLY),--only $(ONLY)) $(ARGS)
@@ -63,7 +63,7 @@ endif
 	@touch $@
 
 stability: $(BUILT)
-	@$(IN_ENVIRONMENT) cd test && exec python3 -m model.drift $(if $(STEPS),--steps $(STEPS)) $(ARGS)
+	@$(IN_ENVIRONMENT) cd test && exec python3 -m support.drift $(if $(STEPS),--steps $(STEPS)) $(ARGS)
 
 accuracy: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m benchmarks.accuracy $(if $(FULL),--full) $(ARGS)

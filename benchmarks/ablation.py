@@ -15,17 +15,17 @@ from unittest.mock import patch
 
 import numpy as np
 
-from posfet_driver.scoring import Score
-from posfet_model import reconstruction
-from posfet_model.calibration import Calibration
-from posfet_model.common_mode import CommonMode
-from posfet_model.mains_hum import MainsHum
-from posfet_model.observer import ForceObserver
-from posfet_model.observer_settings import ObserverSettings
-from posfet_model.reconstruction import Reconstructor
-from posfet_model.sensor import Sensor
-from posfet_model.taxel_watch import TaxelWatch
-from posfet_model.zero_filter import ZeroFilter
+from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.estimation.common_mode import CommonMode
+from posfet_model.estimation.drift_filter import ZeroFilter
+from posfet_model.estimation.force_observer import ForceObserver
+from posfet_model.estimation.settings import ObserverSettings
+from posfet_model.reconstruction import reconstructor
+from posfet_model.reconstruction.mains_hum import MainsHum
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.reconstruction.taxel_faults import TaxelWatch
+from posfet_model.sensor.description import Sensor
+from posfet_sim.evaluation.scorer import Score
 
 SCENES: Final[dict[str, tuple[str, float, tuple[tuple[str, float], ...]]]] = {
     "`press_slide_lift`": ("press_slide_lift", 4.0, ()),
@@ -78,7 +78,7 @@ class Without:
             for (owner, name), stand_in in self.instead.items():
                 stack.enter_context(patch.object(owner, name, stand_in))
             observer = partial(ForceObserver, settings=self.settings)
-            stack.enter_context(patch.object(reconstruction, "ForceObserver", observer))
+            stack.enter_context(patch.object(reconstructor, "ForceObserver", observer))
             yield Reconstructor(sensor, self.calibration(sensor, calibration))
 
 

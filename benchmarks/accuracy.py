@@ -21,15 +21,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks import ablation, held, slips, slow_press
-from posfet_driver.calibrate import calibrate
-from posfet_driver.imperfections import Imperfections
-from posfet_driver.scene import load_scene
-from posfet_driver.score import differing
-from posfet_driver.scoring import Score, Scorer
-from posfet_driver.wire_simulation import wire_scans
-from posfet_model.calibration import Calibration
+from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.figures import style
-from posfet_model.sensor import load_sensor
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.calibration.simulated_bench import calibrate
+from posfet_sim.commands.score import differing
+from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.emulation.offline import wire_scans
+from posfet_sim.evaluation.scorer import Score, Scorer
+from posfet_sim.scene import load_scene
 
 ROOT: Final = Path(__file__).resolve().parent.parent
 DOCUMENT: Final = ROOT / "docs" / "accuracy.md"

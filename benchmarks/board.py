@@ -8,11 +8,11 @@ import numpy as np
 
 from benchmarks.outcome import Cell, Chart, Outcome, Point, Table
 from benchmarks.simulation import CHUNK, DEFAULT, FULL_SCALE, NONE, SENSOR, run
-from posfet_driver.imperfections import Imperfections
-from posfet_driver.scene import SceneLoads, load_scene
-from posfet_driver.simulated_board import SimulatedBoard
-from posfet_model.scan import Scan
-from posfet_model.sensor import Sensor
+from posfet_model.sensor.description import Sensor
+from posfet_model.sensor.scan import Scan
+from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.scene import SceneLoads, load_scene
 
 LARGE = replace(SENSOR, layout=replace(SENSOR.layout, rows=64, cols=64))
 PARTS = {

@@ -16,12 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from posfet_model.crosstalk import DENSE, CrosstalkInverse, non_negative
-from posfet_model.sensor import Layout
+from posfet_model.reconstruction.force_image import non_negative
+from posfet_model.sensor.crosstalk import DENSE, CrosstalkInverse
+from posfet_model.sensor.description import Layout
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "test"))
-from active_set import solve
-from dense_pressure import sphere_forces
+from reference.active_set import solve
+from reference.dense_pressure import sphere_forces
 
 SHARE = 0.02
 NOISE = 0.35e-3

@@ -11,11 +11,11 @@ from cantools.database.can import Message
 
 from benchmarks.outcome import Cell, Outcome, Table
 from benchmarks.timing import microseconds
-from posfet_driver.codec import FD_TAXELS, make_codec
-from posfet_driver.frames import Frame
-from posfet_driver.receiver import Receiver
-from posfet_model.scan import Scan
-from posfet_model.sensor import Sensor, load_sensor
+from posfet_driver.bus.frame import Frame
+from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.scan_codec import FD_TAXELS, make_codec
+from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_model.sensor.scan import Scan
 
 ARRAYS = ("posfet_5x5", "posfet_16x16", "posfet_32x32")
 SCANS = 1 << 16

@@ -12,8 +12,8 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "test"))
 
-from held_force import LEARNT_LEAK, Held, hold
-from held_warmth import Drift
+from reference.held_force import LEARNT_LEAK, Held, hold
+from reference.held_warmth import Drift
 
 TIMES: Final = (1.0, 5.0, 20.0, 60.0)
 """For how long a force has been held [s]."""

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from benchmarks.outcome import Chart, Outcome, Point, Table
 from benchmarks.timing import microseconds
-from posfet_model import adc
-from posfet_model.chain import SCALE_BITS, InverseChain
-from posfet_model.scan import FULL_SCALE_COUNT
-from posfet_model.sensor import Sensor, load_sensor
+from posfet_model.device import adc
+from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_model.sensor.scan import FULL_SCALE_COUNT
+from posfet_model.sensor.signal_chain import SCALE_BITS, InverseChain
 
 SIZES = (5, 16, 32, 64)
 NEWTON_STEPS = 2

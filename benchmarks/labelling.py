@@ -7,7 +7,7 @@ from scipy import ndimage
 
 from benchmarks.outcome import Outcome, Table
 from benchmarks.timing import microseconds
-from posfet_model.labelling import BitMap
+from posfet_model.contacts.connected_components import BitMap
 
 EIGHT = np.ones((3, 3))
 BLOBS = {5: 1, 16: 3, 32: 6, 64: 12}

@@ -6,12 +6,12 @@ import time
 
 from benchmarks.outcome import Cell, Chart, Outcome, Point, Table
 from benchmarks.timing import scan_microseconds
-from posfet_driver.imperfections import Imperfections
-from posfet_driver.scene import SCENE_FOLDER, load_scene
-from posfet_driver.scoring import Scorer
-from posfet_driver.wire_simulation import wire_scans
-from posfet_model.reconstruction import Reconstructor
-from posfet_model.sensor import load_sensor
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.emulation.offline import wire_scans
+from posfet_sim.evaluation.scorer import Scorer
+from posfet_sim.scene import SCENE_FOLDER, load_scene
 
 LONGEST = 3.0
 LONGEST_FULL = 60.0

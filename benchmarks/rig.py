@@ -21,7 +21,7 @@ from ament_index_python.packages import get_package_share_directory
 
 from benchmarks.timing import processor_seconds
 from posfet_model.config import find_file
-from posfet_model.sensor import SENSOR_FOLDER
+from posfet_model.sensor.description import SENSOR_FOLDER
 
 FOLDER = Path(__file__).parent
 TOUCHED = str(FOLDER / "scenes" / "touched.yaml")
@@ -166,8 +166,8 @@ def _start_stack(setup: Setup, sensor: str, link: str, folder: Path) -> list[Pro
     bus = ["-p", "can_interface:=slcan", "-p", f"can_channel:={link}"]
     more = [word for key, value in model.items() for word in ("-p", f"{key}:={str(value).lower()}")]
     return [
-        Process(["-c", "from posfet_model.model_node import main; main()", *common, *more]),
-        Process(["-c", "from posfet_driver.driver_node import main; main()", *common, *bus]),
+        Process(["-c", "from posfet_model.ros.model_node import main; main()", *common, *more]),
+        Process(["-c", "from posfet_driver.ros.driver_node import main; main()", *common, *bus]),
     ]
 
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from benchmarks.outcome import Chart, Outcome, Point, Table
 from benchmarks.timing import scan_microseconds
-from posfet_driver.codec import make_codec
-from posfet_driver.receiver import Receiver
-from posfet_model.chain import ForwardChain
-from posfet_model.reconstruction import Reconstructor
-from posfet_model.scan import Scan
-from posfet_model.sensor import Sensor, load_sensor
+from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.scan_codec import make_codec
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_model.sensor.scan import Scan
+from posfet_model.sensor.signal_chain import ForwardChain
 
 SIDES = (5, 8, 16, 32, 64, 128)
 CONTACTS = (0, 1, 2, 4, 8, 16, 32, 64)

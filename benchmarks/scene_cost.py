@@ -9,13 +9,13 @@ import math
 import time
 from dataclasses import replace
 
-from posfet_driver.scene import ChipBend, Scene, SceneLoads, SceneObject, Track
-from posfet_driver.scene.lines import Cylinder, Edge
-from posfet_driver.scene.paths import Vibration
-from posfet_driver.scene.rectangle import RectangularPunch
-from posfet_driver.scene.shapes import Punch, Shape, Sphere
-from posfet_driver.scene.textures import Ridges, Roughness
-from posfet_model.sensor import Sensor, load_sensor
+from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_sim.contact.indenters import Punch, Shape, Sphere
+from posfet_sim.contact.line_contacts import Cylinder, Edge
+from posfet_sim.contact.rectangular_punch import RectangularPunch
+from posfet_sim.contact.textured_pads import Ridges, Roughness
+from posfet_sim.scene import ChipBend, Scene, SceneLoads, SceneObject, Track
+from posfet_sim.scene.trajectories import Vibration
 
 SCANS = 96
 AT_ONCE = 16

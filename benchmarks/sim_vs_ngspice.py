@@ -23,9 +23,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_mod
 sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.outcome import Chart, Outcome, Point, Table
-from posfet_model import spice
-from posfet_model.follower import OnePoleFollower, close_loop
-from posfet_model.paper import AMPLIFIER_GAIN, GAIN_BANDWIDTH
+from posfet_model.amplifier.closed_loop import close_loop
+from posfet_model.amplifier.follower import OnePoleFollower
+from posfet_model.device.paper import AMPLIFIER_GAIN, GAIN_BANDWIDTH
+from posfet_model.spice import ngspice
 
 STEP = 1e-6
 FREQUENCY = 10e3
@@ -42,12 +43,12 @@ def amplitudes(taxels: int) -> np.ndarray:
 
 def ngspice_run(taxels: int, steps: int, step: float = STEP, stop: float = 0.0) -> tuple[float, np.ndarray, np.ndarray]:
     """Run ngspice; return its processor time a time point [s], times [s] and the last taxel's output [V]."""
-    lines = ["array", spice.netlist("opamp_b")]
+    lines = ["array", ngspice.netlist("opamp_b")]
     for k, volts in enumerate(amplitudes(taxels)):
         lines += [f"vin{k} in{k} 0 sin(0 {volts:.6g} {FREQUENCY:g})", f"x{k} in{k} out{k} out{k} opamp"]
     stop = stop or steps * step
     lines += [
-        f".options acct method=gear reltol={spice.RELATIVE_TOLERANCE:g}",
+        f".options acct method=gear reltol={ngspice.RELATIVE_TOLERANCE:g}",
         f".save v(in{taxels - 1}) v(out{taxels - 1})",
         f".tran {step:g} {stop:g} 0 {step:g}",
         ".end",
@@ -55,11 +56,11 @@ def ngspice_run(taxels: int, steps: int, step: float = STEP, stop: float = 0.0) 
     ]
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "deck.cir").write_text("\n".join(lines), encoding="ascii")
-        command = [spice.PROGRAM, "-n", "-b", "-r", "out.raw", "deck.cir"]
+        command = [ngspice.PROGRAM, "-n", "-b", "-r", "out.raw", "deck.cir"]
         processor, clock = _children_seconds(), time.perf_counter()
         log = subprocess.run(command, cwd=folder, check=True, capture_output=True, text=True).stdout
         share = (_children_seconds() - processor) / (time.perf_counter() - clock)
-        values = spice.read_raw((Path(folder) / "out.raw").read_bytes(), complex_values=False).real
+        values = ngspice.read_raw((Path(folder) / "out.raw").read_bytes(), complex_values=False).real
     account = dict(line.split(" = ", 1) for line in log.splitlines() if line.count(" = ") == 1)
     seconds = float(account["Transient analysis time"]) / float(account["Accepted timepoints"])
     return seconds * share, values[0], values[2]
@@ -100,8 +101,8 @@ def error_percent(instants: np.ndarray, v_out: np.ndarray, volts: float) -> floa
 
 def measure(full: bool) -> Outcome:
     """Time ngspice and the model beside it, with steps that grow; one point of the front is one step width."""
-    if not spice.available():
-        raise RuntimeError(f"{spice.PROGRAM} is not on PATH")
+    if not ngspice.available():
+        raise RuntimeError(f"{ngspice.PROGRAM} is not on PATH")
     values: dict[str, float] = {}
     rows = []
     for taxels, steps in ARRAYS.items():
@@ -161,8 +162,8 @@ def ngspice_series(step: float) -> tuple[np.ndarray, np.ndarray, float]:
 
 def main() -> int:
     """Measure and print."""
-    if not spice.available():
-        print(f"{spice.PROGRAM} is not on PATH", file=sys.stderr)
+    if not ngspice.available():
+        print(f"{ngspice.PROGRAM} is not on PATH", file=sys.stderr)
         return 1
     for taxels, steps in ARRAYS.items():
         per_step, instants, v_out = ngspice_run(taxels, steps)

@@ -6,7 +6,7 @@ speed     share of a core of 5 x 5 at 1 kHz, touched and at rest; 64 x 64 agains
 schemes   run time against error over step, scheme and float width; writes docs/figures/simulation_schemes.csv
 
 Each part prints one table for docs/simulation.md. Times are those of this process alone.
-`python -m posfet_driver.sim_figure` draws the schemes.
+`python -m benchmarks.simulation_figure` draws the schemes.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_model"))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_driver"))
 
-from posfet_driver.imperfections import Imperfections
-from posfet_driver.scene import SCENE_FOLDER, Scene, SceneLoads, load_scene
-from posfet_driver.simulated_board import SimulatedBoard
-from posfet_model.scan import Scan
-from posfet_model.sensor import load_sensor
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.scan import Scan
+from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.scene import SCENE_FOLDER, Scene, SceneLoads, load_scene
 
 SENSOR = load_sensor()
 SHIPPED = sorted(path.stem for path in SCENE_FOLDER.glob("*.yaml"))

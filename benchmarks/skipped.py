@@ -8,12 +8,12 @@ import numpy as np
 
 from benchmarks.outcome import Cell, Outcome, Table
 from benchmarks.simulation import NONE, SENSOR, SHIPPED, run
-from posfet_driver.scene import SceneLoads, load_scene
-from posfet_driver.simulated_board import SimulatedBoard
-from posfet_model.conversions import ForceImageMessage, ImageMessage, PointsMessage, WrenchMessage
-from posfet_model.model_node import MARKER_PERIOD
-from posfet_model.reconstruction import Reconstructor
-from posfet_model.scan import Scan
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.ros.conversions import ForceImageMessage, ImageMessage, PointsMessage, WrenchMessage
+from posfet_model.ros.model_node import MARKER_PERIOD
+from posfet_model.sensor.scan import Scan
+from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.scene import SceneLoads, load_scene
 
 SCANS = 2500
 

@@ -20,11 +20,11 @@ sys.path.insert(2, str(Path(__file__).resolve().parents[1]))
 
 import can
 
+from benchmarks.buffered_slcan import BufferedSlcanBus
 from benchmarks.outcome import Outcome, Table
-from posfet_driver.frames import CLASSIC, FD, RATE_SWITCH
-from posfet_driver.slcan import SlcanBus
-from posfet_driver.slcan_lines import encode_line
-from posfet_driver.slcan_upstream import BufferedSlcanBus
+from posfet_driver.bus.frame import CLASSIC, FD, RATE_SWITCH
+from posfet_driver.bus.slcan_bus import SlcanBus
+from posfet_driver.bus.slcan_codec import encode_line
 
 FRAMES = {"python-can": 2_000, "buffered": 50_000, "recv": 100_000, "read_frames": 300_000}
 """Frames that each reader is given."""

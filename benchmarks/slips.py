@@ -15,16 +15,16 @@ from typing import Final
 
 import numpy as np
 
-from posfet_driver.calibrate import calibrate
-from posfet_driver.imperfections import Imperfections
-from posfet_driver.scene import Scene, SceneObject, Track
-from posfet_driver.scene.paths import Path, Stroke, Wander
-from posfet_driver.scene.shapes import Sphere
-from posfet_driver.score import Run, run
-from posfet_driver.scoring import Score
-from posfet_model.calibration import Calibration
-from posfet_model.fast_channel import SLIP_SPEED
-from posfet_model.sensor import load_sensor
+from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.contacts.slip import SLIP_SPEED
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.calibration.simulated_bench import calibrate
+from posfet_sim.commands.score import Run, run
+from posfet_sim.contact.indenters import Sphere
+from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.evaluation.scorer import Score
+from posfet_sim.scene import Scene, SceneObject, Track
+from posfet_sim.scene.trajectories import Path, Stroke, Wander
 
 SPEEDS: Final = (5e-3, 12e-3, 20e-3, 50e-3)
 """[m/s]."""

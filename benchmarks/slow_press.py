@@ -9,14 +9,14 @@ from typing import Final
 
 import numpy as np
 
-from posfet_driver.imperfections import Imperfections
-from posfet_driver.scene import Scene, SceneObject, Track
-from posfet_driver.scene.shapes import Sphere
-from posfet_driver.wire_simulation import wire_scans
-from posfet_model.calibration import Calibration
-from posfet_model.observer_settings import ObserverSettings
-from posfet_model.reconstruction import Reconstructor
-from posfet_model.sensor import load_sensor
+from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.estimation.settings import ObserverSettings
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.contact.indenters import Sphere
+from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.emulation.offline import wire_scans
+from posfet_sim.scene import Scene, SceneObject, Track
 
 FORCES: Final = (1.0, 0.1)
 """[N]."""

@@ -58,7 +58,7 @@ def measure(full: bool) -> Outcome:
     rows: list[tuple[str | float, ...]] = [
         (f"bringup, source:={source}", statistics.median(seconds), min(seconds)) for source, seconds in taken.items()
     ]
-    for module in ("sys", "numpy", "rclpy.node", "can", "posfet.composed_node, posfet_driver.sim_board_node"):
+    for module in ("sys", "numpy", "rclpy.node", "can", "posfet.composed_node, posfet_sim.ros.sim_board_node"):
         seconds = [imports(module) for _ in range(runs)]
         rows.append((f"python3 -c 'import {module}'", statistics.median(seconds), min(seconds)))
     return Outcome(values, [Table("Start", ("what", "median s", "least s"), rows)])

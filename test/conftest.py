@@ -9,7 +9,7 @@ from importlib.util import find_spec
 import pytest
 from hypothesis import HealthCheck, settings
 
-from posfet_model.sensor import Sensor, load_sensor
+from posfet_model.sensor.description import Sensor, load_sensor
 
 OPTIONAL = {
     "cantools": ["driver/test_codec.py", "driver/test_protocol_document.py"],

@@ -12,7 +12,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from posfet_model.sensor import load_sensor
+from posfet_model.sensor.description import load_sensor
 from posfet_msgs.msg import TactileRaw
 
 

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from scipy import ndimage
 
-from posfet_model.sensor import load_sensor
+from posfet_model.sensor.description import load_sensor
 from posfet_msgs.msg import TactileContact, TactileContacts, TactileRaw
 
 ZERO_SCANS = 200

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.processes.recording import Moments
-from posfet_driver.adapter import EmulatedAdapter
-from posfet_driver.firmware import BoardFirmware
-from posfet_driver.scene import SceneLoads, load_scene
-from posfet_driver.simulated_board import SimulatedBoard
-from posfet_model.scan import Scan, ScanStatus
-from posfet_model.sensor import Sensor, load_sensor
+from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_model.sensor.scan import Scan, ScanStatus
+from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.emulation.firmware import BoardFirmware
+from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
+from posfet_sim.scene import SceneLoads, load_scene
 
 
 class Replay:

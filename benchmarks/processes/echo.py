@@ -16,12 +16,12 @@ from pathlib import Path
 from rclpy.node import Node
 
 from benchmarks.processes.recording import Moments
-from posfet_driver.board import Board
-from posfet_driver.slcan import READ_SIZE, SlcanBus
-from posfet_model.contacts_bytes import ContactsBytes
-from posfet_model.reconstruction import Reconstruction
-from posfet_model.run_node import ros, spin
-from posfet_model.sensor import load_sensor
+from posfet_driver.board.board_client import Board
+from posfet_driver.bus.slcan_bus import READ_SIZE, SlcanBus
+from posfet_model.reconstruction.reconstructor import Reconstruction
+from posfet_model.ros.contacts_cdr import ContactsBytes
+from posfet_model.ros.run_node import ros, spin
+from posfet_model.sensor.description import load_sensor
 from posfet_msgs.msg import TactileContacts
 
 NUMBER = slice(13, 17)

@@ -15,7 +15,7 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
-from posfet_model.run_node import ros, spin
+from posfet_model.ros.run_node import ros, spin
 from posfet_msgs.msg import TactileContacts
 
 DEPTH = 1000

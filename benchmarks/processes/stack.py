@@ -13,7 +13,7 @@ from typing import Any
 from benchmarks.processes.recording import Moments
 from posfet.composed_node import Graph
 from posfet.graph import NodeSpec
-from posfet_model.run_node import ros, spin
+from posfet_model.ros.run_node import ros, spin
 
 
 def note(model: Any, moments: Moments) -> None:

@@ -6,7 +6,7 @@ setup(
     name=package_name,
     version="0.1.0",
     packages=find_packages(exclude=["test"]),
-    package_data={package_name: ["py.typed", "protocol/*.dbc", "scenes/*.yaml"]},
+    package_data={package_name: ["py.typed", "protocol/*.dbc"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
@@ -16,12 +16,7 @@ setup(
     zip_safe=False,
     maintainer="posfet maintainers",
     maintainer_email="maintainers@posfet.invalid",
-    description="CAN protocol, boards and simulated board of POSFET tactile arrays.",
+    description="CAN buses, protocol and driver node of POSFET tactile arrays.",
     license="Apache-2.0",
-    entry_points={
-        "console_scripts": [
-            "driver_node = posfet_driver.start:driver_node",
-            "sim_board_node = posfet_driver.start:sim_board_node",
-        ]
-    },
+    entry_points={"console_scripts": ["driver_node = posfet_driver.ros.start:driver_node"]},
 )

@@ -6,7 +6,7 @@ setup(
     name=package_name,
     version="0.1.0",
     packages=find_packages(exclude=["test"]),
-    package_data={package_name: ["py.typed", "middleware.xml", "netlists/*", "sensors/*.yaml"]},
+    package_data={package_name: ["py.typed", "ros/middleware.xml", "spice/netlists/*", "sensor/sensors/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
@@ -19,5 +19,5 @@ setup(
     maintainer_email="maintainers@posfet.invalid",
     description="Device physics, force reconstruction and contacts of POSFET tactile arrays.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["model_node = posfet_model.start:model_node"]},
+    entry_points={"console_scripts": ["model_node = posfet_model.ros.start:model_node"]},
 )

@@ -12,33 +12,25 @@ from typing import Any
 
 import numpy as np
 import pytest
-from model.sweep import assert_refused
 
-from posfet_model import amplifier, follower, paper, transistor
-from posfet_model.differential_pair import Lead
-from posfet_model.follower_base import FollowerLimits
-from posfet_model.mechanics import Layer
-from posfet_model.spice import SmallSignal
-from posfet_model.taxel import Taxel
+from posfet_model.amplifier import closed_loop, follower, two_stage
+from posfet_model.amplifier.closed_loop import FollowerLimits
+from posfet_model.amplifier.differential_pair import Lead
+from posfet_model.device import paper, transistor
+from posfet_model.device.mechanics import Layer
+from posfet_model.device.taxel import Taxel
+from posfet_model.spice.ngspice import SmallSignal
+from support.sweep import assert_refused
 
 MODULES = [
-    importlib.import_module(f"posfet_model.{name}")
-    for name in (
-        *("adc", "amplifier", "as_printed", "charge", "differential_pair", "film", "follower", "follower_base"),
-        *(
-            "mechanics",
-            "noise",
-            "one_stage",
-            "op_amp",
-            "pair_settling",
-            "paper",
-            "slew_model",
-            "spice",
-            "taxel",
-            "threshold",
-        ),
-        "transistor",
-    )
+    importlib.import_module(f"posfet_model.{room}.{name}")
+    for room, names in {
+        "amplifier": "closed_loop differential_pair follower follower_base one_stage operating_point pair_settling "
+        "slew_identification two_stage",
+        "device": "adc as_printed charge film mechanics noise paper taxel threshold_extraction transistor",
+        "spice": "ngspice",
+    }.items()
+    for name in names.split()
 ]
 NUMBERS = {"ArrayLike", "float", "float | None", "float | FloatArray"}
 NO_NUMBERS: tuple[Any, ...] = (float("nan"), 1 + 1j, "one", True, np.array(["one"]), np.array([1 + 1j]), object())
@@ -60,9 +52,9 @@ GOOD: dict[str, dict[str, Any]] = {
     "adc.lsb": CONVERTER,
     "adc.volts_to_counts": {"volts": 0.0, **CONVERTER},
     "adc.counts_to_volts": {"counts": 7, **CONVERTER},
-    "amplifier.figures_of_merit": {"bias": amplifier.CIRCUIT_B, "design": amplifier.TABLE_II},
-    "amplifier.mismatch_offset": {
-        "figures": amplifier.figures_of_merit(),
+    "two_stage.figures_of_merit": {"bias": two_stage.CIRCUIT_B, "design": two_stage.TABLE_II},
+    "two_stage.mismatch_offset": {
+        "figures": two_stage.figures_of_merit(),
         **dict.fromkeys(("pair_threshold", "load_threshold", "pair_size", "load_size"), 0.0),
     },
     "as_printed.electric_displacement": {
@@ -115,7 +107,7 @@ GOOD: dict[str, dict[str, Any]] = {
         "film": paper.FILM,
         "saturated_coefficient": -38e-12,
     },
-    "follower.close_loop": {"open_loop_gain": 130.0, "gain_bandwidth": 1.5e6},
+    "closed_loop.close_loop": {"open_loop_gain": 130.0, "gain_bandwidth": 1.5e6},
     "follower.IdealFollower": {"offset": 0.0, "limits": FollowerLimits()},
     "follower.StaticFollower": {"gain": 0.99, "offset": 0.0},
     "follower.OnePoleFollower": {"gain": 0.99, "bandwidth": 1e6},
@@ -128,7 +120,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "follower_base.Follower.output": {"state": ONE_POLE.start(0.0)},
     "follower_base.Follower.run": {"time": [0.0, 1.0], "v_in": [0.0, 1.0]},
     "follower_base.Follower.response": {"frequency": 1.0},
-    "follower_base.FollowerLimits": {
+    "closed_loop.FollowerLimits": {
         "v_low": -5.0,
         "v_high": 5.0,
         "slew_rate": 1e6,
@@ -161,8 +153,8 @@ GOOD: dict[str, dict[str, Any]] = {
         "gain": 1.0,
         **BAND,
     },
-    "one_stage.one_stage_figures": {"bias": amplifier.CIRCUIT_B, "design": amplifier.TABLE_II},
-    "op_amp.AmplifierBias": {
+    "one_stage.one_stage_figures": {"bias": two_stage.CIRCUIT_B, "design": two_stage.TABLE_II},
+    "operating_point.AmplifierBias": {
         "reference_current": 2e-4,
         "supply": 5.0,
         "compensation": 46e-12,
@@ -172,7 +164,7 @@ GOOD: dict[str, dict[str, Any]] = {
         "modulation": 0.1,
         "threshold": 0.7,
     },
-    "op_amp.AmplifierDesign": {
+    "operating_point.AmplifierDesign": {
         "sizes": paper.AMPLIFIER_SIZES,
         "stack": paper.STACK,
         "electron_mobility": 0.085,
@@ -180,17 +172,17 @@ GOOD: dict[str, dict[str, Any]] = {
     },
     "paper.TransistorSize": {"name": "M1", "width": 3e-3, "length": 12e-6},
     "paper.channel_gain_factor": {"plane": transistor.Plane.GATE},
-    "slew_model.slew_model": {"loop": follower.ClosedLoop(0.99, 1.4e6), "gain_bandwidth": 1.5e6},
-    "slew_model.two_stage_model": {"bias": amplifier.CIRCUIT_B, "design": amplifier.TABLE_II},
-    "slew_model.one_stage_model": {"bias": amplifier.CIRCUIT_B, "design": amplifier.TABLE_II},
-    "slew_model.SlewModel.follower": {"overdrive": 0.4},
-    "spice.netlist": {"circuit": "opamp_b"},
-    "spice.piecewise_linear": {"time": [0.0, 1.0], "volts": [0.0, 1.0]},
-    "spice.run_follower": {"circuit": "", "source": "", "stop": 1.0, "largest_step": 1e-3},
-    "spice.run_follower_ac": {"circuit": "", "lowest": 1.0, "highest": 1e8, "per_decade": 50},
-    "spice.run_open_loop_ac": {"circuit": "", "lowest": 1.0, "highest": 1e8, "per_decade": 50},
-    "spice.closed_loop": {"response": SmallSignal(np.array([1.0, 2.0]), np.array([1 + 0j, 0.1]))},
-    "spice.read_raw": {"content": b"", "complex_values": False},
+    "slew_identification.slew_model": {"loop": closed_loop.ClosedLoop(0.99, 1.4e6), "gain_bandwidth": 1.5e6},
+    "slew_identification.two_stage_model": {"bias": two_stage.CIRCUIT_B, "design": two_stage.TABLE_II},
+    "slew_identification.one_stage_model": {"bias": two_stage.CIRCUIT_B, "design": two_stage.TABLE_II},
+    "slew_identification.SlewModel.follower": {"overdrive": 0.4},
+    "ngspice.netlist": {"circuit": "opamp_b"},
+    "ngspice.piecewise_linear": {"time": [0.0, 1.0], "volts": [0.0, 1.0]},
+    "ngspice.run_follower": {"circuit": "", "source": "", "stop": 1.0, "largest_step": 1e-3},
+    "ngspice.run_follower_ac": {"circuit": "", "lowest": 1.0, "highest": 1e8, "per_decade": 50},
+    "ngspice.run_open_loop_ac": {"circuit": "", "lowest": 1.0, "highest": 1e8, "per_decade": 50},
+    "ngspice.closed_loop": {"response": SmallSignal(np.array([1.0, 2.0]), np.array([1 + 0j, 0.1]))},
+    "ngspice.read_raw": {"content": b"", "complex_values": False},
     "taxel.Taxel": {
         "area": 1e-6,
         "film_thickness": 2.5e-6,
@@ -207,8 +199,8 @@ GOOD: dict[str, dict[str, Any]] = {
         "gain": 1.0,
         "temperature": 300.0,
     },
-    "threshold.fit_saturation_curve": CURVE,
-    "threshold.fit_linear_curve": {**CURVE, "drain_voltage": 0.05},
+    "threshold_extraction.fit_saturation_curve": CURVE,
+    "threshold_extraction.fit_linear_curve": {**CURVE, "drain_voltage": 0.05},
     "transistor.Stack": {"oxide": 7.7e-4, "film": 4.2e-5},
     "transistor.Stack.drive": {"plane": transistor.Plane.GATE},
     "transistor.Stack.charge_divisor": {"plane": transistor.Plane.GATE},
@@ -248,7 +240,7 @@ SELVES = {
 
 def _public(module: ModuleType) -> Iterator[tuple[str, Callable[..., Any]]]:
     """Functions, classes that check what they are made of, and their methods; inner functions say "unchecked"."""
-    short = module.__name__.removeprefix("posfet_model.")
+    short = module.__name__.rpartition(".")[2]
     if "unchecked" in (module.__doc__ or ""):
         members = {n: m for n, m in vars(module).items() if inspect.isclass(m)}
     else:
@@ -290,12 +282,12 @@ def _bound(name: str) -> Callable[..., Any]:
 
 
 def _selves() -> dict[str, Any]:
-    noise = importlib.import_module("posfet_model.noise")
-    slew_model = importlib.import_module("posfet_model.slew_model")
+    noise = importlib.import_module("posfet_model.device.noise")
+    slew_model = importlib.import_module("posfet_model.amplifier.slew_identification")
     return {
         **SELVES,
         "NoiseBudget": noise.noise_budget(**GOOD["noise.noise_budget"]),
-        "SlewModel": slew_model.slew_model(**GOOD["slew_model.slew_model"]),
+        "SlewModel": slew_model.slew_model(**GOOD["slew_identification.slew_model"]),
     }
 
 
@@ -307,7 +299,9 @@ def test_every_function_has_an_entry_here() -> None:
         assert set(arguments) <= set(_parameters(FUNCTIONS[name])), name
 
 
-@pytest.mark.parametrize("name", [n for n in GOOD if not n.startswith(("spice.run", "spice.read", "spice.closed"))])
+@pytest.mark.parametrize(
+    "name", [n for n in GOOD if not n.startswith(("ngspice.run", "ngspice.read", "ngspice.closed"))]
+)
 def test_the_entry_is_accepted(name: str) -> None:
     _bound(name)(**GOOD[name])
 
@@ -315,7 +309,7 @@ def test_the_entry_is_accepted(name: str) -> None:
 def _refused() -> Iterator[Any]:
     for name, arguments in GOOD.items():
         for argument, kind in _parameters(FUNCTIONS[name]).items():
-            if kind in TEXT or name == "spice.closed_loop":
+            if kind in TEXT or name == "ngspice.closed_loop":
                 continue
             values = NO_NUMBERS if kind in NUMBERS or kind == "int" else NO_OBJECTS
             for value in values:

@@ -6,7 +6,8 @@ import sys
 from typing import Any
 
 import pytest
-from model.sweep import DATA
+
+from support.sweep import DATA
 
 
 def _tables() -> dict[str, Any]:

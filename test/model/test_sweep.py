@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from model.sweep import DATA, ErrorMap, assert_finite, assert_monotone, decades, signed_decades
 
-from posfet_model import charge, film, noise, paper, transistor
-from posfet_model.follower import OnePoleFollower, SquareLawFollower, TwoPoleFollower
+from posfet_model.amplifier.follower import OnePoleFollower, SquareLawFollower, TwoPoleFollower
+from posfet_model.device import charge, film, noise, paper, transistor
+from support.sweep import DATA, ErrorMap, assert_finite, assert_monotone, decades, signed_decades
 
 EPS = np.finfo(np.float64).eps
 FILM = paper.FILM

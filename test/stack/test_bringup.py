@@ -15,10 +15,9 @@ import pytest
 pytest.importorskip("rclpy", reason="needs ROS 2")
 pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 
-from bringup_process import bringup, finish, needs_installation, running
-from expectations import TIMEOUT, Listener, expect_info, expect_stack
-
 from posfet.graph import emulated_adapter
+from support.bringup_process import bringup, finish, needs_installation, running
+from support.expectations import TIMEOUT, Listener, expect_info, expect_stack
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 

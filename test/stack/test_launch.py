@@ -13,12 +13,13 @@ launch_testing = pytest.importorskip(
 )
 pytest.importorskip("launch_ros", reason="needs launch_ros")
 
-from expectations import Listener, expect_stack
 from launch import LaunchDescription
 from launch.actions import IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch_testing.actions import ReadyToTest
 from launch_testing.asserts import assertExitCodes
+
+from support.expectations import Listener, expect_stack
 
 LAUNCH_FILE = Path(__file__).parents[2] / "launch" / "bringup.launch.py"
 IDEAL = {"imperfections": "none"}

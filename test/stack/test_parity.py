@@ -7,10 +7,11 @@ import pytest
 pytest.importorskip("rclpy", reason="needs ROS 2")
 pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 
-from bringup_process import needs_installation, running
-from expectations import Listener
 from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
+
+from support.bringup_process import needs_installation, running
+from support.expectations import Listener
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 

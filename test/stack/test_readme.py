@@ -15,8 +15,8 @@ import pytest
 pytest.importorskip("rclpy", reason="needs ROS 2")
 pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 
-from bringup_process import needs_installation, running
-from expectations import TIMEOUT
+from support.bringup_process import needs_installation, running
+from support.expectations import TIMEOUT
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 

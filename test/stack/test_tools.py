@@ -10,8 +10,9 @@ import time
 from pathlib import Path
 
 import pytest
-from bringup_process import needs_installation
-from expectations import TIMEOUT
+
+from support.bringup_process import needs_installation
+from support.expectations import TIMEOUT
 
 pytestmark = [pytest.mark.process, needs_installation]
 

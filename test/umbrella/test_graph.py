@@ -6,10 +6,10 @@ import pytest
 
 from posfet.arguments import parse
 from posfet.graph import NodeSpec, graph
-from posfet_model.calibration import Calibration
-from posfet_model.calibration_file import save_calibration
+from posfet_model.calibration.calibration_file import save_calibration
+from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
-from posfet_model.sensor import load_sensor
+from posfet_model.sensor.description import load_sensor
 
 
 @pytest.fixture

@@ -8,17 +8,20 @@ from importlib import import_module
 from typing import Final
 
 from posfet_model.command_line import until_reader_goes
-from posfet_model.start import end_in_order
+from posfet_model.ros.start import end_in_order
 
 COMMANDS: Final = {
     "bringup": ("posfet.bringup", "start the stack: board or simulated board, driver, model"),
-    "sim": ("posfet_driver.sim_command", "run a scene on the simulated board, faster than real time, into a file"),
+    "sim": ("posfet_sim.commands.simulate", "run a scene on the simulated board, faster than real time, into a file"),
     "can": (
-        "posfet_driver.can_tool",
+        "posfet.can",
         "adapters and boards at the bench: list, monitor, command, record, replay, test",
     ),
-    "calibrate": ("posfet_driver.calibrate", "press the simulated board taxel by taxel and write its calibration"),
-    "score": ("posfet_driver.score", "score the reconstruction on a scene of the simulated board"),
+    "calibrate": (
+        "posfet_sim.commands.calibrate",
+        "press the simulated board taxel by taxel and write its calibration",
+    ),
+    "score": ("posfet_sim.commands.score", "score the reconstruction on a scene of the simulated board"),
     "view": ("posfet.view_node", "show the live force map and the contacts of a running stack"),
 }
 """Subcommands: module whose `main` takes the remaining words and returns the exit code, and what it does."""

@@ -13,10 +13,10 @@ from posfet.graph import NodeSpec
 from posfet.screen import Screen
 from posfet.show_node import show
 from posfet.snapshot import ContactView, Snapshot, TrueContact
-from posfet_driver.scan_source_node import ScanSourceNode
-from posfet_model.model_node import ModelNode
-from posfet_model.run_node import ros
-from posfet_model.tracker import Contact, ContactState
+from posfet_driver.ros.scan_source_node import ScanSourceNode
+from posfet_model.contacts.tracker import Contact, ContactState
+from posfet_model.ros.model_node import ModelNode
+from posfet_model.ros.run_node import ros
 
 CLASSES: Final = {"model_node": "ModelNode", "sim_board_node": "SimBoardNode", "driver_node": "DriverNode"}
 """Class of each node, in the module that is named as its executable; what a graph does not need is not loaded."""
@@ -32,7 +32,7 @@ class Graph:
                 arguments = spec.arguments
                 if spec.executable == "model_node":
                     arguments = [*arguments, "-p", "direct:=true"]
-                module = import_module(f"{spec.package}.{spec.executable}")
+                module = import_module(f"{spec.package}.ros.{spec.executable}")
                 node = getattr(module, CLASSES[spec.executable])(cli_args=arguments, use_global_arguments=False)
                 self.nodes[spec.executable] = node
         except BaseException:

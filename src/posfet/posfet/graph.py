@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Final
 
 from posfet.arguments import defaults
-from posfet_driver.adapter_lock import is_served
-from posfet_driver.imperfections import load_imperfections
-from posfet_driver.scene import load_scene
-from posfet_model.calibration_file import load_calibration
+from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError, read_yaml
-from posfet_model.mount import parse_mount
-from posfet_model.sensor import Sensor, load_sensor
+from posfet_model.ros.mount import parse_mount
+from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_sim.device.imperfections import load_imperfections
+from posfet_sim.emulation.adapter_lock import is_served
+from posfet_sim.scene import load_scene
 
 Value = bool | int | float | str
 
@@ -137,7 +137,7 @@ def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
     nodes = [node("posfet_model", "model_node", {"simulated": source != "can", **known})]
     if source != "can":
         simulated = {name: arguments[name] for name in ("scene", "imperfections")}
-        nodes.append(node("posfet_driver", "sim_board_node", {**simulated, **board}))
+        nodes.append(node("posfet_sim", "sim_board_node", {**simulated, **board}))
     if source != "sim":
         nodes.append(node("posfet_driver", "driver_node", {**bus, "can_bitrate": int(arguments["can_bitrate"])}))
     return nodes

@@ -13,7 +13,7 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 from posfet.graph import NodeSpec
 from posfet_model.config import ConfigError
-from posfet_model.start import PARENT
+from posfet_model.ros.start import PARENT
 
 STOP_TIMEOUT = 5.0
 """Time that the nodes are given to end before they are killed [s]."""

@@ -9,7 +9,7 @@ from posfet.processes import Processes
 from posfet.screen import Screen
 from posfet.show_node import show
 from posfet.view_node import ViewNode
-from posfet_model.run_node import ros
+from posfet_model.ros.run_node import ros
 
 FAILED = 1
 

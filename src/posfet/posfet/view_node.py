@@ -18,8 +18,8 @@ from posfet.show_node import show
 from posfet.snapshot import ContactView, Snapshot, TrueContact
 from posfet_model.command_line import checked_namespace, positive
 from posfet_model.config import ConfigError
-from posfet_model.run_node import ros
-from posfet_model.tracker import ContactState
+from posfet_model.contacts.tracker import ContactState
+from posfet_model.ros.run_node import ros
 from posfet_msgs.msg import TactileContacts, TactileImage, TactileTruth
 
 FAILED = 1

@@ -1,64 +1,80 @@
-"""POSFET tactile sensing: device physics, reconstruction of force, contacts. Needs NumPy and PyYAML, not ROS.
+"""POSFET tactile sensing: device physics, force estimation, contacts. Needs NumPy and PyYAML, not ROS.
 
-The modules of the device are attributes of the package, loaded when first used:
+What a program needs most stands here, and is loaded when it is first used; the rooms are subpackages:
 
 >>> import posfet_model
->>> print(f"{posfet_model.taxel.Taxel().volts_per_newton:.3f} V/N")
+>>> posfet_model.load_sensor().layout.taxels
+25
+>>> print(f"{posfet_model.device.taxel.Taxel().volts_per_newton:.3f} V/N")
 0.894 V/N
 """
 
 from __future__ import annotations
 
 import importlib
-from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from posfet_model import (
-        adc,
         amplifier,
-        as_printed,
-        charge,
-        constants,
-        film,
-        follower,
-        mechanics,
-        noise,
-        one_stage,
-        paper,
-        slew_model,
+        calibration,
+        contacts,
+        device,
+        estimation,
+        figures,
+        reconstruction,
+        sensor,
         spice,
-        taxel,
-        threshold,
-        transistor,
     )
+    from posfet_model.calibration.taxel_calibration import Calibration
+    from posfet_model.config import ConfigError
+    from posfet_model.contacts.tracker import Contact
+    from posfet_model.reconstruction.reconstructor import Reconstructor
+    from posfet_model.reconstruction.taxel_faults import TaxelStatus
+    from posfet_model.sensor.description import load_sensor
+    from posfet_model.sensor.scan import Scan
+
+__version__ = "0.1.0"
 
 __all__ = [
-    "adc",
+    "Calibration",
+    "ConfigError",
+    "Contact",
+    "Reconstructor",
+    "Scan",
+    "TaxelStatus",
     "amplifier",
-    "as_printed",
-    "charge",
-    "constants",
-    "film",
-    "follower",
-    "mechanics",
-    "noise",
-    "one_stage",
-    "paper",
-    "slew_model",
+    "calibration",
+    "contacts",
+    "device",
+    "estimation",
+    "figures",
+    "load_sensor",
+    "reconstruction",
+    "sensor",
     "spice",
-    "taxel",
-    "threshold",
-    "transistor",
 ]
 
+_HOME: Final = {
+    "Calibration": "calibration.taxel_calibration",
+    "ConfigError": "config",
+    "Contact": "contacts.tracker",
+    "Reconstructor": "reconstruction.reconstructor",
+    "Scan": "sensor.scan",
+    "TaxelStatus": "reconstruction.taxel_faults",
+    "load_sensor": "sensor.description",
+}
+"""Module in which each name is defined; every other name of `__all__` is a subpackage."""
 
-def __getattr__(name: str) -> ModuleType:
-    """Load a module of the device; AttributeError for any other name."""
+
+def __getattr__(name: str) -> Any:
+    """Load a name or a subpackage when it is first used; AttributeError for any other name."""
+    if name in _HOME:
+        return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
     if name in __all__:
         return importlib.import_module(f"{__name__}.{name}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return [*globals(), *__all__]
+    return sorted({*globals(), *__all__})

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import yaml
 
-from posfet_model.checks import interval
+from posfet_model._lib.validation import interval
 
 
 class ConfigError(ValueError):

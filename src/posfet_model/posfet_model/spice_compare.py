@@ -12,21 +12,20 @@ from typing import Final
 
 import numpy as np
 
+from posfet_model.amplifier.closed_loop import ClosedLoop
+from posfet_model.amplifier.follower import SquareLawFollower
+from posfet_model.amplifier.slew_identification import OVERDRIVE, slew_model
 from posfet_model.command_line import until_reader_goes
-from posfet_model.follower import ClosedLoop, SquareLawFollower
-from posfet_model.follower_run import (
+from posfet_model.device.paper import GAIN_BANDWIDTH
+from posfet_model.spice.model_comparison import (
     SECOND_POLE_QUALITY,
-    FollowerRun,
-    RunFileError,
     blind_models,
     calibrated_models,
     deviations,
     fit_overdrive,
-    read_run,
     slews,
 )
-from posfet_model.paper import GAIN_BANDWIDTH
-from posfet_model.slew_model import OVERDRIVE, slew_model
+from posfet_model.spice.run_file import FollowerRun, RunFileError, read_run
 
 CLOSED_LOOP_GAIN: Final = (0.5, 1.5)
 OPEN_LOOP_GAIN: Final = (10.0, 1e9)

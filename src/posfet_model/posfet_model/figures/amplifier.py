@@ -9,6 +9,10 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
+from posfet_model.amplifier.closed_loop import close_loop
+from posfet_model.amplifier.follower import OnePoleFollower, SquareLawFollower, TwoPoleFollower
+from posfet_model.amplifier.slew_identification import OVERDRIVE
+from posfet_model.device.paper import AMPLIFIER_GAIN, GAIN_BANDWIDTH
 from posfet_model.figures.style import (
     BLACK,
     BLUE,
@@ -21,10 +25,7 @@ from posfet_model.figures.style import (
     label,
     new_figure,
 )
-from posfet_model.follower import OnePoleFollower, SquareLawFollower, TwoPoleFollower, close_loop
-from posfet_model.follower_run import SECOND_POLE_QUALITY
-from posfet_model.paper import AMPLIFIER_GAIN, GAIN_BANDWIDTH
-from posfet_model.slew_model import OVERDRIVE
+from posfet_model.spice.model_comparison import SECOND_POLE_QUALITY
 
 _LOOP = close_loop(AMPLIFIER_GAIN.value, GAIN_BANDWIDTH.value)
 _ONE_POLE = OnePoleFollower(gain=_LOOP.gain, bandwidth=_LOOP.bandwidth)

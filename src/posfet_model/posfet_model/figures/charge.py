@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from posfet_model import paper
-from posfet_model.charge import frequency_response, propagate_first_order_hold, source_charge
+from posfet_model.device import paper
+from posfet_model.device.charge import frequency_response, propagate_first_order_hold, source_charge
 from posfet_model.figures.style import BLACK, BLUE, DASHED, DOTTED, GREY, SOLID, VERMILION, label, new_figure
 
 _TAU = paper.LEAK_TIME_CONSTANT.value

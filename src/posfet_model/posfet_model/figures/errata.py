@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from posfet_model import as_printed, paper
+from posfet_model.device import as_printed, paper
+from posfet_model.device.mechanics import circular_deflection
+from posfet_model.device.transistor import Plane, drain_current, threshold_shift
 from posfet_model.figures.style import BLACK, BLUE, DASHED, GREY, SOLID, VERMILION, label, new_figure
-from posfet_model.mechanics import circular_deflection
-from posfet_model.transistor import Plane, drain_current, threshold_shift
 
 _STACK = paper.STACK
 _BETA = paper.channel_gain_factor(Plane.GATE)

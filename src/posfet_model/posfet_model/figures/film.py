@@ -9,7 +9,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from posfet_model import paper
+from posfet_model.device import paper
+from posfet_model.device.film import VIRGIN, History, falling_branch, polarise, remnant_after, rising_branch
 from posfet_model.figures.style import (
     BLACK,
     BLUE,
@@ -24,7 +25,6 @@ from posfet_model.figures.style import (
     new_figure,
     second_axis,
 )
-from posfet_model.film import VIRGIN, History, falling_branch, polarise, remnant_after, rising_branch
 
 _KV_PER_CM = 1e5
 _UC_PER_CM2 = 1e-2

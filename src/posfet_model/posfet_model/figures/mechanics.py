@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from posfet_model import paper
+from posfet_model.device import paper
+from posfet_model.device.mechanics import Layer, bend_on_cylinder, circular_deflection, square_deflection
 from posfet_model.figures.style import BLACK, BLUE, DASH_DOT, DASHED, DOTTED, GREY, SOLID, VERMILION, label, new_figure
-from posfet_model.mechanics import Layer, bend_on_cylinder, circular_deflection, square_deflection
 
 _SILICON = (paper.SILICON_MODULUS.value, paper.SILICON_POISSON_RATIO.value)
 _MICRO = 1e-6

@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from posfet_model import paper
+from posfet_model.device import paper
+from posfet_model.device.transistor import Plane, drain_current
 from posfet_model.figures.style import BLACK, BLUE, DASHED, DOTTED, GREY, SOLID, VERMILION, label, new_figure
-from posfet_model.transistor import Plane, drain_current
 
 _BETA = paper.channel_gain_factor(Plane.GATE)
 _BEFORE = paper.THRESHOLD_VOLTAGE.value

@@ -1,0 +1,170 @@
+"""Opening of a CAN bus from plain parameters, with every mistake in them told in one line."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import logging
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import can
+from can.interfaces import BACKENDS
+
+from posfet_driver.bus.frame_bus import FrameBus
+from posfet_driver.bus.python_can_bus import MessageFrames
+from posfet_driver.bus.slcan_bus import SlcanBus
+from posfet_driver.bus.socketcan_bus import SocketcanFrames
+from posfet_model.config import ConfigError
+from posfet_model.sensor.description import CanLink
+
+SOCKETCAN: Final = "socketcan"
+SLCAN: Final = "slcan"
+"""The interface that is our own buffered reader."""
+PLAIN_SLCAN: Final = "slcan-python-can"
+"""The interface that is python-can's slcan."""
+logging.getLogger("can").addHandler(logging.NullHandler())  # errors are raised; else stderr has each attempt's, too
+_DOCUMENTED: Final = re.compile(r"^\s*:param (?:[^:\n]* )?(\w+):", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class BusSettings:
+    """What is needed to open a bus."""
+
+    interface: str
+    channel: str
+    bitrate: int
+    """Nominal bitrate [bit/s]."""
+    data_bitrate: int
+    """Bitrate of the data phase of CAN FD [bit/s]."""
+    fd: bool
+    options: Mapping[str, Any] = field(default_factory=dict)
+    """Further arguments of the interface."""
+
+    @property
+    def name(self) -> str:
+        """The bus in one word."""
+        return f"{self.interface}:{self.channel}" if self.channel else self.interface
+
+
+def bus_settings(
+    interface: str,
+    channel: str,
+    link: CanLink,
+    *,
+    bitrate: int = 0,
+    data_bitrate: int = 0,
+    options: Sequence[str] = (),
+) -> BusSettings:
+    """Return checked settings; a bitrate of 0, and the frames, are taken from `link`, options are texts 'key=value'.
+
+    Raises ConfigError, one line, for an interface or an option that does not exist, naming those that do.
+    """
+    settings = BusSettings(
+        interface=interface,
+        channel=channel,
+        bitrate=bitrate or link.bitrate,
+        data_bitrate=data_bitrate or link.data_bitrate,
+        fd=link.fd,
+        options=dict(_option(text) for text in options if text),
+    )
+    known = sorted(_accepted(_bus_class(interface)) - {"channel", "bitrate", "data_bitrate", "fd"})
+    for key in settings.options:
+        if key not in known:
+            raise ConfigError(f"CAN interface '{interface}' has no option '{key}', known are {', '.join(known)}")
+    return settings
+
+
+def open_bus(settings: BusSettings) -> FrameBus:
+    """Open the bus.
+
+    Raises can.CanError with the reason in one line when it cannot be opened now; ConfigError when an argument can never
+    work.
+    """
+    bus = open_can_bus(settings)
+    if settings.interface == SOCKETCAN:
+        return SocketcanFrames(bus)
+    return bus if isinstance(bus, SlcanBus) else MessageFrames(bus)
+
+
+def open_can_bus(settings: BusSettings) -> can.BusABC:
+    """Open the bus as python-can has it; raises as `open_bus` does."""
+    bus_class = _bus_class(settings.interface)
+    accepted = _accepted(bus_class)
+    offered: dict[str, Any] = {"bitrate": settings.bitrate, "fd": settings.fd}
+    if settings.fd:
+        offered["data_bitrate"] = settings.data_bitrate
+    arguments = {key: value for key, value in offered.items() if key in accepted} | dict(settings.options)
+    if settings.channel:
+        arguments["channel"] = settings.channel
+    elif _channel_needed(bus_class):
+        raise ConfigError(f"CAN interface '{settings.interface}' needs a channel, such as can0, /dev/ttyACM0, ...")
+    try:
+        return bus_class(**arguments)
+    except can.CanInterfaceNotImplementedError as error:
+        raise ConfigError(f"CAN interface '{settings.interface}' cannot be used here: {one_line(error)}") from error
+    except (can.CanError, OSError) as error:
+        reason = one_line(error).removeprefix(f"{settings.channel}: ")
+        raise can.CanInitializationError(f"{settings.name}: {reason}") from error
+    except (ValueError, TypeError) as error:
+        raise ConfigError(f"{settings.name}: {one_line(error)}") from error
+
+
+def one_line(error: BaseException) -> str:
+    """Return what an exception says, on one line; its kind when it says nothing."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def interfaces() -> list[str]:
+    """Return the names of the interfaces there are."""
+    return sorted({*BACKENDS, PLAIN_SLCAN})
+
+
+def _bus_class(interface: str) -> type[Any]:
+    if interface == SLCAN:
+        return SlcanBus
+    module_and_name = BACKENDS.get("slcan" if interface == PLAIN_SLCAN else interface)
+    if module_and_name is None:
+        raise ConfigError(f"CAN interface must be one of {', '.join(interfaces())}, got '{interface}'")
+    module, name = module_and_name
+    try:
+        bus_class: type[Any] = getattr(importlib.import_module(module), name)
+    except (ImportError, OSError, AttributeError, can.CanError) as error:  # makers' modules fail in many ways
+        raise ConfigError(f"CAN interface '{interface}' cannot be used here: {one_line(error)}") from error
+    return bus_class
+
+
+def _accepted(bus_class: type[Any]) -> set[str]:
+    """Return the names of the arguments that a bus takes, those that it hands to its base classes included."""
+    return set(_parameters(bus_class)) - {"self", "args", "kwargs"}
+
+
+def _channel_needed(bus_class: type[Any]) -> bool:
+    channel = inspect.signature(bus_class).parameters.get("channel")
+    return channel is not None and channel.default is channel.empty
+
+
+def _parameters(bus_class: type[Any]) -> Iterator[str]:
+    for part in bus_class.__mro__:
+        if "__init__" not in vars(part):
+            continue
+        constructor = vars(part)["__init__"]
+        parameters = inspect.signature(constructor).parameters.values()
+        yield from (item.name for item in parameters if item.kind not in {item.VAR_POSITIONAL, item.VAR_KEYWORD})
+        if part is can.BusABC or not any(item.kind is item.VAR_KEYWORD for item in parameters):
+            return
+        # Some take what they need out of **kwargs, such as Kvaser's even the bitrate: only their documentation tells.
+        yield from _DOCUMENTED.findall(constructor.__doc__ or "")
+
+
+def _option(text: str) -> tuple[str, Any]:
+    key, separator, value = text.partition("=")
+    if not separator or not key:
+        raise ConfigError(f"CAN option must be 'key=value', got '{text}'")
+    try:
+        return key, ast.literal_eval(value)
+    except (ValueError, SyntaxError):
+        return key, {"true": True, "false": False}.get(value.lower(), value)

@@ -1,0 +1,237 @@
+"""A buffered slcan bus for python-can: reads all that is there at once and takes many lines apart in one go."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import select
+import termios
+import time
+import tty
+from collections import deque
+from typing import Any, Final
+
+import can
+
+from posfet_driver.bus.error_frame import BUS_ERROR, CONTROLLER, PASSIVE, WARNING, error_frame
+from posfet_driver.bus.frame import Frame
+from posfet_driver.bus.message_conversion import frame_of, message_of
+from posfet_driver.bus.slcan_codec import (
+    END,
+    FLAG_BUS_ERROR,
+    FLAG_OVERFLOW,
+    FLAG_PASSIVE,
+    FLAG_WARNING,
+    REFUSED,
+    LineReader,
+    encode_line,
+)
+
+BITRATES: Final = {
+    10_000: b"S0",
+    20_000: b"S1",
+    50_000: b"S2",
+    100_000: b"S3",
+    125_000: b"S4",
+    250_000: b"S5",
+    500_000: b"S6",
+    750_000: b"S7",
+    1_000_000: b"S8",
+    83_300: b"S9",
+}
+"""Command that sets each nominal bitrate [bit/s]."""
+
+DATA_BITRATES: Final = {2_000_000: b"Y2", 5_000_000: b"Y5"}
+"""Command that sets each bitrate of the data phase [bit/s]."""
+
+READ_SIZE: Final = 1 << 16
+REPLY_TIMEOUT: Final = 0.1
+"""How long an adapter may take to reply [s]; some never do."""
+
+
+class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked here
+    """A serial-line CAN adapter (slcan), classic and FD.
+
+    Not done: setting bit-timing registers, the adapter's own time stamps, and waiting for the acknowledgement of a sent
+    frame. A serial port is needed; a socket will not do.
+    """
+
+    def __init__(
+        self,
+        channel: str,
+        bitrate: int | None = None,
+        data_bitrate: int | None = None,
+        fd: bool = False,
+        tty_baudrate: int = 115_200,
+        listen_only: bool = False,
+        can_filters: Any = None,
+    ) -> None:
+        """Open the adapter at the serial port `channel`; None leaves a bitrate [bit/s] as the adapter has it.
+
+        Raises ValueError for a bitrate that slcan has no command for; can.CanInitializationError when the port cannot
+        be opened, is in use, or the adapter refuses.
+        """
+        commands = [b"C"]
+        if bitrate is not None:
+            commands.append(_command("bitrate", bitrate, BITRATES))
+        if fd and data_bitrate is not None:
+            commands.append(_command("data_bitrate", data_bitrate, DATA_BITRATES))
+        commands.append(b"L" if listen_only else b"O")
+        speed = getattr(termios, f"B{tty_baudrate}", None)
+        if speed is None:
+            raise ValueError(f"tty_baudrate must be a speed of the serial port, got {tty_baudrate}")
+        self._can_protocol = can.CanProtocol.CAN_FD if fd else can.CanProtocol.CAN_20
+        self.channel_info = f"slcan {channel}"
+        self._reader = LineReader()
+        self._frames: deque[Frame] = deque()
+        self._fd = _open_port(channel, speed)
+        self._poll = select.poll()
+        self._poll.register(self._fd, select.POLLIN)
+        self._open = True
+        try:
+            for command in commands:
+                self._configure(command)
+        except BaseException:
+            self._release()
+            raise
+        super().__init__(channel, can_filters=can_filters)
+
+    @property
+    def malformed_lines(self) -> int:
+        """Lines that were no frame and no reply."""
+        return self._reader.malformed
+
+    def read_frames(self, timeout: float) -> list[Frame]:
+        """Return the frames that are there; when none is, wait up to `timeout` [s] for the first.
+
+        Filters are not applied. Raises can.CanOperationError when the adapter is gone.
+        """
+        frames = self._reader.frames(self._read(timeout))
+        if self._reader.flags is not None:
+            frames += _errors(self._reader.flags)
+            self._reader.flags = None
+        if self._frames:
+            frames = [*self._frames, *frames]
+            self._frames.clear()
+        return frames
+
+    def write_frame(self, frame: Frame) -> None:
+        """Send one frame. Raises can.CanOperationError when the adapter is gone or takes nothing for 0.1 s."""
+        self._write(encode_line(frame), REPLY_TIMEOUT)
+
+    def ask_state(self) -> None:
+        """Ask the adapter for its status flags, which are read as an error frame; adapters without any refuse."""
+        self._write(b"F" + END, REPLY_TIMEOUT)
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        """Send one message; see can.BusABC."""
+        if msg.is_error_frame:
+            raise ValueError("an error frame cannot be sent")
+        self._write(encode_line(frame_of(msg)), timeout)
+
+    def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
+        end = None if timeout is None else time.monotonic() + timeout
+        while not self._frames:
+            left = None if end is None else max(end - time.monotonic(), 0.0)
+            self._frames.extend(self._reader.frames(self._read(left)))
+            if left == 0:
+                break
+        if not self._frames:
+            return None, False
+        return message_of(self._frames.popleft(), time.time()), False
+
+    def fileno(self) -> int:
+        """Return the file descriptor of the serial port."""
+        return self._fd
+
+    def shutdown(self) -> None:
+        """Close the adapter's channel and the port; may be called twice."""
+        super().shutdown()
+        if self._open:
+            with contextlib.suppress(can.CanOperationError):  # an adapter that is gone is closed
+                self._write(b"C\r", REPLY_TIMEOUT)
+            self._release()
+
+    def _release(self) -> None:
+        self._open = False
+        os.close(self._fd)
+
+    def _configure(self, command: bytes) -> None:
+        """Send a command and wait for the reply. Silence is taken as yes, and so is any reply to closing."""
+        self._write(command + END, REPLY_TIMEOUT)
+        end = time.monotonic() + REPLY_TIMEOUT
+        while (left := end - time.monotonic()) > 0:
+            for line in self._reader.lines(self._read(left)):
+                if line == REFUSED and command != b"C":
+                    raise can.CanInitializationError(f"the adapter refuses the command {command.decode()}")
+                if line in {b"", REFUSED}:
+                    return
+
+    def _read(self, timeout: float | None) -> bytes:
+        """Return what is there, after at most `timeout` [s]."""
+        if not self._open:
+            raise can.CanOperationError("the bus is closed")
+        if not self._poll.poll(None if timeout is None else timeout * 1000):
+            return b""
+        try:
+            data = os.read(self._fd, READ_SIZE)
+        except BlockingIOError:
+            return b""
+        except OSError as error:
+            raise can.CanOperationError(f"the adapter is gone: {error.strerror}") from error
+        if not data:
+            raise can.CanOperationError("the adapter is gone: end of file")
+        return data
+
+    def _write(self, line: bytes, timeout: float | None) -> None:
+        """Write all of `line` within `timeout` [s]; an adapter that takes only a part of it is taken as gone."""
+        if not self._open:
+            raise can.CanOperationError("the bus is closed")
+        end = None if timeout is None else time.monotonic() + timeout
+        while line:
+            try:
+                line = line[os.write(self._fd, line) :]
+            except BlockingIOError:
+                left = None if end is None else end - time.monotonic()
+                if left is not None and left <= 0:
+                    raise can.CanOperationError("the adapter takes no more data") from None
+                select.select([], [self._fd], [], left)
+            except OSError as error:
+                raise can.CanOperationError(f"the adapter is gone: {error.strerror}") from error
+
+
+def _errors(flags: int) -> list[Frame]:
+    """Return what an adapter's status flags say as an error frame, or nothing when they say nothing."""
+    controller = (
+        PASSIVE * bool(flags & FLAG_PASSIVE) | 0x01 * bool(flags & FLAG_OVERFLOW) | WARNING * bool(flags & FLAG_WARNING)
+    )
+    classes = CONTROLLER * bool(controller) | BUS_ERROR * bool(flags & FLAG_BUS_ERROR)
+    return [error_frame(classes, controller)] if classes else []
+
+
+def _command(name: str, value: int, commands: dict[int, bytes]) -> bytes:
+    if value not in commands:
+        raise ValueError(f"{name} must be one of {', '.join(map(str, sorted(commands)))} with slcan, got {value}")
+    return commands[value]
+
+
+def _open_port(channel: str, speed: int) -> int:
+    """Return the descriptor of a serial port in raw mode, its buffers empty, locked against a second driver."""
+    try:
+        port = os.open(channel, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError as error:
+        raise can.CanInitializationError(f"{channel}: {error.strerror}") from error
+    try:
+        fcntl.flock(port, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        tty.setraw(port)
+        attributes = termios.tcgetattr(port)
+        attributes[4] = attributes[5] = speed
+        termios.tcsetattr(port, termios.TCSANOW, attributes)
+        termios.tcflush(port, termios.TCIOFLUSH)
+    except (OSError, termios.error) as error:
+        os.close(port)
+        in_use = isinstance(error, BlockingIOError)
+        reason = "in use by another process" if in_use else f"not a serial port: {os.strerror(error.args[0])}"
+        raise can.CanInitializationError(f"{channel}: {reason}") from error
+    return port

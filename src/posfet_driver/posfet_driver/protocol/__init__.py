@@ -1,0 +1,1 @@
+"""Bytes to scans and back. Imports no bus but `bus.frame`, no thread, no clock."""

@@ -1,0 +1,1 @@
+"""The driver node and everything else that needs ROS."""

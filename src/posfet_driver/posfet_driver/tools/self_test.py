@@ -1,0 +1,139 @@
+"""Adapter and board checked one thing after the other: `posfet can selftest`."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable
+from typing import Final
+
+import can
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from posfet_driver.board.board_client import Board
+from posfet_driver.board.command_queue import CommandError
+from posfet_driver.board.faults import FaultWatch
+from posfet_driver.bus.open_bus import BusSettings
+from posfet_driver.bus.port_search import BusOpener
+from posfet_driver.protocol.messages import Command, version
+from posfet_driver.tools.bus_options import bus_of
+from posfet_model.sensor.description import Sensor
+
+FIRST_SCAN: Final = 3.0
+"""Time in which the first scan has to come [s]."""
+RATE_TOLERANCE: Final = 0.05
+"""Greatest difference of the measured rate from the nominal one, as a share of it."""
+POLL: Final = 0.1
+
+
+class CheckFailed(Exception):
+    """A check did not pass; the message is one line with the reason."""
+
+
+class SelfTest:
+    """The checks of one board, in order; each returns what it found or raises CheckFailed, CommandError or CanError."""
+
+    def __init__(self, sensor: Sensor, settings: BusSettings, seconds: float) -> None:
+        self._sensor = sensor
+        self._opener = BusOpener(settings)
+        self._board = Board(sensor, self._opener)
+        self._seconds = seconds
+
+    def checks(self) -> list[tuple[str, Callable[[], str]]]:
+        """Return names and checks."""
+        return [
+            ("adapter opens", self._open),
+            ("board sends scans", self._first_scan),
+            ("board identifies itself", self._identify),
+            ("board's own test", lambda: self._ask(Command.SELF_TEST, "no fault found")),
+            ("scans come whole and in time", self._scans),
+            ("a command is refused with a reason", self._refuse),
+            ("board stops and starts", self._stop_and_start),
+            ("no fault is left", self._faults),
+        ]
+
+    def close(self) -> None:
+        """Stop the board and close the bus."""
+        self._board.close()
+
+    def _open(self) -> str:
+        self._board.open()
+        if self._board.report().conditions == ("bus gone",):
+            raise CheckFailed(self._board.report().state)
+        return self._opener.channel or self._opener.settings.name
+
+    def _first_scan(self) -> str:
+        begin = time.monotonic()
+        while self._board.read(POLL) is None:
+            if time.monotonic() - begin > FIRST_SCAN:
+                raise CheckFailed(self._board.report().state)
+        return f"the first after {1e3 * (time.monotonic() - begin):.0f} ms"
+
+    def _identify(self) -> str:
+        value = self._board.request(Command.IDENTIFY).value
+        return f"layout {value & 0xFFFF}, firmware {version(value >> 16)}"
+
+    def _ask(self, command: Command, found: str) -> str:
+        self._board.request(command)
+        return found
+
+    def _scans(self) -> str:
+        board = self._board
+        self._first_scan()
+        begin, scans, lost = time.monotonic(), board.receiver.scans, board.receiver.frames_lost
+        while time.monotonic() - begin < self._seconds:
+            board.read(POLL)
+        rate = (board.receiver.scans - scans) / (time.monotonic() - begin)
+        lost = board.receiver.frames_lost - lost
+        late = 1e3 * board.receiver.stamp_uncertainty
+        text = f"{rate:.1f} scans/s, {lost} frames lost, stamps at most {late:.2f} ms late"
+        if lost or abs(rate / self._sensor.can.scan_rate - 1) > RATE_TOLERANCE:
+            raise CheckFailed(f"{text}; {self._sensor.can.scan_rate:g} scans/s are wanted")
+        return text
+
+    def _refuse(self) -> str:
+        try:
+            self._board.request(Command.SET_RATE, 1)
+        except CommandError as error:
+            return str(error)
+        raise CheckFailed("a scan period of 1 us was accepted")
+
+    def _stop_and_start(self) -> str:
+        self._board.request(Command.STOP)
+        if self._board.read(2 * POLL) is not None:
+            raise CheckFailed("scans come after STOP")
+        self._board.request(Command.START)
+        return self._first_scan()
+
+    def _faults(self) -> str:
+        faults = FaultWatch().present(self._board.report(), time.monotonic_ns())
+        if faults:
+            raise CheckFailed("; ".join(fault.text for fault in faults))
+        return "none"
+
+
+def run_selftest(options: argparse.Namespace) -> int:
+    """Run the action; return the exit code: 0 when all checks passed."""
+    table = Table("check", "result", "found")
+    with bus_of(options) as (sensor, settings):
+        test = SelfTest(sensor, settings, options.seconds)
+        passed = False
+        try:
+            for name, check in test.checks():
+                passed, found = _try(check)
+                table.add_row(name, Text("ok", "green") if passed else Text("failed", "red"), found)
+                if not passed:
+                    break
+        finally:
+            test.close()
+    Console(highlight=False, markup=False).print(table)
+    return 0 if passed else 1
+
+
+def _try(check: Callable[[], str]) -> tuple[bool, str]:
+    try:
+        return True, check()
+    except (CheckFailed, CommandError, can.CanError) as error:
+        return False, str(error)

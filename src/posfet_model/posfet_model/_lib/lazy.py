@@ -1,0 +1,31 @@
+"""Submodules as attributes of their package, imported when they are first used."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Callable, Iterable
+from types import ModuleType
+
+
+def lazy_submodules(package: str, path: Iterable[str]) -> tuple[Callable[[str], ModuleType], Callable[[], list[str]]]:
+    """Return `__getattr__` and `__dir__` of a package whose submodules are attributes, each imported on first use.
+
+    Parameters
+    ----------
+    package : str
+        Name of the package, its ``__name__``.
+    path : iterable of str
+        Folders of the package, its ``__path__``.
+    """
+    names = sorted(module.name for module in pkgutil.iter_modules(path) if not module.name.startswith("_"))
+
+    def get(name: str) -> ModuleType:
+        if name in names:
+            return importlib.import_module(f"{package}.{name}")
+        raise AttributeError(f"module {package!r} has no attribute {name!r}")
+
+    def listing() -> list[str]:
+        return names
+
+    return get, listing

@@ -1,0 +1,88 @@
+"""A follower as seen from outside: its gain and bandwidth for small signals, and where a model of it holds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model._lib.validation import real_number
+
+
+@dataclass(frozen=True)
+class FollowerLimits:
+    """Where a follower model holds. The defaults say nothing: give what is known of the circuit."""
+
+    v_low: float = -math.inf
+    """Lowest input voltage, offset included [V]."""
+    v_high: float = math.inf
+    """Highest input voltage, offset included [V]."""
+    slew_rate: float = math.inf
+    """Fastest output the amplifier can drive [V/s]; a linear model that asks for more is flagged."""
+    falling_slew_rate: float = math.inf
+    """The same of a falling output, where that is slower [V/s]."""
+    frequency: float = math.inf
+    """Highest frequency [Hz] at which the response is believed, usually the first pole that the model leaves out."""
+
+    def __post_init__(self) -> None:
+        for name in ("v_low", "v_high", "slew_rate", "falling_slew_rate", "frequency"):
+            value = getattr(self, name)
+            real = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
+            if not real or math.isnan(value):
+                raise ValueError(f"{name} must be a real number, inf allowed, got {value!r:.60}")
+        if not self.v_low < self.v_high:
+            raise ValueError(f"v_high must be in ({self.v_low:g}, inf], got {self.v_high:g}")
+        for name in ("slew_rate", "falling_slew_rate", "frequency"):
+            if not getattr(self, name) > 0:
+                raise ValueError(f"{name} must be in (0, inf], got {getattr(self, name):g}")
+
+    @property
+    def any_slew(self) -> bool:
+        """Return whether the slope of the output is limited at all."""
+        return self.slew_rate < math.inf or self.falling_slew_rate < math.inf
+
+    def allow_slope(self, slope: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return where the amplifier can drive a slope of the output [V/s], negative when it falls. Unchecked."""
+        return np.asarray((slope <= self.slew_rate) & (slope >= -min(self.slew_rate, self.falling_slew_rate)))
+
+
+FREQUENCY_RANGE: Final = (1e-12, 1e15)
+"""Accepted bandwidths [Hz]."""
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """A follower as seen from outside, for small signals."""
+
+    gain: float
+    """Gain at frequency 0 [V/V]."""
+    bandwidth: float
+    """Frequency at which the gain has fallen by 3 dB [Hz]."""
+
+
+def close_loop(open_loop_gain: float, gain_bandwidth: float) -> ClosedLoop:
+    """Return gain ``A0/(1 + A0)`` and bandwidth ``GBW*(1 + A0)/A0`` of an op-amp whose output is fed back whole.
+
+    Parameters
+    ----------
+    open_loop_gain : A0 [V/V], in [1, 1e9].
+    gain_bandwidth : GBW [Hz], A0 times the frequency of its only pole, in [1e-12, 1e14].
+
+    Raises
+    ------
+    ValueError : an argument is not a real, finite number or out of range.
+
+    Examples
+    --------
+    Sec. V of the paper, 42.3 dB and 1.5 MHz:
+
+    >>> loop = close_loop(10 ** (42.3 / 20), 1.5e6)
+    >>> print(f"{loop.gain:.6f} {loop.bandwidth:.0f}")
+    0.992385 1511510
+    """
+    a0 = real_number("open_loop_gain", open_loop_gain, 1, 1e9)
+    product = real_number("gain_bandwidth", gain_bandwidth, FREQUENCY_RANGE[0], 1e14)
+    return ClosedLoop(gain=a0 / (1 + a0), bandwidth=product * (1 + a0) / a0)

@@ -1,0 +1,255 @@
+"""What all follower models share: limits, state, whole time series, frequency response. The models: `follower`."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import Any, Final, TypeGuard
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from posfet_model._lib.validation import FloatArray, instance, real_array
+from posfet_model.amplifier.closed_loop import FollowerLimits
+
+VOLTAGE_LIMIT: Final = 1e6
+"""Largest accepted magnitude of a voltage [V]."""
+
+STEP_LIMIT: Final = 1e9
+"""Longest accepted step [s]; a step of 0 is a jump of the input."""
+
+
+_FLOAT64: Final = np.dtype(np.float64)
+_FRAME: Final = 8192  # elements
+
+
+@dataclass(frozen=True, eq=False)
+class FollowerState:
+    """What a follower remembers between steps."""
+
+    v_in: NDArray[np.float64]
+    """Input voltage at the end of the last step, held at the limits, offset included [V], any shape."""
+    lags: tuple[NDArray[Any], ...]
+    """Lag of each internal node behind v_in [V], in v_in's shape; complex where poles are; the last one's real part
+    is the lag of the output."""
+    valid: NDArray[np.bool_]
+    """False where the model does not hold, in v_in's shape."""
+
+
+@dataclass(frozen=True, eq=False)
+class FollowerOutput:
+    """Output of a follower, both fields in the input's shape."""
+
+    v_out: NDArray[np.float64]
+    """Output voltage [V]."""
+    valid: NDArray[np.bool_]
+    """False where the input or the slew asked for is beyond the limits: v_out is then not to be relied on."""
+
+
+@dataclass(frozen=True, eq=False)
+class FollowerSeries:
+    """A series of steps: what came out, and where it ended."""
+
+    output: FollowerOutput
+    """After each step, shape [t] or [t, n]."""
+    end: FollowerState
+    """After the last step, to go on from."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrequencyResponse:
+    """Small-signal response of a follower, all fields in the frequency's shape."""
+
+    gain: NDArray[np.float64]
+    """Magnitude [V/V]."""
+    phase: NDArray[np.float64]
+    """Phase [rad], in (-pi, 0]."""
+    valid: NDArray[np.bool_]
+    """False beyond the limit in frequency."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Follower(ABC):
+    """What all follower models share. float32 input is welcome; state and output are float64."""
+
+    offset: float | FloatArray = 0.0
+    """Input offset [V], a number or one for each taxel, within +-1e6."""
+    limits: FollowerLimits = field(default_factory=FollowerLimits)
+
+    def __post_init__(self) -> None:
+        real_array("offset", self.offset, -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
+        instance("limits", self.limits, FollowerLimits)
+
+    @property
+    @abstractmethod
+    def static_gain(self) -> float:
+        """Gain at frequency 0 [V/V]."""
+
+    def _start_lags(self, v_in: NDArray[np.float64]) -> tuple[NDArray[Any], ...]:
+        """Return the lags at rest, zeros of v_in's shape; none where the model has no memory."""
+        del v_in
+        return ()
+
+    def _advance_lags(
+        self, lags: tuple[NDArray[Any], ...], change: NDArray[np.float64], step: NDArray[np.float64]
+    ) -> tuple[NDArray[Any], ...]:
+        """Return the lags after `step` [s] in which the input moved by `change` [V] in a straight line."""
+        del change, step
+        return lags
+
+    def _series_lags(
+        self, start: tuple[NDArray[Any], ...], change: NDArray[np.float64], step: NDArray[np.float64]
+    ) -> tuple[NDArray[Any], ...]:
+        """Return the lags after each of many steps; change is [t] or [t, n], step broadcasts to it, t >= 1."""
+        del change, step
+        return start
+
+    def _transfer(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the transfer function in units of the static gain at s = j*2*pi*f [1/s]."""
+        return np.ones_like(s)
+
+    def _slope(
+        self, lags: tuple[NDArray[Any], ...], change: NDArray[np.float64], step: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the slope [V/s] that the output has at the end of a step, which a slew limit has to allow."""
+        del lags
+        slope = change / np.where(step > 0, step, 1.0)
+        return self.static_gain * np.where(step > 0, slope, np.where(change == 0, 0.0, np.copysign(np.inf, change)))
+
+    def start(self, v_in: ArrayLike) -> FollowerState:
+        """Return the state at rest with the input voltage v_in [V], any shape, within +-1e6: no lag is left."""
+        held, valid = self._hold(v_in)
+        return FollowerState(v_in=held, lags=self._start_lags(held), valid=valid)
+
+    def advance(self, state: FollowerState, v_in: ArrayLike, step: ArrayLike) -> FollowerState:
+        """Return the state after `step` [s], in [0, 1e9], in which the input moved in a straight line to v_in [V].
+
+        v_in has the state's shape; step is a number or has that shape. Raises ValueError otherwise.
+        """
+        instance("state", state, FollowerState)
+        held, valid = self._hold(v_in)
+        usual = isinstance(step, float) and 0 <= step <= STEP_LIMIT  # spares the hot path a general check
+        duration = np.asarray(step if usual else real_array("step", step, 0, STEP_LIMIT), np.float64)
+        if held.shape != state.v_in.shape or duration.shape not in ((), held.shape):
+            raise ValueError(
+                f"v_in and step must have the state's shape {state.v_in.shape}, got {held.shape} and {duration.shape}"
+            )
+        change = held - state.v_in
+        lags = self._advance_lags(state.lags, change, duration)
+        if self.limits.any_slew:
+            valid &= self.limits.allow_slope(self._slope(lags, change, duration))
+        return FollowerState(v_in=held, lags=lags, valid=valid)
+
+    def output(self, state: FollowerState) -> FollowerOutput:
+        """Return the output voltage of a state."""
+        instance("state", state, FollowerState)
+        return FollowerOutput(v_out=self._out(state.v_in, state.lags), valid=state.valid)
+
+    def advance_series(self, state: FollowerState, v_in: ArrayLike, step: ArrayLike) -> FollowerSeries:
+        """Return what many steps in a row give: `advance` over whole arrays, so that a long series can come in pieces.
+
+        v_in [V] has shape [t], or [t, n] for a state of shape [n], t >= 1: the input at the end of each step. step [s],
+        in [0, 1e9], is a number or [t]. Raises ValueError otherwise.
+        """
+        instance("state", state, FollowerState)
+        held, valid = self._hold(v_in)
+        duration = np.asarray(real_array("step", step, 0, STEP_LIMIT), np.float64)
+        if held.ndim not in (1, 2) or not len(held) or held.shape[1:] != state.v_in.shape:
+            raise ValueError(f"v_in must be [t] before the state's shape {state.v_in.shape}, got {held.shape}")
+        if duration.shape not in ((), held.shape[:1]):
+            raise ValueError(f"step must be a number or of shape {held.shape[:1]}, got {duration.shape}")
+        return self._follow(state, held, valid, np.broadcast_to(duration, held.shape[:1]))
+
+    def run(self, time: ArrayLike, v_in: ArrayLike) -> FollowerOutput:
+        """Return the output over a whole time series, from rest at the first sample.
+
+        Parameters
+        ----------
+        time : [s], shape [t], t >= 1, never falling; steps may be uneven, and 0 is a jump of the input.
+        v_in : input voltage [V], shape [t], or [t, n] for n taxels, within +-1e6.
+
+        Raises
+        ------
+        ValueError : an argument is not real, not finite, out of range or of another shape, or time runs backwards.
+        """
+        instants = real_array("time", time, -STEP_LIMIT, STEP_LIMIT).astype(np.float64, copy=False)
+        held, valid = self._hold(v_in)
+        if instants.ndim != 1 or not instants.size or held.ndim not in (1, 2) or len(held) != len(instants):
+            raise ValueError(f"time must be [t] and v_in [t] or [t, n], got {instants.shape} and {held.shape}")
+        step = np.diff(instants)
+        if step.size and step.min() < 0:
+            raise ValueError(f"time must never fall, got a step of {step.min():g} s at sample {step.argmin() + 1}")
+        start = FollowerState(v_in=held[0], lags=self._start_lags(held[0]), valid=np.asarray(valid[0]))
+        first = self._out(held[:1], tuple(lag[None] for lag in start.lags))
+        if not step.size:
+            return FollowerOutput(v_out=first, valid=valid)
+        later = self._follow(start, held[1:], valid[1:], step).output
+        return FollowerOutput(np.concatenate([first, later.v_out]), np.concatenate([valid[:1], later.valid]))
+
+    def _follow(
+        self,
+        state: FollowerState,
+        held: NDArray[np.float64],
+        valid: NDArray[np.bool_],
+        step: NDArray[np.float64],
+    ) -> FollowerSeries:
+        """Return the series to the inputs `held`, [t] or [t, n], t >= 1, in steps [t]; `valid` is where they are."""
+        step = step.reshape(-1, *(1,) * (held.ndim - 1))
+        change = np.empty_like(held)
+        np.subtract(held[0], state.v_in, out=change[0, ...])
+        np.subtract(held[1:], held[:-1], out=change[1:])
+        lags = self._series_lags(state.lags, change, step)
+        if self.limits.any_slew:
+            valid = valid & self.limits.allow_slope(self._slope(lags, change, step))
+        end = FollowerState(v_in=held[-1], lags=tuple(lag[-1] for lag in lags), valid=np.asarray(valid[-1]))
+        return FollowerSeries(output=FollowerOutput(v_out=self._out(held, lags), valid=valid), end=end)
+
+    def response(self, frequency: ArrayLike) -> FrequencyResponse:
+        """Return gain and phase for small signals at `frequency` [Hz], any shape, in [0, 1e18]."""
+        hertz = real_array("frequency", frequency, 0, 1e18).astype(np.float64, copy=False)
+        transfer = self.static_gain * self._transfer(np.asarray(2j * math.pi * hertz, np.complex128))
+        return FrequencyResponse(
+            gain=np.abs(transfer), phase=np.angle(transfer), valid=np.asarray(hertz <= self.limits.frequency)
+        )
+
+    def _hold(self, v_in: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Return the input with its offset, held at the limits, and where it is within them."""
+        if _within_limit(v_in):  # spares the hot path a general check
+            voltage = v_in
+        else:
+            voltage = real_array("v_in", v_in, -VOLTAGE_LIMIT, VOLTAGE_LIMIT).astype(np.float64, copy=False)
+        wanted = voltage.copy() if type(self.offset) is float and self.offset == 0 else self._with_offset(voltage)
+        if self.limits.v_low == -math.inf and self.limits.v_high == math.inf:
+            valid = np.empty(wanted.shape, np.bool_)
+            valid.fill(True)  # a third of the time of np.ones
+            return wanted, valid
+        held = np.clip(wanted, self.limits.v_low, self.limits.v_high)
+        return held, np.asarray(held == wanted)
+
+    def _with_offset(self, voltage: NDArray[np.float64]) -> NDArray[np.float64]:
+        try:
+            wanted = np.asarray(voltage + self.offset)
+        except ValueError:
+            wanted = np.empty(0)
+        if wanted.shape != voltage.shape:
+            raise ValueError(f"offset {np.shape(self.offset)} must broadcast to v_in {voltage.shape}")
+        return wanted
+
+    def _out(self, v_in: NDArray[np.float64], lags: tuple[NDArray[Any], ...]) -> NDArray[np.float64]:
+        out = np.asarray(v_in - lags[-1].real if lags else v_in.copy())
+        out *= np.asarray(self.static_gain)  # twice as quick as by a float
+        return out
+
+
+def _within_limit(voltage: object) -> TypeGuard[NDArray[np.float64]]:
+    """Return whether `voltage` is an array of float64 within the limit, and not near it; a NaN is not.
+
+    For a frame the sum of squares is the quickest that tells: no element is larger than its root. A long series is
+    better looked through for its ends; its sum of squares would be shared out to threads, which cost more.
+    """
+    if not isinstance(voltage, np.ndarray) or voltage.dtype is not _FLOAT64:
+        return False
+    if voltage.size <= _FRAME:
+        return bool(np.vdot(voltage, voltage) <= VOLTAGE_LIMIT * VOLTAGE_LIMIT)
+    return bool(voltage.min() >= -VOLTAGE_LIMIT and voltage.max() <= VOLTAGE_LIMIT)

@@ -1,0 +1,89 @@
+"""The other op-amp of Table II's sizes by hand formulas: one stage, and an n-channel follower at its output.
+
+    M1, M2 (inverting)   POSFET input pair            M5, M6, M8  n-channel current mirror fed by the reference current
+    M3, M4               p-channel mirror load        M7          n-channel source follower; Cc from its gate to ground
+
+Formulas as in `amplifier`. The printed width of M7 would suit either.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+from posfet_model._lib.validation import instance
+from posfet_model.amplifier.closed_loop import FollowerLimits
+from posfet_model.amplifier.operating_point import (
+    TABLE_II,
+    AmplifierBias,
+    AmplifierDesign,
+    OpAmpFigures,
+    OperatingPoint,
+    lowest_input,
+    operating_point,
+    saturated,
+    zero_of,
+)
+
+CIRCUIT_C: Final = AmplifierBias(
+    reference_current=100e-6, compensation=33e-12, zero_resistor=0.0, load_resistance=1e15, modulation=0.0248
+)
+"""Bias of circuit C, fitted to 42.3 dB and 1.5 MHz, all assumed."""
+
+
+def one_stage_figures(bias: AmplifierBias = CIRCUIT_C, design: AmplifierDesign = TABLE_II) -> OpAmpFigures:
+    """Return gain, poles and slew, the same either way; the bias's zero_resistor plays no part.
+
+    `second_gain` is gm7/(gm7 + gds7 + gds8 + 1/RL), the second pole that of the output follower and its load.
+
+    Raises ValueError when the supply is too low for the transistors to be saturated.
+
+    Notes
+    -----
+    Against ngspice with the defaults (circuit C): open-loop gain +3.4 %, dominant pole -4 %, second pole +16 %,
+    slew rate 3.22 V/us for 3.29 rising and 3.04 falling: the tail current, taken at 0 V, follows the input by lambda.
+    """
+    bias, design = instance("bias", bias, AmplifierBias), instance("design", design, AmplifierDesign)
+    point = operating_point(bias, design)
+    lam, half = bias.modulation, point.tail / 2
+    overdrive7 = math.sqrt(2 * point.output / (design.n_factor("M7") * (1 + lam * bias.supply)))
+    first = bias.threshold + overdrive7  # [V], of the gate of M7 with the output at 0 V
+    if first + point.load_overdrive > bias.supply:
+        raise ValueError(f"supply must keep every transistor saturated, got {bias.supply:g} V")
+    below, above = first + bias.threshold + point.pair_overdrive, bias.supply - first  # of M2 and M4
+    out1 = lam * half / (1 + lam * below) + lam * half / (1 + lam * above)
+    gm1, gm7 = point.tail / point.pair_overdrive, 2 * point.output / overdrive7
+    out2 = gm7 + 2 * lam * point.output / (1 + lam * bias.supply) + 1 / bias.load_resistance
+    c7 = design.gate_capacitance("M7")
+    c1 = bias.compensation + c7 * (1 - gm7 / out2)
+    second_pole = out2 / (2 * math.pi * (design.output_capacitance(bias.load_capacitance) + c7))
+    slew_rate = point.tail / c1
+    return OpAmpFigures(
+        tail_current=point.tail,
+        overdrive=point.pair_overdrive,
+        input_transconductance=gm1,
+        first_gain=gm1 / out1,
+        second_gain=gm7 / out2,
+        dominant_pole=out1 / (2 * math.pi * c1),
+        second_pole=second_pole,
+        slew_rate=slew_rate,
+        limits=FollowerLimits(
+            v_low=lowest_input(bias, point),
+            v_high=_highest_input(bias, design, point),
+            slew_rate=slew_rate,
+            frequency=second_pole,
+        ),
+    )
+
+
+def _highest_input(bias: AmplifierBias, design: AmplifierDesign, point: OperatingPoint) -> float:
+    """Return the highest input [V] that leaves M4 saturated, a gate-source voltage of M7 above the output."""
+    highest = bias.supply - point.load_overdrive - bias.threshold
+
+    def to_spare(overdrive: float) -> float:
+        below = bias.supply - highest + overdrive  # M7's drain-source voltage
+        return saturated(design.n_factor("M7"), overdrive, below, bias.modulation) - point.output_demand(
+            bias, highest - overdrive
+        )
+
+    return highest - zero_of(to_spare, 0.0, 2 * bias.supply)

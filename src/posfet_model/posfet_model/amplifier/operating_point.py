@@ -1,0 +1,246 @@
+"""What the hand formulas of both op-amps share: sizes and process, bias, operating point of the pair, figures.
+
+All transistors follow the square law with channel-length modulation, in saturation, bodies tied to sources. Functions
+here are inner ones, unchecked: design and bias are checked where they are made.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from posfet_model._lib.validation import instance, real_number
+from posfet_model.amplifier.closed_loop import ClosedLoop, FollowerLimits, close_loop
+from posfet_model.device.paper import AMPLIFIER_SIZES, MOBILITY, STACK, THRESHOLD_VOLTAGE, TransistorSize
+from posfet_model.device.transistor import Plane, Stack
+
+HOLE_MOBILITY: Final = 283e-4
+"""Mobility of the p-channel transistors [m2/(V s)], assumed: a third of the electrons'."""
+
+LEAST_SHARE: Final = 0.05
+"""Share of its current at rest that M7 has to keep, assumed: ngspice has circuit B oscillate at 2 %."""
+
+_NAMES: Final = ("M1", "M2", "M3", "M4", "M5", "M6", "M7", "M8")
+_PAIRS: Final = (("M1", "M2"), ("M3", "M4"))
+_ITERATIONS: Final = 200
+_TOLERANCE: Final = 1e-15  # relative
+_HALVINGS: Final = 60
+
+
+@dataclass(frozen=True)
+class AmplifierDesign:
+    """What is drawn on the chip: transistors M1 to M8 and the layers they are made of. The defaults are the paper's."""
+
+    sizes: tuple[TransistorSize, ...] = AMPLIFIER_SIZES
+    """M1 to M8, one of each name; M1 like M2, M3 like M4."""
+    stack: Stack = STACK
+    """Film and oxide: the pair M1, M2 sees its gates through both, the others have the oxide alone."""
+    electron_mobility: float = MOBILITY.value
+    """[m2/(V s)], in [1e-9, 100]."""
+    hole_mobility: float = HOLE_MOBILITY
+    """[m2/(V s)], in [1e-9, 100]."""
+
+    def __post_init__(self) -> None:
+        names = [instance("sizes", size, TransistorSize).name for size in instance("sizes", self.sizes, tuple)]
+        if sorted(names) != list(_NAMES):
+            raise ValueError(f"sizes must be one each of {', '.join(_NAMES)}, got {', '.join(names) or 'none'}")
+        for one, other in _PAIRS:
+            if self.aspect(one) != self.aspect(other) or self.size(one).length != self.size(other).length:
+                raise ValueError(f"sizes must have {one} like {other}, got {self.size(one)} and {self.size(other)}")
+        instance("stack", self.stack, Stack)
+        real_number("electron_mobility", self.electron_mobility, 1e-9, 100)
+        real_number("hole_mobility", self.hole_mobility, 1e-9, 100)
+
+    def size(self, name: str) -> TransistorSize:
+        """Return the size of a transistor. Unchecked inner function."""
+        return next(size for size in self.sizes if size.name == name)
+
+    def aspect(self, name: str) -> float:
+        """Return width over length [1]. Unchecked inner function."""
+        return self.size(name).width / self.size(name).length
+
+    def pair_factor(self) -> float:
+        """Return the gain factor [A/V2] of M1 and M2, their gates on the film."""
+        return self.electron_mobility * self.stack.drive(Plane.GATE) * self.aspect("M1")
+
+    def n_factor(self, name: str) -> float:
+        """Return the gain factor [A/V2] of an n-channel transistor on the oxide. Unchecked inner function."""
+        return self.electron_mobility * self.stack.oxide * self.aspect(name)
+
+    def p_factor(self, name: str) -> float:
+        """Return the gain factor [A/V2] of a p-channel transistor on the oxide. Unchecked inner function."""
+        return self.hole_mobility * self.stack.oxide * self.aspect(name)
+
+    def gate_capacitance(self, name: str, plane: Plane = Plane.OXIDE) -> float:
+        """Return the gate-source capacitance in saturation [F], two thirds of the whole. Unchecked inner function."""
+        return 2 / 3 * self.size(name).width * self.size(name).length * self.stack.drive(plane)
+
+    def output_capacitance(self, load: float) -> float:
+        """Return the capacitance [F] at the output of a follower, which drives the gate of M1 beside the `load`.
+
+        Half of that gate's charge is shared with M2 through the tail. Unchecked inner function.
+        """
+        return load + 0.5 * self.gate_capacitance("M1", Plane.GATE)
+
+
+TABLE_II: Final = AmplifierDesign()
+"""The paper's amplifier."""
+
+
+@dataclass(frozen=True)
+class AmplifierBias:
+    """What Table II leaves open. The defaults are those of circuit B, fitted to 42.3 dB and 1.5 MHz, all assumed."""
+
+    reference_current: float = 200e-6
+    """Current into M6 [A], in [1e-9, 0.1]."""
+    supply: float = 5.0
+    """Positive supply, and the negative one with the other sign [V], in [0.5, 100]."""
+    compensation: float = 46.2e-12
+    """Cc [F], in [1e-15, 1e-6]."""
+    zero_resistor: float = 2631.0
+    """Rz in series with Cc [ohm], in [0, 1e9]."""
+    load_capacitance: float = 10e-12
+    """From the output to ground, without the follower's own input [F], in [0, 1e-6]."""
+    load_resistance: float = 11e3
+    """From the output to ground [ohm], in [1, 1e15]."""
+    modulation: float = 0.1
+    """Channel-length modulation lambda of all transistors [1/V], in [1e-6, 1]."""
+    threshold: float = THRESHOLD_VOLTAGE.value
+    """Vth of the n-channel and -Vth of the p-channel transistors [V], in [0, 10]."""
+
+    def __post_init__(self) -> None:
+        real_number("reference_current", self.reference_current, 1e-9, 0.1)
+        real_number("supply", self.supply, 0.5, 100)
+        real_number("compensation", self.compensation, 1e-15, 1e-6)
+        real_number("zero_resistor", self.zero_resistor, 0, 1e9)
+        real_number("load_capacitance", self.load_capacitance, 0, 1e-6)
+        real_number("load_resistance", self.load_resistance, 1, 1e15)
+        real_number("modulation", self.modulation, 1e-6, 1)
+        real_number("threshold", self.threshold, 0, 10)
+
+
+CIRCUIT_B: Final = AmplifierBias()
+"""Bias of circuit B, two stages."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class OpAmpFigures:
+    """What the hand formulas say of either op-amp, at rest with input and output near 0 V."""
+
+    tail_current: float
+    """Through M5 [A]."""
+    overdrive: float
+    """Vov of the input pair at balance [V]."""
+    input_transconductance: float
+    """gm1 [S]."""
+    first_gain: float
+    """gm1/(gds2 + gds4) [V/V]."""
+    second_gain: float
+    """Of what follows, M7 with its loads [V/V]."""
+    dominant_pole: float
+    """[Hz]"""
+    second_pole: float
+    """[Hz]"""
+    slew_rate: float
+    """Steepest rise of the output [V/s]."""
+    limits: FollowerLimits
+    """Inputs between which all transistors stay saturated, the slew rates, the second pole as last frequency."""
+
+    @property
+    def open_loop_gain(self) -> float:
+        """A0 [V/V]."""
+        return self.first_gain * self.second_gain
+
+    @property
+    def gain_bandwidth(self) -> float:
+        """A0 times the dominant pole [Hz]."""
+        return self.open_loop_gain * self.dominant_pole
+
+    @property
+    def slew_overdrive(self) -> float:
+        """Overdrive [V] with which a square-law pair of this gain-bandwidth product has this slew rate."""
+        return self.slew_rate / (2 * math.pi * self.gain_bandwidth)
+
+    @property
+    def closed_loop(self) -> ClosedLoop:
+        """Gain and bandwidth of the follower, the second pole and a zero left out."""
+        return close_loop(self.open_loop_gain, self.gain_bandwidth)
+
+
+@dataclass(frozen=True)
+class OperatingPoint:
+    """Operating point: overdrives, currents [A] and drain-source voltages [V]."""
+
+    tail: float
+    pair_overdrive: float
+    pair_voltage: float
+    load_overdrive: float
+    load_voltage: float
+    bias_overdrive: float
+    output: float
+    """Current of M7 and M8 with the output at 0 V, where the load resistor takes none."""
+    output_overdrive: float
+    """Of M7 at that current."""
+
+    def output_demand(self, bias: AmplifierBias, volts: float) -> float:
+        """Return the current [A] that M7 has to carry at an output voltage: that of M8 and the load. Unchecked."""
+        sunk = self.output * (1 + bias.modulation * volts / (1 + bias.modulation * bias.supply))
+        return sunk + volts / bias.load_resistance
+
+
+def operating_point(bias: AmplifierBias, design: AmplifierDesign) -> OperatingPoint:
+    """Return the currents and voltages at balance, by fixed-point iteration of the square laws."""
+    lam, vth, supply = bias.modulation, bias.threshold, bias.supply
+    mirror, load = design.n_factor("M6"), design.p_factor("M3")
+    bias_overdrive = pair_overdrive = load_overdrive = 0.5
+    for _ in range(_ITERATIONS):
+        before = (bias_overdrive, pair_overdrive, load_overdrive)
+        bias_overdrive = math.sqrt(2 * bias.reference_current / (mirror * (1 + lam * (vth + bias_overdrive))))
+        tail_voltage = supply - vth - pair_overdrive
+        load_voltage = vth + load_overdrive
+        pair_voltage = supply - load_voltage + vth + pair_overdrive
+        if tail_voltage < bias_overdrive or load_voltage > supply:
+            raise ValueError(f"supply must keep every transistor saturated, got {supply:g} V")
+        tail = saturated(design.n_factor("M5"), bias_overdrive, tail_voltage, lam)
+        pair_overdrive = math.sqrt(tail / (design.pair_factor() * (1 + lam * pair_voltage)))
+        load_overdrive = math.sqrt(tail / (load * (1 + lam * load_voltage)))
+        after = (bias_overdrive, pair_overdrive, load_overdrive)
+        change = max(abs(a / b - 1) for a, b in zip(before, after, strict=True))
+        if change < _TOLERANCE:
+            break
+    output = saturated(design.n_factor("M8"), bias_overdrive, supply, lam)
+    return OperatingPoint(
+        tail=tail,
+        pair_overdrive=pair_overdrive,
+        pair_voltage=pair_voltage,
+        load_overdrive=load_overdrive,
+        load_voltage=load_voltage,
+        bias_overdrive=bias_overdrive,
+        output=output,
+        output_overdrive=math.sqrt(2 * output / (design.p_factor("M7") * (1 + lam * supply))),
+    )
+
+
+def lowest_input(bias: AmplifierBias, point: OperatingPoint) -> float:
+    """Return the lowest input [V] that leaves the tail's M5 and M8 saturated and M7 its least share of current."""
+    tail = -bias.supply + point.bias_overdrive + bias.threshold + point.pair_overdrive
+    least = LEAST_SHARE * point.output
+    return max(tail, zero_of(lambda volts: point.output_demand(bias, volts) - least, -bias.supply, 0.0))
+
+
+def zero_of(rising: Callable[[float], float], low: float, high: float) -> float:
+    """Return where a rising function passes zero, by halving a bracket; an end where it does not."""
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        if rising(middle) < 0:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def saturated(beta: float, overdrive: float, voltage: float, lam: float) -> float:
+    """Return the drain current in saturation [A]."""
+    return 0.5 * beta * overdrive**2 * (1 + lam * voltage)

@@ -1,0 +1,49 @@
+"""Contacts in space, as posfet_msgs/TactileContact has them: numbers of its fields, one after the other.
+
+Only the force along the normal is measured. `force` is that part alone, which turning the vector into another frame
+leaves whole; an unknown part as NaN would spread over all of it. That the rest is not known stands in the covariance:
+every entry that the tangential force has a part in is NaN.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Final, TypeAlias
+
+from posfet_model.contacts.tracker import Contact
+from posfet_model.sensor.surface import FLAT_NORMAL, Surface
+
+Placed: TypeAlias = "tuple[tuple[float, ...], tuple[float, ...]]"
+"""Centre of pressure, geometric centre, normal, force and covariance; then major axis, minor axis and velocity."""
+
+_UNKNOWN: Final = (math.nan,) * 8
+
+
+def placing(surface: Surface) -> Callable[[Contact], Placed]:
+    """Return what places contacts on a surface."""
+    return _place_flat if surface.flat else lambda contact: _place_bent(surface, contact)
+
+
+def _place_flat(contact: Contact) -> Placed:
+    region, (speed_x, speed_y) = contact.region, contact.velocity
+    head = (
+        *region.centre_of_pressure, 0.0, *region.geometric_centre, 0.0, *FLAT_NORMAL,
+        0.0, 0.0, -region.force, *_UNKNOWN, region.force_variance,
+    )  # fmt: skip
+    rest = math.nan if math.isnan(speed_x) else 0.0
+    return head, (*region.major_axis, 0.0, *region.minor_axis, 0.0, speed_x, speed_y, rest)
+
+
+def _place_bent(surface: Surface, contact: Contact) -> Placed:
+    region = contact.region
+    x, y = region.centre_of_pressure
+    normal = surface.normal(x, y)
+    upright = normal[2] == 1.0
+    head = (
+        *surface.point(x, y), *surface.point(*region.geometric_centre), *normal,
+        *(-region.force * part for part in normal),
+        *_UNKNOWN, region.force_variance if upright else math.nan,
+    )  # fmt: skip
+    in_surface = (region.major_axis, region.minor_axis, contact.velocity)
+    return head, tuple(part for vector in in_surface for part in surface.along(x, y, vector))

@@ -1,0 +1,115 @@
+"""The paper's formulas as they are printed, misprints included, for comparison with the right ones.
+
+Nothing else in this package uses them. Each has the name of the right function; docs/errata.md has the numbers.
+The arguments are those of the right functions, in the same units; what is no real number, or no length or modulus, is
+a ValueError, and a formula that has no value gives NaN.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from posfet_model._lib.validation import FloatArray, alike, instance, real_array, real_number
+from posfet_model.device.constants import VACUUM_PERMITTIVITY
+from posfet_model.device.mechanics import LENGTH_RANGE, MODULUS_RANGE, POISSON_RANGE, PRESSURE_LIMIT
+from posfet_model.device.transistor import Stack
+
+
+def electric_displacement(
+    stress: ArrayLike, piezoelectric_coefficient: ArrayLike, relative_permittivity: ArrayLike
+) -> FloatArray:
+    """Return eq. (1) as printed: ``D3 = d33*T3 + eps33*T3``.
+
+    Right: `posfet_model.device.charge.electric_displacement`. The second T3 should be E3: the printed sum adds
+    unlike units.
+    """
+    stress, piezoelectric_coefficient, relative_permittivity = alike(
+        stress=real_array("stress", stress),
+        piezoelectric_coefficient=real_array("piezoelectric_coefficient", piezoelectric_coefficient),
+        relative_permittivity=real_array("relative_permittivity", relative_permittivity),
+    )
+    return piezoelectric_coefficient * stress + relative_permittivity * VACUUM_PERMITTIVITY * stress
+
+
+def branch_steepness(coercive_field: float, remnant_polarisation: float, saturation_polarisation: float) -> float:
+    """Return eq. (3) as printed, for the polarisations as the text has them: NaN where the logarithm has none.
+
+    Right: `posfet_model.device.film.branch_steepness`. The text swaps Pr and Ps: (1 + 5/2)/(1 - 5/2) = -2.333.
+    """
+    ratio = real_number("remnant_polarisation", remnant_polarisation) / real_number(
+        "saturation_polarisation", saturation_polarisation, 0, exclusive=True
+    )
+    inside = (1 + ratio) / (1 - ratio) if ratio != 1 else math.inf
+    coercive_field = real_number("coercive_field", coercive_field)
+    return coercive_field / math.log(inside) if inside > 0 else math.nan
+
+
+def threshold_shift(charge: ArrayLike, stack: Stack) -> FloatArray:
+    """Return eq. (6) and (7) as printed: ``dV = -Psw/Cox``, the whole charge uncompensated.
+
+    Right: `posfet_model.device.transistor.threshold_shift`.
+    """
+    return -real_array("charge", charge) / instance("stack", stack, Stack).oxide
+
+
+def signal_current(charge: ArrayLike, overdrive: ArrayLike, mobility: float, aspect: float, stack: Stack) -> FloatArray:
+    """Return the drain current [A] that a charge [C/m2] causes in saturation, as the paper's equations combine.
+
+    ``mu*Cstack*(W/L)*(Vgs - Vth)*(sigma/Cox)``: the charge counted at the oxide (eq. 6), the current driven through the
+    whole stack (eq. 9). Right: the same plane for both, Cox/Cpvdf (18.06 with Table I) times as much.
+    """
+    charge, overdrive = alike(charge=real_array("charge", charge), overdrive=real_array("overdrive", overdrive))
+    stack = instance("stack", stack, Stack)
+    gain_factor = real_number("mobility", mobility) * stack.series * real_number("aspect", aspect)
+    return gain_factor * overdrive * (charge / stack.oxide)
+
+
+def saturation_current(gate_voltage: ArrayLike, threshold_voltage: ArrayLike, gain_factor: ArrayLike) -> FloatArray:
+    """Return eq. (10) as printed: ``Id = beta*(Vgs - Vth)^2`` where Vgs > Vth, without the factor 1/2.
+
+    Right: `posfet_model.device.transistor.drain_current`.
+    """
+    gate_voltage, threshold_voltage, gain_factor = alike(
+        gate_voltage=real_array("gate_voltage", gate_voltage),
+        threshold_voltage=real_array("threshold_voltage", threshold_voltage),
+        gain_factor=real_array("gain_factor", gain_factor),
+    )
+    on: FloatArray = np.maximum(gate_voltage - threshold_voltage, 0)
+    return gain_factor * on**2
+
+
+def circular_deflection(
+    pressure: ArrayLike, radius: ArrayLike, thickness: ArrayLike, young_modulus: ArrayLike, poisson_ratio: ArrayLike
+) -> FloatArray:
+    """Return eq. (12) as printed: ``y = 3*P*(1 - nu^2)*r^4/(16*pi*E*h^3)``, with a pi too many.
+
+    Right: `posfet_model.device.mechanics.circular_deflection`.
+    """
+    pressure, radius, thickness, young_modulus, poisson_ratio = alike(
+        pressure=real_array("pressure", pressure, 0, PRESSURE_LIMIT),
+        radius=real_array("radius", radius, *LENGTH_RANGE),
+        thickness=real_array("thickness", thickness, *LENGTH_RANGE),
+        young_modulus=real_array("young_modulus", young_modulus, *MODULUS_RANGE),
+        poisson_ratio=real_array("poisson_ratio", poisson_ratio, *POISSON_RANGE),
+    )
+    coefficient = 3 / (16 * math.pi) * (1 - poisson_ratio**2)
+    return coefficient * (pressure / young_modulus) * (radius / thickness) ** 3 * radius
+
+
+def square_deflection(
+    pressure: ArrayLike, side: ArrayLike, thickness: ArrayLike, young_modulus: ArrayLike
+) -> FloatArray:
+    """Return eq. (13) as printed: ``y = 0.0138*P*a^4/(E*h^3)``; right for nu = 0.3.
+
+    For any nu: `posfet_model.device.mechanics.square_deflection`.
+    """
+    pressure, side, thickness, young_modulus = alike(
+        pressure=real_array("pressure", pressure, 0, PRESSURE_LIMIT),
+        side=real_array("side", side, *LENGTH_RANGE),
+        thickness=real_array("thickness", thickness, *LENGTH_RANGE),
+        young_modulus=real_array("young_modulus", young_modulus, *MODULUS_RANGE),
+    )
+    return 0.0138 * (pressure / young_modulus) * (side / thickness) ** 3 * side

@@ -1,0 +1,5 @@
+"""Force from leaking charge: leakage compensation, baseline, temperature, uncertainty. Imports calibration, sensor."""
+
+from posfet_model._lib.lazy import lazy_submodules
+
+__getattr__, __dir__ = lazy_submodules(__name__, __path__)

@@ -1,0 +1,5 @@
+"""The pipeline of one scan: counts in, force image and contacts out. Imports every room above but spice."""
+
+from posfet_model._lib.lazy import lazy_submodules
+
+__getattr__, __dir__ = lazy_submodules(__name__, __path__)

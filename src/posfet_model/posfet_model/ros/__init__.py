@@ -1,0 +1,1 @@
+"""The model node and everything else that needs ROS."""

@@ -1,0 +1,381 @@
+"""Scans and reconstructions as ROS messages. Each message is made once and filled again and again."""
+
+from __future__ import annotations
+
+import math
+from array import array
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from geometry_msgs.msg import Pose, WrenchStamped
+from numpy.typing import NDArray
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import Image, PointCloud2, PointField
+from visualization_msgs.msg import Marker, MarkerArray
+
+from posfet_model.contacts.detection import Region
+from posfet_model.contacts.placement import Placed, placing
+from posfet_model.contacts.slip import CORNER, MEMORY, Motion
+from posfet_model.contacts.tracker import Contact, ContactState, Merged
+from posfet_model.reconstruction.force_image import ForceImage
+from posfet_model.reconstruction.reconstructor import Reconstruction
+from posfet_model.ros.contacts_cdr import AT_REST, ContactsBytes
+from posfet_model.sensor.description import Layout, Sensor
+from posfet_model.sensor.scan import Scan
+from posfet_model.sensor.signal_chain import InverseChain, charge_per_newton, volts_per_count
+from posfet_model.sensor.surface import Surface, taxel_normals, taxel_points
+from posfet_msgs.msg import (
+    TactileContact,
+    TactileContacts,
+    TactileImage,
+    TactileInfo,
+    TactileRaw,
+    TactileVibration,
+)
+
+NANOSECONDS = 1_000_000_000
+FOREIGN_LAYOUT = 0
+"""Stands for a layout that is none: those of sensors begin at 1."""
+
+"""Stands for the motion of a contact that was released."""
+
+LARGEST_INT32 = 0x7FFF_FFFF
+
+
+def set_stamp(stamp: Time, nanoseconds: int) -> None:
+    """Set a message's time to nanoseconds since the Unix epoch."""
+    stamp.sec, stamp.nanosec = divmod(nanoseconds, NANOSECONDS)
+
+
+class ScanReader:
+    """TactileRaw messages as scans."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._shape = layout.rows, layout.cols
+        self._scan = Scan.empty(layout.id, layout.taxels)
+
+    def read(self, message: TactileRaw) -> Scan:
+        """Return the message as a scan; it holds the message's own arrays and is overwritten by the next call."""
+        scan = self._scan
+        stamp = message.header.stamp
+        scan.stamp = stamp.sec * NANOSECONDS + stamp.nanosec
+        # A scan does not say how its counts are arranged: another arrangement is another layout.
+        fits = (message.rows, message.cols) == self._shape
+        scan.layout_id = message.layout_id if fits else FOREIGN_LAYOUT
+        scan.sequence = message.sequence
+        scan.device_time = message.device_time
+        scan.counts = np.asarray(message.counts)
+        scan.temperatures = np.asarray(message.temperatures)
+        scan.status = message.status
+        scan.frames_lost = message.frames_lost
+        return scan
+
+
+class _Floats:
+    """A float32[] of a message, filled from an array without building Python numbers."""
+
+    def __init__(self, size: int) -> None:
+        self.values = array("f", bytes(4 * size))
+        self._view = np.frombuffer(self.values, np.float32)
+
+    def fill(self, source: NDArray[np.float32]) -> array[float]:
+        """Return the values of `source`."""
+        self._view[:] = source
+        return self.values
+
+
+class ImageMessage:
+    """A TactileImage."""
+
+    def __init__(self, layout: Layout, frame_id: str) -> None:
+        self._message = TactileImage(layout_id=layout.id, rows=layout.rows, cols=layout.cols)
+        self._message.header.frame_id = frame_id
+        self._force, self._deviation = _Floats(layout.taxels), _Floats(layout.taxels)
+        self._status = array("B", bytes(layout.taxels))
+
+    def fill(self, result: Reconstruction, image: ForceImage) -> TactileImage:
+        """Return the message; the next call overwrites it."""
+        message = self._message
+        set_stamp(message.header.stamp, result.stamp)
+        message.sequence = result.sequence
+        message.force = self._force.fill(image.force)
+        message.standard_deviation = self._deviation.fill(image.standard_deviation)
+        memoryview(self._status)[:] = image.status.data
+        message.status = self._status
+        message.total_force = image.total
+        message.total_force_standard_deviation = image.total_standard_deviation
+        message.data_valid = result.valid
+        return message
+
+
+class ContactsMessage:
+    """A TactileContacts; the messages of the single contacts are kept for reuse."""
+
+    def __init__(self, sensor: Sensor, frame_id: str) -> None:
+        self._message = TactileContacts(layout_id=sensor.layout.id, name=sensor.name)
+        self._message.header.frame_id = frame_id
+        self._message.threshold = sensor.contact.threshold
+        self._message.deadband = sensor.contact.deadband
+        self._place = placing(Surface.of(sensor.layout))
+        self._pool: list[TactileContact] = []
+
+    def fill(self, result: Reconstruction) -> TactileContacts:
+        """Return the message; the next call overwrites it."""
+        message, contacts = self._message, result.contacts
+        while len(self._pool) < len(contacts):
+            self._pool.append(TactileContact())
+        set_stamp(message.header.stamp, result.stamp)
+        message.sequence = result.sequence
+        message.data_valid = result.valid
+        message.contacts = self._pool[: len(contacts)]
+        for slot, contact in zip(self._pool, contacts, strict=False):
+            _fill_contact(slot, contact, self._place(contact), result.motions.get(contact.id, AT_REST))
+        return message
+
+
+def _fill_contact(message: TactileContact, contact: Contact, placed: Placed, motion: Motion) -> None:
+    region, (head, tail) = contact.region, placed
+    message.id = contact.id
+    message.state = int(contact.state)
+    message.merged_ids = array("I", contact.merged_ids)
+    message.split_from = contact.split_from
+    _set(message.centre_of_pressure, head[:3])
+    _set(message.geometric_centre, head[3:6])
+    _set(message.normal, head[6:9])
+    _set(message.force, head[9:12])
+    message.force_covariance[:] = head[12:]
+    message.normal_force_deviation = math.sqrt(region.force_variance)
+    message.area = region.area
+    message.peak_pressure = region.peak_pressure
+    _set(message.major_axis, tail[:3])
+    _set(message.minor_axis, tail[3:6])
+    _set(message.velocity, tail[6:])
+    message.slipping = motion.slipping
+    message.vibration = motion.vibration
+    message.age.sec, message.age.nanosec = divmod(round(contact.age * NANOSECONDS), NANOSECONDS)
+    message.taxels = array("H", region.taxels.tolist())
+
+
+def _set(vector: Any, values: Sequence[float]) -> None:
+    """Set x, y and z of a Point or Vector3."""
+    vector.x, vector.y, vector.z = values
+
+
+def contacts_writer(sensor: Sensor, frame_id: str) -> ContactsMessage | ContactsBytes:
+    """Return what serialises contacts fastest: bytes of our own if the middleware makes the same of an example.
+
+    The example has one, two and three taxels, so that every alignment is in it.
+    """
+    region = Region(1, np.arange(1), (1e-3, 2e-3), (3e-3, 4e-3), 0.5, 0.25, 5e-6, 6.0, (7e-3, 8e-3), (9e-3, 1e-2))
+    first = Contact(LARGEST_INT32, ContactState.MOVING, region, (0.1, -0.2), 12.75)
+    past = tuple(Merged(number, 0.0, (0.0, 0.0), 0) for number in (5, 6, 7))
+    second = first._replace(id=2, region=region._replace(taxels=np.arange(2)), merged=past, split_from=8)
+    third = first._replace(id=3, region=region._replace(taxels=np.arange(3)), merged=past[:1], velocity=(math.nan,) * 2)
+    message, writer = ContactsMessage(sensor, frame_id), ContactsBytes(sensor, frame_id)
+    for contacts in ((), (first, second, third), (second, first)):
+        valid, motions = bool(contacts), {2: Motion(power=0.25, slipping=True)}
+        example = Reconstruction(True, False, 1_700_000_000_123_456_789, 1 << 40, valid, contacts, motions, 0)
+        theirs, ours = serialize_message(message.fill(example)), writer.fill(example)
+        if len(theirs) != len(ours) or _read(theirs) != _read(ours):  # bytes between fields may be anything
+            return message
+    return writer
+
+
+def _read(data: bytes) -> str:
+    """Return serialised contacts as text, in which NaN equals NaN."""
+    return str(deserialize_message(data, TactileContacts))
+
+
+class WrenchMessage:
+    """The force of all taxels together, acting on the sensor, and its torque about the origin of the frame.
+
+    Of each taxel only the force along its normal is measured: what acts along the surface is left out, not zero.
+    """
+
+    def __init__(self, layout: Layout, frame_id: str) -> None:
+        self._message = WrenchStamped()
+        self._message.header.frame_id = frame_id
+        normals = taxel_normals(layout)
+        # Of a force of 1 N on each taxel: force (0, 1, 2) and torque r x F (3, 4, 5).
+        self._per_newton = np.hstack([-normals, -np.cross(taxel_points(layout), normals)]).T.copy()
+
+    def fill(self, result: Reconstruction, image: ForceImage) -> WrenchStamped:
+        """Return the message; the next call overwrites it. NaN when no force is known."""
+        message = self._message
+        set_stamp(message.header.stamp, result.stamp)
+        known = np.nan_to_num(image.force) if math.isfinite(image.total) else image.force
+        whole = (self._per_newton @ known).tolist()
+        _set(message.wrench.force, whole[:3])
+        _set(message.wrench.torque, whole[3:])
+        return message
+
+
+class VibrationMessage:
+    """A TactileVibration."""
+
+    def __init__(self, layout: Layout, frame_id: str) -> None:
+        self._message = TactileVibration(layout_id=layout.id, rows=layout.rows, cols=layout.cols)
+        self._message.header.frame_id = frame_id
+        self._message.band_low, self._message.averaging_time = CORNER, MEMORY
+        self._vibration = _Floats(layout.taxels)
+
+    def fill(self, result: Reconstruction, vibration: NDArray[np.float32]) -> TactileVibration:
+        """Return the message; the next call overwrites it."""
+        message = self._message
+        set_stamp(message.header.stamp, result.stamp)
+        message.sequence = result.sequence
+        message.vibration = self._vibration.fill(vibration)
+        message.data_valid = result.valid
+        return message
+
+
+class ForceImageMessage:
+    """The force map [N] as sensor_msgs/Image of encoding 32FC1; the first line is the first row, at the least y."""
+
+    def __init__(self, layout: Layout, frame_id: str) -> None:
+        self._message = Image(height=layout.rows, width=layout.cols, encoding="32FC1", step=4 * layout.cols)
+        self._message.header.frame_id = frame_id
+        self._data = array("B", bytes(4 * layout.taxels))
+
+    def fill(self, result: Reconstruction, image: ForceImage) -> Image:
+        """Return the message; the next call overwrites it. NaN where the force is not known."""
+        set_stamp(self._message.header.stamp, result.stamp)
+        memoryview(self._data)[:] = image.force.data.cast("B")
+        self._message.data = self._data
+        return self._message
+
+
+class PointsMessage:
+    """The taxels as PointCloud2 with fields x, y, z [m] and force [N], one row of the cloud a row of the array."""
+
+    def __init__(self, layout: Layout, frame_id: str) -> None:
+        fields = [
+            PointField(name=name, offset=4 * index, datatype=PointField.FLOAT32, count=1)
+            for index, name in enumerate(("x", "y", "z", "force"))
+        ]
+        self._message = PointCloud2(height=layout.rows, width=layout.cols, fields=fields, point_step=16)
+        self._message.header.frame_id = frame_id
+        self._message.row_step = 16 * layout.cols
+        self._data = array("B", bytes(16 * layout.taxels))
+        self._points = np.frombuffer(self._data, np.float32).reshape(layout.taxels, 4)
+        self._points[:, :3] = taxel_points(layout)
+
+    def fill(self, result: Reconstruction, image: ForceImage) -> PointCloud2:
+        """Return the message; the next call overwrites it. `is_dense` is false where a force is NaN."""
+        message = self._message
+        set_stamp(message.header.stamp, result.stamp)
+        self._points[:, 3] = image.force
+        message.data = self._data
+        message.is_dense = not bool(np.isnan(image.force).any())
+        return message
+
+
+class MarkersMessage:
+    """Contacts to look at: a sphere of the contact's area and an arrow along the force, ids those of the contacts.
+
+    Some scans may be left out: what was shown and is no longer in contact is deleted by the next message.
+    """
+
+    ARROW_PER_NEWTON = 5e-3
+    """Length of the arrow [m/N]."""
+
+    def __init__(self, layout: Layout, frame_id: str) -> None:
+        self._surface = Surface.of(layout)
+        self._frame_id = frame_id
+        self._shown: set[int] = set()
+
+    def fill(self, result: Reconstruction) -> MarkerArray:
+        """Return the message for the contacts of a scan."""
+        live = [contact for contact in result.contacts if contact.state is not ContactState.RELEASED]
+        ids = {contact.id for contact in live}
+        markers = []
+        for gone in sorted(self._shown - ids):
+            markers += [self._marker(result, name, gone, action=Marker.DELETE) for name in ("contact", "force")]
+        for contact in live:
+            markers += [self._sphere(result, contact), self._arrow(result, contact)]
+        self._shown = ids
+        return MarkerArray(markers=markers)
+
+    def _marker(self, result: Reconstruction, name: str, number: int, **fields: Any) -> Marker:
+        marker = Marker(ns=name, id=number & LARGEST_INT32, **fields)
+        marker.header.frame_id = self._frame_id
+        set_stamp(marker.header.stamp, result.stamp)
+        marker.color.r, marker.color.g, marker.color.b, marker.color.a = 0.95, 0.35, 0.1, 0.9
+        marker.pose.orientation.w = 1.0
+        return marker
+
+    def _sphere(self, result: Reconstruction, contact: Contact) -> Marker:
+        marker = self._marker(result, "contact", contact.id, type=Marker.SPHERE)
+        x, y = contact.region.centre_of_pressure
+        _set(marker.pose.position, self._surface.point(x, y))
+        turned = marker.pose.orientation
+        turned.x, turned.y, turned.z, turned.w = self._surface.orientation(x, y)
+        marker.scale.x = marker.scale.y = 2.0 * math.sqrt(contact.region.area / math.pi)
+        marker.scale.z = 0.1 * marker.scale.x
+        marker.color.a = 0.5
+        return marker
+
+    def _arrow(self, result: Reconstruction, contact: Contact) -> Marker:
+        marker = self._marker(result, "force", contact.id, type=Marker.ARROW)
+        x, y = contact.region.centre_of_pressure
+        length = self.ARROW_PER_NEWTON * contact.region.force
+        point, normal = self._surface.point(x, y), self._surface.normal(x, y)
+        _set(marker.pose.position, tuple(place + length * part for place, part in zip(point, normal, strict=True)))
+        # The arrow's x axis turned to the normal's other way: half a turn about the middle between the two.
+        turned, side = marker.pose.orientation, math.sqrt(2.0 * max(1.0 - normal[0], 1e-12))
+        turned.x, turned.y = (1.0 - normal[0]) / side, -normal[1] / side
+        turned.z, turned.w = -normal[2] / side, 0.0
+        marker.scale.x = max(length, 1e-6)
+        marker.scale.y = marker.scale.z = 0.4e-3
+        return marker
+
+
+def info_message(sensor: Sensor, frame_id: str, simulated: bool, stamp: int) -> TactileInfo:
+    """Return the description of `sensor`, valid from `stamp` [ns since the epoch]."""
+    layout = sensor.layout
+    low, high = (limit / charge_per_newton(sensor) for limit in InverseChain(sensor).charge_range)
+    message = TactileInfo(layout_id=layout.id, name=sensor.name, serial=sensor.serial, simulated=simulated)
+    message.header.frame_id = frame_id
+    set_stamp(message.header.stamp, stamp)
+    message.rows, message.cols = layout.rows, layout.cols
+    message.pitch[:] = layout.pitch_x, layout.pitch_y
+    message.taxel_area = layout.taxel_area
+    message.taxel_poses = [_taxel_pose(Surface.of(layout), x, y) for x, y in layout.positions.tolist()]
+    message.force_min, message.force_max = low, high
+    steps_per_count = 0xFFFF / ((1 << sensor.adc.bits) - 1)
+    message.force_resolution = volts_per_count(sensor) * steps_per_count / sensor.volts_per_newton
+    message.contact_threshold = sensor.contact.threshold
+    message.contact_deadband = sensor.contact.deadband
+    message.leak_time_constant = sensor.device.leak_time_constant
+    message.scan_rate = sensor.can.scan_rate
+    message.adc_range[:] = sensor.adc.low, sensor.adc.high
+    message.adc_bits = sensor.adc.bits
+    message.force_unit, message.length_unit = "N", "m"
+    return message
+
+
+def _taxel_pose(surface: Surface, x: float, y: float) -> Pose:
+    pose = Pose()
+    _set(pose.position, surface.point(x, y))
+    turned = pose.orientation
+    turned.x, turned.y, turned.z, turned.w = surface.orientation(x, y)
+    return pose
+
+
+def diagnostic_array(
+    level: int, name: str, text: str, hardware_id: str, values: Mapping[str, str], stamp: int
+) -> DiagnosticArray:
+    """Return one status of /diagnostics at `stamp` [ns since the epoch]; `level` is that of DiagnosticStatus."""
+    status = DiagnosticStatus(
+        level=bytes([level]),
+        name=name,
+        message=text,
+        hardware_id=hardware_id,
+        values=[KeyValue(key=key, value=value) for key, value in values.items()],
+    )
+    message = DiagnosticArray(status=[status])
+    set_stamp(message.header.stamp, stamp)
+    return message

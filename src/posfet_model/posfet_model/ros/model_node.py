@@ -1,0 +1,269 @@
+"""The model as a node: scans in, forces and contacts out, each only where somebody listens."""
+
+from __future__ import annotations
+
+import threading
+import time
+from array import array
+from collections.abc import Callable, Set
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from numpy.typing import NDArray
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import Image, PointCloud2
+from visualization_msgs.msg import MarkerArray
+
+from posfet_model.calibration.calibration_file import load_calibration, save_calibration
+from posfet_model.config import ConfigError
+from posfet_model.contacts.tracker import Contact
+from posfet_model.reconstruction.diagnostics import Period, judge
+from posfet_model.reconstruction.force_image import ForceImage
+from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
+from posfet_model.reconstruction.scan_clock import ScanCounts
+from posfet_model.ros.contacts_cdr import ContactsBytes
+from posfet_model.ros.conversions import (
+    ContactsMessage,
+    ForceImageMessage,
+    ImageMessage,
+    MarkersMessage,
+    PointsMessage,
+    ScanReader,
+    VibrationMessage,
+    WrenchMessage,
+    contacts_writer,
+    diagnostic_array,
+    info_message,
+)
+from posfet_model.ros.mount_node import MOUNT, broadcast_mount
+from posfet_model.ros.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_frame, declared_sensor
+from posfet_model.ros.run_node import run_node
+from posfet_model.ros.subscriptions import Listeners
+from posfet_model.sensor.scan import Scan
+from posfet_msgs.msg import TactileContacts, TactileImage, TactileInfo, TactileRaw, TactileVibration
+from posfet_msgs.srv import CalibrationFile
+from posfet_msgs.srv import Tare as TareService
+
+PARAMETERS = (
+    *SENSOR,
+    FRAME_ID,
+    *MOUNT,
+    Parameter(
+        "calibration_file", "", "Calibration of this very sensor: a YAML file; empty: the description is believed"
+    ),
+    Parameter("simulated", False, "Told to others in `info`: the signals come from a model, not from a device"),
+    Parameter(
+        "contacts_as_bytes", True, "Contacts are serialised here, which is faster; false: left to the middleware"
+    ),
+    Parameter("direct", False, "Scans are handed over in the process; true: do not subscribe to `raw`"),
+)
+OUTPUT_DEPTH = 10
+RAW_DEPTH = 1000
+"""Scans that wait for a process that is held up: one second of them."""
+REPORT_PERIOD = 1.0
+"""Time between two diagnostics [s]."""
+MARKER_PERIOD = 33_000_000
+"""Least time between two marker messages [ns]: they are for eyes."""
+TAKEN = 1e-4
+"""Time that readers of a message are given before longer work takes the processor they may have been woken on [s]."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The newest reconstruction, copied for a display."""
+
+    stamp: int
+    """Acquisition time [ns] since the Unix epoch."""
+    sequence: int
+    valid: bool
+    force: NDArray[np.float32]
+    """[N], shape [rows, cols]; NaN: not known."""
+    status: NDArray[np.uint8]
+    """Values of TaxelStatus, shape [rows, cols]."""
+    total: float
+    """[N]; NaN: not known."""
+    contacts: tuple[Contact, ...]
+    scans: int
+    """Scans taken since the start."""
+    missed: int
+    """Scans that never came."""
+
+
+class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
+    """Publishes what the reconstruction finds in the scans of `raw`, or in those handed to `process`.
+
+    Raises ConfigError at construction for a parameter or file that cannot be used.
+    """
+
+    def __init__(self, **node_arguments: Any) -> None:
+        super().__init__("model_node", **node_arguments)
+        try:
+            parameters = declare(self, PARAMETERS)
+            self.sensor = declared_sensor(parameters)
+            path = parameters["calibration_file"]
+            calibration = load_calibration(path, self.sensor) if path else None
+            frame_id = declared_frame(self, parameters)
+            self._mount = broadcast_mount(self, frame_id, parameters)
+        except ConfigError:
+            self.destroy_node()
+            raise
+        layout = self.sensor.layout
+        self._reconstructor = Reconstructor(self.sensor, calibration)
+        self._lock = threading.Lock()
+        self._result: Reconstruction | None = None
+        self._reader = ScanReader(layout)
+        image, wrench = ImageMessage(layout, frame_id), WrenchMessage(layout, frame_id)
+        force_image, points = ForceImageMessage(layout, frame_id), PointsMessage(layout, frame_id)
+        self._contacts_message: ContactsMessage | ContactsBytes = ContactsMessage(self.sensor, frame_id)
+        if parameters["contacts_as_bytes"]:
+            self._contacts_message = contacts_writer(self.sensor, frame_id)
+        self._markers_message = MarkersMessage(layout, frame_id)
+        self._contacts = self.create_publisher(TactileContacts, "contacts", OUTPUT_DEPTH)
+        if isinstance(self._contacts_message, ContactsBytes):
+            # Without what rclpy puts around it, which costs twice as much: it looks what kind of message this is.
+            self._contacts.publish = self._contacts.handle.publish_raw
+        self._markers = self.create_publisher(MarkerArray, "markers", OUTPUT_DEPTH)
+        self._maps: tuple[tuple[Publisher, Callable[[Reconstruction, ForceImage], Any]], ...] = (
+            (self.create_publisher(TactileImage, "image", OUTPUT_DEPTH), image.fill),
+            (self.create_publisher(WrenchStamped, "wrench", OUTPUT_DEPTH), wrench.fill),
+            (self.create_publisher(Image, "force_image", OUTPUT_DEPTH), force_image.fill),
+            (self.create_publisher(PointCloud2, "points", OUTPUT_DEPTH), points.fill),
+        )
+        self._vibration_message = VibrationMessage(layout, frame_id)
+        self._vibration = self.create_publisher(TactileVibration, "vibration", OUTPUT_DEPTH)
+        maps = (publisher for publisher, _ in self._maps)
+        self._listeners = Listeners(self._contacts, self._markers, self._vibration, *maps)
+        self._only_contacts = {self._contacts}
+        self._next_markers = 0
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._info = self.create_publisher(TactileInfo, "info", latched)
+        self._info.publish(info_message(self.sensor, frame_id, parameters["simulated"], time.time_ns()))
+        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", OUTPUT_DEPTH)
+        self._reported = ScanCounts()
+        self.create_timer(REPORT_PERIOD, self._report)
+        self.create_service(TareService, "tare", self._tare)
+        self.create_service(CalibrationFile, "calibration/load", self._load)
+        self.create_service(CalibrationFile, "calibration/save", self._save)
+        if not parameters["direct"]:
+            self.create_subscription(TactileRaw, "raw", self._receive, RAW_DEPTH)
+
+    def process(self, scan: Scan) -> None:
+        """Take one scan and publish what is subscribed, contacts first; a scan that cannot be used gives frames, too,
+        that are not valid. For one thread at a time.
+        """
+        with self._lock:
+            now = time.monotonic_ns()
+            heard = self._listeners.at(now)
+            self._reconstructor.vibration_wanted = self._vibration in heard
+            result = self._reconstructor.process(scan)
+            if result.accepted:
+                self._result = result
+            elif not result.unusable:
+                return
+            if self._contacts in heard:
+                self._contacts.publish(self._contacts_message.fill(result))
+            if heard != self._only_contacts:
+                self._publish_others(result, heard, now)
+            if self._reconstructor.untidy:
+                time.sleep(TAKEN)
+                self._reconstructor.tidy()
+
+    def _publish_others(self, result: Reconstruction, heard: Set[Any], now: int) -> None:
+        """Publish what of the rest is listened to."""
+        wanted = [entry for entry in self._maps if entry[0] in heard]
+        if wanted:
+            image = self._reconstructor.image()
+            for publisher, fill in wanted:
+                publisher.publish(fill(result, image))
+        if self._vibration in heard:
+            self._vibration.publish(self._vibration_message.fill(result, self._reconstructor.vibration()))
+        if now >= self._next_markers and self._markers in heard:
+            self._next_markers = now + MARKER_PERIOD
+            self._markers.publish(self._markers_message.fill(result))
+
+    def latest(self) -> Snapshot | None:
+        """Return a copy of the newest reconstruction, None before the first scan. For any thread."""
+        with self._lock:
+            if self._result is None:
+                return None
+            image, counts = self._reconstructor.image(), self._reconstructor.counts
+            shape = self.sensor.layout.rows, self.sensor.layout.cols
+            return Snapshot(
+                stamp=self._result.stamp,
+                sequence=self._result.sequence,
+                valid=self._result.valid,
+                force=image.force.reshape(shape).copy(),
+                status=image.status.reshape(shape).copy(),
+                total=image.total,
+                contacts=self._result.contacts,
+                scans=counts.accepted,
+                missed=counts.missed,
+            )
+
+    def _receive(self, message: TactileRaw) -> None:
+        self.process(self._reader.read(message))
+
+    def _tare(self, _: Any, response: Any) -> Any:
+        with self._lock:
+            tare = self._reconstructor.tare()
+        response.success, response.message = tare.done, tare.message
+        response.force_change = array("f", tare.force_change.tolist())
+        return response
+
+    def _load(self, request: Any, response: Any) -> Any:
+        try:
+            reconstructor = Reconstructor(self.sensor, load_calibration(request.path, self.sensor))
+        except ConfigError as error:
+            response.success, response.message = False, str(error)
+            return response
+        with self._lock:
+            self._reconstructor = reconstructor
+            self._result = None
+            self._reported = ScanCounts()
+        response.success = True
+        response.message = f"calibration of {reconstructor.calibration.date or 'no date'} in use; zeros are found anew"
+        return response
+
+    def _save(self, request: Any, response: Any) -> Any:
+        try:
+            save_calibration(request.path, self.sensor, self._reconstructor.calibration)
+        except ConfigError as error:
+            response.success, response.message = False, str(error)
+            return response
+        response.success, response.message = True, f"{request.path}: written"
+        return response
+
+    def _report(self) -> None:
+        with self._lock:
+            counts = replace(self._reconstructor.counts)
+            saturated = self._result.saturated if self._result else 0
+            unsettled, restarts = self._reconstructor.unsettled, self._reconstructor.restarts
+            bad = self._reconstructor.bad
+            temperature_known, rate = self._reconstructor.temperature_known, self._reconstructor.rate
+            hum_frequency, hum_amplitude = self._reconstructor.hum_frequency, self._reconstructor.hum_amplitude
+        before, self._reported = self._reported, counts
+        verdict = judge(Period.between(before, counts, unsettled, saturated, bad, temperature_known))
+        values = {name.replace("_", " "): str(count) for name, count in asdict(counts).items()}
+        values["scans per second [Hz]"] = f"{(counts.accepted - before.accepted) / REPORT_PERIOD:.0f}"
+        values["rate by the board's clock [Hz]"] = f"{rate:.1f}"
+        values["taxels without a zero"] = str(unsettled)
+        values["taxels saturated"] = str(saturated)
+        values["taxels dead, stuck or noisy"] = str(bad)
+        values["zeros found anew"] = str(restarts)
+        values["mains hum taken away [mN]"] = f"{hum_amplitude * 1e3:.2f}"
+        values["frequency of the mains hum [Hz]"] = f"{hum_frequency:.2f}"
+        name = f"{self.get_fully_qualified_name()}: reconstruction"
+        hardware_id = self.sensor.serial or self.sensor.name
+        self._diagnostics.publish(
+            diagnostic_array(verdict.level, name, verdict.text, hardware_id, values, time.time_ns())
+        )
+
+
+def main() -> None:
+    """Run the node."""
+    raise SystemExit(run_node(ModelNode))

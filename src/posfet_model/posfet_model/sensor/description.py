@@ -1,0 +1,311 @@
+"""The description of one sensor, read in one place for driver, simulation and model.
+
+Files carry human units, named in each key; everything in the dataclasses is SI.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model.config import ConfigError, Section, find_file, read_yaml
+from posfet_model.device.constants import VACUUM_PERMITTIVITY
+
+SENSOR_FOLDER = Path(__file__).parent / "sensors"
+"""Folder of the sensor descriptions that are shipped."""
+
+DEFAULT_SENSOR = "posfet_5x5"
+FRAME_CHOICES = ("auto", "true", "false")
+"""Frames of the board: as in the sensor file, CAN FD, or classic CAN."""
+MAX_SIDE = 128
+LEAST_SPAN = 1e-3
+"""Least span of rails and of the ADC [V]."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the taxels are. Frame: x along columns, y along rows, z outward, origin in the middle of the array.
+
+    On a bent chip x and y count along the surface.
+    """
+
+    id: int
+    rows: int
+    cols: int
+    pitch_x: float
+    """Distance between columns [m]."""
+    pitch_y: float
+    """Distance between rows [m]."""
+    taxel_area: float
+    """Area over which a taxel collects force [m2]."""
+    bend_radius: float = math.inf
+    """Radius of the cylinder that the chip is bent to, the array on its outer side [m]; inf: flat."""
+    bend_axis: str = "x"
+    """Direction of the cylinder's axis, x or y."""
+
+    @property
+    def taxels(self) -> int:
+        """Number of taxels."""
+        return self.rows * self.cols
+
+    @cached_property
+    def positions(self) -> NDArray[np.float64]:
+        """Centres of the taxels [m], shape [rows * cols, 2] (x, y), row by row; read-only."""
+        x = (np.arange(self.cols) - (self.cols - 1) / 2) * self.pitch_x
+        y = (np.arange(self.rows) - (self.rows - 1) / 2) * self.pitch_y
+        positions = np.stack([np.tile(x, self.rows), np.repeat(y, self.cols)], axis=1)
+        positions.flags.writeable = False
+        return positions
+
+
+@dataclass(frozen=True)
+class Device:
+    """The piezoelectric film on the gate and what surrounds it."""
+
+    piezoelectric_coefficient: float
+    """d33 [C/N]; negative for PVDF: compression (negative stress) gives positive charge."""
+    pyroelectric_coefficient: float
+    """p [C/(m2 K)]."""
+    film_thickness: float
+    """Thickness of the film [m]."""
+    relative_permittivity: float
+    """Relative permittivity of the film [1]."""
+    leak_time_constant: float
+    """Time constant with which the charge of a held force leaks through the bias resistor [s]."""
+    thermal_time_constant: float
+    """Lag of the film's temperature behind the chip's sensors [s]."""
+    force_max: float
+    """Greatest force on a taxel that the sensor is specified for [N]."""
+    contact_spread: float
+    """Standard deviation of the spread of pressure by the elastic cover [m]."""
+
+    @property
+    def film_capacitance(self) -> float:
+        """Capacitance of the film per area [F/m2]; as a gate voltage on the stack, charge counts as sigma / Cpvdf."""
+        return VACUUM_PERMITTIVITY * self.relative_permittivity / self.film_thickness
+
+
+@dataclass(frozen=True)
+class Amplifier:
+    """The unity-gain follower of each taxel."""
+
+    open_loop_gain: float
+    """A0 [V/V]."""
+    gain_bandwidth: float
+    """Gain-bandwidth product [Hz]."""
+    offset: float
+    """Input offset voltage [V]."""
+    rail_low: float
+    """Lowest output voltage [V]."""
+    rail_high: float
+    """Highest output voltage [V]."""
+
+    @property
+    def follower_gain(self) -> float:
+        """Static gain of the follower A0 / (1 + A0) [1]."""
+        return self.open_loop_gain / (1.0 + self.open_loop_gain)
+
+
+@dataclass(frozen=True)
+class Adc:
+    """The converter of the readout board."""
+
+    bits: int
+    low: float
+    """Voltage of code 0 [V]."""
+    high: float
+    """Voltage of the highest code [V]."""
+    noise: float
+    """RMS noise at the converter's input, amplifier included [V]."""
+
+
+@dataclass(frozen=True)
+class CanLink:
+    """How the readout board speaks."""
+
+    fd: bool
+    bitrate: int
+    """Nominal bitrate [bit/s]."""
+    data_bitrate: int
+    """Bitrate of the data phase of CAN FD [bit/s]."""
+    base_id: int
+    """First of the board's CAN identifiers (11 bit)."""
+    scan_rate: float
+    """Nominal scans per second [Hz]."""
+
+
+@dataclass(frozen=True)
+class ContactThresholds:
+    """When a taxel counts as touched."""
+
+    threshold: float
+    """A taxel enters a contact at this force [N]."""
+    deadband: float
+    """It stays in it until its force falls by this much below the threshold [N]."""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """One sensor, as read from its file."""
+
+    name: str
+    serial: str
+    layout: Layout
+    device: Device
+    amplifier: Amplifier
+    adc: Adc
+    can: CanLink
+    contact: ContactThresholds
+
+    @property
+    def volts_per_newton(self) -> float:
+        """Change of the follower's output per force on a taxel, before any of it leaks [V/N]."""
+        charge = -self.device.piezoelectric_coefficient / self.layout.taxel_area
+        return charge / self.device.film_capacitance * self.amplifier.follower_gain
+
+
+def load_sensor(name: str | Path = DEFAULT_SENSOR) -> Sensor:
+    """Return the sensor described by a YAML file, or by the bare name of a shipped one.
+
+    Raises ConfigError, one line naming file, key, allowed range and value, for a missing, unknown or repeated key, a
+    wrong type, NaN, or a value out of range.
+    """
+    top = read_yaml(find_file(str(name), SENSOR_FOLDER, "sensor"))
+    sensor = Sensor(
+        name=top.text("name"),
+        serial=top.text("serial"),
+        layout=_layout(top.section("layout")),
+        device=_device(top.section("device")),
+        amplifier=_amplifier(top.section("amplifier")),
+        adc=_adc(top.section("adc")),
+        can=_can(top.section("can")),
+        contact=_contact(top.section("contact")),
+    )
+    top.end()
+    highest = min(sensor.adc.high, sensor.amplifier.rail_high) - sensor.amplifier.offset
+    if highest <= 0:
+        raise top.error("amplifier.rail_high_V", "rail_high_V and adc.high_V must be above 0 and the offset")
+    if sensor.device.force_max * sensor.volts_per_newton > highest:
+        limit = highest / sensor.volts_per_newton
+        raise top.error(
+            "device.force_max_N",
+            f"must be in (0, {limit:.4g}] for this amplifier and ADC, got {sensor.device.force_max:g}",
+        )
+    return sensor
+
+
+def with_frames(sensor: Sensor, fd: str) -> Sensor:
+    """Return `sensor` with the frames its board is told to send, one of FRAME_CHOICES.
+
+    Classic frames carry 12 bits of each count, which whoever reckons with the resolution has to know.
+    """
+    if fd == "auto":
+        return sensor
+    return replace(sensor, can=replace(sensor.can, fd=fd == "true"))
+
+
+def _layout(section: Section) -> Layout:
+    layout = Layout(
+        id=section.whole("id", 1, 0xFFFF),
+        rows=section.whole("rows", 1, MAX_SIDE),
+        cols=section.whole("cols", 1, MAX_SIDE),
+        pitch_x=section.number("pitch_x_mm", 0.01, 100) * 1e-3,
+        pitch_y=section.number("pitch_y_mm", 0.01, 100) * 1e-3,
+        taxel_area=section.number("taxel_area_mm2", 1e-4, 1e4) * 1e-6,
+    )
+    if "bend_radius_mm" in section:
+        axis = section.text("bend_axis", ("x", "y"))
+        span = layout.rows * layout.pitch_y if axis == "x" else layout.cols * layout.pitch_x
+        least = math.ceil(max(span / math.pi, 1e-3) * 1e5) / 100
+        layout = replace(layout, bend_radius=section.number("bend_radius_mm", least, 1e5) * 1e-3, bend_axis=axis)
+    section.end()
+    if layout.taxel_area > layout.pitch_x * layout.pitch_y * (1 + 1e-9):
+        cell = layout.pitch_x * layout.pitch_y * 1e6
+        raise section.error(
+            "taxel_area_mm2", f"must be in (0, {cell:g}], the cell of one taxel, got {layout.taxel_area * 1e6:g}"
+        )
+    return layout
+
+
+def _device(section: Section) -> Device:
+    device = Device(
+        piezoelectric_coefficient=section.number("piezoelectric_coefficient_pC_per_N", -1000, -0.1) * 1e-12,
+        pyroelectric_coefficient=section.number("pyroelectric_coefficient_uC_per_m2K", -1000, 1000) * 1e-6,
+        film_thickness=section.number("film_thickness_um", 0.01, 1000) * 1e-6,
+        relative_permittivity=section.number("relative_permittivity", 1, 1000),
+        leak_time_constant=section.number("leak_time_constant_s", 1e-3, 1e9),
+        thermal_time_constant=section.number("thermal_time_constant_s", 0, 1e4),
+        force_max=section.number("force_max_N", 0, 1e4, exclusive=True),
+        contact_spread=section.number("contact_spread_mm", 0, 100) * 1e-3,
+    )
+    section.end()
+    return device
+
+
+def _amplifier(section: Section) -> Amplifier:
+    amplifier = Amplifier(
+        open_loop_gain=10 ** (section.number("open_loop_gain_dB", 0, 200) / 20),
+        gain_bandwidth=section.number("gain_bandwidth_MHz", 1e-6, 1e4) * 1e6,
+        offset=section.number("offset_mV", -1000, 1000) * 1e-3,
+        rail_low=section.number("rail_low_V", -100, 100),
+        rail_high=section.number("rail_high_V", -100, 100),
+    )
+    section.end()
+    if amplifier.rail_high - amplifier.rail_low < LEAST_SPAN:
+        raise section.error(
+            "rail_low_V", f"must be below rail_high_V = {amplifier.rail_high:g}, got {amplifier.rail_low:g}"
+        )
+    return amplifier
+
+
+def _adc(section: Section) -> Adc:
+    adc = Adc(
+        bits=section.whole("bits", 8, 16),
+        low=section.number("low_V", -100, 100),
+        high=section.number("high_V", -100, 100),
+        noise=section.number("noise_mV", 0, 1000) * 1e-3,
+    )
+    section.end()
+    if adc.high - adc.low < LEAST_SPAN:
+        raise section.error("low_V", f"must be at least {LEAST_SPAN:g} below high_V = {adc.high:g}, got {adc.low:g}")
+    return adc
+
+
+def _can(section: Section) -> CanLink:
+    link = CanLink(
+        fd=section.flag("fd"),
+        bitrate=section.whole("bitrate_kbit_per_s", 10, 1000) * 1000,
+        data_bitrate=section.whole("data_bitrate_kbit_per_s", 10, 8000) * 1000,
+        base_id=section.whole("base_id", 0, 0x7F0),
+        scan_rate=section.number("scan_rate_Hz", 0.1, 20_000),
+    )
+    section.end()
+    return link
+
+
+def _contact(section: Section) -> ContactThresholds:
+    threshold = section.number("threshold_mN", 0, 1e6, exclusive=True)
+    thresholds = ContactThresholds(threshold * 1e-3, section.number("deadband_mN", 0, threshold) * 1e-3)
+    section.end()
+    return thresholds
+
+
+__all__ = [
+    "DEFAULT_SENSOR",
+    "FRAME_CHOICES",
+    "Adc",
+    "Amplifier",
+    "CanLink",
+    "ConfigError",
+    "ContactThresholds",
+    "Device",
+    "Layout",
+    "Sensor",
+    "load_sensor",
+    "with_frames",
+]

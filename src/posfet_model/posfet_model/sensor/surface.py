@@ -1,0 +1,85 @@
+"""The touched surface in space: flat, or bent to a cylinder with the array on its outer side.
+
+Positions on the array count along the surface. The frame of the array touches it in its middle: x along columns, y
+along rows, z outward.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model.sensor.description import Layout
+
+Vector: TypeAlias = "tuple[float, float, float]"
+FLAT_NORMAL: Vector = (0.0, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Where points of the surface are, and how it is tilted there."""
+
+    radius: float
+    """Of the cylinder [m]; inf: flat."""
+    axis_x: bool
+    """Whether the cylinder's axis lies along x, so that the columns are bent; else along y."""
+
+    @classmethod
+    def of(cls, layout: Layout) -> Surface:
+        """Return the surface of an array."""
+        return cls(layout.bend_radius, layout.bend_axis == "x")
+
+    @property
+    def flat(self) -> bool:
+        """Whether it is not bent."""
+        return math.isinf(self.radius)
+
+    def tilt(self, x: float, y: float) -> float:
+        """Return the angle [rad] by which the normal at (x, y) [m] is turned from z, towards the side of the point."""
+        return (y if self.axis_x else x) / self.radius
+
+    def point(self, x: float, y: float) -> Vector:
+        """Return the point [m] that lies (x, y) [m] along the surface."""
+        if self.flat:
+            return x, y, 0.0
+        tilt = self.tilt(x, y)
+        out, down = self.radius * math.sin(tilt), -2.0 * self.radius * math.sin(0.5 * tilt) ** 2
+        return (x, out, down) if self.axis_x else (out, y, down)
+
+    def normal(self, x: float, y: float) -> Vector:
+        """Return the outward unit normal at (x, y) [m]."""
+        tilt = self.tilt(x, y)
+        sine, cosine = math.sin(tilt), math.cos(tilt)
+        return (0.0, sine, cosine) if self.axis_x else (sine, 0.0, cosine)
+
+    def along(self, x: float, y: float, vector: tuple[float, float]) -> Vector:
+        """Return in space a vector that lies in the surface at (x, y) [m]."""
+        if self.flat:
+            return (*vector, 0.0)
+        tilt = self.tilt(x, y)
+        sine, cosine = math.sin(tilt), math.cos(tilt)
+        u, v = vector
+        return (u, v * cosine, -v * sine) if self.axis_x else (u * cosine, v, -u * sine)
+
+    def orientation(self, x: float, y: float) -> tuple[float, float, float, float]:
+        """Return the unit quaternion (x, y, z, w) that turns z to the normal at (x, y) [m]."""
+        half = 0.5 * self.tilt(x, y)
+        return (
+            (-math.sin(half), 0.0, 0.0, math.cos(half)) if self.axis_x else (0.0, math.sin(half), 0.0, math.cos(half))
+        )
+
+
+def taxel_points(layout: Layout) -> NDArray[np.float64]:
+    """Return the centres of the taxels in space [m], shape [rows * cols, 3]."""
+    surface = Surface.of(layout)
+    return np.array([surface.point(x, y) for x, y in layout.positions.tolist()])
+
+
+def taxel_normals(layout: Layout) -> NDArray[np.float64]:
+    """Return the outward unit normals of the taxels, shape [rows * cols, 3]."""
+    surface = Surface.of(layout)
+    return np.array([surface.normal(x, y) for x, y in layout.positions.tolist()])

@@ -1,0 +1,128 @@
+"""Runs of a follower from any simulator or bench: the file format, and how far each follower model is off."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from posfet_model.amplifier.closed_loop import ClosedLoop, close_loop
+from posfet_model.amplifier.follower import (
+    IdealFollower,
+    OnePoleFollower,
+    SquareLawFollower,
+    StaticFollower,
+    TwoPoleFollower,
+)
+from posfet_model.amplifier.follower_base import Follower
+from posfet_model.amplifier.slew_identification import OVERDRIVE, SlewModel
+from posfet_model.device.paper import AMPLIFIER_GAIN, GAIN_BANDWIDTH
+from posfet_model.spice.run_file import FollowerRun
+
+SECOND_POLE_QUALITY: Final = 0.4
+"""Quality of `TwoPoleFollower` where nothing is known of the second pole: it is assumed at 1/0.4^2 = 6.25 times the
+gain-bandwidth product. Circuit C has it at 4 times, circuit B hides it behind a zero."""
+
+OVERDRIVE_SEARCH: Final = (0.01, 10.0)
+"""Range in which the overdrive is fitted [V]."""
+
+
+_FIT_ROWS: Final = 20_000
+_FIT_SLEW_SHARE: Final = 0.3
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far a model is off, in percent of the peak-to-peak of the run's output, first values removed."""
+
+    max_pct: float
+    """Largest absolute deviation of all samples."""
+    rms_pct: float
+    """Root mean square over time (trapezoidal rule), so that uneven steps weigh by their length."""
+
+
+def blind_models() -> dict[str, Follower]:
+    """Return the models of an amplifier of which 42.3 dB and 1.5 MHz are known (Sec. V), all else assumed."""
+    loop = close_loop(AMPLIFIER_GAIN.value, GAIN_BANDWIDTH.value)
+    # The second pole goes beside the dominant one, so the lag of slow signals stays 1/(2*pi*bandwidth).
+    two_pole = TwoPoleFollower(
+        gain=loop.gain, natural_frequency=loop.bandwidth / SECOND_POLE_QUALITY, quality=SECOND_POLE_QUALITY
+    )
+    return _models(loop, two_pole, SlewModel("nothing known", loop, OVERDRIVE).follower())
+
+
+def calibrated_models(loop: ClosedLoop, slewing: SquareLawFollower) -> dict[str, Follower]:
+    """Return the models of a follower of known gain and -3 dB frequency; the slewing one comes from `slew_model`."""
+    two_pole = TwoPoleFollower.from_bandwidth(loop.gain, loop.bandwidth, SECOND_POLE_QUALITY)
+    return _models(loop, two_pole, slewing)
+
+
+def _models(loop: ClosedLoop, two_pole: TwoPoleFollower, slewing: SquareLawFollower) -> dict[str, Follower]:
+    return {
+        "ideal": IdealFollower(),
+        "static": StaticFollower(gain=loop.gain),
+        "one_pole": OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth),
+        "two_pole": two_pole,
+        "square_law_slew": slewing,
+    }
+
+
+def deviation(run: FollowerRun, model: Follower) -> Deviation:
+    """Return how far a model started at rest with the run's first input is off the run's output."""
+    answer = model.run(run.time, run.v_in).v_out
+    error = (answer - answer[0]) - (run.v_out - run.v_out[0])
+    squares = 0.5 * (error[1:] ** 2 + error[:-1] ** 2) * np.diff(run.time)
+    scale = 100 / float(np.ptp(run.v_out))
+    return Deviation(
+        max_pct=float(np.max(np.abs(error))) * scale,
+        rms_pct=math.sqrt(float(np.sum(squares)) / float(run.time[-1] - run.time[0])) * scale,
+    )
+
+
+def deviations(run: FollowerRun, models: Mapping[str, Follower]) -> dict[str, Deviation]:
+    """Return the deviation of each model."""
+    return {name: deviation(run, model) for name, model in models.items()}
+
+
+def slews(run: FollowerRun, loop: ClosedLoop) -> bool:
+    """Return whether the run asks for a third or more of the slew rate at `OVERDRIVE`: less says nothing about it."""
+    lag = run.v_in - OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth).run(run.time, run.v_in).v_out / loop.gain
+    return bool(np.max(np.abs(lag)) >= _FIT_SLEW_SHARE * OVERDRIVE)
+
+
+def fit_overdrive(run: FollowerRun, model: SlewModel) -> float:
+    """Return the overdrive [V], in [0.01, 10], with which the slewing follower is least off a run, in rms.
+
+    A small-signal analysis does not show the tail current, only a run that slews does (see `slews`; another gives a
+    number that means nothing). Judge the result by other runs than this. Runs of more than 20000 rows are thinned.
+    """
+    keep = np.unique(np.append(np.arange(0, run.time.size, -(-run.time.size // _FIT_ROWS)), run.time.size - 1))
+    thinned = FollowerRun(run.time[keep], run.v_in[keep], run.v_out[keep])
+
+    def rms(log_overdrive: float) -> float:
+        return deviation(thinned, model.follower(math.exp(log_overdrive))).rms_pct
+
+    low, high = (math.log(v) for v in OVERDRIVE_SEARCH)
+    grid = np.linspace(low, high, 15)
+    best = int(np.argmin([rms(float(point)) for point in grid]))
+    return math.exp(_least(rms, float(grid[max(best - 1, 0)]), float(grid[min(best + 1, grid.size - 1)])))
+
+
+def _least(function: Callable[[float], float], low: float, high: float) -> float:
+    """Return the place of the minimum between low and high, by golden section, to 1/1000 of the bracket."""
+    golden = (math.sqrt(5) - 1) / 2
+    left, right = high - golden * (high - low), low + golden * (high - low)
+    at_left, at_right = function(left), function(right)
+    for _ in range(14):
+        if at_left < at_right:
+            high, right, at_right = right, left, at_left
+            left = high - golden * (high - low)
+            at_left = function(left)
+        else:
+            low, left, at_left = left, right, at_right
+            right = low + golden * (high - low)
+            at_right = function(right)
+    return 0.5 * (low + high)

@@ -1,0 +1,237 @@
+"""Runs of the follower circuits in ngspice, an outside program: a run that is not whole and fine enough is an error.
+
+The circuits are op-amps as subcircuits in the package folder `netlists`: `opamp_b` (two Miller-compensated stages) and
+`opamp_c` (one stage and an output follower). Here a source and an analysis are added, ngspice is called in a folder of
+its own, and its binary output is read. ngspice leaves with status 0 from many a failed run, so the result is checked.
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+import subprocess
+import tempfile
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from posfet_model._lib.validation import real_array, real_number, whole_number
+from posfet_model.amplifier.closed_loop import ClosedLoop
+
+CIRCUITS: Final = ("opamp_b", "opamp_c")
+"""Names of the netlists that come with the package."""
+
+PROGRAM: Final = "ngspice"
+
+RELATIVE_TOLERANCE: Final = 1e-5
+"""reltol of all runs; ngspice's own 1e-3 is off by several percent of full scale on steps of these circuits."""
+
+COARSEST_OUTPUT_STEP: Final = 0.05
+"""Largest change of the output from sample to sample, as part of its peak-to-peak, that counts as resolved."""
+
+_TIMEOUT: Final = 300.0
+_LEAST_TIME_STEPS: Final = 20
+
+
+class SpiceError(RuntimeError):
+    """ngspice is missing, refused the circuit, did not finish, or finished with a run too coarse to be a reference."""
+
+
+@dataclass(frozen=True)
+class Transient:
+    """A run over time, all fields of shape [t]."""
+
+    time: NDArray[np.float64]
+    """[s], uneven steps."""
+    v_in: NDArray[np.float64]
+    """[V]"""
+    v_out: NDArray[np.float64]
+    """[V]"""
+
+
+@dataclass(frozen=True)
+class SmallSignal:
+    """A run over frequency, both fields of shape [f]."""
+
+    frequency: NDArray[np.float64]
+    """[Hz], evenly spread in decades."""
+    transfer: NDArray[np.complex128]
+    """v_out/v_in [V/V]."""
+
+
+def available() -> bool:
+    """Return whether ngspice is on PATH."""
+    return shutil.which(PROGRAM) is not None
+
+
+def netlist(circuit: str) -> str:
+    """Return the text of a netlist of the package; ValueError when there is none of that name."""
+    if circuit not in CIRCUITS:
+        raise ValueError(f"circuit must be one of {', '.join(CIRCUITS)}, got {circuit!r}")
+    return (files("posfet_model.spice") / "netlists" / f"{circuit}.cir").read_text(encoding="ascii")
+
+
+def piecewise_linear(time: ArrayLike, volts: ArrayLike) -> str:
+    """Return the source that moves in straight lines through the points (time [s], volts [V]), both of shape [k].
+
+    time has to rise from 0. Raises ValueError otherwise.
+    """
+    instants = real_array("time", time, 0, 1e6)
+    levels = real_array("volts", volts, -1e3, 1e3)
+    if instants.ndim != 1 or instants.shape != levels.shape or instants.size < 2:
+        raise ValueError(f"time and volts must be of one shape [k], k >= 2, got {instants.shape} and {levels.shape}")
+    if instants[0] != 0 or not (np.diff(instants) > 0).all():
+        raise ValueError(
+            f"time must rise from 0, got {instants[0]:g} first and steps down to {np.diff(instants).min():g}"
+        )
+    points = "\n".join(f"+ {t:.12g} {v:.12g}" for t, v in zip(instants, levels, strict=True))
+    return f"pwl(\n{points}\n+ )"
+
+
+def run_follower(circuit: str, source: str, stop: float, largest_step: float) -> Transient:
+    """Return the follower's answer to a source, whole and resolved.
+
+    Parameters
+    ----------
+    circuit : text of a netlist with a subcircuit ``opamp plus minus out`` that brings its own supplies.
+    source : an ngspice source such as `piecewise_linear` gives, or "sin(0 1 1k)".
+    stop : end of the run [s], in (0, 1e6].
+    largest_step : bound of ngspice's time step [s], at most stop/20.
+
+    Raises
+    ------
+    ValueError : stop or largest_step out of range.
+    SpiceError : see there; the message says what is wrong.
+    """
+    stop = real_number("stop", stop, 1e-12, 1e6)
+    largest_step = real_number("largest_step", largest_step, stop * 1e-9, stop / _LEAST_TIME_STEPS)
+    analysis = f".tran {largest_step:.12g} {stop:.12g} 0 {largest_step:.12g}"
+    values = _simulate(_deck(circuit, f"vin in 0 {source}", "xdut in out out opamp", analysis), complex_values=False)
+    run = Transient(time=values[0].real, v_in=values[1].real, v_out=values[2].real)
+    _check_transient(run, stop, largest_step)
+    return run
+
+
+def run_follower_ac(circuit: str, lowest: float = 1.0, highest: float = 1e8, per_decade: int = 50) -> SmallSignal:
+    """Return the follower's small-signal transfer function; errors as in `run_follower`.
+
+    Parameters
+    ----------
+    circuit : as in `run_follower`.
+    lowest, highest : ends of the frequencies [Hz], from 1e-3, a decade or more apart, to 1e13.
+    per_decade : frequencies in a decade, in [1, 10000].
+    """
+    return _run_ac(circuit, "xdut in out out opamp", lowest, highest, per_decade)
+
+
+def run_open_loop_ac(circuit: str, lowest: float = 1.0, highest: float = 1e8, per_decade: int = 50) -> SmallSignal:
+    """Return the op-amp's open-loop transfer function at the follower's operating point; as `run_follower_ac`.
+
+    The loop is closed at 0 Hz only, through 1 GH, with 1 F to ground at the inverting input.
+    """
+    loop = "lloop out feedback 1g\ncloop feedback 0 1\nxdut in feedback out opamp"
+    return _run_ac(circuit, loop, lowest, highest, per_decade)
+
+
+def closed_loop(response: SmallSignal) -> ClosedLoop:
+    """Return gain at the lowest frequency and -3 dB frequency of a follower; SpiceError when it never falls so far.
+
+    Between the frequencies of the run, the logarithm of the gain is taken as straight over that of the frequency.
+    """
+    gain = np.abs(response.transfer)
+    fallen = np.flatnonzero(gain < gain[0] / math.sqrt(2))
+    if not fallen.size or fallen[0] == 0:
+        raise SpiceError(f"the gain does not fall by 3 dB below {response.frequency[-1]:g} Hz")
+    ends = slice(fallen[0] - 1, fallen[0] + 1)
+    place = np.interp(-math.log(gain[0] / math.sqrt(2)), -np.log(gain[ends]), np.log(response.frequency[ends]))
+    return ClosedLoop(gain=float(gain[0]), bandwidth=math.exp(float(place)))
+
+
+def _run_ac(circuit: str, instance: str, lowest: float, highest: float, per_decade: int) -> SmallSignal:
+    lowest = real_number("lowest", lowest, 1e-3, 1e12)
+    highest = real_number("highest", highest, 10 * lowest, 1e13)
+    per_decade = whole_number("per_decade", per_decade, 1, 10_000)
+    analysis = f".ac dec {per_decade} {lowest:.12g} {highest:.12g}"
+    values = _simulate(_deck(circuit, "vin in 0 dc 0 ac 1", instance, analysis), complex_values=True)
+    frequency = values[0].real
+    if abs(frequency[-1] / highest - 1) > 0.1:
+        raise SpiceError(f"ngspice stopped at {frequency[-1]:g} Hz of {highest:g} Hz")
+    return SmallSignal(frequency=frequency, transfer=values[2] / values[1])
+
+
+def _deck(circuit: str, source: str, instance: str, analysis: str) -> str:
+    options = (
+        f".options method=gear reltol={RELATIVE_TOLERANCE:g} abstol=1e-14 vntol=1e-9 chgtol=1e-18 trtol=1 gmin=1e-15"
+    )
+    return "\n".join(["follower", circuit, source, instance, options, ".save v(in) v(out)", analysis, ".end", ""])
+
+
+def _simulate(deck: str, *, complex_values: bool) -> NDArray[np.complex128]:
+    """Run ngspice on a deck and return its vectors: axis, v(in), v(out), shape [3, points]."""
+    program = shutil.which(PROGRAM)
+    if program is None:
+        raise SpiceError("ngspice is not on PATH (Debian, Ubuntu: apt-get install ngspice)")
+    with tempfile.TemporaryDirectory(prefix="posfet-spice-") as folder:
+        (Path(folder) / "deck.cir").write_text(deck, encoding="ascii")
+        command = [program, "-n", "-b", "-r", "out.raw", "deck.cir"]
+        try:
+            done = subprocess.run(
+                command, cwd=folder, capture_output=True, text=True, errors="replace", timeout=_TIMEOUT, check=False
+            )
+        except subprocess.TimeoutExpired:
+            raise SpiceError(f"ngspice did not finish within {_TIMEOUT:g} s") from None
+        raw = Path(folder) / "out.raw"
+        content = raw.read_bytes() if raw.exists() else b""
+    complaint = _complaint(done.stdout + "\n" + done.stderr)
+    if done.returncode or complaint or not content:
+        raise SpiceError(f"ngspice failed (status {done.returncode}): {complaint or 'no output'}")
+    return read_raw(content, complex_values=complex_values)
+
+
+def _complaint(log: str) -> str:
+    """Return the first line of ngspice's log that tells of a failed run, or an empty string."""
+    signs = ("error", "aborted", "too small", "no convergence", "singular matrix", "failed", "can't find", "unknown")
+    harmless = ("gmin stepping failed", "no error")  # ngspice goes on to source stepping; if that fails it says so
+    for line in log.splitlines():
+        text = line.strip().lower()
+        if any(sign in text for sign in signs) and not any(sign in text for sign in harmless):
+            return line.strip()
+    return ""
+
+
+def read_raw(content: bytes, *, complex_values: bool) -> NDArray[np.complex128]:
+    """Return the vectors of one plot of an ngspice binary raw file, shape [variables, points]; SpiceError if torn."""
+    head, mark, body = content.partition(b"Binary:\n")
+    fields = dict(line.split(":", 1) for line in head.decode("ascii", "replace").splitlines() if ":" in line)
+    try:
+        variables, points = int(fields["No. Variables"]), int(fields["No. Points"])
+        is_complex = "complex" in fields["Flags"]
+    except (KeyError, ValueError):
+        raise SpiceError("ngspice's raw file has no proper head") from None
+    if not mark or is_complex != complex_values or not points:
+        raise SpiceError("ngspice's raw file is not of the analysis that was asked for")
+    kind = np.dtype(np.complex128 if is_complex else np.float64)
+    if len(body) < variables * points * kind.itemsize:
+        raise SpiceError(f"ngspice's raw file ends before its {points} points")
+    table = np.frombuffer(body, kind, count=variables * points).reshape(points, variables).T
+    return np.asarray(table, dtype=np.complex128)
+
+
+def _check_transient(run: Transient, stop: float, largest_step: float) -> None:
+    """Raise SpiceError unless the run is finite, complete and fine enough."""
+    if not all(np.isfinite(part).all() for part in (run.time, run.v_in, run.v_out)):
+        raise SpiceError("ngspice's run holds values that are not finite")
+    if abs(run.time[-1] - stop) > 1e-6 * stop:
+        raise SpiceError(f"ngspice stopped at {run.time[-1]:g} s of {stop:g} s")
+    steps = np.diff(run.time)
+    if steps.min() < 0 or steps.max() > largest_step * (1 + 1e-6):
+        raise SpiceError(
+            f"ngspice's steps reach from {steps.min():g} to {steps.max():g} s, allowed is {largest_step:g} s"
+        )
+    jump, swing = np.abs(np.diff(run.v_out)).max(), np.ptp(run.v_out)
+    if jump > COARSEST_OUTPUT_STEP * swing:
+        raise SpiceError(f"the run is coarse: the output moves {100 * jump / swing:.1f} % of its swing in one step")

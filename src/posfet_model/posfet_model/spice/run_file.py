@@ -1,0 +1,111 @@
+"""Follower runs from any simulator or bench: the CSV file format."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model.amplifier.follower_base import VOLTAGE_LIMIT
+
+HEADER: Final = "time,v_in,v_out"
+
+
+LEAST_SWING: Final = (1e-12, 1e-9)
+"""Least peak-to-peak of v_out: in V, and as a share of the largest voltage in the file: less is no full scale."""
+
+
+_TIME_LIMIT: Final = 1e9
+
+
+class RunFileError(ValueError):
+    """A file is not a follower run; the message is one line with file, line number and what is wrong."""
+
+
+@dataclass(frozen=True, eq=False)
+class FollowerRun:
+    """One run, all fields of shape [t], t >= 2."""
+
+    time: NDArray[np.float64]
+    """[s], never falling."""
+    v_in: NDArray[np.float64]
+    """[V]"""
+    v_out: NDArray[np.float64]
+    """[V], its peak-to-peak at least `LEAST_SWING`."""
+
+
+def read_run(path: Path) -> FollowerRun:
+    """Return the run in a CSV file with the header ``time,v_in,v_out`` [s, V, V].
+
+    Lines starting with # and empty lines are skipped. Steps may be uneven; two lines of the same time are a jump.
+    Raises RunFileError for a file that cannot be read or does not hold such a run.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not a text file"
+        raise RunFileError(f"{path}: cannot be read: {reason}") from error
+    numbers = [i for i, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")]
+    if not numbers or "".join(lines[numbers[0] - 1].split()) != HEADER:
+        where, got = (numbers[0], repr(lines[numbers[0] - 1][:60])) if numbers else (1, "nothing")
+        raise RunFileError(f"{path}:{where}: header must be {HEADER}, got {got}")
+    rows = numbers[1:]
+    if len(rows) < 2:
+        raise RunFileError(f"{path}:{len(lines) or 1}: a run needs at least 2 rows, got {len(rows)}")
+    table = _parse(path, lines, rows)
+    _check(path, table, rows)
+    return FollowerRun(*table)
+
+
+def _parse(path: Path, lines: list[str], rows: list[int]) -> NDArray[np.float64]:
+    """Return the columns, shape [3, t]; RunFileError naming the first line that is not three numbers."""
+    try:
+        table = np.loadtxt([lines[i - 1] for i in rows], delimiter=",", ndmin=2, comments=None)
+        if table.shape[1] == 3:
+            return np.ascontiguousarray(table.T)
+    except ValueError:
+        pass  # the loop below finds the line
+    for i in rows:
+        cells = lines[i - 1].split(",")
+        if len(cells) != 3:
+            raise RunFileError(f"{path}:{i}: 3 values ({HEADER}) wanted, got {len(cells)}")
+        for name, cell in zip(HEADER.split(","), cells, strict=True):
+            if not _is_number(cell):
+                raise RunFileError(f"{path}:{i}: {name} must be a number, got {cell.strip()[:40]!r}")
+    raise RunFileError(f"{path}: cannot be read as numbers")
+
+
+def _is_number(cell: str) -> bool:
+    """Return whether a cell is a number as other programs write them: Python alone takes 1_000 for one."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell
+
+
+def _check(path: Path, table: NDArray[np.float64], rows: list[int]) -> None:
+    """Raise RunFileError for values out of range, time that falls or stands still, and an output that does not move."""
+    for name, column, limit in zip(HEADER.split(","), table, (_TIME_LIMIT, VOLTAGE_LIMIT, VOLTAGE_LIMIT), strict=True):
+        bad = ~(np.abs(column) <= limit)
+        if bad.any():
+            first = int(bad.argmax())
+            allowed = f"[{-limit:g}, {limit:g}]"
+            raise RunFileError(f"{path}:{rows[first]}: {name} must be in {allowed}, got {column[first]:g}")
+    time, _, v_out = table
+    falling = np.diff(time) < 0
+    if falling.any():
+        first = int(falling.argmax())
+        raise RunFileError(
+            f"{path}:{rows[first + 1]}: time must not fall, got {time[first + 1]:g} after {time[first]:g}"
+        )
+    if time[-1] == time[0]:
+        raise RunFileError(f"{path}:{rows[-1]}: time must rise, got {time[0]:g} s in every row")
+    swing, least = float(np.ptp(v_out)), max(LEAST_SWING[0], LEAST_SWING[1] * float(np.max(np.abs(table[1:]))))
+    if swing < least:
+        raise RunFileError(
+            f"{path}:{rows[-1]}: v_out must move by {least:g} V or more, got {swing:g} V; it is the full scale"
+        )

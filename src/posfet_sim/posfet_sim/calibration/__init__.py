@@ -1,0 +1,1 @@
+"""The simulated calibration rig, and recordings of a real one."""

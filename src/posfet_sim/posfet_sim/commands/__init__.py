@@ -1,0 +1,1 @@
+"""The commands `posfet sim`, `posfet score` and `posfet calibrate`."""

@@ -1,0 +1,1 @@
+"""Contact mechanics: the force of an object on each taxel. Knows no scene."""

@@ -1,0 +1,107 @@
+"""Closed forms of contact: how wide, and how deep, for line contacts, punches and ellipses.
+
+Lengths are in m, forces in N, the effective modulus E in Pa: 1/E = (1 - nu1^2)/E1 + (1 - nu2^2)/E2. Elastic half-space,
+without friction, adhesion and viscosity. Johnson is K. L. Johnson, Contact Mechanics, Cambridge, 1985.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from posfet_model._lib.validation import real_number
+
+FORCE_LIMIT: Final = 1e6
+"""Largest accepted normal force [N]."""
+
+
+def cylinder_half_width(line_load: float, radius: float, effective_modulus: float) -> float:
+    """Return the half-width b [m] of a cylinder's contact under `line_load` P [N/m].
+
+    ``b^2 = 4*P*R/(pi*E)``, with the pressure ``2*P/(pi*b)*sqrt(1 - (x/b)^2)`` (Johnson, section 4.2).
+    """
+    return math.sqrt(4 * line_load * radius / (math.pi * effective_modulus))
+
+
+def wedge_half_width(line_load: float, slope: float, effective_modulus: float) -> float:
+    """Return the half-width b [m] of the contact of a wedge whose flanks rise by `slope` (tangent of their angle).
+
+    ``b = P/(E*slope)``, with the pressure ``E*slope/pi*acosh(b/abs(x))`` (Johnson, section 5.2, slope = cot(alpha)).
+    Meant for blunt wedges.
+    """
+    return line_load / (effective_modulus * slope)
+
+
+def line_stiffness(length: float, half_width: float, effective_modulus: float, profile: float) -> float:
+    """Return the line load over the indentation [N/m2] of a contact of this length, much longer than wide.
+
+    ``P/d = pi*E/(2*ln(2*L/b) + c)``, d at the middle of the contact: the displacement under a pressure that is even
+    along the length, from Boussinesq's point load (Johnson, section 3.2) integrated over the strip with L >> b. The
+    number c, `profile`, is 1 for a cylinder, 2 for a wedge. The load of the ends of a stiff cylinder is left out.
+    """
+    return math.pi * effective_modulus / (2 * math.log(2 * length / half_width) + profile)
+
+
+def punch_indentation(force: float, radius: float, effective_modulus: float) -> float:
+    """Return the indentation ``F/(2*a*E)`` [m] of a flat round punch of radius a (Johnson, section 3.4)."""
+    return force / (2 * radius * effective_modulus)
+
+
+@dataclass(frozen=True)
+class EllipseShape:
+    """The contact of two curved bodies, but for its size: what does not depend on the force.
+
+    Semi-axes ``along*F^(1/3)`` and ``across*F^(1/3)``, indentation ``depth*F^(2/3)``.
+    """
+
+    along: float
+    across: float
+    depth: float
+
+
+def hertz_ellipse(along: float, across: float, effective_modulus: float) -> EllipseShape:
+    """Return the shape of a Hertz contact whose gap has the curvatures `along` and `across` [1/m], in (0, 1e7).
+
+    With semi-axes a >= b, ``e^2 = 1 - (b/a)^2``, the complete elliptic integrals K and E of e, and ``D = (K - E)/e^2``:
+    the curvatures' ratio is ``(K - D)/D*(a/b)^2``, ``a^3 = 3*F*D/(pi*E*low)`` with the lower curvature, and the
+    indentation ``3*F*K/(2*pi*a*E)`` (Johnson, sections 3.5 and 4.2). Right to 1e-9.
+
+    Raises
+    ------
+    ValueError : a curvature is out of range, one is above 1e6 times the other, or the modulus is not in [1e2, 1e13] Pa.
+    """
+    along = real_number("along", along, 0, 1e7, exclusive=True)
+    across = real_number("across", across, 0, 1e7, exclusive=True)
+    effective_modulus = real_number("effective_modulus", effective_modulus, 1e2, 1e13)
+    low, high = min(along, across), max(along, across)
+    ratio = _axes_ratio(real_number("ratio of the curvatures", high / low, 1, 1e6))
+    first, third = _elliptic(ratio)
+    major = (3 * third / (math.pi * effective_modulus * low)) ** (1 / 3)
+    minor = major * ratio
+    depth = 1.5 * first / (math.pi * major * effective_modulus)
+    return EllipseShape(major, minor, depth) if along == low else EllipseShape(minor, major, depth)
+
+
+def _axes_ratio(curvatures: float) -> float:
+    """Return b/a in (0, 1] for the ratio of the curvatures, in [1, 1e6], by bisection."""
+    low, high = 1e-6, 1.0
+    for _ in range(60):
+        middle = math.sqrt(low * high)
+        first, third = _elliptic(middle)
+        low, high = (middle, high) if (first - third) / (third * middle**2) > curvatures else (low, middle)
+    return high
+
+
+def _elliptic(ratio: float) -> tuple[float, float]:
+    """Return K and D = (K - E)/e^2 for e^2 = 1 - ratio^2, by the arithmetic-geometric mean."""
+    square = 1 - ratio**2
+    mean, geometric, power = 1.0, ratio, 1.0
+    share = square / 2  # (K - E)/K is the sum of 2^(n-1)*c_n^2, c_0 = e
+    while mean - geometric > 1e-12 * mean:
+        difference = (mean - geometric) / 2
+        mean, geometric = (mean + geometric) / 2, math.sqrt(mean * geometric)
+        share += power * difference**2
+        power *= 2
+    first = math.pi / (2 * mean)
+    return first, first * share / square if square > 0 else math.pi / 4

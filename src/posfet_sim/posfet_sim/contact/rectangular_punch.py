@@ -1,0 +1,119 @@
+"""A flat, stiff, rectangular punch: its exact pressure has no closed form, so it is solved for, once for each shape.
+
+The pressure is that of a product of strips, ``1/(pi^2*a*b*sqrt(1 - u^2)*sqrt(1 - v^2))`` with u and v in half sides,
+times a sum of ``c_ij*T_2i(u)*T_2j(v)``, T_n Chebyshev's polynomials. The c_ij are those of least energy (Galerkin) for
+a surface that sinks in evenly: the pressure counts as even over small rectangles, finer towards the sides, and sinks by
+Love's closed form (Phil. Trans. R. Soc. A 228, 1929; Johnson, Contact Mechanics, 1985, section 3.2). The stiffness of a
+square punch comes out 0.1 % too low.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import ClassVar, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_sim.contact.closed_forms import FORCE_LIMIT
+from posfet_sim.contact.indenters import Bend
+from posfet_sim.contact.taxel_forces import Footprint, points_for
+
+LONGEST: Final = 20.0
+"""Greatest ratio of the sides that is solved for."""
+
+_TERMS: Final = 4  # even polynomials along each axis; six move a taxel's share by less than 3e-4
+_PARTS: Final = 16  # small rectangles along half a side
+
+Float64Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RectangularPunch:
+    """A flat, stiff, rectangular punch, on a flat chip. A taxel's force is right to 3e-4 of the punch's."""
+
+    length: float
+    """Along u [m]."""
+    width: float
+    """Along v [m]; the sides' ratio is in [1/20, 20]."""
+    effective_modulus: float
+    """E [Pa]."""
+    turns: ClassVar[bool] = True
+    height: ClassVar[float] = 0.0
+    greatest_force: ClassVar[float] = FORCE_LIMIT
+
+    @property
+    def _stiffness(self) -> float:
+        """Force over indentation [N/m]."""
+        return self.effective_modulus * self.width / 2 * _solution(self.length / self.width)[1]
+
+    def indentation(self, force: float, bend: Bend) -> float:
+        """Return how deep it is pressed in [m]."""
+        return force / self._stiffness
+
+    def force(self, indentation: float, bend: Bend) -> float:
+        """Return the force [N]."""
+        return max(indentation, 0.0) * self._stiffness
+
+    def area(self, force: float, bend: Bend) -> float:
+        """Return the area of the face [m2]."""
+        return self.length * self.width
+
+    def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
+        """Return the pressure, one part for each polynomial across."""
+        half_length, half_width = self.length / 2, self.width / 2
+        widest = max(half_length, half_width)
+        orders = points_for(half_length, spread, widest), points_for(half_width, spread, widest)
+        points = _points(self.length / self.width, *orders)
+        return [Footprint(half_length, half_width, u, weight, v, across, True) for u, weight, v, across in points]
+
+
+@lru_cache(maxsize=64)
+def _points(
+    ratio: float, order_u: int, order_v: int
+) -> list[tuple[Float64Array, Float64Array, Float64Array, Float64Array]]:
+    """Return points and weights along u and v, those above 0 and their mirror images along u, of each part."""
+    coefficients, _ = _solution(ratio)
+    angle = (np.arange(order_u // 2) + 0.5) * math.pi / order_u
+    u = np.concatenate([np.cos(angle), -np.cos(angle)])
+    along = np.cos(np.multiply.outer(2 * np.arange(_TERMS), angle)) / order_u
+    angle = (np.arange(order_v) + 0.5) * math.pi / order_v
+    v = np.cos(angle)[None]
+    across = np.cos(np.multiply.outer(2 * np.arange(_TERMS), angle)) / order_v
+    return [(u, coefficients[:, term] @ along, v, across[term]) for term in range(_TERMS)]
+
+
+@lru_cache(maxsize=64)
+def _solution(ratio: float) -> tuple[Float64Array, float]:
+    """Return c_ij, c_00 = 1, and force over indentation, in units of E times half the width, for length over width."""
+    angles = np.linspace(math.pi / 2, 0, _PARTS + 1)
+    edges = np.cos(angles)
+    middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
+    part = np.empty((_PARTS, _TERMS))  # force of each polynomial on each part of half a side
+    part[:, 0] = -np.diff(angles) / math.pi
+    for term in range(1, _TERMS):
+        part[:, term] = -np.diff(np.sin(2 * term * angles)) / (2 * term * math.pi)
+    x, y = (each.ravel() for each in np.meshgrid(middle * ratio, middle, indexing="ij"))
+    half_x, half_y = (each.ravel() for each in np.meshgrid(half * ratio, half, indexing="ij"))
+    sunk = sum(
+        _love(x[:, None] - side * x, y[:, None] - other * y, half_x, half_y) for side in (1, -1) for other in (1, -1)
+    )
+    sunk /= 4 * math.pi * half_x * half_y
+    forces = np.einsum("ik,jl->ijkl", part, part).reshape(_PARTS**2, _TERMS**2)
+    whole = 4 * forces.sum(axis=0)
+    found = np.linalg.solve(4 * forces.T @ sunk @ forces, whole)
+    return found.reshape(_TERMS, _TERMS) / found[0], float(whole @ found)
+
+
+def _love(x: Float64Array, y: Float64Array, half_x: Float64Array, half_y: Float64Array) -> Float64Array:
+    """Return pi*E times the displacement at (x, y) from the middle of a rectangle under a pressure of 1."""
+
+    def part(along: Float64Array, across: Float64Array) -> Float64Array:
+        product: Float64Array = along * np.arcsinh(across / np.abs(along))
+        return product
+
+    right, left, top, bottom = x + half_x, x - half_x, y + half_y, y - half_y
+    along_x = part(right, top) - part(right, bottom) - part(left, top) + part(left, bottom)
+    return along_x + part(top, right) - part(top, left) - part(bottom, right) + part(bottom, left)

@@ -1,0 +1,73 @@
+"""Ground truth of a simulated board: what the scene did to the sensor at the time of one scan."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model.sensor.description import Layout
+from posfet_sim.loads import ObjectsState
+
+_OBJECT_COLUMNS: Final = (
+    *("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"),
+    *("force_N", "contact_x_m", "contact_y_m", "normal_x", "normal_y", "normal_z"),
+)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What the scene did to the sensor at the time of one scan."""
+
+    sequence: int
+    """Number of the scan."""
+    time: float
+    """When the scan was taken [s] since the board started."""
+    force: NDArray[np.float64]
+    """Force on each taxel [N], shape [rows * cols], positive when pushed into the sensor."""
+    chip_temperature: float
+    """Temperature of the chip [degC]."""
+    film_temperature: float
+    """Temperature of the film [degC]."""
+    taxel_status: NDArray[np.uint8]
+    """What is wrong with each taxel, TAXEL_* of posfet_msgs/TactileImage, shape [rows * cols]."""
+    objects: ObjectsState
+    """The objects, and what they do."""
+
+
+def truth_columns(layout: Layout, names: Sequence[str]) -> list[str]:
+    """Return the names of the columns of `truth_row`, each with its unit, for a scene with objects of these names."""
+    columns = ["sequence", "time_s", "chip_temperature_degC", "film_temperature_degC"]
+    for name in names:
+        columns += [f"{name}.{column}" for column in _OBJECT_COLUMNS]
+    taxels = [(row, col) for row in range(layout.rows) for col in range(layout.cols)]
+    columns += [f"force_{row}_{col}_N" for row, col in taxels]
+    return columns + [f"status_{row}_{col}" for row, col in taxels]
+
+
+def truth_row(truth: Truth) -> list[int | float]:
+    """Return a ground truth as one row of numbers, in the order of `truth_columns`.
+
+    An object that does not touch has the force 0, and NaN for centre and normal of its contact.
+    """
+    objects = truth.objects
+    contacts = np.full((len(objects.names), 6), math.nan)
+    contacts[:, 0] = 0.0
+    touching = objects.contact_objects
+    contacts[touching, 0] = objects.contact_forces
+    contacts[touching, 1:3] = objects.contact_centres
+    contacts[touching, 3:] = objects.contact_normals
+    described = np.hstack([objects.positions, objects.orientations, contacts])
+    return [
+        truth.sequence,
+        truth.time,
+        truth.chip_temperature,
+        truth.film_temperature,
+        *described.ravel().tolist(),
+        *truth.force.tolist(),
+        *truth.taxel_status.tolist(),
+    ]

@@ -1,0 +1,90 @@
+"""When a simulated board takes its scans: its clock drifts, and each moment jitters."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_sim.device.random_streams import Stream, generator
+
+JITTER_END: Final = 4.0
+"""Jitter is cut at this many standard deviations."""
+JITTER_SHARE: Final = 0.1
+"""Jitter is cut at this share of the scan interval, so that scans stay in order."""
+_PAGE: Final = 1024
+
+
+class SimClock:
+    """Times of scans since the board started [s]: ``index/rate*(1 + drift)`` and jitter, which only ever delays."""
+
+    def __init__(self, rate: float, drift: float, jitter: float, seed: int) -> None:
+        """Take the nominal rate [Hz], drift [1], the jitter's standard deviation [s], and the seed."""
+        self._interval = (1 + drift) / rate
+        self._jitter = jitter
+        self._seed = seed
+        self._limit = min(JITTER_END * jitter, JITTER_SHARE * self._interval)
+        self._page = -1
+        self._offsets: NDArray[np.float64] = np.zeros(0)
+
+    @property
+    def interval(self) -> float:
+        """Mean time between two scans [s]."""
+        return self._interval
+
+    def time(self, index: int) -> float:
+        """Return the time of a scan [s]."""
+        if not self._jitter:
+            return index * self._interval
+        page, row = divmod(max(index, 0), _PAGE)
+        return index * self._interval + self._offsets_of(page).item(row)
+
+    def times(self, first: int, count: int) -> NDArray[np.float64]:
+        """Return the times of `count` scans from scan `first` on [s]."""
+        times = np.arange(first, first + count, dtype=np.float64)
+        times *= self._interval
+        if self._jitter:
+            done = 0
+            while done < count:
+                page, row = divmod(max(first + done, 0), _PAGE)
+                part = (
+                    self._offsets_of(page)[row : row + count - done] if first + done >= 0 else self._offsets_of(0)[:1]
+                )
+                times[done : done + len(part)] += part
+                done += len(part)
+        return times
+
+    def steps(self, first: int, count: int) -> NDArray[np.float64]:
+        """Return the time to each of `count` scans, the first of them scan `first`, from the one before [s]."""
+        if not self._jitter:
+            return np.full(count, self._interval)
+        return np.diff(self.times(first - 1, count + 1))
+
+    def between(self, first: int, last: int) -> float:
+        """Return the time from one scan to another [s]; without jitter the same for the same number of intervals."""
+        if not self._jitter:
+            return (last - first) * self._interval
+        return self.time(last) - self.time(first)
+
+    def spans(self, origin: int, first: int, count: int) -> NDArray[np.float64]:
+        """Return the times from scan `origin` to `count` scans from scan `first` on [s]."""
+        if not self._jitter:
+            return np.arange(first - origin, first - origin + count, dtype=np.float64) * self._interval
+        times: NDArray[np.float64] = self.times(first, count) - self.time(origin)
+        return times
+
+    def last_by(self, time: float) -> int:
+        """Return a scan that is surely taken by `time` [s]: the last or, for rounding or jitter, the one before."""
+        if not math.isfinite(time):
+            return 2**62
+        return min(math.floor((time - 2 * self._limit) / self._interval), 2**62)
+
+    def _offsets_of(self, page: int) -> NDArray[np.float64]:
+        """Return by how much each scan of a page is late [s]."""
+        if page != self._page:
+            values = generator(self._seed, Stream.JITTER, page).standard_normal(_PAGE) * self._jitter
+            self._offsets = np.clip(values, -self._limit, self._limit) + self._limit
+            self._page = page
+        return self._offsets

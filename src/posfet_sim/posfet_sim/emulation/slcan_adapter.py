@@ -1,0 +1,195 @@
+"""An emulated slcan adapter on a pseudo-terminal, with a board behind it: the wire path without any hardware."""
+
+from __future__ import annotations
+
+import os
+import select
+import threading
+import tty
+from pathlib import Path
+from typing import Final
+
+from posfet_driver.board.scan_source import SourceError
+from posfet_driver.bus.frame import Frame
+from posfet_driver.bus.slcan_codec import (
+    END,
+    FLAG_BUS_ERROR,
+    FLAG_WARNING,
+    REFUSED,
+    LineReader,
+    encode_line,
+    parse_line,
+)
+from posfet_driver.clock import Clock, SystemClock
+from posfet_sim.emulation.adapter_lock import lock
+from posfet_sim.emulation.bus_node import Node
+
+OUTPUT_LIMIT: Final = 1 << 20
+"""Bytes that wait for a reader; what comes when they are there already is lost, as on a wire nobody reads.
+
+Room for 8 s of a 5 x 5 array at 1 kHz: a machine that holds up this thread for a second makes it send a thousand scans
+at once, and a board would not have lost them.
+"""
+READ_SIZE: Final = 4096
+IDLE: Final = 0.5
+"""Longest wait for commands [s]."""
+
+
+class EmulatedAdapter:
+    """Serves one pseudo-terminal in a thread of its own, from `open` to `close`, at the stable path `link`.
+
+    Commands as in LAWICEL's manual and CANable's firmware: O L C (open, listen only, close), S Y (bitrates), V N F
+    (version, serial number, status), and frames t T r R d D b B. Commands that set what an emulation does not have are
+    accepted. Not emulated: the time a bus takes, arbitration, bus errors, other nodes, and the time stamps of command
+    Z, which is refused.
+    """
+
+    def __init__(self, link: Path | str, node: Node, clock: Clock | None = None) -> None:
+        self.link = Path(link)
+        self.frames_sent = 0
+        """Frames written to the terminal."""
+        self.frames_dropped = 0
+        """Frames lost because nobody read the terminal."""
+        self.flags = 0
+        """Status flags of the adapter (FLAG_* of slcan_lines), told in answer to F."""
+        self.speeds: tuple[bytes, ...] = ()
+        """Commands that set the bus's bitrates, such as (S8, Y5): without all of them nothing can be read or sent."""
+        self._set_speeds: set[bytes] = set()
+        self._node = node
+        self._clock = clock or SystemClock()
+        self._reader = LineReader()
+        self._output = bytearray()
+        self._channel_open = False
+        self._listen_only = False
+        self._thread: threading.Thread | None = None
+        self._terminals: tuple[int, ...] = ()
+        self._wake: tuple[int, ...] = ()
+        self._lock: int | None = None
+
+    def open(self) -> None:
+        """Make the terminal, link it, and serve it.
+
+        Raises SourceError when the link cannot be made, or something else or a running adapter is at its path.
+        """
+        try:
+            self._lock = lock(self.link)
+        except BlockingIOError as error:
+            raise SourceError(f"{self.link}: an emulated adapter is running here already") from error
+        except OSError as error:
+            raise SourceError(f"{self.link}: the adapter cannot be linked here: {error.strerror}") from error
+        self._terminals = os.openpty()
+        self._wake = os.pipe()
+        master, slave = self._terminals
+        tty.setraw(slave)
+        os.set_blocking(master, False)
+        try:
+            self._make_link(os.ttyname(slave))
+        except OSError as error:
+            self._release()
+            raise SourceError(f"{self.link}: the adapter cannot be linked here: {error.strerror}") from error
+        self._thread = threading.Thread(target=self._run, args=(master,), name="slcan adapter", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread and take the terminal away, as when the adapter is unplugged; may be called twice."""
+        if not self._thread:
+            return
+        os.write(self._wake[1], b"x")
+        self._thread.join()
+        self._thread = None
+        if self.link.is_symlink() and os.readlink(self.link) == os.ttyname(self._terminals[1]):
+            self.link.unlink()
+        self._release()
+
+    def _make_link(self, target: str) -> None:
+        if self.link.exists() and not self.link.is_symlink():
+            raise FileExistsError(0, "there is something else already")
+        fresh = self.link.with_name(f"{self.link.name}.{os.getpid()}")
+        fresh.symlink_to(target)
+        fresh.replace(self.link)
+
+    def _release(self) -> None:
+        for descriptor in (*self._terminals, *self._wake):
+            os.close(descriptor)
+        self._terminals = self._wake = ()
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+        self._channel_open = False
+        self._output.clear()
+        self._reader.clear()
+
+    def _run(self, master: int) -> None:
+        wake = self._wake[0]
+        while True:
+            waiting = [master] if self._output else []
+            wait = (self._node.next_due() - self._clock.monotonic()) / 1e9
+            # Not poll: it waits in whole milliseconds.
+            readable, _, _ = select.select([master, wake], waiting, [], min(max(wait, 0.0), IDLE))
+            if wake in readable:
+                return
+            if master in readable:
+                for line in self._reader.lines(os.read(master, READ_SIZE)):
+                    self._obey(line)
+            for frame in self._node.due(self._clock.monotonic()):
+                self._send(frame)
+            self._flush(master)
+
+    def _obey(self, line: bytes) -> None:
+        """Carry out one line and reply to it."""
+        letter = line[:1]
+        if letter in {b"O", b"L"}:
+            self._reply(REFUSED if self._channel_open else END)
+            if not self._channel_open:
+                self._channel_open, self._listen_only = True, letter == b"L"
+        elif letter == b"C":
+            self._channel_open = False
+            self._set_speeds.clear()
+            self._output.clear()
+            self._reply(END)
+        elif letter in {b"", b"S", b"s", b"Y"}:
+            self._set_speeds.add(line)
+            self._reply(REFUSED if self._channel_open and letter else END)
+        elif line == b"F":
+            flags = self.flags if self._readable else self.flags | FLAG_BUS_ERROR | FLAG_WARNING
+            self._reply(b"F%02X\r" % flags)
+        elif line in _ANSWERS:
+            self._reply(_ANSWERS[line])
+        else:
+            self._transmit(line)
+
+    @property
+    def _readable(self) -> bool:
+        return self._set_speeds.issuperset(self.speeds)
+
+    def _transmit(self, line: bytes) -> None:
+        frame = parse_line(line)
+        if frame is None or not self._channel_open or self._listen_only:
+            self._reply(REFUSED)
+            return
+        self._reply(b"Z\r" if line[0] < ord("a") else b"z\r")
+        if self._readable:
+            for answer in self._node.receive(frame, self._clock.monotonic()):
+                self._send(answer)
+
+    def _reply(self, reply: bytes) -> None:
+        self._output += reply
+
+    def _send(self, frame: Frame) -> None:
+        if not self._channel_open or not self._readable:
+            return
+        if len(self._output) > OUTPUT_LIMIT:
+            self.frames_dropped += 1
+            return
+        self._output += encode_line(frame)
+        self.frames_sent += 1
+
+    def _flush(self, master: int) -> None:
+        while self._output:
+            try:
+                del self._output[: os.write(master, self._output)]
+            except BlockingIOError:
+                return
+
+
+_ANSWERS: Final = {b"V": b"V1013\r", b"N": b"NPSFT\r"}

@@ -1,0 +1,1 @@
+"""Scores of reconstructed forces, contacts and slips against the ground truth."""

@@ -1,0 +1,261 @@
+"""How near a reconstruction comes to the truth of a simulated board, scan by scan."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model.contacts.tracker import Contact, ContactState
+from posfet_model.reconstruction.force_image import ForceImage
+from posfet_model.reconstruction.reconstructor import Reconstruction
+from posfet_model.sensor.description import Sensor
+from posfet_sim.device.ground_truth import Truth
+from posfet_sim.evaluation.slip_scorer import Slips
+
+MATCH: Final = 1.5
+"""A contact is that of an object when their centres of pressure are at most this far apart [pitch]."""
+
+COMPARED: Final = 0.1
+"""Objects that press with less [N], or so widely that no taxel truly carries the threshold of contacts, need not be
+found, and are not compared."""
+
+LONG_HOLD: Final = 5.0
+"""A force that rests for at least this long is held [s]."""
+
+HOLD_MEAN: Final = 0.1
+"""Time over which the error of a held force is averaged, so that noise is not taken for drift [s]."""
+
+HOLD_BEGINS: Final = 0.2
+"""How long after a force came to rest its drift begins to count [s]."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """Errors of one run. None: the scene has nothing to judge it by."""
+
+    force_rmse_pct: float | None
+    """Root mean square error of a taxel's force while something touches (else: always) [% of full scale]."""
+    total_force_error_pct: float | None
+    """Mean magnitude of the error of the sum of all taxels, over the mean true sum, while something touches [%]."""
+    cop_error_mm: dict[str, float | None]
+    """Distance of centres of pressure from the true ones, `mean` and `p95` [mm]."""
+    contact_precision: float | None
+    """Share of the contacts reported that are true [1]."""
+    contact_recall: float | None
+    """Share of the true contacts that are reported [1]."""
+    id_switches: int
+    """How often a contact got another id while it lasted."""
+    detection_latency_scans: int | None
+    """Scans from the first in which a taxel truly carries the threshold of contacts to the report; the longest."""
+    held_force_drift_pct: float | None
+    """Greatest change of the error of the total force while it is held for 5 s or longer [% of the force]."""
+    false_contacts_per_hour: float
+    """Contacts that were never near a true one."""
+    slip_onset_delay_ms: dict[str, float | None]
+    """From the scan in which an object's centre truly slips to the one that says so, `mean` and `max` [ms]."""
+    slip_recall: float | None
+    """Share of the slips that were said to be within `SLIP_LATE` [1]."""
+    false_slips_per_hour: float
+    """Slips that were told of an object at rest, or of none."""
+    us_per_scan: float
+    """Time of the reconstruction, image included [us]."""
+
+
+class Scorer:
+    """Compares scan by scan; `score` sums up."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        layout = sensor.layout
+        self._sensor = sensor
+        self._reach = MATCH * max(layout.pitch_x, layout.pitch_y)
+        self._half = (0.5 * layout.cols * layout.pitch_x, 0.5 * layout.rows * layout.pitch_y)
+        self._positions = layout.positions
+        self._square = [0.0, 0.0]  # of errors: of all scans, of touched ones
+        self._taxels = [0, 0]
+        self._total_error: list[float] = []
+        self._total_true: list[float] = []
+        self._distances: list[float] = []
+        self._reported = self._right = self._true = self._found = 0
+        self._ids: dict[int, int] = {}  # id that an object had last
+        self._switches = 0
+        self._waiting: dict[int, int] = {}  # scans for which an object has carried the threshold, not found yet
+        self._latencies: list[int] = []
+        self._matched: set[int] = set()
+        self._seen: set[int] = set()
+        self._held = _Hold()
+        self._slips = Slips()
+        self._seconds = 0.0
+
+    def add(self, result: Reconstruction, image: ForceImage, truth: Truth) -> None:
+        """Take one scan; scans that are not valid count for contacts alone."""
+        self._seconds = truth.time
+        touched = bool(truth.force.any())
+        if result.valid:
+            self._add_forces(image, truth, touched)
+        live = [contact for contact in result.contacts if contact.state is not ContactState.RELEASED]
+        partners = self._add_contacts(live, truth)
+        slipping = {contact.id for contact in live if result.motions[contact.id].slipping}
+        self._slips.add(truth, partners, slipping)
+
+    def _add_forces(self, image: ForceImage, truth: Truth, touched: bool) -> None:
+        known = np.isfinite(image.force)
+        error = (image.force - truth.force)[known]
+        square, count = float(error @ error), int(np.count_nonzero(known))
+        for kind in (0, 1) if touched else (0,):
+            self._square[kind] += square
+            self._taxels[kind] += count
+        true = float(truth.force[known].sum())
+        if touched and true > 0:
+            self._total_error.append(float(error.sum()))
+            self._total_true.append(true)
+        self._held.add(truth.time, truth.force, float(error.sum()), true)
+
+    def _add_contacts(self, live: Sequence[Contact], truth: Truth) -> dict[int, int]:
+        """Compare contacts with true ones; return the id of that of each object that is found."""
+        objects = truth.objects
+        numbers = [int(number) for number in objects.contact_objects]
+        centres = [tuple(centre) for centre in objects.contact_centres.tolist()]
+        on_chip = [self._on_chip(centre) for centre in centres]
+        pairs = self._pairs(live, centres)
+        partners = {index: contact for contact, index in pairs}
+        self._reported += len(live)
+        self._seen |= {contact.id for contact in live}
+        for contact in live:
+            near = any(math.dist(contact.region.centre_of_pressure, centre) <= self._reach for centre in centres)
+            self._right += near
+            if near:
+                self._matched.add(contact.id)
+        for index, number in enumerate(numbers):
+            partner = partners.get(index)
+            near = np.hypot(*(self._positions - centres[index]).T) <= self._reach
+            felt, limits = float(truth.force[near].max(initial=0.0)), self._sensor.contact
+            carried = felt >= limits.threshold
+            if partner is None and felt < limits.threshold - limits.deadband:
+                self._lift(number)  # it still grazes, but its contact has rightly ended
+            self._follow_id(number, partner)
+            self._wait_for(number, partner, carried)
+            if objects.contact_forces[index] >= COMPARED and on_chip[index] and (carried or partner):
+                self._true += 1
+                if partner:
+                    self._found += 1
+                    self._distances.append(math.dist(partner.region.centre_of_pressure, centres[index]))
+        for gone in (self._ids.keys() | self._waiting.keys()) - set(numbers):
+            self._lift(gone)
+        return {numbers[index]: contact.id for index, contact in partners.items()}
+
+    def _lift(self, number: int) -> None:
+        """Take note that an object presses no more: when it does again, that is another contact."""
+        self._ids.pop(number, None)
+        waited = self._waiting.pop(number, 0)
+        if waited > 0:
+            self._latencies.append(waited)  # it was never found
+
+    def _on_chip(self, centre: Sequence[float]) -> bool:
+        return abs(centre[0]) <= self._half[0] and abs(centre[1]) <= self._half[1]
+
+    def _pairs(self, live: Sequence[Contact], centres: Sequence[Sequence[float]]) -> list[tuple[Contact, int]]:
+        """Return contacts with the true one each belongs to, nearest first."""
+        distances = sorted(
+            (distance, contact.id, contact_index, index)
+            for contact_index, contact in enumerate(live)
+            for index, centre in enumerate(centres)
+            if (distance := math.dist(contact.region.centre_of_pressure, centre)) <= self._reach
+        )
+        pairs: list[tuple[Contact, int]] = []
+        used: tuple[set[int], set[int]] = (set(), set())
+        for _, _, contact_index, index in distances:
+            if contact_index not in used[0] and index not in used[1]:
+                used[0].add(contact_index)
+                used[1].add(index)
+                pairs.append((live[contact_index], index))
+        return pairs
+
+    def _follow_id(self, number: int, partner: Contact | None) -> None:
+        if partner is None:
+            return
+        last = self._ids.get(number, partner.id)
+        if last in partner.merged_ids:
+            return  # it goes on in that one, and comes back when they part
+        self._switches += last != partner.id
+        self._ids[number] = partner.id
+
+    def _wait_for(self, number: int, partner: Contact | None, carried: bool) -> None:
+        """Count the scans until an object that begins to press is found, from the first in which a taxel feels it."""
+        waited = self._waiting.get(number, 0)
+        if waited < 0:
+            return
+        if partner is not None:
+            self._latencies.append(waited)
+            self._waiting[number] = -1  # found: waits no more until it lifts
+            return
+        if waited or carried:
+            self._waiting[number] = waited + 1
+
+    def score(self, us_per_scan: float) -> Score:
+        """Return the errors so far."""
+        touched = 1 if self._taxels[1] else 0
+        full_scale = self._sensor.device.force_max
+        rmse = math.sqrt(self._square[touched] / self._taxels[touched]) if self._taxels[touched] else None
+        late = [waited for waited in self._waiting.values() if waited > 0]
+        distances = np.array(self._distances) * 1e3
+        return Score(
+            force_rmse_pct=None if rmse is None else 100 * rmse / full_scale,
+            total_force_error_pct=100 * float(np.mean(np.abs(self._total_error)) / np.mean(self._total_true))
+            if self._total_true
+            else None,
+            cop_error_mm={
+                "mean": float(distances.mean()) if len(distances) else None,
+                "p95": float(np.quantile(distances, 0.95)) if len(distances) else None,
+            },
+            contact_precision=self._right / self._reported if self._reported else None,
+            contact_recall=self._found / self._true if self._true else None,
+            id_switches=self._switches,
+            detection_latency_scans=max(self._latencies + late, default=None),
+            held_force_drift_pct=self._held.greatest(),
+            false_contacts_per_hour=len(self._seen - self._matched) * 3600 / self._seconds if self._seconds else 0.0,
+            slip_onset_delay_ms=self._slips.delay(),
+            slip_recall=self._slips.recall(),
+            false_slips_per_hour=self._slips.false * 3600 / self._seconds if self._seconds else 0.0,
+            us_per_scan=us_per_scan,
+        )
+
+
+class _Hold:
+    """Drift of the error, in means over `HOLD_MEAN`, while the true forces rest."""
+
+    def __init__(self) -> None:
+        self._force: NDArray[np.float64] | None = None
+        self._total = 0.0
+        self._since = math.nan
+        self._times: list[float] = []
+        self._errors: list[float] = []
+        self._drifts: list[float] = []
+
+    def add(self, time: float, force: NDArray[np.float64], error: float, total: float) -> None:
+        """Take the time [s], true forces, and the error of their sum [N]."""
+        resting = self._force is not None and total > COMPARED and bool(np.array_equal(force, self._force))
+        self._force = force
+        if not resting:
+            self._end()
+            self._since, self._total = time, total
+        elif time - self._since >= HOLD_BEGINS:
+            self._times.append(time - self._since)
+            self._errors.append(error)
+
+    def _end(self) -> None:
+        if self._times and self._times[-1] >= LONG_HOLD:
+            spans = (np.array(self._times) / HOLD_MEAN).astype(np.intp)
+            sums, counts = np.bincount(spans, self._errors), np.bincount(spans)
+            means = sums[counts > 0] / counts[counts > 0]
+            self._drifts.append(100 * float(np.abs(means - means[0]).max()) / self._total)
+        self._times, self._errors = [], []
+
+    def greatest(self) -> float | None:
+        """Return the greatest drift [%] of all holds; None when there was none."""
+        self._end()
+        return max(self._drifts, default=None)

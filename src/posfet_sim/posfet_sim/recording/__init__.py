@@ -1,0 +1,1 @@
+"""Recordings of the simulated board: MCAP and CSV."""

@@ -1,0 +1,93 @@
+"""Definitions of the ROS messages that are written to files without ROS: their text, and their fields."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+from posfet_model.config import ConfigError
+
+OWN_PACKAGE: Final = "posfet_msgs"
+_SOURCE_TREE: Final = Path(__file__).parents[3] / OWN_PACKAGE / "msg"
+_RULE: Final = "=" * 80
+
+STANDARD: Final = {
+    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
+    "geometry_msgs/Quaternion": "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1",
+    "geometry_msgs/Pose": "Point position\nQuaternion orientation",
+}
+"""Definitions of the common interfaces of ROS 2 that ours are made of; their comments are left out."""
+
+_FIELD: Final = re.compile(r"^([\w/]+)(\[\])?\s+(\w+)(?:\s+[^=\s].*)?$")
+_PRIMITIVES: Final = frozenset({
+    "bool", "byte", "char", "string", "float32", "float64",
+    *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
+})  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Field:
+    """One field of a message."""
+
+    name: str
+    type: str
+    """A primitive, or package/Name."""
+    many: bool
+    """Whether it is a sequence without bound."""
+
+
+@lru_cache
+def definition(name: str) -> str:
+    """Return the text of a definition, package/Name.
+
+    Ours are read from the installed package (AMENT_PREFIX_PATH), else from the source tree. Raises ConfigError when
+    there is none.
+    """
+    if name in STANDARD:
+        return STANDARD[name]
+    package, _, message = name.partition("/")
+    prefixes = [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
+    folders = [prefix / "share" / package / "msg" for prefix in prefixes] + [_SOURCE_TREE] * (package == OWN_PACKAGE)
+    for folder in folders:
+        path = folder / f"{message}.msg"
+        if path.is_file():
+            return path.read_text(encoding="utf-8").rstrip("\n")
+    raise ConfigError(f"{name}: no such message definition; is {package} built and sourced?")
+
+
+@lru_cache
+def message_fields(name: str) -> tuple[Field, ...]:
+    """Return the fields of a message, package/Name, in their order; constants are none.
+
+    Raises ConfigError as `definition` does, and for a line that is not a field of a kind used here.
+    """
+    result = []
+    for line in definition(name).splitlines():
+        text = line.partition("#")[0].strip()
+        if not text or "=" in text:
+            continue
+        match = _FIELD.match(text)
+        if not match:
+            raise ConfigError(f"{name}: field '{text}' is of a kind that is not written here")
+        kind, many, field = match.groups()
+        if kind not in _PRIMITIVES and "/" not in kind:
+            kind = f"{name.partition('/')[0]}/{kind}"
+        result.append(Field(field, kind, bool(many)))
+    return tuple(result)
+
+
+def schema_text(name: str) -> str:
+    """Return the definition of a message with all that it is made of behind it, as MCAP's encoding `ros2msg` has it."""
+    names = [name]
+    for known in names:
+        for field in message_fields(known):
+            if field.type not in _PRIMITIVES and field.type not in names:
+                names.append(field.type)  # the loop goes on to it
+    return f"\n{_RULE}\n".join([definition(name), *(f"MSG: {other}\n{definition(other)}" for other in names[1:])])

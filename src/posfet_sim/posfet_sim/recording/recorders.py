@@ -1,0 +1,172 @@
+"""Files that a simulated run is written to: MCAP with ROS messages, or CSV."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+from posfet_model.config import ConfigError
+from posfet_model.sensor.description import Sensor
+from posfet_model.sensor.scan import TEMPERATURE_SENSORS, Scan
+from posfet_sim.device.ground_truth import Truth, truth_columns, truth_row
+from posfet_sim.recording.cdr import serialise
+from posfet_sim.recording.message_definitions import schema_text
+
+FRAME_ID: Final = "posfet_array"
+RAW: Final = "posfet_msgs/TactileRaw"
+TRUTH: Final = "posfet_msgs/TactileTruth"
+_NANOSECONDS: Final = 1_000_000_000
+
+
+class Recorder(Protocol):
+    """Takes scans and what truly was, and writes them to a file."""
+
+    def write(self, scan: Scan, truth: Truth) -> None:
+        """Write one scan and its ground truth."""
+        ...
+
+    def close(self) -> None:
+        """Finish the file; what was written until then can be read."""
+        ...
+
+
+class McapRecorder:
+    """MCAP of profile ros2: topics `raw` and `truth` of a namespace, CDR with ros2msg schemas.
+
+    rosbag2 (storage mcap), Foxglove and PlotJuggler read it. Times are those of the stamps.
+    """
+
+    def __init__(self, path: Path, sensor: Sensor, namespace: str) -> None:
+        """Make the file. Raises ConfigError when the package mcap is missing, or the messages' definitions are."""
+        try:
+            from mcap.writer import Writer  # noqa: PLC0415  # only who writes such a file needs the package
+        except ImportError as error:
+            raise ConfigError(f"{path}: needs the package mcap (pip install mcap), unlike a .csv file") from error
+        schemas = {name: schema_text(name).encode() for name in (RAW, TRUTH)}
+        self._layout = sensor.layout
+        self._stream = path.open("wb")
+        self._writer = Writer(self._stream)
+        self._writer.start(profile="ros2", library="posfet sim")
+        self._channels = {
+            name: self._register(topic, name, schemas[name])
+            for topic, name in ((f"/{namespace}/raw", RAW), (f"/{namespace}/truth", TRUTH))
+        }
+
+    def _register(self, topic: str, name: str, schema: bytes) -> int:
+        kind = name.replace("/", "/msg/")
+        schema_id = self._writer.register_schema(name=kind, encoding="ros2msg", data=schema)
+        return int(self._writer.register_channel(topic=topic, message_encoding="cdr", schema_id=schema_id))
+
+    def write(self, scan: Scan, truth: Truth) -> None:
+        """Write one scan and its ground truth."""
+        messages = {RAW: raw_values(scan, self._layout.rows, self._layout.cols)}
+        messages[TRUTH] = truth_values(truth, scan, self._layout.rows, self._layout.cols)
+        for name, values in messages.items():
+            self._writer.add_message(
+                channel_id=self._channels[name],
+                log_time=scan.stamp,
+                publish_time=scan.stamp,
+                data=serialise(name, values),
+                sequence=scan.sequence & 0xFFFF_FFFF,
+            )
+
+    def close(self) -> None:
+        """Finish the file."""
+        try:
+            self._writer.finish()  # type: ignore[no-untyped-call]
+        finally:
+            self._stream.close()
+
+
+class CsvRecorder:
+    """CSV, one line a scan: time, number, status, temperatures, counts, and the columns of the ground truth."""
+
+    def __init__(self, path: Path, sensor: Sensor, objects: Sequence[str]) -> None:
+        """Make the file; `objects` are the names of the scene's."""
+        layout = sensor.layout
+        self._stream = path.open("w", newline="", encoding="utf-8")
+        self._writer = csv.writer(self._stream, lineterminator="\n")
+        self._writer.writerow(
+            ["stamp_s", "raw_sequence", "device_time_us", "status"]
+            + [f"temperature_{index}_degC" for index in range(TEMPERATURE_SENSORS)]
+            + [f"count_r{row}_c{col}" for row in range(layout.rows) for col in range(layout.cols)]
+            + truth_columns(layout, objects)
+        )
+
+    def write(self, scan: Scan, truth: Truth) -> None:
+        """Write one scan and its ground truth."""
+        stamp = f"{scan.stamp // _NANOSECONDS}.{scan.stamp % _NANOSECONDS:09}"
+        head = [stamp, scan.sequence, scan.device_time, int(scan.status)]
+        self._writer.writerow(head + scan.temperatures.tolist() + scan.counts.tolist() + truth_row(truth))
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._stream.close()
+
+
+def raw_values(scan: Scan, rows: int, cols: int) -> dict[str, Any]:
+    """Return the fields of TactileRaw."""
+    return {
+        "header": _header(scan.stamp),
+        "layout_id": scan.layout_id,
+        "sequence": scan.sequence,
+        "device_time": scan.device_time,
+        "rows": rows,
+        "cols": cols,
+        "counts": scan.counts,
+        "temperatures": scan.temperatures,
+        "status": int(scan.status),
+        "frames_lost": scan.frames_lost,
+    }
+
+
+def truth_values(truth: Truth, scan: Scan, rows: int, cols: int) -> dict[str, Any]:
+    """Return the fields of TactileTruth for the scan it belongs to."""
+    objects = truth.objects
+    return {
+        "header": _header(scan.stamp),
+        "layout_id": scan.layout_id,
+        "sequence": scan.sequence,
+        "rows": rows,
+        "cols": cols,
+        "force": truth.force,
+        "status": truth.taxel_status,
+        "temperature": truth.film_temperature,
+        "chip_temperature": truth.chip_temperature,
+        "objects": objects.names,
+        "poses": [
+            {"position": _named("xyz", position), "orientation": _named("xyzw", orientation)}
+            for position, orientation in zip(objects.positions.tolist(), objects.orientations.tolist(), strict=True)
+        ],
+        "contact_objects": objects.contact_objects,
+        "contact_centres": [_named("xyz", (*centre, 0.0)) for centre in objects.contact_centres.tolist()],
+        "contact_normals": [_named("xyz", normal) for normal in objects.contact_normals.tolist()],
+        "contact_forces": objects.contact_forces,
+    }
+
+
+def _header(stamp: int) -> dict[str, Any]:
+    seconds, nanoseconds = divmod(stamp, _NANOSECONDS)
+    return {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": FRAME_ID}
+
+
+def _named(names: str, values: Any) -> dict[str, float]:
+    return dict(zip(names, values, strict=True))
+
+
+FORMATS: Final = (".mcap", ".csv")
+"""Suffixes that a file may have."""
+
+
+def make_recorder(path: Path, sensor: Sensor, objects: Sequence[str], namespace: str) -> Recorder:
+    """Return what writes the file that `path` means by its suffix.
+
+    Raises ConfigError for another suffix and as `McapRecorder` does, OSError when the file cannot be made.
+    """
+    if path.suffix == ".csv":
+        return CsvRecorder(path, sensor, objects)
+    if path.suffix == ".mcap":
+        return McapRecorder(path, sensor, namespace)
+    raise ConfigError(f"{path}: must end in {' or '.join(FORMATS)}")

@@ -1,0 +1,186 @@
+"""Scenes from YAML files, checked against the sensor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from posfet_model.config import Section, find_file, read_yaml
+from posfet_model.sensor.description import Sensor
+from posfet_sim.contact.indenters import FLAT, Bend, Punch, Shape, Sphere
+from posfet_sim.contact.line_contacts import Cylinder, Edge
+from posfet_sim.contact.rectangular_punch import LONGEST, RectangularPunch
+from posfet_sim.contact.taxel_forces import Cells, spread_of_cover
+from posfet_sim.contact.textured_pads import Pad, Ridges, Roughness
+from posfet_sim.scene.heat_transfer import warming
+from posfet_sim.scene.scene import ChipBend, Scene, SceneObject
+from posfet_sim.scene.trajectories import Track
+from posfet_sim.scene.trajectory_file import TIME_MAX, Limits, keyframe_time, keyframes, read_path
+
+SCENE_FOLDER: Final = Path(__file__).parent / "scenes"
+"""Folder of the scenes that are shipped."""
+
+DEFAULT_SCENE: Final = "press_slide_lift"
+
+TEMPERATURE_RANGE: Final = (-40.0, 100.0)
+"""Accepted temperatures [degC]; assumed: the copolymer is poled and read well below its Curie point."""
+
+_LENGTH_RANGE: Final = (0.1, 1000.0)
+_SEED_MAX: Final = 1_000_000_000
+
+
+def load_scene(name: str | Path, sensor: Sensor) -> Scene:
+    """Return the scene described by a YAML file, or by the bare name of a shipped one, checked against the sensor.
+
+    Raises ConfigError, one line naming file, key, allowed range and value: for a missing, unknown or repeated key, a
+    wrong type, NaN, keyframes that are not in the order of time or do not fit the period, an object off the chip, or a
+    force above the sensor's range.
+    """
+    top = read_yaml(find_file(str(name), SCENE_FOLDER, "scene"))
+    period = top.number("period_s", 0, TIME_MAX, exclusive=True) if "period_s" in top else math.inf
+    bend = _bend(top, sensor)
+    thickness = top.number("cover_thickness_mm", 0.01, 20) * 1e-3 if "cover_thickness_mm" in top else None
+    cells = Cells(sensor.layout, sensor.device.contact_spread if thickness is None else spread_of_cover(thickness))
+    scene = Scene(
+        name=top.text("name"),
+        description=top.text("description"),
+        period=period,
+        objects=tuple(_object(section, sensor, cells, bend, period) for section in top.sections("objects")),
+        temperature=_temperature(top, period),
+        bend=bend,
+        cover_thickness=thickness,
+    )
+    top.end()
+    names = [item.name for item in scene.objects]
+    for index, item in enumerate(names):
+        if item in names[:index]:
+            raise top.error(f"objects[{index}].name", f"must differ from the other objects' names, got '{item}'")
+    return replace(scene, warming=warming(scene, sensor))
+
+
+def greatest_force(sensor: Sensor, cells: Cells, shape: Shape, bend: Bend = FLAT) -> float:
+    """Return the greatest normal force [N] that a shape may press with on this sensor.
+
+    At it, either the taxel straight under the shape has the sensor's greatest force, or the theory of its contact ends.
+    """
+    x, y = sensor.layout.positions[sensor.layout.cols // 2 + sensor.layout.rows // 2 * sensor.layout.cols].reshape(2, 1)
+
+    def peak(force: float) -> float:
+        footprints = [shape.footprints(force, cells.spread, bend)]
+        patch = cells.press(footprints, x, y, np.zeros(1), np.array([force]))
+        return 0.0 if patch is None else float(patch.force.max())
+
+    low, high = 0.0, shape.greatest_force
+    if peak(high) <= sensor.device.force_max:
+        return high
+    high = min(high, sensor.device.force_max)
+    while peak(high) <= sensor.device.force_max:
+        low, high = high, 2 * high
+    while high - low > 1e-6 * high:
+        middle = (low + high) / 2
+        low, high = (middle, high) if peak(middle) <= sensor.device.force_max else (low, middle)
+    return low
+
+
+def _object(section: Section, sensor: Sensor, cells: Cells, bend: ChipBend | None, period: float) -> SceneObject:
+    name = section.text("name")
+    shape = SHAPES[section.text("kind", tuple(SHAPES))](section)
+    under = FLAT if bend is None else bend.along(0.0)
+    if bend is not None and isinstance(shape, RectangularPunch):
+        raise section.error("length_mm", "a rectangular punch needs a flat chip; a round one has radius_mm")
+    force = greatest_force(sensor, cells, shape, under)
+    limits = Limits(
+        half_x=sensor.layout.cols * sensor.layout.pitch_x / 2,
+        half_y=sensor.layout.rows * sensor.layout.pitch_y / 2,
+        force=force,
+        indentation=None if isinstance(shape, Pad) else shape.indentation(force, under),
+        period=period,
+    )
+    path, by_indentation = read_path(section, limits)
+    temperature = section.number("temperature_degC", *TEMPERATURE_RANGE) if "temperature_degC" in section else None
+    section.end()
+    return SceneObject(name, shape, path, by_indentation, temperature)
+
+
+def _length(section: Section, name: str) -> float:
+    return section.number(name, *_LENGTH_RANGE) * 1e-3
+
+
+def _modulus(section: Section) -> float:
+    return section.number("effective_modulus_MPa", 1e-3, 1e6) * 1e6
+
+
+def _sphere(section: Section) -> Shape:
+    return Sphere(_length(section, "radius_mm"), _modulus(section))
+
+
+def _cylinder(section: Section) -> Shape:
+    return Cylinder(_length(section, "length_mm"), _modulus(section), _length(section, "radius_mm"))
+
+
+def _punch(section: Section) -> Shape:
+    if "length_mm" in section:
+        length, width = _length(section, "length_mm"), _length(section, "width_mm")
+        if not 1 / LONGEST <= length / width <= LONGEST:
+            allowed = f"must be in 1/{LONGEST:g} to {LONGEST:g} times width_mm"
+            raise section.error("length_mm", f"{allowed}, got {length / width:g} times")
+        return RectangularPunch(length, width, _modulus(section))
+    return Punch(_length(section, "radius_mm"), _modulus(section))
+
+
+def _edge(section: Section) -> Shape:
+    slope = math.tan(math.radians(section.number("flank_angle_deg", 1, 60)))
+    return Edge(_length(section, "length_mm"), _modulus(section), slope)
+
+
+def _texture(section: Section) -> Shape:
+    length, width = _length(section, "length_mm"), _length(section, "width_mm")
+    if section.text("profile", ("ridges", "bumps")) == "bumps":
+        return Roughness(length, width, section.whole("bumps", 1, 1000), section.whole("seed", 0, _SEED_MAX))
+    ridges = section.whole("ridges", 1, 200)
+    return Ridges(length, width, ridges, section.number("amplitude_um", 0, 1000) * 1e-6, _modulus(section))
+
+
+SHAPES: Final[dict[str, Callable[[Section], Shape]]] = {
+    "sphere": _sphere,
+    "cylinder": _cylinder,
+    "punch": _punch,
+    "edge": _edge,
+    "texture": _texture,
+}
+"""Reader of each kind of object."""
+
+
+def _bend(top: Section, sensor: Sensor) -> ChipBend | None:
+    """Read how the chip is bent, at most to half a circle; without a word as the sensor file has it."""
+    if "bend_radius_mm" not in top:
+        bent = not math.isinf(sensor.layout.bend_radius)
+        return ChipBend(sensor.layout.bend_radius, sensor.layout.bend_axis == "x") if bent else None
+    axis_x = top.text("bend_axis", ("x", "y")) == "x"
+    layout = sensor.layout
+    span = layout.rows * layout.pitch_y if axis_x else layout.cols * layout.pitch_x
+    least = max(span / math.pi, 1e-3)
+    return ChipBend(top.number("bend_radius_mm", math.ceil(least * 1e5) / 100, 1e5) * 1e-3, axis_x)
+
+
+def _temperature(top: Section, period: float) -> Track:
+    """Read the chip's temperature: one number, or keyframes."""
+    if "temperature_keyframes" not in top:
+        return Track((0.0,), ((top.number("temperature_degC", *TEMPERATURE_RANGE),),))
+    if "temperature_degC" in top:
+        raise top.error("temperature_degC", "must not be given together with temperature_keyframes")
+    sections = keyframes(top, "temperature_keyframes")
+    times: list[float] = []
+    values: list[tuple[float, ...]] = []
+    for keyframe in sections:
+        times.append(keyframe_time(keyframe, times, period))
+        values.append((keyframe.number("temperature_degC", *TEMPERATURE_RANGE),))
+        keyframe.end()
+    if math.isfinite(period) and values[0] != values[-1]:
+        raise sections[-1].error("temperature_degC", f"must be {values[0][0]:g} as at first, got {values[-1][0]:g}")
+    return Track(tuple(times), tuple(values))

@@ -1,0 +1,22 @@
+from setuptools import find_packages, setup
+
+package_name = "posfet_sim"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    package_data={package_name: ["py.typed", "scene/scenes/*.yaml"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
+    zip_safe=False,
+    maintainer="posfet maintainers",
+    maintainer_email="maintainers@posfet.invalid",
+    description="Simulated readout board of POSFET tactile arrays: scenes, emulation, recording, scores.",
+    license="Apache-2.0",
+    entry_points={"console_scripts": ["sim_board_node = posfet_sim.ros.start:sim_board_node"]},
+)

@@ -1,0 +1,26 @@
+"""A scan may not become dearer unnoticed."""
+
+from __future__ import annotations
+
+import json
+
+from support.scan_cost import BASELINE, CASES, costs
+
+DEARER = 1.3
+TRIES = 4
+"""A machine that was disturbed all through one measurement is given another."""
+
+
+def test_a_scan_costs_no_more_than_the_baseline() -> None:
+    """In units of a fixed piece of work, the least of many, in turn: so neither the machine nor its load matters.
+
+    Where a change is worth its cost, `python test/scan_cost.py --store` makes it the new baseline.
+    """
+    stored = json.loads(BASELINE.read_text(encoding="ascii"))
+    least = dict.fromkeys(CASES, float("inf"))
+    for _ in range(TRIES):
+        least = {name: min(least[name], cost) for name, cost in costs().items()}
+        if all(least[name] <= DEARER * stored[name] for name in CASES):
+            return
+    ratios = {name: round(least[name] / stored[name], 2) for name in CASES}
+    raise AssertionError(f"times the stored cost: {ratios}, at most {DEARER}")

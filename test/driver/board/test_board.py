@@ -1,0 +1,240 @@
+"""A board on any python-can bus: end to end over `virtual`, and on buses that fail."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Iterator
+from itertools import pairwise
+
+import can
+import pytest
+
+from posfet_driver.board.board_client import Board
+from posfet_driver.board.scan_source import Health
+from posfet_driver.bus.frame import CLASSIC
+from posfet_driver.bus.frame_bus import FrameBus
+from posfet_driver.bus.open_bus import bus_settings, open_bus
+from posfet_driver.bus.reconnecting_bus import BACK_OFF_LAST
+from posfet_driver.clock import SystemClock
+from posfet_driver.protocol.messages import RESPONSE_OFFSET, Command, Response, Result
+from posfet_model.config import ConfigError
+from posfet_model.sensor.description import Sensor
+from posfet_model.sensor.scan import ScanStatus
+from posfet_sim.emulation.firmware import BoardFirmware
+from support.fake_board import FakeBoard, assert_marked, board_on_bus, read_scans, read_until, with_fd, with_layout
+from support.stepped import SteppedBus, SteppedClock
+
+
+@pytest.fixture
+def channel() -> str:
+    return uuid.uuid4().hex
+
+
+@pytest.fixture
+def virtual(channel: str) -> Iterator[can.BusABC]:
+    with can.Bus(interface="virtual", channel=channel, preserve_timestamps=True) as bus:
+        yield bus
+
+
+@pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+def test_scans_over_a_virtual_bus(sensor: Sensor, virtual: can.BusABC, channel: str, fd: bool) -> None:
+    sensor = with_layout(sensor, 5, 5, scan_rate=200.0)
+    settings = bus_settings("virtual", channel, with_fd(sensor, fd).can, options=["receive_own_messages=False"])
+    board = Board(with_fd(sensor, fd), lambda: open_bus(settings))
+    with board_on_bus(virtual, BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), SystemClock().monotonic())):
+        board.open()
+        try:
+            sequences = []
+            for scan in read_scans(board, 100):
+                assert_marked(scan)
+                sequences.append(scan.sequence)
+            assert sequences == list(range(sequences[0], sequences[0] + 100))
+            assert board.report().health == Health.OK
+            assert board.report().frames_lost == 0
+        finally:
+            board.close()
+
+
+def test_two_boards_share_a_bus(sensor: Sensor, virtual: can.BusABC, channel: str) -> None:
+    sensors = [with_layout(sensor, 5, 5, scan_rate=100.0, base_id=base) for base in (0x100, 0x110)]
+    boards = []
+    with can.Bus(interface="virtual", channel=channel) as second:
+        firmwares = [BoardFirmware(s, FakeBoard(s), SystemClock().monotonic()) for s in sensors]
+        with board_on_bus(virtual, firmwares[0]), board_on_bus(second, firmwares[1]):
+            for one in sensors:
+                settings = bus_settings("virtual", channel, one.can)
+                boards.append(Board(one, lambda settings=settings: open_bus(settings)))
+            try:
+                for board in boards:
+                    board.open()
+                    read_until(board, lambda board=board: board.report().scans > 0)
+                for board in boards:
+                    for scan in read_scans(board, 20):
+                        assert_marked(scan)
+                    assert board.report().frames_lost == 0
+                    assert board.report().counters["foreign frames"] > 0
+            finally:
+                for board in boards:
+                    board.close()
+
+
+def test_the_pause_between_attempts_grows_from_a_tenth_to_five_seconds(sensor: Sensor) -> None:
+    clock = SteppedClock()
+    attempts: list[int] = []
+
+    def fail() -> FrameBus:
+        attempts.append(clock.now)
+        raise can.CanInitializationError("no such\ndevice")
+
+    board = Board(sensor, fail, clock=clock)
+    board.open()
+    while len(attempts) < 10:
+        assert board.read(1.0) is None
+    pauses = [(later - earlier) / 1e9 for earlier, later in pairwise(attempts)]
+    assert pauses == pytest.approx([0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 5.0, 5.0, 5.0], abs=1e-6)
+    assert max(pauses) == BACK_OFF_LAST
+    assert board.report().health == Health.ERROR
+    assert board.report().state == "the bus is not there, trying again: no such device"
+
+
+def test_data_flows_within_half_a_second_of_the_bus_being_back(sensor: Sensor) -> None:
+    clock = SteppedClock()
+    buses: list[SteppedBus] = []
+    firmware = BoardFirmware(sensor, FakeBoard(sensor), 0)
+
+    def open_one() -> SteppedBus:
+        buses.append(SteppedBus(clock, firmware))
+        return buses[-1]
+
+    board = Board(sensor, open_one, clock=clock)
+    board.open()
+    for fault in range(5):
+        for scan in read_scans(board, 50):
+            assert_marked(scan)
+        buses[-1].broken = True
+        back = clock.now
+        scan = next(read_scans(board, 1))
+        assert_marked(scan)
+        assert clock.now - back < 500_000_000
+        assert len(buses) == fault + 2
+        assert buses[-2].closed
+    losses = board.receiver.assembler.losses
+    assert board.receiver.scans + losses.lost_scans + losses.torn_scans == scan.sequence + 1
+    assert board.report().counters["bus opened anew"] == 5
+    board.close()
+    assert buses[-1].closed
+    assert not firmware.running
+
+
+def test_a_reset_board_is_noticed_and_named(sensor: Sensor) -> None:
+    clock = SteppedClock()
+    bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0))
+    board = Board(sensor, lambda: bus, clock=clock)
+    board.open()
+    list(read_scans(board, 1000))
+    bus.firmware = BoardFirmware(sensor, FakeBoard(sensor), clock.now)
+    scan = next(read_scans(board, 1))
+    assert_marked(scan)
+    assert scan.sequence < 1000
+    assert scan.status & ScanStatus.BOARD_RESET
+    assert abs(scan.stamp - clock.now) < 2_000_000
+    assert not next(read_scans(board, 1)).status & ScanStatus.BOARD_RESET
+    counters = board.report().counters
+    assert (counters["board resets"], counters["brown-outs"], counters["board started anew"]) == (1, 0, 0)
+
+
+def test_a_board_whose_scans_never_come_whole_is_not_called_well(sensor: Sensor) -> None:
+    clock = SteppedClock()
+    larger = with_layout(sensor, 8, 8)  # three blocks a scan where the board sends one
+    bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0))
+    board = Board(larger, lambda: bus, clock=clock)
+    board.open()
+    while board.restarted < 5:
+        assert board.read(0.05) is None
+        assert board.report().health != Health.OK
+    assert board.report().state == "the board sends no whole scans: it is being started again"
+    assert board.report().counters["torn scans"] > 1000
+
+
+def test_a_reader_that_was_held_up_loses_nothing(sensor: Sensor) -> None:
+    clock = SteppedClock()
+    bus = SteppedBus(clock, BoardFirmware(with_fd(sensor, False), FakeBoard(sensor), 0))
+    board = Board(with_fd(sensor, False), lambda: bus, clock=clock)
+    board.open()
+    list(read_scans(board, 10))
+    clock.now += 2_000_000_000
+    for scan in read_scans(board, 3000):
+        assert_marked(scan)
+    assert scan.frames_lost == 0
+    assert board.restarted == 0
+
+
+def test_scans_that_come_after_a_pause_are_not_lost_by_asking_what_is_wrong(sensor: Sensor) -> None:
+    clock = SteppedClock()
+    bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0))
+    board = Board(sensor, lambda: bus, clock=clock)
+    board.open()
+    list(read_scans(board, 10))
+    bus.held_back = True
+    while board.restarted == 0:
+        assert board.read(0.05) is None
+    bus.held_back = False
+    for scan in read_scans(board, 1000):
+        assert_marked(scan)
+    assert scan.frames_lost == 0
+    assert board.report().health == Health.OK
+
+
+def test_an_answer_to_somebody_else_is_passed_over(sensor: Sensor) -> None:
+    clock = SteppedClock()
+    bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0))
+    answer = Response(Command.IDENTIFY, tag=200, result=Result.OK, value=7)
+    bus.write_frame = lambda frame: None
+    board = Board(sensor, lambda: bus, clock=clock)
+    board.open()
+    bus._answers.append((sensor.can.base_id + RESPONSE_OFFSET, CLASSIC, answer.pack()))
+    assert board.read(0.1) is None
+    assert board.report().state == "looking for the board"
+
+
+def test_reading_a_closed_board_gives_nothing(sensor: Sensor) -> None:
+    clock = SteppedClock()
+    board = Board(sensor, lambda: pytest.fail("opened"), clock=clock)
+    assert board.read(0.5) is None
+    assert clock.now == 500_000_000
+    assert board.report().health == Health.STALE
+    board.close()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"interface": "slcam"}, r"CAN interface must be one of .*slcan, .*socketcan.*virtual.*, got 'slcam'"),
+        ({"options": ["bitrat=1"]}, r"interface 'virtual' has no option 'bitrat', known are .*preserve_timestamps"),
+        ({"options": ["loud"]}, r"CAN option must be 'key=value', got 'loud'"),
+    ],
+)
+def test_mistakes_in_bus_parameters_are_named(sensor: Sensor, arguments: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message) as caught:
+        bus_settings(**{"interface": "virtual", "channel": "", "link": sensor.can} | arguments)
+    assert "\n" not in str(caught.value)
+
+
+def test_bus_parameters_are_taken_from_the_sensor_unless_given(sensor: Sensor) -> None:
+    plain = bus_settings("slcan", "x", sensor.can)
+    assert (plain.bitrate, plain.data_bitrate, plain.fd) == (1_000_000, 5_000_000, True)
+    given = bus_settings("slcan", "x", sensor.can, bitrate=500_000, data_bitrate=2_000_000)
+    assert (given.bitrate, given.data_bitrate, given.fd) == (500_000, 2_000_000, True)
+    options = bus_settings("virtual", "x", sensor.can, options=["", "rx_queue_size=7", "preserve_timestamps=true"])
+    assert options.options == {"rx_queue_size": 7, "preserve_timestamps": True}
+
+
+def test_a_bus_that_cannot_be_opened_says_why(sensor: Sensor) -> None:
+    with pytest.raises(can.CanError, match="slcan:/nowhere/can: No such file") as caught:
+        open_bus(bus_settings("slcan", "/nowhere/can", sensor.can))
+    assert isinstance(caught.value.__cause__, can.CanInitializationError)
+    with pytest.raises(ConfigError, match="slcan:x: bitrate must be one of"):
+        open_bus(bus_settings("slcan", "x", sensor.can, bitrate=123))
+    with pytest.raises(can.CanError, match="socketcan:nosuchcan0: ") as caught:
+        open_bus(bus_settings("socketcan", "nosuchcan0", sensor.can))
+    assert "\n" not in str(caught.value)

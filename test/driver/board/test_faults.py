@@ -1,0 +1,230 @@
+"""Every fault on the wire, one by one: told apart, counted, named with a remedy, survived."""
+
+from __future__ import annotations
+
+import pytest
+
+from posfet_driver.board.board_client import Board
+from posfet_driver.board.faults import FAULTS, HOLD, FaultWatch, changes, worst
+from posfet_driver.board.scan_source import Health
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.scan import ScanStatus
+from posfet_sim.emulation.firmware import BoardFirmware
+from support.fake_board import FakeBoard, assert_marked, with_fd, with_layout
+from support.fault_injector import FaultInjector, Trouble
+from support.paths import DOCS
+from support.stepped import SteppedBus, SteppedClock
+
+RATE = 100.0
+SENSORS = {
+    True: with_layout(load_sensor(), 5, 12, scan_rate=RATE),
+    False: with_layout(load_sensor(), 5, 5, scan_rate=RATE),
+}
+"""Three FD blocks, five classic ones."""
+BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+SECOND = 1_000_000_000
+CADENCE = 1_000_000
+"""Time between two batches of frames from the adapter [ns]."""
+BACK = 500_000_000
+"""Data flows this soon [ns] once the bus is back."""
+
+EXPECTED = {
+    Trouble.LOST: {"lost scans"},
+    Trouble.TORN: {"torn scans"},
+    Trouble.REPEATED: {"repeated frames"},
+    Trouble.LATE: {"late frames"},
+    Trouble.REORDERED: {"reordered frames"},
+    Trouble.MALFORMED: {"malformed frames"},
+    Trouble.STUCK: {"stuck counter"},
+    Trouble.CLOCK: {"stuck clock"},
+    Trouble.FOREIGN: {"bus full"},
+    Trouble.ERRORS: {"error frames"},
+    Trouble.UNACKNOWLEDGED: {"unacknowledged", "bus silent"},
+    Trouble.OVERFLOW: {"receive overflows"},
+    Trouble.UNREADABLE: {"bus unreadable"},
+    Trouble.BUS_OFF: {"bus off"},
+    Trouble.CABLE_OUT: {"bus silent"},
+    Trouble.BOARD_OUT: {"board missing"},
+    Trouble.DEAF: set(),
+    Trouble.RESET: {"board resets"},
+    Trouble.BROWN_OUT: {"brown-outs", "supply low"},
+}
+"""What is said of each trouble, at least."""
+ALONE = {Trouble.CLOCK, Trouble.REPEATED, Trouble.REORDERED, Trouble.FOREIGN, Trouble.DEAF, Trouble.RESET}
+"""Troubles of which nothing else is said."""
+
+
+class Bench:
+    """A driver and a board with troubles, in stepped time; asks for a report once a second as the node does."""
+
+    def __init__(self, fd: bool) -> None:
+        sensor = with_fd(SENSORS[fd], fd)
+        self.clock = SteppedClock()
+        self.injector = FaultInjector(lambda now: BoardFirmware(sensor, FakeBoard(sensor), now), 0x100, 0)
+        self.watch = FaultWatch()
+        self.faults: list[str] = []
+        self.said: list[str] = []
+        self.health = Health.OK
+        self.first = -1
+        self._reported = 0
+        self.board = Board(sensor, lambda: SteppedBus(self.clock, self.injector, CADENCE), self.clock)
+        self.board.open()
+
+    def run(self, seconds: float) -> int:
+        """Let time pass; return the scans that came, each held to what was sent."""
+        end = self.clock.now + round(seconds * SECOND)
+        scans = 0
+        while self.clock.now < end:
+            scan = self.board.read(0.01)
+            if scan is not None:
+                assert_marked(scan)
+                self.first = scan.sequence if self.first < 0 else self.first
+                scans += 1
+            if self.clock.now >= self._reported + SECOND:
+                self._report()
+        return scans
+
+    def _report(self) -> None:
+        self._reported = self.clock.now
+        report = self.board.report()
+        faults = self.watch.present(report, self.clock.now)
+        come, gone = changes([FAULTS[name] for name in self.faults], faults)
+        self.said += [f"+{fault.name}" for fault in come] + [f"-{fault.name}" for fault in gone]
+        self.faults = [fault.name for fault in faults]
+        self.health = worst(faults, report.health)
+
+
+@BOTH
+@pytest.mark.parametrize("trouble", EXPECTED, ids=lambda trouble: trouble.name)
+def test_each_fault_is_named_and_survived(trouble: Trouble, fd: bool) -> None:
+    bench = Bench(fd)
+    assert bench.run(3) > 2.9 * RATE
+    assert (bench.faults, bench.health) == ([], Health.OK)
+    bench.injector.trouble = trouble
+    bench.run(4)
+    if trouble == Trouble.DEAF:  # scans go on; it shows when the board has to be asked
+        assert bench.faults == []
+    expected = set() if trouble == Trouble.CLOCK and not fd else EXPECTED[trouble]  # classic frames carry no time
+    assert expected <= set(bench.faults), bench.faults
+    if trouble in ALONE:
+        assert set(bench.faults) == expected
+    if bench.faults:
+        assert bench.health == max(FAULTS[name].health for name in bench.faults)
+    bench.injector.trouble = Trouble.NONE
+    bench.injector.firmware.supply = 5.0
+    bench.run(6)  # longer than the longest back-off
+    before = bench.board.receiver.frames_lost
+    assert bench.run(HOLD / SECOND + 2) > 6.9 * RATE
+    assert bench.board.receiver.frames_lost == before
+    assert (bench.faults, bench.health) == ([], Health.OK)
+    assert all(bench.said.count(word) == 1 for word in bench.said), bench.said  # once each, not once a frame
+    losses, board = bench.board.receiver.assembler.losses, bench.board
+    if trouble not in {Trouble.RESET, Trouble.BROWN_OUT, Trouble.STUCK}:  # these begin new numbers
+        sent = board.receiver.assembler.sequence + 1 - bench.first
+        assert board.receiver.scans + losses.torn_scans + losses.lost_scans == sent
+
+
+@BOTH
+@pytest.mark.parametrize(
+    "trouble",
+    [Trouble.CABLE_OUT, Trouble.BOARD_OUT, Trouble.UNREADABLE, Trouble.UNACKNOWLEDGED, Trouble.RESET, Trouble.STUCK],
+    ids=lambda trouble: trouble.name,
+)
+def test_data_flows_within_half_a_second_of_the_bus_being_back(trouble: Trouble, fd: bool) -> None:
+    for length in (0.4, 1.7, 12.0):
+        bench = Bench(fd)
+        bench.run(1)
+        bench.injector.trouble = trouble
+        bench.run(length)
+        bench.injector.trouble = Trouble.NONE
+        back = bench.clock.now
+        while bench.board.read(0.01) is None:
+            assert bench.clock.now - back < BACK, bench.board.report()
+
+
+@BOTH
+def test_a_deaf_board_is_told_from_a_silent_one(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.run(1)
+    bench.injector.trouble = Trouble.DEAF
+    bench.injector.firmware.running = False
+    bench.run(3)
+    assert "board deaf" in bench.faults
+    bench.injector.trouble = Trouble.NONE
+    assert bench.run(3) > 2 * RATE
+
+
+@BOTH
+def test_foreign_frames_that_fill_the_bus_do_not_hide_a_silent_board(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.run(1)
+    bench.injector.trouble = Trouble.FOREIGN
+    bench.injector.firmware.running = False
+    assert bench.run(3) > 2 * RATE
+    assert bench.board.restarted == 1
+
+
+@pytest.mark.parametrize(
+    ("flag", "name"),
+    [
+        (ScanStatus.ADC_FAULT, "ADC fault"),
+        (ScanStatus.OVERTEMPERATURE, "overtemperature"),
+        (ScanStatus.SCAN_OVERRUN, "scan overrun"),
+    ],
+)
+def test_flags_of_the_board_are_named(flag: ScanStatus, name: str) -> None:
+    bench = Bench(True)
+    bench.run(1)
+    bench.injector.firmware._board.status = flag
+    bench.run(2)
+    assert bench.faults == [name]
+
+
+@BOTH
+def test_another_firmware_and_another_layout_are_refused_and_named(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.run(1)
+    bench.injector.firmware.firmware = 0x0203
+    bench.injector.firmware.running = False
+    bench.run(2)
+    assert bench.faults == ["wrong firmware"]
+    assert bench.board.report().state == "the board has firmware 2.3, this driver speaks the protocol of 0.x"
+    bench.injector.firmware.firmware = 0x0001
+    bench.run(2)
+    bench.injector.firmware._layout = 9  # another board was plugged in, and sends
+    bench.run(2)
+    assert "wrong layout" in bench.faults
+    bench.injector.firmware._layout = SENSORS[fd].layout.id
+    assert bench.run(3) > RATE
+
+
+def test_a_reset_with_a_low_supply_is_a_brown_out() -> None:
+    counters = {}
+    for trouble in (Trouble.RESET, Trouble.BROWN_OUT):
+        bench = Bench(True)
+        bench.run(1)
+        bench.injector.trouble = trouble
+        bench.run(2)
+        counters[trouble] = (bench.board.resets, bench.board.brown_outs)
+    assert counters == {Trouble.RESET: (1, 0), Trouble.BROWN_OUT: (1, 1)}
+
+
+def test_stamps_go_on_while_the_boards_clock_stands() -> None:
+    bench = Bench(True)
+    bench.run(1)
+    estimated = []
+    for trouble in (Trouble.CLOCK, Trouble.NONE):
+        bench.injector.trouble = trouble
+        for number in range(400):
+            scan = bench.board.read(0.01)
+            assert scan is not None
+            assert abs(scan.stamp - bench.clock.now) < 2 * SECOND / RATE
+            if number > 3:
+                estimated.append(bool(scan.status & ScanStatus.TIME_ESTIMATED))
+    assert estimated == [True] * 396 + [False] * 396
+
+
+def test_every_fault_is_documented() -> None:
+    text = (DOCS / "faults.md").read_text(encoding="utf-8")
+    for fault in FAULTS.values():
+        assert f"| {fault.name} | {fault.health.name.lower()} | {fault.meaning} | {fault.remedy} |" in text

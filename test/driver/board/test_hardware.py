@@ -1,0 +1,175 @@
+"""One suite for every bus: virtual, the emulated adapter by either slcan, python-can's socketcan without a kernel that
+has it, socketcand, multicast, and real ones.
+
+udp_multicast needs msgpack (pip install msgpack); its datagrams do not leave this machine (hop_limit 0).
+
+POSFET_TEST_CAN=vcan0 python -m pytest test/driver/test_hardware.py
+    also on that SocketCAN device, with an emulated board: modprobe vcan; ip link add vcan0 type vcan;
+    ip link set vcan0 mtu 72 up
+POSFET_TEST_BOARD=slcan:/dev/ttyACM0 POSFET_TEST_SENSOR=my_sensor.yaml python -m pytest test/driver/test_hardware.py
+    also on a real board, as interface:channel
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import uuid
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+import can
+import pytest
+
+from posfet_driver.board.board_client import Board
+from posfet_driver.board.command_queue import CommandError
+from posfet_driver.board.scan_source import Health
+from posfet_driver.bus.open_bus import bus_settings, open_can_bus
+from posfet_driver.bus.port_search import BusOpener
+from posfet_driver.clock import SystemClock
+from posfet_driver.protocol.messages import Command
+from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_model.sensor.scan import Scan
+from posfet_sim.emulation.firmware import BoardFirmware
+from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
+from support.fake_board import PATIENCE, FakeBoard, assert_marked, board_on_bus, read_scans, with_fd, with_layout
+from support.fake_socketcan import FakeSocketcan
+from support.fake_socketcand import FakeSocketcand
+
+EMULATED = with_layout(load_sensor(), 5, 5, scan_rate=200.0)
+REAL_BUS = os.environ.get("POSFET_TEST_CAN", "")
+REAL_BOARD = os.environ.get("POSFET_TEST_BOARD", "")
+PLACES = [
+    "virtual",
+    "slcan",
+    "slcan-python-can",
+    "socketcan",
+    "socketcand",
+    pytest.param("udp_multicast", marks=pytest.mark.skipif(not find_spec("msgpack"), reason="msgpack is missing")),
+    pytest.param("can", marks=pytest.mark.skipif(not REAL_BUS, reason="POSFET_TEST_CAN names no SocketCAN device")),
+    pytest.param("board", marks=pytest.mark.skipif(not REAL_BOARD, reason="POSFET_TEST_BOARD names no board")),
+]
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A board that can be reached, and whether it sends marked scans."""
+
+    board: Board
+    sensor: Sensor
+    emulated: bool
+
+    def scans(self, count: int) -> Iterator[Scan]:
+        for scan in read_scans(self.board, count):
+            if self.emulated:
+                assert_marked(scan)
+            yield scan
+
+
+def free_port() -> int:
+    """A UDP port that nobody uses."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+@pytest.fixture(params=[True, False], ids=["fd", "classic"])
+def fd(request: pytest.FixtureRequest) -> bool:
+    return bool(request.param)
+
+
+@pytest.fixture(params=PLACES)
+def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    place, clock = request.param, SystemClock()
+    sensor = EMULATED
+    with ExitStack() as stack:
+        firmware = BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), clock.monotonic())
+        interface, channel, options = place, "", []
+        if place in {"slcan", "slcan-python-can"}:
+            adapter = EmulatedAdapter(tmp_path / "can0", firmware)
+            adapter.open()
+            stack.callback(adapter.close)
+            channel = str(adapter.link)
+            options = [] if place == "slcan" else ["sleep_after_open=0.0"]
+        elif place == "socketcand":
+            if fd:
+                pytest.skip("socketcand carries classic frames only")
+            daemon = FakeSocketcand(firmware)
+            daemon.open()
+            stack.callback(daemon.close)
+            channel, options = "can0", ["host=127.0.0.1", f"port={daemon.port}", "tcp_tune=true"]
+        elif place == "board":
+            interface, _, channel = REAL_BOARD.partition(":")
+            sensor = load_sensor(os.environ.get("POSFET_TEST_SENSOR") or "posfet_5x5")
+            if sensor.can.fd != fd:
+                pytest.skip("the board has the other frames")
+        else:
+            if place == "virtual":
+                channel = uuid.uuid4().hex
+            elif place == "socketcan":
+                kernel = FakeSocketcan(monkeypatch, tmp_path / "net")
+                stack.callback(kernel.close)
+                kernel.add("can0")
+                channel = "can0"
+            elif place == "udp_multicast":
+                channel, options = "239.74.163.2", ["hop_limit=0", f"port={free_port()}"]
+            else:
+                interface, channel = "socketcan", REAL_BUS
+            settings = bus_settings(interface, channel, with_fd(sensor, fd).can, options=options)
+            far_end: can.BusABC = stack.enter_context(open_can_bus(settings))
+            stack.enter_context(board_on_bus(far_end, firmware))
+        opener = BusOpener(bus_settings(interface, channel, with_fd(sensor, fd).can, options=options))
+        board = Board(with_fd(sensor, fd), opener, presence=opener.presence)
+        stack.callback(board.close)
+        board.open()
+        yield Bench(board, sensor, place != "board")
+
+
+def test_scans_come_whole_and_in_order(bench: Bench) -> None:
+    sequences = [scan.sequence for scan in bench.scans(100)]
+    assert sequences == list(range(sequences[0], sequences[0] + 100))
+    report = bench.board.report()
+    assert (report.health, report.frames_lost, report.conditions) == (Health.OK, 0, ())
+
+
+def test_stamps_go_on_evenly(bench: Bench) -> None:
+    stamps = [scan.stamp for scan in bench.scans(50)]
+    assert stamps == sorted(stamps)
+    assert abs(stamps[-1] - SystemClock().wall()) < PATIENCE * 1e9
+    assert bench.board.receiver.stamp_uncertainty < 0.01
+
+
+def test_the_board_identifies_itself(bench: Bench) -> None:
+    list(bench.scans(1))
+    value = bench.board.request(Command.IDENTIFY, timeout=PATIENCE).value
+    assert value & 0xFFFF == bench.sensor.layout.id
+
+
+def test_a_refused_command_comes_back_with_the_reason(bench: Bench) -> None:
+    list(bench.scans(1))
+    with pytest.raises(CommandError, match="SET_RATE: refused by the board: bad argument"):
+        bench.board.request(Command.SET_RATE, 1, timeout=PATIENCE)
+    list(bench.scans(10))
+    assert bench.board.restarted == 0
+
+
+def test_the_board_stops_and_starts(bench: Bench) -> None:
+    list(bench.scans(5))
+    bench.board.request(Command.STOP, timeout=PATIENCE)
+    assert bench.board.read(0.05) is None
+    assert bench.board.report().state == "stopped on request"
+    bench.board.request(Command.START, timeout=PATIENCE)
+    list(bench.scans(5))
+    assert bench.board.report().frames_lost == 0
+
+
+def test_the_bus_is_opened_anew_after_a_failure(bench: Bench) -> None:
+    list(bench.scans(5))
+    bench.board._fail(can.CanOperationError("pulled"))
+    assert bench.board.report().conditions == ("bus gone",)
+    list(bench.scans(5))
+    assert bench.board.link.failed == 1
+    assert bench.board.report().health == Health.OK

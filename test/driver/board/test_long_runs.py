@@ -1,0 +1,38 @@
+"""The long runs, short."""
+
+from __future__ import annotations
+
+import pytest
+
+from support.long_runs import COUNTED, NEW_NUMBERS, fuzz, scans_under_faults
+from support.soak import main
+
+BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+
+
+@BOTH
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_was_sent_was_published_or_is_counted_as_lost(fd: bool, seed: int) -> None:
+    account = scans_under_faults(8000, fd, seed)
+    assert account["published"] > 2000
+    assert account["torn"] > 0 or fd
+    assert account["lost"] > 0
+    assert account["sent"] == account["published"] + account["torn"] + account["lost"]
+
+
+@BOTH
+def test_resets_and_stuck_counters_among_them(fd: bool) -> None:
+    account = scans_under_faults(8000, fd, 3, COUNTED + NEW_NUMBERS)
+    assert account["published"] > 2000
+    assert account["resets"] > 0
+
+
+@BOTH
+def test_frames_of_any_kind_do_no_harm(fd: bool) -> None:
+    taken, growth = fuzz(200_000, fd, 4)
+    assert taken >= 200_000
+    assert growth < 1 << 20
+
+
+def test_a_short_soak_ends_well(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--for", "6", "--every", "0.6", "--seed", "1"]) == 0, capsys.readouterr().out

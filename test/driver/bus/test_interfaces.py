@@ -1,0 +1,90 @@
+"""Options of every interface of python-can: passed on as they are, and refused when the interface has none such."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import can
+import pytest
+from can.interfaces import BACKENDS
+
+from posfet_driver.bus.open_bus import bus_settings, interfaces, open_can_bus
+from posfet_model.config import ConfigError
+from posfet_model.sensor.description import load_sensor
+
+LINK = load_sensor().can
+EVERYWHERE = {"slcan", "slcan-python-can", "socketcan", "socketcand", "udp_multicast", "virtual", "kvaser", "pcan"}
+"""Interfaces whose options are known without their maker's driver."""
+
+
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Takes an interface and what is asked for; returns what its constructor gets."""
+
+    def what_arrives(interface: str, channel: str, options: Sequence[str], fd: bool = True) -> dict[str, Any]:
+        module, name = BACKENDS[interface]
+        bus_class = getattr(importlib.import_module(module), name)
+        arguments: dict[str, Any] = {}
+
+        @functools.wraps(bus_class.__init__)
+        def constructor(self: object, *args: object, **given: Any) -> None:
+            assert not args
+            arguments.update(given)
+            raise can.CanInitializationError("not here")
+
+        with monkeypatch.context() as patch:
+            patch.setattr(bus_class, "__init__", constructor)
+            patch.setattr(bus_class, "__del__", lambda self: None, raising=False)
+            with pytest.raises(can.CanInitializationError, match=f"{interface}:{channel}: not here"):
+                open_can_bus(bus_settings(interface, channel, replace(LINK, fd=fd), options=options))
+        return arguments
+
+    return what_arrives
+
+
+@pytest.mark.parametrize("interface", interfaces())
+def test_an_option_that_an_interface_does_not_know_is_named_with_those_it_knows(interface: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        bus_settings(interface, "", LINK, options=["no_such_option=1"])
+    message = str(caught.value)
+    assert "\n" not in message
+    unknown = f"CAN interface '{interface}' has no option 'no_such_option', known are "
+    assert message.startswith((unknown, f"CAN interface '{interface}' cannot be used here: "))
+    assert "can_filters" in message or not message.startswith(unknown)
+    assert interface not in EVERYWHERE or message.startswith(unknown)
+
+
+def test_socketcan_takes_its_bitrate_from_the_kernel(opened: Any) -> None:
+    options = ["receive_own_messages=true", "ignore_rx_error_frames=False", "local_loopback=0"]
+    assert opened("socketcan", "can0", options=options) == {
+        "channel": "can0",
+        "fd": True,
+        "receive_own_messages": True,
+        "ignore_rx_error_frames": False,
+        "local_loopback": 0,
+    }
+
+
+@pytest.mark.parametrize("fd", [True, False])
+def test_kvaser_gets_what_it_takes_out_of_its_keywords(opened: Any, fd: bool) -> None:
+    arguments = opened("kvaser", "0", fd=fd, options=["accept_virtual=false", "sjw=4"])
+    expected = {"channel": "0", "bitrate": 1_000_000, "fd": fd, "accept_virtual": False, "sjw": 4}
+    assert arguments == expected | ({"data_bitrate": 5_000_000} if fd else {})
+
+
+def test_pcan_gets_fd_and_its_bit_timing(opened: Any) -> None:
+    timing = {"f_clock_mhz": 80, "nom_brp": 2, "nom_tseg1": 33, "nom_tseg2": 6, "nom_sjw": 1}
+    timing |= {"data_brp": 2, "data_tseg1": 5, "data_tseg2": 2, "data_sjw": 1}
+    arguments = opened("pcan", "PCAN_USBBUS1", options=[f"{key}={value}" for key, value in timing.items()])
+    assert arguments == {"channel": "PCAN_USBBUS1", "bitrate": 1_000_000, "fd": True} | timing
+
+
+def test_socketcand_and_multicast_get_address_and_port(opened: Any) -> None:
+    arguments = opened("socketcand", "can0", fd=False, options=["host=127.0.0.1", "port=29536"])
+    assert arguments == {"channel": "can0", "host": "127.0.0.1", "port": 29536}
+    arguments = opened("udp_multicast", "ff15::1", options=["port=43113", "hop_limit=0"])
+    assert arguments == {"channel": "ff15::1", "fd": True, "port": 43113, "hop_limit": 0}

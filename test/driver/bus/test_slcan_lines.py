@@ -1,0 +1,94 @@
+"""Lines of slcan: there and back, in any pieces, and with anything between them."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE, Frame
+from posfet_driver.bus.slcan_codec import FD_LENGTHS, LineReader, encode_line, parse_line
+
+KINDS = st.sampled_from([CLASSIC, REMOTE, FD, FD | RATE_SWITCH])
+
+
+@st.composite
+def frames(draw: st.DrawFn) -> Frame:
+    kind, extended = draw(KINDS), draw(st.booleans())
+    identifier = draw(st.integers(0, 0x1FFF_FFFF if extended else 0x7FF))
+    length = draw(st.sampled_from(FD_LENGTHS if kind & FD else FD_LENGTHS[:9]))
+    data = bytes(length) if kind & REMOTE else draw(st.binary(min_size=length, max_size=length))
+    return identifier, kind | EXTENDED * extended, data
+
+
+@given(sent=st.lists(frames(), max_size=30), cuts=st.lists(st.integers(0, 3000), max_size=10))
+def test_frames_come_back_in_whatever_pieces(sent: list[Frame], cuts: list[int]) -> None:
+    stream = b"".join(encode_line(frame) for frame in sent * 2)
+    reader = LineReader()
+    received = []
+    for start, end in zip([0, *sorted(cuts)], [*sorted(cuts), len(stream)], strict=True):
+        received += reader.frames(stream[start:end])
+    assert received == sent * 2
+    assert reader.malformed == 0
+
+
+@given(sent=st.lists(frames(), min_size=1, max_size=10), junk=st.binary(max_size=300))
+def test_after_junk_the_next_line_is_right(sent: list[Frame], junk: bytes) -> None:
+    reader = LineReader()
+    reader.frames(junk + b"\r")
+    assert reader.frames(b"".join(encode_line(frame) for frame in sent)) == sent
+
+
+@given(st.lists(st.binary(max_size=400), max_size=20))
+def test_any_bytes_are_taken(pieces: list[bytes]) -> None:
+    reader = LineReader()
+    for piece in pieces:
+        for identifier, kind, data in reader.frames(piece):
+            assert identifier <= (0x1FFF_FFFF if kind & EXTENDED else 0x7FF)
+            assert len(data) in FD_LENGTHS
+            assert kind & FD or len(data) <= 8
+
+
+@given(frame=frames(), data=st.data())
+def test_a_line_of_another_length_is_no_frame(frame: Frame, data: st.DataObject) -> None:
+    line = encode_line(frame)[:-1]
+    reader = LineReader()
+    reader.frames(line + b"\r")
+    short = line[: data.draw(st.integers(1, len(line) - 1))]
+    for wrong in (short, line + b"0", line + b"00000"):
+        assert parse_line(wrong) is None or len(wrong) != len(line)
+        assert frame not in reader.frames(wrong + b"\r") or frame[2] == b""
+
+
+def test_time_stamps_at_the_end_are_dropped() -> None:
+    reader = LineReader()
+    assert reader.frames(b"t10021122ABCD\rt10021122ABCD\r") == [(0x100, CLASSIC, b"\x11\x22")] * 2
+
+
+def test_replies_are_no_frames() -> None:
+    reader = LineReader()
+    assert reader.frames(b"\rz\rZ\r\a\r\a") == []
+    assert (reader.malformed, reader.refusals) == (0, 2)
+
+
+@pytest.mark.parametrize(
+    "line", [b"t80000", b"T200000000", b"t1009" + b"00" * 9, b"t 1020000", b"t+012FFFF", b"x1000", b"t10", b"t1001G0"]
+)
+def test_lines_that_are_no_frames(line: bytes) -> None:
+    reader = LineReader()
+    assert reader.frames(line + b"\r") == []
+    assert reader.malformed == 1
+
+
+def test_a_line_that_never_ends_takes_no_memory() -> None:
+    reader = LineReader()
+    for _ in range(1000):
+        assert reader.frames(b"0" * 1000) == []
+    assert reader.malformed <= 1001
+    assert reader.frames(b"\rt1000\r") == [(0x100, CLASSIC, b"")]
+
+
+@pytest.mark.parametrize("frame", [(1, ERROR, b""), (1, CLASSIC, bytes(12)), (1, FD, bytes(9))])
+def test_what_slcan_cannot_carry_is_refused(frame: Frame) -> None:
+    with pytest.raises(ValueError, match="slcan has no line for a frame of kind"):
+        encode_line(frame)

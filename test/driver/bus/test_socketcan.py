@@ -1,0 +1,197 @@
+"""What the driver makes of SocketCAN: the frames that python-can makes, and what only the kernel tells."""
+
+from __future__ import annotations
+
+import logging
+import socket
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import pytest
+from can.interfaces.socketcan.socketcan import build_can_frame
+
+from posfet_driver.board.board_client import Board
+from posfet_driver.bus.error_frame import BUS_OFF, CONTROLLER, NO_ACKNOWLEDGE, OVERFLOW, error_frame
+from posfet_driver.bus.frame import CLASSIC, ERROR, Frame
+from posfet_driver.bus.frame_bus import FrameBus
+from posfet_driver.bus.message_conversion import frame_of, message_of
+from posfet_driver.bus.open_bus import BusSettings, bus_settings, open_bus, open_can_bus
+from posfet_driver.bus.port_search import BusOpener
+from posfet_driver.bus.socketcan_bus import READ_LIMIT
+from posfet_driver.clock import SystemClock
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.emulation.firmware import BoardFirmware
+from support.fake_board import PATIENCE, FakeBoard, board_on_bus, read_scans, read_until, with_layout
+from support.fake_socketcan import Device, FakeSocketcan
+from support.frame_examples import FRAMES
+
+SENSOR = with_layout(load_sensor(), 5, 5, scan_rate=200.0)
+SETTINGS = bus_settings("socketcan", "can0", SENSOR.can)
+
+
+@pytest.fixture
+def kernel(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[FakeSocketcan]:
+    kernel = FakeSocketcan(monkeypatch, tmp_path / "net")
+    yield kernel
+    kernel.close()
+
+
+@pytest.fixture
+def device(kernel: FakeSocketcan) -> Device:
+    return kernel.add("can0")
+
+
+def read(bus: FrameBus, count: int) -> list[Frame]:
+    """The next frames; they are on their way."""
+    frames: list[Frame] = []
+    while len(frames) < count:
+        come = bus.read_frames(PATIENCE)
+        assert come
+        frames += come
+    return frames
+
+
+def test_frames_are_those_that_python_can_reads(device: Device) -> None:
+    messages = [message_of(frame) for frame in FRAMES]
+    bus, theirs = open_bus(SETTINGS), open_can_bus(SETTINGS)
+    with theirs:
+        for message in messages:
+            device.deliver(build_can_frame(message))
+        heard = [theirs.recv(PATIENCE) for _ in messages]
+        assert read(bus, len(messages)) == [frame_of(message) for message in heard if message] == FRAMES
+        bus.shutdown()
+
+
+def test_error_frames_are_those_that_python_can_reads(device: Device) -> None:
+    classes, data = CONTROLLER | BUS_OFF, bytes([0, OVERFLOW, 0, 0, 0, 0, 0, 0])
+    bus, theirs = open_bus(SETTINGS), open_can_bus(SETTINGS)
+    with theirs:
+        device.deliver(struct.pack("=IB3x8s", classes | 0x2000_0000, 8, data))
+        heard = theirs.recv(PATIENCE)
+        assert heard
+        assert read(bus, 1) == [frame_of(heard)] == [(classes, ERROR, data)]
+        bus.shutdown()
+
+
+@pytest.mark.parametrize("frame", FRAMES, ids=lambda frame: f"kind {frame[1]}, {len(frame[2])} bytes")
+def test_what_is_sent_arrives(device: Device, frame: Frame) -> None:
+    bus, far_end = open_bus(SETTINGS), open_bus(SETTINGS)
+    bus.write_frame(frame)
+    assert read(far_end, 1) == [frame]
+    assert bus.read_frames(0.0) == []
+    bus.shutdown()
+    far_end.shutdown()
+    assert device.sockets == []
+
+
+def test_frames_that_nobody_read_in_time_are_told_once(device: Device) -> None:
+    bus = open_bus(SETTINGS)
+    device.sockets[0].setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
+    data = build_can_frame(message_of((0x103, CLASSIC, bytes(8))))
+    for _ in range(1000):
+        device.deliver(data)
+    frames = bus.read_frames(PATIENCE)
+    assert 10 < len(frames) < READ_LIMIT
+    assert frames[-1] == error_frame(CONTROLLER, OVERFLOW)
+    assert frames.count(frames[-1]) == 1
+    device.deliver(data)
+    assert bus.read_frames(PATIENCE) == [(0x103, CLASSIC, bytes(8))]
+    bus.shutdown()
+
+
+def test_there_is_room_for_what_comes_while_this_process_is_held_up(device: Device) -> None:
+    bus = open_bus(SETTINGS)
+    before = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    with before:
+        usual = before.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF)
+    assert device.sockets[0].getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) > 1.5 * usual
+    bus.shutdown()
+
+
+def test_a_full_send_queue_is_told_as_unacknowledged_and_leaves_the_bus_open(device: Device) -> None:
+    bus = open_bus(SETTINGS)
+    device.queue_full = True
+    bus.write_frame(FRAMES[0])
+    assert bus.read_frames(0.0) == [error_frame(NO_ACKNOWLEDGE)]
+    assert bus.read_frames(0.0) == []
+    bus.shutdown()
+
+
+def test_a_controller_off_the_bus_is_told_when_asked(device: Device) -> None:
+    bus = open_bus(SETTINGS)
+    bus.ask_state()
+    assert bus.read_frames(0.0) == []
+    device.carrier(False)
+    bus.ask_state()
+    assert bus.read_frames(0.0) == [error_frame(BUS_OFF)]
+    bus.shutdown()
+
+
+def test_a_device_that_fails_is_told(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    bus = open_bus(SETTINGS)
+    device.deliver(build_can_frame(message_of(FRAMES[0])))
+
+    def fail(*_: object) -> bytes:
+        raise OSError(100, "Network is down")
+
+    monkeypatch.setattr(type(device.sockets[0]), "recv", fail)
+    with pytest.raises(can.CanOperationError, match="Network is down"):
+        bus.read_frames(PATIENCE)
+    bus.shutdown()
+
+
+class Bench:
+    """A driver on can0, and a board whose cable can be taken out."""
+
+    def __init__(self, settings: BusSettings) -> None:
+        opener = BusOpener(settings)
+        self.board = Board(SENSOR, opener, presence=opener.presence)
+        self.firmware = BoardFirmware(SENSOR, FakeBoard(SENSOR), SystemClock().monotonic())
+        self.settings = settings
+
+    def scans(self) -> None:
+        """Plug the cable in and wait for scans."""
+        with open_can_bus(self.settings) as far_end, board_on_bus(far_end, self.firmware):
+            list(read_scans(self.board, 5))
+
+
+def test_a_cable_that_is_out_is_not_taken_for_a_bus_that_is_gone(device: Device) -> None:
+    bench = Bench(SETTINGS)
+    bench.board.open()
+    bench.scans()
+    device.queue_full = True
+    read_until(bench.board, lambda: bench.board.report().counters["unacknowledged"] > 3)
+    assert bench.board.report().conditions == ("bus silent",)
+    assert bench.board.link.failed == 0
+    device.queue_full = False
+    bench.scans()
+    bench.board.close()
+
+
+def test_a_controller_that_stays_off_the_bus_is_called_so_until_it_is_back(device: Device) -> None:
+    bench = Bench(SETTINGS)
+    bench.board.open()
+    bench.scans()
+    device.carrier(False)
+    read_until(bench.board, lambda: bench.board.report().counters["bus off"] > 2)
+    assert bench.board.report().conditions == ("bus off",)
+    device.carrier(True)
+    bench.scans()
+    assert bench.board.report().conditions == ()
+    bench.board.close()
+
+
+def test_a_device_that_is_not_there_yet_is_found_when_it_comes(
+    kernel: FakeSocketcan, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])  # as in a process of its own
+    bench = Bench(SETTINGS)
+    bench.board.open()
+    assert capsys.readouterr().err == ""
+    assert bench.board.report().conditions == ("bus gone",)
+    assert "No such device" in bench.board.report().state
+    kernel.add("can0")
+    bench.scans()
+    bench.board.close()

@@ -1,0 +1,259 @@
+"""Whole scans and nothing else: every fault is told apart, counted, and never handed on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from posfet_driver.bus.frame import Frame
+from posfet_driver.protocol.scan_assembler import Assembler
+from posfet_driver.protocol.scan_codec import make_codec
+from posfet_model.sensor.description import load_sensor
+from support.fake_board import make_scan, marked_counts, with_fd, with_layout
+
+SENSOR = with_layout(load_sensor(), 5, 12)  # three FD blocks, twelve classic ones
+BASE = SENSOR.can.base_id
+BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+
+
+class Line:
+    """A board, a wire that does as told, an assembler, and the scans that came out of it."""
+
+    def __init__(self, fd: bool, first: int = 0) -> None:
+        self.codec = make_codec(with_fd(SENSOR, fd))
+        self.assembler = Assembler(self.codec)
+        self.assembler.resync(first)
+        self.published: list[int] = []
+
+    @property
+    def losses(self) -> dict[str, int]:
+        losses = self.assembler.losses
+        return {name: value for name in losses.__slots__ if (value := getattr(losses, name))}
+
+    def frames(self, sequence: int) -> list[Frame]:
+        return self.codec.encode(make_scan(SENSOR, sequence), BASE)
+
+    def feed(self, *frames: Frame) -> None:
+        for identifier, kind, data in frames:
+            if self.assembler.feed(identifier - BASE, kind, data):
+                sequence = self.assembler.sequence
+                self.published.append(sequence)
+                np.testing.assert_array_equal(self.assembler.counts, marked_counts(sequence, SENSOR.layout.taxels))
+
+    def send(self, *sequences: int) -> None:
+        for sequence in sequences:
+            self.feed(*self.frames(sequence))
+
+
+@BOTH
+def test_whole_scans_pass(fd: bool) -> None:
+    line = Line(fd)
+    line.send(*range(100))
+    assert line.published == list(range(100))
+    assert line.losses == {}
+
+
+@BOTH
+def test_blocks_of_a_scan_may_come_in_any_order(fd: bool) -> None:
+    line = Line(fd)
+    line.feed(*reversed(line.frames(0)))
+    assert line.published == [0]
+    assert line.losses == {"reordered": line.codec.blocks - 1}
+
+
+@BOTH
+@pytest.mark.parametrize("missing", [0, 1, -1])
+def test_a_torn_scan_is_counted_and_dropped(fd: bool, missing: int) -> None:
+    line = Line(fd)
+    line.send(0)
+    torn = line.frames(1)
+    del torn[missing]
+    line.feed(*torn)
+    line.send(2)
+    assert line.published == [0, 2]
+    assert line.losses == {"torn_scans": 1, "frames": 1}
+
+
+@BOTH
+def test_halves_of_two_scans_are_not_put_together(fd: bool) -> None:
+    line = Line(fd)
+    line.feed(*line.frames(0)[:1], *line.frames(1)[1:])
+    line.send(2)
+    blocks = line.codec.blocks
+    assert line.published == [2]
+    assert line.losses == {"torn_scans": 2, "frames": blocks}
+
+
+@BOTH
+def test_lost_scans_are_counted(fd: bool) -> None:
+    line = Line(fd)
+    line.send(0, 5)
+    assert line.published == [0, 5]
+    assert line.losses == {"lost_scans": 4, "frames": 4 * line.codec.blocks}
+
+
+@BOTH
+def test_repeated_frames_change_nothing(fd: bool) -> None:
+    line = Line(fd)
+    for frame in line.frames(0):
+        line.feed(frame, frame)
+    line.send(1)
+    assert line.published == [0, 1]
+    assert line.losses == {"repeated": line.codec.blocks}
+
+
+@BOTH
+def test_a_late_frame_is_dropped(fd: bool) -> None:
+    line = Line(fd)
+    late, *rest = line.frames(1)
+    line.send(0)
+    line.feed(*rest)
+    line.send(2)
+    line.feed(late)
+    line.send(3)
+    assert line.published == [0, 2, 3]
+    assert line.losses == {"torn_scans": 1, "frames": 1, "late": 1}
+
+
+@BOTH
+@pytest.mark.parametrize("start", [0, 65_530, (1 << 32) - 5])
+def test_wraps_of_counter_and_clock_are_undone(fd: bool, start: int) -> None:
+    line = Line(fd, start)
+    times = []
+    for sequence in range(start, start + 40):
+        line.send(sequence)
+        times.append(line.assembler.device_time)
+    assert line.published == list(range(start, start + 40))
+    assert line.losses == {}
+    assert set(np.diff(times)) == ({1000} if fd else {0})
+
+
+def test_the_clock_of_an_fd_board_wraps() -> None:
+    line = Line(True)
+    for sequence, time in enumerate([0xFFFF_FF00, 0xFFFF_FFFF + 1 + 744, 0xFFFF_FFFF + 1 + 1744]):
+        line.feed(*line.codec.encode(make_scan(SENSOR, sequence, time), BASE))
+    assert line.assembler.device_time == 0xFFFF_FF00 + 2000
+
+
+@pytest.mark.parametrize("cut", [1, 5, 11])
+@pytest.mark.parametrize("lost", [16, 32, 160])
+def test_a_number_told_between_two_scans_keeps_equal_classic_counters_apart(cut: int, lost: int) -> None:
+    line = Line(False)
+    line.send(0)
+    line.feed(*line.frames(1)[:cut])
+    line.assembler.align(lost, 0x1_0000)
+    line.feed(*line.frames(1 + lost)[cut:])
+    line.send(2 + lost)
+    assert line.published == [0, 2 + lost]
+    assert line.losses["torn_scans"] == 2
+    assert line.losses["lost_scans"] == lost - 1
+
+
+def test_a_number_below_the_one_known_takes_back_what_was_counted() -> None:
+    line = Line(False)
+    line.send(0)
+    line.assembler.align(40, 0x1_0000)
+    assert line.losses["lost_scans"] == 40
+    line.assembler.align(5, 0x1_0000)
+    line.send(6)
+    assert line.published == [0, 6]
+    assert line.losses["lost_scans"] == 5
+
+
+def test_one_fd_counter_at_two_times_is_two_scans() -> None:
+    line = Line(True)
+    line.send(0)
+    line.feed(*line.frames(1)[:1], *line.frames(1 + 0x1_0000)[1:])
+    line.send(2)
+    assert line.published == [0, 2]
+    assert line.losses == {"torn_scans": 1, "frames": 2, "stuck": 2}
+
+
+@BOTH
+def test_a_restart_tells_what_was_lost(fd: bool) -> None:
+    line = Line(fd)
+    line.send(0, 1)
+    assert not line.assembler.resync(500)
+    line.send(500)
+    assert line.published == [0, 1, 500]
+    assert line.losses["lost_scans"] == 498
+
+
+@BOTH
+def test_a_pause_that_was_asked_for_is_no_loss(fd: bool) -> None:
+    line = Line(fd)
+    line.send(0, 1)
+    assert not line.assembler.resync(500, count_gap=False)
+    line.send(500)
+    assert line.published == [0, 1, 500]
+    assert line.losses == {}
+
+
+@BOTH
+def test_a_reset_begins_anew(fd: bool) -> None:
+    line = Line(fd)
+    line.send(*range(20))
+    assert line.assembler.resync(3)
+    line.send(3, 4)
+    assert line.published[-2:] == [3, 4]
+    assert line.losses == {}
+    assert line.assembler.device_time == (4000 if fd else 0)
+
+
+@pytest.mark.parametrize("stands", range(16))
+def test_a_counter_that_stands_still_from_the_start_gives_no_scan_a_wrong_number(stands: int) -> None:
+    line = Line(False, 100)
+    for sequence in range(100, 120):
+        line.feed(
+            *(
+                (number, kind, bytes([data[0] & 0xF0 | stands]) + data[1:])
+                for number, kind, data in line.frames(sequence)
+            )
+        )
+    assert line.published in ([], [100])  # `feed` holds the number to what was sent
+    assert line.assembler.misled
+    assert line.assembler.sequence in {99, 100}
+
+
+def test_a_first_scan_that_is_not_the_announced_one_is_given_up() -> None:
+    line = Line(False, 100)
+    line.send(*range(102, 110))
+    assert line.published == list(range(103, 110))
+    assert line.losses == {"late": 12, "lost_scans": 3, "frames": 36}
+
+
+@settings(max_examples=300)
+@given(
+    fd=st.booleans(),
+    start=st.sampled_from([0, 14, 65_500, (1 << 32) - 20]),
+    faults=st.lists(
+        st.tuples(st.integers(0, 479), st.sampled_from(["drop", "repeat", "spoil", "swap"])), max_size=40, unique=True
+    ),
+)
+def test_published_and_lost_add_up(fd: bool, start: int, faults: list[tuple[int, str]]) -> None:
+    """Whatever single frames suffer, each scan that comes out is one that was sent, and the sum is right."""
+    line = Line(fd, start)
+    count = 40
+    frames = [frame for sequence in range(start, start + count) for frame in line.frames(sequence)]
+    blocks = line.codec.blocks
+    dropped = 0
+    usable = len(frames) - blocks  # the last scan comes whole and closes the account
+    for place, fault in sorted({number % usable: fault for number, fault in faults}.items(), reverse=True):
+        identifier, kind, data = frames[place]
+        if fault == "drop":
+            del frames[place]
+            dropped += 1
+        elif fault == "repeat":
+            frames.insert(place, frames[place])
+        elif fault == "spoil":
+            frames[place] = identifier, kind, data[:-1]
+        elif place + 1 < len(frames) - blocks:
+            frames[place : place + 2] = frames[place + 1], frames[place]
+    line.feed(*frames)
+    assert line.published == sorted(set(line.published))
+    assert set(line.published) <= set(range(start, start + count))
+    assert line.published[-1] == start + count - 1
+    assert len(line.published) + line.losses.get("torn_scans", 0) + line.losses.get("lost_scans", 0) == count
+    assert line.losses.get("frames", 0) >= dropped

@@ -1,0 +1,192 @@
+"""The codec held to cantools reading the DBC: every message, both ways."""
+
+from __future__ import annotations
+
+import importlib.resources
+import math
+from dataclasses import replace
+
+import cantools
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from posfet_driver.bus.frame import CLASSIC, EXTENDED, FD, RATE_SWITCH
+from posfet_driver.protocol.messages import Command, Page, Request, Response, Result, Status
+from posfet_driver.protocol.scan_codec import ClassicCodec, FdCodec, ScanCodec, make_codec
+from posfet_model.config import ConfigError
+from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_model.sensor.scan import Scan
+from support.fake_board import make_scan, with_fd, with_layout
+
+BASE = 0x100
+DBC = importlib.resources.files("posfet_driver") / "protocol" / "posfet.dbc"
+BYTES = st.integers(0, 0xFF)
+SHORTS = st.integers(0, 0xFFFF)
+WORDS = st.integers(0, 0xFFFF_FFFF)
+COUNTS = st.lists(SHORTS, min_size=25, max_size=25)
+FLAGS = ("SupplyLow", "AdcFault", "Overtemperature", "ScanOverrun", "BoardReset")
+VALUES = ("LayoutId", "FirmwareVersion", "NewestScan")
+
+DATABASE = cantools.database.load_string(DBC.read_text(encoding="ascii"), "dbc")
+
+
+def encode(name: str, **signals: float) -> bytes:
+    return DATABASE.get_message_by_name(name).encode(signals, scaling=True, strict=True)
+
+
+def decode(name: str, data: bytes) -> dict[str, float]:
+    return DATABASE.get_message_by_name(name).decode(data, decode_choices=False)
+
+
+def scan_of(counts: list[int], sequence: int = 0, time: int = 0, status: int = 0) -> Scan:
+    scan = Scan.empty(1, len(counts))
+    scan.counts[:] = counts
+    scan.sequence, scan.device_time, scan.status = sequence, time, status
+    return scan
+
+
+def decoded(codec: ScanCodec, frames: list[bytes]) -> list[int]:
+    codec.wire[:] = b"".join(frames)
+    out = np.zeros(codec.taxels, np.uint16)
+    codec.decode(out)
+    return out.tolist()
+
+
+@given(counts=COUNTS, sequence=st.integers(0, 1 << 40), time=st.integers(0, 1 << 40), status=st.integers(0, 31))
+def test_fd_block(counts: list[int], sequence: int, time: int, status: int) -> None:
+    codec = FdCodec(25)
+    ((identifier, kind, data),) = codec.encode(scan_of(counts, sequence, time, status), BASE)
+    assert (identifier, kind) == (BASE + 3, FD | RATE_SWITCH)
+    signals = {f"Count{i}": count for i, count in enumerate([*counts, 0, 0, 0])}
+    header = (time & 0xFFFF_FFFF, sequence & 0xFFFF, 0, status)
+    signals |= dict(zip(("DeviceTime", "ScanCounter", "BlockIndex", "BlockStatus"), header, strict=True))
+    assert decode("ScanBlockFd", data) == signals
+    assert encode("ScanBlockFd", **signals) == data
+    assert codec.header(3, kind, data) == header
+    assert decoded(codec, [data]) == counts
+
+
+@given(counts=COUNTS, sequence=st.integers(0, 1 << 40))
+def test_classic_blocks(counts: list[int], sequence: int) -> None:
+    codec = ClassicCodec(25)
+    frames = codec.encode(scan_of(counts, sequence), BASE)
+    for block, (identifier, kind, data) in enumerate(frames):
+        assert (identifier, kind) == (BASE + 8 + block, CLASSIC)
+        signals = {f"Code{i}": counts[i] >> 4 for i in range(5 * block, 5 * block + 5)}
+        signals[f"ScanCounter{block}"] = sequence % 16
+        assert decode(f"ScanBlock{block}", data) == signals
+        assert encode(f"ScanBlock{block}", **signals) == data
+        assert codec.header(8 + block, kind, data) == (0, sequence % 16, block, 0)
+    received = decoded(codec, [data for _, _, data in frames])
+    assert received == [count >> 4 << 4 | count >> 12 for count in counts]
+    assert max(abs(a - b) for a, b in zip(received, counts, strict=True)) <= 15
+
+
+def test_classic_keeps_both_ends_of_the_scale() -> None:
+    frames = ClassicCodec(2).encode(scan_of([0, 0xFFFF]), BASE)
+    assert decoded(ClassicCodec(2), [data for _, _, data in frames]) == [0, 0xFFFF]
+
+
+@given(code=BYTES, tag=BYTES, argument=WORDS)
+def test_command(code: int, tag: int, argument: int) -> None:
+    request = Request(code, tag, argument)
+    signals = {"CommandCode": code, "CommandTag": tag, "CommandArgument": argument}
+    assert encode("Command", **signals) == request.pack()
+    assert decode("Command", request.pack()) == signals
+    assert Request.unpack(request.pack()) == request
+
+
+@given(code=BYTES, tag=BYTES, result=BYTES, value=WORDS, reset=st.booleans())
+def test_response(code: int, tag: int, result: int, value: int, reset: bool) -> None:
+    response = Response(code, tag, result, value, reset)
+    signals = {"ResponseCommand": code, "ResponseTag": tag, "ResponseResult": result, "ResponseValue": value}
+    signals["ResponseReset"] = int(reset)
+    assert encode("Response", **signals) == response.pack()
+    assert decode("Response", response.pack()) == signals
+    assert Response.unpack(response.pack()) == response
+
+
+@given(
+    raw=st.tuples(*[st.integers(-0x7FFF, 0x7FFF)] * 2),
+    supply=st.integers(0, 254),
+    flags=st.integers(0, 31),
+    page=st.sampled_from(Page),
+    value=SHORTS,
+)
+def test_status(raw: tuple[int, int], supply: int, flags: int, page: Page, value: int) -> None:
+    status = Status((raw[0] / 256, raw[1] / 256), supply / 20, flags, page, value)
+    signals = {"Temperature1": raw[0] / 256, "Temperature2": raw[1] / 256, "Supply": supply / 20, "Page": page}
+    signals |= {name: flags >> bit & 1 for bit, name in enumerate(FLAGS)}
+    signals[VALUES[page]] = value
+    assert decode("Status", status.pack()) == pytest.approx(signals, abs=1e-9)
+    assert encode("Status", **signals) == status.pack()
+    assert Status.unpack(status.pack()) == status
+
+
+def test_status_tells_what_is_not_known() -> None:
+    status = Status((math.nan, 20.0), math.nan, 0, Page.LAYOUT, 1)
+    unpacked = Status.unpack(status.pack())
+    assert unpacked is not None
+    assert math.isnan(unpacked.temperatures[0])
+    assert unpacked.temperatures[1] == 20.0
+    assert math.isnan(unpacked.supply)
+
+
+def test_status_out_of_range_is_sent_as_the_nearest_end() -> None:
+    unpacked = Status.unpack(Status((1e9, -1e9), 1e9, 0, Page.LAYOUT, 0).pack())
+    assert unpacked is not None
+    assert unpacked.temperatures == (0x7FFF / 256, -0x7FFF / 256)
+    assert unpacked.supply == 12.7
+
+
+@pytest.mark.parametrize(("signal", "names"), [("CommandCode", Command), ("ResponseResult", Result), ("Page", Page)])
+def test_names_of_values_are_those_of_the_code(signal: str, names: type[Command]) -> None:
+    (choices,) = (s.choices for m in DATABASE.messages for s in m.signals if s.name == signal)
+    assert {value: str(name) for value, name in choices.items()} == {item.value: item.name for item in names}
+
+
+@pytest.mark.parametrize("length", [0, 7, 9, 64])
+def test_a_wrong_length_is_no_message(length: int) -> None:
+    assert [kind.unpack(bytes(length)) for kind in (Request, Response, Status)] == [None] * 3
+    assert ClassicCodec(25).header(8, CLASSIC, bytes(length)) is None
+    assert FdCodec(25).header(3, FD, bytes(length)[:63]) is None
+
+
+@pytest.mark.parametrize(
+    ("codec", "offset", "kind"),
+    [
+        (ClassicCodec(25), 13, CLASSIC),
+        (ClassicCodec(25), 7, CLASSIC),
+        (ClassicCodec(25), 8, FD),
+        (ClassicCodec(25), 8, EXTENDED),
+        (FdCodec(25), 3, CLASSIC),
+        (FdCodec(25), 4, FD),
+        (FdCodec(25), 3, FD | EXTENDED),
+    ],
+)
+def test_a_frame_of_another_kind_is_no_block(codec: ScanCodec, offset: int, kind: int) -> None:
+    assert codec.header(offset, kind, bytes(codec.block_length)) is None
+
+
+@pytest.mark.parametrize(("rows", "cols"), [(1, 1), (5, 5), (4, 7), (1, 29), (16, 16), (32, 32)])
+@pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+def test_every_layout_comes_back(sensor: Sensor, rows: int, cols: int, fd: bool) -> None:
+    sensor = with_layout(sensor, rows, cols)
+    codec = make_codec(with_fd(sensor, fd))
+    scan = make_scan(sensor, 12_345)
+    frames = codec.encode(scan, BASE)
+    assert len(frames) == codec.blocks == math.ceil(rows * cols / (28 if fd else 5))
+    headers = [codec.header(identifier - BASE, kind, data) for identifier, kind, data in frames]
+    assert [header and header[2] for header in headers] == list(range(codec.blocks))
+    assert decoded(codec, [data for _, _, data in frames]) == scan.counts.tolist()
+
+
+def test_a_layout_that_does_not_fit_is_refused_in_one_line() -> None:
+    sensor = load_sensor()
+    with pytest.raises(ConfigError, match=r"rows \* cols must be in \[1, 7168\] on CAN, got 16384"):
+        make_codec(with_layout(sensor, 128, 128))
+    high = replace(sensor, can=replace(sensor.can, base_id=0x7F8))
+    with pytest.raises(ConfigError, match=r"base_id: must be in \[0, 0x7F3\] for 5 classic scan blocks, got 0x7F8"):
+        make_codec(with_fd(high, False))

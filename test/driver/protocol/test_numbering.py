@@ -1,0 +1,220 @@
+"""Numbers of classic scans, whose counter is the same again after 16: certain, or not handed on."""
+
+from __future__ import annotations
+
+import random
+from collections import deque
+
+import pytest
+
+from posfet_driver.bus.frame import CLASSIC, Frame
+from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Page, Request, Status
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.emulation.firmware import BoardFirmware
+from support.fake_board import FakeBoard, assert_marked, with_fd
+
+SENSOR = load_sensor()
+BASE = SENSOR.can.base_id
+PERIOD = round(1e9 / SENSOR.can.scan_rate)
+STEP = PERIOD // 4
+BLOCKS = range(BASE + 8, BASE + 13)
+
+
+class Line:
+    """A board, a wire that can be cut, an adapter that can be held up, and a host that asks; all in order, in steps."""
+
+    def __init__(self, speed: float = 1.0, way: int = 0) -> None:
+        self.firmware = BoardFirmware(with_fd(SENSOR, False), FakeBoard(SENSOR), 0)
+        self.receiver = Receiver(with_fd(SENSOR, False))
+        self.now = 0
+        self.cut = False
+        self.held_up = False
+        self.deaf = False
+        self.published: list[int] = []
+        self.questions = 0
+        self._speed = speed  # of the board's clock
+        self._way = way  # [ns] in each direction
+        self._queue: deque[tuple[int, Frame]] = deque()
+        self._commands: deque[tuple[int, Frame]] = deque()
+        self._ask()
+        while not self.published:
+            self.step()
+
+    def step(self, periods: float = 0.25) -> None:
+        """Let time pass; read and check what came."""
+        self.now += round(periods * PERIOD)
+        board_time = round(self.now * self._speed)
+        while self._commands and self._commands[0][0] <= self.now:
+            self._send(self.firmware.receive(self._commands.popleft()[1], board_time))
+        self._send(self.firmware.due(board_time))
+        if self.held_up:
+            return
+        frames = []
+        while self._queue and self._queue[0][0] <= self.now:
+            frames.append(self._queue.popleft()[1])
+        for frame in self.receiver.begin_batch(frames, self.now, 0):
+            if self.receiver.feed(frame):
+                assert_marked(self.receiver.scan)
+                self.published.append(self.receiver.scan.sequence)
+            self._take_answer()
+        if self.receiver.question_due():
+            self._ask()
+
+    def run(self, periods: int) -> None:
+        for _ in range(4 * periods):
+            self.step()
+
+    def account(self) -> int:
+        """Scans that are accounted for."""
+        losses = self.receiver.assembler.losses
+        return self.published[0] + len(self.published) + losses.torn_scans + losses.lost_scans
+
+    def _take_answer(self) -> None:
+        response, self.receiver.response = self.receiver.response, None
+        if response is not None:
+            assert not self.receiver.resync(response.value, count_gap=True)
+
+    def _ask(self) -> None:
+        self.questions += 1
+        self.receiver.asked(self.questions & 0xFF, self.now)
+        if not (self.cut or self.deaf):
+            request = Request(Command.START, self.questions & 0xFF).pack()
+            self._commands.append((self.now + self._way, (BASE + COMMAND_OFFSET, CLASSIC, request)))
+
+    def _send(self, frames: list[Frame]) -> None:
+        if not self.cut:
+            self._queue += [(self.now + self._way, frame) for frame in frames]
+
+    def lose(self, scans: int) -> None:
+        """Have the adapter drop what the board sends for a while."""
+        self.cut = True
+        self.run(scans)
+        self.cut = False
+
+
+@pytest.mark.parametrize("way", [0, PERIOD, 5 * PERIOD, 20 * PERIOD])
+@pytest.mark.parametrize("scans", [1, 8, 13, 15, 16, 17, 32, 100])
+def test_after_a_silence_of_any_length_numbers_are_right(scans: int, way: int) -> None:
+    line = Line(way=way)
+    line.run(50)
+    for _ in range(5):
+        line.lose(scans)
+        line.run(60 + 8 * way // PERIOD)
+    line.run(400)
+    assert len(set(line.published)) == len(line.published)
+    assert line.account() == line.published[-1] + 1
+    again = 200 if way > PERIOD * 6 else 0  # then a question is always under way: one is lost, and asked again
+    few = 5 * (scans + 2 + 4 * way // PERIOD + again)
+    assert line.receiver.assembler.losses.lost_scans <= few
+
+
+@pytest.mark.parametrize("way", [0, PERIOD, 20 * PERIOD])
+@pytest.mark.parametrize("pause", [5, 12, 16, 17, 40, 250])
+def test_what_only_came_late_is_not_lost(pause: int, way: int) -> None:
+    line = Line(way=way)
+    line.run(50)
+    for _ in range(5):
+        line.held_up = True
+        line.run(pause)
+        line.held_up = False
+        line.run(100)
+    line.run(2 * way // PERIOD)
+    assert line.published == list(range(line.published[0], line.published[-1] + 1))
+    assert line.published[-1] >= line.now // PERIOD - 4 - 3 * way // PERIOD
+
+
+def test_scans_lost_while_the_rest_is_late_are_not_mistaken() -> None:
+    """16 scans are lost amid frames that are late themselves: nothing in their times tells."""
+    line = Line()
+    line.run(100)
+    line.held_up = True
+    line.run(30)
+    line.lose(16)
+    line.run(30)
+    line.held_up = False
+    line.run(400)
+    assert line.account() == line.published[-1] + 1
+    assert line.receiver.assembler.losses.lost_scans >= 16
+
+
+@pytest.mark.parametrize("speed", [1 - 5e-3, 1 - 50e-6, 1.0, 1 + 50e-6, 1 + 5e-3])
+def test_a_board_whose_clock_runs_at_another_speed_loses_nothing(speed: float) -> None:
+    line = Line(speed)
+    line.run(6_000)
+    assert line.published == list(range(line.published[0], line.published[-1] + 1))
+    assert line.published[-1] > line.now * speed / PERIOD - 20
+    assert line.questions <= (30 if abs(speed - 1) > 1e-3 else 1)
+    assert line.receiver.questions == line.questions - 1  # the first one starts the board
+
+
+def test_a_deaf_board_is_numbered_by_its_status() -> None:
+    line = Line()
+    line.run(100)
+    line.deaf = True
+    line.lose(16)
+    line.run(700)
+    assert line.account() == line.published[-1] + 1
+    assert line.published[-1] >= line.now // PERIOD - 2
+    assert line.receiver.assembler.losses.lost_scans < 16 + 310  # at most until the next status
+
+
+def test_one_who_only_listens_takes_numbers_from_the_status() -> None:
+    line = Line()
+    line.run(25)
+    frames = [line.firmware.due(index * PERIOD) for index in range(line.published[-1] + 1, 3000)]
+    receiver = Receiver(with_fd(SENSOR, False))
+    receiver.listening = True
+    numbers = []
+    for index, batch in enumerate(frames):
+        if not 1500 <= index < 1548:
+            for frame in receiver.begin_batch(batch, index * PERIOD, 0):
+                if receiver.feed(frame):
+                    numbers.append(receiver.scan.sequence)
+                    if receiver.scan.sequence > 1000:
+                        assert_marked(receiver.scan)
+    assert numbers[-1] == 2999
+    assert len(numbers) > 2900 - 350
+
+
+def test_frames_that_never_become_certain_are_given_up_and_take_no_room() -> None:
+    line = Line()
+    line.run(25)
+    blocks = [frame for frame in line.firmware.due(line.now + 20 * PERIOD) if frame[0] in BLOCKS]
+    held = 0
+    for turn in range(1000):  # the board's clock stands: it sends the same scans for ever, and no status
+        line.receiver.begin_batch(blocks, line.now + turn * 20 * PERIOD, 0)
+        held = max(held, len(line.receiver._numbering._held))
+    assert 0 < held < 9000
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_whatever_is_lost_and_late_numbers_are_right_and_add_up(seed: int) -> None:
+    noise = random.Random(seed)
+    line = Line(1 + noise.uniform(-50e-6, 50e-6), noise.choice([0, PERIOD // 2, 3 * PERIOD]))
+    for _ in range(150):
+        event = noise.random()
+        length = min(int(noise.expovariate(1 / 20)), 200)
+        if event < 0.3:
+            line.lose(length)
+        elif event < 0.6:
+            line.held_up = True
+            line.run(length)
+            if noise.random() < 0.5:
+                line.lose(noise.choice([1, 13, 15, 16, 17, 32]))
+                line.run(noise.randrange(10))
+            line.held_up = False
+        line.run(noise.randrange(30))
+    line.run(700)
+    assert line.published == sorted(set(line.published))
+    assert line.account() == line.published[-1] + 1
+
+
+def test_a_status_that_was_queued_before_the_scan_it_came_after_changes_nothing() -> None:
+    line = Line()
+    line.run(100)
+    newest = line.published[-1]
+    status = Status((20.0, 20.0), 5.0, 0, Page.SCAN, newest - 1).pack()
+    line.receiver.feed((BASE + 2, CLASSIC, status))
+    line.run(10)
+    assert line.published == list(range(line.published[0], line.published[-1] + 1))

@@ -1,0 +1,374 @@
+"""The driver node in process: over the emulated adapter, over a virtual bus, through its life, and with bad input."""
+
+from __future__ import annotations
+
+import random
+import threading
+import uuid
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import can
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy")
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.lifecycle import TransitionCallbackReturn
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from posfet_driver.bus.message_conversion import frame_of, message_of
+from posfet_driver.clock import SystemClock
+from posfet_driver.ros.driver_node import DriverNode
+from posfet_model.config import ConfigError
+from posfet_model.sensor import description
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.scan import Scan, ScanStatus
+from posfet_msgs.msg import TactileRaw
+from posfet_msgs.srv import BoardCommand
+from posfet_sim.emulation.firmware import BoardFirmware
+from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
+
+pytestmark = pytest.mark.ros
+PATIENCE = 20_000_000_000
+"""After this time [ns] a test has failed."""
+SENSOR = load_sensor()
+SUCCESS = TransitionCallbackReturn.SUCCESS
+
+
+TRANSITIONS = {
+    "unconfigured": {"configure": "inactive"},
+    "inactive": {"activate": "active", "cleanup": "unconfigured"},
+    "active": {"deactivate": "inactive"},
+}
+"""What may be done in each state, and where it leads."""
+
+
+class CountingBoard:
+    """Makes scans whose counts are all the low bits of their number, in steps of 16 that classic frames keep."""
+
+    def scan(self, index: int, out: Scan) -> None:
+        code = index % 4096
+        out.counts[:] = code << 4 | code >> 8
+        out.device_time = index * 1000
+        out.temperatures[:] = 31.25
+        out.status = 0
+
+
+class Watcher(Node):
+    """Keeps what the driver publishes."""
+
+    def __init__(self, context: rclpy.Context) -> None:
+        super().__init__("watcher", context=context)
+        self.raw: list[TactileRaw] = []
+        self.diagnostics: list[DiagnosticStatus] = []
+        self.create_subscription(DiagnosticArray, "/diagnostics", self._take, 10)
+
+    def listen(self) -> None:
+        self.create_subscription(TactileRaw, "/tactile/raw", self.raw.append, 2000)
+
+    def _take(self, message: DiagnosticArray) -> None:
+        self.diagnostics += message.status
+
+
+class Bench:
+    """An executor with a watcher, and what a test adds; waits for conditions."""
+
+    def __init__(self) -> None:
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.watcher = Watcher(self.context)
+        self.executor.add_node(self.watcher)
+
+    def driver(self, namespace: str = "/tactile", **parameters: Any) -> DriverNode:
+        settings = {"can_interface": "slcan"} | parameters
+        overrides = [Parameter(name, value=value) for name, value in settings.items()]
+        node = DriverNode(context=self.context, namespace=namespace, parameter_overrides=overrides)
+        self.executor.add_node(node)
+        return node
+
+    def wait(self, condition: Any) -> None:
+        clock = SystemClock()
+        end = clock.monotonic() + PATIENCE
+        while not condition():
+            assert clock.monotonic() < end, self.watcher.diagnostics[-1:]
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def state(self) -> str:
+        return self.watcher.diagnostics[-1].message if self.watcher.diagnostics else ""
+
+    def close(self) -> None:
+        for node in self.executor.get_nodes():
+            node.destroy_node()
+        self.executor.shutdown()
+        self.context.try_shutdown()
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+@pytest.fixture
+def link(tmp_path: Path) -> Path:
+    return tmp_path / "can0"
+
+
+def make_adapter(link: Path, fd: bool = True) -> EmulatedAdapter:
+    sensor = replace(SENSOR, can=replace(SENSOR.can, fd=fd))
+    adapter = EmulatedAdapter(link, BoardFirmware(sensor, CountingBoard(), SystemClock().monotonic()))
+    adapter.open()
+    return adapter
+
+
+@pytest.fixture
+def adapter(link: Path) -> Iterator[EmulatedAdapter]:
+    adapter = make_adapter(link)
+    yield adapter
+    adapter.close()
+
+
+def assert_counting(messages: list[TactileRaw]) -> None:
+    """The counts of each message are those of its sequence."""
+    for message in messages:
+        code = message.sequence % 4096
+        np.testing.assert_array_equal(np.asarray(message.counts), np.full(25, code << 4 | code >> 8))
+
+
+@pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+def test_raw_over_the_emulated_adapter(bench: Bench, link: Path, fd: bool) -> None:
+    adapter = make_adapter(link, fd)
+    try:
+        bench.watcher.listen()
+        node = bench.driver(can_channel=str(link), can_fd=str(fd).lower(), frame_id="thumb")
+        node.start()
+        bench.wait(lambda: len(bench.watcher.raw) >= 300)
+        messages = bench.watcher.raw
+        assert_counting(messages)
+        first, last = messages[0], messages[-1]
+        assert last.sequence - first.sequence == len(messages) - 1
+        assert (last.rows, last.cols, last.layout_id, last.header.frame_id) == (5, 5, SENSOR.layout.id, "thumb")
+        assert last.device_time == (last.sequence * 1000 if fd else 0)
+        assert last.status == (ScanStatus.OK if fd else ScanStatus.TIME_ESTIMATED)
+        assert list(last.temperatures) == [31.25, 31.25]
+        assert last.frames_lost == 0
+        stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in (first, last)]
+        assert abs(stamps[1] - SystemClock().wall()) < PATIENCE
+        if fd:
+            assert stamps[1] - stamps[0] == pytest.approx((last.sequence - first.sequence) * 1e6, abs=20e6)
+        bench.wait(lambda: bench.state() == "receiving scans")
+        assert bench.watcher.diagnostics[-1].level == DiagnosticStatus.OK
+    finally:
+        adapter.close()
+
+
+def test_raw_over_a_virtual_bus(bench: Bench) -> None:
+    channel = uuid.uuid4().hex
+    clock = SystemClock()
+    firmware = BoardFirmware(SENSOR, CountingBoard(), clock.monotonic())
+    with can.Bus(interface="virtual", channel=channel) as bus:
+
+        def board_turn() -> bool:
+            frames = firmware.due(clock.monotonic())
+            while (message := bus.recv(0)) is not None:
+                frames += firmware.receive(frame_of(message), clock.monotonic())
+            for frame in frames:
+                bus.send(message_of(frame))
+            return len(bench.watcher.raw) >= 50
+
+        bench.watcher.listen()
+        bench.driver(can_interface="virtual", can_channel=channel).start()
+        bench.wait(board_turn)
+    assert_counting(bench.watcher.raw)
+
+
+def test_two_boards_on_one_bus_have_a_driver_each(bench: Bench, tmp_path: Path) -> None:
+    """As documented: a sensor file for each, which differ in base_id, and a namespace for each."""
+    channel, clock = uuid.uuid4().hex, SystemClock()
+    shipped = (Path(description.__file__).parent / "sensors" / "posfet_5x5.yaml").read_text(encoding="utf-8")
+    nodes, firmwares, taken = [], [], {}
+    with can.Bus(interface="virtual", channel=channel) as bus:
+        for name, base in (("thumb", 0x100), ("palm", 0x110)):
+            file = tmp_path / f"{name}.yaml"
+            file.write_text(shipped.replace("base_id: 0x100", f"base_id: 0x{base:X}"), encoding="utf-8")
+            own = load_sensor(str(file))
+            firmwares.append(BoardFirmware(own, CountingBoard(), clock.monotonic()))
+            node = bench.driver(
+                f"/hand/{name}", can_interface="virtual", can_channel=channel, sensor_file=str(file), autostart=False
+            )
+            taken[name] = scans = []
+            node.sink = lambda scan, scans=scans: scans.append((scan.sequence, int(scan.counts[0])))
+            assert (node.trigger_configure(), node.trigger_activate()) == (SUCCESS, SUCCESS)
+            nodes.append(node)
+
+        def boards_turn() -> bool:
+            frames = [frame for firmware in firmwares for frame in firmware.due(clock.monotonic())]
+            while (message := bus.recv(0)) is not None:
+                for firmware in firmwares:
+                    frames += firmware.receive(frame_of(message), clock.monotonic())
+            for frame in frames:
+                bus.send(message_of(frame))
+            return all(len(scans) >= 50 for scans in taken.values())
+
+        bench.wait(boards_turn)
+        for node, scans in zip(nodes, taken.values(), strict=True):
+            node.trigger_shutdown()
+            assert [count for _, count in scans] == [(n % 4096) << 4 | (n % 4096) >> 8 for n, _ in scans]
+            report = node.source.report()
+            assert report.frames_lost == 0
+            assert report.counters["foreign frames"] > 0
+
+
+def test_lifecycle(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
+    """Not started by itself; configured it reads but says nothing; active it speaks; it can be taken down and up."""
+    bench.watcher.listen()
+    node = bench.driver(can_channel=str(link), autostart=False)
+    taken: list[int] = []
+    node.sink = lambda scan: taken.append(scan.sequence)
+    node.start()
+    assert node.source.report().state == "closed"
+    for _ in range(2):
+        assert node.trigger_configure() == SUCCESS
+        seen = node.source.report().scans
+        bench.wait(lambda seen=seen: node.source.report().scans >= seen + 50)
+        assert taken == bench.watcher.raw == []
+        assert node.trigger_activate() == SUCCESS
+        bench.wait(lambda: len(taken) > 50 and bench.watcher.raw)
+        assert_counting(bench.watcher.raw)
+        assert taken == list(range(taken[0], taken[0] + len(taken)))
+        assert node.trigger_deactivate() == SUCCESS
+        assert node.trigger_cleanup() == SUCCESS
+        assert node.source.report().state == "closed"
+        seen = -1
+        while seen != len(bench.watcher.raw):  # what is still on its way
+            seen = len(bench.watcher.raw)
+            bench.executor.spin_once(timeout_sec=0.2)
+        taken.clear()
+        bench.watcher.raw.clear()
+    assert node.source.report().frames_lost == 0
+    assert node.trigger_shutdown() == SUCCESS
+
+
+def test_lifecycle_transitions_in_any_order_while_the_adapter_comes_and_goes(bench: Bench, link: Path) -> None:
+    node = bench.driver(can_channel=str(link), autostart=False)
+    taken: list[int] = []
+    node.sink = lambda scan: taken.append(scan.sequence)
+    threads = threading.active_count()
+    noise, state, adapter = random.Random(5), "unconfigured", None
+    for _ in range(20):
+        if adapter:
+            adapter.close()
+        adapter = make_adapter(link) if noise.random() < 0.6 else None
+        name = noise.choice(sorted(TRANSITIONS[state]))
+        assert getattr(node, f"trigger_{name}")() == SUCCESS
+        state = TRANSITIONS[state][name]
+        if state == "active" and adapter:
+            taken.clear()
+            bench.wait(lambda: len(taken) > 10)
+        if state == "unconfigured":
+            assert threading.active_count() == threads + bool(adapter)
+            assert node.source.report().state == "closed"
+    assert node.trigger_shutdown() == SUCCESS
+    assert not node.reading
+    if adapter:
+        adapter.close()
+
+
+def test_the_sink_gets_scans_that_nobody_subscribes(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
+    node = bench.driver(can_channel=str(link))
+    taken: list[int] = []
+    node.sink = lambda scan: taken.append(scan.sequence)
+    node.start()
+    bench.wait(lambda: len(taken) > 100)
+    assert node._raw.get_subscription_count() == 0
+
+
+def test_a_board_is_started_and_obeys_though_nobody_listens(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
+    node = bench.driver(can_channel=str(link))
+    node.start()
+    bench.wait(lambda: bench.state() == "receiving scans")
+    response = node._command(BoardCommand.Request(command=BoardCommand.Request.IDENTIFY), BoardCommand.Response())
+    assert (response.success, response.value & 0xFFFF) == (True, SENSOR.layout.id)
+
+
+def test_an_adapter_that_comes_goes_and_returns_is_told_in_diagnostics(bench: Bench, link: Path) -> None:
+    bench.watcher.listen()
+    bench.driver(can_channel=str(link)).start()
+    bench.wait(lambda: "No such file or directory" in bench.state())
+    assert bench.watcher.diagnostics[-1].level == DiagnosticStatus.ERROR
+    assert bench.watcher.diagnostics[-1].hardware_id == "posfet_5x5"
+    for _ in range(2):
+        adapter = make_adapter(link)
+        try:
+            bench.watcher.raw.clear()
+            bench.wait(lambda: len(bench.watcher.raw) > 50 and bench.state() == "receiving scans")
+            assert_counting(bench.watcher.raw)
+        finally:
+            adapter.close()
+        bench.wait(lambda: bench.watcher.diagnostics[-1].level == DiagnosticStatus.ERROR)
+
+
+def test_commands_reach_the_board_while_it_scans(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
+    bench.watcher.listen()
+    bench.driver(can_channel=str(link)).start()
+    client = bench.watcher.create_client(BoardCommand, "/tactile/command")
+    bench.wait(lambda: client.service_is_ready() and len(bench.watcher.raw) > 10)
+
+    def call(command: int, argument: int = 0) -> BoardCommand.Response:
+        future = client.call_async(BoardCommand.Request(command=command, argument=argument))
+        bench.wait(future.done)
+        return future.result()
+
+    answer = call(BoardCommand.Request.IDENTIFY)
+    assert (answer.success, answer.message, answer.value) == (True, "", SENSOR.layout.id | 1 << 16)
+    refused = call(BoardCommand.Request.SET_RATE, 10)
+    assert not refused.success
+    assert refused.message == "SET_RATE: refused by the board: bad argument"
+    unknown = call(77)
+    assert not unknown.success
+    assert "command must be one of 1 START, 2 STOP" in unknown.message
+    assert call(BoardCommand.Request.STOP).success
+    bench.wait(lambda: bench.state() == "stopped on request")
+    assert call(BoardCommand.Request.START).success
+    bench.wait(lambda: bench.state() == "receiving scans")
+    assert_counting(bench.watcher.raw)
+    assert bench.watcher.raw[-1].frames_lost == 0
+    adapter.close()
+    bench.wait(lambda: bench.watcher.diagnostics[-1].level == DiagnosticStatus.ERROR)
+    assert call(BoardCommand.Request.IDENTIFY).message.startswith("IDENTIFY: the bus is not there, trying again")
+
+
+def test_a_driver_that_is_not_configured_takes_no_command(bench: Bench, link: Path) -> None:
+    node = bench.driver(can_channel=str(link), autostart=False)
+    response = node._command(BoardCommand.Request(command=4), BoardCommand.Response())
+    assert (response.success, response.message) == (False, "the driver is not configured")
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"can_interface": "slcam"}, "CAN interface must be one of .*, got 'slcam'"),
+        ({"can_options": ["nonsense=1"]}, "interface 'slcan' has no option 'nonsense', known are .*listen_only"),
+        ({"can_fd": "perhaps"}, "can_fd: must be one of auto, true, false, got 'perhaps'"),
+        ({"can_bitrate": -1}, r"can_bitrate: must be a whole number in \[0, 1e\+06\], got -1"),
+        ({"sensor_file": "nosuch"}, "nosuch: no such sensor"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(bench: Bench, parameters: dict[str, Any], message: str) -> None:
+    with pytest.raises(ConfigError, match=message) as caught:
+        bench.driver(**parameters)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_bitrate_that_the_interface_lacks_ends_the_start(bench: Bench) -> None:
+    node = bench.driver(can_bitrate=123, can_channel="port")
+    with pytest.raises(ConfigError, match="/tactile/driver_node: slcan:port: bitrate must be one of 10000"):
+        node.start()

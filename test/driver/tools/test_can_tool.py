@@ -1,0 +1,274 @@
+"""`posfet can` at the bench: every action over the emulated adapter and a virtual bus, and what is said of mistakes."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Iterator
+from pathlib import Path
+
+import can
+import pytest
+
+from posfet.can import main
+from posfet_driver.bus.frame import CLASSIC
+from posfet_driver.bus.message_conversion import frame_of
+from posfet_driver.bus.recording import messages
+from posfet_driver.clock import SystemClock
+from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.messages import Page, Status
+from posfet_driver.tools import list_boards
+from posfet_driver.tools.record_replay import decode
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.emulation.firmware import BoardFirmware
+from support.fake_board import FakeBoard, board_on_bus
+
+SENSOR = load_sensor()
+EMULATOR = ["-i", "emulator"]
+
+
+@pytest.fixture(autouse=True)
+def wide_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+
+
+@pytest.fixture
+def virtual() -> Iterator[list[str]]:
+    """A board on a virtual bus; the words that lead there."""
+    channel = uuid.uuid4().hex
+    with (
+        can.Bus(interface="virtual", channel=channel) as bus,
+        board_on_bus(bus, BoardFirmware(SENSOR, FakeBoard(SENSOR), SystemClock().monotonic())),
+    ):
+        yield ["-i", "virtual", "-c", channel]
+
+
+def test_list_finds_the_board(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", *EMULATOR]) == 0
+    cells = [cell.strip() for cell in capsys.readouterr().out.split("│")]
+    assert "a simulated board" in cells
+    assert cells[cells.index("0x100") : cells.index("0x100") + 4] == ["0x100", "1", "0.1", "5.00"]
+
+
+def test_list_says_why_an_adapter_is_of_no_use(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(list_boards, "SERIAL_PORTS", (str(tmp_path / "tty*"),))
+    monkeypatch.setattr(list_boards, "NETWORK_DEVICES", tmp_path / "net")
+    assert main(["list"]) == 0
+    assert "no adapter found" in capsys.readouterr().out
+    (tmp_path / "ttyACM0").touch()
+    (tmp_path / "net" / "can7").mkdir(parents=True)
+    (tmp_path / "net" / "can7" / "type").write_text("280\n")
+    (tmp_path / "net" / "eth0").mkdir()
+    (tmp_path / "net" / "eth0" / "type").write_text("1\n")
+    assert list_boards.adapters() == [("socketcan", "can7"), ("slcan", str(tmp_path / "ttyACM0"))]
+    assert main(["list"]) == 0
+    assert "not a serial port" in capsys.readouterr().out
+
+
+def test_only_what_behaves_like_a_status_is_taken_for_a_board() -> None:
+    statuses = [Status((20.0, 20.0), 5.0, 0, page, 1).pack() for page in (*Page, *Page)]
+    frames = [(0x302, CLASSIC, data) for data in statuses]
+    other = [(0x402, CLASSIC, statuses[0])] * 6 + [(0x502, CLASSIC, bytes([0, 0, 0, 0, 0, 0xC0, 0, 0]))]
+    assert [board.base for board in list_boards.boards(frames + other)] == [0x300]
+
+
+@pytest.mark.parametrize("words", [["identify"], ["start"], ["stop"], ["self_test"], ["set_rate", "2000"]])
+def test_commands(virtual: list[str], words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["command", *words, *virtual]) == 0
+    assert capsys.readouterr().out.startswith(f"{words[0]}: ok, ")
+
+
+def test_a_refusal_comes_with_the_boards_reason(virtual: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["command", "set_rate", "3", *virtual]) == 1
+    error = capsys.readouterr().err
+    assert error == "posfet can command: SET_RATE: refused by the board: bad argument\n"
+
+
+def test_monitor_shows_identifiers_rates_and_scans(virtual: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["monitor", "--start", "--for", "0.5", *virtual]) == 0
+    out = capsys.readouterr().out
+    assert "scans/s" in out
+    rows = [[cell.strip() for cell in line.split("│")[1:4]] for line in out.splitlines() if "│ 0x" in line]
+    assert [row[:2] for row in rows if row[1] in {"Status", "ScanBlockFd"}] == [
+        ["0x102", "Status"],
+        ["0x103", "ScanBlockFd"],
+    ]
+    assert int(rows[-1][2]) > 100
+
+
+def test_monitor_of_a_silent_bus_fails(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["monitor", "-i", "virtual", "-c", uuid.uuid4().hex, "--for", "0.05"]) == 1
+    out = capsys.readouterr().out
+    assert "no frame yet" in out
+    assert "nan" not in out
+
+
+def test_monitor_of_a_board_that_stands_still_shows_no_scan(
+    virtual: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["monitor", "--for", "0.3", *virtual]) == 0
+    out = capsys.readouterr().out
+    assert "no whole scan yet" in out
+    assert "newest scan" not in out
+
+
+def test_an_emulated_board_is_started(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["monitor", "--for", "0.3", *EMULATOR]) == 0
+    assert "newest scan" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("suffix", ["log", "asc", "blf"])
+@pytest.mark.parametrize("fd", ["true", "false"])
+def test_what_is_recorded_can_be_decoded_and_replayed(
+    tmp_path: Path, suffix: str, fd: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / f"bus.{suffix}"
+    assert main(["record", str(file), "--start", "--for", "0.3", *EMULATOR, "--fd", fd]) == 0
+    assert main(["replay", str(file), "--decode", "--fd", fd]) == 0
+    assert "whole scans" in capsys.readouterr().out
+    sent = [frame_of(message) for message in messages(file)]
+    assert len(sent) > 100
+    channel = uuid.uuid4().hex
+    with can.Bus(interface="virtual", channel=channel) as bus:
+        assert main(["replay", str(file), "--speed", "100", "-i", "virtual", "-c", channel, "--fd", fd]) == 0
+        heard = [frame_of(bus.recv(0)) for _ in sent]
+    assert heard == sent
+
+
+def test_a_recording_decodes_to_whole_scans(tmp_path: Path) -> None:
+    file = tmp_path / "bus.log"
+    assert main(["record", str(file), "--start", "--for", "0.3", *EMULATOR]) == 0
+    receiver = Receiver(SENSOR)
+    decode(file, receiver)
+    assert receiver.scans > 200
+    assert receiver.frames_lost == 0
+
+
+def test_selftest_passes_on_the_emulated_board(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["selftest", *EMULATOR, "--for", "0.5"]) == 0, capsys.readouterr().out
+    assert capsys.readouterr().out.count(" ok ") == 8
+
+
+def test_selftest_names_what_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["selftest", "-i", "slcan", "-c", str(tmp_path / "none")]) == 1
+    out = capsys.readouterr().out
+    assert "adapter opens" in out
+    assert "No such file or directory" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        (["command", "stop", "-i", "slcam"], "CAN interface must be one of"),
+        (["command", "stop", "-i", "virtual", "-o", "nonsense=1"], "has no option 'nonsense', known are"),
+        (["command", "stop", "-i", "virtual", "-s", "nosuch"], "nosuch: no such sensor"),
+        (["command", "stop", "-i", "slcan", "-c", "/nowhere"], "slcan:/nowhere: No such file or directory"),
+        (["command", "stop", "-i", "virtual", "-c", "empty"], "STOP: no answer within 0.5 s at base identifier 0x100"),
+        (["command", "stop", "-i", "virtual", "-o", "loud"], "CAN option must be 'key=value', got 'loud'"),
+        (["list", "-i", "slcam"], "CAN interface must be one of"),
+        (["list", "-i", "slcan"], "CAN interface 'slcan' needs a channel"),
+        (["command", "set_rate", "-i", "virtual"], "set_rate: needs the scan period [us]"),
+        (["command", "start", "5", "-i", "virtual"], "start: takes no argument"),
+        (["record", "bus.txt", "-i", "virtual"], "bus.txt: must end with one of .log, .asc, .blf"),
+        (["replay", "/nowhere.log"], "/nowhere.log: No such file or directory"),
+    ],
+)
+def test_mistakes_are_told_in_one_line(words: list[str], error: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 1
+    said = capsys.readouterr().err
+    assert error in said
+    assert said.startswith(f"posfet can {words[0]}: ")
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("suffix", ["log", "asc", "blf"])
+def test_a_broken_recording_is_refused_in_one_line(
+    tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / f"bus.{suffix}"
+    file.write_bytes(b"(nonsense) \xff\x00 what\n" * 20)
+    assert main(["replay", str(file)]) == 1
+    assert capsys.readouterr().err.startswith(f"posfet can replay: {file}: no")
+
+
+def test_a_recording_that_is_cut_off_is_told_after_what_is_in_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole, cut, none = (tmp_path / f"{name}.blf" for name in ("whole", "cut", "none"))
+    assert main(["record", str(whole), "--for", "0.3", *EMULATOR]) == 0
+    content = whole.read_bytes()
+    cut.write_bytes(content[:-20])
+    none.write_bytes(content[:3])
+    capsys.readouterr()
+    assert main(["replay", str(cut), "--decode"]) == 1
+    told = capsys.readouterr()
+    assert told.err == f"posfet can replay: {cut}: cut off after {len(content) - 20} of {len(content)} bytes\n"
+    assert main(["replay", str(none), "--decode"]) == 1
+    assert capsys.readouterr().err == f"posfet can replay: {none}: not a recording of its format\n"
+
+
+@pytest.mark.parametrize("suffix", ["log", "asc"])
+def test_an_empty_recording_is_no_recording(tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / f"bus.{suffix}"
+    file.touch()
+    for words in ([], ["--decode"]):
+        assert main(["replay", str(file), *words]) == 1
+        assert capsys.readouterr().err == f"posfet can replay: {file}: no frame is in it\n"
+
+
+def test_frames_that_no_bus_can_carry_and_times_that_cannot_be_are_told_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "bus.log"
+    for line, error in (
+        ("(nan) can0 123#11", f"{file}: times must be in [0, 1e+11] s, got nan"),
+        ("(1e300) can0 123#11", f"{file}: times must be in [0, 1e+11] s, got 1e+300"),
+        ("(2.0) can0 123##1" + "00" * 70, "frame at 2.000000 s cannot be sent: "),
+    ):
+        file.write_text(f"(1.0) can0 123#11\n{line}\n", encoding="ascii")
+        assert main(["replay", str(file), "--speed", "100", *EMULATOR]) == 1
+        told = capsys.readouterr().err
+        assert told.startswith(f"posfet can replay: {error}")
+        assert told.count("\n") == 1
+
+
+def test_monitor_shows_no_table_that_does_not_fit(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["monitor", "--for", "0.5", "-s", "posfet_16x16", *EMULATOR]) == 0
+    assert "the terminal needs 129 columns" in capsys.readouterr().out
+
+
+def test_names_are_shown_as_they_are(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["record", "[red]a.log", "--for", "0.3", *EMULATOR]) == 0
+    assert capsys.readouterr().out.endswith(" frames in [red]a.log\n")
+    assert main(["replay", "[red]a.log", "--decode"]) == 0
+    assert "[red]a.log" in capsys.readouterr().out
+    assert main(["selftest", "-i", "slcan", "-c", "[/red]"]) == 1
+    assert "no port matches [/red]" in capsys.readouterr().out
+    assert main(["list", "-i", "virtual", "-c", "[/red]", "--for", "0.1"]) == 0
+    assert "[/red]" in capsys.readouterr().out
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs /dev/full")
+@pytest.mark.parametrize("suffix", ["log", "asc", "blf"])
+def test_a_full_disk_is_told_with_the_files_name(
+    tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / f"bus.{suffix}"
+    file.symlink_to("/dev/full")
+    assert main(["record", str(file), "--for", "0.3", *EMULATOR]) == 1
+    assert capsys.readouterr().err == f"posfet can record: {file}: cannot be written: No space left on device\n"
+
+
+@pytest.mark.parametrize(
+    "words", [["nothing"], ["command", "fly"], ["monitor", "--for", "-1"], ["replay", "x", "--speed", "nan"]]
+)
+def test_wrong_words_are_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(words)

@@ -1,0 +1,174 @@
+"""The differential pair: current and transconductance, and the exact way from one overdrive to another."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from posfet_model.amplifier.differential_pair import EDGE, LARGEST_PRODUCT, Lead, pair_current, pair_transconductance
+from posfet_model.amplifier.pair_settling import settle, settle_series
+from support.sweep import ErrorMap, assert_finite, assert_monotone, assert_refused, decades, reference, refusals
+
+EPS = np.finfo(np.float64).eps
+STEEPEST = 1 / (1 - LARGEST_PRODUCT)
+"""Most that x moves for a change of y [1], with a lead at the end of its range."""
+
+leads = st.one_of(st.just(Lead()), st.builds(Lead, linear=st.floats(0, 1), square=st.floats(-0.5, 0.5)))
+
+
+def test_current_and_transconductance_against_the_40_digit_table() -> None:
+    table = reference("pair_current")
+    np.testing.assert_allclose(pair_current(table["overdrive"]), table["current"], rtol=0, atol=2 * EPS)
+    np.testing.assert_allclose(
+        pair_transconductance(table["overdrive"]), table["transconductance"], rtol=0, atol=4 * EPS
+    )
+
+
+def test_the_pair_saturates_at_the_tail_current_without_a_kink() -> None:
+    x = np.linspace(-3, 3, 6001)
+    assert_monotone(pair_current(x), rising=True, slack=EPS)
+    assert pair_current(EDGE) == pytest.approx(1, abs=EPS)
+    assert pair_transconductance(EDGE) == pytest.approx(0, abs=4 * EPS)
+    beyond = [-1e308, -2.0, -EDGE, EDGE, 1.5, 2.0, 1e308]
+    np.testing.assert_array_equal(pair_transconductance(beyond), 0.0)
+    np.testing.assert_array_equal(np.abs(pair_current(beyond)), 1.0)
+    assert (pair_transconductance(x) >= 0).all()
+    assert (np.abs(pair_current(x)) <= 1).all()
+    numeric = (pair_current(x + 1e-6) - pair_current(x - 1e-6)) / 2e-6
+    np.testing.assert_allclose(pair_transconductance(x), numeric, rtol=0, atol=1e-6)
+
+
+def test_settling_against_the_40_digit_table(record_property) -> None:
+    table = reference("pair_settling")
+    end = np.empty_like(table["end"])
+    for linear, square in {(0.0, 0.0), *zip(table["linear"], table["square"], strict=True)}:
+        rows = (table["linear"] == linear) & (table["square"] == square)
+        start, slope, duration = (table[name][rows] for name in ("start", "slope", "duration"))
+        end[rows] = settle(start, slope * duration, duration, Lead(linear, square))
+    error = (end - table["end"]) / np.maximum(1, np.abs(table["end"]))
+    plain = (table["linear"] == 0) & (table["square"] == 0)
+    found, found_with_a_lead = ErrorMap(bound=4 * EPS), ErrorMap(bound=4 * EPS * STEEPEST)
+    for region, rows in {
+        "slope below 1": np.abs(table["slope"]) < 0.99,
+        "slope near 1": np.abs(np.abs(table["slope"]) - 1) < 0.01,
+        "slope above 1": np.abs(table["slope"]) > 1.01,
+    }.items():
+        found.add(region, error[rows & plain])
+        found_with_a_lead.add(f"{region}, with a lead", error[rows & ~plain])
+    found.check(record_property)
+    found_with_a_lead.check(record_property)
+
+
+@given(
+    st.floats(-50, 50),
+    st.one_of(st.floats(-3, 3), decades(1e-12, 1e6), st.sampled_from([1.0, -1.0, 1 - EPS, 1 + EPS, 0.0])),
+    decades(1e-12, 1e12),
+    st.floats(0, 1),
+    leads,
+)
+def test_any_way_is_its_parts(start: float, slope: float, duration: float, part: float, lead: Lead) -> None:
+    x, s = np.array([start]), np.array([duration])
+    with np.errstate(over="raise", invalid="raise", divide="raise"):
+        whole = settle(x, slope * s, s, lead)
+        first = settle(x, slope * part * s, part * s, lead)
+        both = settle(first, slope * (s - part * s), s - part * s, lead)
+    assert_finite(whole)
+    # Time rounds in proportion to its length, x in proportion to the way that the input goes, the slope as a quotient:
+    # near 1 the place of rest moves much more than the slope.
+    way = abs(start) + (1 + abs(slope)) * duration
+    room = 4.0 + (way if abs(slope) >= 1 or abs(start) > EDGE else 0.0)
+    if abs(slope) < 1:
+        room += 1 / math.sqrt(max(1 - slope**2, EPS))
+    assert abs(both - whole) <= 8 * EPS * STEEPEST * room
+
+
+@pytest.mark.parametrize("lead", [Lead(), Lead(linear=0.3), Lead(linear=0.3, square=-0.5)])
+def test_ways_from_beside_the_edges_of_saturation_and_of_linearity(lead: Lead) -> None:
+    """Starts and slopes a few roundings from +-EDGE and 1, and on either side of where f(x) = x is used."""
+    beside = np.arange(-8, 9) * EPS
+    under = np.array([1.4142135612040179, 1.4142135623702081, 1.4142135623727576])  # sin + cos round to EDGE there
+    tiny = np.array([9.9e-6, 1.01e-5, 9.9e-5, 1.01e-4])
+    starts = np.concatenate([EDGE * (1 + beside), -EDGE * (1 + beside), under, -under, tiny, -tiny, [0.0]])
+    slopes = np.concatenate([1 + beside, -1 - beside, tiny, [0.0]])
+    x, slope, s = (part.ravel() for part in np.meshgrid(starts, slopes, [1e-12, 1e-3, 1.0, 40.0]))
+    with np.errstate(over="raise", invalid="raise", divide="raise"):
+        whole = settle(x, slope * s, s, lead)
+        both = settle(settle(x, slope * 0.5 * s, 0.5 * s, lead), slope * 0.5 * s, 0.5 * s, lead)
+    room = 4.0 + np.where((np.abs(slope) < 1e-3) & (np.abs(x) < 1), 0.0, 2 * s)
+    assert np.max(np.abs(both - whole) / room) <= 8 * EPS * STEEPEST
+
+
+@pytest.mark.parametrize("duration", [1e2, 1112.0, 1153.0, 1e4])
+@pytest.mark.parametrize("slope", [1 - EPS, 1.0, 1 + EPS])
+def test_a_slope_that_all_but_saturates_is_approached_slowly(slope: float, duration: float) -> None:
+    with np.errstate(over="raise", invalid="raise", divide="raise"):
+        x = settle(np.zeros(1), np.array([slope * duration]), np.array([duration]))
+    # Near the edge dz/ds = -z^2 for z = EDGE - x, and of next order: 1/z is s but for part of log(s).
+    assert abs(1 / (EDGE - x[0]) - duration) <= math.log(duration)
+
+
+def test_rest_is_where_the_current_is_the_slope() -> None:
+    slope = np.array([0.0, 1e-9, 0.1, 0.5, 0.9, 0.999, -0.7])
+    x = settle(np.full(7, 40.0), slope * 1e6, np.full(7, 1e6))
+    np.testing.assert_allclose(pair_current(x), slope, rtol=0, atol=4 * EPS)
+    np.testing.assert_allclose(settle(x, slope, np.ones(7)), x, rtol=0, atol=4 * EPS / math.sqrt(1e-3))
+
+
+@pytest.mark.parametrize("lead", [Lead(), Lead(0.07, 0.17), Lead(1.0, -0.5), Lead(0.0, 0.5)])
+def test_settling_is_odd_but_for_the_square_and_keeps_the_order(lead: Lead) -> None:
+    start = np.linspace(-4, 4, 801)
+    other = Lead(lead.linear, -lead.square)
+    for slope in (0.0, 0.3, 1.0, 2.5):
+        for duration in (0.0, 1e-3, 1.0, 30.0):
+            x = settle(start, np.full_like(start, slope * duration), np.full_like(start, duration), lead)
+            back = settle(-start, np.full_like(start, -slope * duration), np.full_like(start, duration), other)
+            np.testing.assert_allclose(x, -back, rtol=0, atol=4 * EPS * STEEPEST)
+            assert_monotone(x, rising=True, slack=8 * EPS * STEEPEST)
+
+
+@pytest.mark.parametrize("lead", [Lead(), Lead(0.07, 0.17), Lead(1.0, -0.5), Lead(0.0, 0.5)])
+def test_a_jump_leaves_the_capacitor_where_it_is(lead: Lead) -> None:
+    def lag(x: np.ndarray) -> np.ndarray:
+        return x + lead.linear * pair_current(x) + lead.square * pair_current(x) ** 2
+
+    start, change = (axis.ravel() for axis in np.meshgrid(np.linspace(-3, 3, 61), np.linspace(-5, 5, 41)))
+    x = settle(start, change, np.zeros_like(start), lead)
+    np.testing.assert_allclose(lag(x), lag(start) + change, rtol=0, atol=8 * EPS * 5)
+    np.testing.assert_allclose(settle(start, 0 * change, np.zeros_like(start), lead), start, rtol=0, atol=1e-14)
+
+
+def test_the_square_can_take_no_more_than_is_stated() -> None:
+    x = np.linspace(0, EDGE, 100_001)
+    product = pair_current(x) * pair_transconductance(x)
+    assert LARGEST_PRODUCT - 0.001 < product.max() < LARGEST_PRODUCT
+
+
+@pytest.mark.parametrize("lead", [Lead(), Lead(0.07, 0.17), Lead(1.0, -0.5)])
+@pytest.mark.parametrize("scale", [1e-6, 0.5, 20.0])
+def test_a_series_is_its_steps_in_a_row(scale: float, lead: Lead) -> None:
+    generator = np.random.default_rng(6)
+    change = scale * generator.normal(size=2000)
+    duration = 10 ** generator.uniform(-3, 1, 2000)
+    duration[::50] = 0
+    x = np.array(0.0)
+    looped = []
+    for c, d in zip(change, duration, strict=True):
+        x = settle(x, c, d, lead)
+        looped.append(float(x))
+    np.testing.assert_allclose(
+        settle_series(np.array(0.0), change, duration, lead), looped, rtol=0, atol=1e-12 * max(1, scale)
+    )
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "argument"),
+    [
+        *refusals(pair_current, {"overdrive": 0.0}, overdrive=[]),
+        *refusals(Lead, {}, linear=[-1e-9, 1.1], square=[-0.6, 0.6]),
+        *refusals(pair_transconductance, {"overdrive": 0.0}, overdrive=[]),
+    ],
+)
+def test_bad_arguments_are_named(function, arguments, argument) -> None:
+    assert_refused(function, arguments, argument)

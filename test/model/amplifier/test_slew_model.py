@@ -1,0 +1,61 @@
+"""Which slewing follower a gain and a bandwidth stand for."""
+
+import math
+
+import pytest
+
+from posfet_model.amplifier.closed_loop import ClosedLoop
+from posfet_model.amplifier.differential_pair import NO_LEAD
+from posfet_model.amplifier.one_stage import one_stage_figures
+from posfet_model.amplifier.slew_identification import OVERDRIVE, SlewModel, slew_model
+from posfet_model.amplifier.two_stage import figures_of_merit
+from support.sweep import assert_refused
+
+ONE_POLE = 1.5e6 * (1 + 1 / 10 ** (42.3 / 20))
+
+
+@pytest.mark.parametrize(
+    ("ratio", "amplifier"),
+    [
+        *((ratio, "one pole") for ratio in (1e-6, 0.5, 0.707, 1.56, 2.0, 1e6)),
+        *((ratio, "two stages") for ratio in (0.708, 0.94, 1.0, 1.009)),
+        *((ratio, "one stage and an output follower") for ratio in (1.011, 1.38, math.sqrt(2), 1.55)),
+    ],
+)
+def test_the_ratio_of_bandwidths_tells_the_op_amp(ratio: float, amplifier: str) -> None:
+    model = slew_model(ClosedLoop(0.99, ratio * ONE_POLE))
+    assert model.amplifier == amplifier
+    assert model.loop.bandwidth == pytest.approx(ONE_POLE * (ratio if amplifier == "one pole" else 1), rel=1e-12)
+    assert model.loop.gain == model.follower().gain == 0.99
+
+
+@pytest.mark.parametrize("ratio", [0.708, 0.8, 0.94, 0.999])
+def test_the_zero_gives_the_bandwidth_back(ratio: float) -> None:
+    follower = slew_model(ClosedLoop(0.99, ratio * ONE_POLE)).follower()
+    assert follower.response(ratio * ONE_POLE).gain == pytest.approx(0.99 / math.sqrt(2), abs=1e-12)
+
+
+def test_overdrives_are_those_of_the_hand_formulas() -> None:
+    two, one = figures_of_merit(), one_stage_figures()
+    assert slew_model(ClosedLoop(0.99, 0.94 * ONE_POLE)).overdrive == two.slew_overdrive
+    assert slew_model(ClosedLoop(0.99, 1.38 * ONE_POLE)).overdrive == one.slew_overdrive
+    assert one.slew_overdrive < OVERDRIVE < two.slew_overdrive
+    # The follower slews at the rate of the op-amp, but for the gain and its gain-bandwidth product.
+    for figures in (two, one):
+        follower = SlewModel("", figures.closed_loop, figures.slew_overdrive).follower()
+        a0 = figures.open_loop_gain
+        assert follower.slew_rate == pytest.approx(figures.slew_rate * (1 + 1 / a0) * a0 / (1 + a0), rel=1e-12)
+
+
+def test_another_gain_bandwidth_product_scales_it_all() -> None:
+    model = slew_model(ClosedLoop(0.99, 0.94 * ONE_POLE / 1000), 1.5e3)
+    usual = slew_model(ClosedLoop(0.99, 0.94 * ONE_POLE))
+    assert model.loop.bandwidth == pytest.approx(usual.loop.bandwidth / 1000, rel=1e-12)
+    assert model.lead.linear == pytest.approx(usual.lead.linear, abs=1e-12)
+    assert model.follower(0.2).overdrive == 0.2
+    assert slew_model(ClosedLoop(0.99, 1e5)).lead == NO_LEAD
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, 1e15])
+def test_a_gain_bandwidth_product_out_of_range_is_named(value: float) -> None:
+    assert_refused(slew_model, {"loop": ClosedLoop(0.99, 1e6), "gain_bandwidth": value}, "gain_bandwidth")

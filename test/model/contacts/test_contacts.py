@@ -1,0 +1,281 @@
+"""Labelling, centre of pressure and contacts, held to dense pressure and to a plain flood fill."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from posfet_model.contacts.connected_components import BitMap
+from posfet_model.contacts.detection import ContactFinder, Region, Taxels
+from posfet_model.contacts.footprint import Footprints
+from posfet_model.contacts.moments import MomentFinder, principal_axes
+from posfet_model.sensor.description import Sensor, load_sensor
+from reference.dense_pressure import sphere_forces
+
+SENSOR = load_sensor()
+LAYOUT = SENSOR.layout
+NOISE = 0.35e-3
+VARIANCE = np.full(LAYOUT.taxels, NOISE**2)
+
+
+def flood_fill(mask: NDArray[np.bool_]) -> list[list[int]]:
+    """The 8-connected regions of a map, the plain way."""
+    cols = mask.shape[1]
+    left = {(int(r), int(c)) for r, c in np.argwhere(mask)}
+    regions = []
+    while left:
+        todo, region = [min(left)], []
+        left.discard(todo[0])
+        while todo:
+            row, col = todo.pop()
+            region.append(row * cols + col)
+            near = {(row + i, col + j) for i in (-1, 0, 1) for j in (-1, 0, 1)} & left
+            left -= near
+            todo += near
+        regions.append(sorted(region))
+    return regions
+
+
+@given(st.integers(1, 12), st.integers(1, 12), st.data())
+def test_regions_are_those_of_a_flood_fill(rows: int, cols: int, data: st.DataObject) -> None:
+    flags = data.draw(st.lists(st.booleans(), min_size=rows * cols, max_size=rows * cols))
+    mask = np.array(flags, np.bool_)
+    bitmap = BitMap(rows, cols)
+    found = [bitmap.taxels(region).tolist() for region in bitmap.regions(bitmap.pack(mask))]
+    assert found == flood_fill(mask.reshape(rows, cols))
+    np.testing.assert_array_equal(bitmap.mask(bitmap.pack(mask), np.empty(rows * cols, np.bool_)), mask)
+
+
+def test_growing_does_not_run_over_the_edges() -> None:
+    bitmap = BitMap(3, 4)
+    corner = np.zeros(12, np.bool_)
+    corner[3] = True
+    assert bitmap.taxels(bitmap.grow(bitmap.pack(corner))).tolist() == [2, 3, 6, 7]
+    assert bitmap.grow(bitmap.all) == bitmap.all
+
+
+@given(st.integers(1, 9), st.integers(1, 9), st.data())
+def test_footprints_are_regions_and_what_lies_around_one_alone(rows: int, cols: int, data: st.DataObject) -> None:
+    mask = np.array(data.draw(st.lists(st.booleans(), min_size=rows * cols, max_size=rows * cols)), np.bool_)
+    layout = replace(LAYOUT, rows=rows, cols=cols)
+    bitmap, regions = BitMap(rows, cols), flood_fill(mask.reshape(rows, cols))
+    found = Footprints(layout, bitmap, MomentFinder(layout, SENSOR.device.contact_spread)).regions(mask.tobytes())
+
+    def near(taxel: int) -> list[int]:
+        """Number the regions that a taxel touches."""
+        row, col = divmod(taxel, cols)
+        reach = {(row + i) * cols + col + j for i in (-1, 0, 1) for j in (-1, 0, 1) if 0 <= col + j < cols}
+        return [number for number, region in enumerate(regions) if reach & set(region)]
+
+    assert [footprint.region.taxels.tolist() for footprint in found] == regions
+    for number, footprint in enumerate(found):
+        around = [taxel for taxel in range(rows * cols) if near(taxel) == [number]]
+        assert footprint.members.tolist() == sorted({*regions[number], *around})
+        places = layout.positions[regions[number]]
+        np.testing.assert_allclose(footprint.region.centre, places.mean(axis=0), rtol=0, atol=1e-12)
+
+
+def find(
+    forces: NDArray[Any], sensor: Sensor = SENSOR, finder: ContactFinder | None = None, **more: Any
+) -> list[Region]:
+    finder = finder or ContactFinder(sensor)
+    variance = np.full(sensor.layout.taxels, NOISE**2)
+    finder.adapt(forces, variance, 0.0)
+    taxels = Taxels(forces, variance, more.get("common", 0.0), more.get("saturated"))
+    return finder.measure(finder.find(forces), taxels)
+
+
+def sphere(x: float, y: float, force: float, radius: float = 6e-3, modulus: float = 1e6) -> NDArray[np.float64]:
+    return sphere_forces(x, y, force, radius, modulus, SENSOR.device.contact_spread, LAYOUT.pitch_x, LAYOUT.rows)
+
+
+PLACES = [(0, 0), (0.4, 0.3), (0.75, -0.75), (1.5, 0), (2.25, 0.7), (-2.6, 0), (0, 3), (3, 1.1), (2, -2), (-3, -3)]
+
+
+@pytest.mark.parametrize("force", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize(("radius", "modulus"), [(6e-3, 1e6), (4e-3, 5e6)])
+def test_centre_of_pressure_of_a_sphere_all_over_the_array(force: float, radius: float, modulus: float) -> None:
+    errors = {}
+    noise = np.random.default_rng(2).normal(0, NOISE, LAYOUT.taxels)
+    for x, y in PLACES:
+        [region] = find(sphere(x * 1e-3, y * 1e-3, force, radius, modulus) + noise)
+        errors[x, y] = math.dist(region.centre_of_pressure, (x * 1e-3, y * 1e-3))
+    inside = [error for (x, y), error in errors.items() if max(abs(x), abs(y)) <= 1.5]
+    assert max(inside) < 0.07e-3, errors
+    assert max(errors.values()) < 0.3e-3, errors
+
+
+def test_a_slide_is_followed_without_steps_where_taxels_come_and_go() -> None:
+    track = np.linspace(-1.5e-3, 1.5e-3, 41)
+    errors = [find(sphere(x, 0.2e-3, 0.5))[0].centre_of_pressure[0] - x for x in track]
+    assert np.abs(np.diff(errors)).max() < 0.015e-3
+
+
+def test_force_of_a_contact_is_that_of_the_sphere() -> None:
+    for force in (0.5, 2.0):
+        [region] = find(sphere(0.2e-3, -0.3e-3, force))
+        assert region.force == pytest.approx(force, rel=0.015)
+
+
+def test_a_region_is_described_in_full() -> None:
+    forces = np.zeros(LAYOUT.taxels)
+    forces[[11, 12, 13]] = 0.1, 0.3, 0.1
+    [region] = find(forces, common=1e-6)
+    assert region.taxels.tolist() == [11, 12, 13]
+    assert region.centre_of_pressure == pytest.approx((0, 0), abs=1e-12)
+    assert region.geometric_centre == pytest.approx((0, 0), abs=1e-12)
+    assert region.force == pytest.approx(0.5, abs=1e-12)
+    assert region.force_variance == pytest.approx(3 * NOISE**2 + 9e-6, rel=1e-9)
+    assert region.area == pytest.approx(3 * 2.25e-6, rel=1e-12)
+    assert region.peak_pressure == pytest.approx(0.3 / 1e-6, rel=1e-12)
+    # Variance along x: 2*0.1*1.5^2/0.5 mm2.
+    assert region.major_axis == pytest.approx((math.sqrt(0.9) * 1e-3, 0), abs=1e-9)
+    assert region.minor_axis == pytest.approx((0, 0), abs=1e-9)
+
+
+def test_centre_of_pressure_and_geometric_centre_differ_when_the_force_does() -> None:
+    forces = np.zeros(LAYOUT.taxels)
+    forces[[11, 12]] = 0.1, 0.3
+    [region] = find(forces)
+    assert region.geometric_centre[0] == pytest.approx(-0.75e-3, abs=1e-9)
+    assert region.centre_of_pressure[0] == pytest.approx(-0.375e-3, abs=1e-9)
+
+
+def test_a_saturated_taxel_leaves_peak_and_variance_unknown() -> None:
+    saturated = np.zeros(LAYOUT.taxels, np.bool_)
+    saturated[12] = True
+    [region] = find(sphere(0, 0, 2.0), saturated=saturated)
+    assert math.isnan(region.peak_pressure)
+    assert math.isnan(region.force_variance)
+    assert region.force > 0
+
+
+def test_hysteresis_holds_a_contact_between_the_thresholds() -> None:
+    finder = ContactFinder(SENSOR)
+    forces = np.zeros(LAYOUT.taxels)
+    counts = []
+    for newton in (0.015, 0.021, 0.015, 0.011, 0.009, 0.015):
+        forces[12] = newton
+        counts.append(len(find(forces, finder=finder)))
+    assert counts == [0, 1, 1, 1, 0, 0]
+
+
+def test_thresholds_rise_with_what_is_not_known_of_the_force() -> None:
+    finder = ContactFinder(SENSOR)
+    forces = np.full(LAYOUT.taxels, 0.03)
+    finder.adapt(forces, VARIANCE, 0.01**2)
+    assert not finder.find(forces)
+    finder.adapt(forces, VARIANCE, 0.0)
+    assert len(finder.find(forces)) == 1
+
+
+def test_a_held_force_stays_a_contact_when_it_is_hardly_known_and_ends_when_it_is_let_go() -> None:
+    finder = ContactFinder(SENSOR)
+    forces = np.zeros(LAYOUT.taxels)
+    forces[12] = 0.3
+    assert len(find(forces, finder=finder)) == 1
+    for deviation in np.linspace(0.0, 0.2, 100):
+        forces[12] -= 0.001  # what a zero wanders meanwhile
+        finder.adapt(forces, np.full(LAYOUT.taxels, deviation**2), 0.0)
+        assert len(finder.find(forces)) == 1
+    forces[12] -= 0.15
+    assert not finder.find(forces)
+
+
+def test_what_a_film_keeps_of_a_strong_touch_is_no_contact_and_is_forgotten() -> None:
+    finder = ContactFinder(SENSOR)
+    forces = np.zeros(LAYOUT.taxels)
+    for newton, blocks, contacts in ((2.0, 1, 1), (0.03, 2, 0), (0.05, 1, 1), (0.03, 1, 0), (0.03, 250, 1)):
+        forces[12] = newton
+        for _ in range(blocks):
+            found = find(forces, finder=finder)
+        assert len(found) == contacts, (newton, blocks)
+
+
+def test_unusable_taxels_are_in_no_contact() -> None:
+    finder = ContactFinder(SENSOR)
+    usable = np.ones(LAYOUT.taxels, np.bool_)
+    usable[12] = False
+    forces = sphere(0, 0, 1.0)
+    finder.adapt(forces, VARIANCE, 0.0, usable)
+    [region] = finder.measure(finder.find(forces), Taxels(forces, VARIANCE))
+    assert 12 not in region.taxels
+    assert region.force < 1.0 - forces[12] + 0.01
+
+
+def test_a_touch_on_a_noisy_taxel_goes_on_by_less_of_its_neighbours_than_it_began_by() -> None:
+    finder, forces = ContactFinder(SENSOR), np.zeros(LAYOUT.taxels)
+    finder.adapt(forces, np.full(LAYOUT.taxels, 3e-3**2), 0.0)
+    taxels = Taxels(forces, VARIANCE, unlisted=finder.bits(np.arange(LAYOUT.taxels) == 12))
+    forces[12] = 0.05
+    found: list[Region] = []
+    counts = []
+    for beside in (6e-3, 9e-3, 6e-3, 3e-3, 6e-3):
+        forces[13] = beside
+        found = finder.measure(finder.find(forces), taxels, found)
+        counts.append(len(found))
+    assert counts == [0, 1, 1, 0, 0]
+
+
+def test_a_force_that_is_being_let_go_counts_as_touched() -> None:
+    finder, forces = ContactFinder(SENSOR), np.zeros(LAYOUT.taxels)
+    told = []
+    for force in (0.1, 0.09, 0.008, 0.004, 0.003, 0.003):
+        forces[12] = force
+        finder.find(forces)
+        told.append(bool(finder.touched[12]))
+        finder.adapt(forces, VARIANCE, 0.0)
+    assert told == [True, True, True, True, True, False]
+
+
+def test_two_contacts_stay_two_and_share_no_taxel() -> None:
+    forces = np.zeros(LAYOUT.taxels)
+    forces[[0, 1, 5]] = 0.2, 0.1, 0.1
+    forces[[24, 23, 18]] = 0.4, 0.1, 0.2
+    first, second = find(forces)
+    assert first.taxels.tolist() == [0, 1, 5]
+    assert second.taxels.tolist() == [18, 23, 24]
+    assert first.force == pytest.approx(0.4, abs=1e-12)
+    assert second.force == pytest.approx(0.7, abs=1e-12)
+
+
+@pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 7), (2, 2), (9, 4), (32, 32)])
+def test_any_layout_will_do(rows: int, cols: int) -> None:
+    sensor = replace(SENSOR, layout=replace(LAYOUT, rows=rows, cols=cols))
+    for taxel in {0, rows * cols // 2, rows * cols - 1}:
+        forces = np.zeros(rows * cols)
+        forces[taxel] = 1.0
+        [region] = find(forces, sensor)
+        assert region.taxels.tolist() == [taxel]
+        apart = np.abs(np.array(region.centre_of_pressure) - sensor.layout.positions[taxel])
+        assert apart.max() <= 0.75e-3 + 1e-12  # within the taxel's cell
+
+
+@given(st.floats(0.1, 3.0), st.floats(0.1, 3.0), st.floats(0, math.pi))
+def test_principal_axes_are_those_of_a_turned_ellipse(long: float, short: float, angle: float) -> None:
+    long, short = max(long, short), min(long, short)
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    moments = turn @ np.diag([long**2, short**2]) @ turn.T
+    major, minor = principal_axes(moments[0, 0], moments[1, 1], moments[0, 1])
+    assert math.hypot(*major) == pytest.approx(long, abs=1e-7)
+    assert math.hypot(*minor) == pytest.approx(short, abs=1e-7)
+    assert major[0] >= 0
+    np.testing.assert_allclose(np.outer(major, major) + np.outer(minor, minor), moments, rtol=0, atol=1e-7)
+
+
+@given(st.lists(st.floats(1e-6, 5.0), min_size=25, max_size=25))
+def test_moments_of_any_forces_are_finite_and_near_the_array(values: list[float]) -> None:
+    finder = MomentFinder(LAYOUT, SENSOR.device.contact_spread)
+    weight, taxels = np.array(values), np.arange(25)
+    sums = (weight @ finder.basis(taxels, profiles=True)).tolist()
+    np.testing.assert_allclose(sums[6:], finder.profiles(taxels, weight), rtol=0, atol=1e-12)
+    centre, major, minor = finder.of(sums)
+    assert all(math.isfinite(value) for value in (*centre, *major, *minor))
+    assert max(abs(value) for value in centre) <= 3.75e-3 + 1e-12

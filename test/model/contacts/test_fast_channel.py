@@ -1,0 +1,105 @@
+"""The fast channel: band and power of a known vibration, and slip told from presses, taps and vibration."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.contacts.slip import CORNER, FastChannel
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.commands.score import Run
+from posfet_sim.commands.score import run as score
+from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.scene import load_scene
+from reference.dense_pressure import sphere_forces
+from support.scan_player import press, scans
+
+SENSOR = load_sensor()
+LAYOUT = SENSOR.layout
+FINGER = sphere_forces(0.6e-3, -0.4e-3, 1.0, 6e-3, 1e6, SENSOR.device.contact_spread, LAYOUT.pitch_x, LAYOUT.rows)
+CALIBRATED = replace(
+    Imperfections.default(), gain_spread=0.0, area_spread=0.0, leak_spread=0.0, dead_share=0.0, stuck_share=0.0
+)
+MISMATCH = Calibration.nominal(SENSOR).with_gain_error(0.05, np.random.default_rng(2))
+
+
+def channel() -> FastChannel:
+    return FastChannel(LAYOUT, 0.35e-3)
+
+
+@pytest.mark.parametrize("frequency", [5.0, 50.0, 200.0, 400.0])
+def test_it_is_a_high_pass_of_one_pole(frequency: float) -> None:
+    fast, step = channel(), 1e-4  # fine steps: against the pole itself, not its sampled form
+    seen = []
+    force = FINGER * np.sin(2 * math.pi * frequency * step * np.arange(-1, 5000))[:, None]
+    for change in np.diff(force, axis=0):
+        fast.advance(change, step)
+        seen.append(fast.fast[12])
+    expected = FINGER[12] * frequency / math.hypot(frequency, CORNER)
+    assert np.abs(seen[3000:]).max() == pytest.approx(expected, rel=0.04)
+
+
+def test_a_step_passes_and_fades_and_a_pause_forgets_it() -> None:
+    fast = channel()
+    fast.advance(np.zeros(LAYOUT.taxels), 1e-3)
+    fast.advance(FINGER, 1e-3)
+    passed = 2 * math.pi * CORNER * 1e-3
+    decay = math.exp(-passed)
+    np.testing.assert_allclose(fast.fast, FINGER * (1 - decay) / passed, rtol=0, atol=1e-12)
+    fast.advance(np.zeros(LAYOUT.taxels), 1e-3)
+    np.testing.assert_allclose(fast.fast, FINGER * decay * (1 - decay) / passed, rtol=0, atol=1e-12)
+    fast.pause()
+    fast.advance(FINGER, 1e-3)
+    assert not fast.fast.any()
+
+
+def shaken(time: float) -> float:
+    return press(1.0, 0.3, 9.0)(time) * (1.0 + 0.2 * math.sin(2 * math.pi * 180 * time))
+
+
+def test_the_vibration_of_a_held_contact_is_its_amplitude_in_the_band() -> None:
+    reconstructor = Reconstructor(SENSOR)
+    reconstructor.vibration_wanted = True
+    found, taxel = [], []
+    for time, scan in scans(SENSOR, 1.0, force=shaken, shape=FINGER):
+        result = reconstructor.process(scan)
+        if time < 0.29:
+            assert not reconstructor.vibration()[12] > 2e-3
+        if time > 0.5:
+            [contact] = result.contacts
+            share = FINGER[contact.region.taxels].sum()
+            found.append(result.motions[contact.id].vibration / share)
+            assert not result.motions[contact.id].slipping
+            taxel.append(float(reconstructor.vibration()[12]))
+    # 0.2 N at 180 Hz, of which the pole passes a share.
+    passes = 180 / math.hypot(180, CORNER) * 0.2 / math.sqrt(2)
+    assert np.mean(found) == pytest.approx(passes, rel=0.02)
+    assert np.mean(taxel) == pytest.approx(passes * FINGER[12], rel=0.02)
+
+
+def test_it_costs_nothing_while_nothing_touches_and_nobody_asks(monkeypatch: pytest.MonkeyPatch) -> None:
+    reconstructor = Reconstructor(SENSOR)
+    monkeypatch.setattr(FastChannel, "advance", lambda *_: pytest.fail("nobody asked for it"))
+    for _, scan in scans(SENSOR, 0.3):
+        reconstructor.process(scan)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_each_jerk_of_a_slipping_rod_is_told_within_6_ms(seed: int) -> None:
+    found = score(Run(SENSOR, load_scene("grasp_lift_slip", SENSOR), 5.0, seed, CALIBRATED, MISMATCH))
+    assert found.slip_recall == 1.0
+    assert found.slip_onset_delay_ms["max"] is not None and found.slip_onset_delay_ms["max"] <= 6.1
+    assert found.false_slips_per_hour == 0.0
+
+
+@pytest.mark.parametrize("scene", ["press", "tap", "vibration", "two_fingers", "slide", "texture"])
+def test_what_does_not_slip_is_not_said_to(scene: str) -> None:
+    found = score(Run(SENSOR, load_scene(scene, SENSOR), 3.0, 2, CALIBRATED, MISMATCH))
+    assert found.slip_recall is None
+    assert found.false_slips_per_hour == 0.0
+    assert found.contact_recall is not None and found.contact_recall > 0.9

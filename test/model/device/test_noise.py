@@ -1,0 +1,214 @@
+"""Noise: closed forms against 40 digits, a generator against its spectrum, and the smallest force."""
+
+import math
+
+import numpy as np
+import pytest
+
+from posfet_model.amplifier.two_stage import figures_of_merit
+from posfet_model.device import noise, paper
+from posfet_model.device.transistor import Plane
+from support.sweep import assert_finite, assert_monotone, assert_refused, reference, refusals
+
+EPS = np.finfo(np.float64).eps
+
+
+def test_closed_forms_against_the_40_digit_table() -> None:
+    table = reference("noise")
+    density = noise.pair_density(table["gm1"], table["gm3"], table["temperature"])
+    np.testing.assert_allclose(density / table["pair_density"], 1, rtol=0, atol=8 * EPS)
+    white = [noise.white_rms(1.0, low, high) for low, high in zip(table["low"], table["high"], strict=True)]
+    np.testing.assert_allclose(np.array(white) / table["white_rms"], 1, rtol=0, atol=2 * EPS)
+    flicker = [noise.flicker_rms(1.0, low, high) for low, high in zip(table["low"], table["high"], strict=True)]
+    np.testing.assert_allclose(np.array(flicker) / table["flicker_rms"], 1, rtol=0, atol=4 * EPS)
+
+
+def test_bias_resistor_against_the_integral_to_40_digits() -> None:
+    table = reference("bias_noise")
+    arguments = [table[name] for name in ("resistance", "capacitance", "temperature", "low", "high")]
+    computed = np.array([noise.bias_resistor_rms(*row) for row in zip(*arguments, strict=True)])
+    np.testing.assert_allclose(computed / table["bias_rms"], 1, rtol=0, atol=4 * EPS)
+
+
+def test_bias_resistor_in_all_frequencies_is_kt_over_c() -> None:
+    for resistance in (1e3, 1e6, 1e10):
+        whole = noise.bias_resistor_rms(resistance, 27e-12, 300.0, 0.0, 1e15)
+        assert whole == pytest.approx(math.sqrt(1.380649e-23 * 300 / 27e-12), abs=1e-12)
+    # Far above the corner the mean square falls as 1/R: a larger resistor is quieter.
+    loud, quiet = (noise.bias_resistor_rms(resistance, 27e-12, 300.0, 10.0, 1000.0) for resistance in (1e10, 1e12))
+    assert loud / quiet == pytest.approx(10, abs=0.02)
+
+
+def test_the_bias_resistor_outweighs_the_amplifiers_thermal_noise() -> None:
+    capacitance = paper.LEAK_TIME_CONSTANT.value / paper.BIAS_RESISTANCE.value
+    assert noise.bias_resistor_rms(10e9, 26.6e-12, 300.0, 0.1, 1000.0) == pytest.approx(11.8e-6, abs=5e-8)
+    bias = noise.bias_resistor_rms(paper.BIAS_RESISTANCE.value, capacitance, 300.0, 0.1, 1000.0)
+    assert bias > 40 * noise.white_rms(5.8e-17, 0.1, 1000.0)
+
+
+def test_a_resistor_at_room_temperature() -> None:
+    assert math.sqrt(noise.resistor_density(1e3, 300.0)) == pytest.approx(4.0704e-9, abs=1e-13)
+    assert noise.quantisation_rms(math.sqrt(12)) == pytest.approx(1, abs=2 * EPS)
+
+
+def test_rounding_of_a_moving_signal_has_the_quantisation_rms() -> None:
+    volts = np.linspace(0, 1000.5, 1_000_001)
+    assert np.std(np.rint(volts) - volts) == pytest.approx(noise.quantisation_rms(1.0), abs=1e-5)
+
+
+class TestFlickerSequence:
+    COEFFICIENT, RATE, SAMPLES = 2e-9, 1000.0, 4096
+
+    def _periodograms(self, count: int, samples: int) -> np.ndarray:
+        generator = np.random.default_rng(7)
+        records = [noise.flicker_sequence(self.COEFFICIENT, self.RATE, samples, generator) for _ in range(count)]
+        return 2 * np.abs(np.fft.rfft(records)) ** 2 / (self.RATE * samples)
+
+    @pytest.mark.parametrize("samples", [4096, 4095])
+    def test_mean_periodogram_is_the_stated_spectrum(self, samples: int) -> None:
+        count = 400
+        power = self._periodograms(count, samples)[:, 1:]
+        frequency = np.fft.rfftfreq(samples, 1 / self.RATE)[1:]
+        ratio = power.mean(axis=0) * frequency / self.COEFFICIENT
+        # Each bin is scattered by 1/sqrt(count); 5.5 of that is passed once in 1e7. The mean over bins is far sharper.
+        assert np.abs(ratio - 1).max() <= 5.5 * math.sqrt(2 / count)
+        assert np.mean(ratio[:-1]) == pytest.approx(1, abs=5 / math.sqrt(count * ratio.size))
+
+    def test_rms_is_that_of_the_band(self) -> None:
+        generator = np.random.default_rng(8)
+        records = [noise.flicker_sequence(1.0, self.RATE, self.SAMPLES, generator) for _ in range(200)]
+        low = self.RATE / self.SAMPLES
+        # The sum over bins of 1/m is ln(n) + 0.577, that over the band ln(n): half a bin more at the low end.
+        expected = math.sqrt(np.sum(1 / np.arange(1, self.SAMPLES // 2 + 1)))
+        assert np.sqrt(np.mean(np.square(records))) == pytest.approx(expected, abs=0.05 * expected)
+        assert noise.flicker_rms(1.0, low / 2, self.RATE / 2) == pytest.approx(expected, abs=0.03 * expected)
+
+    def test_a_seed_gives_the_same_record_and_another_seed_another(self) -> None:
+        records = [noise.flicker_sequence(1.0, 1.0, 64, np.random.default_rng(seed)) for seed in (1, 1, 2)]
+        np.testing.assert_array_equal(records[0], records[1])
+        assert not np.array_equal(records[0], records[2])
+
+    @pytest.mark.parametrize("samples", [2, 3, 1000])
+    def test_mean_is_zero(self, samples: int) -> None:
+        record = noise.flicker_sequence(1.0, 1.0, samples, np.random.default_rng(9))
+        assert record.shape == (samples,)
+        assert abs(record.mean()) <= 1e-13
+
+
+def test_smallest_force_of_the_published_device() -> None:
+    per_newton = noise.volts_per_newton(
+        paper.PIEZOELECTRIC_COEFFICIENT.value, paper.FORCE_AREA.value, paper.STACK.charge_divisor(Plane.GATE)
+    )
+    assert per_newton == pytest.approx(0.8941, abs=1e-4)
+    amplifier = figures_of_merit()
+    density = noise.pair_density(amplifier.input_transconductance, amplifier.load_transconductance, 300.0)
+    bias = noise.bias_resistor_rms(10e9, 27e-12, 300.0, 1.0, 500.0)
+    budget = noise.noise_budget(bias, float(density), 1e-10, 5.0 / 65535, float(per_newton), 1.0, 500.0)
+    assert budget.thermal == pytest.approx(math.sqrt(float(density) * 499), abs=1e-15)
+    squares = budget.bias**2 + budget.thermal**2 + budget.flicker**2 + budget.quantisation**2
+    assert budget.bias == bias > 0
+    assert budget.total**2 == pytest.approx(squares, abs=1e-18)
+    assert budget.minimum_force() == pytest.approx(3 * budget.total / 0.8941, abs=1e-7)
+    deaf = noise.noise_budget(0.0, float(density), 0.0, 0.0, 0.0, 1.0, 500.0)
+    assert deaf.minimum_force() == math.inf
+
+
+def test_sweep_of_temperature_and_band() -> None:
+    kelvin = np.linspace(213.15, 423.15, 211)
+    with np.errstate(over="raise", invalid="raise", divide="raise"):
+        for gm in (1e-12, 1e-4, 1e3):
+            density = noise.pair_density(gm, 1e-4, kelvin)
+            assert_finite(density)
+            assert_monotone(density, rising=True)
+        for high in np.logspace(-11, 15, 27):
+            assert_finite([noise.white_rms(1e6, 1e-12, high), noise.flicker_rms(1e6, 1e-12, high)])
+    assert noise.resistor_density(np.zeros((0, 3), np.float32), 300.0).shape == (0, 3)
+
+
+BUDGET = noise.NoiseBudget(bias=0.0, thermal=1e-6, flicker=1e-6, quantisation=1e-6, volts_per_newton=0.05)
+SEQUENCE = {"coefficient": 1.0, "rate": 1.0, "samples": 8, "generator": np.random.default_rng(1)}
+GOOD_BIAS = {"resistance": 1e10, "capacitance": 27e-12, "temperature": 300.0, "low": 0.1, "high": 1e3}
+GOOD_BUDGET = {
+    "bias_rms": 1e-5,
+    "thermal_density": 0.0,
+    "flicker_coefficient": 0.0,
+    "lsb": 1e-3,
+    "volts_per_newton": 1.0,
+    "low": 1.0,
+    "high": 2.0,
+}
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "argument"),
+    [
+        *refusals(
+            noise.resistor_density, {"resistance": 1.0, "temperature": 300.0}, resistance=[-1.0], temperature=[0.0, 2e3]
+        ),
+        *refusals(
+            noise.pair_density,
+            {"input_transconductance": 1e-3, "load_transconductance": 0.0, "temperature": 300.0},
+            input_transconductance=[0.0],
+            load_transconductance=[-1.0],
+            temperature=[0.0],
+        ),
+        *refusals(
+            noise.flicker_density, {"coefficient": 1.0, "frequency": 1.0}, coefficient=[-1.0], frequency=[0.0, -1.0]
+        ),
+        *refusals(
+            noise.white_rms, {"density": 1.0, "low": 1.0, "high": 2.0}, density=[-1.0], low=[-1.0], high=[1.0, 0.5]
+        ),
+        *refusals(
+            noise.flicker_rms, {"coefficient": 1.0, "low": 1.0, "high": 2.0}, coefficient=[-1.0], low=[0.0], high=[1.0]
+        ),
+        *refusals(
+            noise.bias_resistor_rms,
+            GOOD_BIAS,
+            resistance=[0.0, -1.0],
+            capacitance=[0.0, -1.0],
+            temperature=[0.0],
+            low=[-1.0],
+            high=[0.1, 0.05],
+        ),
+        *refusals(noise.quantisation_rms, {"lsb": 1.0}, lsb=[-1.0]),
+        *refusals(
+            noise.flicker_sequence, SEQUENCE, coefficient=[-1.0], rate=[0.0], samples=[1, 2**26 + 1, 8.0], generator=[7]
+        ),
+        *refusals(
+            noise.volts_per_newton,
+            {"piezoelectric_coefficient": 0.0, "area": 1.0, "capacitance": 1.0},
+            piezoelectric_coefficient=[1.0],
+            area=[0.0],
+            capacitance=[0.0],
+        ),
+        *refusals(noise.noise_budget, GOOD_BUDGET, bias_rms=[-1.0], volts_per_newton=[-1.0], gain=[0.0]),
+        *refusals(BUDGET.minimum_force, {}, sigmas=[0.0, -1.0]),
+    ],
+)
+def test_bad_arguments_are_named(function, arguments, argument) -> None:
+    assert_refused(function, arguments, argument)
+
+
+TWO, THREE = np.ones(2), np.ones(3)
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "names"),
+    [
+        (noise.resistor_density, {"resistance": TWO, "temperature": 300 * THREE}, ("resistance", "temperature")),
+        (
+            noise.pair_density,
+            {"input_transconductance": TWO, "load_transconductance": THREE, "temperature": 300.0},
+            ("input_transconductance", "load_transconductance"),
+        ),
+        (noise.flicker_density, {"coefficient": TWO, "frequency": THREE}, ("coefficient", "frequency")),
+        (
+            noise.volts_per_newton,
+            {"piezoelectric_coefficient": 1e-12 * TWO, "area": THREE, "capacitance": 1.0},
+            ("piezoelectric_coefficient", "area"),
+        ),
+    ],
+)
+def test_shapes_that_do_not_go_together_are_named(function, arguments, names) -> None:
+    for name in names:
+        assert_refused(function, arguments, name)

@@ -1,0 +1,129 @@
+"""The paper's numbers and its printed formulas: what they are, where from, and how far off."""
+
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from posfet_model.device import as_printed, charge, film, mechanics, paper, transistor
+from posfet_model.device.transistor import Plane
+from posfet_model.sensor.description import load_sensor
+from support.sweep import assert_refused, refusals
+
+
+def test_every_number_has_a_name_a_unit_and_a_source() -> None:
+    quantities = paper.quantities()
+    assert len(quantities) >= 20
+    assert len({quantity.name for quantity in quantities}) == len(quantities)
+    for quantity in quantities:
+        assert quantity.name and quantity.unit and quantity.source
+        assert math.isfinite(quantity.value)
+
+
+def test_what_the_paper_does_not_give_is_said_to_be_assumed() -> None:
+    for quantity in paper.quantities():
+        from_somewhere = quantity.source.startswith(("Table", "Sec.", "text", "Measurement Specialties"))
+        assert quantity.assumed or from_somewhere
+    assert [size.name for size in paper.AMPLIFIER_SIZES if size.assumed] == ["M8"]
+
+
+def test_table_i_in_si() -> None:
+    assert (paper.CHANNEL_WIDTH.value, paper.CHANNEL_LENGTH.value) == (3276e-6, 12e-6)
+    assert (paper.MOBILITY.value, paper.OXIDE_THICKNESS.value) == (850e-4, 45e-9)
+    assert paper.COERCIVE_FIELD.value * paper.FILM_THICKNESS.value == pytest.approx(40, rel=0, abs=1e-12)
+    assert film.branch_steepness(160e5, 0.02, 0.05) == pytest.approx(1.8884e7, rel=0, abs=500)
+
+
+def test_pressing_and_warming_move_the_charge_in_opposite_directions() -> None:
+    coefficients = paper.PIEZOELECTRIC_COEFFICIENT.value, paper.PYROELECTRIC_COEFFICIENT.value
+    assert charge.source_charge(-1e6, 0.0, *coefficients) == pytest.approx(38e-6, rel=0, abs=1e-15)
+    assert charge.source_charge(0.0, 1.0, *coefficients) == pytest.approx(-40e-6, rel=0, abs=1e-15)
+    device = load_sensor().device
+    assert device.piezoelectric_coefficient == pytest.approx(coefficients[0], rel=0, abs=1e-20)
+    assert device.pyroelectric_coefficient == pytest.approx(coefficients[1], rel=0, abs=1e-14)
+
+
+def test_the_second_stage_balances() -> None:
+    width = {size.name: size.width for size in paper.AMPLIFIER_SIZES}
+    assert width["M7"] / width["M3"] == pytest.approx(2 * width["M8"] / width["M5"], rel=0, abs=1e-12)
+
+
+class TestAsPrinted:
+    def test_steepness_of_the_swapped_values_has_no_value(self) -> None:
+        assert math.isnan(as_printed.branch_steepness(160e5, 0.05, 0.02))
+        assert as_printed.branch_steepness(160e5, 0.02, 0.05) == pytest.approx(paper.FILM.steepness, rel=1e-12, abs=0)
+        assert as_printed.branch_steepness(160e5, 0.05, 0.05) == 0.0
+
+    def test_saturation_current_jumps_by_two(self) -> None:
+        right = transistor.drain_current(1.7, 1.0, 0.7, 1e-3)
+        assert as_printed.saturation_current(1.7, 0.7, 1e-3) / right == pytest.approx(2, rel=0, abs=1e-12)
+        assert as_printed.saturation_current(0.6, 0.7, 1e-3) == 0
+
+    def test_signal_current_is_too_small_by_the_ratio_of_the_capacitances(self) -> None:
+        aspect = paper.CHANNEL_WIDTH.value / paper.CHANNEL_LENGTH.value
+        printed = as_printed.signal_current(1e-5, 0.5, paper.MOBILITY.value, aspect, paper.STACK)
+        shift = transistor.threshold_shift(1e-5, paper.STACK, Plane.GATE, 1.0)
+        right = -paper.channel_gain_factor(Plane.GATE) * 0.5 * shift
+        assert right / printed == pytest.approx(18.06, rel=0, abs=5e-3)
+
+    def test_shift_and_displacement(self) -> None:
+        assert as_printed.threshold_shift(0.07, paper.STACK) == pytest.approx(-91.222, rel=0, abs=5e-4)
+        right = charge.electric_displacement(-1e6, 0.0, -38e-12, 12.0)
+        assert right == pytest.approx(3.8e-5, rel=0, abs=1e-19)
+        assert charge.electric_displacement(0.0, 1e7, -38e-12, 12.0) == pytest.approx(1.0625e-3, rel=0, abs=1e-8)
+        wrong = as_printed.electric_displacement(-1e6, -38e-12, 12.0)
+        assert wrong == pytest.approx(3.8e-5 - 12 * 8.8541878188e-6, rel=0, abs=1e-18)
+
+    def test_deflections(self) -> None:
+        plate = (100.0, 5e-3, 50e-6, 169e9)
+        right = mechanics.circular_deflection(*plate, 0.3).deflection
+        assert right / as_printed.circular_deflection(*plate, 0.3) == pytest.approx(math.pi, rel=0, abs=1e-12)
+        right = mechanics.square_deflection(*plate, 0.3).deflection
+        assert as_printed.square_deflection(*plate) / right == pytest.approx(1, rel=0, abs=2e-3)
+
+
+PLATE = {"pressure": 100.0, "thickness": 50e-6, "young_modulus": 169e9}
+NO_PLATE = {"pressure": [-1.0], "thickness": [0.0, -50e-6], "young_modulus": [0.0, -1.0]}
+
+
+@pytest.mark.parametrize(
+    ("function", "arguments", "name"),
+    [
+        *refusals(
+            as_printed.circular_deflection,
+            {**PLATE, "radius": 5e-3, "poisson_ratio": 0.3},
+            **NO_PLATE,
+            radius=[0.0, -1.0, [1e-3, 2e-3, [3e-3]]],
+            poisson_ratio=[0.6],
+        ),
+        *refusals(as_printed.square_deflection, {**PLATE, "side": 5e-3}, **NO_PLATE, side=[0.0, -1.0]),
+        *refusals(as_printed.threshold_shift, {"charge": 0.07, "stack": paper.STACK}, charge=[], stack=[]),
+        *refusals(
+            as_printed.signal_current,
+            {"charge": 1e-5, "overdrive": 0.5, "mobility": 0.085, "aspect": 273.0, "stack": paper.STACK},
+            charge=[],
+            overdrive=[],
+            mobility=[],
+            aspect=[[1.0, 2.0]],
+            stack=[],
+        ),
+    ],
+)
+def test_the_printed_forms_refuse_by_name(function, arguments, name) -> None:
+    assert_refused(function, arguments, name)
+
+
+def test_the_model_needs_neither_ros_nor_matplotlib() -> None:
+    modules = ("film", "transistor", "threshold_extraction", "charge", "mechanics", "paper", "as_printed")
+    program = (
+        "import sys\n"
+        + "".join(f"import posfet_model.device.{name}\n" for name in modules)
+        + "print([name for name in ('rclpy', 'matplotlib', 'scipy', 'yaml', 'can') if name in sys.modules])"
+    )
+    path = str(Path(paper.__file__).parents[2])
+    run = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, env={"PYTHONPATH": path}
+    )
+    assert run.stdout.strip() == "[]"

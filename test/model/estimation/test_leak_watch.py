@@ -1,0 +1,61 @@
+"""The leak found while the sensor is used, and a force that moves not taken for a leak."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_sim.commands.score import differing
+from support.scan_player import press, scans
+
+SENSOR = load_sensor()
+SHAPE = np.exp(-0.5 * np.sum((SENSOR.layout.positions / 1.2e-3) ** 2, axis=1))
+SHAPE /= SHAPE.sum()
+
+
+def totals(device: Sensor, duration: float, force: object, seed: int = 0) -> np.ndarray:
+    reconstructor, found = Reconstructor(SENSOR), []
+    for _, scan in scans(device, duration, force=force, shape=SHAPE, seed=seed):  # type: ignore[arg-type]
+        reconstructor.process(scan)
+        found.append(reconstructor.image().total)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("percent", [-20.0, -8.0, 8.0, 20.0])
+def test_a_wrong_leak_is_found_while_a_force_is_held(percent: float) -> None:
+    device = differing(SENSOR, {"leak": percent})
+    found = totals(device, 4.0, press(2.0, 0.3, 60.0))
+    # Left alone, the force would be wrong by as much as the leak.
+    assert found[2000:] == pytest.approx(2.0, abs=0.06)
+
+
+def test_once_found_it_holds_for_the_next_touch() -> None:
+    device = differing(SENSOR, {"leak": 20.0})
+    found = totals(device, 4.0, lambda time: press(1.0, 0.3, 1.5)(time) + press(2.0, 3.0, 60.0)(time))
+    assert found[3200] == pytest.approx(2.0, abs=0.03)
+    assert found[-1] == pytest.approx(2.0, abs=0.03)
+
+
+@pytest.mark.parametrize("hertz", [0.3, 1.0, 2.0])
+def test_a_force_that_moves_is_not_taken_for_a_leak(hertz: float) -> None:
+    def force(time: float) -> float:
+        return press(2.0, 0.3, 60.0)(time) * (1.0 - 0.3 * math.sin(2 * math.pi * hertz * max(time - 0.5, 0.0)))
+
+    found = totals(SENSOR, 4.0, force)
+    true = np.array([force(index * 1e-3) for index in range(4000)])
+    assert np.abs(found - true)[400:].max() < 0.06
+
+
+def test_what_is_reported_holds_the_error_of_a_leak_not_found_yet() -> None:
+    device = replace(differing(SENSOR, {"leak": 15.0}))
+    reconstructor, outside = Reconstructor(SENSOR), 0
+    for time, scan in scans(device, 3.0, force=press(2.0, 0.3, 60.0), shape=SHAPE):
+        reconstructor.process(scan)
+        image = reconstructor.image()
+        outside += time > 0.4 and abs(image.total - 2.0) > 2.0 * image.total_standard_deviation
+    assert outside == 0

@@ -1,0 +1,71 @@
+"""The map of integration schemes says what docs/stability.md says of each, and only the exact one is in the model."""
+
+import ast
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib", reason="the figures need matplotlib")
+
+import posfet_model
+from posfet_model.amplifier.follower import OnePoleFollower
+from posfet_model.figures.schemes import BLOWN_UP, SCHEMES, first_step_beyond, largest_error, last_error
+
+BY_NAME = {scheme.name: scheme for scheme in SCHEMES}
+RATIOS = np.logspace(-18, 12, 301)
+
+
+@pytest.mark.parametrize(("name", "limit"), [("Euler", 2.0), ("Heun", 2.0), ("Runge-Kutta 4", 2.785293563)])
+def test_explicit_schemes_blow_up_from_their_limit_on(name: str, limit: float) -> None:
+    below, above = last_error(BY_NAME[name], np.array([0.95 * limit, 1.1 * limit]), steps=1000)
+    assert below < 1e-9
+    assert above > BLOWN_UP
+
+
+def test_clipped_euler_stays_finite_and_is_wrong() -> None:
+    scheme = BY_NAME["Euler, slew clipped"]
+    assert last_error(scheme, np.array([1.9]))[0] < 1e-9
+    wrong = last_error(scheme, np.logspace(math.log10(2.1), 6, 100))
+    assert np.isfinite(wrong).all()
+    assert (wrong > 0.1).all()
+
+
+def test_the_trapezoidal_rule_rings() -> None:
+    scheme = BY_NAME["trapezoidal"]
+    assert largest_error(scheme, RATIOS).max() <= 1 + 1e-12
+    lag = np.ones(1)
+    signs = []
+    for _ in range(6):
+        lag = scheme.advance(lag, np.array([1e3]))
+        signs.append(float(np.sign(lag[0])))
+    assert signs == [-1, 1, -1, 1, -1, 1]
+    assert last_error(scheme, np.array([1e4]))[0] > 0.9
+
+
+def test_backward_euler_is_stable_and_inexact() -> None:
+    error = largest_error(BY_NAME["backward Euler"], RATIOS)
+    assert 0.2 < error.max() < 0.21
+    assert last_error(BY_NAME["backward Euler"], RATIOS[RATIOS > 1]).max() < 1e-12
+
+
+def test_the_exact_step_is_exact_and_the_one_of_the_model() -> None:
+    scheme = BY_NAME["exact exponential"]
+    assert largest_error(scheme, RATIOS).max() < 1e-13
+    assert math.isnan(first_step_beyond(scheme, 1e-9))
+    follower = OnePoleFollower(gain=1.0, bandwidth=1 / (2 * math.pi))
+    ratio = RATIOS[RATIOS < 1e8]
+    jumped = follower.advance(follower.start(np.zeros(ratio.size)), np.ones(ratio.size), 0.0)
+    held = follower.advance(jumped, np.ones(ratio.size), ratio)
+    np.testing.assert_allclose(held.lags[0], scheme.advance(np.ones(ratio.size), ratio), rtol=0, atol=2e-16)
+
+
+def test_no_module_outside_the_figures_knows_the_other_schemes() -> None:
+    package = Path(posfet_model.__file__).parent
+    for module in package.rglob("*.py"):
+        if module.parent.name == "figures":
+            continue
+        for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                assert not node.module.startswith("posfet_model.figures"), module

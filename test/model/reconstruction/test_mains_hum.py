@@ -1,0 +1,205 @@
+"""Hum is found, followed and taken away, and nothing else is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from posfet_model.reconstruction.mains_hum import TRUSTED, MainsHum
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.emulation.offline import wire_scans
+from posfet_sim.scene import load_scene
+
+TAXELS = 25
+NOISE = 1.0
+RATE = 1000.0
+BLOCK = 20
+CONTACT = [6, 7, 8, 11, 12, 13, 16, 17, 18]
+
+Signal = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""Times [s] in, what the taxels show besides noise out, shape [scans, taxels]."""
+
+
+def hum(frequency: float, amplitude: float = 1.5, wander: float = 0.0) -> Signal:
+    """Return a hum whose amplitudes and phases differ; its frequency changes by `wander` [Hz/s]."""
+    random = np.random.default_rng(5)
+    size, ahead = amplitude * random.uniform(0.5, 1.5, TAXELS), random.uniform(-0.6, 0.6, TAXELS)
+
+    def show(times: NDArray[np.float64]) -> NDArray[np.float64]:
+        turns = frequency * times + 0.5 * wander * times**2
+        return size * np.cos(2.0 * math.pi * turns[:, None] + ahead)
+
+    return show
+
+
+def nothing(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what no hum shows."""
+    return np.zeros((len(times), TAXELS))
+
+
+def run(
+    mains: MainsHum,
+    signal: Signal,
+    seconds: float,
+    touched: list[int] | None = None,
+    rate: float = RATE,
+    start: float = 0.0,
+    noise: float = NOISE,
+) -> NDArray[np.float64]:
+    """Run from `start` [s] on; return what is left of `signal`, noise left out, shape [scans, taxels]."""
+    times = start + (np.arange(round(seconds * rate)) + 1) / rate
+    shown = signal(times)
+    given = shown + noise * np.random.default_rng(1).standard_normal(shown.shape)
+    mask, none = np.zeros(TAXELS, np.bool_), np.zeros(TAXELS, np.bool_)
+    mask[touched or []] = True
+    left = shown.copy()
+    for index, row in enumerate(given):
+        before = row.copy()
+        if mains.listening:
+            mains.remove(row, 1.0 / rate)
+        left[index] += row - before
+        if index % BLOCK == BLOCK - 1:
+            mains.close_block(mask, none, BLOCK / rate)
+    return left
+
+
+def rms(values: NDArray[np.float64]) -> float:
+    return math.sqrt(float(np.mean(values**2)))
+
+
+@pytest.mark.parametrize("frequency", [49.8, 50.0, 50.2, 59.8, 60.0, 60.2])
+@pytest.mark.parametrize("rate", [500.0, 1000.0, 4000.0])
+def test_a_hum_is_taken_away_wherever_mains_are(frequency: float, rate: float) -> None:
+    mains, shown = MainsHum(TAXELS, rate, NOISE), hum(frequency)
+    left = run(mains, shown, 4.0, rate=rate)
+    assert rms(left[-round(rate) :]) < 0.15 * rms(shown(np.arange(1000) / 1000))
+    assert mains.frequency == pytest.approx(frequency, abs=0.03)
+
+
+def test_it_follows_a_frequency_that_wanders() -> None:
+    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0, wander=0.02)
+    left = run(mains, shown, 12.0)
+    assert rms(left[-1000:]) < 0.15 * rms(shown(np.arange(1000) / 1000))
+
+
+def test_a_sum_of_all_taxels_loses_nearly_all_of_the_hum() -> None:
+    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0)
+    total = run(mains, shown, 4.0).sum(axis=1)
+    assert rms(total[-1000:]) < 0.03 * rms(shown(np.arange(1000) / 1000).sum(axis=1))
+
+
+def test_without_a_hum_signals_stay_to_the_bit_and_not_all_are_looked_at() -> None:
+    mains = MainsHum(TAXELS, RATE, NOISE)
+    assert not run(mains, nothing, 10.0).any()
+    assert not mains.present and math.isnan(mains.frequency) and mains.amplitude == 0.0
+    looked, none = 0, np.zeros(TAXELS, np.bool_)
+    for index in range(2000):
+        if mains.listening:
+            looked += 1
+            mains.remove(np.zeros(TAXELS), 1.0 / RATE)
+        if index % BLOCK == BLOCK - 1:
+            mains.close_block(none, none, BLOCK / RATE)
+    assert 0 < looked < 600
+
+
+@pytest.mark.parametrize("end", [0.0, 3.0])
+def test_a_burst_at_the_frequency_of_the_mains_leaves_nothing_behind(end: float) -> None:
+    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0)
+    run(mains, shown, 0.15 + end)
+    left = run(mains, nothing, 4.0, start=0.15 + end)
+    assert not left[-1000:].any()
+    assert not mains.present
+
+
+@pytest.mark.parametrize(
+    "signal", [lambda t: np.outer(t, np.full(TAXELS, 50.0)), lambda t: np.outer(t > 1.0, np.ones(TAXELS)) * 80.0]
+)
+def test_ramps_and_steps_are_no_hum(signal: Signal) -> None:
+    mains = MainsHum(TAXELS, RATE, NOISE)
+    left = run(mains, signal, 4.0)
+    assert rms((left - signal((np.arange(4000) + 1) / RATE))[-1000:]) == 0.0
+
+
+def test_a_contact_that_vibrates_with_the_mains_stays_what_it_is() -> None:
+    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0)
+    run(mains, shown, 3.0)
+
+    def vibrating(times: NDArray[np.float64]) -> NDArray[np.float64]:
+        signal = shown(times)
+        signal[:, CONTACT] += 20.0 * np.sin(2.0 * math.pi * 50.0 * times)[:, None]
+        return signal
+
+    left = run(mains, vibrating, 5.0, CONTACT, start=3.0)
+    force = vibrating(3.0 + (np.arange(5000) + 1) / RATE) - shown(3.0 + (np.arange(5000) + 1) / RATE)
+    assert rms((left - force)[-1000:]) < 0.15 * rms(shown(np.arange(1000) / 1000))
+
+
+def test_in_a_long_touch_the_untouched_taxels_keep_the_phase_for_all() -> None:
+    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0, wander=0.01)
+    run(mains, shown, 3.0)
+    left = run(mains, shown, 20.0, CONTACT, start=3.0)
+    assert rms(left[-1000:, CONTACT]) < 0.15 * rms(shown(np.arange(1000) / 1000)[:, CONTACT])
+
+
+def test_when_all_are_touched_it_is_foretold_for_a_while_and_then_left_in() -> None:
+    mains, shown, every = MainsHum(TAXELS, RATE, NOISE), hum(50.1), list(range(TAXELS))
+    run(mains, shown, 6.0)
+    soon = run(mains, shown, 2.0, every, start=6.0)
+    assert rms(soon) < 0.15 * rms(shown(np.arange(1000) / 1000))
+    late = run(mains, shown, TRUSTED + 4.0, every, start=8.0)
+    assert not mains.present
+    np.testing.assert_array_equal(late[-100:], shown(8.0 + (np.arange(len(late))[-100:] + 1) / RATE))
+
+
+def test_after_an_interruption_it_is_found_anew() -> None:
+    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0)
+    run(mains, shown, 2.0)
+    mains.interrupt()
+    assert not mains.present
+    left = run(mains, shown, 2.0, start=2.0123)
+    assert rms(left[-500:]) < 0.15 * rms(shown(np.arange(1000) / 1000))
+
+
+def test_a_taxel_that_does_not_work_says_nothing() -> None:
+    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0)
+    broken = np.zeros(TAXELS, np.bool_)
+    broken[3] = True
+    times = (np.arange(3000) + 1) / RATE
+    given = shown(times)
+    given[:, 3] = 1e4 * np.sin(2.0 * math.pi * 50.0 * times + 1.0)
+    for index, row in enumerate(given):
+        mains.remove(row, 1.0 / RATE)
+        if index % BLOCK == BLOCK - 1:
+            mains.close_block(np.zeros(TAXELS, np.bool_), broken, BLOCK / RATE)
+    assert rms(np.delete(given[-500:], 3, axis=1)) < 0.05 * rms(shown(times))
+
+
+def test_too_few_scans_in_a_period_leave_all_as_it_is() -> None:
+    mains = MainsHum(TAXELS, 100.0, NOISE)
+    assert not mains.listening
+    run(mains, hum(50.0), 3.0, rate=100.0)
+    assert not mains.present
+
+
+def test_a_board_that_hums_is_as_quiet_as_one_that_does_not() -> None:
+    sensor = load_sensor()
+    scene = load_scene("idle", sensor)
+    spread = {}
+    for amplitude in (0.0, 0.5e-3, 5e-3):
+        model = Reconstructor(sensor)
+        board = replace(Imperfections.default(), resets_per_hour=0.0, hum_amplitude=amplitude, hum_frequency=50.07)
+        totals = []
+        for scan, _ in wire_scans(sensor, scene, 3.0, 2, board):
+            result = model.process(scan)
+            totals.append(model.image().total)
+            assert not result.contacts
+        spread[amplitude] = float(np.std(totals[-1000:]))
+    assert spread[0.5e-3] < 1.2 * spread[0.0]
+    assert spread[5e-3] < 1.5 * spread[0.0]

@@ -1,0 +1,186 @@
+"""Which scans are taken, the interval before each, and what is counted."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import pytest
+
+from posfet_model.reconstruction.diagnostics import Level, Period, judge
+from posfet_model.reconstruction.scan_clock import ScanClock, ScanCounts
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.scan import Scan, ScanStatus
+
+SENSOR = load_sensor()
+START = 1_700_000_000_000_000_000
+
+
+def scan(index: int, **changes: Any) -> Scan:
+    """Scan `index` of a board at 1 kHz."""
+    made = Scan.empty(SENSOR.layout.id, SENSOR.layout.taxels)
+    made.sequence, made.device_time, made.stamp = index, 1000 * index, START + 1_000_000 * index
+    for name, value in changes.items():
+        setattr(made, name, value)
+    return made
+
+
+def take(clock: ScanClock, made: Scan) -> bool:
+    return clock.fits(made) and clock.admit(made)
+
+
+def clock_after(scans: int) -> ScanClock:
+    clock = ScanClock(SENSOR)
+    assert all(take(clock, scan(index)) for index in range(scans))
+    return clock
+
+
+def counted(clock: ScanClock) -> dict[str, int]:
+    return {name: value for name, value in asdict(clock.counts).items() if value and name != "accepted"}
+
+
+def test_a_regular_stream_has_regular_steps() -> None:
+    clock = clock_after(50)
+    assert clock.step == pytest.approx(1e-3, abs=1e-12)
+    assert (clock.interrupted, clock.suspect, clock.counts.accepted) == (False, False, 50)
+    assert counted(clock) == {}
+    assert clock.rate == pytest.approx(1000, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "cause"),
+    [
+        ({"layout_id": 2}, "layout_mismatch"),
+        ({"counts": np.zeros(3, np.uint16)}, "layout_mismatch"),
+        ({"counts": np.zeros((5, 5), np.uint16)}, "layout_mismatch"),
+        ({"status": ScanStatus.ADC_FAULT}, "adc_fault"),
+        ({"sequence": 9}, "repeated"),
+        ({"sequence": 5, "stamp": START}, "late"),
+    ],
+)
+def test_a_refused_scan_is_counted_and_bridged(changes: dict[str, Any], cause: str) -> None:
+    clock = clock_after(10)
+    assert not take(clock, scan(10, **changes))
+    assert counted(clock) == {cause: 1}
+    assert take(clock, scan(11))
+    assert clock.step == pytest.approx(2e-3, abs=1e-12)
+    assert counted(clock) == {cause: 1, "missed": 1}
+
+
+def test_missing_scans_are_counted_and_their_time_is_in_the_step() -> None:
+    clock = clock_after(10)
+    assert take(clock, scan(209))
+    assert clock.step == pytest.approx(0.2, abs=1e-9)
+    assert not clock.interrupted
+    assert counted(clock) == {"missed": 199}
+
+
+def test_a_gap_beyond_two_time_constants_interrupts() -> None:
+    clock = clock_after(10)
+    assert take(clock, scan(1009))
+    assert clock.interrupted
+    assert counted(clock) == {"missed": 999, "gaps": 1}
+    assert take(clock, scan(1010))
+    assert not clock.interrupted
+
+
+@pytest.mark.parametrize("jump", [3_600_000_000, -9000, -5_000_000_000])
+def test_a_jump_of_the_boards_clock_is_bridged_by_the_sequence(jump: int) -> None:
+    clock = clock_after(10)
+    assert take(clock, scan(10, device_time=10_000 + jump))
+    assert (clock.suspect, clock.interrupted) == (True, False)
+    assert clock.step == pytest.approx(1e-3, rel=0.01)
+    assert take(clock, scan(11, device_time=11_000 + jump))
+    assert not clock.suspect
+    assert clock.step == pytest.approx(1e-3, abs=1e-12)
+    assert counted(clock) == {"time_jumps": 1}
+
+
+@pytest.mark.parametrize("flag", [ScanStatus.BOARD_RESET, ScanStatus.OK])
+def test_a_reset_is_bridged_by_the_stamps_flagged_or_not(flag: ScanStatus) -> None:
+    clock = clock_after(100)
+    assert take(clock, scan(0, stamp=START + 150_000_000, status=flag))
+    assert (clock.suspect, clock.interrupted) == (True, False)
+    assert clock.step == pytest.approx(0.051, abs=1e-9)
+    assert take(clock, scan(1, stamp=START + 151_000_000))
+    assert clock.step == pytest.approx(1e-3, abs=1e-12)
+    assert counted(clock) == {"resets": 1}
+
+
+@pytest.mark.parametrize("stamp", [START - 1, START + 60_000_000_000])
+def test_a_reset_of_unknown_length_interrupts(stamp: int) -> None:
+    clock = clock_after(100)
+    assert take(clock, scan(0, stamp=stamp, status=ScanStatus.BOARD_RESET))
+    assert clock.interrupted
+
+
+def test_without_the_boards_time_the_stamps_tell_the_step() -> None:
+    clock = ScanClock(SENSOR)
+    for index in range(5):
+        made = scan(index, device_time=0, status=ScanStatus.TIME_ESTIMATED, stamp=START + 2_000_000 * index)
+        assert take(clock, made)
+    assert clock.step == pytest.approx(2e-3, abs=1e-12)
+    assert counted(clock) == {}
+
+
+def test_a_board_that_stays_behind_is_followed_in_the_end() -> None:
+    clock = clock_after(100)
+    taken = [take(clock, scan(index, stamp=START - 1)) for index in range(20)]
+    assert taken.index(True) == 10
+    assert all(taken[10:])
+    assert counted(clock)["resets"] == 1
+
+
+def test_a_wrapped_or_huge_sequence_does_no_harm() -> None:
+    clock = clock_after(10)
+    assert take(clock, scan(10, sequence=2**63))
+    assert take(clock, scan(11, sequence=2**63 + 1))
+    assert clock.step == pytest.approx(1e-3, abs=1e-12)
+
+
+GOOD = ScanCounts(accepted=1000)
+
+
+@pytest.mark.parametrize(
+    ("after", "state", "level", "word"),
+    [
+        (GOOD, {}, Level.OK, "valid"),
+        (ScanCounts(), {}, Level.STALE, "no scans"),
+        (ScanCounts(accepted=9, layout_mismatch=1), {}, Level.ERROR, "sensor file"),
+        (ScanCounts(layout_mismatch=1), {}, Level.ERROR, "sensor file"),
+        (ScanCounts(accepted=9, adc_fault=1), {}, Level.ERROR, "ADC"),
+        (ScanCounts(accepted=9, implausible=1), {}, Level.ERROR, "ADC"),
+        (ScanCounts(accepted=9, resets=1), {}, Level.WARN, "interrupted"),
+        (ScanCounts(accepted=9, gaps=1), {}, Level.WARN, "interrupted"),
+        (ScanCounts(accepted=9, time_jumps=1), {}, Level.WARN, "clock"),
+        (ScanCounts(accepted=9, missed=1), {}, Level.WARN, "missing"),
+        (ScanCounts(accepted=9, repeated=1), {}, Level.WARN, "twice"),
+        (ScanCounts(accepted=9, late=1), {}, Level.WARN, "late"),
+        (GOOD, {"saturated": 1}, Level.WARN, "range"),
+        (GOOD, {"unsettled": 1}, Level.WARN, "zero"),
+        (GOOD, {"bad": 1}, Level.WARN, "stuck"),
+        (GOOD, {"temperature_known": False}, Level.WARN, "temperature"),
+    ],
+)
+def test_the_verdict_names_the_cause(after: ScanCounts, state: dict[str, Any], level: Level, word: str) -> None:
+    known = {"unsettled": 0, "saturated": 0, "bad": 0, "temperature_known": True, **state}
+    verdict = judge(Period.between(ScanCounts(), after, **known))
+    assert verdict.level is level
+    assert word in verdict.text
+
+
+def test_times_of_arrival_are_averaged() -> None:
+    """A classic board sends no time: scans that come late and in bursts are still 1 ms apart."""
+    clock = ScanClock(SENSOR)
+    generator = np.random.default_rng(1)
+    steps = []
+    arrival = 0
+    for index in range(20_000):
+        due = START + 1_000_000 * index + int(generator.exponential(300_000))
+        arrival = max(arrival, due)  # one that is late makes the next ones come with it
+        assert clock.admit(scan(index, device_time=0, stamp=arrival, status=ScanStatus.TIME_ESTIMATED))
+        steps.append(clock.step)
+    assert clock.counts.time_jumps == 0
+    assert max(abs(step - 1e-3) for step in steps[200:]) < 5e-5
+    assert sum(steps) == pytest.approx(20.0, abs=0.01)

@@ -1,0 +1,281 @@
+"""Bad taxels: found, flagged, never a zero, left out of contacts that are then measured around them; and healed."""
+
+from __future__ import annotations
+
+import copy
+import functools
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
+from posfet_model.reconstruction.taxel_faults import TaxelStatus, WatchSettings, longest_run
+from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_model.sensor.neighbour_estimate import ESTIMATE_DEVIATION, Surroundings
+from posfet_model.sensor.scan import Scan
+from posfet_model.sensor.signal_chain import volts_per_count
+from reference.dense_pressure import sphere_forces
+from support.scan_player import press, scans
+
+SENSOR = load_sensor()
+CLASSIC = replace(SENSOR, can=replace(SENSOR.can, fd=False))
+LAYOUT = SENSOR.layout
+REST = 0x8000
+Fault = Callable[[int, Scan], None]
+
+
+def sphere(x: float, y: float, force: float, radius: float, modulus: float) -> NDArray[np.float64]:
+    spread = SENSOR.device.contact_spread
+    forces: NDArray[np.float64] = sphere_forces(x, y, force, radius, modulus, spread, LAYOUT.pitch_x, LAYOUT.rows)
+    return forces
+
+
+def finger(x: float, y: float) -> NDArray[np.float64]:
+    return sphere(x, y, 1.0, 6e-3, 1e6)
+
+
+FINGER = finger(0.3e-3, -0.2e-3)
+
+
+def dead(taxel: int) -> Fault:
+    rng = np.random.default_rng(5)
+
+    def fault(index: int, scan: Scan) -> None:
+        scan.counts[taxel] = REST + round(rng.normal(0, SENSOR.adc.noise / volts_per_count(SENSOR)))
+
+    return fault
+
+
+def stuck(taxel: int, count: int, begin: int = 0, end: int = 10**9) -> Fault:
+    def fault(index: int, scan: Scan) -> None:
+        if begin <= index < end:
+            scan.counts[taxel] = count
+
+    return fault
+
+
+def noisy(taxel: int, times: float, begin: int = 0, end: int = 10**9) -> Fault:
+    rng = np.random.default_rng(6)
+
+    def fault(index: int, scan: Scan) -> None:
+        if begin <= index < end:
+            added = rng.normal(0, times * SENSOR.adc.noise / volts_per_count(SENSOR))
+            scan.counts[taxel] = min(max(round(int(scan.counts[taxel]) + added), 0), 0xFFFF)
+
+    return fault
+
+
+def run(
+    fault: Fault,
+    duration: float,
+    force: Callable[[float], float] = lambda _: 0.0,
+    shape: NDArray[np.float64] = FINGER,
+    sensor: Sensor = SENSOR,
+    rate: float = 1000.0,
+) -> tuple[Reconstructor, list[Reconstruction], list[NDArray[np.uint8]]]:
+    """The reconstructor, its results, and the status of the taxels after each scan."""
+    reconstructor = Reconstructor(sensor)
+    results, statuses = [], []
+    for time, scan in scans(SENSOR, duration, force=force, shape=shape, rate=rate):
+        if not sensor.can.fd:
+            scan.counts[:] = (scan.counts >> 4 << 4) | scan.counts >> 12
+        fault(round(time * rate), scan)
+        results.append(copy.copy(reconstructor.process(scan)))
+        statuses.append(reconstructor.image().status.copy())
+    return reconstructor, results, statuses
+
+
+def well(index: int, scan: Scan) -> None:
+    """No fault."""
+
+
+def known_to(results: list[Reconstruction]) -> float:
+    """Standard deviation of the force of the only contact in the last scan [N]."""
+    [contact] = results[-1].contacts
+    return math.sqrt(contact.region.force_variance)
+
+
+def found_at(statuses: list[NDArray[np.uint8]], taxel: int, status: TaxelStatus) -> int:
+    """Index of the first scan with that status of the taxel; no other taxel may ever have one."""
+    others = np.array(statuses)[:, np.arange(LAYOUT.taxels) != taxel]
+    assert not others.any()
+    return [row[taxel] for row in statuses].index(status)
+
+
+@pytest.mark.parametrize("taxel", [12, 13, 7, 2, 24])
+def test_a_dead_taxel_is_found_by_its_first_touch_and_the_contact_goes_on_without_it(taxel: int) -> None:
+    x, y = LAYOUT.positions[taxel] * 0.8
+    shape = finger(x, y)
+    reconstructor, results, statuses = run(dead(taxel), 1.5, press(1.5, 0.5, 9.0), shape)
+    assert found_at(statuses, taxel, TaxelStatus.DEAD) < 500 + 150
+    [contact] = results[-1].contacts
+    assert taxel not in contact.region.taxels
+    estimated = shape[taxel] * 1.5
+    assert abs(contact.region.force - 1.5 * shape.sum()) < 2 * ESTIMATE_DEVIATION * estimated + 0.01
+    _, undisturbed, _ = run(well, 1.5, press(1.5, 0.5, 9.0), shape)
+    expected = math.hypot(known_to(undisturbed), ESTIMATE_DEVIATION * estimated)
+    assert known_to(results) == pytest.approx(expected, rel=0.25)
+    assert math.dist(contact.region.centre_of_pressure, (x, y)) < 0.15e-3
+    image = reconstructor.image()
+    assert math.isnan(image.force[taxel])
+    assert math.isnan(image.standard_deviation[taxel])
+    assert np.isfinite(np.delete(image.force, taxel)).all()
+    assert results[-1].valid
+    assert reconstructor.bad == 1
+
+
+def test_a_gap_between_two_contacts_is_no_dead_taxel() -> None:
+    small = [sphere(x, 0.0, 1.0, 1.5e-3, 8e6) for x in (-2e-3, 2e-3)]
+    _, _, statuses = run(lambda index, scan: None, 1.5, press(2.0, 0.5, 1.2), sum(small))
+    assert not np.any(statuses)
+
+
+def test_one_or_two_spheres_anywhere_leave_every_taxel_alive() -> None:
+    rng = np.random.default_rng(3)
+    surroundings, none, everywhere = Surroundings(LAYOUT), np.zeros(25, np.bool_), np.arange(25)
+    told = 0
+    spheres = []
+    for _ in range(40):
+        x, y = rng.uniform(-3e-3, 3e-3, 2)
+        radius, modulus = rng.choice([1.5e-3, 3e-3, 6e-3]), rng.choice([1e6, 2e6, 8e6])
+        spheres.append(sphere(x, y, 2.0, radius, modulus))
+    pairs = [spheres[i] + spheres[j] for i, j in rng.integers(0, len(spheres), (400, 2))]
+    for force in spheres + pairs:
+        least = surroundings.least(force, none, everywhere, 1.7e-3)
+        pressed = least >= 5 * SENSOR.contact.threshold
+        told += int(np.count_nonzero(pressed))
+        assert (force[pressed] >= 1.5 * WatchSettings().dead * least[pressed]).all()
+    assert told > 500
+
+
+def test_what_a_taxel_should_read_is_told_within_the_deviation_that_is_claimed() -> None:
+    rng = np.random.default_rng(4)
+    surroundings, none = Surroundings(LAYOUT), np.zeros(25, np.bool_)
+    errors = []
+    for _ in range(40):
+        x, y = rng.uniform(-3e-3, 3e-3, 2)
+        force = sphere(x, y, 1.5, rng.choice([1.5e-3, 6e-3]), 2e6)
+        read = force * rng.normal(1.0, 0.05, 25) + rng.normal(0, 0.35e-3, 25)
+        estimate = surroundings.estimate(read, none, np.arange(25), 1.7e-3)
+        pressed = force > SENSOR.contact.threshold
+        errors += (estimate[pressed] / force[pressed] - 1.0).tolist()
+    assert len(errors) > 200
+    assert np.mean(np.abs(errors) < 2 * ESTIMATE_DEVIATION) >= 0.95
+
+
+@pytest.mark.parametrize("count", [REST, 0x9000, 0, 0xFFFF])
+def test_a_taxel_stuck_from_the_start_is_found_and_does_not_hold_up_the_others(count: int) -> None:
+    reconstructor, results, statuses = run(stuck(12, count), 2.5, press(1.5, 2.0, 9.0))
+    at = found_at([np.where(row == TaxelStatus.SATURATED, 0, row) for row in statuses], 12, TaxelStatus.STUCK)
+    assert at < 200
+    assert results[500].valid
+    assert results[-1].valid
+    assert math.isnan(reconstructor.image().force[12])
+    [contact] = results[-1].contacts
+    assert abs(contact.region.force - 1.5) < 2 * math.sqrt(contact.region.force_variance)
+
+
+def test_a_taxel_pressed_beyond_its_range_for_a_moment_is_saturated_and_not_stuck() -> None:
+    _, _, statuses = run(stuck(12, 0xFFFF, 600, 850), 1.2, press(6.0, 0.6, 9.0))
+    assert {row[12] for row in statuses[600:850]} == {TaxelStatus.SATURATED}
+    assert not np.any(statuses[900:])
+
+
+def test_a_taxel_that_dies_while_it_is_pressed_holds_no_contact_for_ever() -> None:
+    dying = dead(12)
+
+    def fault(index: int, scan: Scan) -> None:
+        if index >= 700:
+            dying(index, scan)
+
+    _, results, statuses = run(fault, 2.5, press(1.5, 0.5, 1.5))
+    assert found_at(statuses, 12, TaxelStatus.STUCK) > 1500
+    assert not any(result.contacts for result in results[1950:])
+
+
+def test_a_taxel_with_a_loose_wire_does_not_hold_up_the_others() -> None:
+    def fault(index: int, scan: Scan) -> None:
+        if index // 100 % 2:
+            scan.counts[12] = 0
+
+    _, results, statuses = run(fault, 3.0, press(1.5, 1.5, 2.5))
+    assert all(result.valid for result in results[1300:])
+    assert {int(row[12]) for row in statuses[1300:]} <= {TaxelStatus.NOISY, TaxelStatus.STUCK}
+    [contact] = results[2400].contacts
+    assert abs(contact.region.force - 1.5) < 2 * math.sqrt(contact.region.force_variance)
+
+
+def test_a_taxel_that_sticks_under_load_and_comes_loose_is_taken_back() -> None:
+    def fault(index: int, scan: Scan) -> None:
+        if 600 <= index < 900:
+            scan.counts[12] = held[0]
+        else:
+            held[0] = int(scan.counts[12])
+
+    held = [0]
+    reconstructor, results, statuses = run(fault, 4.0, lambda t: press(1.5, 0.5, 1.2)(t) + press(1.0, 3.0, 9.0)(t))
+    assert found_at(statuses, 12, TaxelStatus.STUCK) < 650
+    assert statuses[2900][12] == TaxelStatus.OK
+    assert results[-1].valid
+    assert reconstructor.image().force[12] == pytest.approx(FINGER[12], abs=0.02)
+
+
+def test_a_coarse_converter_whose_counts_rest_is_not_stuck() -> None:
+    assert longest_run(CLASSIC) == math.inf
+    assert 10 < longest_run(SENSOR) < 200
+    _, results, statuses = run(lambda index, scan: None, 4.0, press(1.5, 3.0, 3.5), sensor=CLASSIC)
+    assert not np.any(statuses)
+    assert results[3300].contacts
+
+
+@pytest.mark.parametrize(("times", "rate"), [(8.0, 1000.0), (200.0, 1000.0), (20.0, 100.0)])
+def test_a_noisy_taxel_is_found_and_healed(times: float, rate: float) -> None:
+    fault = noisy(7, times, round(0.5 * rate), round(2 * rate))
+    reconstructor, results, statuses = run(fault, 5.0, rate=rate)
+    found = found_at(statuses, 7, TaxelStatus.NOISY) / rate
+    assert 0.5 < found < 1.2
+    assert not any(result.contacts for result in results[round((found + 0.05) * rate) :])
+    assert all(result.valid for result in results[round((found + 0.05) * rate) : round(2 * rate)])
+    assert statuses[-1][7] == TaxelStatus.OK
+    assert results[-1].valid
+    assert reconstructor.bad == 0
+
+
+@pytest.mark.parametrize("taxel", [12, 11, 8])
+def test_a_noisy_taxel_is_not_listed_but_what_it_tells_counts(taxel: int) -> None:
+    """With five times the noise a touch is still told from none: no guess by the neighbours is as good."""
+    _, results, statuses = run(noisy(taxel, 5.0), 1.5, press(1.5, 0.7, 9.0, rise=0.1))
+    assert statuses[690][taxel] == TaxelStatus.NOISY
+    first = next(result for result in results if result.contacts)
+    assert first.sequence <= 700 + round(100 * SENSOR.contact.threshold / (1.5 * FINGER.max())) + 2
+    for result in results[820:]:
+        [contact] = result.contacts
+        assert taxel not in contact.region.taxels
+        assert math.dist(contact.region.centre_of_pressure, (0.3e-3, -0.2e-3)) < 0.06e-3
+        assert abs(contact.region.force - 1.5) < 0.03
+    _, undisturbed, _ = run(well, 1.5, press(1.5, 0.7, 9.0, rise=0.1))
+    assert known_to(results) == pytest.approx(known_to(undisturbed), rel=0.1)
+
+
+def test_a_noisy_taxel_whose_noise_hides_a_touch_is_guessed() -> None:
+    _, results, statuses = run(noisy(12, 40.0), 1.5, press(1.5, 0.9, 9.0))
+    assert statuses[890][12] == TaxelStatus.NOISY
+    assert not any(result.contacts for result in results[500:899])
+    _, undisturbed, _ = run(well, 1.5, press(1.5, 0.9, 9.0))
+    expected = math.hypot(known_to(undisturbed), ESTIMATE_DEVIATION * 1.5 * FINGER[12])
+    assert known_to(results) == pytest.approx(expected, rel=0.25)
+
+
+def vibrating(share: float, time: float) -> float:
+    return press(1.5, 0.5, 2.5)(time) * (1.0 + share * math.sin(2 * math.pi * 200 * time))
+
+
+def test_vibration_under_a_fingertip_is_no_noise() -> None:
+    for place, share in (((0.0, 0.0), 0.3), ((3e-3, 3e-3), 0.3), ((1.5e-3, 0.0), 0.004), ((0.0, 0.0), 0.01)):
+        wave = functools.partial(vibrating, share)
+        _, _, statuses = run(lambda index, scan: None, 2.5, wave, finger(*place))
+        assert not np.any(statuses)

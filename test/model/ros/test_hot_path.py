@@ -1,0 +1,189 @@
+"""The hot path held in place: what a scan may allocate and publish, and how contacts are made bytes."""
+
+from __future__ import annotations
+
+import gc
+import sys
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="needs ROS 2")
+pytest.importorskip("posfet_msgs", reason="needs the built posfet_msgs")
+
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
+
+from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.scan_codec import make_codec
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.ros.contacts_cdr import ContactsBytes
+from posfet_model.ros.conversions import ContactsMessage, contacts_writer
+from posfet_model.ros.model_node import ModelNode
+from posfet_model.ros.subscriptions import Listeners
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.scan import Scan
+from posfet_model.sensor.signal_chain import ForwardChain
+from posfet_msgs.msg import TactileContacts
+
+pytestmark = pytest.mark.ros
+
+SENSOR = load_sensor()
+DEADLINE = 20.0
+REST, SCANS = 800, 600
+STEADY = range(1000, 1400)
+"""Scans of a fingertip held, or of nothing, with everything warmed up."""
+BLOCKS_A_SCAN = 0.9
+"""Memory blocks that may stay per scan in the mean: stores fill up once; what grows with every scan is 1 or more."""
+
+
+def played(touched: bool, count: int = REST + SCANS) -> list[np.ndarray]:
+    """Return counts of a board: rest, then two fingertips that stay, or rest all along."""
+    chain = ForwardChain(SENSOR, np.random.default_rng(3))
+    force = np.zeros((5, 5))
+    force[1:3, 0:2] = 0.3
+    force[3:5, 3:5] = 0.2
+    counts = []
+    for index in range(count):
+        chain.advance(force.ravel() * min(max(index - REST, 0) / 20, 1.0) * touched, 25.0, 1e-3)
+        counts.append(chain.counts())
+    return counts
+
+
+def set_scan(scan: Scan, index: int, counts: np.ndarray) -> None:
+    scan.counts[:] = counts
+    scan.temperatures[:] = 25.0
+    scan.sequence, scan.device_time, scan.stamp = index, index * 1000, index * 1_000_000
+
+
+def test_contacts_as_bytes_are_what_the_middleware_makes_of_them() -> None:
+    model, scan = Reconstructor(SENSOR), Scan.empty(1, 25)
+    message, writer = ContactsMessage(SENSOR, "finger"), contacts_writer(SENSOR, "finger")
+    assert isinstance(writer, ContactsBytes), "the example at the start differs: contacts would go out slowly"
+    most = 0
+    for index, counts in enumerate(played(touched=True)):
+        set_scan(scan, index, counts)
+        result = model.process(scan)
+        most = max(most, len(result.contacts))
+        data = writer.fill(result)
+        theirs = serialize_message(message.fill(result))
+        # Bytes between fields may be anything: compared is what a subscriber reads.
+        assert len(data) == len(theirs)
+        assert str(deserialize_message(data, TactileContacts)) == str(deserialize_message(theirs, TactileContacts))
+    assert most == 2
+    read = deserialize_message(data, TactileContacts)
+    assert read.sequence == index and [contact.id for contact in read.contacts] == [1, 2]
+
+
+@pytest.mark.parametrize("listening", [False, True])
+def test_a_scan_publishes_what_is_subscribed_and_nothing_else(listening: bool) -> None:
+    context = Context()
+    rclpy.init(context=context)
+    node, peer = ModelNode(context=context), Node("peer", context=context)
+    try:
+        published: dict[str, int] = {}
+        for publisher in node.publishers:
+            count_messages(publisher, published)
+        if listening:
+            peer.create_subscription(TactileContacts, "contacts", lambda _: None, 10)
+            end = time.monotonic() + DEADLINE
+            while node._contacts.get_subscription_count() == 0:
+                assert time.monotonic() < end, "not discovered in time"
+                rclpy.spin_once(peer, executor=SingleThreadedExecutor(context=context), timeout_sec=0.05)
+        scan = Scan.empty(1, 25)
+        for index, counts in enumerate(played(touched=True, count=100)):
+            set_scan(scan, index, counts)
+            node.process(scan)
+        assert published == ({"contacts": 100} if listening else {})
+    finally:
+        peer.destroy_node()
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+def test_what_can_wait_is_done_after_the_contacts_are_out() -> None:
+    """The end of a block, which takes longer than a scan, is neither before a message nor left to the next scan."""
+    context = Context()
+    rclpy.init(context=context)
+    node = ModelNode(context=context)
+    try:
+        observer, due = node._reconstructor._observer, []
+        node._listeners._heard.add(node._contacts)
+        node._listeners._next = time.monotonic_ns() + round(DEADLINE * 1e9)
+        node._contacts.publish = lambda _: due.append(observer.block_due)
+        scan = Scan.empty(1, 25)
+        for index, counts in enumerate(played(touched=False, count=101)):
+            set_scan(scan, index, counts)
+            node.process(scan)
+            assert not observer.block_due
+        assert due.count(True) == 5 and len(due) == 101
+    finally:
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
+def test_subscribers_are_looked_up_one_publisher_at_a_time() -> None:
+    class Counted:
+        looked_up = 0
+
+        def get_subscription_count(self) -> int:
+            self.looked_up += 1
+            return self.looked_up % 2
+
+    publishers = [Counted() for _ in range(5)]
+    listeners = Listeners(*publishers)
+    start = 10**12
+    assert listeners.at(start) == set(publishers), "all of them before the first message"
+    for now in range(start + 1_000_000, start + 1_000_000_000, 1_000_000):
+        before = sum(one.looked_up for one in publishers)
+        heard = listeners.at(now)
+        assert sum(one.looked_up for one in publishers) - before <= 1
+        assert heard == {one for one in publishers if one.looked_up % 2}
+    assert all(10 <= one.looked_up <= 11 for one in publishers)
+
+
+def count_messages(publisher: Any, counts: dict[str, int]) -> None:
+    """Count the messages of a publisher instead of sending them."""
+    name = publisher.topic_name.rsplit("/", 1)[-1]
+
+    def count(_: Any) -> None:
+        counts[name] = counts.get(name, 0) + 1
+
+    publisher.publish = count
+
+
+@pytest.mark.parametrize("touched", [False, True], ids=["idle", "touched"])
+def test_a_scan_leaves_no_memory_behind(touched: bool) -> None:
+    """From frames to the bytes of the contacts, nothing is left to the garbage collector, and nothing grows."""
+    receiver, model = Receiver(SENSOR), Reconstructor(SENSOR)
+    receiver.resync(0, count_gap=False)
+    writer, codec, scan = ContactsBytes(SENSOR, "finger"), make_codec(SENSOR), Scan.empty(1, 25)
+    frames = []
+    for index, counts in enumerate(played(touched)):
+        set_scan(scan, index, counts)
+        frames.append(codec.encode(scan, SENSOR.can.base_id))
+
+    def take(index: int) -> None:
+        for frame in receiver.begin_batch(frames[index], index * 1_000_000, 0):
+            if receiver.feed(frame):
+                writer.fill(model.process(receiver.scan))
+
+    for index in range(STEADY.start):
+        take(index)
+    gc.collect()
+    gc.disable()
+    try:
+        before = sys.getallocatedblocks()
+        for index in STEADY:
+            take(index)
+        left = sys.getallocatedblocks() - before
+        cycles = gc.collect()
+    finally:
+        gc.enable()
+    assert len(model._result.contacts) == 2 * touched
+    assert cycles == 0, "reference cycles on the hot path: the garbage collector would stop it now and then"
+    assert left <= BLOCKS_A_SCAN * len(STEADY), f"{left} blocks stay behind {len(STEADY)} scans"

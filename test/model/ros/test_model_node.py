@@ -1,0 +1,440 @@
+"""The model node in process: scans of the forward chain published on raw, what comes out received as others would."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="needs ROS 2")
+pytest.importorskip("posfet_msgs", reason="needs the built posfet_msgs")
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import WrenchStamped
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import Image, PointCloud2
+from visualization_msgs.msg import Marker, MarkerArray
+
+from posfet_model.config import ConfigError
+from posfet_model.contacts.tracker import ContactState
+from posfet_model.reconstruction.reconstructor import TaxelStatus
+from posfet_model.ros.model_node import ModelNode
+from posfet_model.sensor.description import SENSOR_FOLDER, load_sensor
+from posfet_model.sensor.scan import ScanStatus
+from posfet_model.sensor.signal_chain import ForwardChain
+from posfet_msgs.msg import TactileContact, TactileContacts, TactileImage, TactileInfo, TactileRaw, TactileVibration
+from posfet_msgs.srv import CalibrationFile
+from posfet_msgs.srv import Tare as TareService
+from reference.dense_pressure import sphere_forces
+
+pytestmark = pytest.mark.ros
+
+SENSOR = load_sensor()
+DEADLINE = 20.0
+PRESS_FROM, PRESS_UNTIL, SCANS = 300, 400, 450
+X, Y, FORCE = 0.6e-3, -0.4e-3, 1.5
+
+
+class Bench:
+    """A node under test and one that listens, spun in this thread until something has come."""
+
+    def __init__(self) -> None:
+        self.context = Context()
+        rclpy.init(context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.peer = self.add(Node("peer", context=self.context))
+
+    def add(self, node: Any) -> Any:
+        self.executor.add_node(node)
+        return node
+
+    def model(self, **parameters: Any) -> ModelNode:
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        return self.add(ModelNode(context=self.context, parameter_overrides=overrides))
+
+    def listen(self, kind: Any, topic: str, qos: Any = 1000) -> list[Any]:
+        received: list[Any] = []
+        self.peer.create_subscription(kind, topic, received.append, qos)
+        return received
+
+    def spin_until(self, done: Callable[[], bool]) -> None:
+        end = time.monotonic() + DEADLINE
+        while not done():
+            assert time.monotonic() < end, "nothing came in time"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def close(self) -> None:
+        for node in self.executor.get_nodes():
+            node.destroy_node()
+        self.executor.shutdown()
+        rclpy.shutdown(context=self.context)
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    made = Bench()
+    yield made
+    made.close()
+
+
+def recorded_scans() -> list[TactileRaw]:
+    """Scans of a sphere that presses from scan 300 to 399, at 1 kHz."""
+    layout = SENSOR.layout
+    chain = ForwardChain(SENSOR, np.random.default_rng(3))
+    pressed = sphere_forces(X, Y, FORCE, 6e-3, 1e6, SENSOR.device.contact_spread, layout.pitch_x, layout.rows)
+    messages = []
+    for index in range(SCANS):
+        chain.advance(pressed if PRESS_FROM <= index < PRESS_UNTIL else np.zeros(layout.taxels), 25.0, 1e-3)
+        message = TactileRaw(layout_id=layout.id, rows=layout.rows, cols=layout.cols)
+        message.header.stamp.sec, message.header.stamp.nanosec = 1_700_000_000, index * 1_000_000
+        message.sequence, message.device_time = index, index * 1000
+        message.counts = chain.counts().tolist()
+        message.temperatures = [25.0, 25.0]
+        messages.append(message)
+    return messages
+
+
+def play(bench: Bench, outputs: tuple[list[Any], ...], scans: list[TactileRaw]) -> None:
+    """Publish the scans one by one, each when the answers to the one before have come, and wait for the last."""
+    raw = bench.peer.create_publisher(TactileRaw, "raw", 100)
+    bench.spin_until(lambda: raw.get_subscription_count() > 0)
+    for message in scans:
+        before = [len(received) for received in outputs]
+        raw.publish(message)
+        bench.spin_until(lambda before=before: all(len(r) > n for r, n in zip(outputs, before, strict=True)))
+
+
+def test_press_comes_out_as_one_contact_with_all_its_messages(bench: Bench) -> None:
+    outputs = tuple(
+        bench.listen(kind, topic)
+        for kind, topic in (
+            (TactileContacts, "contacts"),
+            (TactileImage, "image"),
+            (WrenchStamped, "wrench"),
+            (Image, "force_image"),
+            (PointCloud2, "points"),
+        )
+    )
+    contacts, images, wrenches, pictures, clouds = outputs
+    node = bench.model()
+    wanted = (node._contacts, *(publisher for publisher, _ in node._maps))
+    bench.spin_until(lambda: all(publisher.get_subscription_count() for publisher in wanted))
+    play(bench, outputs, recorded_scans())
+
+    assert not contacts[0].data_valid
+    assert contacts[-1].data_valid
+    assert not contacts[-1].contacts
+    [contact] = contacts[350].contacts
+    assert contact.state == TactileContact.STATE_HELD
+    assert math.dist((contact.centre_of_pressure.x, contact.centre_of_pressure.y), (X, Y)) < 0.1e-3
+    assert contact.force.z == pytest.approx(-FORCE, abs=0.03)
+    assert contact.normal.z == 1.0
+    assert 1e-3 < contact.force_covariance[8] ** 0.5 < 0.05 * FORCE, "noise, and gains known to 5 % each"
+    assert math.isnan(contact.force_covariance[0])
+    assert contact.age.nanosec == 50_000_000
+    assert list(contact.taxels) == sorted(contact.taxels)
+    states = [c.state for message in contacts for c in message.contacts if c.id == contact.id]
+    assert states[0] == TactileContact.STATE_NEW
+    assert states.count(TactileContact.STATE_RELEASED) == 1
+    [released] = contacts[PRESS_UNTIL].contacts
+    assert (released.state, released.force.z) == (TactileContact.STATE_RELEASED, 0.0)
+
+    image, wrench = images[350], wrenches[350].wrench
+    assert image.header.stamp.nanosec == 350_000_000
+    assert image.total_force == pytest.approx(FORCE, abs=0.03)
+    assert image.total_force == pytest.approx(sum(image.force), abs=1e-5)
+    assert list(image.status) == [TactileImage.TAXEL_OK] * SENSOR.layout.taxels
+    assert wrench.force.z == pytest.approx(-image.total_force, abs=1e-6)
+    # A push (0, 0, -f) at (x, y) turns about the origin by (-y*f, x*f, 0).
+    assert wrench.torque.x == pytest.approx(-Y * FORCE, abs=3e-5)
+    assert wrench.torque.y == pytest.approx(X * FORCE, abs=3e-5)
+    picture = np.frombuffer(pictures[350].data, np.float32).reshape(pictures[350].height, pictures[350].width)
+    np.testing.assert_array_equal(picture.reshape(-1), np.asarray(image.force))
+    points = np.frombuffer(clouds[350].data, np.float32).reshape(-1, 4)
+    np.testing.assert_array_equal(points[:, 3], np.asarray(image.force))
+    np.testing.assert_allclose(points[:, :2], SENSOR.layout.positions, rtol=0, atol=1e-9)
+    assert np.isnan(np.asarray(images[0].force)).all()
+    assert not clouds[0].is_dense
+
+
+def test_on_a_bent_chip_everything_lies_on_its_surface(bench: Bench, tmp_path: Any) -> None:
+    path, radius = tmp_path / "bent.yaml", 6e-3
+    text = (SENSOR_FOLDER / "posfet_5x5.yaml").read_text(encoding="utf-8")
+    path.write_text(text.replace("  # bend_axis", "  bend_radius_mm: 6.0\n  bend_axis: y\n  # bend_axis"))
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    outputs = tuple(
+        bench.listen(kind, topic)
+        for kind, topic in ((TactileContacts, "contacts"), (WrenchStamped, "wrench"), (PointCloud2, "points"))
+    )
+    infos = bench.listen(TactileInfo, "info", latched)
+    node = bench.model(sensor_file=str(path))
+    wanted = (node._contacts, *(publisher for publisher, _ in node._maps if publisher.topic_name != "/image"))
+    bench.spin_until(lambda: wanted[0].get_subscription_count() > 0 and len(infos) > 0)
+    play(bench, outputs, recorded_scans()[:360])
+    contacts, wrenches, clouds = outputs
+    [contact] = contacts[350].contacts
+    normal = np.array([contact.normal.x, contact.normal.y, contact.normal.z])
+    force = np.array([contact.force.x, contact.force.y, contact.force.z])
+    centre = np.array([contact.centre_of_pressure.x, contact.centre_of_pressure.y, contact.centre_of_pressure.z])
+    np.testing.assert_allclose(normal, [math.sin(X / radius), 0.0, math.cos(X / radius)], rtol=0, atol=0.02)
+    np.testing.assert_allclose(force, -np.linalg.norm(force) * normal, rtol=0, atol=1e-9)
+    assert np.linalg.norm(force) == pytest.approx(FORCE, abs=0.03)
+    # On the cylinder about an axis along y, one radius below the middle of the array.
+    assert math.hypot(centre[0], centre[2] + radius) == pytest.approx(radius, abs=1e-9)
+    assert np.isnan(contact.force_covariance).all()
+    assert 1e-3 < contact.normal_force_deviation < 0.05 * FORCE, "noise, and gains known to 5 % each"
+    points = np.frombuffer(clouds[350].data, np.float32).reshape(-1, 4)
+    np.testing.assert_allclose(np.hypot(points[:, 0], points[:, 2] + radius), radius, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(
+        points[:, :3], [(p.position.x, p.position.y, p.position.z) for p in infos[0].taxel_poses], atol=1e-8
+    )
+    wrench = wrenches[350].wrench
+    assert math.hypot(wrench.force.x, wrench.force.z) < FORCE
+    assert wrench.force.x < 0.0
+    # No force that meets the cylinder's axis turns about it.
+    assert wrench.torque.y == pytest.approx(-radius * wrench.force.x, abs=1e-9)
+
+
+def test_markers_come_and_go_with_the_contact(bench: Bench) -> None:
+    markers = bench.listen(MarkerArray, "markers")
+    node = bench.model(direct=True)
+    bench.spin_until(lambda: node._markers.get_subscription_count() > 0)
+    scans = recorded_scans()
+    for message in scans:
+        node._next_markers = 0  # a message for every scan, however fast they are played
+        node.process(node._reader.read(message))
+    bench.spin_until(lambda: len(markers) == len(scans))
+    shown = [(m.action, m.ns) for message in markers for m in message.markers]
+    assert (Marker.ADD, "contact") in shown
+    assert (Marker.ADD, "force") in shown
+    gone = markers[PRESS_UNTIL].markers
+    assert [(m.action, m.ns) for m in gone] == [(Marker.DELETE, "contact"), (Marker.DELETE, "force")]
+    assert {m.id for m in gone} == {m.id for m in markers[PRESS_UNTIL - 1].markers}
+    assert not markers[-1].markers
+
+
+def test_nothing_is_published_when_nobody_subscribes(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    node = bench.model(direct=True)
+    published: list[str] = []
+    for publisher in (node._contacts, node._markers, node._vibration, *(publisher for publisher, _ in node._maps)):
+        monkeypatch.setattr(publisher, "publish", lambda message, name=publisher.topic_name: published.append(name))
+    for message in recorded_scans():
+        node.process(node._reader.read(message))
+    assert not published
+    snapshot = node.latest()
+    assert snapshot is not None
+    assert (snapshot.scans, snapshot.missed, snapshot.valid) == (SCANS, 0, True)
+    assert snapshot.force.shape == (SENSOR.layout.rows, SENSOR.layout.cols)
+
+
+def test_latest_is_a_copy_and_none_before_the_first_scan(bench: Bench) -> None:
+    node = bench.model(direct=True)
+    assert node.latest() is None
+    scans = recorded_scans()
+    for message in scans[:350]:
+        node.process(node._reader.read(message))
+    pressed = node.latest()
+    assert pressed is not None
+    total, force = pressed.total, pressed.force.copy()
+    assert total == pytest.approx(FORCE, abs=0.03)
+    for message in scans[350:]:
+        node.process(node._reader.read(message))
+    np.testing.assert_array_equal(pressed.force, force)
+    assert node.latest().total == pytest.approx(0.0, abs=0.03)
+
+
+def test_info_is_latched_and_says_what_the_sensor_is(bench: Bench) -> None:
+    node = bench.model(simulated=True, direct=True, frame_id="thumb")
+    infos = bench.listen(TactileInfo, "info", QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    bench.spin_until(lambda: bool(infos))
+    [info] = infos
+    layout = node.sensor.layout
+    assert (info.layout_id, info.rows, info.cols, info.name) == (layout.id, layout.rows, layout.cols, node.sensor.name)
+    assert info.simulated
+    assert info.header.frame_id == "thumb"
+    assert info.force_max > node.sensor.device.force_max
+    assert info.force_min < 0
+    # One step of 16 bits over 10 V, over 38 pC/N on 42.5 uF/m2 and 1 mm2 with a gain of 0.9924.
+    assert info.force_resolution == pytest.approx(10 / 65535 / (38e-6 / 4.25e-5 * 0.992385), rel=1e-3)
+    where = [(pose.position.x, pose.position.y) for pose in info.taxel_poses]
+    np.testing.assert_allclose(where, layout.positions, rtol=0, atol=1e-12)
+
+
+def test_scans_of_another_layout_are_counted_and_named_in_diagnostics(bench: Bench) -> None:
+    diagnostics = bench.listen(DiagnosticArray, "/diagnostics")
+    node = bench.model(direct=True)
+    bench.spin_until(lambda: node._diagnostics.get_subscription_count() > 0)
+    good = recorded_scans()[0]
+    for change in ({"layout_id": 9}, {"rows": 1, "cols": 25}, {"counts": [1, 2, 3]}, {"counts": []}):
+        message = TactileRaw(layout_id=good.layout_id, rows=good.rows, cols=good.cols)
+        message.counts, message.temperatures = good.counts, good.temperatures
+        for name, value in change.items():
+            setattr(message, name, value)
+        node.process(node._reader.read(message))
+    node._report()
+    bench.spin_until(lambda: bool(diagnostics))
+    status = diagnostics[0].status[0]
+    assert {entry.key: entry.value for entry in status.values}["layout mismatch"] == "4"
+    assert status.level == b"\x02"
+    assert "another layout" in status.message
+    assert node.latest() is None
+
+
+def spoilt(message: TactileRaw, change: dict[str, Any]) -> TactileRaw:
+    """A copy of a scan with other fields."""
+    copy = TactileRaw(layout_id=message.layout_id, rows=message.rows, cols=message.cols)
+    copy.header, copy.sequence, copy.device_time = message.header, message.sequence, message.device_time
+    copy.counts, copy.temperatures = message.counts, message.temperatures
+    for name, value in change.items():
+        setattr(copy, name, value)
+    return copy
+
+
+ALTERNATING = [0, 0xFFFF] * 12 + [0]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"counts": [0xFFFF] * 25},
+        {"counts": ALTERNATING},
+        {"counts": [1, 2, 3]},
+        {"rows": 1, "cols": 25},
+        {"layout_id": 9},
+        {"status": int(ScanStatus.ADC_FAULT)},
+    ],
+)
+def test_a_scan_that_cannot_be_used_gives_frames_that_are_not_valid_and_the_next_ones_are(
+    bench: Bench, change: dict[str, Any]
+) -> None:
+    outputs = (bench.listen(TactileContacts, "contacts"), bench.listen(TactileImage, "image"))
+    node = bench.model()
+    wanted = (node._contacts, node._maps[0][0])
+    bench.spin_until(lambda: all(publisher.get_subscription_count() for publisher in wanted))
+    scans = recorded_scans()
+    scans[350] = spoilt(scans[350], change)
+    play(bench, outputs, scans[:360])
+    contacts, images = outputs
+    for message in (contacts[350], images[350]):
+        assert (message.sequence, message.header.stamp.nanosec) == (350, 350_000_000)
+        assert not message.data_valid
+    assert [contact.id for contact in contacts[350].contacts] == [contact.id for contact in contacts[349].contacts]
+    assert np.isnan(images[350].force).all()
+    assert math.isnan(images[350].total_force)
+    for message in contacts[351:]:
+        assert message.data_valid
+        [contact] = message.contacts
+        assert contact.id == contacts[349].contacts[0].id
+        assert contact.force.z == pytest.approx(-FORCE, abs=0.03)
+    assert images[351].total_force == pytest.approx(FORCE, abs=0.03)
+
+
+@pytest.mark.parametrize("again", [350, 340])
+def test_a_scan_that_comes_twice_or_late_gives_no_frame(bench: Bench, again: int) -> None:
+    received = bench.listen(TactileContacts, "contacts")
+    node = bench.model(direct=True)
+    bench.spin_until(lambda: node._contacts.get_subscription_count() > 0)
+    scans = recorded_scans()
+    for message in (*scans[:351], scans[again], *scans[351:355]):
+        node.process(node._reader.read(message))
+    bench.spin_until(lambda: len(received) == 355)
+    assert [message.sequence for message in received] == list(range(355))
+    assert all(message.data_valid for message in received[340:])
+
+
+def test_vibration_is_published_when_somebody_subscribes(bench: Bench) -> None:
+    received = bench.listen(TactileVibration, "vibration")
+    node = bench.model()
+    bench.spin_until(lambda: node._vibration.get_subscription_count() > 0)
+    play(bench, (received,), recorded_scans()[:320])
+    assert (received[0].rows, received[0].cols, received[0].band_low) == (5, 5, 50.0)
+    assert received[299].data_valid
+    # The press is a step of 1.5 N between two scans, which the fast channel feels most where it is.
+    quiet, pressed = np.array(received[299].vibration), np.array(received[305].vibration)
+    assert 0 < quiet.max() < 2e-3
+    assert pressed.argmax() == 12
+    assert pressed.max() > 20 * quiet.max()
+
+
+def test_a_bad_parameter_or_file_is_one_line(bench: Bench) -> None:
+    with pytest.raises(ConfigError, match=r"nowhere\.yaml: no such sensor file"):
+        bench.model(sensor_file="nowhere.yaml")
+    with pytest.raises(ConfigError, match="direct: must be true or false"):
+        bench.model(direct=3)
+    with pytest.raises(ConfigError, match="use_sim_time: must be false"):
+        bench.model(use_sim_time=True)
+    with pytest.raises(ConfigError, match="speed: unknown parameter"):
+        bench.model(speed=3)
+
+
+def constants(message: Any, prefix: str) -> dict[str, int]:
+    names = [name for name in dir(message) if name.startswith(prefix)]
+    return {name.removeprefix(prefix): getattr(message, name) for name in names}
+
+
+@pytest.mark.parametrize(
+    ("message", "prefix", "enumeration"),
+    [
+        (TactileRaw, "STATUS_", ScanStatus),
+        (TactileImage, "TAXEL_", TaxelStatus),
+        (TactileContact, "STATE_", ContactState),
+    ],
+)
+def test_constants_of_messages_are_those_of_the_code(message: Any, prefix: str, enumeration: Any) -> None:
+    assert constants(message, prefix) == {name: int(member) for name, member in enumeration.__members__.items()}
+
+
+def call(bench: Bench, kind: Any, name: str, **fields: Any) -> Any:
+    client = bench.peer.create_client(kind, name)
+    bench.spin_until(client.service_is_ready)
+    future = client.call_async(kind.Request(**fields))
+    bench.spin_until(future.done)
+    return future.result()
+
+
+def test_tare_refuses_under_load_and_reports_what_it_changed_at_rest(bench: Bench) -> None:
+    model = bench.model()
+    assert not call(bench, TareService, "tare").success
+    feed = recorded_scans()
+    for message in feed[:PRESS_FROM]:
+        model._receive(message)
+    answer = call(bench, TareService, "tare")
+    assert answer.success, answer.message
+    assert len(answer.force_change) == SENSOR.layout.taxels
+    assert 0 < max(abs(change) for change in answer.force_change) < 1e-3
+    for message in feed[PRESS_FROM : PRESS_UNTIL - 10]:
+        model._receive(message)
+    answer = call(bench, TareService, "tare")
+    assert not answer.success
+    assert "under load" in answer.message
+    assert len(answer.force_change) == 0
+    assert model.latest().total == pytest.approx(FORCE, abs=0.05)
+
+
+def test_calibrations_are_saved_loaded_and_refused_in_one_line(bench: Bench, tmp_path: Any) -> None:
+    model, path = bench.model(), tmp_path / "cal.yaml"
+    answer = call(bench, CalibrationFile, "calibration/save", path=str(path))
+    assert answer.success, answer.message
+    answer = call(bench, CalibrationFile, "calibration/load", path=str(path))
+    assert answer.success, answer.message
+    for message in recorded_scans()[: PRESS_UNTIL - 10]:
+        model._receive(message)
+    assert model.latest().total == pytest.approx(FORCE, abs=0.05)
+    path.write_text(path.read_text().replace("layout: 1", "layout: 2"))
+    answer = call(bench, CalibrationFile, "calibration/load", path=str(path))
+    assert not answer.success
+    assert "another layout" in answer.message
+    with pytest.raises(ConfigError, match="another layout"):
+        bench.model(calibration_file=str(path))
+    for action, bad in (("save", tmp_path / "no" / "cal.yaml"), ("save", ""), ("save", "/dev/null"), ("load", "")):
+        answer = call(bench, CalibrationFile, f"calibration/{action}", path=str(bad))
+        assert not answer.success
+        assert answer.message.count("cannot be") == 1

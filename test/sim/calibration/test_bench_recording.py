@@ -1,0 +1,129 @@
+"""Calibration from what a bench has: recorded frames, and a stand's readings by another clock."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+from posfet_driver.bus.frame import CLASSIC
+from posfet_driver.bus.message_conversion import message_of
+from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Request
+from posfet_model.calibration.calibration_file import load_calibration
+from posfet_model.config import ConfigError
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.signal_chain import charge_per_newton
+from posfet_sim.calibration.bench_recording import COLUMNS, read_reference, read_scans
+from posfet_sim.calibration.simulated_bench import pressing_scene
+from posfet_sim.commands.calibrate import main
+from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.device.taxel_variation import draw_spread
+from posfet_sim.emulation.bus_board import WireNode
+from posfet_sim.scene import SceneLoads
+
+SENSOR = load_sensor()
+ROUGH = replace(Imperfections.default(), resets_per_hour=0.0, dead_share=0.0, stuck_share=0.0, noisy_share=0.0)
+SEED = 4
+EPOCH = 1.7e9
+"""Time of day at which the recording begins [s]."""
+LATE = 0.0372
+"""[s]"""
+Files = tuple[Path, Path]
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
+    """A recording of the simulated board, and the readings of a noisy stand at 200 Hz that is late."""
+    folder = tmp_path_factory.mktemp("bench")
+    log, stand = folder / "board.log", folder / "stand.csv"
+    scene = pressing_scene(SENSOR)
+    node = WireNode(SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), SEED, ROUGH), SEED, 0)
+    with can.Logger(str(log)) as write:
+        node.receive((SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, Request(Command.START, 0).pack()), 0)
+        while (now := node.next_due()) < scene.period * 1e9:
+            for frame in node.due(now):
+                write(message_of(frame, EPOCH + now * 1e-9))
+    rng = np.random.default_rng(1)
+    lines = [",".join(COLUMNS)]
+    for time in np.arange(-0.2, scene.period + 0.2, 0.005).tolist():
+        x, y, _, force = scene.objects[0].path.at(max(time, 0.0))
+        lines.append(f"{EPOCH + time + LATE:.4f},{1e3 * x:.3f},{1e3 * y:.3f},{force + rng.normal(0.0, 1e-3):.4f}")
+    stand.write_text("\n".join(lines))
+    return log, stand
+
+
+def words(files: Files, out: Path) -> list[str]:
+    return [str(out), "--recording", str(files[0]), "--reference", str(files[1])]
+
+
+def test_a_board_on_a_stand_is_calibrated_as_it_was_drawn(
+    files: Files, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "cal.yaml"
+    assert main(words(files, path)) == 0
+    told = capsys.readouterr().out
+    assert float(told.split("clock is ")[1].split(" ms")[0]) == pytest.approx(1e3 * LATE, abs=0.5)
+    found, true = load_calibration(path, SENSOR), draw_spread(SENSOR, ROUGH, SEED)
+    nominal = SENSOR.amplifier.follower_gain / SENSOR.device.film_capacitance
+    gain = true.charge_per_newton / charge_per_newton(SENSOR) * true.volts_per_charge / nominal
+    assert np.std(found.gain / gain) < 0.005
+    assert np.mean(found.gain / gain) == pytest.approx(0.964, abs=0.005)  # as in test_calibration.py
+    np.testing.assert_allclose(found.leak_time_constant, true.leak_time_constant, rtol=0.01)
+    assert found.residuals is not None and found.residuals.force_rms < 5e-3
+    assert found.residuals.samples > 0
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "line 1: must be"),
+        ("time_s,x_mm,y_mm\n", "line 1: must be"),
+        ("HEAD\n1,0,0,0\n", "two readings or more"),
+        ("HEAD\n1,0,0,0\n2,0,0\n", "line 3: must have 4 values, got 3"),
+        ("HEAD\n1,0,0,0\n2,0,0,nan\n", "line 3: force_N must be a number in"),
+        ("HEAD\n1,0,0,0\n2,0,zero,1\n", "line 3: y_mm must be a number in"),
+        ("HEAD\n2,0,0,0\n1,0,0,0\n", "reading 2: time_s must be after"),
+        ("\udcff", "not a text of comma-separated values"),
+    ],
+)
+def test_a_bad_file_of_a_stand_is_refused_in_one_line(tmp_path: Path, text: str, reason: str) -> None:
+    path = tmp_path / "stand.csv"
+    path.write_bytes(text.replace("HEAD", ",".join(COLUMNS)).encode("utf-8", "surrogateescape"))
+    with pytest.raises(ConfigError, match=reason) as caught:
+        read_reference(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_files_that_do_not_belong_together_are_refused(
+    files: Files, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    times = np.arange(0.0, 40.0, 0.005)
+    for begin, force, reason in (
+        (0.0, 0.1 * times, "must last from"),
+        (EPOCH - 1.0, np.random.default_rng(1).uniform(0.0, 2.0, len(times)), "compare the clocks"),
+        (EPOCH - 1.0, 1000.0 + 0.0 * times, "above the ball's greatest"),
+    ):
+        path = tmp_path / "stand.csv"
+        rows = [f"{begin + time},0,0,{newton}" for time, newton in zip(times.tolist(), force.tolist(), strict=True)]
+        path.write_text("\n".join([",".join(COLUMNS), *rows]))
+        assert main(words((files[0], path), tmp_path / "cal.yaml")) == 1
+        told = capsys.readouterr().err
+        assert reason in told
+        assert len(told.splitlines()) == 1
+    assert main([str(tmp_path / "cal.yaml"), "--reference", str(files[1])]) == 1
+    assert "go together" in capsys.readouterr().err
+
+
+def test_frames_of_another_board_are_no_recording(files: Files, tmp_path: Path) -> None:
+    other = replace(SENSOR, can=replace(SENSOR.can, base_id=0x300))
+    with pytest.raises(ConfigError, match="no scan is in it"):
+        read_scans(files[0], other)
+    empty = tmp_path / "empty.log"
+    empty.write_text("")
+    with pytest.raises(ConfigError, match="no scan is in it"):
+        read_scans(empty, SENSOR)

@@ -1,0 +1,163 @@
+"""Calibration: held to the spread that the simulated board was drawn with, kept in files, and used."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from posfet_model.calibration.calibration_file import load_calibration, save_calibration
+from posfet_model.calibration.least_squares_fit import Recording, fit
+from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.config import ConfigError
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.reconstruction.taxel_faults import TaxelStatus
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.signal_chain import charge_per_newton
+from posfet_sim.calibration.simulated_bench import record
+from posfet_sim.commands import calibrate
+from posfet_sim.commands.calibrate import main
+from posfet_sim.commands.score import Run, differing, run
+from posfet_sim.commands.score import main as score_main
+from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.taxel_variation import draw_spread
+from posfet_sim.scene import load_scene
+
+SENSOR = load_sensor()
+DATE = "2024-01-01T00:00:00+00:00"
+ROUGH = replace(Imperfections.default(), resets_per_hour=0.0, dead_share=0.0, stuck_share=0.0)
+DEVICE = differing(SENSOR, {"leak": 20.0, "d33": 10.0, "lag": 30.0})
+RECORDING = record(SENSOR, 4, ROUGH, DEVICE)
+FOUND = fit(SENSOR, RECORDING, DATE)
+
+
+def test_it_finds_the_taxels_as_they_were_drawn_on_a_device_unlike_its_description() -> None:
+    true = draw_spread(DEVICE, ROUGH, 4)
+    nominal = SENSOR.amplifier.follower_gain / SENSOR.device.film_capacitance
+    gain = true.charge_per_newton / charge_per_newton(SENSOR) * true.volts_per_charge / nominal
+    # A press of 0.5 N is ahead of the film's plays of 0.25, 0.5 and 1 N by 0.25, 0.5 and 0.5 N, each of which counts
+    # 1 %/0.7 less: 1 - 0.0143*1.25/0.5 = 0.964.
+    assert np.std(FOUND.gain / gain) < 0.005
+    assert np.mean(FOUND.gain / gain) == pytest.approx(0.964, abs=0.005)
+    np.testing.assert_allclose(FOUND.leak_time_constant, true.leak_time_constant, rtol=0.01)
+    np.testing.assert_allclose(FOUND.pyroelectric_gain, true.volts_per_charge / nominal, rtol=0.02)
+    np.testing.assert_allclose(FOUND.offset, true.offset, rtol=0, atol=0.6e-3)
+    assert FOUND.crosstalk == pytest.approx(0.02, abs=0.004)
+    assert FOUND.thermal_time_constant == pytest.approx(DEVICE.device.thermal_time_constant, rel=0.15)
+
+
+def test_it_is_the_same_whether_the_chip_cools_or_warms(monkeypatch: pytest.MonkeyPatch) -> None:
+    # Charge that the film's loops leave behind must not pass for leak or warmth, whose signs differ then.
+    monkeypatch.setattr(calibrate, "COOLING", -calibrate.COOLING)
+    warmed = fit(SENSOR, record(SENSOR, 4, ROUGH, DEVICE), DATE)
+    np.testing.assert_allclose(warmed.gain, FOUND.gain, rtol=0.006)
+    np.testing.assert_allclose(warmed.leak_time_constant, FOUND.leak_time_constant, rtol=0.01)
+    np.testing.assert_allclose(warmed.pyroelectric_gain, FOUND.pyroelectric_gain, rtol=0.01)
+
+
+def test_what_was_held_out_is_foretold_a_hundred_times_better_than_by_the_description() -> None:
+    assert FOUND.residuals is not None
+    assert FOUND.residuals.force_rms < 3e-3
+    assert FOUND.residuals.force_rms < 0.01 * FOUND.residuals.force_rms_before
+    assert 0.15 < FOUND.residuals.samples / RECORDING.counts.size < 0.25
+
+
+def test_scores_on_a_device_unlike_its_description_with_five_percent_left() -> None:
+    scene = load_scene("press_slide_lift", SENSOR)
+    calibration = FOUND.with_gain_error(0.05, np.random.default_rng(2))
+    score = run(Run(SENSOR, scene, 4.0, 4, replace(ROUGH, noisy_share=0.0), calibration, DEVICE))
+    assert score.force_rmse_pct is not None and score.force_rmse_pct < 1.5
+    assert score.total_force_error_pct is not None and score.total_force_error_pct < 4.0
+    assert score.cop_error_mm["mean"] is not None and score.cop_error_mm["mean"] < 0.1
+    assert (score.contact_precision, score.contact_recall, score.id_switches) == (1.0, 1.0, 0)
+
+
+def test_a_taxel_that_does_not_answer_is_dead_for_ever() -> None:
+    counts = RECORDING.counts.copy()
+    counts[:, 7] = 0x8000
+    found = fit(SENSOR, replace(RECORDING, counts=counts), DATE)
+    assert np.flatnonzero(found.dead).tolist() == [7]
+    assert Reconstructor(SENSOR, found).image().status[7] == TaxelStatus.DEAD
+
+
+def test_a_file_gives_back_what_was_saved(tmp_path: Path) -> None:
+    path = tmp_path / "cal.yaml"
+    gain = FOUND.gain.copy()
+    gain[3] = np.nan
+    save_calibration(path, SENSOR, replace(FOUND, gain=gain))
+    again = load_calibration(path, SENSOR)
+    assert again.date == DATE
+    np.testing.assert_allclose(again.gain, gain, rtol=1e-5, atol=0)
+    np.testing.assert_allclose(again.offset, FOUND.offset, rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(again.leak_time_constant, FOUND.leak_time_constant, rtol=1e-5, atol=0)
+    assert again.residuals is not None and FOUND.residuals is not None
+    assert again.residuals.force_rms == pytest.approx(FOUND.residuals.force_rms, rel=1e-4)
+    assert again.crosstalk == pytest.approx(FOUND.crosstalk, rel=1e-4)
+    assert not list(tmp_path.glob("*.part"))
+
+
+@pytest.mark.parametrize(
+    ("keys", "value", "words"),
+    [
+        (("sensor", "serial"), "B7", "another sensor"),
+        (("sensor", "layout"), 9, "another layout"),
+        (("sensor", "rows"), 8, "another layout"),
+        (("version",), 2, "version"),
+        (("taxels", "gain"), [1.0], "25 numbers"),
+        (("taxels", "gain"), [float("nan")] * 25, "gain"),
+        (("taxels", "dead"), [25], "dead"),
+        (("crosstalk_percent",), 50, "crosstalk_percent"),
+        (("colour",), 1, "unknown key"),
+    ],
+)
+def test_a_file_that_does_not_fit_is_refused_in_one_line(
+    tmp_path: Path, keys: tuple[str, ...], value: object, words: str
+) -> None:
+    path = tmp_path / "cal.yaml"
+    save_calibration(path, SENSOR, Calibration.nominal(SENSOR))
+    document = yaml.safe_load(path.read_text())
+    inner = document
+    for key in keys[:-1]:
+        inner = inner[key]
+    inner[keys[-1]] = value
+    path.write_text(yaml.safe_dump(document))
+    with pytest.raises(ConfigError, match=words) as caught:
+        load_calibration(path, SENSOR)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_recording_that_shows_too_little_is_refused() -> None:
+    force = RECORDING.force.copy()
+    force[:, 5] = 0.0
+    with pytest.raises(ValueError, match="taxel 5"):
+        fit(SENSOR, replace(RECORDING, force=force), DATE)
+    with pytest.raises(ValueError, match="no taxel answers"):
+        fit(SENSOR, replace(RECORDING, counts=np.full_like(RECORDING.counts, 32768)), DATE)
+    with pytest.raises(ValueError, match="time constants"):
+        fit(
+            SENSOR,
+            Recording(
+                *(array[:500] for array in (RECORDING.time, RECORDING.counts, RECORDING.temperature, RECORDING.force))
+            ),
+            DATE,
+        )
+
+
+def test_the_command_writes_a_file_that_the_score_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "cal.yaml"
+    assert main([str(path)]) == 0
+    assert "held out" in capsys.readouterr().out
+    assert score_main(["press_slide_lift", "--calibration", str(path), "--for", "1"]) == 0
+    capsys.readouterr()
+    assert main([str(tmp_path / "none" / "cal.yaml")]) == 1
+    assert "cannot be written" in capsys.readouterr().err
+    device = tmp_path / "device"
+    os.mkfifo(device)
+    assert main([str(device)]) == 1
+    assert capsys.readouterr().err == f"{device}: cannot be written: not a regular file\n"
+    assert device.is_fifo()

@@ -1,0 +1,260 @@
+"""The score: an ideal board scores well, what is told wrong is found, and bad input is refused in one line."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from posfet_model.calibration.least_squares_fit import fit
+from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.calibration.simulated_bench import record
+from posfet_sim.commands.score import Run, differing, main, run
+from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.emulation.offline import wire_scans
+from posfet_sim.evaluation.scorer import Score, Scorer
+from posfet_sim.evaluation.slip_scorer import Slips
+from posfet_sim.scene import load_scene
+
+SENSOR = load_sensor()
+SCENE = load_scene("press_slide_lift", SENSOR)
+NAMES = [
+    "force_rmse_pct",
+    "total_force_error_pct",
+    "cop_error_mm",
+    "contact_precision",
+    "contact_recall",
+    "id_switches",
+    "detection_latency_scans",
+    "held_force_drift_pct",
+    "false_contacts_per_hour",
+    "slip_onset_delay_ms",
+    "slip_recall",
+    "false_slips_per_hour",
+    "us_per_scan",
+]
+
+MEETING = """
+name: meeting
+description: two fingertips slide together until they cannot be told apart, and part again
+temperature_degC: 25.0
+objects:
+  - name: left
+    kind: sphere
+    radius_mm: 1.5
+    effective_modulus_MPa: 8.0
+    keyframes:
+      - {time_s: 0.4, x_mm: -2.6, y_mm: 0.0, force_N: 0.0}
+      - {time_s: 0.6, x_mm: -2.6, y_mm: 0.0, force_N: 0.8}
+      - {time_s: 2.0, x_mm: -0.8, y_mm: 0.0, force_N: 0.8}
+      - {time_s: 3.5, x_mm: -2.6, y_mm: 0.0, force_N: 0.8}
+      - {time_s: 3.7, x_mm: -2.6, y_mm: 0.0, force_N: 0.0}
+  - name: right
+    kind: sphere
+    radius_mm: 1.5
+    effective_modulus_MPa: 8.0
+    keyframes:
+      - {time_s: 0.4, x_mm: 2.6, y_mm: 0.0, force_N: 0.0}
+      - {time_s: 0.6, x_mm: 2.6, y_mm: 0.0, force_N: 1.0}
+      - {time_s: 2.0, x_mm: 0.8, y_mm: 0.0, force_N: 1.0}
+      - {time_s: 3.5, x_mm: 2.6, y_mm: 0.0, force_N: 1.0}
+      - {time_s: 3.7, x_mm: 2.6, y_mm: 0.0, force_N: 0.0}
+"""
+
+
+STRONG = """
+name: strong
+description: a ball presses with 4 N, and lifts
+temperature_degC: 25.0
+objects:
+  - name: ball
+    kind: sphere
+    radius_mm: 4.0
+    effective_modulus_MPa: 5.0
+    keyframes:
+      - {time_s: 0.5, x_mm: 0.3, y_mm: 0.2, force_N: 0.0}
+      - {time_s: 0.8, x_mm: 0.3, y_mm: 0.2, force_N: 4.0}
+      - {time_s: 1.5, x_mm: 0.3, y_mm: 0.2, force_N: 4.0}
+      - {time_s: 1.7, x_mm: 0.3, y_mm: 0.2, force_N: 0.0}
+"""
+
+
+@pytest.fixture(scope="module")
+def calibrated() -> Calibration:
+    """The board of seed 1, pressed taxel by taxel."""
+    recording = record(SENSOR, 1, Imperfections.default())
+    return fit(SENSOR, recording, "2026-01-01")
+
+
+def test_an_ideal_board_scores_well() -> None:
+    score = run(Run(SENSOR, SCENE, 4.0))
+    assert list(asdict(score)) == NAMES
+    assert score.force_rmse_pct is not None and score.force_rmse_pct < 0.05
+    assert score.total_force_error_pct is not None and score.total_force_error_pct < 0.5
+    assert score.cop_error_mm["p95"] is not None and score.cop_error_mm["p95"] < 0.05
+    assert (score.contact_precision, score.contact_recall, score.id_switches) == (1.0, 1.0, 0)
+    assert score.detection_latency_scans is not None and score.detection_latency_scans <= 2
+    assert score.false_contacts_per_hour == 0.0
+    assert score.held_force_drift_pct is None
+    assert (score.slip_recall, score.false_slips_per_hour) == (None, 0.0)
+
+
+def test_a_held_force_has_a_drift() -> None:
+    scene = load_scene("hold", SENSOR)
+    score = run(Run(SENSOR, scene, 7.0))
+    assert score.held_force_drift_pct is not None and 0.0 < score.held_force_drift_pct < 0.5
+
+
+def test_every_jerk_of_a_rod_is_a_slip_of_its_own() -> None:
+    score = run(Run(SENSOR, load_scene("grasp_lift_slip", SENSOR), 3.0))
+    assert score.slip_recall == 1.0
+    assert score.slip_onset_delay_ms["mean"] is not None and 0.0 <= score.slip_onset_delay_ms["mean"] < 6.0
+
+
+@pytest.mark.parametrize("name", ["press", "two_fingers_slide", "grasp_lift_slip", "vibration"])
+def test_every_imperfection_and_gains_off_by_5_percent_after_calibration(name: str, calibrated: Calibration) -> None:
+    """Two taxels in the middle of this board are noisy."""
+    what = calibrated.with_gain_error(0.05, np.random.default_rng(1))
+    scene = load_scene(name, SENSOR)
+    score = run(Run(SENSOR, scene, scene.duration, 1, Imperfections.default(), what))
+    assert (score.contact_precision, score.contact_recall, score.id_switches) == (1.0, 1.0, 0)
+    assert score.detection_latency_scans is not None and score.detection_latency_scans <= 2
+    assert score.cop_error_mm["mean"] is not None and score.cop_error_mm["mean"] <= 0.1
+    assert score.force_rmse_pct is not None and score.force_rmse_pct <= 1.5
+    assert score.false_slips_per_hour == score.false_contacts_per_hour == 0.0
+
+
+def test_two_that_meet_and_part_keep_their_ids(tmp_path: Path) -> None:
+    path = tmp_path / "meeting.yaml"
+    path.write_text(MEETING)
+    score = run(Run(SENSOR, load_scene(path, SENSOR), 4.0))
+    assert (score.contact_precision, score.id_switches, score.false_contacts_per_hour) == (1.0, 0, 0.0)
+    assert score.contact_recall is not None and 0.5 < score.contact_recall < 1.0, "they were told apart all the time"
+
+
+def test_what_the_film_keeps_of_a_strong_touch_is_no_contact(tmp_path: Path) -> None:
+    path = tmp_path / "strong.yaml"
+    path.write_text(STRONG)
+    what = Run(SENSOR, load_scene(path, SENSOR), 4.0, 1, replace(Imperfections.none(), hysteresis=0.01))
+    found = run(what)
+    assert found.contact_precision == 1.0
+    assert found.contact_recall == 1.0
+
+
+GRAZING = """
+name: grazing
+description: a fingertip presses twenty times a second and grazes in between
+temperature_degC: 25.0
+objects:
+  - name: finger
+    kind: sphere
+    radius_mm: 3.0
+    effective_modulus_MPa: 2.0
+    path: {kind: sine, start_s: 0.5, end_s: 1.5, rise_s: 0.1, x_mm: 0.0, y_mm: 0.0, force_N: 0.5, amplitude_N: 0.499,
+           frequency_Hz: 20.0}
+"""
+
+
+def test_one_that_grazes_between_presses_is_another_contact_each_time(tmp_path: Path) -> None:
+    path = tmp_path / "grazing.yaml"
+    path.write_text(GRAZING)
+    scene = load_scene(path, SENSOR)
+    assert run(Run(SENSOR, scene, 1.6)).id_switches == 0
+    deaf = replace(SENSOR, contact=replace(SENSOR.contact, threshold=1.0))
+    scorer, reconstructor = Scorer(SENSOR), Reconstructor(deaf)
+    for scan, truth in wire_scans(SENSOR, scene, 1.6, 1):
+        scorer.add(reconstructor.process(scan), reconstructor.image(), truth)
+    assert scorer.score(0.0).detection_latency_scans == pytest.approx(47, abs=3), "presses that were never found"
+
+
+def test_strong_touches_that_land_and_lift_in_a_tenth_of_a_second_do_not_slip(
+    tmp_path: Path, calibrated: Calibration
+) -> None:
+    presses = [(0.65, -0.1), (-0.3, 0.71), (-0.43, -0.56), (-0.4, -0.5), (-1.4, 0.2), (-0.9, -0.3), (-0.3, 0.7)]
+    lines = ["name: strong", "description: a ball presses and lifts", "temperature_degC: 25.0", "objects:"]
+    for index, (x, y) in enumerate(presses):
+        path = f"{{kind: slide, start_s: {0.4 + 0.36 * index:.2f}, end_s: {0.66 + 0.36 * index:.2f}, rise_s: 0.1,"
+        path += f" x_mm: {x}, y_mm: {y}, to_x_mm: {x}, to_y_mm: {y}, force_N: 3.0}}"
+        lines += [f"  - name: ball {index}", "    kind: sphere", "    radius_mm: 4.0", "    effective_modulus_MPa: 2.0"]
+        lines += [f"    path: {path}"]
+    path = tmp_path / "strong.yaml"
+    path.write_text("\n".join(lines))
+    what = calibrated.with_gain_error(0.05, np.random.default_rng(1))
+    found = run(Run(SENSOR, load_scene(path, SENSOR), 3.0, 1, Imperfections.default(), what))
+    assert (found.contact_recall, found.false_slips_per_hour) == (1.0, 0.0)
+
+
+def test_slips_that_nobody_tells_or_that_are_none_are_counted() -> None:
+    slips = Slips()
+    for scan, truth in wire_scans(SENSOR, load_scene("grasp_lift_slip", SENSOR), 2.5, 1):
+        slips.add(truth, {0: 1}, {7} if scan.sequence == 1500 else set())
+    assert (slips.recall(), slips.delay()["max"], slips.false) == (0.0, None, 1)
+    assert slips._missed == 3
+
+
+def test_a_gain_that_is_told_wrong_is_found_to_the_percent() -> None:
+    wrong = replace(Calibration.nominal(SENSOR), gain=np.full(25, 1 / 1.1))
+    score = run(Run(SENSOR, SCENE, 4.0, calibration=wrong))
+    assert score.total_force_error_pct == pytest.approx(10.0, abs=0.5)
+    stiffer = differing(SENSOR, {"d33": 10.0})
+    score = run(Run(SENSOR, SCENE, 4.0, device=stiffer))
+    assert score.total_force_error_pct == pytest.approx(10.0, abs=0.5)
+
+
+def test_contacts_out_of_place_are_false_and_missing_ones_missed() -> None:
+    class Elsewhere(Scorer):
+        """Looks for every contact on the far side of the array."""
+
+        def _pairs(self, live, centres):  # type: ignore[no-untyped-def]
+            return super()._pairs([], centres)
+
+    scorer, reconstructor = Elsewhere(SENSOR), Reconstructor(SENSOR)
+    for scan, truth in wire_scans(SENSOR, SCENE, 1.0, 1):
+        mirrored = replace(truth, objects=replace(truth.objects, contact_centres=truth.objects.contact_centres + 5e-3))
+        scorer.add(reconstructor.process(scan), reconstructor.image(), mirrored)
+    score: Score = scorer.score(0.0)
+    assert score.contact_precision == 0.0
+    assert score.false_contacts_per_hour > 3000
+
+
+def test_all_scans_come_through_the_wire_with_their_truth_whatever_the_line_does() -> None:
+    ideal = [(scan.sequence, truth.sequence) for scan, truth in wire_scans(SENSOR, SCENE, 1.0, 1)]
+    assert len(ideal) >= 999
+    assert all(scan == truth for scan, truth in ideal)
+    bad = replace(Imperfections.none(), dropped_share=0.02, torn_share=0.02, resets_per_hour=3600.0, reset_time=0.1)
+    faulty = list(wire_scans(SENSOR, SCENE, 3.0, 1, bad))
+    assert 2000 < len(faulty) < 2950
+
+
+def test_it_prints_json_with_exactly_these_names(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["press_slide_lift", "--for", "1", "--mismatch", "5", "--device", "leak=20", "--seed", "3"]) == 0
+    assert list(json.loads(capsys.readouterr().out)) == NAMES
+
+
+def test_a_board_is_calibrated_before_it_is_scored_unless_told_otherwise(capsys: pytest.CaptureFixture[str]) -> None:
+    errors = []
+    for more in ([], ["--calibration", "none"]):
+        assert main(["press", "--for", "2", *more]) == 0
+        errors.append(json.loads(capsys.readouterr().out)["total_force_error_pct"])
+    assert errors[0] < 2.0
+    assert errors[1] > 5.0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["nowhere"], ["press_slide_lift", "--imperfections", "nowhere.yaml"], ["idle", "--sensor", "nowhere"]],
+)
+def test_bad_files_are_one_line(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == 1
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@pytest.mark.parametrize("words", [["--mismatch", "x"], ["--device", "mass=3"], ["--for", "-1"], ["--seed", "nan"]])
+def test_bad_words_are_refused(words: list[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["idle", *words])

@@ -1,0 +1,248 @@
+"""The command `posfet sim`: what it writes can be read by others, is the board's, and is the same again."""
+
+import csv
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.scan import Scan
+from posfet_sim.commands.simulate import BAD_INPUT, INTERRUPTED, main
+from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.emulation.line_faults import FaultyScans
+from posfet_sim.recording.message_definitions import message_fields, schema_text
+from posfet_sim.scene import SceneLoads, load_scene
+from posfet_sim.scene.scene_file import SCENE_FOLDER
+
+SENSOR = load_sensor()
+SCENE = "two_fingers"
+TAXELS = SENSOR.layout.taxels
+
+
+def board_counts(scans: int, seed: int, imperfections: Imperfections) -> np.ndarray:
+    board = SimulatedBoard(SENSOR, SceneLoads(load_scene(SCENE, SENSOR), SENSOR), seed, imperfections)
+    source, scan = FaultyScans(board, seed), Scan.empty(1, TAXELS)
+    return np.array([scan.counts.copy() for index in range(scans) for _ in range(source.scan(index, scan))])
+
+
+def read_csv(path: Path) -> tuple[list[str], np.ndarray]:
+    with path.open(encoding="ascii", newline="") as stream:
+        rows = list(csv.reader(stream))
+    return rows[0], np.array(rows[1:], np.float64)
+
+
+def test_csv_holds_the_boards_counts_and_the_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "run.csv"
+    assert main([SCENE, "--out", str(path), "--for", "0.6", "--seed", "3", "--imperfections", "default"]) == 0
+    names, values = read_csv(path)
+    assert len(set(names)) == len(names) == values.shape[1]
+    first = names.index("count_r0_c0")
+    expected = board_counts(600, 3, Imperfections.default())
+    np.testing.assert_array_equal(values[:, first : first + TAXELS], expected)
+    pressed = [names.index(f"{item}.force_N") for item in ("lower", "upper")]
+    forces = [index for index, name in enumerate(names) if name.startswith("force_")]
+    np.testing.assert_allclose(values[:, forces].sum(axis=1), values[:, pressed].sum(axis=1), atol=0.02)
+    assert values[:, pressed].max() > 0.5
+    told = capsys.readouterr().out
+    assert "times real time" in told
+    share = float(re.search(r"(\d+) taxel updates, ([0-9.]+) of all", told)[2])
+    assert 0 < share < 1
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mcap"])
+def test_the_same_seed_gives_the_same_file_and_another_one_does_not(tmp_path: Path, suffix: str) -> None:
+    if suffix == ".mcap":
+        pytest.importorskip("mcap")
+    contents = []
+    for name, seed in (("a", "1"), ("b", "1"), ("c", "2")):
+        path = tmp_path / (name + suffix)
+        assert main([SCENE, "--out", str(path), "--for", "0.3", "--seed", seed, "--imperfections", "default"]) == 0
+        contents.append(path.read_bytes())
+    assert contents[0] == contents[1] != contents[2]
+
+
+def test_an_mcap_file_says_what_it_holds(tmp_path: Path) -> None:
+    reader = pytest.importorskip("mcap.reader")
+    path = tmp_path / "run.mcap"
+    assert main([SCENE, "--out", str(path), "--for", "0.5", "--namespace", "thumb", "--imperfections", "none"]) == 0
+    with path.open("rb") as stream:
+        file = reader.make_reader(stream, validate_crcs=True)
+        assert file.get_header().profile == "ros2"
+        summary = file.get_summary()
+        assert summary.statistics.message_count == 1000
+        schemas = {schema.name: schema for schema in summary.schemas.values()}
+        assert set(schemas) == {"posfet_msgs/msg/TactileRaw", "posfet_msgs/msg/TactileTruth"}
+        assert {schema.encoding for schema in schemas.values()} == {"ros2msg"}
+        assert {channel.topic for channel in summary.channels.values()} == {"/thumb/raw", "/thumb/truth"}
+        times = [message.log_time for _, _, message in file.iter_messages(topics=["/thumb/raw"])]
+    assert times == [index * 1_000_000 for index in range(500)]
+
+
+def by_mcap_ros2(path: Path) -> list[tuple[str, int, Any]]:
+    """Topic, time [ns] and message of each, as the MCAP project's reader for ROS 2 makes them of the schemas inside."""
+    reader = pytest.importorskip("mcap_ros2.reader")
+    return [(each.channel.topic, each.log_time_ns, each.ros_msg) for each in reader.read_ros2_messages(str(path))]
+
+
+def by_rosbags(path: Path) -> list[tuple[str, int, Any]]:
+    """The same, as rosbags does, which reads MCAP, definitions and CDR with code of its own."""
+    highlevel = pytest.importorskip("rosbags.highlevel")
+    with highlevel.AnyReader([path]) as reader:
+        return [(at.topic, time, reader.deserialize(raw, at.msgtype)) for at, time, raw in reader.messages()]
+
+
+@pytest.mark.parametrize("read", [by_mcap_ros2, by_rosbags])
+def test_other_projects_read_an_mcap_file_by_what_is_in_it(
+    tmp_path: Path, read: Callable[[Path], list[tuple[str, int, Any]]]
+) -> None:
+    pytest.importorskip("mcap")
+    path, csv_path = tmp_path / "run.mcap", tmp_path / "run.csv"
+    for each in (path, csv_path):
+        assert main([SCENE, "--out", str(each), "--for", "1.6", "--imperfections", "default", "--seed", "5"]) == 0
+    messages = read(path)
+    names, *rows = [line.split(",") for line in csv_path.read_text(encoding="ascii").splitlines()]
+    raw, truth = ([each for each in messages if each[0] == topic] for topic in ("/tactile/raw", "/tactile/truth"))
+    assert len(raw) == len(truth) == len(rows) > 1500
+    for (_, time, scan), (_, _, true), row in zip(raw, truth, rows, strict=True):
+        written = dict(zip(names, row, strict=True))
+        stamp = scan.header.stamp.sec * 1_000_000_000 + scan.header.stamp.nanosec
+        assert time == stamp == round(float(written["stamp_s"]) * 1e9)
+        assert list(scan.counts) == [int(written[f"count_r{r}_c{c}"]) for r in range(5) for c in range(5)]
+        forces = [float(written[f"force_{r}_{c}_N"]) for r in range(5) for c in range(5)]
+        np.testing.assert_allclose(true.force, forces, rtol=1e-6, atol=1e-9)
+        assert list(true.objects) == ["lower", "upper"]
+        assert true.poses[1].position.z == float(written["upper.z_m"])
+        assert all(normal.z == 1.0 for normal in true.contact_normals)
+
+
+@pytest.mark.ros
+def test_ros_reads_the_messages_of_an_mcap_file(tmp_path: Path) -> None:
+    reader = pytest.importorskip("mcap.reader")
+    serialization = pytest.importorskip("rclpy.serialization")
+    messages = pytest.importorskip("posfet_msgs.msg")
+    path = tmp_path / "run.mcap"
+    assert main([SCENE, "--out", str(path), "--for", "0.7", "--seed", "5", "--imperfections", "none"]) == 0
+    read: dict[str, list] = {"/tactile/raw": [], "/tactile/truth": []}
+    with path.open("rb") as stream:
+        for schema, channel, message in reader.make_reader(stream).iter_messages():
+            kind = getattr(messages, schema.name.rpartition("/")[2])
+            read[channel.topic].append(serialization.deserialize_message(message.data, kind))
+            again = serialization.serialize_message(read[channel.topic][-1])
+            assert len(again) == len(message.data)  # the bytes between differ: ROS fills gaps with what was there
+    counts = np.array([message.counts for message in read["/tactile/raw"]])
+    np.testing.assert_array_equal(counts, board_counts(700, 5, Imperfections.none()))
+    last = read["/tactile/truth"][-1]
+    assert last.objects == ["lower", "upper"]
+    assert [list(last.contact_objects), list(last.contact_forces)] == [[0], [np.float32(0.8)]]
+    assert (last.header.stamp.sec, last.header.stamp.nanosec) == (0, 699_000_000)
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("name", ["TactileRaw", "TactileTruth"])
+def test_the_definitions_are_those_that_ros_was_built_with(name: str) -> None:
+    messages = pytest.importorskip("posfet_msgs.msg")
+    fields = getattr(messages, name).get_fields_and_field_types()
+    assert [field.name for field in message_fields(f"posfet_msgs/{name}")] == list(fields)
+    for field in message_fields(f"posfet_msgs/{name}"):
+        kind = {"float32": "float", "float64": "double"}.get(field.type, field.type)
+        assert fields[field.name] == (f"sequence<{kind}>" if field.many else kind)
+
+
+def test_a_schema_brings_all_that_the_message_is_made_of() -> None:
+    parts = schema_text("posfet_msgs/TactileTruth").split(f"\n{'=' * 80}\n")
+    assert "float32[] force" in parts[0]
+    named = {part.splitlines()[0] for part in parts[1:]}
+    assert {"MSG: std_msgs/Header", "MSG: builtin_interfaces/Time", "MSG: geometry_msgs/Quaternion"} <= named
+    assert len(named) == len(parts) - 1
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--out", "x.bag"], "x.bag: must end in .mcap or .csv"),
+        (["nothing", "--out", "x.csv"], "nothing: no such scene"),
+        (["--out", "x.csv", "--for", "-1"], "--for: must be in (0, 1e+06], got -1"),
+        (["--out", "x.csv", "--for", "nan"], "--for: must be in (0, 1e+06], got nan"),
+        (["--out", "x.csv", "--seed", "-3"], "--seed: must be in [0, 1000000000], got -3"),
+        (["--out", "x.csv", "--imperfections", "some.yaml"], "some.yaml: cannot be read"),
+        (["--out", "x.mcap", "--namespace", ""], "namespace: must be names"),
+        (["--out", "x.csv", "--namespace", "a b"], "namespace: must be names"),
+        (["--out", "no/such/folder/x.csv"], "no/such/folder/x.csv: cannot be written"),
+    ],
+)
+def test_bad_input_is_told_in_one_line(
+    tmp_path: Path, words: list[str], reason: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == BAD_INPUT
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1
+    assert reason in told
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_the_package_mcap_one_line_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    path = tmp_path / "x.mcap"
+    assert main([SCENE, "--out", str(path)]) == BAD_INPUT
+    assert capsys.readouterr().err == f"{path}: needs the package mcap (pip install mcap), unlike a .csv file\n"
+    assert not path.exists()
+
+
+def test_an_interrupted_run_leaves_a_whole_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    reader = pytest.importorskip("mcap.reader")
+    scan_of = FaultyScans.scan
+
+    def interrupted(self: FaultyScans, index: int, out: Scan) -> int:
+        if index == 300:
+            raise KeyboardInterrupt
+        return scan_of(self, index, out)
+
+    monkeypatch.setattr(FaultyScans, "scan", interrupted)
+    path = tmp_path / "run.mcap"
+    assert main([SCENE, "--out", str(path), "--for", "1"]) == INTERRUPTED
+    with path.open("rb") as stream:
+        assert reader.make_reader(stream, validate_crcs=True).get_summary().statistics.message_count == 600
+
+
+@pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs /dev/full")
+@pytest.mark.parametrize("suffix", [".csv", ".mcap"])
+def test_a_full_disk_is_told_with_the_files_name(
+    tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if suffix == ".mcap":
+        pytest.importorskip("mcap")
+    path = tmp_path / f"run{suffix}"
+    path.symlink_to("/dev/full")
+    assert main([SCENE, "--out", str(path), "--for", "0.5"]) == BAD_INPUT
+    assert capsys.readouterr().err == f"{path}: cannot be written: No space left on device\n"
+
+
+def test_names_of_any_language_are_written(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.yaml"
+    shipped = (SCENE_FOLDER / f"{SCENE}.yaml").read_text(encoding="utf-8")
+    scene.write_text(shipped.replace("name: lower", "name: Fu\u00df"), encoding="utf-8")
+    path = tmp_path / "run.csv"
+    assert main([str(scene), "--out", str(path), "--for", "0.01"]) == 0
+    assert "Fu\u00df".encode() in path.read_bytes()
+
+
+def test_a_terminal_gets_a_bar(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = tmp_path / "scene.yaml"
+    shipped = (SCENE_FOLDER / f"{SCENE}.yaml").read_text(encoding="utf-8")
+    scene.write_text(shipped.replace(f"name: {SCENE}\n", 'name: "[/red]"\n'), encoding="utf-8")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert main([str(scene), "--out", str(tmp_path / "run.csv"), "--for", "0.5"]) == 0
+    shown = capsys.readouterr()
+    assert "[/red]" in shown.err
+    assert "500 scans" in shown.out

@@ -1,0 +1,348 @@
+"""Each shape's pressure: against dense sums of the closed-form profiles, Boussinesq's stress, and its own inverse."""
+
+import math
+from itertools import pairwise
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from posfet_model.sensor.description import Layout
+from posfet_sim.contact.closed_forms import hertz_ellipse, line_stiffness
+from posfet_sim.contact.indenters import FLAT, Bend, Punch, Shape, Sphere
+from posfet_sim.contact.line_contacts import Cylinder, Edge, LineShape
+from posfet_sim.contact.rectangular_punch import RectangularPunch
+from posfet_sim.contact.taxel_forces import SPREAD_PER_THICKNESS, Cells, spread_of_cover
+from posfet_sim.contact.textured_pads import Ridges, Roughness
+from support.sweep import decades
+
+LAYOUT = Layout(id=1, rows=5, cols=6, pitch_x=1.5e-3, pitch_y=1.2e-3, taxel_area=1e-6)
+WIDE = Layout(id=1, rows=64, cols=64, pitch_x=1.5e-3, pitch_y=1.5e-3, taxel_area=1e-6)
+SPREAD = 0.6e-3
+MODULUS = 2e6
+BENT: Bend = (1 / 20e-3, 0.0)
+SHAPES: dict[str, Shape] = {
+    "sphere": Sphere(5e-3, MODULUS),
+    "punch": Punch(1.5e-3, MODULUS),
+    "rectangle": RectangularPunch(4e-3, 2e-3, MODULUS),
+    "cylinder": Cylinder(4e-3, MODULUS, 3e-3),
+    "edge": Edge(4e-3, MODULUS, math.tan(math.radians(20))),
+    "ridges": Ridges(6e-3, 3e-3, 3, 10e-6, MODULUS),
+    "bumps": Roughness(5e-3, 4e-3, 40, 7),
+}
+PRESSED = [name for name in SHAPES if name not in ("ridges", "bumps")]
+POINTS = 400
+
+normal_below = np.vectorize(lambda z: 0.5 * math.erfc(-z / math.sqrt(2)))
+
+
+def forces(
+    shape: Shape, x: float, y: float, angle: float, force: float, bend: Bend = FLAT, layout: Layout = LAYOUT
+) -> np.ndarray:
+    cells = Cells(layout, SPREAD)
+    out = np.zeros((layout.rows, layout.cols))
+    where = [np.array([value]) for value in (x, y, angle, force)]
+    patch = cells.press([shape.footprints(force, SPREAD, bend)], *where)
+    if patch is not None:
+        out[patch.rows, patch.cols] += patch.force[0]
+    return out
+
+
+def collected(points: np.ndarray, weight: np.ndarray, x: float, y: float, angle: float) -> np.ndarray:
+    """Sum of Gaussians about points (u, v), shape [n, 2], turned and moved, over the cells of LAYOUT."""
+    u, v = points.T
+    at_x = x + u * math.cos(angle) - v * math.sin(angle)
+    at_y = y + u * math.sin(angle) + v * math.cos(angle)
+    edges_x = (np.arange(LAYOUT.cols + 1) - LAYOUT.cols / 2) * LAYOUT.pitch_x
+    edges_y = (np.arange(LAYOUT.rows + 1) - LAYOUT.rows / 2) * LAYOUT.pitch_y
+    within_x = np.diff(normal_below((edges_x - at_x[:, None]) / SPREAD), axis=1)
+    within_y = np.diff(normal_below((edges_y - at_y[:, None]) / SPREAD), axis=1)
+    return (within_y * weight[:, None]).T @ within_x
+
+
+def middles(half: float, count: int) -> np.ndarray:
+    return ((np.arange(count) + 0.5) / count * 2 - 1) * half
+
+
+def dense(u: np.ndarray, weight_u: np.ndarray, v: np.ndarray, weight_v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    points = np.stack([np.repeat(u, len(v)), np.tile(v, len(u))], axis=1)
+    weight = np.repeat(weight_u, len(v)) * np.tile(weight_v, len(u))
+    return points, weight / weight.sum()
+
+
+@pytest.mark.parametrize("angle", [0.0, math.pi / 2, math.pi, -math.pi / 2, 0.4, 2.1])
+@pytest.mark.parametrize("force", [0.02, 1.3])
+def test_lines_against_a_dense_grid_of_their_pressure(angle: float, force: float) -> None:
+    even = np.ones(60)
+    cylinder = SHAPES["cylinder"]
+    half = math.sqrt(4 * force / 4e-3 * 3e-3 / (math.pi * MODULUS))
+    v = middles(half, 150)
+    points, weight = dense(middles(2e-3, 60), even, v, np.sqrt(1 - (v / half) ** 2))
+    expected = force * collected(points, weight, 0.3e-3, -0.4e-3, angle)
+    np.testing.assert_allclose(forces(cylinder, 0.3e-3, -0.4e-3, angle, force), expected, rtol=0, atol=1e-4 * force)
+    half = force / 4e-3 / (MODULUS * math.tan(math.radians(20)))
+    v = middles(half, 150)
+    points, weight = dense(middles(2e-3, 60), even, v, np.arccosh(half / np.abs(v)))
+    expected = force * collected(points, weight, 0.3e-3, -0.4e-3, angle)
+    np.testing.assert_allclose(
+        forces(SHAPES["edge"], 0.3e-3, -0.4e-3, angle, force), expected, rtol=0, atol=1e-4 * force
+    )
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (0.7e-3, -1.1e-3), (3.9e-3, 0.2e-3)])
+def test_a_punch_against_polar_sums_of_its_exact_profile(x: float, y: float) -> None:
+    # r = a*sin(theta) makes p(r)*2*pi*r dr = F*sin(theta) dtheta.
+    theta = (np.arange(60) + 0.5) / 60 * math.pi / 2
+    angle = np.arange(48) * math.pi / 24
+    u = (1.5e-3 * np.sin(theta)[:, None] * np.cos(angle)).ravel()
+    v = (1.5e-3 * np.sin(theta)[:, None] * np.sin(angle)).ravel()
+    weight = np.repeat(np.sin(theta), 48)
+    expected = 1.3 * collected(np.stack([u, v], axis=1), weight / weight.sum(), x, y, 0.0)
+    np.testing.assert_allclose(forces(SHAPES["punch"], x, y, 0.0, 1.3), expected, rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize("angle", [0.0, math.pi / 2, 0.7])
+@pytest.mark.parametrize("share", [0.2, 0.9, 1.0, 2.5])
+def test_ridges_against_a_dense_grid_of_the_wavy_pressure(angle: float, share: float) -> None:
+    wavelength = 2e-3
+    full = math.pi * MODULUS * 10e-6 / wavelength  # p* [Pa]
+    mean = share * full
+    u = middles(3e-3, 600)
+    phase = math.pi * u / wavelength  # a crest in the middle, as for any odd number of ridges
+    if share < 1:
+        inside = np.maximum(share - np.sin(phase) ** 2, 0)
+        pressure = 2 * mean * np.abs(np.cos(phase)) / share * np.sqrt(inside)
+    else:
+        pressure = mean + full * np.cos(2 * phase)
+    assert pressure.mean() == pytest.approx(mean, rel=2e-3)  # what the grid is worth at the ridges' rims
+    force = mean * 6e-3 * 3e-3
+    points, weight = dense(u, pressure, middles(1.5e-3, 40), np.ones(40))
+    expected = force * collected(points, weight, 0.4e-3, 0.2e-3, angle)
+    found = forces(SHAPES["ridges"], 0.4e-3, 0.2e-3, angle, force)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=3e-4 * force)
+
+
+def test_bumps_are_those_of_the_seed_about_the_pads_place() -> None:
+    same, other = Roughness(5e-3, 4e-3, 40, 7), Roughness(5e-3, 4e-3, 40, 8)
+    found = forces(SHAPES["bumps"], 0.1e-3, 0.2e-3, 0.3, 1.0)
+    np.testing.assert_array_equal(found, forces(same, 0.1e-3, 0.2e-3, 0.3, 1.0))
+    assert np.abs(found - forces(other, 0.1e-3, 0.2e-3, 0.3, 1.0)).max() > 5e-3
+    fine = Layout(id=1, rows=128, cols=128, pitch_x=0.2e-3, pitch_y=0.2e-3, taxel_area=1e-8)
+    spread_out = forces(same, 0.1e-3, 0.2e-3, 0.3, 1.0, layout=fine)
+    centre = spread_out.ravel() @ fine.positions
+    np.testing.assert_allclose(centre, [0.1e-3, 0.2e-3], rtol=0, atol=1e-8)
+
+
+def test_an_angle_that_is_nearly_a_right_one_gives_nearly_the_same() -> None:
+    for shape in SHAPES.values():
+        for angle in (0.0, math.pi / 2, math.pi, 3 * math.pi / 2):
+            aligned, turned = (forces(shape, 0.3e-3, -0.2e-3, angle + step, 1.0) for step in (0.0, 1e-7))
+            np.testing.assert_allclose(aligned, turned, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("bend", [FLAT, BENT, (0.0, 50.0), (20.0, 30.0)])
+@pytest.mark.parametrize("name", SHAPES)
+def test_the_whole_force_arrives(name: str, bend: Bend) -> None:
+    for force in (1e-3, 0.2, 3.0):
+        for angle in (0.0, 1.0):
+            total = forces(SHAPES[name], 0.01, -0.02, angle, force, bend, WIDE).sum()
+            assert total == pytest.approx(force, rel=1e-12)
+
+
+def test_an_object_meets_only_the_taxels_under_it() -> None:
+    cells = Cells(WIDE, SPREAD)
+    for shape in SHAPES.values():
+        footprints = [shape.footprints(0.3, SPREAD, FLAT)]
+        patch = cells.press(footprints, *[np.array([value]) for value in (1e-3, 2e-3, 0.3, 0.3)])
+        assert patch is not None
+        assert max(patch.force.shape) <= 13
+        assert cells.press(footprints, *[np.array([value]) for value in (0.08, 0.0, 0.3, 0.3)]) is None
+
+
+@pytest.mark.parametrize("bend", [FLAT, BENT, (20.0, 30.0)])
+@pytest.mark.parametrize("name", SHAPES)
+def test_moments_together_are_the_moments_one_by_one(name: str, bend: Bend) -> None:
+    # Loads that need other numbers of points, and every way to lie; some moments off the array.
+    shape, cells = SHAPES[name], Cells(WIDE, SPREAD)
+    count = 23
+    x, y = np.linspace(-0.07, 0.03, count), np.linspace(0.0, 0.02, count)
+    angle = np.resize([0.0, math.pi / 2, 0.3, -math.pi, 2.0], count)
+    force = np.geomspace(1e-3, 3.0, count)
+    footprints = [shape.footprints(each, SPREAD, bend) for each in force.tolist()]
+    together = cells.press(footprints, x, y, angle, force)
+    assert together is not None
+    for moment in range(count):
+        whole, alone = np.zeros((2, WIDE.rows, WIDE.cols))
+        whole[together.rows, together.cols] = together.force[moment]
+        one = slice(moment, moment + 1)
+        patch = cells.press(footprints[one], x[one], y[one], angle[one], force[one])
+        if patch is not None:
+            alone[patch.rows, patch.cols] = patch.force[0]
+        np.testing.assert_allclose(whole, alone, rtol=0, atol=1e-13 * force[moment])
+
+
+@pytest.mark.parametrize("bend", [FLAT, BENT, (0.0, 50.0), (20.0, 30.0)])
+@pytest.mark.parametrize("name", PRESSED)
+@settings(deadline=None)
+@given(force=decades(1e-4, 5.0))
+def test_the_force_of_an_indentation_is_the_force(name: str, bend: Bend, force: float) -> None:
+    shape = SHAPES[name]
+    assert shape.force(shape.indentation(force, bend), bend) == pytest.approx(force, rel=1e-10)
+    assert shape.force(0.0, bend) == shape.force(-1e-3, bend) == 0.0
+
+
+@settings(deadline=None)
+@given(decades(10.0, 1e3), decades(1.0, 1e3))
+def test_an_ellipse_keeps_johnsons_equations(across: float, ratio: float) -> None:
+    shape = hertz_ellipse(across, across * ratio, MODULUS)
+    major, minor = shape.along, shape.across
+    square = 1 - mpmath.mpf(minor / major) ** 2
+    first, second = mpmath.ellipk(square), mpmath.ellipe(square)
+    if square > 1e-6:
+        curvatures = ((major / minor) ** 2 * second - first) / (first - second)
+        assert float(curvatures) == pytest.approx(ratio, rel=1e-7)
+    assert shape.depth == pytest.approx(3 * float(first) / (2 * math.pi * major * MODULUS), rel=1e-9)
+
+
+def test_slices_make_a_rods_contact_on_a_bent_chip_as_much_too_long_as_the_document_says() -> None:
+    ratios = []
+    for radius in (1e-3, 2e-3, 3e-3, 5e-3, 10e-3):
+        for bent in (10e-3, 20e-3, 50e-3, 100e-3):
+            for length in (4e-3, 10e-3, 20e-3):
+                rod, bend = Cylinder(length, MODULUS, radius), (1 / bent, 0.0)
+                for force in (0.01, 0.03, 0.1, 0.3, 1.0):
+                    sliced, hertz = LineShape.line_load(rod, force, bend), rod.line_load(force, bend)
+                    if force < rod.greatest_force and sliced.half_length < 0.999 * length / 2:
+                        ratios.append(sliced.half_length / hertz.half_length)
+    assert len(ratios) > 50
+    assert (min(ratios), max(ratios)) == (pytest.approx(1.17, abs=0.005), pytest.approx(2.08, abs=0.005))
+
+
+def displacement(x: float, y: float, along: float, across: float, force: float) -> float:
+    """Of the surface under an elliptic Hertz pressure, by Boussinesq's point load in polar coordinates about (x, y)."""
+    angle = (np.arange(400) + 0.5) * 2 * math.pi / 400
+    cos, sin = np.cos(angle), np.sin(angle)
+    a = (cos / along) ** 2 + (sin / across) ** 2
+    b = x * cos / along**2 + y * sin / across**2
+    c = 1 - (x / along) ** 2 - (y / across) ** 2
+    end = (-b + np.sqrt(b * b + a * c)) / a  # of the chord from (x, y) on
+    u = middles(1.0, 400)[:, None]  # r = end*(1 - s^2) takes the root at the rim away
+    s = (u + 1) / 2
+    r = end * (1 - s**2)
+    pressure = np.sqrt(np.maximum(c - 2 * b * r - a * r * r, 0)) * 2 * s * end
+    peak = 1.5 * force / (math.pi * along * across)
+    return float(peak * pressure.mean(axis=0).sum() * 2 * math.pi / 400 / (math.pi * MODULUS))
+
+
+def test_the_surface_under_a_sphere_on_a_bent_chip_follows_the_gap() -> None:
+    shape = hertz_ellipse(1 / 5e-3 + 1 / 20e-3, 1 / 5e-3, MODULUS)
+    force = 1.3
+    along, across = shape.along * force ** (1 / 3), shape.across * force ** (1 / 3)
+    depth = shape.depth * force ** (2 / 3)
+    for x, y in ((0.0, 0.0), (0.5 * along, 0.0), (0.0, 0.6 * across), (0.4 * along, -0.5 * across)):
+        gap = (1 / 5e-3 + 1 / 20e-3) * x * x / 2 + y * y / 2 / 5e-3
+        assert displacement(x, y, along, across, force) == pytest.approx(depth - gap, abs=1e-4 * depth)
+
+
+def test_a_line_sinks_in_as_boussinesqs_point_loads_say() -> None:
+    length, half = 8e-3, 0.4e-3
+    u = middles(length / 2, 4000)
+    for profile, pressure in ((1.0, lambda s: np.sqrt(1 - s * s)), (2.0, lambda s: np.arccosh(1 / s))):
+        s = (middles(0.5, 2000) + 0.5) ** 2  # dense towards the middle, where the point load is singular
+        weight = pressure(s) * np.sqrt(s)
+        distance = np.array([np.mean(1 / np.hypot(u, s_i * half)) for s_i in s[::20]])
+        # Analytic along the line for the rest: asinh has no singularity but the logarithm's.
+        along = 2 * np.arcsinh(length / 2 / (s * half))
+        assert np.allclose(distance[20:] * length, along[::20][20:], rtol=2e-3)
+        found = float(weight @ along / weight.sum()) / (math.pi * MODULUS)  # for a load of 1 N/m
+        assert 1 / line_stiffness(length, half, MODULUS, profile) == pytest.approx(found, rel=3e-3)
+
+
+def test_crossed_cylinders_are_a_hertz_ellipse_until_its_ends() -> None:
+    rod = Cylinder(20e-3, MODULUS, 3e-3)
+    ellipse = hertz_ellipse(BENT[0], 1 / 3e-3, MODULUS)
+    for force in (0.01, 1.0):
+        load = rod.line_load(force, BENT)
+        assert load.half_length == pytest.approx(ellipse.along * force ** (1 / 3), rel=1e-9)
+        assert load.indentation == pytest.approx(ellipse.depth * force ** (2 / 3), rel=1e-9)
+        assert rod.half_width(load.middle, 0.0) == pytest.approx(ellipse.across * force ** (1 / 3), rel=0.03)
+    short = Cylinder(4e-3, MODULUS, 3e-3)
+    closing = (2e-3 / ellipse.along) ** 3
+    before, after = (short.line_load(closing * share, BENT) for share in (1 - 1e-9, 1 + 1e-9))
+    assert before.half_length == pytest.approx(after.half_length, rel=1e-6)
+    assert before.middle == pytest.approx(after.middle, rel=1e-6)
+    assert before.indentation == pytest.approx(after.indentation, rel=1e-6)
+
+
+def test_a_bent_chip_makes_the_contact_shorter_and_deeper() -> None:
+    columns = np.arange(LAYOUT.cols) - (LAYOUT.cols - 1) / 2
+    for name in (each for each in PRESSED if each != "rectangle"):  # for flat chips
+        shape = SHAPES[name]
+        flat, bent = (forces(shape, 0.0, 0.0, 0.0, 0.05, bend).sum(axis=0) for bend in (FLAT, (200.0, 0.0)))
+        assert bent @ columns**2 < 0.999 * (flat @ columns**2)
+        assert shape.indentation(0.05, (200.0, 0.0)) > shape.indentation(0.05, FLAT)
+
+
+def boussinesq(edges_x: np.ndarray, edges_y: np.ndarray) -> np.ndarray:
+    """Share of a point force in rectangles at depth 1: the stress 3/(2*pi*(r^2 + 1)^2.5), integrated in closed form."""
+    x, y = edges_x[None, :], edges_y[:, None]
+    r = np.sqrt(x * x + y * y + 1)
+    corner = (np.arctan2(x * y, r) + x * y / r * (1 / (x * x + 1) + 1 / (y * y + 1))) / (2 * math.pi)
+    return np.diff(np.diff(corner, axis=0), axis=1)
+
+
+def test_the_closed_form_of_boussinesq_against_a_dense_sum() -> None:
+    edges = np.array([-0.9, 0.3, 2.0])
+    found = boussinesq(edges, edges)
+    for row, (low_y, high_y) in enumerate(pairwise(edges)):
+        for col, (low_x, high_x) in enumerate(pairwise(edges)):
+            x = low_x + (np.arange(400) + 0.5) / 400 * (high_x - low_x)
+            y = low_y + (np.arange(400) + 0.5) / 400 * (high_y - low_y)
+            stress = 1.5 / math.pi * (x**2 + y[:, None] ** 2 + 1) ** -2.5
+            area = (high_x - low_x) * (high_y - low_y)
+            assert stress.mean() * area == pytest.approx(found[row, col], abs=1e-6)
+
+
+def mismatch(spread: float, pitch: float, points: np.ndarray) -> float:
+    """Greatest difference of a cell's share between Gaussian and Boussinesq, lengths in thicknesses of the cover."""
+    worst = 0.0
+    for offset_x in (0.0, 0.25, 0.5):
+        for offset_y in (0.0, 0.25, 0.5):
+            exact, spread_out = 0.0, 0.0
+            for x, y in points:
+                edges_x = (np.arange(12) - 5.5 - offset_x) * pitch - x
+                edges_y = (np.arange(12) - 5.5 - offset_y) * pitch - y
+                exact = exact + boussinesq(edges_x, edges_y) / len(points)
+                within = [np.diff(normal_below(edges / spread)) for edges in (edges_y, edges_x)]
+                spread_out = spread_out + np.outer(*within) / len(points)
+            worst = max(worst, float(np.abs(exact - spread_out).max()))
+    return worst
+
+
+PITCHES = (1.5, 1.75, 2.0)
+"""Cells over the cover's thickness; 1.75 on the shipped sensor."""
+
+
+def test_the_gaussian_is_as_far_from_boussinesq_as_is_said() -> None:
+    point = np.zeros((1, 2))
+    assert spread_of_cover(1e-3) == pytest.approx(0.7e-3, rel=1e-12)
+    worst = [mismatch(SPREAD_PER_THICKNESS, pitch, point) for pitch in PITCHES]
+    assert 0.03 < max(worst) < 0.037
+    assert max(mismatch(SPREAD_PER_THICKNESS, pitch, point) for pitch in (1.0, 2.5)) < 0.061
+    assert max(worst) < max(mismatch(0.6, pitch, point) for pitch in PITCHES)
+    assert max(worst) < max(mismatch(0.8, pitch, point) for pitch in PITCHES)
+    theta = (np.arange(6) + 0.5) / 6 * math.pi / 2
+    radius = np.sqrt(1 - np.cos(theta) ** 2)  # an even pressure's points would do as well: as wide as thick
+    angle = np.arange(8) * math.pi / 4
+    wide = np.stack([np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()], axis=1)
+    assert max(mismatch(SPREAD_PER_THICKNESS, pitch, 1.5 * wide) for pitch in PITCHES) < max(worst)
+
+
+@settings(deadline=None)
+@given(st.sampled_from(sorted(SHAPES)), st.floats(-6.3, 6.3), st.floats(-4e-3, 4e-3), st.floats(-3e-3, 3e-3))
+def test_no_taxel_is_pulled(name: str, angle: float, x: float, y: float) -> None:
+    found = forces(SHAPES[name], x, y, angle, 0.7)
+    assert found.min() >= -1e-15
+    assert found.sum() <= 0.7 * (1 + 1e-12)

@@ -1,0 +1,98 @@
+"""Endless noise: the spectrum that it states, the same numbers however it is read."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.scan import Scan
+from posfet_sim.device.flicker_noise import FACTOR, OCTAVES, FlickerNoise
+from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.random_streams import Stream, generator
+from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.scene import SceneLoads, load_scene
+
+RATE = 1000.0
+BANDWIDTH = 1.5e6
+
+
+def expected_spectrum(frequency: np.ndarray, folded: float) -> np.ndarray:
+    """Density of the sum of octaves from their definition, one-sided, in units of 1/RATE; frequency over the rate."""
+    total = np.full_like(frequency, 2 * folded)
+    for octave in range(1, OCTAVES + 1):
+        span = FACTOR**octave
+        if span <= FACTOR**5:
+            steps = np.arange(-span + 1, span)
+            transform = np.cos(np.pi * steps / (2 * span)) @ np.cos(2 * np.pi * np.outer(steps, frequency))
+        else:  # the sum is an integral to 1e-6
+            turns = 4 * span * frequency
+            transform = 4 * span / np.pi * np.cos(np.pi * turns / 2) / (1 - turns**2)
+        total += 2 * np.log(FACTOR) * transform**2 / span
+    return total
+
+
+def test_the_spectrum_is_within_1_decibel_of_what_is_stated() -> None:
+    frequency = np.geomspace(1.001 * FACTOR**-9.0, 0.5, 700)  # clear of 0/0 at powers of 4
+    spectrum = expected_spectrum(frequency, FlickerNoise.folded_variance(RATE, BANDWIDTH))
+    stated = 1 / frequency + 2 * np.log(2 * BANDWIDTH / RATE)
+    assert np.abs(10 * np.log10(spectrum / stated)).max() < 1.0
+
+
+def block(noise: FlickerNoise, number: int) -> np.ndarray:
+    """Scans of one block, shape [scans, taxels]."""
+    return noise.weights @ noise.rows(number)
+
+
+def test_the_numbers_have_that_spectrum() -> None:
+    taxels, span, blocks = 64, 64, 256
+    noise = FlickerNoise(3, taxels, span)
+    record = np.concatenate([block(noise, number) for number in range(blocks)])
+    length = 4096
+    window = np.hanning(length)[:, None]
+    parts = [record[start : start + length] * window for start in range(0, len(record), length)]
+    power = np.mean([np.abs(np.fft.rfft(part, axis=0)) ** 2 for part in parts], axis=(0, 2)) * 2 / (window**2).sum()
+    frequency = np.arange(power.size) / length
+    bands = np.geomspace(8 / length, 0.1, 8)
+    for low, high in itertools.pairwise(bands):
+        inside = (frequency >= low) & (frequency < high)
+        expected = expected_spectrum(frequency[inside], 0.0).mean()
+        assert power[inside].mean() == pytest.approx(expected, rel=0.1)  # 256 records a bin; straight lines in a block
+
+
+def test_blocks_are_the_same_whoever_asks_and_join_without_a_jump() -> None:
+    first, second = FlickerNoise(5, 3, 16), FlickerNoise(5, 3, 16)
+    forwards = [block(first, number) for number in range(40)]
+    for number in (39, 7, 38, 0, 7):
+        np.testing.assert_array_equal(block(second, number), forwards[number])
+    record = np.concatenate(forwards)
+    at_joints = np.abs(np.diff(record, axis=0))[15::16].mean()
+    assert at_joints < 1.5 * np.abs(np.diff(record, axis=0)).mean()
+    block(second, 1_000_000)  # far ahead, at once
+    assert len(second._pages) < 60
+
+
+def test_streams_differ_by_seed_purpose_and_page() -> None:
+    draws = [generator(*arguments).random(4) for arguments in ((1, 2, 3), (2, 2, 3), (1, 3, 3), (1, 2, 4))]
+    for index, draw in enumerate(draws):
+        assert not any(np.array_equal(draw, other) for other in draws[index + 1 :])
+    np.testing.assert_array_equal(draws[0], generator(1, 2, 3).random(4))
+    assert max(Stream) == Stream.FLICKER
+
+
+def test_white_noise_of_the_board_adds_up() -> None:
+    sensor = load_sensor()
+    both = Imperfections.none()
+    for imperfections, expected in (
+        (both, sensor.adc.noise),
+        (both.without_noise(), 0.0),
+    ):
+        board = SimulatedBoard(sensor, SceneLoads(load_scene("idle", sensor), sensor), 9, imperfections)
+        scan = Scan.empty(1, sensor.layout.taxels)
+        counts = np.empty((4000, sensor.layout.taxels))
+        for index in range(4000):
+            board.scan(index, scan)
+            counts[index] = scan.counts
+        step = (sensor.adc.high - sensor.adc.low) / 65535
+        rounding = step**2 / 12 if expected else 0.0
+        assert np.var(counts * step) == pytest.approx(expected**2 + rounding, rel=0.02, abs=1e-15)

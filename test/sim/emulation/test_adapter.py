@@ -1,0 +1,393 @@
+"""The whole wire path: firmware, emulated adapter on a pseudo-terminal, slcan bus, board."""
+
+from __future__ import annotations
+
+import os
+import select
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+from posfet_driver.board.board_client import Board
+from posfet_driver.board.command_queue import CommandError
+from posfet_driver.board.scan_source import Health, SourceError
+from posfet_driver.bus.frame import Frame
+from posfet_driver.bus.message_conversion import frame_of, message_of
+from posfet_driver.bus.open_bus import bus_settings, open_bus
+from posfet_driver.bus.slcan_bus import SlcanBus
+from posfet_driver.clock import SystemClock
+from posfet_driver.protocol.messages import Command, Result
+from posfet_model.sensor.description import Sensor
+from posfet_model.sensor.scan import ScanStatus
+from posfet_sim.emulation.firmware import BoardFirmware
+from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
+from support.fake_board import (
+    PATIENCE,
+    FakeBoard,
+    assert_marked,
+    read_scans,
+    read_until,
+    slcan_opener,
+    with_fd,
+    with_layout,
+)
+from support.frame_examples import FRAMES
+
+
+class Echo:
+    """A node on the bus that sends back what it gets, and nothing else."""
+
+    def next_due(self) -> int:
+        return 1 << 62
+
+    def due(self, now: int) -> list[Frame]:
+        return []
+
+    def receive(self, frame: Frame, now: int) -> list[Frame]:
+        return [frame]
+
+
+@pytest.fixture
+def link(tmp_path: Path) -> Path:
+    return tmp_path / "can0"
+
+
+@pytest.fixture
+def echo(link: Path) -> Iterator[EmulatedAdapter]:
+    adapter = EmulatedAdapter(link, Echo())
+    adapter.open()
+    yield adapter
+    adapter.close()
+
+
+def require_slcan(fd: bool) -> None:
+    """Skip where python-can's own slcan cannot do what the test needs."""
+    pytest.importorskip("serial", reason="needs pyserial")
+    slcan = pytest.importorskip("can.interfaces.slcan")
+    if fd and not hasattr(slcan.slcanBus, "_DATA_BITRATES"):
+        pytest.skip("python-can's own slcan has CAN FD from 4.5 on")
+
+
+def firmware_for(sensor: Sensor, fd: bool) -> BoardFirmware:
+    return BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), SystemClock().monotonic())
+
+
+@pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+def test_scans_arrive_whole_in_order_and_none_is_lost(sensor: Sensor, link: Path, fd: bool) -> None:
+    adapter = EmulatedAdapter(link, firmware_for(sensor, fd))
+    adapter.open()
+    board = Board(with_fd(sensor, fd), slcan_opener(link))
+    board.open()
+    try:
+        expected = None
+        for scan in read_scans(board, 600):
+            assert_marked(scan)
+            first = expected is None
+            estimated = ScanStatus.OK if fd else ScanStatus.TIME_ESTIMATED
+            assert scan.status == (ScanStatus.BOARD_RESET | estimated if first else estimated)
+            assert first or scan.sequence == expected
+            expected = scan.sequence + 1
+            assert scan.frames_lost == 0
+            assert scan.device_time == (round(scan.sequence * 1e6 / sensor.can.scan_rate) if fd else 0)
+        np.testing.assert_array_equal(board.receiver.scan.temperatures, [23.5, 23.5])
+        report = board.report()
+        assert report.health == Health.OK
+        assert report.values["firmware"] == "0.1"
+        assert not any(report.counters.values())
+        assert adapter.frames_dropped == 0
+    finally:
+        board.close()
+        adapter.close()
+    assert not link.is_symlink()
+
+
+def test_a_large_array_arrives_whole(sensor: Sensor, link: Path) -> None:
+    sensor = with_layout(sensor, 32, 32, scan_rate=200.0)
+    adapter = EmulatedAdapter(link, firmware_for(sensor, True))
+    adapter.open()
+    board = Board(sensor, slcan_opener(link))
+    board.open()
+    try:
+        sequences = []
+        for scan in read_scans(board, 50):
+            assert_marked(scan)
+            sequences.append(scan.sequence)
+        assert sequences == list(range(sequences[0], sequences[0] + 50))
+        assert board.report().frames_lost == 0
+    finally:
+        board.close()
+        adapter.close()
+
+
+def test_the_board_survives_an_adapter_that_goes_and_comes_back(sensor: Sensor, link: Path) -> None:
+    """Not there yet, there, pulled out, back at the same path with a board that was reset."""
+    board = Board(sensor, slcan_opener(link))
+    board.open()
+    assert board.report().health == Health.ERROR
+    assert "No such file or directory" in board.report().state
+    adapters = []
+    try:
+        for round_trip in range(3):
+            adapter = EmulatedAdapter(link, firmware_for(sensor, True))
+            adapter.open()
+            adapters.append(adapter)
+            for scan in read_scans(board, 20):
+                assert_marked(scan)
+                assert scan.sequence < 20_000  # each board counts from its own start
+            adapter.close()
+            read_until(board, lambda: board.report().health == Health.ERROR)
+            assert board.link.failed == round_trip + 1
+            assert board.report().conditions == ("bus gone",)
+    finally:
+        board.close()
+        for adapter in adapters:
+            adapter.close()
+
+
+def test_a_board_that_falls_silent_is_started_again(sensor: Sensor, link: Path) -> None:
+    firmware = firmware_for(sensor, True)
+    adapter = EmulatedAdapter(link, firmware)
+    adapter.open()
+    board = Board(sensor, slcan_opener(link))
+    board.open()
+    try:
+        list(read_scans(board, 3))
+        firmware.running = False  # as after a brown-out
+        read_until(board, lambda: board.restarted > 0)
+        for scan in read_scans(board, 3):
+            assert_marked(scan)
+        assert board.report().counters["lost scans"] > 0
+    finally:
+        board.close()
+        adapter.close()
+
+
+def test_commands_are_answered_or_refused_with_a_reason(sensor: Sensor, link: Path) -> None:
+    fake = FakeBoard(sensor)
+    firmware = BoardFirmware(sensor, fake, SystemClock().monotonic())
+    adapter = EmulatedAdapter(link, firmware)
+    adapter.open()
+    board = Board(sensor, slcan_opener(link))
+    board.open()
+    try:
+        list(read_scans(board, 3))
+        assert board.request(Command.STOP, timeout=PATIENCE).result == Result.OK
+        assert not firmware.running
+        assert board.request(Command.IDENTIFY, timeout=PATIENCE).value & 0xFFFF == sensor.layout.id
+        with pytest.raises(CommandError, match="SET_RATE: refused by the board: bad argument"):
+            board.request(Command.SET_RATE, 10, timeout=PATIENCE)
+        assert board.request(Command.SET_RATE, 5000, timeout=PATIENCE).value == 5000
+        assert not firmware.running
+        board.request(Command.START, timeout=PATIENCE)
+        times = [scan.device_time for scan in read_scans(board, 10)]
+        assert set(np.diff(times)) == {5000}
+        assert board.report().frames_lost == 0
+        fake.status = ScanStatus.ADC_FAULT
+        next(read_scans(board, 1))
+        list(read_scans(board, 10))
+        with pytest.raises(CommandError, match=r"SELF_TEST: refused by the board: failed \(value 2\)"):
+            board.request(Command.SELF_TEST, timeout=PATIENCE)
+    finally:
+        board.close()
+        adapter.close()
+
+
+def test_a_command_without_an_answer_times_out(sensor: Sensor, echo: EmulatedAdapter) -> None:
+    board = Board(sensor, slcan_opener(echo.link))
+    with pytest.raises(CommandError, match="STOP: closed"):
+        board.request(Command.STOP)
+    board.open()
+    try:
+        with pytest.raises(CommandError, match=r"STOP: the board was not ready within 0\.05 s: looking for the board"):
+            board.request(Command.STOP, timeout=0.05)
+        read_until(board, lambda: "no board answers at base identifier 0x100" in board.report().state)
+    finally:
+        board.close()
+
+
+def test_another_board_is_named_and_not_read(sensor: Sensor, link: Path) -> None:
+    other = replace(sensor, layout=replace(sensor.layout, id=7))
+    adapter = EmulatedAdapter(link, firmware_for(other, True))
+    adapter.open()
+    board = Board(sensor, slcan_opener(link))
+    board.open()
+    try:
+        read_until(board, lambda: board.report().state == "the board has layout 7, the sensor file 1")
+        assert board.report().health == Health.ERROR
+        assert board.report().scans == 0
+    finally:
+        board.close()
+        adapter.close()
+
+
+@pytest.mark.parametrize("frame", FRAMES, ids=str)
+def test_our_bus_sends_and_receives_every_kind_of_frame(echo: EmulatedAdapter, frame: Frame) -> None:
+    with SlcanBus(str(echo.link), bitrate=1_000_000, data_bitrate=5_000_000, fd=True) as bus:
+        bus.send(message_of(frame))
+        received = bus.recv(PATIENCE)
+        assert received is not None
+        assert frame_of(received) == frame
+        assert bus.recv(0) is None
+        assert bus.malformed_lines == 0
+
+
+def test_both_slcan_buses_receive_the_same(echo: EmulatedAdapter) -> None:
+    """python-can's own bus on the same adapter, one after the other, at a rate that it can follow."""
+    require_slcan(fd=True)
+    timing = can.BitTimingFd(80_000_000, 2, 31, 8, 8, 1, 12, 3, 3)
+    heard = []
+    for opener in (
+        slcan_opener(echo.link),
+        lambda: can.Bus(interface="slcan", channel=str(echo.link), timing=timing, sleep_after_open=0),
+    ):
+        with opener() as bus:
+            messages = []
+            for frame in FRAMES:
+                bus.send(message_of(frame))
+                messages.append(bus.recv(PATIENCE))
+            heard.append(messages)
+    for ours, theirs in zip(*heard, strict=True):
+        assert ours is not None
+        assert ours.equals(theirs, timestamp_delta=None, check_channel=False)
+
+
+@pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+def test_a_board_is_read_through_python_cans_own_slcan(sensor: Sensor, link: Path, fd: bool) -> None:
+    require_slcan(fd)
+    sensor = with_layout(sensor, 5, 5, scan_rate=25.0)
+    adapter = EmulatedAdapter(link, firmware_for(sensor, fd))
+    adapter.open()
+    settings = bus_settings("slcan-python-can", str(link), sensor.can, options=["sleep_after_open=0"])
+    board = Board(with_fd(sensor, fd), lambda: open_bus(settings))
+    board.open()
+    try:
+        sequences = []
+        for scan in read_scans(board, 10):
+            assert_marked(scan)
+            sequences.append(scan.sequence)
+        assert sequences == list(range(sequences[0], sequences[0] + 10))
+    finally:
+        board.close()
+        adapter.close()
+
+
+def serial_exchange(link: Path, line: bytes, expected: bytes) -> None:
+    """Write a line to the terminal as a program without any bus would, and wait for the reply."""
+    port = os.open(link, os.O_RDWR | os.O_NOCTTY)
+    try:
+        os.write(port, line)
+        reply = b""
+        while len(reply) < len(expected):
+            assert select.select([port], [], [], PATIENCE)[0], reply
+            reply += os.read(port, 4096)
+        assert reply == expected
+    finally:
+        os.close(port)
+
+
+def test_the_adapter_replies_as_its_manual_says(echo: EmulatedAdapter) -> None:
+    for line, reply in [
+        (b"C\r", b"\r"),
+        (b"V\r", b"V1013\r"),
+        (b"N\r", b"NPSFT\r"),
+        (b"F\r", b"F00\r"),
+        (b"t1231FF\r", b"\a"),  # the channel is closed
+        (b"S8\r", b"\r"),
+        (b"Y5\r", b"\r"),
+        (b"L\r", b"\r"),
+        (b"t1231FF\r", b"\a"),  # it only listens
+        (b"C\r", b"\r"),
+        (b"O\r", b"\r"),
+        (b"O\r", b"\a"),
+        (b"S8\r", b"\a"),
+        (b"Z1\r", b"\a"),
+        (b"t12\r", b"\a"),
+        (b"t1231FF\r", b"z\rt1231FF\r"),
+        (b"T000001231FF\r", b"Z\rT000001231FF\r"),
+        (b"r1238\r", b"z\rr1238\r"),
+        (b"b123900112233445566778899AABB\r", b"z\rb123900112233445566778899AABB\r"),
+    ]:
+        serial_exchange(echo.link, line, reply)
+
+
+def test_a_reader_that_sleeps_costs_frames_not_memory(sensor: Sensor, link: Path) -> None:
+    """The adapter's output is bounded, and what did not fit is counted on both sides."""
+    firmware = firmware_for(with_layout(sensor, 5, 5, scan_rate=20_000.0), True)
+    adapter = EmulatedAdapter(link, firmware)
+    adapter.open()
+    fast = with_layout(sensor, 5, 5, scan_rate=20_000.0)
+    board = Board(fast, slcan_opener(link))
+    board.open()
+    try:
+        list(read_scans(board, 1))
+        clock = SystemClock()
+        end = clock.monotonic() + round(PATIENCE * 1e9)
+        while adapter.frames_dropped < 200:
+            os.sched_yield()
+            assert clock.monotonic() < end
+        read_until(board, lambda: board.report().counters["lost scans"] >= 200)
+    finally:
+        board.close()
+        adapter.close()
+
+
+class StumblingClock(SystemClock):
+    """Jumps ahead by two seconds when told to, as for a thread that was not let run."""
+
+    def __init__(self) -> None:
+        self.behind = 2_000_000_000
+
+    def monotonic(self) -> int:
+        return super().monotonic() - self.behind
+
+
+def test_an_adapter_that_was_held_up_loses_nothing(sensor: Sensor, link: Path) -> None:
+    clock = StumblingClock()
+    firmware = BoardFirmware(sensor, FakeBoard(sensor), clock.monotonic())
+    adapter = EmulatedAdapter(link, firmware, clock)
+    adapter.open()
+    board = Board(sensor, slcan_opener(link))
+    board.open()
+    try:
+        list(read_scans(board, 10))
+        clock.behind = 0
+        for scan in read_scans(board, 2500):
+            assert_marked(scan)
+        assert scan.frames_lost == 0
+        assert adapter.frames_dropped == 0
+    finally:
+        board.close()
+        adapter.close()
+
+
+def test_an_adapter_does_not_overwrite_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "precious"
+    path.write_text("mine")
+    with pytest.raises(SourceError, match="precious: the adapter cannot be linked here: there is something else"):
+        EmulatedAdapter(path, Echo()).open()
+    assert path.read_text() == "mine"
+
+
+def test_a_port_is_opened_by_one_driver_only(echo: EmulatedAdapter) -> None:
+    with (
+        SlcanBus(str(echo.link), bitrate=1_000_000),
+        pytest.raises(can.CanInitializationError, match="in use by another process"),
+    ):
+        SlcanBus(str(echo.link), bitrate=1_000_000)
+
+
+def test_the_bus_says_why_it_cannot_be_opened(tmp_path: Path) -> None:
+    with pytest.raises(can.CanInitializationError, match="none: No such file or directory"):
+        SlcanBus(str(tmp_path / "none"))
+    plain = tmp_path / "plain"
+    plain.touch()
+    with pytest.raises(can.CanInitializationError, match="plain: not a serial port: Inappropriate ioctl"):
+        SlcanBus(str(plain))
+    with pytest.raises(ValueError, match=r"bitrate must be one of 10000, .* with slcan, got 123"):
+        SlcanBus(str(plain), bitrate=123)
+    with pytest.raises(ValueError, match="data_bitrate must be one of 2000000, 5000000 with slcan, got 4000000"):
+        SlcanBus(str(plain), bitrate=500_000, data_bitrate=4_000_000, fd=True)

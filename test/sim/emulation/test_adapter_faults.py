@@ -1,0 +1,216 @@
+"""Faults of the adapter itself, on the emulated one: away, back under another name, wrong bitrate; and commands."""
+
+from __future__ import annotations
+
+import os
+import threading
+import tty
+from concurrent.futures import wait
+from pathlib import Path
+
+import can
+import pytest
+
+from posfet_driver.board.board_client import Board
+from posfet_driver.board.command_queue import CommandError
+from posfet_driver.board.faults import FaultWatch
+from posfet_driver.board.scan_source import SourceError
+from posfet_driver.bus.open_bus import bus_settings
+from posfet_driver.bus.port_search import BusOpener
+from posfet_driver.bus.python_can_bus import MessageFrames
+from posfet_driver.bus.slcan_codec import FLAG_OVERFLOW, FLAG_PASSIVE
+from posfet_driver.clock import SystemClock
+from posfet_driver.protocol.messages import Command
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.emulation.adapter_lock import is_served
+from posfet_sim.emulation.firmware import BoardFirmware
+from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
+from support.fake_board import PATIENCE, FakeBoard, assert_marked, read_scans, read_until, with_layout
+
+SENSOR = with_layout(load_sensor(), 5, 5, scan_rate=200.0)
+
+
+def make_adapter(path: Path) -> EmulatedAdapter:
+    adapter = EmulatedAdapter(path, BoardFirmware(SENSOR, FakeBoard(SENSOR), SystemClock().monotonic()))
+    adapter.open()
+    return adapter
+
+
+def make_board(channel: object) -> tuple[Board, BusOpener]:
+    opener = BusOpener(bus_settings("slcan", str(channel), SENSOR.can))
+    return Board(SENSOR, opener, presence=opener.presence), opener
+
+
+def test_a_second_adapter_at_a_link_is_refused_until_the_first_has_ended(tmp_path: Path) -> None:
+    first = make_adapter(tmp_path / "can0")
+    try:
+        assert is_served(first.link)
+        with pytest.raises(SourceError, match="an emulated adapter is running here already"):
+            make_adapter(tmp_path / "can0")
+        assert first.link.is_symlink()
+    finally:
+        first.close()
+    assert not is_served(tmp_path / "can0")
+    make_adapter(tmp_path / "can0").close()
+
+
+def test_a_port_that_speaks_no_slcan_is_told() -> None:
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    board, _ = make_board(os.ttyname(slave))
+    board.open()
+    try:
+        os.write(master, b"$GPGGA,123519,4807.038,N\r\n" * 20)
+        read_until(board, lambda: board.report().counters["malformed lines"] == 20)
+        told = [fault.name for fault in FaultWatch().present(board.report(), 0)]
+        assert "malformed lines" in told
+    finally:
+        board.close()
+        os.close(master)
+        os.close(slave)
+    assert board.report().counters["malformed lines"] == 20  # though the port is closed
+
+
+def test_an_adapter_that_comes_back_under_another_name_is_found(tmp_path: Path) -> None:
+    board, opener = make_board(tmp_path / "can*")
+    board.open()
+    assert board.report().state == f"the bus is not there, trying again: slcan: no port matches {tmp_path}/can*"
+    try:
+        for name in ("can0", "can3", "can1"):
+            adapter = make_adapter(tmp_path / name)
+            try:
+                for scan in read_scans(board, 10):
+                    assert_marked(scan)
+                assert opener.channel == str(tmp_path / name)
+            finally:
+                adapter.close()
+            read_until(board, lambda: board.report().conditions == ("bus gone",))
+        assert board.link.failed == 3
+    finally:
+        board.close()
+
+
+def test_the_port_with_the_board_is_found_among_others(tmp_path: Path) -> None:
+    """A port in use and one without a board come first."""
+    adapters = [make_adapter(tmp_path / name) for name in ("can0", "can1", "can2")]
+    adapters[1]._node._base = 0x300
+    blocker = BusOpener(bus_settings("slcan", str(tmp_path / "can0"), SENSOR.can))()
+    board, opener = make_board(tmp_path / "can*")
+    board.open()
+    try:
+        next(read_scans(board, 1))
+        assert opener.channel == str(tmp_path / "can2")
+    finally:
+        board.close()
+        blocker.shutdown()
+        for adapter in adapters:
+            adapter.close()
+
+
+def test_a_wrong_bitrate_is_named(tmp_path: Path) -> None:
+    adapter = make_adapter(tmp_path / "can0")
+    adapter.speeds = (b"S6", b"Y5")
+    board, _ = make_board(tmp_path / "can0")
+    board.open()
+    try:
+        read_until(board, lambda: board.report().conditions == ("bus unreadable",))
+        assert board.report().counters["unreadable"] > 0
+        adapter.speeds = (b"S8", b"Y5")
+        assert_marked(next(read_scans(board, 1)))
+        assert "bus unreadable" not in board.report().conditions
+    finally:
+        board.close()
+        adapter.close()
+
+
+def test_flags_of_the_adapter_are_counted(tmp_path: Path) -> None:
+    adapter = make_adapter(tmp_path / "can0")
+    adapter.flags = FLAG_OVERFLOW | FLAG_PASSIVE
+    bus = BusOpener(bus_settings("slcan", str(tmp_path / "can0"), SENSOR.can))()
+    board = Board(SENSOR, lambda: bus)
+    board.open()
+    try:
+        next(read_scans(board, 1))
+        bus.ask_state()
+        read_until(board, lambda: board.receiver.errors.frames == 1)
+        assert (board.receiver.errors.overflow, board.receiver.errors.passive) == (1, 1)
+    finally:
+        board.close()
+        adapter.close()
+
+
+@pytest.mark.parametrize("command", [Command.IDENTIFY, Command.SELF_TEST, Command.SET_RATE])
+def test_commands_from_another_thread_cost_no_scan(tmp_path: Path, command: Command) -> None:
+    adapter = make_adapter(tmp_path / "can0")
+    board, _ = make_board(tmp_path / "can0")
+    board.open()
+    answers = []
+
+    def ask() -> None:
+        for _ in range(20):
+            answers.append(board.submit(command, 5_000, PATIENCE).result(PATIENCE))
+
+    asking = threading.Thread(target=ask)
+    try:
+        last = next(read_scans(board, 1)).sequence
+        asking.start()
+        while asking.is_alive():
+            for scan in read_scans(board, 1):
+                assert_marked(scan)
+                assert scan.sequence == last + 1
+                last = scan.sequence
+        assert len(answers) == 20
+        assert board.restarted == board.receiver.frames_lost == 0
+    finally:
+        asking.join()
+        board.close()
+        adapter.close()
+
+
+def test_commands_end_with_the_bus(tmp_path: Path) -> None:
+    adapter = make_adapter(tmp_path / "can0")
+    board, _ = make_board(tmp_path / "can0")
+    board.open()
+    try:
+        next(read_scans(board, 1))
+        adapter._node.receive = lambda frame, now: []
+        orders = [board.submit(Command.IDENTIFY, timeout=PATIENCE) for _ in range(3)]
+        read_until(board, lambda: not board._orders._waiting or board._orders._current is not None)
+        adapter.close()
+        read_until(board, lambda: all(order.done() for order in orders))
+        assert not wait(orders, 0).not_done
+        for order in orders:
+            with pytest.raises(CommandError, match="IDENTIFY: the bus is not there, trying again"):
+                order.result()
+    finally:
+        board.close()
+
+
+class PassiveBus(can.BusABC):
+    """A python-can bus whose controller is in a state of its own."""
+
+    channel_info = "passive"
+    _can_protocol = can.CanProtocol.CAN_FD
+
+    def __init__(self, state: can.BusState) -> None:
+        super().__init__("passive")
+        self._state = state
+
+    @property
+    def state(self) -> can.BusState:
+        return self._state
+
+    def send(self, msg: can.Message, timeout: float | None = None) -> None:
+        pass
+
+    def _recv_internal(self, timeout: float | None) -> tuple[None, bool]:
+        return None, False
+
+
+def test_the_state_that_python_can_tells_is_read_as_an_error_frame() -> None:
+
+    for state, frames in ((can.BusState.ACTIVE, 0), (can.BusState.PASSIVE, 1), (can.BusState.ERROR, 1)):
+        bus = MessageFrames(PassiveBus(state))
+        bus.ask_state()
+        assert len(bus.read_frames(0)) == frames
+        bus.shutdown()

@@ -1,0 +1,101 @@
+"""The simulated board behind its adapter: what it tells while a reader of the terminal drives it."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from posfet_driver.board.scan_source import Health, ScanSource, SourceError
+from posfet_driver.bus.frame import CLASSIC
+from posfet_driver.bus.slcan_codec import LineReader, encode_line
+from posfet_driver.protocol.messages import COMMAND_OFFSET, FD_BLOCK_OFFSET, Command, Request
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.scan import Scan
+from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.emulation.emulated_source import AdapterSource
+from posfet_sim.scene import SceneLoads, load_scene
+
+SENSOR = load_sensor()
+SCENE = load_scene("press_slide_lift", SENSOR)
+START = encode_line((SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, Request(Command.START, tag=1).pack()))
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Iterator[AdapterSource]:
+    source = AdapterSource(SENSOR, SCENE, 4, tmp_path / "board")
+    yield source
+    source.close()
+
+
+def read_scans(link: Path, count: int) -> int:
+    """Start the scans as a driver does and read the terminal until `count` FD blocks came."""
+    reader, blocks = LineReader(), 0
+    with link.open("r+b", buffering=0) as terminal:
+        terminal.write(b"O\r" + START)
+        while blocks < count:
+            frames = reader.frames(terminal.read(4096))
+            blocks += sum(identifier == SENSOR.can.base_id + FD_BLOCK_OFFSET for identifier, _, _ in frames)
+    return blocks
+
+
+def test_the_scans_that_are_sent_are_those_of_the_board(source: AdapterSource, tmp_path: Path) -> None:
+    sent: list[tuple[int, int, np.ndarray]] = []
+    source.on_scan = lambda scan, stamp: sent.append((scan.sequence, stamp, scan.counts.copy()))
+    source.open()
+    read_scans(tmp_path / "board", 100)
+    source.close()
+    quiet, board, scan = (
+        sent[:100],
+        SimulatedBoard(SENSOR, SceneLoads(SCENE, SENSOR), 4),
+        Scan.empty(1, SENSOR.layout.taxels),
+    )
+    first_sequence, first_stamp, _ = quiet[0]
+    for sequence, stamp, counts in quiet:
+        board.scan(sequence, scan)
+        np.testing.assert_array_equal(counts, scan.counts)
+        assert stamp - first_stamp == (sequence - first_sequence) * 1_000_000
+
+
+def test_the_report_tells_what_is(source: AdapterSource, tmp_path: Path) -> None:
+    as_source: ScanSource = source
+    assert as_source.report().health == Health.STALE
+    source.open()
+    assert "waiting on the adapter" in source.report().state
+    blocks = read_scans(tmp_path / "board", 20)
+    report = source.report()
+    assert report.state == f"simulating scene 'press_slide_lift' on the adapter {tmp_path / 'board'}"
+    assert report.scans >= blocks
+    source.close()
+    source.close()
+    assert source.report().health == Health.STALE
+    assert not (tmp_path / "board").is_symlink()
+    source.open()
+    assert source.report().scans >= blocks
+    assert source.simulated
+
+
+def test_it_hands_on_no_scans_itself() -> None:
+    class FakeClock:
+        slept = 0.0
+
+        def monotonic(self) -> int:
+            return 0
+
+        def wall(self) -> int:
+            return 0
+
+        def sleep(self, seconds: float) -> None:
+            self.slept += seconds
+
+    clock = FakeClock()
+    assert AdapterSource(SENSOR, SCENE, 0, "unused", clock=clock).read(0.1) is None
+    assert clock.slept == 0.1
+
+
+def test_a_place_that_is_taken_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "board").touch()
+    source = AdapterSource(SENSOR, SCENE, 0, tmp_path / "board")
+    with pytest.raises(SourceError, match="cannot be linked here"):
+        source.open()
+    assert source.report().health == Health.STALE

@@ -1,0 +1,131 @@
+"""The simulated board in real time, on a clock of the test's own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from posfet_driver.board.scan_source import Health, ScanSource
+from posfet_driver.clock import Clock
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.scan import Scan
+from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.emulation.realtime_source import LATE, SimulationSource
+from posfet_sim.scene import SceneLoads, load_scene
+
+SENSOR = load_sensor()
+SCENE = load_scene("press_slide_lift", SENSOR)
+EPOCH = 1_700_000_000_000_000_000
+MILLISECOND = 1_000_000
+
+
+class FakeClock:
+    """Stands still but for `sleep` and what a test adds."""
+
+    def __init__(self) -> None:
+        self.now = 123_456_789
+        self.slept: list[float] = []
+
+    def monotonic(self) -> int:
+        return self.now
+
+    def wall(self) -> int:
+        return EPOCH + self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.slept.append(seconds)
+        self.now += round(seconds * 1e9)
+
+
+@pytest.fixture
+def clock() -> FakeClock:
+    return FakeClock()
+
+
+def opened(clock: Clock, sensor=SENSOR) -> SimulationSource:
+    source = SimulationSource(sensor, SCENE, 3, clock)
+    as_source: ScanSource = source
+    as_source.open()
+    return source
+
+
+def read(source: SimulationSource, timeout: float = 0.1) -> Scan:
+    scan = source.read(timeout)
+    assert scan is not None
+    return scan
+
+
+def test_scans_come_at_their_rate_stamped_from_the_start(clock: FakeClock) -> None:
+    source = opened(clock)
+    start = clock.now
+    for index in range(50):
+        scan = read(source)
+        assert clock.now == start + index * MILLISECOND
+        assert scan.sequence == index
+        assert scan.stamp == EPOCH + start + index * MILLISECOND
+    assert clock.slept == [0.001] * 49
+
+
+def test_a_late_reader_gets_every_scan_that_is_due_in_turn(clock: FakeClock) -> None:
+    source = opened(clock)
+    read(source)
+    clock.now += 20 * MILLISECOND
+    start = clock.now
+    assert [read(source).sequence for _ in range(20)] == list(range(1, 21))
+    assert clock.now == start
+    assert read(source).sequence == 21
+    assert clock.now == start + MILLISECOND
+
+
+def test_nothing_is_due_within_a_short_timeout(clock: FakeClock) -> None:
+    slow = replace(SENSOR, can=replace(SENSOR.can, scan_rate=2.0))
+    source = opened(clock, slow)
+    assert read(source).sequence == 0
+    assert [source.read(0.1) for _ in range(4)] == [None] * 4
+    assert read(source, 0.15).sequence == 1
+    assert clock.slept == pytest.approx([0.1] * 5, abs=1e-9)
+
+
+def test_the_scans_are_those_of_the_board(clock: FakeClock) -> None:
+    source, board, expected = (
+        opened(clock),
+        SimulatedBoard(SENSOR, SceneLoads(SCENE, SENSOR), 3),
+        Scan.empty(1, SENSOR.layout.taxels),
+    )
+    for index in range(600):
+        board.scan(index, expected)
+        np.testing.assert_array_equal(read(source).counts, expected.counts)
+    assert source.board.truth().objects.contact_forces.tolist() == board.truth().objects.contact_forces.tolist()
+
+
+def test_opening_again_starts_the_scene_anew(clock: FakeClock) -> None:
+    source = opened(clock)
+    first = read(source).counts.copy()
+    for _ in range(5):
+        read(source)
+    source.close()
+    clock.now += 5_000 * MILLISECOND
+    source.open()
+    scan = read(source)
+    assert scan.sequence == 0
+    assert scan.stamp == clock.wall()
+    np.testing.assert_array_equal(scan.counts, first)
+
+
+def test_the_report_tells_what_is(clock: FakeClock) -> None:
+    source = SimulationSource(SENSOR, SCENE, 3, clock)
+    assert source.report().health == Health.STALE
+    source.open()
+    for _ in range(10):
+        read(source)
+    report = source.report()
+    assert (report.health, report.scans, report.frames_lost) == (Health.OK, 10, 0)
+    assert "press_slide_lift" in report.state
+    clock.now += round(2 * LATE * 1e9)
+    read(source)
+    assert source.report().health == Health.WARN
+    assert source.simulated
+    source.close()
+    source.close()
+    assert source.report().health == Health.STALE
+    assert source.report().scans == 11

@@ -1,0 +1,76 @@
+"""A socketcand daemon with one classic bus and one board on it, for python-can's client (protocol.md of socketcand)."""
+
+from __future__ import annotations
+
+import select
+import socket
+import threading
+
+from posfet_driver.bus.frame import CLASSIC, Frame
+from posfet_driver.clock import SystemClock
+from posfet_sim.emulation.firmware import BoardFirmware
+
+
+class FakeSocketcand:
+    """Serves one client in raw mode on 127.0.0.1, from `open` to `close`."""
+
+    def __init__(self, firmware: BoardFirmware) -> None:
+        self._firmware = firmware
+        self._clock = SystemClock()
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._listener.settimeout(0.05)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._raw = False  # the client gets frames
+
+    @property
+    def port(self) -> int:
+        return int(self._listener.getsockname()[1])
+
+    def open(self) -> None:
+        self._thread.start()
+
+    def close(self) -> None:
+        self._stop.set()
+        self._thread.join()
+        self._listener.close()
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            try:
+                client, _ = self._listener.accept()
+            except TimeoutError:
+                continue
+            with client:
+                client.sendall(b"< hi >")
+                self._serve(client)
+
+    def _serve(self, client: socket.socket) -> None:
+        waiting, self._raw = b"", False
+        while not self._stop.is_set():
+            wait = (self._firmware.next_due() - self._clock.monotonic()) / 1e9
+            try:
+                if select.select([client], [], [], min(max(wait, 0.0), 0.05))[0]:
+                    received = client.recv(4096)
+                    if not received:
+                        return
+                    *orders, waiting = (waiting + received).split(b">")
+                    for order in orders:
+                        self._obey(client, order.decode("ascii").strip("< ").split())
+                self._send(client, self._firmware.due(self._clock.monotonic()))
+            except ConnectionError:
+                return
+
+    def _obey(self, client: socket.socket, words: list[str]) -> None:
+        if words[0] == "send":
+            frame = int(words[1], 16), CLASSIC, bytes(int(word, 16) for word in words[3:])
+            self._send(client, self._firmware.receive(frame, self._clock.monotonic()))
+        else:
+            client.sendall(b"< ok >")
+            self._raw = words == ["rawmode"]
+
+    def _send(self, client: socket.socket, frames: list[Frame]) -> None:
+        if not self._raw:
+            return
+        seconds = self._clock.wall() / 1e9
+        client.sendall(b"".join(b"< frame %03X %.6f %s >" % (i, seconds, d.hex().encode()) for i, _, d in frames))

@@ -1,0 +1,107 @@
+"""Cost of a scan, from frames to contacts, in units of a fixed piece of work that runs beside it.
+
+`cd test && python -m support.scan_cost --store` makes what it finds the baseline (test/data/speed/scan_cost.json).
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+import math
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+import numpy as np
+
+from posfet_driver.bus.frame import Frame
+from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.scan_codec import make_codec
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.scan import Scan
+from posfet_model.sensor.signal_chain import ForwardChain
+
+BASELINE = ROOT / "test" / "data" / "speed" / "scan_cost.json"
+SENSOR = load_sensor()
+REST, TOUCH, WARM = 800, 800, 200
+BATCH = 20
+"""Scans that are timed together: as many as the observer's block has, so that every batch holds one end of a block."""
+CASES = {"idle": False, "touched": True}
+
+
+def frames_of(touched: bool) -> list[list[Frame]]:
+    """Return the frames of each scan: rest, then two fingertips that stay, or rest all along."""
+    chain, codec = ForwardChain(SENSOR, np.random.default_rng(3)), make_codec(SENSOR)
+    force = np.zeros((5, 5))
+    force[1:3, 0:2], force[3:5, 3:5] = 0.3, 0.2
+    scan = Scan.empty(SENSOR.layout.id, SENSOR.layout.taxels)
+    frames = []
+    for index in range(REST + TOUCH):
+        chain.advance(force.ravel() * min(max(index - REST, 0) / 20, 1.0) * touched, 25.0, 1e-3)
+        chain.counts(scan.counts)
+        scan.sequence, scan.device_time = index, index * 1000
+        frames.append(codec.encode(scan, SENSOR.can.base_id))
+    return frames
+
+
+def fixed_work() -> float:
+    """Do what a scan is made of, small array operations and plain Python, always the same: the unit of cost."""
+    one, other, total = np.full(25, 0.5), np.zeros(25), 0.0
+    for number in range(20):
+        np.multiply(one, 1.01, out=other)
+        np.add(one, other, out=other)
+        total += float(other.sum())
+        pairs = [(index, index * total) for index in range(10)]
+        total += max(pairs)[1] * 1e-9 + math.sqrt(number)
+    return total
+
+
+def player(touched: bool) -> Callable[[int], None]:
+    """Return what takes the scan of a number; in touch from the scan `REST` on."""
+    receiver, model = Receiver(SENSOR), Reconstructor(SENSOR)
+    receiver.resync(0, count_gap=False)
+    receiver.scan.temperatures[:] = 25.0
+    frames = frames_of(touched)
+
+    def take(index: int) -> None:
+        for frame in receiver.begin_batch(frames[index], index * 1_000_000, 0):
+            if receiver.feed(frame):
+                model.process(receiver.scan)
+
+    return take
+
+
+def costs() -> dict[str, float]:
+    """Return the cost of a scan in units of `fixed_work`, both the least of many, in turn."""
+    takes = {name: player(touched) for name, touched in CASES.items()}
+    for take in takes.values():
+        for index in range(REST + WARM):
+            take(index)
+    least = dict.fromkeys((*CASES, "unit"), math.inf)
+    gc.disable()
+    try:
+        for first in range(REST + WARM, REST + TOUCH, BATCH):
+            for name, take in takes.items():
+                begin = time.perf_counter_ns()
+                for index in range(first, first + BATCH):
+                    take(index)
+                least[name] = min(least[name], (time.perf_counter_ns() - begin) / BATCH)
+            for _ in range(BATCH):
+                begin = time.perf_counter_ns()
+                fixed_work()
+                least["unit"] = min(least["unit"], time.perf_counter_ns() - begin)
+    finally:
+        gc.enable()
+    return {name: least[name] / least["unit"] for name in CASES}
+
+
+if __name__ == "__main__":
+    found = [costs() for _ in range(5)]
+    middle = {name: round(sorted(each[name] for each in found)[2], 3) for name in CASES}
+    print(json.dumps(middle))
+    if "--store" in sys.argv:
+        BASELINE.parent.mkdir(parents=True, exist_ok=True)
+        BASELINE.write_text(json.dumps(middle) + "\n", encoding="ascii")

@@ -1,0 +1,25 @@
+"""The stored ngspice runs of test/data/spice (made by python -m posfet_model.spice.reference_runs)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from posfet_model.spice.ngspice import SmallSignal
+from posfet_model.spice.run_file import FollowerRun, read_run
+
+FOLDER = Path(__file__).resolve().parents[1] / "data" / "spice"
+
+
+def path(circuit: str, stimulus: str) -> Path:
+    return FOLDER / f"{circuit}_{stimulus}.csv"
+
+
+def transient(circuit: str, stimulus: str) -> FollowerRun:
+    return read_run(path(circuit, stimulus))
+
+
+def small_signal(circuit: str, kind: str) -> SmallSignal:
+    frequency, real, imaginary = np.loadtxt(path(circuit, kind), delimiter=",", skiprows=3, unpack=True)
+    return SmallSignal(frequency=frequency, transfer=real + 1j * imaginary)
