@@ -2,7 +2,7 @@
 #
 #   make bringup            the stack with the simulated board     FOR=5  SOURCE=sim|emulator|can  SCENE=name|file  ARGS=...
 #   make test               every test                             ARGS="-k name" goes to pytest
-#   make check              ruff and mypy
+#   make check              ruff, mypy, and the imports that rooms may have
 #   make soak               the driver under a fault every few seconds, half an hour of it     FOR=60
 #   make bench              measure the speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
 #   make stability          every follower for 1e8 steps, half an hour of it     STEPS=1e6
@@ -47,7 +47,7 @@ test: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m pytest $(ARGS)
 
 check: $(BUILT)
-	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy
+	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy && lint-imports
 
 soak: $(BUILT)
 	@$(IN_ENVIRONMENT) cd test && exec python3 -m support.soak --for $(or $(FOR),1800) $(ARGS)

@@ -24,6 +24,7 @@ from posfet_sim.scene import (
     Track,
     load_scene,
     scene_file,
+    trajectory_file,
 )
 from posfet_sim.scene.scene_file import SHAPES, greatest_force
 from support.paths import DOCS
