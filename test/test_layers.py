@@ -7,7 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
+from each_row import each_row
 
 SOURCES = Path(__file__).parent.parent / "src"
 LAYERS = ["posfet_msgs", "posfet_model", "posfet_driver", "posfet"]
@@ -31,29 +31,31 @@ def imported(path: Path) -> set[str]:
     return packages
 
 
-def identity(path: Path) -> str:
-    return str(path.relative_to(SOURCES))
-
-
 def test_there_are_files() -> None:
     assert len(FILES) > 20
 
 
-@pytest.mark.parametrize("path", FILES, ids=identity)
-def test_ros_is_imported_only_where_it_may_be(path: Path) -> None:
-    if not path.name.endswith(ROS_FILES):
-        assert not imported(path) & ROS_PACKAGES
+def test_ros_is_imported_only_where_it_may_be() -> None:
+    with each_row() as row:
+        for path in FILES:
+            if not path.name.endswith(ROS_FILES):
+                with row(str(path.relative_to(SOURCES))):
+                    assert not imported(path) & ROS_PACKAGES
 
 
-@pytest.mark.parametrize("path", FILES, ids=identity)
-def test_dependencies_go_one_way(path: Path) -> None:
-    layer = LAYERS.index(path.relative_to(SOURCES).parts[0])
-    assert not imported(path) & set(LAYERS[layer + 1 :])
+def test_dependencies_go_one_way() -> None:
+    with each_row() as row:
+        for path in FILES:
+            layer = LAYERS.index(path.relative_to(SOURCES).parts[0])
+            with row(str(path.relative_to(SOURCES))):
+                assert not imported(path) & set(LAYERS[layer + 1 :])
 
 
-@pytest.mark.parametrize("path", FILES, ids=identity)
-def test_files_stay_short(path: Path) -> None:
-    assert len(path.read_text(encoding="utf-8").splitlines()) <= 400
+def test_files_stay_short() -> None:
+    with each_row() as row:
+        for path in FILES:
+            with row(str(path.relative_to(SOURCES))):
+                assert len(path.read_text(encoding="utf-8").splitlines()) <= 400
 
 
 def test_the_model_loads_neither_ros_nor_matplotlib() -> None:

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 from model.spice_data import small_signal, transient
-from model.sweep import NOT_REAL_NUMBERS, ErrorMap, assert_refused, reference, refusals
+from model.sweep import NOT_REAL_NUMBERS, ErrorMap, assert_all_refused, assert_refused, reference, refusals
 
 from posfet_model.amplifier import AmplifierBias, AmplifierDesign, figures_of_merit, mismatch_offset
 from posfet_model.one_stage import CIRCUIT_C, one_stage_figures
@@ -151,10 +151,9 @@ def test_a_supply_too_low_is_refused() -> None:
     assert_refused(figures_of_merit, {"bias": AmplifierBias(supply=1.2)}, "supply")
 
 
-@pytest.mark.parametrize("argument", [field.name for field in dataclasses.fields(AmplifierBias)])
-@pytest.mark.parametrize("value", [-1.0, *NOT_REAL_NUMBERS])
-def test_bad_bias_is_named(argument: str, value) -> None:
-    assert_refused(AmplifierBias, {argument: value}, argument)
+def test_bad_bias_is_named() -> None:
+    values = {field.name: (-1.0, *NOT_REAL_NUMBERS) for field in dataclasses.fields(AmplifierBias)}
+    assert_all_refused(AmplifierBias, [(name, {name: value}) for name in values for value in values[name]])
 
 
 def test_a_pair_four_times_as_wide_has_half_the_overdrive() -> None:
@@ -184,19 +183,14 @@ def test_sizes_that_make_no_amplifier_are_named(sizes) -> None:
 MISMATCH = {"figures": FIGURES, "pair_threshold": 0.0, "load_threshold": 0.0, "pair_size": 0.0, "load_size": 0.0}
 
 
-@pytest.mark.parametrize(
-    ("function", "arguments", "argument"),
-    [
-        *refusals(
-            mismatch_offset,
-            MISMATCH,
-            figures=[],
-            pair_threshold=[2.0],
-            load_threshold=[-2.0],
-            pair_size=[0.6],
-            load_size=[0.6],
-        )
-    ],
-)
-def test_bad_arguments_are_named(function, arguments, argument) -> None:
-    assert_refused(function, arguments, argument)
+def test_bad_arguments_are_named() -> None:
+    function, cases = refusals(
+        mismatch_offset,
+        MISMATCH,
+        figures=[],
+        pair_threshold=[2.0],
+        load_threshold=[-2.0],
+        pair_size=[0.6],
+        load_size=[0.6],
+    ).values
+    assert_all_refused(function, cases)

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from model.sweep import (
     ErrorMap,
+    assert_all_refused,
     assert_finite,
     assert_monotone,
-    assert_refused,
     corners,
     decades,
     reference,
@@ -243,16 +243,16 @@ class TestThresholdFit:
 
 
 @pytest.mark.parametrize(
-    ("function", "arguments", "name"),
+    ("function", "cases"),
     [
-        *refusals(Stack, {"oxide": 1e-3, "film": 1e-5}, oxide=[0, -1e-3, 1e4], film=[0, [1e-5]]),
-        *refusals(
+        refusals(Stack, {"oxide": 1e-3, "film": 1e-5}, oxide=[0, -1e-3, 1e4], film=[0, [1e-5]]),
+        refusals(
             transistor.capacitance_per_area,
             {"relative_permittivity": 3.9, "thickness": 45e-9},
             relative_permittivity=[0, 0.5, -12],
             thickness=[0, -45e-9, 2.5],
         ),
-        *refusals(
+        refusals(
             transistor.threshold_shift,
             {"charge": 0.07, "stack": STACK, "plane": Plane.OXIDE, "uncompensated_fraction": 1.0},
             charge=[2e6],
@@ -260,7 +260,7 @@ class TestThresholdFit:
             plane=["gate"],
             uncompensated_fraction=[-0.1, 1.1],
         ),
-        *refusals(
+        refusals(
             transistor.uncompensated_fraction,
             {"shift": -1.0, "charge": 0.07, "stack": STACK, "plane": Plane.OXIDE},
             shift=[2e6],
@@ -268,7 +268,7 @@ class TestThresholdFit:
             stack=[],
             plane=["gate"],
         ),
-        *refusals(
+        refusals(
             transistor.gain_factor,
             {"mobility": 0.085, "capacitance": 4e-5, "width": 1e-3, "length": 1e-5},
             mobility=[0, -0.085, 850],
@@ -277,9 +277,7 @@ class TestThresholdFit:
             length=[0, 12],
         ),
         *(
-            case
-            for function in OPERATORS
-            for case in refusals(
+            refusals(
                 function,
                 CURRENT_GOOD,
                 gate_voltage=[2e6],
@@ -288,8 +286,9 @@ class TestThresholdFit:
                 gain_factor=[0, -1],
                 channel_length_modulation=[-0.1, 11],
             )
+            for function in OPERATORS
         ),
-        *refusals(
+        refusals(
             transistor.gate_voltage,
             {**{k: v for k, v in CURRENT_GOOD.items() if k != "gate_voltage"}, "drain_current": 1e-3},
             drain_current=[-1e-9, 2e6],
@@ -299,9 +298,7 @@ class TestThresholdFit:
             channel_length_modulation=[-1],
         ),
         *(
-            case
-            for function in (threshold.fit_linear_curve, threshold.fit_saturation_curve)
-            for case in refusals(
+            refusals(
                 function,
                 {"gate_voltage": [1, 2], "drain_current": [1e-3, 2e-3], "drain_voltage": 5.0, "lowest_share": 0.1},
                 gate_voltage=[[1, 2e6]],
@@ -309,11 +306,12 @@ class TestThresholdFit:
                 drain_voltage=[0, -1, [5.0, 5.0]],
                 lowest_share=[0, 1],
             )
+            for function in (threshold.fit_linear_curve, threshold.fit_saturation_curve)
         ),
     ],
 )
-def test_bad_arguments_are_refused_by_name(function, arguments, name) -> None:
-    assert_refused(function, arguments, name)
+def test_bad_arguments_are_refused_by_name(function, cases) -> None:
+    assert_all_refused(function, cases)
 
 
 @pytest.mark.parametrize("plane", ["gate", "GATE", None, 0])
