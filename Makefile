@@ -46,7 +46,7 @@ bringup: $(BUILT)
 # Where pytest-xdist is, every processor runs tests, four at most: more would start their nodes all at once.
 test: $(BUILT)
 	@$(IN_ENVIRONMENT) workers=(); \
-	if python3 -c 'import xdist' 2>/dev/null; then workers=(-n logical --maxprocesses 4 --dist loadgroup); fi; \
+	if python3 -c 'import xdist' 2>/dev/null; then workers=(-n logical --maxprocesses 4); fi; \
 	exec python3 -m pytest "$${workers[@]}" $(ARGS)
 
 check: $(BUILT)

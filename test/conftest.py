@@ -6,11 +6,12 @@ import os
 import time
 from contextlib import ExitStack
 from importlib.util import find_spec
-from pathlib import Path
+from typing import Any
 
 import pytest
 from expected_time import expected, keep
 from hypothesis import HealthCheck, settings
+from worker_scope import scope
 
 from posfet_model.sensor import Sensor, load_sensor
 
@@ -22,14 +23,6 @@ OPTIONAL = {
 MISSING = [module for module in OPTIONAL if find_spec(module) is None]
 collect_ignore = [name for module in MISSING for name in OPTIONAL[module]]
 
-HERE = Path(__file__).resolve().parent
-LIVE = ("nodes/", "stack/", "driver/test_arrays.py", "driver/test_hardware.py", "driver/test_long_runs.py")
-"""Nodes and processes that have to keep up with a clock: one worker runs them all, so that they do not take the
-processors from each other.
-"""
-TOGETHER = ("simulation/test_calibration.py", "simulation/test_score.py", "simulation/test_bench_recording.py")
-"""Files with a fixture that takes seconds to make: one worker runs each of them."""
-
 _isolation = ExitStack()
 _begin = time.monotonic()
 
@@ -38,13 +31,11 @@ settings.register_profile("posfet", deadline=None, derandomize=True, suppress_he
 settings.load_profile("posfet")
 
 
-def pytest_configure(config: pytest.Config) -> None:
+def pytest_configure() -> None:
     """Take a ROS domain that no other test process on this machine has, for this one and those that it starts.
 
     The workers of pytest-xdist are such processes: each takes a domain of its own.
     """
-    if not config.pluginmanager.hasplugin("xdist"):
-        config.addinivalue_line("markers", "xdist_group(name): one worker of pytest-xdist runs these tests")
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     try:
         import domain_coordinator  # noqa: PLC0415  # only where there is ROS
@@ -53,18 +44,18 @@ def pytest_configure(config: pytest.Config) -> None:
     os.environ["ROS_DOMAIN_ID"] = str(_isolation.enter_context(domain_coordinator.domain_id()))
 
 
-@pytest.hookimpl(tryfirst=True)  # pytest-xdist reads the marks in the same hook
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Say what one worker runs, and let workers begin with it: what is left is shared test by test."""
-    if not _is_worker(config):
-        return
-    for item in items:
-        file = item.path.relative_to(HERE).as_posix()
-        if file.startswith(LIVE):
-            item.add_marker(pytest.mark.xdist_group("live"))
-        elif file in TOGETHER:
-            item.add_marker(pytest.mark.xdist_group(item.path.stem))
-    items.sort(key=lambda item: item.get_closest_marker("xdist_group") is None)
+    if _is_worker(config):
+        items.sort(key=lambda item: scope(item.nodeid) == item.nodeid)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    if config.getvalue("dist") != "load":
+        return None
+    from worker_scheduling import ScopeScheduling  # noqa: PLC0415  # only where there is pytest-xdist
+
+    return ScopeScheduling(config, log)
 
 
 def _is_worker(config: pytest.Config) -> bool:
