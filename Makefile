@@ -43,8 +43,11 @@ endif
 bringup: $(BUILT)
 	@$(IN_ENVIRONMENT) exec posfet bringup $(if $(FOR),--for $(FOR)) $(if $(SOURCE),source:=$(SOURCE)) $(if $(SCENE),scene:=$(SCENE)) $(ARGS)
 
+# Where pytest-xdist is, every processor runs tests, four at most: more would start their nodes all at once.
 test: $(BUILT)
-	@$(IN_ENVIRONMENT) exec python3 -m pytest $(ARGS)
+	@$(IN_ENVIRONMENT) workers=(); \
+	if python3 -c 'import xdist' 2>/dev/null; then workers=(-n logical --maxprocesses 4); fi; \
+	exec python3 -m pytest "$${workers[@]}" $(ARGS)
 
 check: $(BUILT)
 	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy && lint-imports

@@ -98,7 +98,7 @@ def publish(outcomes: dict[str, Outcome], failed: dict[str, str], facts: dict[st
 
 
 def main() -> int:
-    """Run what was asked for; return 1 when a benchmark failed."""
+    """Run what was asked for; return 1 when a benchmark failed; one whose tool is missing is skipped."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Measure the speed of the stack.")
     parser.add_argument("--only", nargs="+", choices=SUBJECTS, metavar="NAME", help=f"of {', '.join(SUBJECTS)}")
     parser.add_argument("--full", action="store_true", help="every rate, size and step (about half an hour)")
@@ -124,9 +124,12 @@ def main() -> int:
         report.show(outcomes[name], console)
     if not options.only:
         publish(outcomes, failed, facts, options.full)
-        values = {key: value for outcome in outcomes.values() for key, value in outcome.values.items()}
-        console.print(report.printed(report.targets_table(values)))
-    console.print(f"{time.monotonic() - begin:.0f} s; failed: {', '.join(failed) or 'none'}")
+        console.print(report.printed(report.targets_table(outcomes)))
+    skipped = [name for name, outcome in outcomes.items() if outcome.skipped]
+    console.print(
+        f"{time.monotonic() - begin:.0f} s; skipped: {', '.join(skipped) or 'none'}; "
+        f"failed: {', '.join(failed) or 'none'}"
+    )
     return 1 if failed else 0
 
 

@@ -41,6 +41,8 @@ class Outcome:
     values: dict[str, float] = field(default_factory=dict)
     tables: list[Table] = field(default_factory=list)
     charts: list[Chart] = field(default_factory=list)
+    skipped: str = ""
+    """Why nothing was measured, and what to install; empty where something was."""
 
     def write(self, path: Path) -> None:
         """Write to a JSON file."""
@@ -52,7 +54,7 @@ class Outcome:
         data = json.loads(path.read_text(encoding="utf-8"))
         tables = [Table(**table) for table in data["tables"]]
         charts = [Chart(**chart) for chart in data["charts"]]
-        return cls(data["values"], tables, charts)
+        return cls(data["values"], tables, charts, data["skipped"])
 
 
 def shown(cell: Cell) -> str:

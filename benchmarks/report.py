@@ -16,7 +16,9 @@ NOTES = Path(__file__).with_name("NOTES.md")
 
 
 def show(outcome: Outcome, console: Console) -> None:
-    """Print the tables of one benchmark, then its numbers."""
+    """Print the tables of one benchmark, then its numbers; why there are none where it was skipped."""
+    if outcome.skipped:
+        console.print(f"skipped: {outcome.skipped}", style="yellow")
     for table in outcome.tables:
         console.print(printed(table))
     for name, value in outcome.values.items():
@@ -33,12 +35,17 @@ def printed(table: Table) -> RichTable:
     return made
 
 
-def targets_table(values: Mapping[str, float]) -> Table:
-    """Return the targets with what was reached; a name that was not measured says so."""
+def targets_table(outcomes: Mapping[str, Outcome]) -> Table:
+    """Return the targets with what was reached; a name that was not measured says so, and why it was skipped."""
+    values = {name: value for outcome in outcomes.values() for name, value in outcome.values.items()}
+    skipped = {name: f"skipped: {outcome.skipped}" for name, outcome in outcomes.items() if outcome.skipped}
     rows = []
     for target in TARGETS:
         value = values.get(target.name)
-        verdict = "not measured" if value is None else target.verdict(value)
+        if value is not None:
+            verdict = target.verdict(value)
+        else:  # names of numbers begin with that of their benchmark where it can be skipped
+            verdict = next((why for name, why in skipped.items() if target.name.startswith(name)), "not measured")
         rows.append(
             (target.name, target.what, target.text(0), target.text(1), value if value is not None else "-", verdict)
         )
@@ -58,7 +65,6 @@ def results(
     facts: Mapping[str, str | float], outcomes: Mapping[str, Outcome], failed: Mapping[str, str], full: bool
 ) -> str:
     """Return RESULTS.md."""
-    values = {name: value for outcome in outcomes.values() for name, value in outcome.values.items()}
     machine = ", ".join(f"{name.replace('_', ' ')} {shown(value)}" for name, value in facts.items())
     parts = [
         "# Results of the benchmarks",
@@ -66,11 +72,12 @@ def results(
         "named in the headings. Numbers by name: `results/latest.json`. Times differ from machine to machine: read "
         "ratios.",
         f"Machine: {machine}.",
-        markdown(targets_table(values)).replace("### ", "## "),
+        markdown(targets_table(outcomes)).replace("### ", "## "),
         NOTES.read_text(encoding="utf-8").strip(),
     ]
     for name, outcome in outcomes.items():
         parts.append(f"## {name}")
+        parts += [f"Skipped: {outcome.skipped}"] if outcome.skipped else []
         parts += [markdown(table) for table in outcome.tables]
         parts += [f"![{chart.title}](results/{chart.name}.svg)" for chart in outcome.charts]
     parts += [f"## {name}\n\nFailed: {reason}" for name, reason in failed.items()]

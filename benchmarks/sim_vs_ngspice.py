@@ -5,7 +5,8 @@ of a step is ngspice's own account of its transient analysis over its time point
 finding the operating point do not count, times the share of the processor that the process had: the account is by the
 clock. The model takes the same steps: one after the other as in real time, and as a whole series; the best of 15, in
 processor time. So other programs on the machine count little. Prints one line an array, with the largest error of the
-last taxel against ngspice in percent of full scale, over the time that was run. Needs ngspice; about half a minute.
+last taxel against ngspice in percent of full scale, over the time that was run. About half a minute; skipped without
+ngspice.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -34,17 +36,32 @@ ARRAYS = {64: 400, 4096: 24}
 """Taxels, and the steps that ngspice is asked for."""
 MODEL_STEPS = 500
 REPEATS = 15
+FRONT_AMPLITUDE = 0.25
+"""Amplitude of the sine of the front [V]."""
+SAME_INPUT = 1e-4
+"""Largest difference of the inputs of ngspice and the model, as part of the amplitude; six digits reach the netlist."""
+MISSING = f"{ngspice.PROGRAM} is not on PATH. Install with: sudo apt-get install ngspice"
 
 
-def amplitudes(taxels: int) -> np.ndarray:
-    """Amplitude of each taxel's sine [V]."""
-    return np.linspace(0.05, 0.25, taxels)
+def amplitudes(taxels: int) -> list[float]:
+    """Amplitude of each taxel's sine [V], of two taxels or more."""
+    return np.linspace(0.05, 0.25, taxels).tolist()
 
 
-def ngspice_run(taxels: int, steps: int, step: float = STEP, stop: float = 0.0) -> tuple[float, np.ndarray, np.ndarray]:
-    """Run ngspice; return its processor time a time point [s], times [s] and the last taxel's output [V]."""
+def sine(instants: np.ndarray, volts: float | np.ndarray) -> np.ndarray:
+    """Input [V] of a taxel at the given times [s], for an amplitude [V]."""
+    return volts * np.sin(2 * np.pi * FREQUENCY * instants)
+
+
+def ngspice_run(
+    inputs: Sequence[float], steps: int, step: float = STEP, stop: float = 0.0
+) -> tuple[float, ngspice.Transient]:
+    """Run ngspice with one follower for each amplitude [V]; return its processor time a time point [s], and the last
+    follower's input and output.
+    """
+    taxels = len(inputs)
     lines = ["array", ngspice.netlist("opamp_b")]
-    for k, volts in enumerate(amplitudes(taxels)):
+    for k, volts in enumerate(inputs):
         lines += [f"vin{k} in{k} 0 sin(0 {volts:.6g} {FREQUENCY:g})", f"x{k} in{k} out{k} out{k} opamp"]
     stop = stop or steps * step
     lines += [
@@ -63,7 +80,7 @@ def ngspice_run(taxels: int, steps: int, step: float = STEP, stop: float = 0.0) 
         values = ngspice.read_raw((Path(folder) / "out.raw").read_bytes(), complex_values=False).real
     account = dict(line.split(" = ", 1) for line in log.splitlines() if line.count(" = ") == 1)
     seconds = float(account["Transient analysis time"]) / float(account["Accepted timepoints"])
-    return seconds * share, values[0], values[2]
+    return seconds * share, ngspice.Transient(values[0], values[1], values[2])
 
 
 def _children_seconds() -> float:
@@ -77,7 +94,7 @@ def model_seconds(taxels: int, steps: int) -> tuple[float, float]:
     loop = close_loop(AMPLIFIER_GAIN.value, GAIN_BANDWIDTH.value)
     follower = OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth)
     instants = np.arange(steps + 1) * STEP
-    v_in = np.sin(2 * np.pi * FREQUENCY * instants)[:, None] * amplitudes(taxels)
+    v_in = sine(instants[:, None], np.array(amplitudes(taxels)))
     begin = time.process_time()
     state = follower.start(v_in[0])
     for k in range(1, steps + 1):
@@ -88,28 +105,44 @@ def model_seconds(taxels: int, steps: int) -> tuple[float, float]:
     return middle - begin, time.process_time() - middle
 
 
-def error_percent(instants: np.ndarray, v_out: np.ndarray, volts: float) -> float:
-    """Return the model's largest error at its own even steps, in percent of the sine's peak-to-peak, start removed."""
+def check_same_input(reference: ngspice.Transient, volts: float) -> None:
+    """Raise RuntimeError where ngspice's input is not the sine that the model gets: their outputs tell nothing then."""
+    largest = float(np.max(np.abs(reference.v_in - sine(reference.time, volts))))
+    if not largest <= SAME_INPUT * volts:
+        raise RuntimeError(
+            f"model and reference have different inputs: {largest:.3g} V apart with a sine of {volts:g} V"
+        )
+
+
+def error_percent(reference: ngspice.Transient, volts: float, even: np.ndarray, v_out: np.ndarray) -> float:
+    """Return the largest error of the model's answer `v_out` [V] at the times `even` [s] to a sine of `volts`, in
+    percent of the sine's peak-to-peak, start removed. Raises RuntimeError where the reference had another input.
+    """
+    check_same_input(reference, volts)
+    expected = np.interp(even, reference.time, reference.v_out)
+    return 100 * float(np.max(np.abs(v_out - expected + expected[0]))) / (2 * volts)
+
+
+def array_error(reference: ngspice.Transient, volts: float) -> float:
+    """Return the model's error at steps of STEP, as in `error_percent`."""
     loop = close_loop(AMPLIFIER_GAIN.value, GAIN_BANDWIDTH.value)
-    even = np.arange(0, instants[-1], STEP)
-    answer = OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth).run(
-        even, volts * np.sin(2 * np.pi * FREQUENCY * even)
-    )
-    reference = np.interp(even, instants, v_out)
-    return 100 * float(np.max(np.abs(answer.v_out - reference + reference[0]))) / (2 * volts)
+    even = np.arange(0, reference.time[-1], STEP)
+    answer = OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth).run(even, sine(even, volts))
+    return error_percent(reference, volts, even, answer.v_out)
 
 
 def measure(full: bool) -> Outcome:
     """Time ngspice and the model beside it, with steps that grow; one point of the front is one step width."""
     if not ngspice.available():
-        raise RuntimeError(f"{ngspice.PROGRAM} is not on PATH")
+        return Outcome(skipped=MISSING)
     values: dict[str, float] = {}
     rows = []
     for taxels, steps in ARRAYS.items():
-        per_step, instants, v_out = ngspice_run(taxels, steps * (4 if full else 1))
+        inputs = amplitudes(taxels)
+        per_step, reference = ngspice_run(inputs, steps * (4 if full else 1))
         runs = np.array([model_seconds(taxels, MODEL_STEPS) for _ in range(REPEATS)]) / MODEL_STEPS
         stepped, series = runs.min(axis=0)
-        error = error_percent(instants, v_out, float(amplitudes(taxels)[-1]))
+        error = array_error(reference, inputs[-1])
         rows.append((taxels, *(1e6 * seconds for seconds in (per_step, stepped)), per_step / stepped,
                      1e6 * series, per_step / series, error))  # fmt: skip
         values[f"sim_vs_ngspice_{taxels}"] = per_step / min(stepped, series)
@@ -125,52 +158,54 @@ def measure(full: bool) -> Outcome:
 
 def front() -> Chart:
     """Return run time against error of the model and of ngspice, one taxel, for steps from 0.25 to 8 us."""
-    finest = ngspice_series(0.02e-6)
-    stop = finest[0][-1]
+    volts = FRONT_AMPLITUDE
+    finest, _ = ngspice_series(0.02e-6)
+    check_same_input(finest, volts)
+    stop = finest.time[-1]
     series: dict[str, list[Point]] = {"ngspice": [], "one pole, exact for a straight line": []}
     loop = close_loop(AMPLIFIER_GAIN.value, GAIN_BANDWIDTH.value)
     follower = OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth)
-    volts = 0.25
     for step in (0.25e-6, 0.5e-6, 1e-6, 2e-6, 4e-6, 8e-6):
-        instants, v_out, seconds = ngspice_series(step)
-        error = float(np.max(np.abs(v_out - np.interp(instants, finest[0], finest[1]))))
+        runs = [ngspice_series(step) for _ in range(REPEATS)]
+        coarse, seconds = runs[0][0], min(seconds for _, seconds in runs)
+        check_same_input(coarse, volts)
+        error = float(np.max(np.abs(coarse.v_out - np.interp(coarse.time, finest.time, finest.v_out))))
         series["ngspice"].append((seconds, max(50 * error / volts, 1e-6), f"{step * 1e6:g} us"))
         even = np.arange(0, stop, step)
-        v_in = volts * np.sin(2 * np.pi * FREQUENCY * even)
+        v_in = sine(even, volts)
         taken = []
         for _ in range(REPEATS):
             begin = time.process_time()
             answer = follower.run(even, v_in)
             taken.append(time.process_time() - begin)
-        reference = np.interp(even, finest[0], finest[1])
-        error = float(np.max(np.abs(answer.v_out - reference + reference[0])))
-        series["one pole, exact for a straight line"].append((min(taken), 50 * error / volts, f"{step * 1e6:g} us"))
+        error = error_percent(finest, volts, even, answer.v_out)
+        series["one pole, exact for a straight line"].append((min(taken), error, f"{step * 1e6:g} us"))
     return Chart(
         "front_follower",
-        f"One follower, {stop * 1e6:.0f} us of a sine of 10 kHz; reference: ngspice at 0.02 us",
+        f"One follower, {stop * 1e6:.0f} us of a sine of 10 kHz and {volts:g} V; reference: ngspice at 0.02 us",
         "run time [s]",
         "largest error [% of full scale]",
         series,
     )
 
 
-def ngspice_series(step: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return times [s] and output [V] of a single follower, and what ngspice's transient analysis took [s]."""
-    seconds, instants, v_out = ngspice_run(1, 200, step, 200e-6)
-    return instants, v_out, seconds * len(instants)
+def ngspice_series(step: float) -> tuple[ngspice.Transient, float]:
+    """Return a run of a single follower with the front's amplitude, and what its transient analysis took [s]."""
+    seconds, run = ngspice_run([FRONT_AMPLITUDE], 200, step, 200e-6)
+    return run, seconds * len(run.time)
 
 
 def main() -> int:
     """Measure and print."""
     if not ngspice.available():
-        print(f"{ngspice.PROGRAM} is not on PATH", file=sys.stderr)
-        return 1
+        print(f"skipped: {MISSING}")
+        return 0
     for taxels, steps in ARRAYS.items():
-        per_step, instants, v_out = ngspice_run(taxels, steps)
+        inputs = amplitudes(taxels)
+        per_step, reference = ngspice_run(inputs, steps)
         runs = np.array([model_seconds(taxels, MODEL_STEPS) for _ in range(REPEATS)]) / MODEL_STEPS
         stepped, series = runs.min(axis=0)
-        volts = float(amplitudes(taxels)[-1])
-        error = error_percent(instants, v_out, volts)
+        error = array_error(reference, inputs[-1])
         print(
             f"{taxels} taxels, {STEP * 1e6:g} us: ngspice {per_step * 1e6:.0f} us a step; model step by step "
             f"{stepped * 1e6:.1f} us, ratio {per_step / stepped:.0f}; as a series {series * 1e6:.1f} us, "

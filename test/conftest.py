@@ -1,25 +1,30 @@
-"""Shared by every test: the shipped sensor, and a ROS domain of its own on this machine alone."""
+"""Shared by every test: the shipped sensor, a ROS domain of its own on this machine alone, and what one worker runs."""
 
 from __future__ import annotations
 
 import os
+import time
 from contextlib import ExitStack
 from importlib.util import find_spec
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
 
 from posfet_model.sensor.description import Sensor, load_sensor
+from support.expected_time import expected, keep
+from support.worker_scope import scope
 
 OPTIONAL = {
-    "cantools": ["driver/test_codec.py", "driver/test_protocol_document.py"],
-    "matplotlib": ["model/test_figures.py", "model/test_stability.py"],
+    "cantools": ["driver/protocol/test_codec.py", "driver/protocol/test_protocol_document.py"],
+    "matplotlib": ["model/figures/test_figures.py", "model/figures/test_stability.py"],
 }
 """Tests that are left out where a module is missing; said in the header of the report."""
 MISSING = [module for module in OPTIONAL if find_spec(module) is None]
 collect_ignore = [name for module in MISSING for name in OPTIONAL[module]]
 
 _isolation = ExitStack()
+_begin = time.monotonic()
 
 # The same examples on every machine, however slow it is.
 settings.register_profile("posfet", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
@@ -27,7 +32,10 @@ settings.load_profile("posfet")
 
 
 def pytest_configure() -> None:
-    """Take a ROS domain that no other test run on this machine has, for this process and those that it starts."""
+    """Take a ROS domain that no other test process on this machine has, for this one and those that it starts.
+
+    The workers of pytest-xdist are such processes: each takes a domain of its own.
+    """
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     try:
         import domain_coordinator  # noqa: PLC0415  # only where there is ROS
@@ -36,8 +44,32 @@ def pytest_configure() -> None:
     os.environ["ROS_DOMAIN_ID"] = str(_isolation.enter_context(domain_coordinator.domain_id()))
 
 
-def pytest_report_header() -> list[str]:
-    return [f"left out, because {module} is not installed: {', '.join(OPTIONAL[module])}" for module in MISSING]
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if _is_worker(config):
+        items.sort(key=lambda item: scope(item.nodeid) == item.nodeid)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    if config.getvalue("dist") != "load":
+        return None
+    from support.worker_scheduling import ScopeScheduling  # noqa: PLC0415  # only where there is pytest-xdist
+
+    return ScopeScheduling(config, log)
+
+
+def _is_worker(config: pytest.Config) -> bool:
+    return hasattr(config, "workerinput")
+
+
+def pytest_report_header(config: pytest.Config) -> list[str]:
+    left_out = [f"left out, because {module} is not installed: {', '.join(OPTIONAL[module])}" for module in MISSING]
+    return [*left_out, *filter(None, [expected(config)])]
+
+
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
+    if exitstatus in (pytest.ExitCode.OK, pytest.ExitCode.TESTS_FAILED) and not _is_worker(session.config):
+        keep(session.config, time.monotonic() - _begin)
 
 
 def pytest_unconfigure() -> None:

@@ -20,7 +20,8 @@ from posfet_model.device import paper, transistor
 from posfet_model.device.mechanics import Layer
 from posfet_model.device.taxel import Taxel
 from posfet_model.spice.ngspice import SmallSignal
-from support.sweep import assert_refused
+from support.each_row import each_row
+from support.sweep import Refusal, assert_all_refused
 
 MODULES = [
     importlib.import_module(f"posfet_model.{room}.{name}")
@@ -299,46 +300,53 @@ def test_every_function_has_an_entry_here() -> None:
         assert set(arguments) <= set(_parameters(FUNCTIONS[name])), name
 
 
-@pytest.mark.parametrize(
-    "name", [n for n in GOOD if not n.startswith(("ngspice.run", "ngspice.read", "ngspice.closed"))]
-)
-def test_the_entry_is_accepted(name: str) -> None:
-    _bound(name)(**GOOD[name])
+def test_every_entry_is_accepted() -> None:
+    with each_row() as row:
+        for name, arguments in GOOD.items():
+            if not name.startswith(("ngspice.run", "ngspice.read", "ngspice.closed")):
+                with row(name):
+                    _bound(name)(**arguments)
 
 
-def _refused() -> Iterator[Any]:
-    for name, arguments in GOOD.items():
-        for argument, kind in _parameters(FUNCTIONS[name]).items():
-            if kind in TEXT or name == "ngspice.closed_loop":
-                continue
-            values = NO_NUMBERS if kind in NUMBERS or kind == "int" else NO_OBJECTS
-            for value in values:
-                yield pytest.param(
-                    name, {**arguments, argument: value}, argument, id=f"{name}-{argument}-{value!r:.20}"
-                )
+def _refused(name: str) -> list[Refusal]:
+    """What each argument of the function has to refuse."""
+    return [
+        (argument, {**GOOD[name], argument: value})
+        for argument, kind in _parameters(FUNCTIONS[name]).items()
+        if kind not in TEXT
+        for value in (NO_NUMBERS if kind in NUMBERS or kind == "int" else NO_OBJECTS)
+    ]
 
 
-@pytest.mark.parametrize(("name", "arguments", "argument"), list(_refused()))
-def test_what_is_no_such_thing_is_named(name: str, arguments: dict[str, Any], argument: str) -> None:
-    assert_refused(_bound(name), arguments, argument)
+REFUSED = {name: cases for name in GOOD if name != "ngspice.closed_loop" and (cases := _refused(name))}
 
 
-def _shapes() -> Iterator[Any]:
+def test_nearly_two_thousand_values_are_refused() -> None:
+    assert sum(len(cases) for cases in REFUSED.values()) >= 1930
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_is_no_such_thing_is_named(name: str) -> None:
+    assert_all_refused(_bound(name), REFUSED[name])
+
+
+def _shapes() -> Iterator[tuple[str, str, str]]:
     for name, arguments in GOOD.items():
         kinds = _parameters(FUNCTIONS[name])
         arrays = [argument for argument in arguments if kinds.get(argument) == "ArrayLike"]
         for argument in arrays[1:]:
-            yield pytest.param(name, arrays[0], argument, id=f"{name}-{argument}")
+            yield name, arrays[0], argument
 
 
-@pytest.mark.parametrize(("name", "first", "second"), list(_shapes()))
-def test_shapes_that_do_not_fit_are_refused(name: str, first: str, second: str) -> None:
+def test_shapes_that_do_not_fit_are_refused() -> None:
     """Two of an argument and three of another cannot mean anything."""
-    arguments = GOOD[name]
-    wrong = {
-        **arguments,
-        first: np.resize(np.asarray(arguments[first], float), 2),
-        second: np.resize(np.asarray(arguments[second], float), 3),
-    }
-    with pytest.raises(ValueError, match=rf"\b({first}|{second})\b"):
-        _bound(name)(**wrong)
+    with each_row() as row:
+        for name, first, second in _shapes():
+            arguments = GOOD[name]
+            wrong = {
+                **arguments,
+                first: np.resize(np.asarray(arguments[first], float), 2),
+                second: np.resize(np.asarray(arguments[second], float), 3),
+            }
+            with row(f"{name}, {first} and {second}"), pytest.raises(ValueError, match=rf"\b({first}|{second})\b"):
+                _bound(name)(**wrong)

@@ -6,13 +6,15 @@ import csv
 import inspect
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import strategies as st
+
+from support.each_row import each_row
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "device"
 
@@ -48,23 +50,34 @@ def reference(name: str) -> dict[str, np.ndarray[Any, Any]]:
     return dict(zip(rows[0], columns, strict=True))
 
 
-def refusals(function: Callable[..., Any], good: Mapping[str, Any], **outside: Sequence[Any]) -> Iterator[Any]:
-    """One pytest parameter (function, arguments, name) for each value that one argument must refuse.
+Refusal = tuple[str, Mapping[str, Any]]
+"""The argument that a call must refuse, and all arguments of the call."""
+
+
+def refusals(function: Callable[..., Any], good: Mapping[str, Any], **outside: Sequence[Any]) -> Any:
+    """One pytest parameter (function, cases): every value that one argument or the other must refuse.
 
     `outside` names the values out of range; those that are no real number at all are added to each argument named.
     Every argument of the function without a default has to be in `good`, so that none is forgotten silently.
     """
     required = {p.name for p in inspect.signature(function).parameters.values() if p.default is p.empty}
     assert required <= set(good), f"{function.__name__}: no good value of {required - set(good)}"
-    for name, values in outside.items():
-        for value in (*values, *NOT_REAL_NUMBERS):
-            yield pytest.param(function, {**good, name: value}, name, id=f"{function.__name__}-{name}-{value}")
+    cases = [(name, {**good, name: value}) for name in outside for value in (*outside[name], *NOT_REAL_NUMBERS)]
+    return pytest.param(function, cases, id=function.__qualname__)
 
 
 def assert_refused(function: Callable[..., Any], arguments: Mapping[str, Any], name: str) -> None:
     """The call raises ValueError, and its message names the argument."""
     with pytest.raises(ValueError, match=rf"\b{name}\b"):
         function(**arguments)
+
+
+def assert_all_refused(function: Callable[..., Any], cases: Sequence[Refusal]) -> None:
+    """Every call is refused as in `assert_refused`; those that are not are reported together."""
+    with each_row() as row:
+        for name, arguments in cases:
+            with row(f"{function.__qualname__}, {name} = {arguments[name]!r:.60}"):
+                assert_refused(function, arguments, name)
 
 
 def assert_finite(value: Any) -> None:

@@ -13,7 +13,7 @@ from posfet_model.device.paper import STACK
 from posfet_model.device.transistor import drain_current, gate_voltage
 from posfet_model.spice.ngspice import closed_loop
 from support.spice_data import small_signal, transient
-from support.sweep import NOT_REAL_NUMBERS, ErrorMap, assert_refused, reference, refusals
+from support.sweep import NOT_REAL_NUMBERS, ErrorMap, assert_all_refused, assert_refused, reference, refusals
 
 EPS = np.finfo(np.float64).eps
 FIGURES = figures_of_merit()
@@ -151,10 +151,9 @@ def test_a_supply_too_low_is_refused() -> None:
     assert_refused(figures_of_merit, {"bias": AmplifierBias(supply=1.2)}, "supply")
 
 
-@pytest.mark.parametrize("argument", [field.name for field in dataclasses.fields(AmplifierBias)])
-@pytest.mark.parametrize("value", [-1.0, *NOT_REAL_NUMBERS])
-def test_bad_bias_is_named(argument: str, value) -> None:
-    assert_refused(AmplifierBias, {argument: value}, argument)
+def test_bad_bias_is_named() -> None:
+    values = {field.name: (-1.0, *NOT_REAL_NUMBERS) for field in dataclasses.fields(AmplifierBias)}
+    assert_all_refused(AmplifierBias, [(name, {name: value}) for name in values for value in values[name]])
 
 
 def test_a_pair_four_times_as_wide_has_half_the_overdrive() -> None:
@@ -184,19 +183,14 @@ def test_sizes_that_make_no_amplifier_are_named(sizes) -> None:
 MISMATCH = {"figures": FIGURES, "pair_threshold": 0.0, "load_threshold": 0.0, "pair_size": 0.0, "load_size": 0.0}
 
 
-@pytest.mark.parametrize(
-    ("function", "arguments", "argument"),
-    [
-        *refusals(
-            mismatch_offset,
-            MISMATCH,
-            figures=[],
-            pair_threshold=[2.0],
-            load_threshold=[-2.0],
-            pair_size=[0.6],
-            load_size=[0.6],
-        )
-    ],
-)
-def test_bad_arguments_are_named(function, arguments, argument) -> None:
-    assert_refused(function, arguments, argument)
+def test_bad_arguments_are_named() -> None:
+    function, cases = refusals(
+        mismatch_offset,
+        MISMATCH,
+        figures=[],
+        pair_threshold=[2.0],
+        load_threshold=[-2.0],
+        pair_size=[0.6],
+        load_size=[0.6],
+    ).values
+    assert_all_refused(function, cases)

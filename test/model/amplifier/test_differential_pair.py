@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from posfet_model.amplifier.differential_pair import EDGE, LARGEST_PRODUCT, Lead, pair_current, pair_transconductance
 from posfet_model.amplifier.pair_settling import settle, settle_series
-from support.sweep import ErrorMap, assert_finite, assert_monotone, assert_refused, decades, reference, refusals
+from support.sweep import ErrorMap, assert_all_refused, assert_finite, assert_monotone, decades, reference, refusals
 
 EPS = np.finfo(np.float64).eps
 STEEPEST = 1 / (1 - LARGEST_PRODUCT)
@@ -163,12 +163,12 @@ def test_a_series_is_its_steps_in_a_row(scale: float, lead: Lead) -> None:
 
 
 @pytest.mark.parametrize(
-    ("function", "arguments", "argument"),
+    ("function", "cases"),
     [
-        *refusals(pair_current, {"overdrive": 0.0}, overdrive=[]),
-        *refusals(Lead, {}, linear=[-1e-9, 1.1], square=[-0.6, 0.6]),
-        *refusals(pair_transconductance, {"overdrive": 0.0}, overdrive=[]),
+        refusals(pair_current, {"overdrive": 0.0}, overdrive=[]),
+        refusals(Lead, {}, linear=[-1e-9, 1.1], square=[-0.6, 0.6]),
+        refusals(pair_transconductance, {"overdrive": 0.0}, overdrive=[]),
     ],
 )
-def test_bad_arguments_are_named(function, arguments, argument) -> None:
-    assert_refused(function, arguments, argument)
+def test_bad_arguments_are_named(function, cases) -> None:
+    assert_all_refused(function, cases)

@@ -21,6 +21,7 @@ from posfet_model.amplifier.follower_base import Follower
 from support.drift import Case, cases
 from support.sweep import (
     ErrorMap,
+    assert_all_refused,
     assert_finite,
     assert_monotone,
     assert_refused,
@@ -246,21 +247,18 @@ class TestLimits:
         follower = OnePoleFollower(gain=1.0, bandwidth=1e6, limits=FollowerLimits(frequency=5e6))
         np.testing.assert_array_equal(follower.response([1e3, 5e6, 6e6]).valid, [True, True, False])
 
-    @pytest.mark.parametrize(
-        ("arguments", "argument"),
-        [
+    def test_limits_that_make_no_sense(self) -> None:
+        bad = [
             ({"v_low": 1.0, "v_high": 1.0}, "v_high"),
             ({"slew_rate": 0.0}, "slew_rate"),
             ({"frequency": -1.0}, "frequency"),
-            *(
-                ({name: value}, name)
-                for name in ("v_low", "v_high", "slew_rate", "frequency")
-                for value in (math.nan, 1 + 1j, "one", None, True)
-            ),
-        ],
-    )
-    def test_limits_that_make_no_sense(self, arguments, argument) -> None:
-        assert_refused(FollowerLimits, arguments, argument)
+        ]
+        bad += [
+            ({name: value}, name)
+            for name in ("v_low", "v_high", "slew_rate", "frequency")
+            for value in (math.nan, 1 + 1j, "one", None, True)
+        ]
+        assert_all_refused(FollowerLimits, [(argument, arguments) for arguments, argument in bad])
 
 
 class TestSweep:
@@ -384,43 +382,43 @@ GOOD_TWO_POLES = {"gain": 0.99, "natural_frequency": 1e6, "quality": 0.5}
 
 
 @pytest.mark.parametrize(
-    ("function", "arguments", "argument"),
+    ("function", "cases"),
     [
-        *refusals(
+        refusals(
             close_loop,
             {"open_loop_gain": 130.0, "gain_bandwidth": 1e6},
             open_loop_gain=[0.0, -1.0, 1e10],
             gain_bandwidth=[0.0, -1.0, 1e15],
         ),
-        *refusals(
+        refusals(
             StaticFollower, {"gain": 1.0}, gain=[0.0, -1.0, 1e4], offset=[1e7, [[1.0], [1.0, 2.0]]], limits=[(0.0, 1.0)]
         ),
-        *refusals(OnePoleFollower, GOOD_ONE_POLE, gain=[0.0], bandwidth=[0.0, -1.0, 1e16]),
-        *refusals(TwoPoleFollower, GOOD_TWO_POLES, natural_frequency=[0.0, 1e16], quality=[0.0, 51.0]),
-        *refusals(
+        refusals(OnePoleFollower, GOOD_ONE_POLE, gain=[0.0], bandwidth=[0.0, -1.0, 1e16]),
+        refusals(TwoPoleFollower, GOOD_TWO_POLES, natural_frequency=[0.0, 1e16], quality=[0.0, 51.0]),
+        refusals(
             TwoPoleFollower.from_bandwidth,
             {"gain": 0.99, "bandwidth": 1e6, "quality": 0.5},
             bandwidth=[0.0],
             quality=[0.0],
         ),
-        *refusals(
+        refusals(
             SquareLawFollower, {**GOOD_ONE_POLE, "overdrive": 0.4}, overdrive=[0.0, -1.0, 1e4], lead=[0.07, (0.07, 0.2)]
         ),
-        *refusals(ONE_POLE.response, {"frequency": 1.0}, frequency=[-1.0, 1e19]),
-        *refusals(ONE_POLE.start, {"v_in": 0.0}, v_in=[2e6, -2e6]),
-        *refusals(
+        refusals(ONE_POLE.response, {"frequency": 1.0}, frequency=[-1.0, 1e19]),
+        refusals(ONE_POLE.start, {"v_in": 0.0}, v_in=[2e6, -2e6]),
+        refusals(
             ONE_POLE.advance,
             {"state": ONE_POLE.start(0.0), "v_in": 0.0, "step": 1.0},
             v_in=[2e6, [0.0, 1.0]],
             step=[-1.0, 1e10, [1.0, 2.0]],
         ),
-        *refusals(
+        refusals(
             ONE_POLE.advance_series,
             {"state": ONE_POLE.start(0.0), "v_in": [0.0, 0.0], "step": 1.0},
             v_in=[0.0, [2e6], [], [[0.0, 1.0]]],
             step=[-1.0, 1e10, [1.0], [[1.0, 2.0]]],
         ),
-        *refusals(
+        refusals(
             ONE_POLE.run,
             {"time": [0.0, 1.0], "v_in": [0.0, 1.0]},
             time=[[0.0, -1.0], [0.0, 2e9], [0.0], [[0.0, 1.0]], []],
@@ -428,5 +426,5 @@ GOOD_TWO_POLES = {"gain": 0.99, "natural_frequency": 1e6, "quality": 0.5}
         ),
     ],
 )
-def test_bad_arguments_are_named(function, arguments, argument) -> None:
-    assert_refused(function, arguments, argument)
+def test_bad_arguments_are_named(function, cases) -> None:
+    assert_all_refused(function, cases)

@@ -9,9 +9,9 @@ from hypothesis import given
 from posfet_model.device import charge
 from support.sweep import (
     ErrorMap,
+    assert_all_refused,
     assert_finite,
     assert_monotone,
-    assert_refused,
     corners,
     decades,
     reference,
@@ -202,9 +202,9 @@ class TestManySteps:
 
 
 @pytest.mark.parametrize(
-    ("function", "arguments", "name"),
+    ("function", "cases"),
     [
-        *refusals(
+        refusals(
             charge.source_charge,
             {
                 "stress": 0.0,
@@ -218,9 +218,7 @@ class TestManySteps:
             pyroelectric_coefficient=[-40],
         ),
         *(
-            case
-            for function in (charge.propagate_first_order_hold, charge.propagate_step)
-            for case in refusals(
+            refusals(
                 function,
                 STEP_GOOD,
                 charge=[2e12],
@@ -229,8 +227,9 @@ class TestManySteps:
                 step=[0, -1e-3, 1e10],
                 time_constant=[0, -1, 1e16],
             )
+            for function in (charge.propagate_first_order_hold, charge.propagate_step)
         ),
-        *refusals(
+        refusals(
             charge.electric_displacement,
             {"stress": 0.0, "field": 0.0, "piezoelectric_coefficient": -38e-12, "relative_permittivity": 12.0},
             stress=[1.1e16],
@@ -238,7 +237,7 @@ class TestManySteps:
             piezoelectric_coefficient=[-38],
             relative_permittivity=[0.5, -12],
         ),
-        *refusals(
+        refusals(
             charge.invert_first_order_hold,
             {"charge_start": 0.0, "charge_end": 0.0, "step": 1e-3, "time_constant": TAU},
             charge_start=[2e12],
@@ -246,14 +245,14 @@ class TestManySteps:
             step=[0, -1],
             time_constant=[0, -1],
         ),
-        *refusals(
+        refusals(
             charge.frequency_response, {"frequency": 1.0, "time_constant": TAU}, frequency=[-1], time_constant=[0]
         ),
-        *refusals(charge.step_response, {"time": 1.0, "time_constant": TAU}, time=[-1e-9], time_constant=[0]),
+        refusals(charge.step_response, {"time": 1.0, "time_constant": TAU}, time=[-1e-9], time_constant=[0]),
     ],
 )
-def test_bad_arguments_are_refused_by_name(function, arguments, name) -> None:
-    assert_refused(function, arguments, name)
+def test_bad_arguments_are_refused_by_name(function, cases) -> None:
+    assert_all_refused(function, cases)
 
 
 def test_shapes_that_do_not_fit_are_named() -> None:

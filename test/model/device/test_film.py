@@ -12,7 +12,15 @@ from hypothesis import strategies as st
 from posfet_model.device import film
 from posfet_model.device.constants import VACUUM_PERMITTIVITY
 from posfet_model.device.film import VIRGIN, Film, History, TurningPoint
-from support.sweep import ErrorMap, assert_finite, assert_monotone, assert_refused, reference, refusals, signed_decades
+from support.sweep import (
+    ErrorMap,
+    assert_all_refused,
+    assert_finite,
+    assert_monotone,
+    reference,
+    refusals,
+    signed_decades,
+)
 
 EPS = np.finfo(np.float64).eps
 PAPER = Film(160e5, 0.02, 0.05, 12.0)
@@ -214,9 +222,9 @@ class TestPoling:
 
 
 @pytest.mark.parametrize(
-    ("function", "arguments", "name"),
+    ("function", "cases"),
     [
-        *refusals(
+        refusals(
             Film,
             dataclasses.asdict(PAPER),
             coercive_field=[0, -1, 1e13],
@@ -224,28 +232,28 @@ class TestPoling:
             saturation_polarisation=[0, -0.05, 11],
             relative_permittivity=[0, 0.9, 1e6],
         ),
-        *refusals(
+        refusals(
             film.branch_steepness,
             {"coercive_field": EC, "remnant_polarisation": 0.02, "saturation_polarisation": 0.05},
             coercive_field=[0],
             remnant_polarisation=[0.05, 0.0],
             saturation_polarisation=[0],
         ),
-        *refusals(film.rising_branch, {"field": 0.0, "film": PAPER}, field=[1.1e12, [-2e12]], film=[VIRGIN]),
-        *refusals(film.falling_branch, {"field": 0.0, "film": PAPER}, field=[1.1e12], film=[]),
-        *refusals(film.saturated, {"film": PAPER, "positive": True}, film=[]),
-        *refusals(
+        refusals(film.rising_branch, {"field": 0.0, "film": PAPER}, field=[1.1e12, [-2e12]], film=[VIRGIN]),
+        refusals(film.falling_branch, {"field": 0.0, "film": PAPER}, field=[1.1e12], film=[]),
+        refusals(film.saturated, {"film": PAPER, "positive": True}, film=[]),
+        refusals(
             film.polarise, {"fields": [], "film": PAPER}, fields=[[1.1e12], 0.0, [[1.0]]], film=[], history=[PAPER]
         ),
-        *refusals(film.remnant_after, {"fields": [], "film": PAPER}, fields=[[1.1e12], 0.0], film=[], history=[]),
-        *refusals(
+        refusals(film.remnant_after, {"fields": [], "film": PAPER}, fields=[[1.1e12], 0.0], film=[], history=[]),
+        refusals(
             film.piezoelectric_coefficient,
             {"remnant_polarisation": 0.02, "film": PAPER, "saturated_coefficient": -38e-12},
             remnant_polarisation=[0.021, -0.021],
             film=[],
             saturated_coefficient=[-38],
         ),
-        *refusals(
+        refusals(
             History,
             {"field": 0.0, "switched": 0.0, "direction": 0, "turning_points": ()},
             field=[2e12],
@@ -255,8 +263,8 @@ class TestPoling:
         ),
     ],
 )
-def test_bad_arguments_are_refused_by_name(function, arguments, name) -> None:
-    assert_refused(function, arguments, name)
+def test_bad_arguments_are_refused_by_name(function, cases) -> None:
+    assert_all_refused(function, cases)
 
 
 @pytest.mark.parametrize("direction", [0, 1])

@@ -8,7 +8,7 @@ from numpy.polynomial import legendre
 
 from posfet_model.device import mechanics
 from posfet_model.device.mechanics import Layer
-from support.sweep import ErrorMap, assert_finite, assert_monotone, assert_refused, decades, reference, refusals
+from support.sweep import ErrorMap, assert_all_refused, assert_finite, assert_monotone, decades, reference, refusals
 
 EPS = np.finfo(np.float64).eps
 SILICON = {"young_modulus": 169e9, "poisson_ratio": 0.3}
@@ -152,17 +152,17 @@ class TestBending:
 
 
 @pytest.mark.parametrize(
-    ("function", "arguments", "name"),
+    ("function", "cases"),
     [
-        *refusals(
+        refusals(
             mechanics.mask_opening,
             {"membrane_width": 1e-2, "etch_depth": 450e-6},
             membrane_width=[0, -1, 2],
             etch_depth=[0, 450],
         ),
-        *refusals(mechanics.circular_deflection, CIRCLE, radius=[0, -1, 2], **RANGES),
-        *refusals(mechanics.square_deflection, SQUARE, side=[0, -1, 2], **RANGES),
-        *refusals(
+        refusals(mechanics.circular_deflection, CIRCLE, radius=[0, -1, 2], **RANGES),
+        refusals(mechanics.square_deflection, SQUARE, side=[0, -1, 2], **RANGES),
+        refusals(
             mechanics.circular_thickness,
             {"deflection": 1e-6, "pressure": 100.0, "radius": 5e-3, **SILICON},
             deflection=[0, -1e-6, 2],
@@ -171,7 +171,7 @@ class TestBending:
             young_modulus=[0],
             poisson_ratio=[0.6],
         ),
-        *refusals(
+        refusals(
             mechanics.square_thickness,
             {"deflection": 1e-6, "pressure": 100.0, "side": 1e-2, **SILICON},
             deflection=[0],
@@ -180,14 +180,14 @@ class TestBending:
             young_modulus=[0],
             poisson_ratio=[0.6],
         ),
-        *refusals(
+        refusals(
             Layer,
             {"thickness": 1e-6, "young_modulus": 169e9, "poisson_ratio": 0.3},
             thickness=[0, -1e-6, [1e-6]],
             young_modulus=[0],
             poisson_ratio=[-1, 0.6],
         ),
-        *refusals(
+        refusals(
             mechanics.bend_on_cylinder,
             {"layers": CHIP, "cylinder_radius": 1e-2},
             layers=[[], [1, 2], [None], 5.0],
@@ -195,8 +195,8 @@ class TestBending:
         ),
     ],
 )
-def test_bad_arguments_are_refused_by_name(function, arguments, name) -> None:
-    assert_refused(function, arguments, name)
+def test_bad_arguments_are_refused_by_name(function, cases) -> None:
+    assert_all_refused(function, cases)
 
 
 def test_a_chip_of_no_layers_is_refused() -> None:

@@ -8,7 +8,7 @@ import pytest
 from posfet_model.amplifier.two_stage import figures_of_merit
 from posfet_model.device import noise, paper
 from posfet_model.device.transistor import Plane
-from support.sweep import assert_finite, assert_monotone, assert_refused, reference, refusals
+from support.sweep import assert_all_refused, assert_finite, assert_monotone, assert_refused, reference, refusals
 
 EPS = np.finfo(np.float64).eps
 
@@ -140,28 +140,28 @@ GOOD_BUDGET = {
 
 
 @pytest.mark.parametrize(
-    ("function", "arguments", "argument"),
+    ("function", "cases"),
     [
-        *refusals(
+        refusals(
             noise.resistor_density, {"resistance": 1.0, "temperature": 300.0}, resistance=[-1.0], temperature=[0.0, 2e3]
         ),
-        *refusals(
+        refusals(
             noise.pair_density,
             {"input_transconductance": 1e-3, "load_transconductance": 0.0, "temperature": 300.0},
             input_transconductance=[0.0],
             load_transconductance=[-1.0],
             temperature=[0.0],
         ),
-        *refusals(
+        refusals(
             noise.flicker_density, {"coefficient": 1.0, "frequency": 1.0}, coefficient=[-1.0], frequency=[0.0, -1.0]
         ),
-        *refusals(
+        refusals(
             noise.white_rms, {"density": 1.0, "low": 1.0, "high": 2.0}, density=[-1.0], low=[-1.0], high=[1.0, 0.5]
         ),
-        *refusals(
+        refusals(
             noise.flicker_rms, {"coefficient": 1.0, "low": 1.0, "high": 2.0}, coefficient=[-1.0], low=[0.0], high=[1.0]
         ),
-        *refusals(
+        refusals(
             noise.bias_resistor_rms,
             GOOD_BIAS,
             resistance=[0.0, -1.0],
@@ -170,23 +170,23 @@ GOOD_BUDGET = {
             low=[-1.0],
             high=[0.1, 0.05],
         ),
-        *refusals(noise.quantisation_rms, {"lsb": 1.0}, lsb=[-1.0]),
-        *refusals(
+        refusals(noise.quantisation_rms, {"lsb": 1.0}, lsb=[-1.0]),
+        refusals(
             noise.flicker_sequence, SEQUENCE, coefficient=[-1.0], rate=[0.0], samples=[1, 2**26 + 1, 8.0], generator=[7]
         ),
-        *refusals(
+        refusals(
             noise.volts_per_newton,
             {"piezoelectric_coefficient": 0.0, "area": 1.0, "capacitance": 1.0},
             piezoelectric_coefficient=[1.0],
             area=[0.0],
             capacitance=[0.0],
         ),
-        *refusals(noise.noise_budget, GOOD_BUDGET, bias_rms=[-1.0], volts_per_newton=[-1.0], gain=[0.0]),
-        *refusals(BUDGET.minimum_force, {}, sigmas=[0.0, -1.0]),
+        refusals(noise.noise_budget, GOOD_BUDGET, bias_rms=[-1.0], volts_per_newton=[-1.0], gain=[0.0]),
+        refusals(BUDGET.minimum_force, {}, sigmas=[0.0, -1.0]),
     ],
 )
-def test_bad_arguments_are_named(function, arguments, argument) -> None:
-    assert_refused(function, arguments, argument)
+def test_bad_arguments_are_named(function, cases) -> None:
+    assert_all_refused(function, cases)
 
 
 TWO, THREE = np.ones(2), np.ones(3)

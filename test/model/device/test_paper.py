@@ -10,7 +10,7 @@ import pytest
 from posfet_model.device import as_printed, charge, film, mechanics, paper, transistor
 from posfet_model.device.transistor import Plane
 from posfet_model.sensor.description import load_sensor
-from support.sweep import assert_refused, refusals
+from support.sweep import assert_all_refused, refusals
 
 
 def test_every_number_has_a_name_a_unit_and_a_source() -> None:
@@ -89,18 +89,18 @@ NO_PLATE = {"pressure": [-1.0], "thickness": [0.0, -50e-6], "young_modulus": [0.
 
 
 @pytest.mark.parametrize(
-    ("function", "arguments", "name"),
+    ("function", "cases"),
     [
-        *refusals(
+        refusals(
             as_printed.circular_deflection,
             {**PLATE, "radius": 5e-3, "poisson_ratio": 0.3},
             **NO_PLATE,
             radius=[0.0, -1.0, [1e-3, 2e-3, [3e-3]]],
             poisson_ratio=[0.6],
         ),
-        *refusals(as_printed.square_deflection, {**PLATE, "side": 5e-3}, **NO_PLATE, side=[0.0, -1.0]),
-        *refusals(as_printed.threshold_shift, {"charge": 0.07, "stack": paper.STACK}, charge=[], stack=[]),
-        *refusals(
+        refusals(as_printed.square_deflection, {**PLATE, "side": 5e-3}, **NO_PLATE, side=[0.0, -1.0]),
+        refusals(as_printed.threshold_shift, {"charge": 0.07, "stack": paper.STACK}, charge=[], stack=[]),
+        refusals(
             as_printed.signal_current,
             {"charge": 1e-5, "overdrive": 0.5, "mobility": 0.085, "aspect": 273.0, "stack": paper.STACK},
             charge=[],
@@ -111,8 +111,8 @@ NO_PLATE = {"pressure": [-1.0], "thickness": [0.0, -50e-6], "young_modulus": [0.
         ),
     ],
 )
-def test_the_printed_forms_refuse_by_name(function, arguments, name) -> None:
-    assert_refused(function, arguments, name)
+def test_the_printed_forms_refuse_by_name(function, cases) -> None:
+    assert_all_refused(function, cases)
 
 
 def test_the_model_needs_neither_ros_nor_matplotlib() -> None:

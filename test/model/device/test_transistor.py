@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posfet_model.device import paper, threshold_extraction, transistor
+from posfet_model.device import paper, transistor
+from posfet_model.device import threshold_extraction
 from posfet_model.device.transistor import Plane, Stack
 from support.sweep import (
     ErrorMap,
+    assert_all_refused,
     assert_finite,
     assert_monotone,
-    assert_refused,
     corners,
     decades,
     reference,
@@ -248,16 +249,16 @@ class TestThresholdFit:
 
 
 @pytest.mark.parametrize(
-    ("function", "arguments", "name"),
+    ("function", "cases"),
     [
-        *refusals(Stack, {"oxide": 1e-3, "film": 1e-5}, oxide=[0, -1e-3, 1e4], film=[0, [1e-5]]),
-        *refusals(
+        refusals(Stack, {"oxide": 1e-3, "film": 1e-5}, oxide=[0, -1e-3, 1e4], film=[0, [1e-5]]),
+        refusals(
             transistor.capacitance_per_area,
             {"relative_permittivity": 3.9, "thickness": 45e-9},
             relative_permittivity=[0, 0.5, -12],
             thickness=[0, -45e-9, 2.5],
         ),
-        *refusals(
+        refusals(
             transistor.threshold_shift,
             {"charge": 0.07, "stack": STACK, "plane": Plane.OXIDE, "uncompensated_fraction": 1.0},
             charge=[2e6],
@@ -265,7 +266,7 @@ class TestThresholdFit:
             plane=["gate"],
             uncompensated_fraction=[-0.1, 1.1],
         ),
-        *refusals(
+        refusals(
             transistor.uncompensated_fraction,
             {"shift": -1.0, "charge": 0.07, "stack": STACK, "plane": Plane.OXIDE},
             shift=[2e6],
@@ -273,7 +274,7 @@ class TestThresholdFit:
             stack=[],
             plane=["gate"],
         ),
-        *refusals(
+        refusals(
             transistor.gain_factor,
             {"mobility": 0.085, "capacitance": 4e-5, "width": 1e-3, "length": 1e-5},
             mobility=[0, -0.085, 850],
@@ -282,9 +283,7 @@ class TestThresholdFit:
             length=[0, 12],
         ),
         *(
-            case
-            for function in OPERATORS
-            for case in refusals(
+            refusals(
                 function,
                 CURRENT_GOOD,
                 gate_voltage=[2e6],
@@ -293,8 +292,9 @@ class TestThresholdFit:
                 gain_factor=[0, -1],
                 channel_length_modulation=[-0.1, 11],
             )
+            for function in OPERATORS
         ),
-        *refusals(
+        refusals(
             transistor.gate_voltage,
             {**{k: v for k, v in CURRENT_GOOD.items() if k != "gate_voltage"}, "drain_current": 1e-3},
             drain_current=[-1e-9, 2e6],
@@ -304,9 +304,7 @@ class TestThresholdFit:
             channel_length_modulation=[-1],
         ),
         *(
-            case
-            for function in (threshold_extraction.fit_linear_curve, threshold_extraction.fit_saturation_curve)
-            for case in refusals(
+            refusals(
                 function,
                 {"gate_voltage": [1, 2], "drain_current": [1e-3, 2e-3], "drain_voltage": 5.0, "lowest_share": 0.1},
                 gate_voltage=[[1, 2e6]],
@@ -314,11 +312,12 @@ class TestThresholdFit:
                 drain_voltage=[0, -1, [5.0, 5.0]],
                 lowest_share=[0, 1],
             )
+            for function in (threshold_extraction.fit_linear_curve, threshold_extraction.fit_saturation_curve)
         ),
     ],
 )
-def test_bad_arguments_are_refused_by_name(function, arguments, name) -> None:
-    assert_refused(function, arguments, name)
+def test_bad_arguments_are_refused_by_name(function, cases) -> None:
+    assert_all_refused(function, cases)
 
 
 @pytest.mark.parametrize("plane", ["gate", "GATE", None, 0])

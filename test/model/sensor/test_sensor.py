@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +12,7 @@ import pytest
 import yaml
 
 from posfet_model.sensor.description import DEFAULT_SENSOR, SENSOR_FOLDER, ConfigError, load_sensor
+from support.each_row import each_row
 
 SHIPPED = SENSOR_FOLDER / f"{DEFAULT_SENSOR}.yaml"
 
@@ -51,8 +54,6 @@ def changed(path: tuple[str, ...], value: Any) -> dict[str, Any]:
 
 LEAVES = leaves(values())
 NUMBERS = [path for path in LEAVES if path[0] not in ("name", "serial") and path[-1] != "fd"]
-ALL = pytest.mark.parametrize("path", LEAVES, ids=".".join)
-EACH_NUMBER = pytest.mark.parametrize("path", NUMBERS, ids=".".join)
 
 
 def test_shipped_sensor_is_read_in_si() -> None:
@@ -90,9 +91,11 @@ def test_unknown_names_and_paths_are_told_with_the_shipped_ones(tmp_path: Path) 
         load_sensor(missing)
 
 
-@ALL
-def test_a_missing_key_is_named_with_what_it_must_be(tmp_path: Path, path: tuple[str, ...]) -> None:
-    assert refusal(tmp_path, changed(path, ...)).startswith(f"{'.'.join(path)}: missing, must be ")
+def test_a_missing_key_is_named_with_what_it_must_be(tmp_path: Path) -> None:
+    with each_row() as row:
+        for path in LEAVES:
+            with row(".".join(path)):
+                assert refusal(tmp_path, changed(path, ...)).startswith(f"{'.'.join(path)}: missing, must be ")
 
 
 @pytest.mark.parametrize("section", ["layout", "device", "amplifier", "adc", "can", "contact"])
@@ -105,12 +108,13 @@ def test_a_missing_or_wrong_section_is_named(tmp_path: Path, section: str) -> No
     assert unknown.startswith(f"{section}.colour: unknown key, known here are ")
 
 
-@ALL
-@pytest.mark.parametrize("value", [None, {"a": 1}, [1.0]], ids=str)
-def test_a_wrong_type_is_named_with_the_value(tmp_path: Path, path: tuple[str, ...], value: Any) -> None:
-    message = refusal(tmp_path, changed(path, value))
-    assert message.startswith(f"{'.'.join(path)}: must be ")
-    assert ", got " in message
+def test_a_wrong_type_is_named_with_the_value(tmp_path: Path) -> None:
+    with each_row() as row:
+        for path, value in itertools.product(LEAVES, (None, {"a": 1}, [1.0])):
+            with row(f"{'.'.join(path)} = {value}"):
+                message = refusal(tmp_path, changed(path, value))
+                assert message.startswith(f"{'.'.join(path)}: must be ")
+                assert ", got " in message
 
 
 @pytest.mark.parametrize("path", [("name",), ("serial",)], ids=".".join)
@@ -118,20 +122,23 @@ def test_a_number_is_no_text(tmp_path: Path, path: tuple[str, ...]) -> None:
     assert refusal(tmp_path, changed(path, 3)) == f"{path[0]}: must be text, got 3"
 
 
-@EACH_NUMBER
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1e300, 1e300, True], ids=str)
-def test_a_number_out_of_range_is_told_with_the_range(tmp_path: Path, path: tuple[str, ...], value: Any) -> None:
-    message = refusal(tmp_path, changed(path, value))
-    assert message.startswith(f"{'.'.join(path)}: must be a")
-    assert ", got " in message
-    assert any(bracket in message for bracket in "[(")
+def test_a_number_out_of_range_is_told_with_the_range(tmp_path: Path) -> None:
+    with each_row() as row:
+        for path, value in itertools.product(NUMBERS, (math.nan, math.inf, -1e300, 1e300, True)):
+            with row(f"{'.'.join(path)} = {value}"):
+                message = refusal(tmp_path, changed(path, value))
+                assert message.startswith(f"{'.'.join(path)}: must be a")
+                assert ", got " in message
+                assert any(bracket in message for bracket in "[(")
 
 
-@EACH_NUMBER
-def test_a_number_that_yaml_reads_as_text_is_explained_or_refused(tmp_path: Path, path: tuple[str, ...]) -> None:
-    message = refusal(tmp_path, changed(path, "1e-3"))
-    assert message.startswith(f"{'.'.join(path)}: must be ")
-    assert "1e-3" in message
+def test_a_number_that_yaml_reads_as_text_is_explained_or_refused(tmp_path: Path) -> None:
+    with each_row() as row:
+        for path in NUMBERS:
+            with row(".".join(path)):
+                message = refusal(tmp_path, changed(path, "1e-3"))
+                assert message.startswith(f"{'.'.join(path)}: must be ")
+                assert "1e-3" in message
 
 
 def test_yaml_needs_a_point_in_a_number_and_that_is_said(tmp_path: Path) -> None:

@@ -232,7 +232,8 @@ def test_all_scans_come_through_the_wire_with_their_truth_whatever_the_line_does
 
 
 def test_it_prints_json_with_exactly_these_names(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["press_slide_lift", "--for", "1", "--mismatch", "5", "--device", "leak=20", "--seed", "3"]) == 0
+    words = ["--for", "1", "--mismatch", "5", "--device", "leak=20", "--seed", "3", "--calibration", "none"]
+    assert main(["press_slide_lift", *words]) == 0
     assert list(json.loads(capsys.readouterr().out)) == NAMES
 
 

@@ -11,7 +11,7 @@ from posfet_model.sensor.description import Layout
 from posfet_sim.contact.closed_forms import hertz_ellipse
 from posfet_sim.contact.indenters import FLAT, Sphere
 from posfet_sim.contact.taxel_forces import FINEST_SPREAD, Cells, spread_of_cover
-from support.sweep import assert_refused, decades, refusals
+from support.sweep import assert_all_refused, decades, refusals
 
 LAYOUT = Layout(id=1, rows=4, cols=5, pitch_x=1.5e-3, pitch_y=1.2e-3, taxel_area=1e-6)
 WIDE = Layout(id=1, rows=64, cols=64, pitch_x=1.5e-3, pitch_y=1.5e-3, taxel_area=1e-6)
@@ -126,18 +126,18 @@ def test_what_presses_beyond_the_cells_is_lost_and_far_taxels_are_not_met() -> N
 
 
 @pytest.mark.parametrize(
-    ("function", "arguments", "name"),
+    ("function", "cases"),
     [
-        *refusals(
+        refusals(
             hertz_ellipse,
             {"along": 200.0, "across": 250.0, "effective_modulus": MODULUS},
             along=(0.0, -1.0, 2e7),
             across=(0.0, 2e7),
             effective_modulus=(0.0, -1.0, 2e13),
         ),
-        *refusals(Cells, {"layout": LAYOUT, "spread": SPREAD}, spread=(-1e-9, 1.1)),
-        *refusals(spread_of_cover, {"thickness": 1e-3}, thickness=(-1e-9, 0.2)),
+        refusals(Cells, {"layout": LAYOUT, "spread": SPREAD}, spread=(-1e-9, 1.1)),
+        refusals(spread_of_cover, {"thickness": 1e-3}, thickness=(-1e-9, 0.2)),
     ],
 )
-def test_what_cannot_be_is_refused(function, arguments, name) -> None:
-    assert_refused(function, arguments, name)
+def test_what_cannot_be_is_refused(function, cases) -> None:
+    assert_all_refused(function, cases)

@@ -27,6 +27,7 @@ from posfet_sim.scene import (
     trajectory_file,
 )
 from posfet_sim.scene.scene_file import SHAPES, greatest_force
+from support.each_row import each_row
 from support.paths import DOCS
 
 SENSOR = load_sensor()
@@ -171,97 +172,100 @@ def test_the_scenes_that_are_promised_are_shipped() -> None:
     assert np.argmax(spectrum) == 200
 
 
-@pytest.mark.parametrize(
-    ("old", "new", "reason"),
-    [
-        ("name: good\n", "", "name: missing, must be text"),
-        ("name: good", "name: 3", "name: must be text, got 3"),
-        ("name: good", "name: good\nspeed: 2", "speed: unknown key, known here are .*period_s, .*cover_thickness_mm"),
-        ("name: good", "name: good\nname: good", "key 'name' is given twice"),
-        ("description: a ball presses and lifts\n", "", "description: missing"),
-        ("period_s: 2.0", "period_s: 0", r"period_s: must be a number in \(0, 1e\+06\), got 0"),
-        ("period_s: 2.0", "period_s: .nan", "period_s: must be a number"),
-        ("period_s: 2.0", "period_s: 1.2", r"keyframes\[2\].time_s: must be a number in \[0, 1.2\], got 1.5"),
-        ("temperature_degC: 25.0\n", "", "temperature_degC: missing"),
-        ("temperature_degC: 25.0", "temperature_degC: 101", r"temperature_degC: must be .* \[-40, 100\], got 101"),
-        ("temperature_degC: 25.0", "temperature_degC: warm", "temperature_degC: must be a number"),
-        ("objects:", "temperature_keyframes: []\nobjects:", "temperature_degC: must not be given together"),
-        ("temperature_degC: 25.0", "temperature_keyframes: []", "temperature_keyframes: must hold at least one"),
-        ("temperature_degC: 25.0\n", RAMP, r"temperature_keyframes\[1\].temperature_degC: must be 20 as at first"),
-        ("objects:", "objects: []\nothers:", "others: unknown key"),
-        ("name: ball", "title: ball", r"objects\[0\].name: missing, must be text"),
-        (
-            "    kind: sphere\n",
-            "",
-            r"objects\[0\].kind: missing, must be one of sphere, cylinder, punch, edge, texture",
-        ),
-        (
-            "kind: sphere",
-            "kind: cube",
-            r"objects\[0\].kind: must be one of sphere, cylinder, punch, edge, texture, got 'cube'",
-        ),
-        ("radius_mm: 5.0", "radius_mm: -5.0", r"objects\[0\].radius_mm: must be .* \[0.1, 1000\], got -5"),
-        ("radius_mm: 5.0\n", "radius_mm: 5.0\n    mass_g: 3\n", r"objects\[0\].mass_g: unknown key"),
-        ("effective_modulus_MPa: 2.0", "effective_modulus_MPa: 0", "effective_modulus_MPa: must be .*, got 0"),
-        ("{time_s: 1.0,", "{time_s: 0.5,", r"keyframes\[1\].time_s: must be after 0.5, the keyframe before, got 0.5"),
-        ("{time_s: 1.0,", "{time_s: 0.4,", r"keyframes\[1\].time_s: must be after 0.5, the keyframe before, got 0.4"),
-        ("{time_s: 0.5,", "{time_s: -0.5,", r"keyframes\[0\].time_s: must be a number in \[0, 2\], got -0.5"),
-        ("x_mm: -1.0", "x_mm: 3.8", r"keyframes\[2\].x_mm: must be a number in \[-3.75, 3.75\], got 3.8"),
-        ("y_mm: 2.0", "y_mm: -40", r"keyframes\[2\].y_mm: must be a number in \[-3.75, 3.75\], got -40"),
-        ("y_mm: 2.0", "y_mm: .inf", r"keyframes\[2\].y_mm: must be a number"),
-        ("y_mm: 2.0", "z_mm: 2.0", r"keyframes\[2\].y_mm: missing"),
-        ("force_N: 1.5", "force_N: 1.5, spin: 1", r"keyframes\[1\].spin: unknown key"),
-        ("force_N: 1.5", "force_N: -0.1", r"keyframes\[1\].force_N: must be a number in \[0, 66.6667\], got -0.1"),
-        ("force_N: 1.5", "force_N: 67", r"keyframes\[1\].force_N: must be a number in \[0, 66.6667\], got 67"),
-        ("force_N: 1.5", "force_N: 1.5e0 N", r"keyframes\[1\].force_N: must be a number"),
-        ("y_mm: 2.0, force_N: 0.0", "y_mm: 2.0, force_N: 0.1", r"keyframes\[2\].force_N: a scene with a period_s"),
-        ("kind: sphere", "kind: cylinder", r"objects\[0\].length_mm: missing"),
-        (
-            "kind: sphere\n    radius_mm: 5.0",
-            "kind: punch\n    length_mm: 4.1\n    width_mm: 0.2",
-            r"objects\[0\].length_mm: must be in 1/20 to 20 times width_mm, got 20.5 times",
-        ),
-        ("kind: sphere", "kind: punch\n    length_mm: 4\n    width_mm: 2", r"objects\[0\].radius_mm: unknown key"),
-        (
-            GOOD[GOOD.index("temperature_degC") : GOOD.index("effective")],
-            BENT_PUNCH,
-            r"objects\[0\].length_mm: a rectangular punch needs a flat chip",
-        ),
-        (
-            "temperature_degC: 25.0",
-            "temperature_degC: 25.0\nbend_radius_mm: 20",
-            "bend_axis: missing, must be one of x, y",
-        ),
-        ("temperature_degC: 25.0", "temperature_degC: 25.0\nbend_axis: x", "bend_axis: unknown key"),
-        (
-            "temperature_degC: 25.0",
-            "temperature_degC: 25.0\nbend_radius_mm: 2\nbend_axis: x",
-            r"bend_radius_mm: must be a number in \[2.39, 100000\], got 2",
-        ),
-        (
-            "temperature_degC: 25.0",
-            "temperature_degC: 25.0\ncover_thickness_mm: 0",
-            "cover_thickness_mm: must be .*, got 0",
-        ),
-        ("keyframes:", "path: {}\n    keyframes:", r"objects\[0\].keyframes: must not be given together with path"),
-        ("force_N: 1.5", "indentation_mm: 0.1", r"keyframes\[1\].force_N: missing"),
-        (
-            "force_N: 1.5",
-            "force_N: 1.5, angle_deg: 4000",
-            r"keyframes\[1\].angle_deg: must be .* \[-3600, 3600\], got 4000",
-        ),
-        (GOOD[GOOD.index("      - {") :], "      []\n", "keyframes: must hold at least one keyframe"),
-        (GOOD[GOOD.index("      - {") :], "      3\n", "keyframes: must be a list of mappings"),
-    ],
-)
-def test_what_cannot_be_is_refused_in_one_line(tmp_path: Path, old: str, new: str, reason: str) -> None:
-    assert old in GOOD
-    path = write(tmp_path, GOOD.replace(old, new, 1))
-    with pytest.raises(ConfigError, match=reason) as caught:
-        load_scene(path, SENSOR)
-    message = str(caught.value)
-    assert message.startswith(f"{path}: ")
-    assert "\n" not in message
+REFUSED = [
+    ("name: good\n", "", "name: missing, must be text"),
+    ("name: good", "name: 3", "name: must be text, got 3"),
+    ("name: good", "name: good\nspeed: 2", "speed: unknown key, known here are .*period_s, .*cover_thickness_mm"),
+    ("name: good", "name: good\nname: good", "key 'name' is given twice"),
+    ("description: a ball presses and lifts\n", "", "description: missing"),
+    ("period_s: 2.0", "period_s: 0", r"period_s: must be a number in \(0, 1e\+06\), got 0"),
+    ("period_s: 2.0", "period_s: .nan", "period_s: must be a number"),
+    ("period_s: 2.0", "period_s: 1.2", r"keyframes\[2\].time_s: must be a number in \[0, 1.2\], got 1.5"),
+    ("temperature_degC: 25.0\n", "", "temperature_degC: missing"),
+    ("temperature_degC: 25.0", "temperature_degC: 101", r"temperature_degC: must be .* \[-40, 100\], got 101"),
+    ("temperature_degC: 25.0", "temperature_degC: warm", "temperature_degC: must be a number"),
+    ("objects:", "temperature_keyframes: []\nobjects:", "temperature_degC: must not be given together"),
+    ("temperature_degC: 25.0", "temperature_keyframes: []", "temperature_keyframes: must hold at least one"),
+    ("temperature_degC: 25.0\n", RAMP, r"temperature_keyframes\[1\].temperature_degC: must be 20 as at first"),
+    ("objects:", "objects: []\nothers:", "others: unknown key"),
+    ("name: ball", "title: ball", r"objects\[0\].name: missing, must be text"),
+    (
+        "    kind: sphere\n",
+        "",
+        r"objects\[0\].kind: missing, must be one of sphere, cylinder, punch, edge, texture",
+    ),
+    (
+        "kind: sphere",
+        "kind: cube",
+        r"objects\[0\].kind: must be one of sphere, cylinder, punch, edge, texture, got 'cube'",
+    ),
+    ("radius_mm: 5.0", "radius_mm: -5.0", r"objects\[0\].radius_mm: must be .* \[0.1, 1000\], got -5"),
+    ("radius_mm: 5.0\n", "radius_mm: 5.0\n    mass_g: 3\n", r"objects\[0\].mass_g: unknown key"),
+    ("effective_modulus_MPa: 2.0", "effective_modulus_MPa: 0", "effective_modulus_MPa: must be .*, got 0"),
+    ("{time_s: 1.0,", "{time_s: 0.5,", r"keyframes\[1\].time_s: must be after 0.5, the keyframe before, got 0.5"),
+    ("{time_s: 1.0,", "{time_s: 0.4,", r"keyframes\[1\].time_s: must be after 0.5, the keyframe before, got 0.4"),
+    ("{time_s: 0.5,", "{time_s: -0.5,", r"keyframes\[0\].time_s: must be a number in \[0, 2\], got -0.5"),
+    ("x_mm: -1.0", "x_mm: 3.8", r"keyframes\[2\].x_mm: must be a number in \[-3.75, 3.75\], got 3.8"),
+    ("y_mm: 2.0", "y_mm: -40", r"keyframes\[2\].y_mm: must be a number in \[-3.75, 3.75\], got -40"),
+    ("y_mm: 2.0", "y_mm: .inf", r"keyframes\[2\].y_mm: must be a number"),
+    ("y_mm: 2.0", "z_mm: 2.0", r"keyframes\[2\].y_mm: missing"),
+    ("force_N: 1.5", "force_N: 1.5, spin: 1", r"keyframes\[1\].spin: unknown key"),
+    ("force_N: 1.5", "force_N: -0.1", r"keyframes\[1\].force_N: must be a number in \[0, 66.6667\], got -0.1"),
+    ("force_N: 1.5", "force_N: 67", r"keyframes\[1\].force_N: must be a number in \[0, 66.6667\], got 67"),
+    ("force_N: 1.5", "force_N: 1.5e0 N", r"keyframes\[1\].force_N: must be a number"),
+    ("y_mm: 2.0, force_N: 0.0", "y_mm: 2.0, force_N: 0.1", r"keyframes\[2\].force_N: a scene with a period_s"),
+    ("kind: sphere", "kind: cylinder", r"objects\[0\].length_mm: missing"),
+    (
+        "kind: sphere\n    radius_mm: 5.0",
+        "kind: punch\n    length_mm: 4.1\n    width_mm: 0.2",
+        r"objects\[0\].length_mm: must be in 1/20 to 20 times width_mm, got 20.5 times",
+    ),
+    ("kind: sphere", "kind: punch\n    length_mm: 4\n    width_mm: 2", r"objects\[0\].radius_mm: unknown key"),
+    (
+        GOOD[GOOD.index("temperature_degC") : GOOD.index("effective")],
+        BENT_PUNCH,
+        r"objects\[0\].length_mm: a rectangular punch needs a flat chip",
+    ),
+    (
+        "temperature_degC: 25.0",
+        "temperature_degC: 25.0\nbend_radius_mm: 20",
+        "bend_axis: missing, must be one of x, y",
+    ),
+    ("temperature_degC: 25.0", "temperature_degC: 25.0\nbend_axis: x", "bend_axis: unknown key"),
+    (
+        "temperature_degC: 25.0",
+        "temperature_degC: 25.0\nbend_radius_mm: 2\nbend_axis: x",
+        r"bend_radius_mm: must be a number in \[2.39, 100000\], got 2",
+    ),
+    (
+        "temperature_degC: 25.0",
+        "temperature_degC: 25.0\ncover_thickness_mm: 0",
+        "cover_thickness_mm: must be .*, got 0",
+    ),
+    ("keyframes:", "path: {}\n    keyframes:", r"objects\[0\].keyframes: must not be given together with path"),
+    ("force_N: 1.5", "indentation_mm: 0.1", r"keyframes\[1\].force_N: missing"),
+    (
+        "force_N: 1.5",
+        "force_N: 1.5, angle_deg: 4000",
+        r"keyframes\[1\].angle_deg: must be .* \[-3600, 3600\], got 4000",
+    ),
+    (GOOD[GOOD.index("      - {") :], "      []\n", "keyframes: must hold at least one keyframe"),
+    (GOOD[GOOD.index("      - {") :], "      3\n", "keyframes: must be a list of mappings"),
+]
+"""What is replaced in the good scene, by what, and what is said then."""
+
+
+def test_what_cannot_be_is_refused_in_one_line(tmp_path: Path) -> None:
+    with each_row() as row:
+        for old, new, reason in REFUSED:
+            with row(f"{new!r:.60} for {old!r:.60}"):
+                assert old in GOOD
+                path = write(tmp_path, GOOD.replace(old, new, 1))
+                with pytest.raises(ConfigError, match=reason) as caught:
+                    load_scene(path, SENSOR)
+                message = str(caught.value)
+                assert message.startswith(f"{path}: ")
+                assert "\n" not in message
 
 
 def test_two_objects_of_one_name_are_refused(tmp_path: Path) -> None:

@@ -1,0 +1,57 @@
+"""The time said before a run is that of such a run, and nothing is said of a part of the tests."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from support.expected_time import HERE, expected, keep
+
+
+class Cache(dict[str, Any]):
+    def set(self, key: str, value: Any) -> None:
+        self[key] = value
+
+
+def config(*paths: str, cache: Cache | None = None, tx: tuple[str, ...] = (), **options: Any) -> Any:
+    usual = {"keyword": "", "markexpr": "", "deselect": None, "ignore": None, "ignore_glob": None, "lf": False}
+    return SimpleNamespace(
+        option=SimpleNamespace(**{**usual, "collectonly": False, "tx": list(tx), **options}),
+        args=list(paths or ("test",)),
+        invocation_params=SimpleNamespace(dir=HERE.parent),
+        cache=cache,
+    )
+
+
+def test_without_a_run_before_it_is_that_of_two_quiet_cores() -> None:
+    assert expected(config(cache=Cache(), tx=("popen", "popen"))).endswith("minutes on two quiet cores")
+    assert "one test after the other" in expected(config())
+
+
+def test_a_run_like_it_tells_the_time() -> None:
+    cache = Cache()
+    two = {"cache": cache, "tx": ("popen", "popen")}
+    keep(config(**two), 250.4)
+    assert expected(config(**two)) == "expected time: 4 min 10 s, as the last run on this machine"
+    assert "two quiet cores" in expected(config(cache=cache))
+    assert "two quiet cores" in expected(config(**two, markexpr="not slow"))
+
+
+@pytest.mark.parametrize(
+    "part", [{"keyword": "x"}, {"markexpr": "ros"}, {"lf": True}, {"deselect": ["a"]}, {"collectonly": True}], ids=str
+)
+def test_of_a_part_nothing_is_said_and_nothing_kept(part: dict[str, Any]) -> None:
+    cache = Cache()
+    keep(config(cache=cache, **part), 3.0)
+    assert expected(config(cache=cache, **part)) == ""
+    assert not cache
+
+
+def test_paths_count_by_where_they_lead() -> None:
+    assert expected(config(str(HERE)))
+    assert expected(config("."))
+    assert not expected(config("test/model"))
+    assert not expected(config(str(HERE / Path("driver", "test_codec.py"))))

@@ -1,0 +1,17 @@
+"""What one worker runs as a whole exists, and the rest is shared test by test."""
+
+from pathlib import Path
+
+from support.worker_scope import LIVE, TOGETHER, scope
+
+HERE = Path(__file__).parents[1]
+
+
+def test_what_is_named_exists() -> None:
+    assert all((HERE / name).exists() for name in LIVE + TOGETHER)
+
+
+def test_live_tests_are_one_scope_and_costly_files_one_each() -> None:
+    assert scope("test/stack/test_bringup.py::test_a") == scope("test/driver/ros/test_b.py::test_c[x::y]") == "live"
+    assert {scope(f"test/{file}::test_a") for file in TOGETHER} == set(TOGETHER)
+    assert scope("test/model/test_adc.py::test_a") == "test/model/test_adc.py::test_a"
