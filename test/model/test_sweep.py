@@ -16,9 +16,8 @@ from hypothesis import strategies as st
 
 from posfet_model.amplifier.follower import OnePoleFollower, SquareLawFollower, TwoPoleFollower
 from posfet_model.device import charge, film, noise, paper, transistor
-from support.sweep import DATA, ErrorMap, assert_finite, assert_monotone, decades, signed_decades
+from support.sweep import CALL_ULPS, DATA, EPS, ErrorMap, assert_finite, assert_monotone, decades, signed_decades
 
-EPS = np.finfo(np.float64).eps
 FILM = paper.FILM
 BETA = 9.3446e-4
 QUALITY = 0.4
@@ -92,7 +91,7 @@ def _follower(errors: ErrorMap, dtype: type, step: float, time_constant: float, 
     lag = two.advance(two.start(dtype(0)), dtype(volts), step).lags[-1].real
     errors.add(
         f"two poles from {dtype.__name__}, {_decade(phase)}",
-        _error(lag, volts * _exact(equations.two_pole, phase, QUALITY)[0], volts),
+        _error(lag, volts * _exact(equations.two_pole, phase, QUALITY)[0], 2 * volts),  # three complex means, not two
     )
 
     pair = SquareLawFollower(gain=1.0, bandwidth=bandwidth, overdrive=OVERDRIVE)
@@ -149,7 +148,9 @@ def _everything(
 
 @pytest.mark.filterwarnings("error")
 def test_every_step_time_constant_force_temperature_field_and_voltage(record_property) -> None:
-    found: Found = {dtype: ErrorMap(8 * float(np.finfo(dtype).eps)) for dtype in DTYPES}
+    # Two calls and 4 EPS, or one call and as many roundings: the longest are the charge (`test_charge.step_error`) and
+    # the film's branch (`test_film.branch_error`).
+    found: Found = {dtype: ErrorMap((CALL_ULPS[dtype] + 6) * float(np.finfo(dtype).eps)) for dtype in DTYPES}
 
     @settings(max_examples=200, deadline=None)
     @given(

@@ -22,7 +22,14 @@ def workers(config: pytest.Config) -> int:
 def is_whole(config: pytest.Config) -> bool:
     """Return whether the run takes all tests, or all but the slow ones: of a part nothing is known."""
     options = config.option
-    narrowed = (options.keyword, options.deselect, options.ignore, options.ignore_glob, options.lf, options.collectonly)
+    narrowed = (
+        options.keyword,
+        options.deselect,
+        options.ignore,
+        options.ignore_glob,
+        getattr(options, "lf", False),
+        options.collectonly,
+    )
     paths = {(config.invocation_params.dir / argument).resolve() for argument in config.args}
     return not any(narrowed) and options.markexpr in ("", QUICK) and paths <= {HERE, HERE.parent}
 

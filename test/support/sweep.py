@@ -16,10 +16,30 @@ from hypothesis import strategies as st
 
 from support.each_row import each_row
 
+EPS = float(np.finfo(np.float64).eps)
+"""One unit in the last place of 1 [1]; a rounding is half of it."""
+
+CALL_ULPS = {np.float64: 2, np.float32: 4}
+"""Largest error of one call of an elementary function (exp, log, sin, tanh, ...) on any x86-64 [units in last place].
+
+Sums, products, quotients and square roots come out alike everywhere (IEEE 754), elementary functions do not: NumPy and
+libm have several of each and choose by the processor. float64: NumPy's own accuracy tests allow 1 unit, 2 for tanh
+(numpy/_core/tests/data/umath-validation-set-*.csv), the manual of glibc states at most 2 on x86-64 (section "Known
+Maximum Errors in Math Functions"); measured against mpmath with every choice of SIMD level: 1.97, of libm's tanh.
+float32: NumPy's tests allow 4; measured: 2.93, of log.
+
+A bound is counted in these: `call_error` times the condition of the result, and half an EPS for each rounding beside.
+"""
+
 DATA = Path(__file__).resolve().parents[1] / "data" / "device"
 
 NOT_REAL_NUMBERS: tuple[Any, ...] = (math.nan, math.inf, -math.inf, 1 + 1j, "one", None, True)
 """Refused by every real argument of the model."""
+
+
+def call_error(dtype: Any = np.float64) -> float:
+    """The largest relative error of one call of an elementary function, see `CALL_ULPS`."""
+    return CALL_ULPS[dtype] * float(np.finfo(dtype).eps)
 
 
 def decades(low: float, high: float) -> st.SearchStrategy[float]:

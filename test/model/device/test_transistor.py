@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posfet_model.device import paper, transistor
-from posfet_model.device import threshold_extraction
+from posfet_model.device import paper, threshold_extraction, transistor
 from posfet_model.device.transistor import Plane, Stack
 from support.sweep import (
     ErrorMap,

@@ -7,6 +7,7 @@ import pytest
 
 from posfet_model.config import ConfigError
 from posfet_model.ros.mount import parse_mount
+from support.sweep import EPS, call_error
 
 
 def rotation(axis: int, angle: float) -> np.ndarray:
@@ -32,7 +33,8 @@ def test_orientation_turns_about_the_fixed_axes_in_order(angles: tuple[float, fl
     mount = parse_mount("0.1 -0.2 0.3 " + " ".join(map(str, angles)))
     matrix = rotation(2, angles[2]) @ rotation(1, angles[1]) @ rotation(0, angles[0])
     assert mount.position == (0.1, -0.2, 0.3)
-    assert math.hypot(*mount.orientation) == pytest.approx(1.0, abs=1e-15)
+    # The norm is a product of three hypot(sin, cos), each right to a call, with the roundings of products and sums.
+    assert math.hypot(*mount.orientation) == pytest.approx(1.0, abs=3 * call_error() + 3 * EPS)
     for column, unit in zip(matrix.T, np.eye(3), strict=True):
         np.testing.assert_allclose(turned(mount.orientation, unit), column, rtol=0, atol=1e-14)
 

@@ -305,8 +305,9 @@ def _run_away(x: Float64Array, rho: Float64Array, duration: Float64Array, ahead:
     p_start, q_start = np.sin(angle) - np.cos(angle), np.sin(angle) + np.cos(angle)
 
     def time_to(p: Float64Array, q: Float64Array) -> Float64Array:
-        ahead_of_q = np.maximum(b * b - q * q_start, 1e-300)  # 0 where b, q and its start are one number
-        in_q = np.minimum(b * (q - q_start) / ahead_of_q, 1 - 1e-16)
+        # b, q and its start may be one number but for the rounding of sin and cos.
+        ahead_of_q = np.maximum(b * b - q * q_start, 1e-300)
+        in_q = np.minimum(b * np.maximum(q - q_start, 0) / ahead_of_q, 1 - 1e-16)
         time = np.arctan2(c * (p - p_start), c * c + p * p_start) / c + np.arctanh(in_q) / b
         if ahead.absent:
             return np.asarray(time)

@@ -1,0 +1,68 @@
+"""Which elementary functions this process uses; as a pytest plugin (-p support.machine) it puts them into the header.
+
+NumPy chooses its functions by the processor's SIMD level, libm by whether it has FMA and AVX2. `choice` tells the
+choices apart by the bits of their results.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import struct
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+try:
+    from numpy._core import _multiarray_umath as _umath
+except ImportError:  # NumPy 1
+    from numpy.core import _multiarray_umath as _umath
+
+HEADER = "elementary functions: "
+
+_POINTS = [0.0001 + 0.003 * i for i in range(5000)]
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The elementary functions that a process uses."""
+
+    libm: str
+    """Digest of results of the math module."""
+    numpy: str
+    """Digest of results of NumPy's functions."""
+    features: list[str]
+    """SIMD levels that NumPy uses beyond those that it was built for."""
+
+
+def dispatched() -> list[str]:
+    """The SIMD levels among which NumPy chooses when it starts, by its own names."""
+    return list(_umath.__cpu_dispatch__)
+
+
+def offers(name: str) -> bool:
+    """Whether NumPy finds the feature on this processor and was not forbidden to use it."""
+    return bool(_umath.__cpu_features__.get(name))
+
+
+def choice() -> Choice:
+    """The choice of this process, by the bits of a few thousand results."""
+    scalar = [f(x) for f in (math.exp, math.sin, math.tanh, math.expm1, math.log1p, math.atan) for x in _POINTS]
+    points = np.array(_POINTS)
+    arrays = [f(points).tobytes() for f in (np.exp, np.sin, np.tanh, np.expm1, np.log1p, np.arctan)]
+    return Choice(
+        libm=hashlib.sha256(struct.pack(f"{len(scalar)}d", *scalar)).hexdigest()[:16],
+        numpy=hashlib.sha256(b"".join(arrays)).hexdigest()[:16],
+        features=[name for name in dispatched() if offers(name)],
+    )
+
+
+def read(report: str) -> Choice:
+    """The choice that the header of a report states."""
+    [line] = [line for line in report.splitlines() if line.startswith(HEADER)]
+    return Choice(**json.loads(line.removeprefix(HEADER)))
+
+
+def pytest_report_header() -> str:
+    return HEADER + json.dumps(asdict(choice()))
