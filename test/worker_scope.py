@@ -4,9 +4,18 @@ from __future__ import annotations
 
 from typing import Final
 
-LIVE: Final = ("nodes/", "stack/", "driver/test_arrays.py", "driver/test_hardware.py", "driver/test_long_runs.py")
-"""Nodes and processes that have to keep up with a clock: one worker runs them all, so that they do not take the
-processors from each other. They take longest and come first.
+LIVE: Final = (
+    "nodes/",
+    "stack/",
+    "driver/test_adapter.py",
+    "driver/test_adapter_faults.py",
+    "driver/test_arrays.py",
+    "driver/test_hardware.py",
+    "driver/test_long_runs.py",
+    "driver/test_socketcan.py",
+)
+"""Nodes, adapters and processes that have to keep up with a clock: one worker runs them all, so that they do not take
+the processors from each other. They take longest and come first.
 """
 TOGETHER: Final = ("simulation/test_calibration.py", "simulation/test_score.py", "simulation/test_bench_recording.py")
 """Files with a fixture that takes seconds to make: one worker runs each of them."""
