@@ -8,7 +8,7 @@ import pytest
 
 HERE = Path(__file__).resolve().parents[1]
 """The folder of all tests."""
-MINUTES = {True: 5, False: 9}
+MINUTES = {True: 5, False: 8}
 """What the suite takes on two quiet cores of 2.5 GHz: with workers of pytest-xdist, and one test after the other."""
 QUICK = "not slow"
 """The mark expression that leaves out what takes long."""
