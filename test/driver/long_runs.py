@@ -13,10 +13,11 @@ import time
 from pathlib import Path
 
 if __name__ == "__main__":
-    sys.path[:0] = [str(Path(__file__).parents[2] / "src" / name) for name in ("posfet_driver", "posfet_model")]
+    sys.path[:0] = [str(Path(__file__).parents[2] / name) for name in ("src/posfet_driver", "src/posfet_model", "test")]
 
+from clocks import SteppedClock
 from fake_board import FakeBoard, assert_marked, with_fd
-from stepped import SteppedBus, SteppedClock
+from stepped import SteppedBus
 
 from posfet_driver.board import Board
 from posfet_driver.fault_injector import FaultInjector, Trouble

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from clocks import SteppedClock
 from fake_board import FakeBoard, assert_marked, with_fd, with_layout
-from stepped import SteppedBus, SteppedClock
+from stepped import SteppedBus
 
 from posfet_driver.board import Board
 from posfet_driver.fault_injector import FaultInjector, Trouble

@@ -11,6 +11,7 @@ from pathlib import Path
 import can
 import pytest
 from can.interfaces.socketcan.socketcan import build_can_frame
+from clocks import PacedClock
 from fake_board import PATIENCE, FakeBoard, board_on_bus, read_scans, read_until, with_layout
 from fake_socketcan import Device, FakeSocketcan
 from test_adapter import FRAMES
@@ -22,7 +23,6 @@ from posfet_driver.error_frames import BUS_OFF, CONTROLLER, NO_ACKNOWLEDGE, OVER
 from posfet_driver.firmware import BoardFirmware
 from posfet_driver.frames import CLASSIC, ERROR, Frame, FrameBus, frame_of, message_of
 from posfet_driver.socketcan import READ_LIMIT
-from posfet_driver.source import SystemClock
 from posfet_model.sensor import load_sensor
 
 SENSOR = with_layout(load_sensor(), 5, 5, scan_rate=200.0)
@@ -145,13 +145,14 @@ class Bench:
 
     def __init__(self, settings: BusSettings) -> None:
         opener = BusOpener(settings)
-        self.board = Board(SENSOR, opener, presence=opener.presence)
-        self.firmware = BoardFirmware(SENSOR, FakeBoard(SENSOR), SystemClock().monotonic())
+        self.clock = PacedClock()
+        self.board = Board(SENSOR, opener, self.clock, opener.presence)
+        self.firmware = BoardFirmware(SENSOR, FakeBoard(SENSOR), self.clock.monotonic())
         self.settings = settings
 
     def scans(self) -> None:
         """Plug the cable in and wait for scans."""
-        with open_can_bus(self.settings) as far_end, board_on_bus(far_end, self.firmware):
+        with open_can_bus(self.settings) as far_end, board_on_bus(far_end, self.firmware, self.clock):
             list(read_scans(self.board, 5))
 
 
