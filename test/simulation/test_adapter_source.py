@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from clocks import SteppedClock
 
 from posfet_driver.adapter_source import AdapterSource
 from posfet_driver.frames import CLASSIC
@@ -72,21 +73,9 @@ def test_the_report_tells_what_is(source: AdapterSource, tmp_path: Path) -> None
 
 
 def test_it_hands_on_no_scans_itself() -> None:
-    class FakeClock:
-        slept = 0.0
-
-        def monotonic(self) -> int:
-            return 0
-
-        def wall(self) -> int:
-            return 0
-
-        def sleep(self, seconds: float) -> None:
-            self.slept += seconds
-
-    clock = FakeClock()
+    clock = SteppedClock()
     assert AdapterSource(SENSOR, SCENE, 0, "unused", clock=clock).read(0.1) is None
-    assert clock.slept == 0.1
+    assert clock.sleeps == [0.1]
 
 
 def test_a_place_that_is_taken_is_refused(tmp_path: Path) -> None:

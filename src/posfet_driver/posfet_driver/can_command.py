@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import time
 from typing import Final
 
 from rich.console import Console
@@ -14,25 +13,29 @@ from posfet_driver.can_tool import bus_of
 from posfet_driver.commands import CommandError
 from posfet_driver.frames import CLASSIC, Frame, FrameBus
 from posfet_driver.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Command, Request, Response, Result
+from posfet_driver.source import Clock
 
 ANSWER_TIMEOUT: Final = 0.5
 """Time in which a board has to answer [s]."""
 
 
-def ask(bus: FrameBus, base: int, command: Command, argument: int = 0, heard: list[Frame] | None = None) -> Response:
+def ask(
+    bus: FrameBus, base: int, clock: Clock, command: Command, argument: int = 0, heard: list[Frame] | None = None
+) -> Response:
     """Send a command and return the board's answer; other frames that come meanwhile are added to `heard`.
 
     Raises CommandError, one line, when the board refuses or does not answer, and can.CanError when the bus is gone.
     """
-    tag = time.monotonic_ns() & 0xFF
+    tag = clock.monotonic() & 0xFF
     bus.write_frame((base + COMMAND_OFFSET, CLASSIC, Request(command, tag, argument).pack()))
-    end = time.monotonic() + ANSWER_TIMEOUT
+    end = clock.monotonic() + round(ANSWER_TIMEOUT * 1e9)
     answer: Response | None = None
     while answer is None:
-        left = end - time.monotonic()
-        if left <= 0:
+        left = (end - clock.monotonic()) / 1e9
+        frames = bus.read_frames(max(left, 0.0))
+        if left <= 0 and not frames:  # what came while this process was held up has been read
             raise CommandError(f"{command.name}: no answer within {ANSWER_TIMEOUT:g} s at base identifier 0x{base:X}")
-        for frame in bus.read_frames(left):
+        for frame in frames:
             response = Response.unpack(frame[2]) if frame[:2] == (base + RESPONSE_OFFSET, CLASSIC) else None
             if response and (response.command, response.tag) == (command, tag):
                 answer = response
@@ -65,7 +68,7 @@ def run_command(options: argparse.Namespace) -> int:
     with bus_of(options) as (sensor, settings):
         bus = open_bus(settings)
         try:
-            answer = ask(bus, sensor.can.base_id, command, options.argument or 0)
+            answer = ask(bus, sensor.can.base_id, options.clock, command, options.argument or 0)
         finally:
             bus.shutdown()
     reset = " (switched on since the last START)" if answer.reset else ""

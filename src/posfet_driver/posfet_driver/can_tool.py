@@ -17,7 +17,7 @@ import can
 from posfet_driver.bus import BusSettings, bus_settings, one_line
 from posfet_driver.commands import CommandError
 from posfet_driver.messages import Command
-from posfet_driver.source import SourceError
+from posfet_driver.source import Clock, SourceError, SystemClock
 from posfet_model.command_line import positive
 from posfet_model.config import ConfigError
 from posfet_model.sensor import DEFAULT_SENSOR, FRAME_CHOICES, Sensor, load_sensor, with_frames
@@ -104,7 +104,7 @@ def bus_of(options: argparse.Namespace) -> Iterator[tuple[Sensor, BusSettings]]:
 
     with tempfile.TemporaryDirectory(prefix="posfet-") as folder:
         channel = str(Path(folder) / "can0")
-        source = AdapterSource(sensor, load_scene(DEFAULT_SCENE, sensor), 0, channel)
+        source = AdapterSource(sensor, load_scene(DEFAULT_SCENE, sensor), 0, channel, options.clock)
         source.open()
         try:
             yield sensor, _settings(options, sensor, "slcan", channel)
@@ -123,9 +123,13 @@ def _settings(options: argparse.Namespace, sensor: Sensor, interface: str, chann
     )
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Run one action; return the exit code: 0, 1 with one line on stderr, or 130 when it was interrupted."""
+def main(words: Sequence[str] | None = None, clock: Clock | None = None) -> int:
+    """Run one action; return the exit code: 0, 1 with one line on stderr, or 130 when it was interrupted.
+
+    Times are those of `clock` (that of this machine by default).
+    """
     options = make_parser().parse_args(words)
+    options.clock = clock or SystemClock()
     module, _ = ACTIONS[options.action]
     try:
         run: Callable[[argparse.Namespace], int] = getattr(

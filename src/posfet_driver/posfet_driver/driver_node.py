@@ -53,7 +53,7 @@ class DriverNode(ScanSourceNode):
         )
         opener = BusOpener(settings)
         link = replace(sensor.can, bitrate=settings.bitrate, data_bitrate=settings.data_bitrate)
-        self._board = Board(replace(sensor, can=link), opener, presence=opener.presence)
+        self._board = Board(replace(sensor, can=link), opener, self.clock, opener.presence)
         return self._board
 
     def wanted(self, now: int) -> bool:

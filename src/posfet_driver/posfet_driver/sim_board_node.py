@@ -98,13 +98,13 @@ class SimBoardNode(ScanSourceNode):
         imperfections = load_imperfections(parameters["imperfections"])
         link = parameters["adapter_link"]
         if not link and not parameters["bus_interface"]:
-            return SimulationSource(sensor, scene, parameters["seed"], imperfections=imperfections)
+            return SimulationSource(sensor, scene, parameters["seed"], self.clock, imperfections)
         from posfet_driver.adapter_source import AdapterSource  # noqa: PLC0415  # python-can takes 0.1 s to load
         from posfet_driver.bus import bus_settings  # noqa: PLC0415
 
         if parameters["bus_interface"]:
             link = bus_settings(parameters["bus_interface"], parameters["bus_channel"], sensor.can)
-        source = AdapterSource(sensor, scene, parameters["seed"], link, imperfections=imperfections)
+        source = AdapterSource(sensor, scene, parameters["seed"], link, self.clock, imperfections)
         source.on_scan = self._scan_sent
         return source
 
