@@ -13,6 +13,7 @@ from posfet_driver.channels import BusOpener
 from posfet_driver.commands import CommandError
 from posfet_driver.messages import Command
 from posfet_driver.scan_source_node import ScanSourceNode
+from posfet_driver.source import Clock
 from posfet_model.ros_parameters import Parameter
 from posfet_model.run_node import run_node
 from posfet_model.sensor import Sensor
@@ -36,8 +37,8 @@ PARAMETERS = (
 class DriverNode(ScanSourceNode):
     """Publishes the scans of a board on a CAN bus."""
 
-    def __init__(self, **node_arguments: Any) -> None:
-        super().__init__("driver_node", PARAMETERS, **node_arguments)
+    def __init__(self, clock: Clock | None = None, **node_arguments: Any) -> None:
+        super().__init__("driver_node", PARAMETERS, clock, **node_arguments)
         self._patience_ends = 0
         self._commands = self.create_service(BoardCommand, "command", self._command)
 

@@ -19,7 +19,7 @@ from posfet_driver.scan_source_node import ScanSourceNode
 from posfet_driver.scene import DEFAULT_SCENE, load_scene
 from posfet_driver.simulated_board import SEED_MAX
 from posfet_driver.simulation_source import SimulationSource
-from posfet_driver.source import ScanSource, SourceError
+from posfet_driver.source import Clock, ScanSource, SourceError
 from posfet_driver.truth import Truth
 from posfet_model.config import ConfigError
 from posfet_model.listeners import Listeners
@@ -84,8 +84,8 @@ class SimBoardNode(ScanSourceNode):
 
     source: SimulationSource | AdapterSource
 
-    def __init__(self, node_name: str = "sim_board_node", **node_arguments: Any) -> None:
-        super().__init__(node_name, PARAMETERS, **node_arguments)
+    def __init__(self, node_name: str = "sim_board_node", clock: Clock | None = None, **node_arguments: Any) -> None:
+        super().__init__(node_name, PARAMETERS, clock, **node_arguments)
         self._truth_message = TruthMessage(self.sensor.layout, self.frame_id)
         self._truth = self.create_publisher(TactileTruth, "truth", TRUTH_DEPTH)
         self._truth_listeners = Listeners(self._truth)
