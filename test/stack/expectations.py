@@ -170,20 +170,23 @@ def expect_images(listener: Listener) -> None:
     pictures: list[Image] = listener.collect(Image, "force_image")
     clouds: list[PointCloud2] = listener.collect(PointCloud2, "points")
     listener.wait(lambda: all((images, wrenches, pictures, clouds)), "image, wrench, force_image and points")
-    listener.wait(lambda: images[-1].data_valid and images[-1].total_force > PRESSED, "a pressed image")
-    image = images[-1]
+
+    def pressed() -> list[tuple[TactileImage, WrenchStamped]]:
+        by_stamp = {_seconds(wrench): wrench for wrench in wrenches}
+        good = [image for image in images if image.data_valid and image.total_force > PRESSED]
+        return [(image, by_stamp[_seconds(image)]) for image in good if _seconds(image) in by_stamp]
+
+    listener.wait(lambda: bool(pressed()), "a pressed image and the wrench of the same scan")
+    image, wrench = pressed()[-1]
     assert len(image.force) == len(image.standard_deviation) == len(image.status) == image.rows * image.cols
     assert image.total_force == pytest.approx(sum(image.force), rel=1e-4)
-    stamp = _seconds(image)
-    listener.wait(lambda: any(_seconds(wrench) == stamp for wrench in wrenches), "the wrench of the same scan")
-    wrench = next(wrench for wrench in wrenches if _seconds(wrench) == stamp)
     assert -wrench.wrench.force.z == pytest.approx(image.total_force, rel=1e-4)
     assert (pictures[0].encoding, pictures[0].height, pictures[0].width) == ("32FC1", 5, 5)
     assert clouds[0].width * clouds[0].height == 25
 
 
 def expect_no_loss_untold(listener: Listener) -> None:
-    """Diagnostics come from every node, none is an error (a slow machine may be warned of), a lost frame has its cause."""
+    """Diagnostics come from every node, none is an error (a slow machine may be warned of); losses have a cause."""
     arrays: list[DiagnosticArray] = listener.collect(DiagnosticArray, "/diagnostics")
 
     def newest() -> dict[str, object]:

@@ -46,7 +46,7 @@ def test_stack_finds_what_the_scene_does(arguments: Sequence[str]) -> None:
 
 
 def run_until_touched(*arguments: str) -> str:
-    """Run `posfet bringup` until a touch has been reported for so long that the summary knows of it; return its output."""
+    """Run `posfet bringup` until a touch has been reported, and seen by the summary; return its output."""
     with running(*arguments) as process, Listener() as listener:
         contacts: list[TactileContacts] = listener.collect(TactileContacts, "contacts")
         listener.wait(lambda: sum(bool(found.contacts) for found in contacts) > TOUCHED, "a touch")
