@@ -1,7 +1,7 @@
 # Sets up and calls; everything else lives in the packages. A sourced ROS 2 is used where there is one, .venv otherwise.
 #
 #   make bringup            the stack with the simulated board     FOR=5  SOURCE=sim|emulator|can  SCENE=name|file  ARGS=...
-#   make test               every test                             ARGS="-k name" goes to pytest
+#   make test               every test but those against the wall clock                             ARGS="-k name" goes to pytest
 #   make check              ruff and mypy
 #   make soak               the tests against the wall clock, then half an hour of faults for the driver     FOR=60
 #   make bench              measure the speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
