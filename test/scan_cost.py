@@ -1,4 +1,4 @@
-"""Cost of a scan, from frames to contacts, in units of a fixed piece of work that runs beside it; both in processor time.
+"""Processor time of a scan, from frames to contacts, in units of a fixed piece of work that runs beside it.
 
 `python test/scan_cost.py --store` makes what it finds the baseline (test/data/speed/scan_cost.json).
 """
