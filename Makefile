@@ -1,9 +1,9 @@
 # Sets up and calls; everything else lives in the packages. A sourced ROS 2 is used where there is one, .venv otherwise.
 #
 #   make bringup            the stack with the simulated board     FOR=5  SOURCE=sim|emulator|can  SCENE=name|file  ARGS=...
-#   make test               every test                             ARGS="-k name" goes to pytest
+#   make test               every test but those against the wall clock     ARGS="-k name" goes to pytest
 #   make check              ruff, mypy, and the imports that rooms may have
-#   make soak               the driver under a fault every few seconds, half an hour of it     FOR=60
+#   make soak               the tests against the wall clock, then half an hour of faults for the driver     FOR=60
 #   make bench              measure the speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
 #   make stability          every follower for 1e8 steps, half an hour of it     STEPS=1e6
 #   make accuracy           how near forces come to the truth; writes docs/accuracy.md    FULL=1
@@ -53,7 +53,7 @@ check: $(BUILT)
 	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy && lint-imports
 
 soak: $(BUILT)
-	@$(IN_ENVIRONMENT) cd test && exec python3 -m support.soak --for $(or $(FOR),1800) $(ARGS)
+	@$(IN_ENVIRONMENT) python3 -m pytest -m slow && cd test && exec python3 -m support.soak --for $(or $(FOR),1800) $(ARGS)
 
 bench: $(BUILT) benchmarks/.ready
 	@$(IN_ENVIRONMENT) exec python3 -m benchmarks $(if $(FULL),--full) $(if $(ONLY),--only $(ONLY)) $(ARGS)

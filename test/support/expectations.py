@@ -22,15 +22,18 @@ from sensor_msgs.msg import Image, PointCloud2
 from posfet_model.ros.run_node import NodeExecutor
 from posfet_msgs.msg import TactileContact, TactileContacts, TactileImage, TactileInfo, TactileTruth
 
-TIMEOUT = 60.0
+TIMEOUT = 180.0
 """Time that an expected message is given to come [s]; a running stack needs a fraction of it."""
 ASK_PERIOD = 0.1
 """Time between two looks whether what is expected has come [s]: thousands of messages come meanwhile."""
 COMPARED = 1000
 """Scans with a contact that are compared with the ground truth."""
-NOTHING = {"frames lost", "repeated", "late", "layout mismatch"}
+NOTHING = {"repeated", "late", "layout mismatch"}
 """Counters of the diagnostics that must be there, and at 0. Scans missed on the way from process to process are not
 among them: a machine that is busy with other things loses some there, which the model then counts."""
+LOST = "frames lost"
+CAUSES = ("lost scans", "torn scans", "malformed frames", "frames nobody read")
+"""Counters by cause, one of which tells of frames that a busy machine lost between adapter and driver."""
 PRESSED = 0.3
 """Force [N] from which on a true contact is compared."""
 Pair = tuple[TactileContacts, TactileTruth]
@@ -112,7 +115,10 @@ def expect_info(listener: Listener) -> None:
 
 
 def expect_contacts_of_the_scene(listener: Listener) -> None:
-    """Contacts come at the scan rate, where the scene put them, with its force, and nothing was lost on the way."""
+    """Contacts are found in scans at the board's rate by its own clock, where the scene put them, with its force.
+
+    At how many a second they come says how much of this machine is left for the stack, and nothing of the stack.
+    """
     contacts: list[TactileContacts] = listener.collect(TactileContacts, "contacts")
     truths: list[TactileTruth] = listener.collect(TactileTruth, "truth")
 
@@ -120,9 +126,11 @@ def expect_contacts_of_the_scene(listener: Listener) -> None:
         return [(found, truth) for found, truth in _followed(contacts, truths) if found.data_valid and _pressed(truth)]
 
     listener.wait(lambda: len(contacts) > COMPARED and len(compared()) > COMPARED, "a contact of the scene")
-    first, last = contacts[0], contacts[-1]
+    first, last = truths[0], truths[-1]
     rate = (last.sequence - first.sequence) / (_seconds(last) - _seconds(first))
-    assert rate == pytest.approx(1000.0, rel=0.05), f"{rate:.1f} scans/s"
+    assert rate == pytest.approx(1000.0, rel=1e-4), f"{rate:.1f} scans/s"
+    sequences = [found.sequence for found in contacts]
+    assert sequences == sorted(set(sequences)), "a scan was reported twice, or late"
 
     distances, force_errors = [], []
     for found, truth in compared():
@@ -162,20 +170,23 @@ def expect_images(listener: Listener) -> None:
     pictures: list[Image] = listener.collect(Image, "force_image")
     clouds: list[PointCloud2] = listener.collect(PointCloud2, "points")
     listener.wait(lambda: all((images, wrenches, pictures, clouds)), "image, wrench, force_image and points")
-    listener.wait(lambda: images[-1].data_valid and images[-1].total_force > PRESSED, "a pressed image")
-    image = images[-1]
+
+    def pressed() -> list[tuple[TactileImage, WrenchStamped]]:
+        by_stamp = {_seconds(wrench): wrench for wrench in wrenches}
+        good = [image for image in images if image.data_valid and image.total_force > PRESSED]
+        return [(image, by_stamp[_seconds(image)]) for image in good if _seconds(image) in by_stamp]
+
+    listener.wait(lambda: bool(pressed()), "a pressed image and the wrench of the same scan")
+    image, wrench = pressed()[-1]
     assert len(image.force) == len(image.standard_deviation) == len(image.status) == image.rows * image.cols
     assert image.total_force == pytest.approx(sum(image.force), rel=1e-4)
-    stamp = _seconds(image)
-    listener.wait(lambda: any(_seconds(wrench) == stamp for wrench in wrenches), "the wrench of the same scan")
-    wrench = next(wrench for wrench in wrenches if _seconds(wrench) == stamp)
     assert -wrench.wrench.force.z == pytest.approx(image.total_force, rel=1e-4)
     assert (pictures[0].encoding, pictures[0].height, pictures[0].width) == ("32FC1", 5, 5)
     assert clouds[0].width * clouds[0].height == 25
 
 
-def expect_nothing_lost(listener: Listener) -> None:
-    """Diagnostics come from every node, none is an error (a slow machine may be warned of), no frame is lost."""
+def expect_no_loss_untold(listener: Listener) -> None:
+    """Diagnostics come from every node, none is an error (a slow machine may be warned of); losses have a cause."""
     arrays: list[DiagnosticArray] = listener.collect(DiagnosticArray, "/diagnostics")
 
     def newest() -> dict[str, object]:
@@ -184,7 +195,7 @@ def expect_nothing_lost(listener: Listener) -> None:
     def told() -> set[str]:
         return {value.key for status in newest().values() for value in status.values}
 
-    listener.wait(lambda: told() >= NOTHING, f"diagnostics with {', '.join(sorted(NOTHING))}")
+    listener.wait(lambda: told() >= {*NOTHING, LOST}, f"diagnostics with {', '.join(sorted({*NOTHING, LOST}))}")
     seen = len(arrays)
     listener.wait(lambda: len(arrays) > seen + 2, "a second round of diagnostics")
     for status in newest().values():
@@ -192,11 +203,14 @@ def expect_nothing_lost(listener: Listener) -> None:
         for value in status.values:
             if value.key in NOTHING:
                 assert value.value == "0", f"{status.name}: {value.key} = {value.value}"
+        counted = {value.key: value.value for value in status.values}
+        if counted.get(LOST, "0") != "0":
+            assert any(counted.get(cause, "0") != "0" for cause in CAUSES), f"{status.name}: {counted}"
 
 
 def expect_stack(listener: Listener) -> None:
     """Everything above."""
-    for expectation in (expect_info, expect_contacts_of_the_scene, expect_images, expect_nothing_lost):
+    for expectation in (expect_info, expect_contacts_of_the_scene, expect_images, expect_no_loss_untold):
         expectation(listener)
         listener.forget()
 

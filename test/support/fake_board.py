@@ -14,13 +14,13 @@ from posfet_driver.board.board_client import Board
 from posfet_driver.bus.frame import CLASSIC, FD, RATE_SWITCH, Frame
 from posfet_driver.bus.message_conversion import frame_of, message_of
 from posfet_driver.bus.slcan_bus import SlcanBus
-from posfet_driver.clock import SystemClock
+from posfet_driver.clock import Clock, SystemClock
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_sim.emulation.firmware import BoardFirmware
 
-PATIENCE = 20.0
-"""How long a test waits for an event before it fails [s]."""
+PATIENCE = 120.0
+"""How long a test waits for an event before it fails [s]: no machine is that slow."""
 
 
 def marked_counts(index: int, taxels: int) -> np.ndarray:
@@ -100,10 +100,9 @@ def read_until(board: Board, condition: Callable[[], bool]) -> None:
 
 
 @contextmanager
-def board_on_bus(bus: can.BusABC, firmware: BoardFirmware) -> Iterator[None]:
+def board_on_bus(bus: can.BusABC, firmware: BoardFirmware, clock: Clock) -> Iterator[None]:
     """Serve `firmware` on a python-can bus in a thread."""
     stop = threading.Event()
-    clock = SystemClock()
 
     def send(frames: list[Frame]) -> None:
         for frame in frames:
@@ -112,9 +111,10 @@ def board_on_bus(bus: can.BusABC, firmware: BoardFirmware) -> Iterator[None]:
     def run() -> None:
         while not stop.is_set():
             message = bus.recv(min(max((firmware.next_due() - clock.monotonic()) / 1e9, 0.0), 0.1))
+            now = clock.monotonic()
+            send(firmware.due(now))
             if message is not None:
-                send(firmware.receive(frame_of(message), clock.monotonic()))
-            send(firmware.due(clock.monotonic()))
+                send(firmware.receive(frame_of(message), now))
 
     thread = threading.Thread(target=run)
     thread.start()

@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import os
 import socket
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ class Device:
 
     def __init__(self, folder: Path) -> None:
         self.sockets: list[DeviceSocket] = []
+        self.lock = threading.Lock()  # no socket is closed while another thread sends to it
         self.queue_full = False
         """Whether the send queue is full, as it is when nobody acknowledges."""
         self._folder = folder
@@ -37,9 +39,10 @@ class Device:
 
     def deliver(self, data: bytes, sender: DeviceSocket | None = None) -> None:
         """Put a frame, as the kernel hands it over, on the bus."""
-        for other in self.sockets:
-            if other is not sender:
-                other.sendto(data, other.getsockname())
+        with self.lock:
+            for other in self.sockets:
+                if other is not sender:
+                    other.sendto(data, other.getsockname())
 
 
 class DeviceSocket(socket.socket):
@@ -73,7 +76,8 @@ class DeviceSocket(socket.socket):
 
     def close(self) -> None:
         if self.device and self in self.device.sockets:
-            self.device.sockets.remove(self)
+            with self.device.lock:
+                self.device.sockets.remove(self)
         super().close()
 
 

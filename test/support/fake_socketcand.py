@@ -7,16 +7,16 @@ import socket
 import threading
 
 from posfet_driver.bus.frame import CLASSIC, Frame
-from posfet_driver.clock import SystemClock
+from posfet_driver.clock import Clock
 from posfet_sim.emulation.firmware import BoardFirmware
 
 
 class FakeSocketcand:
     """Serves one client in raw mode on 127.0.0.1, from `open` to `close`."""
 
-    def __init__(self, firmware: BoardFirmware) -> None:
+    def __init__(self, firmware: BoardFirmware, clock: Clock) -> None:
         self._firmware = firmware
-        self._clock = SystemClock()
+        self._clock = clock
         self._listener = socket.create_server(("127.0.0.1", 0))
         self._listener.settimeout(0.05)
         self._stop = threading.Event()
@@ -40,6 +40,7 @@ class FakeSocketcand:
             try:
                 client, _ = self._listener.accept()
             except TimeoutError:
+                self._clock.monotonic()  # time waits for this thread, which has nothing to do
                 continue
             with client:
                 client.sendall(b"< hi >")
@@ -50,14 +51,15 @@ class FakeSocketcand:
         while not self._stop.is_set():
             wait = (self._firmware.next_due() - self._clock.monotonic()) / 1e9
             try:
-                if select.select([client], [], [], min(max(wait, 0.0), 0.05))[0]:
+                readable = select.select([client], [], [], min(max(wait, 0.0), 0.05))[0]
+                self._send(client, self._firmware.due(self._clock.monotonic()))
+                if readable:
                     received = client.recv(4096)
                     if not received:
                         return
                     *orders, waiting = (waiting + received).split(b">")
                     for order in orders:
                         self._obey(client, order.decode("ascii").strip("< ").split())
-                self._send(client, self._firmware.due(self._clock.monotonic()))
             except ConnectionError:
                 return
 

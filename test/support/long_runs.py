@@ -17,10 +17,11 @@ from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, FD, RATE_SWITCH, R
 from posfet_driver.protocol.decoder import Receiver
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
+from support.clocks import SteppedClock
 from support.fake_board import FakeBoard, assert_marked, with_fd
 from support.fault_injector import FaultInjector, Trouble
 from support.soak import Usage
-from support.stepped import SteppedBus, SteppedClock
+from support.stepped import SteppedBus
 
 SENSOR = load_sensor()
 BASE = SENSOR.can.base_id

@@ -1,4 +1,4 @@
-"""Time that passes only when it is let pass, and a bus in it."""
+"""A bus in stepped time."""
 
 from __future__ import annotations
 
@@ -6,30 +6,14 @@ import can
 
 from posfet_driver.bus.frame import Frame
 from posfet_sim.emulation.bus_node import Node
-
-
-class SteppedClock:
-    """Time that passes only in sleep; notes the pauses."""
-
-    def __init__(self) -> None:
-        self.now = 0
-        self.sleeps: list[float] = []
-
-    def monotonic(self) -> int:
-        return self.now
-
-    def wall(self) -> int:
-        return self.now
-
-    def sleep(self, seconds: float) -> None:
-        self.sleeps.append(seconds)
-        self.now += round(seconds * 1e9)
+from support.clocks import SteppedClock
 
 
 class SteppedBus:
     """A bus in stepped time with a board on it, which can break, and hold back what the board sends.
 
-    Frames come in batches, `cadence` [ns] apart, as those of a USB adapter do.
+    Frames come in batches, `cadence` [ns] apart, as those of a USB adapter do. Until `stands_until` [ns] the adapter is
+    held up: nothing comes and nothing is sent; then all comes, no more than `room` frames at a time.
     """
 
     malformed_lines = 0
@@ -40,7 +24,10 @@ class SteppedBus:
         self.broken = False
         self.closed = False
         self.held_back = False
+        self.stands_until = 0
+        self.room = 1 << 30
         self._answers: list[Frame] = []
+        self._orders: list[Frame] = []
         self._cadence = cadence
         self._read = 0
 
@@ -48,6 +35,12 @@ class SteppedBus:
         if self.broken:
             raise can.CanOperationError("cable out")
         end = self.clock.now + round(timeout * 1e9)
+        if self.clock.now < self.stands_until:
+            self.clock.now = min(end, self.stands_until)
+            return []
+        orders, self._orders = self._orders, []
+        for order in orders:
+            self.write_frame(order)
         if self.held_back:
             frames, self._answers = self._answers, []
             self.clock.now = self.clock.now if frames else end
@@ -60,7 +53,8 @@ class SteppedBus:
             if not frames and self.clock.now < end:
                 self.clock.now = min(self.clock.now + 100_000, end)
         self._read = self.clock.now
-        return frames
+        self._answers = frames[self.room :] + self._answers
+        return frames[: self.room]
 
     def _due(self) -> list[Frame]:
         frames, self._answers = self._answers, []
@@ -69,6 +63,11 @@ class SteppedBus:
     def write_frame(self, frame: Frame) -> None:
         if self.broken:
             raise can.CanOperationError("cable out")
+        if self.clock.now < self.stands_until:
+            self._orders.append(frame)
+            return
+        if not self.held_back:  # a board has sent what was due when a command comes
+            self._answers += self.firmware.due(self.clock.now)
         self._answers += self.firmware.receive(frame, self.clock.now)
 
     def ask_state(self) -> None:

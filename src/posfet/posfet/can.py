@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+from posfet_driver.clock import Clock
 from posfet_driver.tools import can_cli
 from posfet_model.sensor.description import Sensor
 
 
 @contextmanager
-def emulator(sensor: Sensor, channel: str) -> Iterator[None]:
+def emulator(sensor: Sensor, channel: str, clock: Clock) -> Iterator[None]:
     """Serve a simulated board with the default scene behind an emulated slcan adapter at the path `channel`."""
     from posfet_sim.emulation.emulated_source import AdapterSource  # noqa: PLC0415  # only an emulation needs these
     from posfet_sim.scene import DEFAULT_SCENE, load_scene  # noqa: PLC0415
 
-    source = AdapterSource(sensor, load_scene(DEFAULT_SCENE, sensor), 0, channel)
+    source = AdapterSource(sensor, load_scene(DEFAULT_SCENE, sensor), 0, channel, clock)
     source.open()
     try:
         yield
@@ -23,6 +24,6 @@ def emulator(sensor: Sensor, channel: str) -> Iterator[None]:
         source.close()
 
 
-def main(words: Sequence[str] | None = None) -> int:
-    """Run one action of `posfet can` and return its exit code."""
-    return can_cli.main(words, emulator)
+def main(words: Sequence[str] | None = None, clock: Clock | None = None) -> int:
+    """Run one action of `posfet can` by a clock, that of this machine by default; return its exit code."""
+    return can_cli.main(words, emulator, clock)

@@ -15,14 +15,14 @@ from posfet_driver.bus.frame import CLASSIC
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.open_bus import bus_settings, open_bus
 from posfet_driver.bus.reconnecting_bus import BACK_OFF_LAST
-from posfet_driver.clock import SystemClock
 from posfet_driver.protocol.messages import RESPONSE_OFFSET, Command, Response, Result
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import ScanStatus
 from posfet_sim.emulation.firmware import BoardFirmware
+from support.clocks import PacedClock, SteppedClock
 from support.fake_board import FakeBoard, assert_marked, board_on_bus, read_scans, read_until, with_fd, with_layout
-from support.stepped import SteppedBus, SteppedClock
+from support.stepped import SteppedBus
 
 
 @pytest.fixture
@@ -40,8 +40,10 @@ def virtual(channel: str) -> Iterator[can.BusABC]:
 def test_scans_over_a_virtual_bus(sensor: Sensor, virtual: can.BusABC, channel: str, fd: bool) -> None:
     sensor = with_layout(sensor, 5, 5, scan_rate=200.0)
     settings = bus_settings("virtual", channel, with_fd(sensor, fd).can, options=["receive_own_messages=False"])
-    board = Board(with_fd(sensor, fd), lambda: open_bus(settings))
-    with board_on_bus(virtual, BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), SystemClock().monotonic())):
+    clock = PacedClock()
+    board = Board(with_fd(sensor, fd), lambda: open_bus(settings), clock)
+    firmware = BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), clock.monotonic())
+    with board_on_bus(virtual, firmware, clock):
         board.open()
         try:
             sequences = []
@@ -57,13 +59,13 @@ def test_scans_over_a_virtual_bus(sensor: Sensor, virtual: can.BusABC, channel: 
 
 def test_two_boards_share_a_bus(sensor: Sensor, virtual: can.BusABC, channel: str) -> None:
     sensors = [with_layout(sensor, 5, 5, scan_rate=100.0, base_id=base) for base in (0x100, 0x110)]
-    boards = []
+    boards, clock = [], PacedClock()
     with can.Bus(interface="virtual", channel=channel) as second:
-        firmwares = [BoardFirmware(s, FakeBoard(s), SystemClock().monotonic()) for s in sensors]
-        with board_on_bus(virtual, firmwares[0]), board_on_bus(second, firmwares[1]):
+        firmwares = [BoardFirmware(s, FakeBoard(s), clock.monotonic()) for s in sensors]
+        with board_on_bus(virtual, firmwares[0], clock), board_on_bus(second, firmwares[1], clock):
             for one in sensors:
                 settings = bus_settings("virtual", channel, one.can)
-                boards.append(Board(one, lambda settings=settings: open_bus(settings)))
+                boards.append(Board(one, lambda settings=settings: open_bus(settings), clock))
             try:
                 for board in boards:
                     board.open()
@@ -167,6 +169,29 @@ def test_a_reader_that_was_held_up_loses_nothing(sensor: Sensor) -> None:
         assert_marked(scan)
     assert scan.frames_lost == 0
     assert board.restarted == 0
+
+
+@pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+@pytest.mark.parametrize("held_up", ["host", "adapter"])
+@pytest.mark.parametrize("length", [0.02, 0.1, 0.4, 0.6, 1.0])
+def test_a_pause_in_which_nothing_was_lost_loses_nothing(sensor: Sensor, length: float, held_up: str, fd: bool) -> None:
+    """Whenever it comes, also while frames wait for the board to tell their numbers; then 4 KiB at a time."""
+    for first in (3, 17, 40, 41, 57):
+        clock = SteppedClock()
+        bus = SteppedBus(clock, BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), 0))
+        bus.room = 30
+        board = Board(with_fd(sensor, fd), lambda bus=bus: bus, clock=clock)
+        board.open()
+        list(read_scans(board, first))
+        for scans in (500, 300, 2100):
+            if held_up == "host":
+                clock.now += round(length * 1e9)
+            else:
+                bus.stands_until = clock.now + round(length * 1e9)
+            for scan in read_scans(board, scans):
+                assert_marked(scan)
+        assert scan.frames_lost == 0
+        assert board.receiver.scans == scan.sequence + 1
 
 
 def test_scans_that_come_after_a_pause_are_not_lost_by_asking_what_is_wrong(sensor: Sensor) -> None:

@@ -10,10 +10,11 @@ from posfet_driver.board.scan_source import Health
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import ScanStatus
 from posfet_sim.emulation.firmware import BoardFirmware
+from support.clocks import SteppedClock
 from support.fake_board import FakeBoard, assert_marked, with_fd, with_layout
 from support.fault_injector import FaultInjector, Trouble
 from support.paths import DOCS
-from support.stepped import SteppedBus, SteppedClock
+from support.stepped import SteppedBus
 
 RATE = 100.0
 SENSORS = {

@@ -29,12 +29,13 @@ from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.scan_source import Health
 from posfet_driver.bus.open_bus import bus_settings, open_can_bus
 from posfet_driver.bus.port_search import BusOpener
-from posfet_driver.clock import SystemClock
+from posfet_driver.clock import Clock, SystemClock
 from posfet_driver.protocol.messages import Command
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_sim.emulation.firmware import BoardFirmware
 from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
+from support.clocks import PacedClock
 from support.fake_board import PATIENCE, FakeBoard, assert_marked, board_on_bus, read_scans, with_fd, with_layout
 from support.fake_socketcan import FakeSocketcan
 from support.fake_socketcand import FakeSocketcand
@@ -61,6 +62,7 @@ class Bench:
     board: Board
     sensor: Sensor
     emulated: bool
+    clock: Clock
 
     def scans(self, count: int) -> Iterator[Scan]:
         for scan in read_scans(self.board, count):
@@ -83,13 +85,14 @@ def fd(request: pytest.FixtureRequest) -> bool:
 
 @pytest.fixture(params=PLACES)
 def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    place, clock = request.param, SystemClock()
+    place = request.param
+    clock: Clock = SystemClock() if place in {"board", "can"} else PacedClock()
     sensor = EMULATED
     with ExitStack() as stack:
         firmware = BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), clock.monotonic())
         interface, channel, options = place, "", []
         if place in {"slcan", "slcan-python-can"}:
-            adapter = EmulatedAdapter(tmp_path / "can0", firmware)
+            adapter = EmulatedAdapter(tmp_path / "can0", firmware, clock)
             adapter.open()
             stack.callback(adapter.close)
             channel = str(adapter.link)
@@ -97,7 +100,7 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool, monkeypatch:
         elif place == "socketcand":
             if fd:
                 pytest.skip("socketcand carries classic frames only")
-            daemon = FakeSocketcand(firmware)
+            daemon = FakeSocketcand(firmware, clock)
             daemon.open()
             stack.callback(daemon.close)
             channel, options = "can0", ["host=127.0.0.1", f"port={daemon.port}", "tcp_tune=true"]
@@ -120,12 +123,12 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool, monkeypatch:
                 interface, channel = "socketcan", REAL_BUS
             settings = bus_settings(interface, channel, with_fd(sensor, fd).can, options=options)
             far_end: can.BusABC = stack.enter_context(open_can_bus(settings))
-            stack.enter_context(board_on_bus(far_end, firmware))
+            stack.enter_context(board_on_bus(far_end, firmware, clock))
         opener = BusOpener(bus_settings(interface, channel, with_fd(sensor, fd).can, options=options))
-        board = Board(with_fd(sensor, fd), opener, presence=opener.presence)
+        board = Board(with_fd(sensor, fd), opener, clock, opener.presence)
         stack.callback(board.close)
         board.open()
-        yield Bench(board, sensor, place != "board")
+        yield Bench(board, sensor, place != "board", clock)
 
 
 def test_scans_come_whole_and_in_order(bench: Bench) -> None:
@@ -138,7 +141,7 @@ def test_scans_come_whole_and_in_order(bench: Bench) -> None:
 def test_stamps_go_on_evenly(bench: Bench) -> None:
     stamps = [scan.stamp for scan in bench.scans(50)]
     assert stamps == sorted(stamps)
-    assert abs(stamps[-1] - SystemClock().wall()) < PATIENCE * 1e9
+    assert abs(stamps[-1] - bench.clock.wall()) < PATIENCE * 1e9
     assert bench.board.receiver.stamp_uncertainty < 0.01
 
 

@@ -34,5 +34,6 @@ def test_frames_of_any_kind_do_no_harm(fd: bool) -> None:
     assert growth < 1 << 20
 
 
+@pytest.mark.slow
 def test_a_short_soak_ends_well(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--for", "6", "--every", "0.6", "--seed", "1"]) == 0, capsys.readouterr().out

@@ -20,9 +20,9 @@ from posfet_driver.bus.message_conversion import frame_of, message_of
 from posfet_driver.bus.open_bus import BusSettings, bus_settings, open_bus, open_can_bus
 from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.bus.socketcan_bus import READ_LIMIT
-from posfet_driver.clock import SystemClock
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
+from support.clocks import PacedClock
 from support.fake_board import PATIENCE, FakeBoard, board_on_bus, read_scans, read_until, with_layout
 from support.fake_socketcan import Device, FakeSocketcan
 from support.frame_examples import FRAMES
@@ -147,13 +147,14 @@ class Bench:
 
     def __init__(self, settings: BusSettings) -> None:
         opener = BusOpener(settings)
-        self.board = Board(SENSOR, opener, presence=opener.presence)
-        self.firmware = BoardFirmware(SENSOR, FakeBoard(SENSOR), SystemClock().monotonic())
+        self.clock = PacedClock()
+        self.board = Board(SENSOR, opener, self.clock, opener.presence)
+        self.firmware = BoardFirmware(SENSOR, FakeBoard(SENSOR), self.clock.monotonic())
         self.settings = settings
 
     def scans(self) -> None:
         """Plug the cable in and wait for scans."""
-        with open_can_bus(self.settings) as far_end, board_on_bus(far_end, self.firmware):
+        with open_can_bus(self.settings) as far_end, board_on_bus(far_end, self.firmware, self.clock):
             list(read_scans(self.board, 5))
 
 

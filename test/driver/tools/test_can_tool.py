@@ -9,17 +9,17 @@ from pathlib import Path
 import can
 import pytest
 
-from posfet.can import main
+from posfet import can as posfet_can
 from posfet_driver.bus.frame import CLASSIC
 from posfet_driver.bus.message_conversion import frame_of
 from posfet_driver.bus.recording import messages
-from posfet_driver.clock import SystemClock
 from posfet_driver.protocol.decoder import Receiver
 from posfet_driver.protocol.messages import Page, Status
 from posfet_driver.tools import list_boards
 from posfet_driver.tools.record_replay import decode
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
+from support.clocks import PacedClock
 from support.fake_board import FakeBoard, board_on_bus
 
 SENSOR = load_sensor()
@@ -31,13 +31,23 @@ def wide_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
 
 
+def main(words: list[str], clock: PacedClock | None = None) -> int:
+    """Run the tool in time that waits for it and its board."""
+    return posfet_can.main(words, clock or PacedClock())
+
+
 @pytest.fixture
-def virtual() -> Iterator[list[str]]:
+def clock() -> PacedClock:
+    return PacedClock()
+
+
+@pytest.fixture
+def virtual(clock: PacedClock) -> Iterator[list[str]]:
     """A board on a virtual bus; the words that lead there."""
     channel = uuid.uuid4().hex
     with (
         can.Bus(interface="virtual", channel=channel) as bus,
-        board_on_bus(bus, BoardFirmware(SENSOR, FakeBoard(SENSOR), SystemClock().monotonic())),
+        board_on_bus(bus, BoardFirmware(SENSOR, FakeBoard(SENSOR), clock.monotonic()), clock),
     ):
         yield ["-i", "virtual", "-c", channel]
 
@@ -74,19 +84,23 @@ def test_only_what_behaves_like_a_status_is_taken_for_a_board() -> None:
 
 
 @pytest.mark.parametrize("words", [["identify"], ["start"], ["stop"], ["self_test"], ["set_rate", "2000"]])
-def test_commands(virtual: list[str], words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["command", *words, *virtual]) == 0
+def test_commands(virtual: list[str], clock: PacedClock, words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["command", *words, *virtual], clock) == 0
     assert capsys.readouterr().out.startswith(f"{words[0]}: ok, ")
 
 
-def test_a_refusal_comes_with_the_boards_reason(virtual: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["command", "set_rate", "3", *virtual]) == 1
+def test_a_refusal_comes_with_the_boards_reason(
+    virtual: list[str], clock: PacedClock, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["command", "set_rate", "3", *virtual], clock) == 1
     error = capsys.readouterr().err
     assert error == "posfet can command: SET_RATE: refused by the board: bad argument\n"
 
 
-def test_monitor_shows_identifiers_rates_and_scans(virtual: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["monitor", "--start", "--for", "0.5", *virtual]) == 0
+def test_monitor_shows_identifiers_rates_and_scans(
+    virtual: list[str], clock: PacedClock, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["monitor", "--start", "--for", "0.5", *virtual], clock) == 0
     out = capsys.readouterr().out
     assert "scans/s" in out
     rows = [[cell.strip() for cell in line.split("│")[1:4]] for line in out.splitlines() if "│ 0x" in line]
@@ -105,9 +119,9 @@ def test_monitor_of_a_silent_bus_fails(capsys: pytest.CaptureFixture[str]) -> No
 
 
 def test_monitor_of_a_board_that_stands_still_shows_no_scan(
-    virtual: list[str], capsys: pytest.CaptureFixture[str]
+    virtual: list[str], clock: PacedClock, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["monitor", "--for", "0.3", *virtual]) == 0
+    assert main(["monitor", "--for", "0.3", *virtual], clock) == 0
     out = capsys.readouterr().out
     assert "no whole scan yet" in out
     assert "newest scan" not in out

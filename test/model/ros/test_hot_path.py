@@ -33,7 +33,7 @@ from posfet_msgs.msg import TactileContacts
 pytestmark = pytest.mark.ros
 
 SENSOR = load_sensor()
-DEADLINE = 20.0
+DEADLINE = 120.0
 REST, SCANS = 800, 600
 STEADY = range(1000, 1400)
 """Scans of a fingertip held, or of nothing, with everything warmed up."""

@@ -21,7 +21,7 @@ from posfet_msgs.msg import TactileContacts
 
 pytestmark = pytest.mark.ros
 
-DEADLINE = 20.0
+DEADLINE = 120.0
 MESSAGES = 400
 WRITER = f"""
 import sys, time

@@ -38,7 +38,7 @@ from reference.dense_pressure import sphere_forces
 pytestmark = pytest.mark.ros
 
 SENSOR = load_sensor()
-DEADLINE = 20.0
+DEADLINE = 120.0
 PRESS_FROM, PRESS_UNTIL, SCANS = 300, 400, 450
 X, Y, FORCE = 0.6e-3, -0.4e-3, 1.5
 

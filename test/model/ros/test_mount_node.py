@@ -23,7 +23,7 @@ from posfet_model.ros.ros_parameters import declare
 pytestmark = pytest.mark.ros
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-DEADLINE = 20.0
+DEADLINE = 120.0
 
 
 @pytest.fixture

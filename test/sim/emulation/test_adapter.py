@@ -19,12 +19,13 @@ from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.message_conversion import frame_of, message_of
 from posfet_driver.bus.open_bus import bus_settings, open_bus
 from posfet_driver.bus.slcan_bus import SlcanBus
-from posfet_driver.clock import SystemClock
-from posfet_driver.protocol.messages import Command, Result
+from posfet_driver.clock import Clock
+from posfet_driver.protocol.messages import STATUS_PERIOD, Command, Result
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import ScanStatus
 from posfet_sim.emulation.firmware import BoardFirmware
-from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
+from posfet_sim.emulation.slcan_adapter import OUTPUT_LIMIT, EmulatedAdapter
+from support.clocks import PacedClock
 from support.fake_board import (
     PATIENCE,
     FakeBoard,
@@ -57,8 +58,13 @@ def link(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def echo(link: Path) -> Iterator[EmulatedAdapter]:
-    adapter = EmulatedAdapter(link, Echo())
+def clock() -> PacedClock:
+    return PacedClock()
+
+
+@pytest.fixture
+def echo(link: Path, clock: PacedClock) -> Iterator[EmulatedAdapter]:
+    adapter = EmulatedAdapter(link, Echo(), clock)
     adapter.open()
     yield adapter
     adapter.close()
@@ -72,15 +78,16 @@ def require_slcan(fd: bool) -> None:
         pytest.skip("python-can's own slcan has CAN FD from 4.5 on")
 
 
-def firmware_for(sensor: Sensor, fd: bool) -> BoardFirmware:
-    return BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), SystemClock().monotonic())
+def firmware_for(sensor: Sensor, fd: bool, clock: Clock) -> BoardFirmware:
+    return BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), clock.monotonic())
 
 
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 def test_scans_arrive_whole_in_order_and_none_is_lost(sensor: Sensor, link: Path, fd: bool) -> None:
-    adapter = EmulatedAdapter(link, firmware_for(sensor, fd))
+    clock = PacedClock(lead=0.003)  # so few scans at once that a classic counter never leaves a doubt
+    adapter = EmulatedAdapter(link, firmware_for(sensor, fd, clock), clock)
     adapter.open()
-    board = Board(with_fd(sensor, fd), slcan_opener(link))
+    board = Board(with_fd(sensor, fd), slcan_opener(link), clock)
     board.open()
     try:
         expected = None
@@ -105,11 +112,11 @@ def test_scans_arrive_whole_in_order_and_none_is_lost(sensor: Sensor, link: Path
     assert not link.is_symlink()
 
 
-def test_a_large_array_arrives_whole(sensor: Sensor, link: Path) -> None:
+def test_a_large_array_arrives_whole(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     sensor = with_layout(sensor, 32, 32, scan_rate=200.0)
-    adapter = EmulatedAdapter(link, firmware_for(sensor, True))
+    adapter = EmulatedAdapter(link, firmware_for(sensor, True, clock), clock)
     adapter.open()
-    board = Board(sensor, slcan_opener(link))
+    board = Board(sensor, slcan_opener(link), clock)
     board.open()
     try:
         sequences = []
@@ -123,16 +130,16 @@ def test_a_large_array_arrives_whole(sensor: Sensor, link: Path) -> None:
         adapter.close()
 
 
-def test_the_board_survives_an_adapter_that_goes_and_comes_back(sensor: Sensor, link: Path) -> None:
+def test_the_board_survives_an_adapter_that_goes_and_comes_back(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     """Not there yet, there, pulled out, back at the same path with a board that was reset."""
-    board = Board(sensor, slcan_opener(link))
+    board = Board(sensor, slcan_opener(link), clock)
     board.open()
     assert board.report().health == Health.ERROR
     assert "No such file or directory" in board.report().state
     adapters = []
     try:
         for round_trip in range(3):
-            adapter = EmulatedAdapter(link, firmware_for(sensor, True))
+            adapter = EmulatedAdapter(link, firmware_for(sensor, True, clock), clock)
             adapter.open()
             adapters.append(adapter)
             for scan in read_scans(board, 20):
@@ -148,11 +155,11 @@ def test_the_board_survives_an_adapter_that_goes_and_comes_back(sensor: Sensor, 
             adapter.close()
 
 
-def test_a_board_that_falls_silent_is_started_again(sensor: Sensor, link: Path) -> None:
-    firmware = firmware_for(sensor, True)
-    adapter = EmulatedAdapter(link, firmware)
+def test_a_board_that_falls_silent_is_started_again(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+    firmware = firmware_for(sensor, True, clock)
+    adapter = EmulatedAdapter(link, firmware, clock)
     adapter.open()
-    board = Board(sensor, slcan_opener(link))
+    board = Board(sensor, slcan_opener(link), clock)
     board.open()
     try:
         list(read_scans(board, 3))
@@ -166,12 +173,12 @@ def test_a_board_that_falls_silent_is_started_again(sensor: Sensor, link: Path) 
         adapter.close()
 
 
-def test_commands_are_answered_or_refused_with_a_reason(sensor: Sensor, link: Path) -> None:
+def test_commands_are_answered_or_refused_with_a_reason(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     fake = FakeBoard(sensor)
-    firmware = BoardFirmware(sensor, fake, SystemClock().monotonic())
-    adapter = EmulatedAdapter(link, firmware)
+    firmware = BoardFirmware(sensor, fake, clock.monotonic())
+    adapter = EmulatedAdapter(link, firmware, clock)
     adapter.open()
-    board = Board(sensor, slcan_opener(link))
+    board = Board(sensor, slcan_opener(link), clock)
     board.open()
     try:
         list(read_scans(board, 3))
@@ -196,8 +203,8 @@ def test_commands_are_answered_or_refused_with_a_reason(sensor: Sensor, link: Pa
         adapter.close()
 
 
-def test_a_command_without_an_answer_times_out(sensor: Sensor, echo: EmulatedAdapter) -> None:
-    board = Board(sensor, slcan_opener(echo.link))
+def test_a_command_without_an_answer_times_out(sensor: Sensor, echo: EmulatedAdapter, clock: PacedClock) -> None:
+    board = Board(sensor, slcan_opener(echo.link), clock)
     with pytest.raises(CommandError, match="STOP: closed"):
         board.request(Command.STOP)
     board.open()
@@ -209,11 +216,11 @@ def test_a_command_without_an_answer_times_out(sensor: Sensor, echo: EmulatedAda
         board.close()
 
 
-def test_another_board_is_named_and_not_read(sensor: Sensor, link: Path) -> None:
+def test_another_board_is_named_and_not_read(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     other = replace(sensor, layout=replace(sensor.layout, id=7))
-    adapter = EmulatedAdapter(link, firmware_for(other, True))
+    adapter = EmulatedAdapter(link, firmware_for(other, True, clock), clock)
     adapter.open()
-    board = Board(sensor, slcan_opener(link))
+    board = Board(sensor, slcan_opener(link), clock)
     board.open()
     try:
         read_until(board, lambda: board.report().state == "the board has layout 7, the sensor file 1")
@@ -256,13 +263,13 @@ def test_both_slcan_buses_receive_the_same(echo: EmulatedAdapter) -> None:
 
 
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
-def test_a_board_is_read_through_python_cans_own_slcan(sensor: Sensor, link: Path, fd: bool) -> None:
+def test_a_board_is_read_through_python_cans_own_slcan(sensor: Sensor, link: Path, clock: PacedClock, fd: bool) -> None:
     require_slcan(fd)
     sensor = with_layout(sensor, 5, 5, scan_rate=25.0)
-    adapter = EmulatedAdapter(link, firmware_for(sensor, fd))
+    adapter = EmulatedAdapter(link, firmware_for(sensor, fd, clock), clock)
     adapter.open()
     settings = bus_settings("slcan-python-can", str(link), sensor.can, options=["sleep_after_open=0"])
-    board = Board(with_fd(sensor, fd), lambda: open_bus(settings))
+    board = Board(with_fd(sensor, fd), lambda: open_bus(settings), clock)
     board.open()
     try:
         sequences = []
@@ -314,47 +321,36 @@ def test_the_adapter_replies_as_its_manual_says(echo: EmulatedAdapter) -> None:
         serial_exchange(echo.link, line, reply)
 
 
-def test_a_reader_that_sleeps_costs_frames_not_memory(sensor: Sensor, link: Path) -> None:
+def test_a_reader_that_sleeps_costs_frames_not_memory(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     """The adapter's output is bounded, and what did not fit is counted on both sides."""
-    firmware = firmware_for(with_layout(sensor, 5, 5, scan_rate=20_000.0), True)
-    adapter = EmulatedAdapter(link, firmware)
+    adapter = EmulatedAdapter(link, firmware_for(sensor, True, clock), clock)
     adapter.open()
-    fast = with_layout(sensor, 5, 5, scan_rate=20_000.0)
-    board = Board(fast, slcan_opener(link))
+    board = Board(sensor, slcan_opener(link), clock)
     board.open()
     try:
-        list(read_scans(board, 1))
-        clock = SystemClock()
-        end = clock.monotonic() + round(PATIENCE * 1e9)
-        while adapter.frames_dropped < 200:
-            os.sched_yield()
-            assert clock.monotonic() < end
-        read_until(board, lambda: board.report().counters["lost scans"] >= 200)
+        first = next(read_scans(board, 1)).sequence
+        clock.jump(10.0)  # 10 s of scans at once: more than the adapter has room for
+        read_until(board, lambda: adapter.frames_dropped > 0 and board.receiver.assembler.losses.lost_scans > 0)
+        last = next(read_scans(board, 1)).sequence
+        losses = board.receiver.assembler.losses
+        assert board.receiver.scans + losses.lost_scans == last - first + 1
+        assert OUTPUT_LIMIT / 200 < board.receiver.scans < 10_000
+        statuses = 10.0 / STATUS_PERIOD
+        assert adapter.frames_dropped - statuses <= losses.lost_scans <= adapter.frames_dropped
+        assert board.report().counters["lost scans"] == losses.lost_scans
     finally:
         board.close()
         adapter.close()
 
 
-class StumblingClock(SystemClock):
-    """Jumps ahead by two seconds when told to, as for a thread that was not let run."""
-
-    def __init__(self) -> None:
-        self.behind = 2_000_000_000
-
-    def monotonic(self) -> int:
-        return super().monotonic() - self.behind
-
-
-def test_an_adapter_that_was_held_up_loses_nothing(sensor: Sensor, link: Path) -> None:
-    clock = StumblingClock()
-    firmware = BoardFirmware(sensor, FakeBoard(sensor), clock.monotonic())
-    adapter = EmulatedAdapter(link, firmware, clock)
+def test_an_adapter_that_was_held_up_loses_nothing(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+    adapter = EmulatedAdapter(link, firmware_for(sensor, True, clock), clock)
     adapter.open()
-    board = Board(sensor, slcan_opener(link))
+    board = Board(sensor, slcan_opener(link), clock)
     board.open()
     try:
         list(read_scans(board, 10))
-        clock.behind = 0
+        clock.jump(2.0)
         for scan in read_scans(board, 2500):
             assert_marked(scan)
         assert scan.frames_lost == 0
@@ -362,6 +358,34 @@ def test_an_adapter_that_was_held_up_loses_nothing(sensor: Sensor, link: Path) -
     finally:
         board.close()
         adapter.close()
+
+
+class Recorder(Echo):
+    """Notes what it is asked."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[str, int]] = []
+
+    def due(self, now: int) -> list[Frame]:
+        self.asked.append(("due", now))
+        return []
+
+    def receive(self, frame: Frame, now: int) -> list[Frame]:
+        self.asked.append(("receive", now))
+        return [frame]
+
+
+def test_what_is_due_goes_out_before_a_command_that_came_later_is_answered(link: Path, clock: PacedClock) -> None:
+    """As on a board, whose answer names the next scan after those that it has sent."""
+    node = Recorder()
+    adapter = EmulatedAdapter(link, node, clock)
+    adapter.open()
+    try:
+        serial_exchange(link, b"O\rt1231FF\r", b"\rz\rt1231FF\r")
+    finally:
+        adapter.close()
+    [(index, now)] = [(index, now) for index, (what, now) in enumerate(node.asked) if what == "receive"]
+    assert node.asked[index - 1] == ("due", now)
 
 
 def test_an_adapter_does_not_overwrite_a_file(tmp_path: Path) -> None:

@@ -19,45 +19,51 @@ from posfet_driver.bus.open_bus import bus_settings
 from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.bus.python_can_bus import MessageFrames
 from posfet_driver.bus.slcan_codec import FLAG_OVERFLOW, FLAG_PASSIVE
-from posfet_driver.clock import SystemClock
+from posfet_driver.clock import Clock
 from posfet_driver.protocol.messages import Command
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.adapter_lock import is_served
 from posfet_sim.emulation.firmware import BoardFirmware
 from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
+from support.clocks import PacedClock
 from support.fake_board import PATIENCE, FakeBoard, assert_marked, read_scans, read_until, with_layout
 
 SENSOR = with_layout(load_sensor(), 5, 5, scan_rate=200.0)
 
 
-def make_adapter(path: Path) -> EmulatedAdapter:
-    adapter = EmulatedAdapter(path, BoardFirmware(SENSOR, FakeBoard(SENSOR), SystemClock().monotonic()))
+@pytest.fixture
+def clock() -> PacedClock:
+    return PacedClock()
+
+
+def make_adapter(path: Path, clock: Clock) -> EmulatedAdapter:
+    adapter = EmulatedAdapter(path, BoardFirmware(SENSOR, FakeBoard(SENSOR), clock.monotonic()), clock)
     adapter.open()
     return adapter
 
 
-def make_board(channel: object) -> tuple[Board, BusOpener]:
+def make_board(channel: object, clock: Clock) -> tuple[Board, BusOpener]:
     opener = BusOpener(bus_settings("slcan", str(channel), SENSOR.can))
-    return Board(SENSOR, opener, presence=opener.presence), opener
+    return Board(SENSOR, opener, clock, opener.presence), opener
 
 
-def test_a_second_adapter_at_a_link_is_refused_until_the_first_has_ended(tmp_path: Path) -> None:
-    first = make_adapter(tmp_path / "can0")
+def test_a_second_adapter_at_a_link_is_refused_until_the_first_has_ended(tmp_path: Path, clock: PacedClock) -> None:
+    first = make_adapter(tmp_path / "can0", clock)
     try:
         assert is_served(first.link)
         with pytest.raises(SourceError, match="an emulated adapter is running here already"):
-            make_adapter(tmp_path / "can0")
+            make_adapter(tmp_path / "can0", clock)
         assert first.link.is_symlink()
     finally:
         first.close()
     assert not is_served(tmp_path / "can0")
-    make_adapter(tmp_path / "can0").close()
+    make_adapter(tmp_path / "can0", clock).close()
 
 
-def test_a_port_that_speaks_no_slcan_is_told() -> None:
+def test_a_port_that_speaks_no_slcan_is_told(clock: PacedClock) -> None:
     master, slave = os.openpty()
     tty.setraw(slave)
-    board, _ = make_board(os.ttyname(slave))
+    board, _ = make_board(os.ttyname(slave), clock)
     board.open()
     try:
         os.write(master, b"$GPGGA,123519,4807.038,N\r\n" * 20)
@@ -71,13 +77,13 @@ def test_a_port_that_speaks_no_slcan_is_told() -> None:
     assert board.report().counters["malformed lines"] == 20  # though the port is closed
 
 
-def test_an_adapter_that_comes_back_under_another_name_is_found(tmp_path: Path) -> None:
-    board, opener = make_board(tmp_path / "can*")
+def test_an_adapter_that_comes_back_under_another_name_is_found(tmp_path: Path, clock: PacedClock) -> None:
+    board, opener = make_board(tmp_path / "can*", clock)
     board.open()
     assert board.report().state == f"the bus is not there, trying again: slcan: no port matches {tmp_path}/can*"
     try:
         for name in ("can0", "can3", "can1"):
-            adapter = make_adapter(tmp_path / name)
+            adapter = make_adapter(tmp_path / name, clock)
             try:
                 for scan in read_scans(board, 10):
                     assert_marked(scan)
@@ -90,12 +96,12 @@ def test_an_adapter_that_comes_back_under_another_name_is_found(tmp_path: Path) 
         board.close()
 
 
-def test_the_port_with_the_board_is_found_among_others(tmp_path: Path) -> None:
+def test_the_port_with_the_board_is_found_among_others(tmp_path: Path, clock: PacedClock) -> None:
     """A port in use and one without a board come first."""
-    adapters = [make_adapter(tmp_path / name) for name in ("can0", "can1", "can2")]
+    adapters = [make_adapter(tmp_path / name, clock) for name in ("can0", "can1", "can2")]
     adapters[1]._node._base = 0x300
     blocker = BusOpener(bus_settings("slcan", str(tmp_path / "can0"), SENSOR.can))()
-    board, opener = make_board(tmp_path / "can*")
+    board, opener = make_board(tmp_path / "can*", clock)
     board.open()
     try:
         next(read_scans(board, 1))
@@ -107,10 +113,10 @@ def test_the_port_with_the_board_is_found_among_others(tmp_path: Path) -> None:
             adapter.close()
 
 
-def test_a_wrong_bitrate_is_named(tmp_path: Path) -> None:
-    adapter = make_adapter(tmp_path / "can0")
+def test_a_wrong_bitrate_is_named(tmp_path: Path, clock: PacedClock) -> None:
+    adapter = make_adapter(tmp_path / "can0", clock)
     adapter.speeds = (b"S6", b"Y5")
-    board, _ = make_board(tmp_path / "can0")
+    board, _ = make_board(tmp_path / "can0", clock)
     board.open()
     try:
         read_until(board, lambda: board.report().conditions == ("bus unreadable",))
@@ -123,11 +129,11 @@ def test_a_wrong_bitrate_is_named(tmp_path: Path) -> None:
         adapter.close()
 
 
-def test_flags_of_the_adapter_are_counted(tmp_path: Path) -> None:
-    adapter = make_adapter(tmp_path / "can0")
+def test_flags_of_the_adapter_are_counted(tmp_path: Path, clock: PacedClock) -> None:
+    adapter = make_adapter(tmp_path / "can0", clock)
     adapter.flags = FLAG_OVERFLOW | FLAG_PASSIVE
     bus = BusOpener(bus_settings("slcan", str(tmp_path / "can0"), SENSOR.can))()
-    board = Board(SENSOR, lambda: bus)
+    board = Board(SENSOR, lambda: bus, clock)
     board.open()
     try:
         next(read_scans(board, 1))
@@ -140,9 +146,9 @@ def test_flags_of_the_adapter_are_counted(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("command", [Command.IDENTIFY, Command.SELF_TEST, Command.SET_RATE])
-def test_commands_from_another_thread_cost_no_scan(tmp_path: Path, command: Command) -> None:
-    adapter = make_adapter(tmp_path / "can0")
-    board, _ = make_board(tmp_path / "can0")
+def test_commands_from_another_thread_cost_no_scan(tmp_path: Path, clock: PacedClock, command: Command) -> None:
+    adapter = make_adapter(tmp_path / "can0", clock)
+    board, _ = make_board(tmp_path / "can0", clock)
     board.open()
     answers = []
 
@@ -167,9 +173,9 @@ def test_commands_from_another_thread_cost_no_scan(tmp_path: Path, command: Comm
         adapter.close()
 
 
-def test_commands_end_with_the_bus(tmp_path: Path) -> None:
-    adapter = make_adapter(tmp_path / "can0")
-    board, _ = make_board(tmp_path / "can0")
+def test_commands_end_with_the_bus(tmp_path: Path, clock: PacedClock) -> None:
+    adapter = make_adapter(tmp_path / "can0", clock)
+    board, _ = make_board(tmp_path / "can0", clock)
     board.open()
     try:
         next(read_scans(board, 1))

@@ -15,6 +15,7 @@ from posfet_model.sensor.scan import Scan
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.emulation.emulated_source import AdapterSource
 from posfet_sim.scene import SceneLoads, load_scene
+from support.clocks import SteppedClock
 
 SENSOR = load_sensor()
 SCENE = load_scene("press_slide_lift", SENSOR)
@@ -76,21 +77,9 @@ def test_the_report_tells_what_is(source: AdapterSource, tmp_path: Path) -> None
 
 
 def test_it_hands_on_no_scans_itself() -> None:
-    class FakeClock:
-        slept = 0.0
-
-        def monotonic(self) -> int:
-            return 0
-
-        def wall(self) -> int:
-            return 0
-
-        def sleep(self, seconds: float) -> None:
-            self.slept += seconds
-
-    clock = FakeClock()
+    clock = SteppedClock()
     assert AdapterSource(SENSOR, SCENE, 0, "unused", clock=clock).read(0.1) is None
-    assert clock.slept == 0.1
+    assert clock.sleeps == [0.1]
 
 
 def test_a_place_that_is_taken_is_refused(tmp_path: Path) -> None:

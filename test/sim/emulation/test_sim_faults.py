@@ -12,7 +12,6 @@ from posfet_driver.board.board_client import Board
 from posfet_driver.board.scan_source import Health
 from posfet_driver.bus.frame import CLASSIC, FD
 from posfet_driver.bus.open_bus import bus_settings, open_bus
-from posfet_driver.clock import SystemClock
 from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Command, Request
 from posfet_driver.protocol.scan_codec import FD_LENGTH
 from posfet_model.sensor.description import load_sensor
@@ -24,6 +23,7 @@ from posfet_sim.emulation.emulated_source import AdapterSource
 from posfet_sim.emulation.line_faults import FaultyScans, Resets
 from posfet_sim.emulation.realtime_source import SimulationSource
 from posfet_sim.scene import SceneLoads, load_scene
+from support.clocks import PacedClock, SteppedClock
 
 SENSOR = load_sensor()
 SCENE = load_scene("idle", SENSOR)
@@ -32,23 +32,7 @@ FAULTY = replace(NONE, dropped_share=0.05, torn_share=0.03, repeated_share=0.02)
 RESETTING = replace(NONE, resets_per_hour=3600.0, reset_time=0.2)
 START = (SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, Request(Command.START, tag=1).pack())
 PERIOD = 1_000_000
-PATIENCE = 20.0
-
-
-class Clock:
-    """A clock that only moves when somebody sleeps."""
-
-    def __init__(self) -> None:
-        self.now = 5_000_000_000
-
-    def monotonic(self) -> int:
-        return self.now
-
-    def wall(self) -> int:
-        return self.now + 1_000
-
-    def sleep(self, seconds: float) -> None:
-        self.now += round(seconds * 1e9)
+PATIENCE = 120.0
 
 
 def read(source: SimulationSource, scans: int) -> list[int]:
@@ -61,7 +45,7 @@ def read(source: SimulationSource, scans: int) -> list[int]:
 
 
 def test_scans_are_lost_and_repeated_as_often_as_asked() -> None:
-    source = SimulationSource(SENSOR, SCENE, 2, Clock(), FAULTY)
+    source = SimulationSource(SENSOR, SCENE, 2, SteppedClock(5_000_000_000, 1_000), FAULTY)
     source.open()
     sequences = read(source, 10_000)
     seen = Counter(sequences)
@@ -72,13 +56,13 @@ def test_scans_are_lost_and_repeated_as_often_as_asked() -> None:
     assert sum(count == 2 for count in seen.values()) / (sequences[-1] + 1) == pytest.approx(0.02, abs=0.005)
     told = source.report().counters
     assert told["simulated: dropped"] + told["simulated: torn"] == sequences[-1] + 1 - len(seen)
-    again = SimulationSource(SENSOR, SCENE, 2, Clock(), FAULTY)
+    again = SimulationSource(SENSOR, SCENE, 2, SteppedClock(5_000_000_000, 1_000), FAULTY)
     again.open()
     assert read(again, 2000) == sequences[:2000]
 
 
 def test_without_faults_every_scan_comes_once() -> None:
-    source = SimulationSource(SENSOR, SCENE, 2, Clock(), NONE)
+    source = SimulationSource(SENSOR, SCENE, 2, SteppedClock(5_000_000_000, 1_000), NONE)
     source.open()
     assert read(source, 1000) == list(range(1000))
 
@@ -164,9 +148,10 @@ def test_a_reset_on_the_wire_waits_to_be_started_again() -> None:
 def test_a_driver_never_hands_on_a_scan_that_the_line_has_spoilt(fd: bool) -> None:
     sensor = replace(SENSOR, can=replace(SENSOR.can, fd=fd, scan_rate=200.0))
     spoilt = replace(NONE, dropped_share=0.03, torn_share=0.03, repeated_share=0.03)
+    clock = PacedClock()
     settings = bus_settings("virtual", f"spoilt-{threading.get_ident()}-{fd}", sensor.can)
-    source = AdapterSource(sensor, load_scene("hold", sensor), 6, settings, imperfections=spoilt)
-    board = Board(sensor, lambda: open_bus(settings))
+    source = AdapterSource(sensor, load_scene("hold", sensor), 6, settings, clock, spoilt)
+    board = Board(sensor, lambda: open_bus(settings), clock)
     reference, expected = (
         SimulatedBoard(sensor, SceneLoads(load_scene("hold", sensor), sensor), 6),
         Scan.empty(1, sensor.layout.taxels),
@@ -175,10 +160,9 @@ def test_a_driver_never_hands_on_a_scan_that_the_line_has_spoilt(fd: bool) -> No
     source.open()
     board.open()
     try:
-        clock, seen, before = SystemClock(), 0, -1
-        end = clock.monotonic() + round(PATIENCE * 1e9)
+        seen, before = 0, -1
         while seen < 150:
-            assert clock.monotonic() < end, board.report()
+            assert clock.monotonic() < PATIENCE * 1e9, board.report()
             scan = board.read(0.1)
             if scan is not None:
                 assert scan.sequence > before

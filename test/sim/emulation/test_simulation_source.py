@@ -12,6 +12,7 @@ from posfet_model.sensor.scan import Scan
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.emulation.realtime_source import LATE, SimulationSource
 from posfet_sim.scene import SceneLoads, load_scene
+from support.clocks import SteppedClock
 
 SENSOR = load_sensor()
 SCENE = load_scene("press_slide_lift", SENSOR)
@@ -19,27 +20,9 @@ EPOCH = 1_700_000_000_000_000_000
 MILLISECOND = 1_000_000
 
 
-class FakeClock:
-    """Stands still but for `sleep` and what a test adds."""
-
-    def __init__(self) -> None:
-        self.now = 123_456_789
-        self.slept: list[float] = []
-
-    def monotonic(self) -> int:
-        return self.now
-
-    def wall(self) -> int:
-        return EPOCH + self.now
-
-    def sleep(self, seconds: float) -> None:
-        self.slept.append(seconds)
-        self.now += round(seconds * 1e9)
-
-
 @pytest.fixture
-def clock() -> FakeClock:
-    return FakeClock()
+def clock() -> SteppedClock:
+    return SteppedClock(123_456_789, EPOCH)
 
 
 def opened(clock: Clock, sensor=SENSOR) -> SimulationSource:
@@ -55,7 +38,7 @@ def read(source: SimulationSource, timeout: float = 0.1) -> Scan:
     return scan
 
 
-def test_scans_come_at_their_rate_stamped_from_the_start(clock: FakeClock) -> None:
+def test_scans_come_at_their_rate_stamped_from_the_start(clock: SteppedClock) -> None:
     source = opened(clock)
     start = clock.now
     for index in range(50):
@@ -63,10 +46,10 @@ def test_scans_come_at_their_rate_stamped_from_the_start(clock: FakeClock) -> No
         assert clock.now == start + index * MILLISECOND
         assert scan.sequence == index
         assert scan.stamp == EPOCH + start + index * MILLISECOND
-    assert clock.slept == [0.001] * 49
+    assert clock.sleeps == [0.001] * 49
 
 
-def test_a_late_reader_gets_every_scan_that_is_due_in_turn(clock: FakeClock) -> None:
+def test_a_late_reader_gets_every_scan_that_is_due_in_turn(clock: SteppedClock) -> None:
     source = opened(clock)
     read(source)
     clock.now += 20 * MILLISECOND
@@ -77,16 +60,16 @@ def test_a_late_reader_gets_every_scan_that_is_due_in_turn(clock: FakeClock) -> 
     assert clock.now == start + MILLISECOND
 
 
-def test_nothing_is_due_within_a_short_timeout(clock: FakeClock) -> None:
+def test_nothing_is_due_within_a_short_timeout(clock: SteppedClock) -> None:
     slow = replace(SENSOR, can=replace(SENSOR.can, scan_rate=2.0))
     source = opened(clock, slow)
     assert read(source).sequence == 0
     assert [source.read(0.1) for _ in range(4)] == [None] * 4
     assert read(source, 0.15).sequence == 1
-    assert clock.slept == pytest.approx([0.1] * 5, abs=1e-9)
+    assert clock.sleeps == pytest.approx([0.1] * 5, abs=1e-9)
 
 
-def test_the_scans_are_those_of_the_board(clock: FakeClock) -> None:
+def test_the_scans_are_those_of_the_board(clock: SteppedClock) -> None:
     source, board, expected = (
         opened(clock),
         SimulatedBoard(SENSOR, SceneLoads(SCENE, SENSOR), 3),
@@ -98,7 +81,7 @@ def test_the_scans_are_those_of_the_board(clock: FakeClock) -> None:
     assert source.board.truth().objects.contact_forces.tolist() == board.truth().objects.contact_forces.tolist()
 
 
-def test_opening_again_starts_the_scene_anew(clock: FakeClock) -> None:
+def test_opening_again_starts_the_scene_anew(clock: SteppedClock) -> None:
     source = opened(clock)
     first = read(source).counts.copy()
     for _ in range(5):
@@ -112,7 +95,7 @@ def test_opening_again_starts_the_scene_anew(clock: FakeClock) -> None:
     np.testing.assert_array_equal(scan.counts, first)
 
 
-def test_the_report_tells_what_is(clock: FakeClock) -> None:
+def test_the_report_tells_what_is(clock: SteppedClock) -> None:
     source = SimulationSource(SENSOR, SCENE, 3, clock)
     assert source.report().health == Health.STALE
     source.open()

@@ -30,7 +30,9 @@ ASK_PERIOD: Final = 1_000_000_000
 ANSWER_TIME: Final = 200_000_000
 """Time within which a board answers [ns]; then it is asked again."""
 HOLD_TIME: Final = 500_000_000
-"""Longest time for which frames are held [ns]; a status comes in less."""
+"""Longest time for which frames are held [ns]; a status comes in less. Time in which nothing comes does not count."""
+PAUSE: Final = 50_000_000
+"""Time without any frame [ns] that counts at most: after it the answer may be behind all that waited meanwhile."""
 HOLD_FRAMES: Final = 8192
 """Most frames that are held."""
 
@@ -71,7 +73,7 @@ class Numbering:
         self._doubted = False  # the counter was wrong, and has not been seen to count since
         self._right_from = 0  # number from which a counter that stood still was right
         self._flowing = False  # a scan began in the batch before
-        self._since = 0  # when the first frame was held
+        self._waited = 0  # for how long the first frame has been held, pauses left out
         self._tag: int | None = None  # of a question that is not answered
         self._sent: int | None = None  # when the newest question was sent; None: nobody asks
 
@@ -111,8 +113,10 @@ class Numbering:
 
         Without `listening` nothing is held: scans are of no use until a START is answered.
         """
-        self._bound += (arrival - self._arrival) / period * (1.0 + DRIFT)
+        passed = arrival - self._arrival
+        self._bound += passed / period * (1.0 + DRIFT)
         self._arrival, self._period = arrival, period
+        self._waited += min(passed, PAUSE) if frames else 0
         if not listening:
             self._known = False
         elif self._sent is None:
@@ -126,7 +130,7 @@ class Numbering:
         settled = self._judge(frames, listening)
         if self._is_certain() or not (listening or self._known):
             settled += self._release(True)
-        elif self._held and (arrival - self._since > HOLD_TIME or len(self._held) > HOLD_FRAMES):
+        elif self._held and (self._waited > HOLD_TIME or len(self._held) > HOLD_FRAMES):
             self._release(False)
             if self._sent is None:
                 self._assembler.align(int(self._bound), NUMBER_WRAP)
@@ -155,7 +159,7 @@ class Numbering:
                 if self._assembler.misled:
                     continue
                 if not self._held:
-                    self._since = self._arrival
+                    self._waited = 0
                 self._held.append(frame)
                 continue
             newest = self._told(frame) if kind == CLASSIC else None

@@ -11,6 +11,7 @@ from posfet_driver.board.board_client import Board
 from posfet_driver.board.command_queue import CommandError
 from posfet_driver.bus.open_bus import bus_settings
 from posfet_driver.bus.port_search import BusOpener
+from posfet_driver.clock import Clock
 from posfet_driver.protocol.messages import Command
 from posfet_driver.ros.scan_source_node import ScanSourceNode
 from posfet_model.ros.ros_parameters import Parameter
@@ -36,8 +37,8 @@ PARAMETERS = (
 class DriverNode(ScanSourceNode):
     """Publishes the scans of a board on a CAN bus."""
 
-    def __init__(self, **node_arguments: Any) -> None:
-        super().__init__("driver_node", PARAMETERS, **node_arguments)
+    def __init__(self, clock: Clock | None = None, **node_arguments: Any) -> None:
+        super().__init__("driver_node", PARAMETERS, clock, **node_arguments)
         self._patience_ends = 0
         self._commands = self.create_service(BoardCommand, "command", self._command)
 
@@ -53,7 +54,7 @@ class DriverNode(ScanSourceNode):
         )
         opener = BusOpener(settings)
         link = replace(sensor.can, bitrate=settings.bitrate, data_bitrate=settings.data_bitrate)
-        self._board = Board(replace(sensor, can=link), opener, presence=opener.presence)
+        self._board = Board(replace(sensor, can=link), opener, self.clock, opener.presence)
         return self._board
 
     def wanted(self, now: int) -> bool:

@@ -14,6 +14,7 @@ from rclpy.qos import QoSProfile
 
 from posfet_driver.board.faults import Fault, FaultWatch, changes
 from posfet_driver.board.scan_source import Health, ScanSource, SourceError, SourceReport
+from posfet_driver.clock import Clock, SystemClock
 from posfet_driver.ros.conversions import RawMessage, diagnostic_array
 from posfet_model.config import ConfigError
 from posfet_model.ros.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_frame, declared_sensor
@@ -55,8 +56,13 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     or file that cannot be used.
     """
 
-    def __init__(self, node_name: str, parameters: Sequence[Parameter] = (), **node_arguments: Any) -> None:
+    def __init__(
+        self, node_name: str, parameters: Sequence[Parameter] = (), clock: Clock | None = None, **node_arguments: Any
+    ) -> None:
+        """Take the source's clock (that of this machine by default); diagnostics keep the machine's."""
         super().__init__(node_name, **node_arguments)
+        self.clock = clock or SystemClock()
+        """The clock of the source."""
         self._service_change_state.callback = _refusing(self._service_change_state.callback)
         self.sink: Callable[[Scan], None] | None = None
         """Called with every scan in the data thread, before anything is published; set it while not active."""

@@ -10,14 +10,15 @@ from pathlib import Path
 from typing import Final, TypeAlias
 
 from posfet_driver.bus.open_bus import BusSettings, bus_settings
+from posfet_driver.clock import Clock
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor, load_sensor, with_frames
 
 EMULATOR: Final = "emulator"
 """The interface that is a simulated board behind an emulated adapter, started for the time of one command."""
 
-Emulator: TypeAlias = Callable[[Sensor, str], AbstractContextManager[None]]
-"""Serves a simulated board of a sensor behind an emulated slcan adapter at a path, as long as its block runs."""
+Emulator: TypeAlias = Callable[[Sensor, str, Clock], AbstractContextManager[None]]
+"""Serves a simulated board of a sensor behind an emulated slcan adapter at a path, by a clock, while its block runs."""
 
 
 def sensor_of(options: argparse.Namespace) -> Sensor:
@@ -40,7 +41,7 @@ def bus_of(options: argparse.Namespace) -> Iterator[tuple[Sensor, BusSettings]]:
         raise ConfigError(f"{EMULATOR}: there is no simulated board here: use `posfet can`, which has one")
     with tempfile.TemporaryDirectory(prefix="posfet-") as folder:
         channel = str(Path(folder) / "can0")
-        with options.emulator(sensor, channel):
+        with options.emulator(sensor, channel, options.clock):
             yield sensor, _settings(options, sensor, "slcan", channel)
 
 

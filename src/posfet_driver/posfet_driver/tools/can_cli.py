@@ -15,6 +15,7 @@ import can
 from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.scan_source import SourceError
 from posfet_driver.bus.open_bus import one_line
+from posfet_driver.clock import Clock, SystemClock
 from posfet_driver.protocol.messages import Command
 from posfet_driver.tools.bus_options import EMULATOR, Emulator
 from posfet_model.command_line import positive
@@ -80,13 +81,15 @@ def _word(text: str) -> int:
     return value
 
 
-def main(words: Sequence[str] | None = None, emulator: Emulator | None = None) -> int:
+def main(words: Sequence[str] | None = None, emulator: Emulator | None = None, clock: Clock | None = None) -> int:
     """Run one action; return the exit code: 0, 1 with one line on stderr, or 130 when it was interrupted.
 
-    `emulator` serves the simulated board of `-i emulator`; without one that interface is refused.
+    `emulator` serves the simulated board of `-i emulator`; without one that interface is refused. Times are those of
+    `clock` (that of this machine by default).
     """
     options = make_parser().parse_args(words)
     options.emulator = emulator
+    options.clock = clock or SystemClock()
     module, _ = ACTIONS[options.action]
     try:
         run: Callable[[argparse.Namespace], int] = getattr(

@@ -35,7 +35,7 @@ def run_command(options: argparse.Namespace) -> int:
     with bus_of(options) as (sensor, settings):
         bus = open_bus(settings)
         try:
-            answer = ask(bus, sensor.can.base_id, command, options.argument or 0)
+            answer = ask(bus, sensor.can.base_id, options.clock, command, options.argument or 0)
         finally:
             bus.shutdown()
     reset = " (switched on since the last START)" if answer.reset else ""

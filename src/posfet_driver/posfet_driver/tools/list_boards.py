@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import glob
-import time
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
@@ -17,6 +16,7 @@ from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.open_bus import one_line, open_bus
 from posfet_driver.bus.socketcan_bus import NETWORK_DEVICES
+from posfet_driver.clock import Clock
 from posfet_driver.protocol.messages import STATUS_OFFSET, Page, Status, version
 from posfet_driver.tools.bus_options import EMULATOR, bus_of
 from posfet_model.config import ConfigError
@@ -72,12 +72,12 @@ def boards(frames: Iterable[Frame]) -> list[HeardBoard]:
     return [heard[base] for base in sorted(heard) if base >= 0 and heard[base].in_order >= PAGES_NEEDED]
 
 
-def listen(bus: FrameBus, seconds: float) -> list[Frame]:
+def listen(bus: FrameBus, seconds: float, clock: Clock) -> list[Frame]:
     """Return the frames that come within `seconds` [s]."""
-    end = time.monotonic() + seconds
+    end = clock.monotonic() + round(seconds * 1e9)
     frames: list[Frame] = []
-    while (left := end - time.monotonic()) > 0:
-        frames += bus.read_frames(left)
+    while (left := end - clock.monotonic()) > 0:
+        frames += bus.read_frames(left / 1e9)
     return frames
 
 
@@ -110,7 +110,7 @@ def _look(options: argparse.Namespace) -> list[list[str]]:
     with bus_of(options) as (_, settings):
         bus = open_bus(settings)
         try:
-            frames = listen(bus, options.seconds)
+            frames = listen(bus, options.seconds, options.clock)
         finally:
             bus.shutdown()
     found = boards(frames)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
-import time
 from collections import Counter
 from collections.abc import Iterator
 from typing import Final
@@ -18,6 +17,7 @@ from posfet_driver.bus.bus_load import BusLoad
 from posfet_driver.bus.frame import ERROR, EXTENDED, Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.open_bus import open_bus
+from posfet_driver.clock import Clock
 from posfet_driver.protocol.decoder import Receiver
 from posfet_driver.protocol.messages import FD_BLOCK_OFFSET
 from posfet_driver.tools.bus_options import bus_of
@@ -37,7 +37,7 @@ _NAMES: Final = {0: "Command", 1: "Response", 2: "Status", FD_BLOCK_OFFSET: "Sca
 class Monitor:
     """Counts what is heard, and listens to one board's scans without knowing their whole number."""
 
-    def __init__(self, sensor: Sensor) -> None:
+    def __init__(self, sensor: Sensor, clock: Clock) -> None:
         self.receiver = Receiver(sensor)
         self.receiver.listening = True
         self.load = BusLoad(sensor.can.bitrate, sensor.can.data_bitrate)
@@ -47,11 +47,12 @@ class Monitor:
         self._sensor = sensor
         self._before: Counter[tuple[int, int]] = Counter()
         self._scans = 0
-        self._time = time.monotonic()
+        self._clock = clock
+        self._time = clock.monotonic()
 
     def take(self, frames: list[Frame]) -> None:
         """Take the frames of one read."""
-        now = time.monotonic_ns()
+        now = self._clock.monotonic()
         self.load.add(frames, now)
         self.counts.update((identifier, kind) for identifier, kind, _ in frames)
         for frame in self.receiver.begin_batch(frames, now, 0):
@@ -59,8 +60,8 @@ class Monitor:
 
     def tick(self) -> None:
         """Take the rates since the last tick."""
-        now = time.monotonic()
-        span = max(now - self._time, 1e-9)
+        now = self._clock.monotonic()
+        span = max(now - self._time, 1) / 1e9
         self.rates = {key: (count - self._before[key]) / span for key, count in self.counts.items()}
         self.scan_rate = (self.receiver.scans - self._scans) / span
         self._before, self._scans, self._time = self.counts.copy(), self.receiver.scans, now
@@ -122,15 +123,15 @@ def run_monitor(options: argparse.Namespace) -> int:
     console = Console(highlight=False, markup=False)
     with bus_of(options) as (sensor, settings):
         bus = open_bus(settings)
-        monitor = Monitor(sensor)
+        monitor = Monitor(sensor, options.clock)
         try:
             with started(bus, sensor, options), contextlib.suppress(KeyboardInterrupt):
                 if console.is_terminal:
                     with Live(console=console, auto_refresh=False) as live:
-                        for _ in _ticks(bus, monitor, options.seconds):
+                        for _ in _ticks(bus, monitor, options.seconds, options.clock):
                             live.update(monitor.picture(console.width), refresh=True)
                 else:
-                    for _ in _ticks(bus, monitor, options.seconds):
+                    for _ in _ticks(bus, monitor, options.seconds, options.clock):
                         console.print(monitor.line(), soft_wrap=True)
         finally:
             bus.shutdown()
@@ -139,13 +140,17 @@ def run_monitor(options: argparse.Namespace) -> int:
     return 0 if monitor.counts else 1
 
 
-def _ticks(bus: FrameBus, monitor: Monitor, seconds: float) -> Iterator[None]:
+def _ticks(bus: FrameBus, monitor: Monitor, seconds: float, clock: Clock) -> Iterator[None]:
     """Read the bus; yield once a period, and at the end."""
-    end = time.monotonic() + seconds
-    due = time.monotonic() + PERIOD
-    while (now := time.monotonic()) < end:
+
+    def time() -> float:
+        return clock.monotonic() / 1e9
+
+    end = time() + seconds
+    due = time() + PERIOD
+    while (now := time()) < end:
         monitor.take(bus.read_frames(max(min(due, end) - now, 0.0)))
-        if time.monotonic() >= due:
+        if time() >= due:
             due += PERIOD
             monitor.tick()
             yield

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -34,9 +33,10 @@ def run_record(options: argparse.Namespace) -> int:
         bus = open_can_bus(settings)
         try:
             with recording(options.file) as log, started(MessageFrames(bus), sensor, options):
-                end = time.monotonic() + options.seconds
+                clock = options.clock
+                end = clock.monotonic() / 1e9 + options.seconds
                 with contextlib.suppress(KeyboardInterrupt):
-                    while (left := end - time.monotonic()) > 0:
+                    while (left := end - clock.monotonic() / 1e9) > 0:
                         message = bus.recv(min(left, POLL))
                         if message is not None:
                             log(message)
@@ -78,11 +78,12 @@ def run_replay(options: argparse.Namespace) -> int:
     with bus_of(options) as (_, settings):
         bus = open_can_bus(settings)
         try:
-            begin = time.monotonic()
+            clock = options.clock
+            begin = clock.monotonic()
             for message in _all(first, recorded):
-                wait = (message.timestamp - first.timestamp) / options.speed - (time.monotonic() - begin)
+                wait = (message.timestamp - first.timestamp) / options.speed - (clock.monotonic() - begin) / 1e9
                 if wait > 0:
-                    time.sleep(wait)
+                    clock.sleep(wait)
                 if not message.is_error_frame:
                     _send(bus, message)
                     frames += 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import time
 from collections.abc import Callable
 from typing import Final
 
@@ -17,6 +16,7 @@ from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.faults import FaultWatch
 from posfet_driver.bus.open_bus import BusSettings
 from posfet_driver.bus.port_search import BusOpener
+from posfet_driver.clock import Clock
 from posfet_driver.protocol.messages import Command, version
 from posfet_driver.tools.bus_options import bus_of
 from posfet_model.sensor.description import Sensor
@@ -35,10 +35,11 @@ class CheckFailed(Exception):
 class SelfTest:
     """The checks of one board, in order; each returns what it found or raises CheckFailed, CommandError or CanError."""
 
-    def __init__(self, sensor: Sensor, settings: BusSettings, seconds: float) -> None:
+    def __init__(self, sensor: Sensor, settings: BusSettings, seconds: float, clock: Clock) -> None:
         self._sensor = sensor
         self._opener = BusOpener(settings)
-        self._board = Board(sensor, self._opener)
+        self._board = Board(sensor, self._opener, clock)
+        self._clock = clock
         self._seconds = seconds
 
     def checks(self) -> list[tuple[str, Callable[[], str]]]:
@@ -54,6 +55,10 @@ class SelfTest:
             ("no fault is left", self._faults),
         ]
 
+    def _time(self) -> float:
+        """Return the time [s]."""
+        return self._clock.monotonic() / 1e9
+
     def close(self) -> None:
         """Stop the board and close the bus."""
         self._board.close()
@@ -65,11 +70,11 @@ class SelfTest:
         return self._opener.channel or self._opener.settings.name
 
     def _first_scan(self) -> str:
-        begin = time.monotonic()
+        begin = self._time()
         while self._board.read(POLL) is None:
-            if time.monotonic() - begin > FIRST_SCAN:
+            if self._time() - begin > FIRST_SCAN:
                 raise CheckFailed(self._board.report().state)
-        return f"the first after {1e3 * (time.monotonic() - begin):.0f} ms"
+        return f"the first after {1e3 * (self._time() - begin):.0f} ms"
 
     def _identify(self) -> str:
         value = self._board.request(Command.IDENTIFY).value
@@ -82,10 +87,10 @@ class SelfTest:
     def _scans(self) -> str:
         board = self._board
         self._first_scan()
-        begin, scans, lost = time.monotonic(), board.receiver.scans, board.receiver.frames_lost
-        while time.monotonic() - begin < self._seconds:
+        begin, scans, lost = self._time(), board.receiver.scans, board.receiver.frames_lost
+        while self._time() - begin < self._seconds:
             board.read(POLL)
-        rate = (board.receiver.scans - scans) / (time.monotonic() - begin)
+        rate = (board.receiver.scans - scans) / (self._time() - begin)
         lost = board.receiver.frames_lost - lost
         late = 1e3 * board.receiver.stamp_uncertainty
         text = f"{rate:.1f} scans/s, {lost} frames lost, stamps at most {late:.2f} ms late"
@@ -108,7 +113,7 @@ class SelfTest:
         return self._first_scan()
 
     def _faults(self) -> str:
-        faults = FaultWatch().present(self._board.report(), time.monotonic_ns())
+        faults = FaultWatch().present(self._board.report(), self._clock.monotonic())
         if faults:
             raise CheckFailed("; ".join(fault.text for fault in faults))
         return "none"
@@ -118,7 +123,7 @@ def run_selftest(options: argparse.Namespace) -> int:
     """Run the action; return the exit code: 0 when all checks passed."""
     table = Table("check", "result", "found")
     with bus_of(options) as (sensor, settings):
-        test = SelfTest(sensor, settings, options.seconds)
+        test = SelfTest(sensor, settings, options.seconds, options.clock)
         passed = False
         try:
             for name, check in test.checks():

@@ -64,8 +64,10 @@ class BusServer:
             except can.CanError as error:
                 self.gone = one_line(error)
                 return
-            answers = [answer for frame in received for answer in self._node.receive(frame, self._clock.monotonic())]
-            for frame in answers + self._node.due(self._clock.monotonic()):
+            now = self._clock.monotonic()
+            due = self._node.due(now)  # a board has sent it when a command comes that it answers
+            answers = [answer for frame in received for answer in self._node.receive(frame, now)]
+            for frame in due + answers:
                 self._write(bus, frame)
 
     def _write(self, bus: FrameBus, frame: Frame) -> None:

@@ -128,15 +128,16 @@ class EmulatedAdapter:
             readable, _, _ = select.select([master, wake], waiting, [], min(max(wait, 0.0), IDLE))
             if wake in readable:
                 return
+            now = self._clock.monotonic()
+            for frame in self._node.due(now):  # a board has sent it when a command comes that it answers
+                self._send(frame)
             if master in readable:
                 for line in self._reader.lines(os.read(master, READ_SIZE)):
-                    self._obey(line)
-            for frame in self._node.due(self._clock.monotonic()):
-                self._send(frame)
+                    self._obey(line, now)
             self._flush(master)
 
-    def _obey(self, line: bytes) -> None:
-        """Carry out one line and reply to it."""
+    def _obey(self, line: bytes, now: int) -> None:
+        """Carry out one line, which came at `now` [ns], and reply to it."""
         letter = line[:1]
         if letter in {b"O", b"L"}:
             self._reply(REFUSED if self._channel_open else END)
@@ -156,20 +157,20 @@ class EmulatedAdapter:
         elif line in _ANSWERS:
             self._reply(_ANSWERS[line])
         else:
-            self._transmit(line)
+            self._transmit(line, now)
 
     @property
     def _readable(self) -> bool:
         return self._set_speeds.issuperset(self.speeds)
 
-    def _transmit(self, line: bytes) -> None:
+    def _transmit(self, line: bytes, now: int) -> None:
         frame = parse_line(line)
         if frame is None or not self._channel_open or self._listen_only:
             self._reply(REFUSED)
             return
         self._reply(b"Z\r" if line[0] < ord("a") else b"z\r")
         if self._readable:
-            for answer in self._node.receive(frame, self._clock.monotonic()):
+            for answer in self._node.receive(frame, now):
                 self._send(answer)
 
     def _reply(self, reply: bytes) -> None:

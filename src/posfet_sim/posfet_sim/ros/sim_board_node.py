@@ -13,6 +13,7 @@ from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from posfet_driver.board.scan_source import ScanSource, SourceError
+from posfet_driver.clock import Clock
 from posfet_driver.ros.conversions import NANOSECONDS
 from posfet_driver.ros.scan_source_node import ScanSourceNode
 from posfet_model.config import ConfigError
@@ -84,8 +85,8 @@ class SimBoardNode(ScanSourceNode):
 
     source: SimulationSource | AdapterSource
 
-    def __init__(self, node_name: str = "sim_board_node", **node_arguments: Any) -> None:
-        super().__init__(node_name, PARAMETERS, **node_arguments)
+    def __init__(self, node_name: str = "sim_board_node", clock: Clock | None = None, **node_arguments: Any) -> None:
+        super().__init__(node_name, PARAMETERS, clock, **node_arguments)
         self._truth_message = TruthMessage(self.sensor.layout, self.frame_id)
         self._truth = self.create_publisher(TactileTruth, "truth", TRUTH_DEPTH)
         self._truth_listeners = Listeners(self._truth)
@@ -98,13 +99,13 @@ class SimBoardNode(ScanSourceNode):
         imperfections = load_imperfections(parameters["imperfections"])
         link = parameters["adapter_link"]
         if not link and not parameters["bus_interface"]:
-            return SimulationSource(sensor, scene, parameters["seed"], imperfections=imperfections)
+            return SimulationSource(sensor, scene, parameters["seed"], self.clock, imperfections)
         from posfet_driver.bus.open_bus import bus_settings  # noqa: PLC0415
         from posfet_sim.emulation.emulated_source import AdapterSource  # noqa: PLC0415  # python-can takes 0.1 s to load
 
         if parameters["bus_interface"]:
             link = bus_settings(parameters["bus_interface"], parameters["bus_channel"], sensor.can)
-        source = AdapterSource(sensor, scene, parameters["seed"], link, imperfections=imperfections)
+        source = AdapterSource(sensor, scene, parameters["seed"], link, self.clock, imperfections)
         source.on_scan = self._scan_sent
         return source
 
