@@ -18,6 +18,7 @@ from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.reconstruction.taxel_faults import TaxelStatus
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton
+from posfet_sim.calibration import simulated_bench
 from posfet_sim.calibration.simulated_bench import record
 from posfet_sim.commands import calibrate
 from posfet_sim.commands.calibrate import main
@@ -61,7 +62,7 @@ def test_it_finds_the_taxels_as_they_were_drawn_on_a_device_unlike_its_descripti
 
 def test_it_is_the_same_whether_the_chip_cools_or_warms(found: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
     # Charge that the film's loops leave behind must not pass for leak or warmth, whose signs differ then.
-    monkeypatch.setattr(calibrate, "COOLING", -calibrate.COOLING)
+    monkeypatch.setattr(simulated_bench, "COOLING", -simulated_bench.COOLING)
     warmed = fit(SENSOR, record(SENSOR, 4, ROUGH, DEVICE), DATE)
     np.testing.assert_allclose(warmed.gain, found.gain, rtol=0.006)
     np.testing.assert_allclose(warmed.leak_time_constant, found.leak_time_constant, rtol=0.01)
