@@ -16,8 +16,8 @@ from unittest.mock import patch
 import numpy as np
 
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.estimation.common_mode import CommonMode
-from posfet_model.estimation.drift_filter import ZeroFilter
+from posfet_model.estimation.common_mode import CommonModeTemperature
+from posfet_model.estimation.drift_filter import DriftFilter
 from posfet_model.estimation.force_observer import ForceObserver
 from posfet_model.estimation.settings import ObserverSettings
 from posfet_model.reconstruction import reconstructor
@@ -56,7 +56,7 @@ def _none(*_: object) -> float:
     return 0.0
 
 
-def _no_change(_: ZeroFilter, where: Any) -> tuple[Any, Any]:
+def _no_change(_: DriftFilter, where: Any) -> tuple[Any, Any]:
     taxels = np.count_nonzero(where)
     return np.zeros(taxels), np.zeros(taxels, np.intp)
 
@@ -90,11 +90,15 @@ PIECES: Final = {
     ),
     "film's lag": Without(lambda _, calibration: replace(calibration, thermal_time_constant=0.0)),
     "what all taxels show together": Without(
-        instead={(CommonMode, name): _none for name in ("follow", "hold", "look")}
+        instead={(CommonModeTemperature, name): _none for name in ("update_untouched", "update_touched", "update")}
     ),
-    "learning the leak": Without(settings=ObserverSettings(leak_shared_calibrated=1e-6, leak_own_calibrated=1e-6)),
+    "learning the leak": Without(
+        settings=ObserverSettings(
+            leakage_common_deviation_calibrated=1e-6, leakage_individual_deviation_calibrated=1e-6
+        )
+    ),
     "1/f noise in the zeros": Without(settings=ObserverSettings(flicker=1e-9)),
-    "putting back what was taken for drift": Without(instead={(ZeroFilter, "undo"): _no_change}),
+    "putting back what was taken for drift": Without(instead={(DriftFilter, "roll_back"): _no_change}),
     "crosstalk": Without(lambda _, calibration: replace(calibration, crosstalk=0.0)),
     "mains hum": Without(instead={(MainsHum, "listening"): False}),
     "bad taxels": Without(instead={(TaxelWatch, "judge"): lambda *_: False}),

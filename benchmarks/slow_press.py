@@ -31,7 +31,7 @@ HELD: Final = 1.0
 TEXT: Final = f"""\
 A ball of 4 mm radius presses slowly on a calibrated board with right gains. The delay counts from the scan in which a
 taxel truly carries the threshold of contacts. A press that grows by less than
-{ObserverSettings.zero_slew:g} thresholds a second on its strongest taxel is taken for drift, and of faster ones what
+{ObserverSettings.baseline_slew:g} thresholds a second on its strongest taxel is taken for drift, and of faster ones what
 came up unnoticed, on taxels around for longer: "lost" is what is missing of the total force after {HELD:g} s."""
 
 

@@ -89,7 +89,7 @@ class Taxels:
     """Taxels that count into force and moments, but are in no contact, as bits of `labelling.BitMap`."""
     guessed: NDArray[np.bool_] | None = None
     """Those among them whose force comes from their neighbours, and that are no region by themselves."""
-    shared_error: NDArray[np.float64] | None = None
+    correlated_error: NDArray[np.float64] | None = None
     """What a standard deviation of an error that they have in common makes of each force [N]."""
 
     _sums: dict[tuple[int, bytes], float] = field(default_factory=dict, init=False, repr=False)
@@ -104,8 +104,8 @@ class Taxels:
 
     def _variance_of_sum(self, taxels: NDArray[np.intp]) -> float:
         variance = float(np.add.reduce(self.variance[taxels])) + len(taxels) ** 2 * self.common_variance
-        if self.shared_error is not None:
-            variance += float(np.add.reduce(self.shared_error[taxels])) ** 2
+        if self.correlated_error is not None:
+            variance += float(np.add.reduce(self.correlated_error[taxels])) ** 2
         return variance
 
 

@@ -122,7 +122,7 @@ class Reconstructor:
     @property
     def unsettled(self) -> int:
         """Taxels whose offset is not known yet."""
-        return int(np.count_nonzero(~self._observer.settled))
+        return int(np.count_nonzero(~self._observer.offset_known))
 
     @property
     def bad(self) -> int:
@@ -177,8 +177,8 @@ class Reconstructor:
         observer.advance(charge, scan.temperatures, clock.step)
         result.saturated = self._saturated_now
         if result.saturated:
-            observer.lose(self._saturated, clock.step)
-        observer.follow_common(not self._tracker.idle)
+            observer.inflate_variance(self._saturated, clock.step)
+        observer.compensate_common_mode(not self._tracker.idle)
         self._watch.take(scan.counts)
         regions = self._find_around_bad() if self._any_guessed else self._finder.find(observer.force)
         if regions or self.vibration_wanted:
@@ -226,7 +226,7 @@ class Reconstructor:
     def image(self) -> ForceImage:
         """Return the forces of the last scan taken; overwritten by the next call."""
         image, observer, watch = self._image, self._observer, self._watch
-        known = observer.settled & ~watch.bad if watch.any_bad else observer.settled
+        known = observer.offset_known & ~watch.bad if watch.any_bad else observer.offset_known
         self._variance = observer.variance(self._variance)
         common = observer.common_variance
         np.copyto(image.force, observer.force, casting="same_kind")
@@ -244,7 +244,7 @@ class Reconstructor:
         count = int(np.count_nonzero(known))
         if count:
             image.total = float(observer.force.sum(where=known))
-            shared = float(observer.shared_error.sum(where=known)) ** 2 + count * count * common
+            shared = float(observer.correlated_error.sum(where=known)) ** 2 + count * count * common
             variance = float(self._variance.sum(where=known)) + shared
             image.total_standard_deviation = math.sqrt(variance)
         if self._result.saturated:
@@ -306,8 +306,8 @@ class Reconstructor:
         """Return what is known of the forces as of the last block: until the next one it stays the same."""
         observer = self._observer
         variance = observer.force_variance(np.empty_like(self._variance))
-        common, shared = observer.common_variance, observer.shared_error
-        self._known = Taxels(observer.force, variance, common, unlisted=self._unlisted, shared_error=shared)
+        common, shared = observer.common_variance, observer.correlated_error
+        self._known = Taxels(observer.force, variance, common, unlisted=self._unlisted, correlated_error=shared)
         return self._known
 
     def _find_around_bad(self) -> list[Footprint]:
@@ -318,7 +318,7 @@ class Reconstructor:
         regions = self._finder.find(force)
         if not regions:
             return regions
-        unknown = self._guessed | ~self._observer.settled
+        unknown = self._guessed | ~self._observer.offset_known
         wanted = self._guessed.nonzero()[0]
         force[wanted] = watch.surroundings.estimate(force, unknown, wanted, self._least)
         return self._finder.find(force)
@@ -327,9 +327,9 @@ class Reconstructor:
         """Let the observer correct its zeros away from contacts, and set the thresholds by what it knows then."""
         observer, watch = self._observer, self._watch
         near = self._finder.around(self._finder.touched, self._reach)
-        if watch.judge(observer.block_time, observer.block_mean, observer.leaking, self._saturated, near):
+        if watch.judge(observer.block_time, observer.block_mean, observer.residual_charge, self._saturated, near):
             observer.ignore(watch.bad)
-        observer.know_noise(watch.noise_variance)
+        observer.set_noise_variance(watch.noise_variance)
         self._hum.close_block(self._finder.touched, watch.bad | self._saturated, observer.block_time)
         observer.close_block(near)
         self._choose_guessed()
@@ -343,7 +343,7 @@ class Reconstructor:
         if not watch.any_bad:
             return
         self._unlisted = self._finder.bits(watch.bad)
-        telling = watch.telling(self._telling) & self._observer.settled
+        telling = watch.telling(self._telling) & self._observer.offset_known
         np.logical_and(watch.bad, ~telling, out=self._guessed)
         self._any_guessed = bool(self._guessed.any())
 
@@ -353,5 +353,5 @@ class Reconstructor:
         self._variance = observer.variance(self._variance)
         if self._any_guessed:
             self._variance[self._guessed] = 0.0  # what stands for them comes from their neighbours
-        usable = None if observer.valid and not self._watch.any_bad else observer.settled | self._guessed
+        usable = None if observer.valid and not self._watch.any_bad else observer.offset_known | self._guessed
         self._finder.adapt(observer.force, self._variance, observer.common_variance, usable)
