@@ -23,7 +23,7 @@ from posfet_model.estimation.settings import ObserverSettings
 from posfet_model.reconstruction import reconstructor
 from posfet_model.reconstruction.mains_hum import MainsHum
 from posfet_model.reconstruction.reconstructor import Reconstructor
-from posfet_model.reconstruction.taxel_faults import TaxelWatch
+from posfet_model.reconstruction.taxel_faults import TaxelFaultDetector
 from posfet_model.sensor.description import Sensor
 from posfet_sim.evaluation.scorer import Score
 
@@ -100,8 +100,8 @@ PIECES: Final = {
     "1/f noise in the zeros": Without(settings=ObserverSettings(flicker=1e-9)),
     "putting back what was taken for drift": Without(instead={(DriftFilter, "roll_back"): _no_change}),
     "crosstalk": Without(lambda _, calibration: replace(calibration, crosstalk=0.0)),
-    "mains hum": Without(instead={(MainsHum, "listening"): False}),
-    "bad taxels": Without(instead={(TaxelWatch, "judge"): lambda *_: False}),
+    "mains hum": Without(instead={(MainsHum, "sampling"): False}),
+    "bad taxels": Without(instead={(TaxelFaultDetector, "close_block"): lambda *_: False}),
 }
 """What is taken out, by name."""
 

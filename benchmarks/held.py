@@ -66,7 +66,9 @@ noise, which nobody can know to be absent.
 
 Where the leak is "learnt", its time constants differ from what the calibration says by {
     LEARNT_LEAK.leakage_common_deviation_calibrated * 100:g} % on all taxels alike
-and by {LEARNT_LEAK.leakage_individual_deviation_calibrated * 100:g} % on each, standard deviations, of which ours knows no more than that;
+and by {
+    LEARNT_LEAK.leakage_individual_deviation_calibrated
+    * 100:g} % on each, standard deviations, of which ours knows no more than that;
 the optimal estimator knows them. What is left after learning is what a held force tells of its own leak.
 
 In a ramp the chip warms or cools by {Drift.ramp * 60:g} K a minute from the touch on; wandering, its temperature is a
