@@ -1,7 +1,7 @@
-"""What each piece of the reconstruction is worth: scenes with one of them taken out. A part of `make accuracy`.
+"""Ablation study: scenes with one component of the reconstruction disabled. Part of `make accuracy`.
 
-Nothing in the product knows of this: a piece is taken out by a calibration that does not have it, by settings, or by
-putting something in its place from here.
+The product has no switches for this: a component is disabled by a calibration without it, by settings, or by a
+replacement that is patched in here.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from unittest.mock import patch
 import numpy as np
 
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.estimation.common_mode import CommonMode
-from posfet_model.estimation.drift_filter import ZeroFilter
+from posfet_model.estimation.common_mode import CommonModeTemperature
+from posfet_model.estimation.drift_filter import DriftFilter
 from posfet_model.estimation.force_observer import ForceObserver
 from posfet_model.estimation.settings import ObserverSettings
 from posfet_model.reconstruction import reconstructor
 from posfet_model.reconstruction.mains_hum import MainsHum
 from posfet_model.reconstruction.reconstructor import Reconstructor
-from posfet_model.reconstruction.taxel_faults import TaxelWatch
+from posfet_model.reconstruction.taxel_faults import TaxelFaultDetector
 from posfet_model.sensor.description import Sensor
 from posfet_sim.evaluation.scorer import Score
 
@@ -33,7 +33,7 @@ SCENES: Final[dict[str, tuple[str, float, tuple[tuple[str, float], ...]]]] = {
     "`hold`, leak +20 %": ("hold", 5.0, (("leak", 20.0),)),
     "`warm_finger`": ("warm_finger", 9.0, ()),
 }
-"""By their titles: scene, how much of it is run [s], and in what the device differs from its description [%]."""
+"""By title: scene, simulated time [s], and by how much device parameters differ from the description [%]."""
 
 COLUMNS: Final[tuple[tuple[str, str, Callable[[Score], float | None], int], ...]] = (
     ("`press_slide_lift`", "total force %", lambda score: score.total_force_error_pct, 2),
@@ -45,7 +45,7 @@ COLUMNS: Final[tuple[tuple[str, str, Callable[[Score], float | None], int], ...]
     ("`warm_finger`", "recall", lambda score: score.contact_recall, 3),
     ("`warm_finger`", "false contacts per h", lambda score: score.false_contacts_per_hour, 0),
 )
-"""Title of a scene, and a figure of its score, with so many digits."""
+"""Title of a scene, heading, figure of its score, and number of digits."""
 
 
 def _same(_: Sensor, calibration: Calibration) -> Calibration:
@@ -56,27 +56,28 @@ def _none(*_: object) -> float:
     return 0.0
 
 
-def _no_change(_: ZeroFilter, where: Any) -> tuple[Any, Any]:
+def _no_change(_: DriftFilter, where: Any) -> tuple[Any, Any]:
     taxels = np.count_nonzero(where)
     return np.zeros(taxels), np.zeros(taxels, np.intp)
 
 
 @dataclass(frozen=True)
 class Without:
-    """How to take out one piece."""
+    """How to disable one component."""
 
     calibration: Callable[[Sensor, Calibration], Calibration] = _same
-    """What is known of the sensor, of its calibration."""
+    """Changes the calibration."""
     settings: ObserverSettings | None = None
+    """Settings of the observer; None: the defaults."""
     instead: Mapping[tuple[type, str], object] = field(default_factory=dict)
-    """What stands for members of classes."""
+    """Replacements for members of classes."""
 
     @contextmanager
     def reconstructor(self, sensor: Sensor, calibration: Calibration) -> Iterator[Reconstructor]:
-        """Return a reconstructor that does without the piece, within the context."""
+        """Yield a reconstructor without the component, within the context."""
         with ExitStack() as stack:
-            for (owner, name), stand_in in self.instead.items():
-                stack.enter_context(patch.object(owner, name, stand_in))
+            for (owner, name), replacement in self.instead.items():
+                stack.enter_context(patch.object(owner, name, replacement))
             observer = partial(ForceObserver, settings=self.settings)
             stack.enter_context(patch.object(reconstructor, "ForceObserver", observer))
             yield Reconstructor(sensor, self.calibration(sensor, calibration))
@@ -85,32 +86,37 @@ class Without:
 PIECES: Final = {
     "nothing": Without(),
     "calibration": Without(lambda sensor, _: Calibration.nominal(sensor)),
-    "film's temperature": Without(
+    "film temperature": Without(
         lambda _, calibration: replace(calibration, pyroelectric_gain=np.zeros_like(calibration.gain))
     ),
-    "film's lag": Without(lambda _, calibration: replace(calibration, thermal_time_constant=0.0)),
-    "what all taxels show together": Without(
-        instead={(CommonMode, name): _none for name in ("follow", "hold", "look")}
+    "thermal lag of the film": Without(lambda _, calibration: replace(calibration, thermal_time_constant=0.0)),
+    "common-mode compensation": Without(
+        instead={(CommonModeTemperature, name): _none for name in ("update_untouched", "update_touched", "update")}
     ),
-    "learning the leak": Without(settings=ObserverSettings(leak_shared_calibrated=1e-6, leak_own_calibrated=1e-6)),
-    "1/f noise in the zeros": Without(settings=ObserverSettings(flicker=1e-9)),
-    "putting back what was taken for drift": Without(instead={(ZeroFilter, "undo"): _no_change}),
-    "crosstalk": Without(lambda _, calibration: replace(calibration, crosstalk=0.0)),
-    "mains hum": Without(instead={(MainsHum, "listening"): False}),
-    "bad taxels": Without(instead={(TaxelWatch, "judge"): lambda *_: False}),
+    "leakage identification": Without(
+        settings=ObserverSettings(
+            leakage_common_deviation_calibrated=1e-6, leakage_individual_deviation_calibrated=1e-6
+        )
+    ),
+    "1/f noise model of the baseline": Without(settings=ObserverSettings(flicker=1e-9)),
+    "roll-back of absorbed drift": Without(instead={(DriftFilter, "roll_back"): _no_change}),
+    "crosstalk compensation": Without(lambda _, calibration: replace(calibration, crosstalk=0.0)),
+    "mains hum removal": Without(instead={(MainsHum, "sampling"): False}),
+    "fault detection": Without(instead={(TaxelFaultDetector, "close_block"): lambda *_: False}),
 }
-"""What is taken out, by name."""
+"""Disabled components, by name."""
 
 TEXT: Final = """\
-The same boards with right gains, so that nothing hides behind wrong ones, and each time one piece of the reconstruction
-taken out (benchmarks/ablation.py). Figures are means over the boards; of forces there is none where none was ever said
-to be fit for control. Without calibration the description alone is believed; without the film's temperature no warmth
-is taken off; without what all taxels show together the chip's sensors alone tell it; without bad taxels those that the
-calibration did not find count like the others. To learn the leak costs a little where the calibration is right."""
+Ablation study: the same boards without gain error, so that gain errors mask nothing, each time with one component of
+the reconstruction disabled (benchmarks/ablation.py). Figures are means over the boards; a force error is missing where
+no force was reported as valid. Without calibration the nominal parameters of the description are used; without film
+temperature no pyroelectric signal is compensated; without common-mode compensation it is compensated by the chip
+sensors alone; without fault detection the faulty taxels that the calibration did not find count like the others.
+Leakage identification costs some accuracy where the calibration is exact."""
 
 
 def rows(scores: Mapping[tuple[str, str], Sequence[Score]]) -> list[str]:
-    """Return a table, a row for each piece, of the scores of boards by piece and title of a scene."""
+    """Return a table of the scores of boards, a row for each component; `scores` by component and title of a scene."""
     heads = " | ".join(f"{title}: {head}" for title, head, _, _ in COLUMNS)
     table = [f"| without | {heads} |", f"|---|{'---|' * len(COLUMNS)}"]
     for piece in PIECES:

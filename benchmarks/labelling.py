@@ -31,12 +31,12 @@ def measure(full: bool) -> Outcome:
     for size, blobs in BLOBS.items():
         mask = touched_map(size, blobs)
         flat, bitmap = mask.reshape(-1), BitMap(size, size)
-        regions = bitmap.regions(bitmap.pack(flat))
+        regions = bitmap.components(bitmap.pack(flat))
         labels, count = ndimage.label(mask, EIGHT)
         ours = [sorted(bitmap.taxels(region).tolist()) for region in regions]
         theirs = [np.flatnonzero(labels == number).tolist() for number in range(1, count + 1)]
         repeats = 60 if full else 15
-        bits = microseconds(lambda bitmap=bitmap, flat=flat: bitmap.regions(bitmap.pack(flat)), repeats)
+        bits = microseconds(lambda bitmap=bitmap, flat=flat: bitmap.components(bitmap.pack(flat)), repeats)
         scipy = microseconds(lambda mask=mask: ndimage.label(mask, EIGHT), repeats)
         force = mask.astype(float)
         centres = microseconds(

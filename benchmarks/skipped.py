@@ -27,14 +27,14 @@ def labelled(scene: str) -> tuple[int, int, float, float]:
         Reconstructor(SENSOR),
     )
     bitmap = reconstructor._finder._bitmap
-    label, count = bitmap.regions, 0
+    label, count = bitmap.components, 0
 
     def counting(bits: int) -> list[int]:
         nonlocal count
         count += 1
         return label(bits)
 
-    bitmap.regions = counting
+    bitmap.components = counting
     scan = Scan.empty(SENSOR.layout.id, SENSOR.layout.taxels)
     taken: dict[bool, list[int]] = {False: [], True: []}
     for index in range(SCANS):

@@ -1,7 +1,7 @@
-"""How soon a slip is told, by its speed and the force: a part of `make accuracy`, alone `python -m benchmarks.slips`.
+"""Slip detection by speed and force: part of `make accuracy`, alone `python -m benchmarks.slips`.
 
-A ball is pressed on, slips straight at a constant speed from one moment to the next, and lifts, at random places and in
-random directions. Beside it one that stays where it is while its force wanders, which is no slip.
+A ball is pressed on, slips in a straight line at a constant speed with a step onset, and is released, at random
+positions and in random directions. In a control run the ball rests while its force varies randomly, which is no slip.
 """
 
 from __future__ import annotations
@@ -27,37 +27,37 @@ from posfet_sim.scene import Scene, SceneObject, Track
 from posfet_sim.scene.trajectories import Path, Stroke, Wander
 
 SPEEDS: Final = (5e-3, 12e-3, 20e-3, 50e-3)
-"""[m/s]."""
+"""Speeds of the slips [m/s]."""
 
 FORCES: Final = (0.3, 1.0, 3.0)
-"""[N]."""
+"""Normal forces [N]."""
 
 SLIPS: Final = 5
-"""Slips in a run."""
+"""Number of slips in a run."""
 
-LASTS: Final = 0.06
-"""How long each lasts at least [s]."""
+LEAST_DURATION: Final = 0.06
+"""Least duration of a slip [s]."""
 
-LEAST_WAY: Final = 0.6e-3
-"""[m]."""
+LEAST_DISTANCE: Final = 0.6e-3
+"""Least distance of a slip [m]."""
 
 RISE: Final = 0.1
-"""Time of a press, of a lift, and between two touches [s]."""
+"""Duration of onset and release, and pause between two touches [s]."""
 
 FIRST: Final = 0.4
-"""When the first touch begins [s]."""
+"""Start of the first touch [s]."""
 
-AROUND: Final = 0.8e-3
-"""Greatest distance of a slip's middle from that of the array, in x and in y [m]."""
+LARGEST_OFFSET: Final = 0.8e-3
+"""Greatest distance of a slip's midpoint from the centre of the array, in x and in y [m]."""
 
 MISMATCH: Final = 0.05
-"""Random error of the gains that is left after calibration [1]."""
+"""Standard deviation of the gain error after calibration [1]."""
 
 TEXT: Final = f"""\
-A ball of 4 mm radius slips {SLIPS} times on each board, straight at a constant speed from one moment to the next, at
-random places and in random directions. From {SLIP_SPEED * 1e3:g} mm/s on that is a slip. It counts as told within 50
-ms. "Told though none" are slips told at any other time, landing and lifting within {RISE * 1e3:g} ms among them. In the
-last row a held ball stays where it is while its force wanders at up to 5 Hz."""
+A ball of 4 mm radius slips {SLIPS} times on each board, in a straight line at a constant speed with a step onset, at
+random positions and in random directions. From {SLIP_SPEED * 1e3:g} mm/s on that counts as a slip; it is detected when
+it is reported within 50 ms. "False slips" are slips reported at any other time, including onset and release of the
+contact within {RISE * 1e3:g} ms. In the last row a held ball rests while its force varies randomly at up to 5 Hz."""
 
 BOARD: Final = replace(Imperfections.default(), resets_per_hour=0.0)
 
@@ -73,20 +73,20 @@ def _scene(paths: Sequence[Path], seconds: float) -> Scene:
 def slipping(speed: float, force: float, seed: int) -> Scene:
     """Return a scene of `SLIPS` slips at a speed [m/s] under a force [N]."""
     rng = np.random.default_rng(seed)
-    way = max(speed * LASTS, LEAST_WAY)
+    distance = max(speed * LEAST_DURATION, LEAST_DISTANCE)
     paths, begin = [], FIRST
     for _ in range(SLIPS):
-        x, y = rng.uniform(-AROUND, AROUND, 2).tolist()
+        x, y = rng.uniform(-LARGEST_OFFSET, LARGEST_OFFSET, 2).tolist()
         angle = rng.uniform(0.0, 2.0 * math.pi)
-        across, up = 0.5 * way * math.cos(angle), 0.5 * way * math.sin(angle)
-        end = begin + way / speed + 2.0 * RISE
+        across, up = 0.5 * distance * math.cos(angle), 0.5 * distance * math.sin(angle)
+        end = begin + distance / speed + 2.0 * RISE
         paths.append(Stroke(begin, end, RISE, x - across, y - up, 0.0, force, x + across, y + up, 0.0, 1))
         begin = end + RISE
     return _scene(paths, begin)
 
 
-def wandering(seconds: float) -> Scene:
-    """Return a scene of a held ball whose force wanders between 0.1 and 1.9 N at up to 5 Hz."""
+def held_with_varying_force(seconds: float) -> Scene:
+    """Return a scene of a held ball whose force varies randomly between 0.1 and 1.9 N at up to 5 Hz."""
     return _scene([Wander(FIRST, seconds, RISE, 0.4e-3, -0.5e-3, 0.0, 1.0, 0.9, 0.0, 5.0, 3)], seconds)
 
 
@@ -99,7 +99,7 @@ def score(scene: Scene, seed: int, calibrated: Calibrated) -> Score:
 def rows(pool: Executor, seeds: Sequence[int], seconds: float, calibrated: Calibrated) -> list[str]:
     """Return a table over speed and force, and a row for `seconds` of each board without slip."""
     table = [
-        "| mm/s | N | slips | told % | after ms, mean | longest | told though none |",
+        "| speed mm/s | force N | slips | detected % | delay ms, mean | max | false slips |",
         "|---|---|---|---|---|---|---|",
     ]
     cases = {
@@ -109,17 +109,17 @@ def rows(pool: Executor, seeds: Sequence[int], seconds: float, calibrated: Calib
         for speed in SPEEDS
         for force in FORCES
     }
-    still = [pool.submit(score, wandering(seconds), seed, calibrated) for seed in seeds]
+    still = [pool.submit(score, held_with_varying_force(seconds), seed, calibrated) for seed in seeds]
     for (speed, force), futures in cases.items():
         scores = [future.result() for future in futures]
         slips = SLIPS * len(seeds) if speed >= SLIP_SPEED else 0
-        told = "-" if not slips else f"{100 * float(np.mean([found.slip_recall or 0.0 for found in scores])):.0f}"
+        detected = "-" if not slips else f"{100 * float(np.mean([found.slip_recall or 0.0 for found in scores])):.0f}"
         delays = [found.slip_onset_delay_ms for found in scores]
         mean = [delay["mean"] for delay in delays if delay["mean"] is not None]
         longest = [delay["max"] for delay in delays if delay["max"] is not None]
-        lasted = slipping(speed, force, 0).period
-        wrong = round(sum(found.false_slips_per_hour * lasted / 3600 for found in scores))
-        cells = [f"{1e3 * speed:g}", f"{force:g}", f"{slips}", told]
+        duration = slipping(speed, force, 0).period
+        wrong = round(sum(found.false_slips_per_hour * duration / 3600 for found in scores))
+        cells = [f"{1e3 * speed:g}", f"{force:g}", f"{slips}", detected]
         cells += [f"{np.mean(mean):.1f}" if mean else "-", f"{max(longest):.0f}" if longest else "-", f"{wrong}"]
         table.append(f"| {' | '.join(cells)} |")
         print(table[-1], flush=True)

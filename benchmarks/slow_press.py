@@ -1,4 +1,4 @@
-"""How late a slow press is found, and how much of it is taken for drift: a part of `make accuracy`."""
+"""Detection delay of slow presses, and force absorbed as drift: part of `make accuracy`."""
 
 from __future__ import annotations
 
@@ -19,26 +19,29 @@ from posfet_sim.emulation.offline import wire_scans
 from posfet_sim.scene import Scene, SceneObject, Track
 
 FORCES: Final = (1.0, 0.1)
-"""[N]."""
+"""Forces [N]."""
 
 RISES: Final = (2.0, 5.0, 8.0, 15.0, 30.0)
-"""Time in which they come up [s]."""
+"""Rise times [s]."""
 
 BEGINS: Final = 1.0
+"""Start of the press [s]."""
+
 HELD: Final = 1.0
-"""How long they are held [s]."""
+"""Time for which the force is held [s]."""
 
 TEXT: Final = f"""\
-A ball of 4 mm radius presses slowly on a calibrated board with right gains. The delay counts from the scan in which a
-taxel truly carries the threshold of contacts. A press that grows by less than
-{ObserverSettings.zero_slew:g} thresholds a second on its strongest taxel is taken for drift, and of faster ones what
-came up unnoticed, on taxels around for longer: "lost" is what is missing of the total force after {HELD:g} s."""
+A ball of 4 mm radius presses slowly on a calibrated board without gain error. The detection delay counts from the scan
+in which the true force of a taxel reaches the contact threshold. A press that grows by less than
+{ObserverSettings.baseline_slew:g} thresholds a second on its strongest taxel is absorbed as drift.
+The part of a faster press before its detection is absorbed, too, on the surrounding taxels for longer. "Missing" is the
+share of the total force that is missing after {HELD:g} s of hold."""
 
 
 def press(
     force: float, rise: float, seed: int, board: Imperfections, calibration: Callable[[int], Calibration]
 ) -> tuple[float, float]:
-    """Return the delay [s], infinite when it is not found, and the share of the force that is lost [1]."""
+    """Return the detection delay [s], infinite without detection, and the share of the force that is missing [1]."""
     sensor = load_sensor()
     end = BEGINS + rise + HELD
     times = (BEGINS, BEGINS + rise, end, end + 1.0)
@@ -56,20 +59,20 @@ def press(
             found = min(found, truth.time)
     image = model.image()
     known = np.isfinite(image.force)
-    lost = 1.0 - float(image.force[known].sum() / truth.force[known].sum())
-    return max(found - carried, 0.0), lost
+    missing = 1.0 - float(image.force[known].sum() / truth.force[known].sum())
+    return max(found - carried, 0.0), missing
 
 
 def rows(pool: Executor, seed: int, board: Imperfections, calibration: Callable[[int], Calibration]) -> list[str]:
-    """Return a table, a row for each force and time."""
+    """Return a table, a row for each force and rise time."""
     cases = [(force, rise) for force in FORCES for rise in RISES]
     run = partial(press, seed=seed, board=board, calibration=calibration)
     futures = [pool.submit(run, force, rise) for force, rise in cases]
-    table = ["| N | comes up in s | found after s | lost % |", "|---|---|---|---|"]
+    table = ["| force N | rise time s | detection delay s | missing % |", "|---|---|---|---|"]
     for (force, rise), future in zip(cases, futures, strict=True):
-        delay, lost = future.result()
+        delay, missing = future.result()
         table.append(
-            f"| {force:g} | {rise:g} | {f'{delay:.2f}' if np.isfinite(delay) else 'never'} | {100 * lost:.0f} |"
+            f"| {force:g} | {rise:g} | {f'{delay:.2f}' if np.isfinite(delay) else 'never'} | {100 * missing:.0f} |"
         )
         print(table[-1], flush=True)
     return table

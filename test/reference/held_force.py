@@ -29,11 +29,15 @@ BLOCK: Final = 20
 RATE: Final = 1.0 / STEP
 """[Hz]"""
 
-LEARNT_LEAK: Final = ObserverSettings(gain=1e-6)
+LEARNT_LEAK: Final = ObserverSettings(gain_deviation=1e-6)
 """Gains are right, and known to be; the leak is known as well as by a calibration."""
 
 KNOWN_LEAK: Final = ObserverSettings(
-    gain=1e-6, leak_shared=1e-6, leak_own=1e-6, leak_shared_calibrated=1e-6, leak_own_calibrated=1e-6
+    gain_deviation=1e-6,
+    leakage_common_deviation=1e-6,
+    leakage_individual_deviation=1e-6,
+    leakage_common_deviation_calibrated=1e-6,
+    leakage_individual_deviation_calibrated=1e-6,
 )
 """The optimal estimator knows the leak, and so does ours."""
 
@@ -127,8 +131,8 @@ def hold(
     taxels, start = sensor.layout.taxels, round(rest * RATE)
     settings = LEARNT_LEAK if learnt else KNOWN_LEAK
     random = np.random.default_rng([seed, 3])
-    wrong = settings.leak_shared_calibrated * random.standard_normal()
-    wrong = wrong + settings.leak_own_calibrated * random.standard_normal(taxels)
+    wrong = settings.leakage_common_deviation_calibrated * random.standard_normal()
+    wrong = wrong + settings.leakage_individual_deviation_calibrated * random.standard_normal(taxels)
     leak = sensor.device.leak_time_constant * np.exp(wrong * learnt)
     optimal = _Optimum(sensor, flicker, drift, leak)
     observer, touched = ForceObserver(sensor, settings, _calibration(sensor)), np.zeros(taxels, np.bool_)
@@ -200,7 +204,7 @@ def _observe(
 ) -> None:
     """Give a scan to the observer; a taxel above the threshold of contacts is touched."""
     observer.advance(charge, readings, 1.0 / RATE)
-    observer.follow_common(bool(touched.any()))
+    observer.compensate_common_mode(bool(touched.any()))
     touched |= observer.force > threshold
     if observer.block_due:
         observer.close_block(touched)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from posfet_model.contacts.connected_components import BitMap
-from posfet_model.contacts.detection import ContactFinder, Region, Taxels
+from posfet_model.contacts.detection import ContactFinder, ForceEstimate, Region
 from posfet_model.contacts.footprint import Footprints
 from posfet_model.contacts.moments import MomentFinder, principal_axes
 from posfet_model.sensor.description import Sensor, load_sensor
@@ -48,7 +48,7 @@ def test_regions_are_those_of_a_flood_fill(rows: int, cols: int, data: st.DataOb
     flags = data.draw(st.lists(st.booleans(), min_size=rows * cols, max_size=rows * cols))
     mask = np.array(flags, np.bool_)
     bitmap = BitMap(rows, cols)
-    found = [bitmap.taxels(region).tolist() for region in bitmap.regions(bitmap.pack(mask))]
+    found = [bitmap.taxels(region).tolist() for region in bitmap.components(bitmap.pack(mask))]
     assert found == flood_fill(mask.reshape(rows, cols))
     np.testing.assert_array_equal(bitmap.mask(bitmap.pack(mask), np.empty(rows * cols, np.bool_)), mask)
 
@@ -57,8 +57,8 @@ def test_growing_does_not_run_over_the_edges() -> None:
     bitmap = BitMap(3, 4)
     corner = np.zeros(12, np.bool_)
     corner[3] = True
-    assert bitmap.taxels(bitmap.grow(bitmap.pack(corner))).tolist() == [2, 3, 6, 7]
-    assert bitmap.grow(bitmap.all) == bitmap.all
+    assert bitmap.taxels(bitmap.dilate(bitmap.pack(corner))).tolist() == [2, 3, 6, 7]
+    assert bitmap.dilate(bitmap.all) == bitmap.all
 
 
 @given(st.integers(1, 9), st.integers(1, 9), st.data())
@@ -87,8 +87,8 @@ def find(
 ) -> list[Region]:
     finder = finder or ContactFinder(sensor)
     variance = np.full(sensor.layout.taxels, NOISE**2)
-    finder.adapt(forces, variance, 0.0)
-    taxels = Taxels(forces, variance, more.get("common", 0.0), more.get("saturated"))
+    finder.update_thresholds(forces, variance, 0.0)
+    taxels = ForceEstimate(forces, variance, more.get("common", 0.0), more.get("saturated"))
     return finder.measure(finder.find(forces), taxels)
 
 
@@ -170,9 +170,9 @@ def test_hysteresis_holds_a_contact_between_the_thresholds() -> None:
 def test_thresholds_rise_with_what_is_not_known_of_the_force() -> None:
     finder = ContactFinder(SENSOR)
     forces = np.full(LAYOUT.taxels, 0.03)
-    finder.adapt(forces, VARIANCE, 0.01**2)
+    finder.update_thresholds(forces, VARIANCE, 0.01**2)
     assert not finder.find(forces)
-    finder.adapt(forces, VARIANCE, 0.0)
+    finder.update_thresholds(forces, VARIANCE, 0.0)
     assert len(finder.find(forces)) == 1
 
 
@@ -183,7 +183,7 @@ def test_a_held_force_stays_a_contact_when_it_is_hardly_known_and_ends_when_it_i
     assert len(find(forces, finder=finder)) == 1
     for deviation in np.linspace(0.0, 0.2, 100):
         forces[12] -= 0.001  # what a zero wanders meanwhile
-        finder.adapt(forces, np.full(LAYOUT.taxels, deviation**2), 0.0)
+        finder.update_thresholds(forces, np.full(LAYOUT.taxels, deviation**2), 0.0)
         assert len(finder.find(forces)) == 1
     forces[12] -= 0.15
     assert not finder.find(forces)
@@ -204,16 +204,16 @@ def test_unusable_taxels_are_in_no_contact() -> None:
     usable = np.ones(LAYOUT.taxels, np.bool_)
     usable[12] = False
     forces = sphere(0, 0, 1.0)
-    finder.adapt(forces, VARIANCE, 0.0, usable)
-    [region] = finder.measure(finder.find(forces), Taxels(forces, VARIANCE))
+    finder.update_thresholds(forces, VARIANCE, 0.0, usable)
+    [region] = finder.measure(finder.find(forces), ForceEstimate(forces, VARIANCE))
     assert 12 not in region.taxels
     assert region.force < 1.0 - forces[12] + 0.01
 
 
 def test_a_touch_on_a_noisy_taxel_goes_on_by_less_of_its_neighbours_than_it_began_by() -> None:
     finder, forces = ContactFinder(SENSOR), np.zeros(LAYOUT.taxels)
-    finder.adapt(forces, np.full(LAYOUT.taxels, 3e-3**2), 0.0)
-    taxels = Taxels(forces, VARIANCE, unlisted=finder.bits(np.arange(LAYOUT.taxels) == 12))
+    finder.update_thresholds(forces, np.full(LAYOUT.taxels, 3e-3**2), 0.0)
+    taxels = ForceEstimate(forces, VARIANCE, unlisted=finder.bits(np.arange(LAYOUT.taxels) == 12))
     forces[12] = 0.05
     found: list[Region] = []
     counts = []
@@ -231,7 +231,7 @@ def test_a_force_that_is_being_let_go_counts_as_touched() -> None:
         forces[12] = force
         finder.find(forces)
         told.append(bool(finder.touched[12]))
-        finder.adapt(forces, VARIANCE, 0.0)
+        finder.update_thresholds(forces, VARIANCE, 0.0)
     assert told == [True, True, True, True, True, False]
 
 
@@ -276,6 +276,6 @@ def test_moments_of_any_forces_are_finite_and_near_the_array(values: list[float]
     weight, taxels = np.array(values), np.arange(25)
     sums = (weight @ finder.basis(taxels, profiles=True)).tolist()
     np.testing.assert_allclose(sums[6:], finder.profiles(taxels, weight), rtol=0, atol=1e-12)
-    centre, major, minor = finder.of(sums)
+    centre, major, minor = finder.from_sums(sums)
     assert all(math.isfinite(value) for value in (*centre, *major, *minor))
     assert max(abs(value) for value in centre) <= 3.75e-3 + 1e-12

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.contacts.slip import CORNER, FastChannel
+from posfet_model.contacts.slip import CORNER_FREQUENCY, DynamicChannel
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.commands.score import Run
@@ -28,8 +28,8 @@ CALIBRATED = replace(
 MISMATCH = Calibration.nominal(SENSOR).with_gain_error(0.05, np.random.default_rng(2))
 
 
-def channel() -> FastChannel:
-    return FastChannel(LAYOUT, 0.35e-3)
+def channel() -> DynamicChannel:
+    return DynamicChannel(LAYOUT, 0.35e-3)
 
 
 @pytest.mark.parametrize("frequency", [5.0, 50.0, 200.0, 400.0])
@@ -39,8 +39,8 @@ def test_it_is_a_high_pass_of_one_pole(frequency: float) -> None:
     force = FINGER * np.sin(2 * math.pi * frequency * step * np.arange(-1, 5000))[:, None]
     for change in np.diff(force, axis=0):
         fast.advance(change, step)
-        seen.append(fast.fast[12])
-    expected = FINGER[12] * frequency / math.hypot(frequency, CORNER)
+        seen.append(fast.high_passed[12])
+    expected = FINGER[12] * frequency / math.hypot(frequency, CORNER_FREQUENCY)
     assert np.abs(seen[3000:]).max() == pytest.approx(expected, rel=0.04)
 
 
@@ -48,14 +48,14 @@ def test_a_step_passes_and_fades_and_a_pause_forgets_it() -> None:
     fast = channel()
     fast.advance(np.zeros(LAYOUT.taxels), 1e-3)
     fast.advance(FINGER, 1e-3)
-    passed = 2 * math.pi * CORNER * 1e-3
+    passed = 2 * math.pi * CORNER_FREQUENCY * 1e-3
     decay = math.exp(-passed)
-    np.testing.assert_allclose(fast.fast, FINGER * (1 - decay) / passed, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(fast.high_passed, FINGER * (1 - decay) / passed, rtol=0, atol=1e-12)
     fast.advance(np.zeros(LAYOUT.taxels), 1e-3)
-    np.testing.assert_allclose(fast.fast, FINGER * decay * (1 - decay) / passed, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(fast.high_passed, FINGER * decay * (1 - decay) / passed, rtol=0, atol=1e-12)
     fast.pause()
     fast.advance(FINGER, 1e-3)
-    assert not fast.fast.any()
+    assert not fast.high_passed.any()
 
 
 def shaken(time: float) -> float:
@@ -77,14 +77,14 @@ def test_the_vibration_of_a_held_contact_is_its_amplitude_in_the_band() -> None:
             assert not result.motions[contact.id].slipping
             taxel.append(float(reconstructor.vibration()[12]))
     # 0.2 N at 180 Hz, of which the pole passes a share.
-    passes = 180 / math.hypot(180, CORNER) * 0.2 / math.sqrt(2)
+    passes = 180 / math.hypot(180, CORNER_FREQUENCY) * 0.2 / math.sqrt(2)
     assert np.mean(found) == pytest.approx(passes, rel=0.02)
     assert np.mean(taxel) == pytest.approx(passes * FINGER[12], rel=0.02)
 
 
 def test_it_costs_nothing_while_nothing_touches_and_nobody_asks(monkeypatch: pytest.MonkeyPatch) -> None:
     reconstructor = Reconstructor(SENSOR)
-    monkeypatch.setattr(FastChannel, "advance", lambda *_: pytest.fail("nobody asked for it"))
+    monkeypatch.setattr(DynamicChannel, "advance", lambda *_: pytest.fail("nobody asked for it"))
     for _, scan in scans(SENSOR, 0.3):
         reconstructor.process(scan)
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.contacts.connected_components import BitMap
-from posfet_model.contacts.detection import ContactFinder, Region, Taxels
+from posfet_model.contacts.detection import ContactFinder, ForceEstimate, Region
 from posfet_model.contacts.footprint import Footprints
 from posfet_model.contacts.moments import MomentFinder
 from posfet_model.contacts.separation import Separator
@@ -41,8 +41,8 @@ def sphere(x: float, y: float, force: float, radius: float = 1.5e-3, modulus: fl
 
 
 def measure(finder: ContactFinder, forces: NDArray[np.float64], before: list[Region]) -> list[Region]:
-    finder.adapt(forces, VARIANCE, 0.0)
-    return finder.measure(finder.find(forces), Taxels(forces, VARIANCE), before)
+    finder.update_thresholds(forces, VARIANCE, 0.0)
+    return finder.measure(finder.find(forces), ForceEstimate(forces, VARIANCE), before)
 
 
 def test_shares_are_those_of_a_mixture_of_gaussians_written_out() -> None:
@@ -63,7 +63,7 @@ def test_shares_are_those_of_a_mixture_of_gaussians_written_out() -> None:
         mass = share @ forces
         middle = (share * forces) @ LAYOUT.positions / mass[:, None]
     separator = Separator(LAYOUT, spread, SENSOR.contact.threshold)
-    found = separator.shares([(-1e-3, 0.0), (2e-3, 0.0)], footprint, forces, rounds)
+    found = separator.responsibilities([(-1e-3, 0.0), (2e-3, 0.0)], footprint, forces, rounds)
     assert found is not None
     np.testing.assert_allclose(found, share, rtol=0, atol=1e-9)
 

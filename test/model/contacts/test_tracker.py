@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posfet_model.contacts.assignment import cheapest_pairs
+from posfet_model.contacts.assignment import minimum_cost_assignment
 from posfet_model.contacts.connected_components import BitMap
 from posfet_model.contacts.detection import Region
 from posfet_model.contacts.tracker import LAST_ID, Contact, ContactState, ContactTracker
@@ -122,7 +122,7 @@ def test_one_that_lifts_leaves_its_neighbours_alone_when_another_lands_at_the_sa
 def test_pairs_are_the_cheapest_of_all(rows: int, columns: int, data: st.DataObject) -> None:
     cost = st.floats(0.0, 2.0)
     costs = data.draw(st.lists(st.lists(cost, min_size=columns, max_size=columns), min_size=rows, max_size=rows))
-    pairs = cheapest_pairs(costs, 1.0)
+    pairs = minimum_cost_assignment(costs, 1.0)
     assert len(set(pairs.values())) == len(pairs)
     found = sum(costs[row][column] for row, column in pairs.items()) + rows - len(pairs)
     padded = [[*row, *([1.0] * rows)] for row in costs]
@@ -187,7 +187,7 @@ def test_every_id_is_reported_once_a_scan_and_ends_once(story: list[set[tuple[in
         mask[[5 * row + col for row, col in scan]] = True
         regions = [
             region(*where(bitmap.taxels(bits)), force=float(len(bitmap.taxels(bits))))._replace(bits=bits)
-            for bits in bitmap.regions(bitmap.pack(mask))
+            for bits in bitmap.components(bitmap.pack(mask))
         ]
         contacts = tracker.update(regions, STEP)
         ids = [number for contact in contacts for number in (contact.id, *contact.merged_ids)]

@@ -183,7 +183,7 @@ def test_without_temperature_the_deviation_grows_and_what_was_missed_is_made_up_
     def warming(time: float) -> float:
         return 25.0 + 0.1 * max(time - 0.3, 0.0)
 
-    watch = Watch(with_device(thermal_time_constant=0.0), ObserverSettings(uneven=0.0))
+    watch = Watch(with_device(thermal_time_constant=0.0), ObserverSettings(pyroelectric_mismatch=0.0))
     seen = {}
     for time, scan in scans(SENSOR, 3.0, force=press(2.0, 0.5, 60.0), temperature=warming):
         if 1.0 <= time < 2.0:
@@ -249,7 +249,7 @@ def test_saturation_makes_the_deviation_grow_by_what_may_have_leaked() -> None:
     observer.advance(charge, temperatures, 1e-3)
     before = observer.variance(np.empty(TAXELS))
     mask = np.arange(TAXELS) < 3
-    observer.lose(mask, 1e-3)
+    observer.inflate_variance(mask, 1e-3)
     after = observer.variance(np.empty(TAXELS))
     assert (after[mask] > before[mask]).all()
     np.testing.assert_array_equal(after[~mask], before[~mask])

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from posfet_model.estimation.multiple_model_filter import RESOLUTION, Seen, SharedOffset
+from posfet_model.estimation.multiple_model_filter import RESOLUTION, BlockObservation, CommonOffsetFilter
 
 LEAK, LAG, PER_KELVIN = 0.3, 0.06, 0.9
 BLOCK = 0.02
@@ -16,7 +16,7 @@ STEPS = 20
 """Of the simulation in a block."""
 
 
-def blocks(wander: float, offset: float, seed: int = 0, rise: float = 0.0) -> Iterator[Seen]:
+def blocks(wander: float, offset: float, seed: int = 0, rise: float = 0.0) -> Iterator[BlockObservation]:
     """Yield blocks at rest, for ever.
 
     The chip's temperature is a random walk [K/sqrt(s)]; by `rise` [N/s] something presses that no one notices.
@@ -35,13 +35,13 @@ def blocks(wander: float, offset: float, seed: int = 0, rise: float = 0.0) -> It
             signal += (offset + charge) / STEPS
         before, reading = reading, round(chip / RESOLUTION) * RESOLUTION
         age = 0.0 if reading != before else age + BLOCK
-        yield Seen(signal + 1e-5 * random.standard_normal(), 1e-10, 0.0, 0.0, 0.0, 0.0, reading, age)
+        yield BlockObservation(signal + 1e-5 * random.standard_normal(), 1e-10, 0.0, 0.0, 0.0, 0.0, reading, age)
 
 
-def rest(shared: SharedOffset, seconds: float, wander: float, offset: float = 0.0, seed: int = 0) -> None:
+def rest(shared: CommonOffsetFilter, seconds: float, wander: float, offset: float = 0.0, seed: int = 0) -> None:
     """Let nothing touch for a time [s]."""
     for _, seen in zip(range(round(seconds / BLOCK)), blocks(wander, offset, seed), strict=False):
-        shared.rest(seen, BLOCK, BLOCK, known=True)
+        shared.update_at_rest(seen, BLOCK, BLOCK, known=True)
 
 
 @pytest.mark.parametrize("offset", [-0.02, 0.0, 0.5])
@@ -49,11 +49,11 @@ def rest(shared: SharedOffset, seconds: float, wander: float, offset: float = 0.
 def test_the_offset_is_within_what_is_reported(wander: float, offset: float) -> None:
     errors = []
     for seed in range(40):
-        shared = SharedOffset(LEAK, LAG, PER_KELVIN, 1e-16)
+        shared = CommonOffsetFilter(LEAK, LAG, PER_KELVIN, 1e-16)
         rest(shared, 2.0, wander, offset, seed)
-        assert shared.wanders
-        touch = shared.touch(0.0, BLOCK)
-        later = shared.hold(0.0, math.nan, 0.0, 20.0)  # what is not known of the offset leaks
+        assert shared.random_walk_found
+        touch = shared.begin_touch(0.0, BLOCK)
+        later = shared.update_touched(0.0, math.nan, 0.0, 20.0)  # what is not known of the offset leaks
         assert later.offset == pytest.approx(touch.offset, abs=1e-9)
         drift = (touch.offset - offset) * 20.0 / LEAK
         errors.append(drift / math.sqrt(shared.variance))
@@ -63,25 +63,28 @@ def test_the_offset_is_within_what_is_reported(wander: float, offset: float) -> 
 
 
 def test_a_film_at_rest_is_not_found_to_wander() -> None:
-    shared = SharedOffset(LEAK, LAG, PER_KELVIN, 1e-16)
+    shared = CommonOffsetFilter(LEAK, LAG, PER_KELVIN, 1e-16)
     rest(shared, 60.0, 0.0, 0.01)
-    assert shared.rests
-    assert not shared.wanders
+    assert shared.at_rest
+    assert not shared.random_walk_found
 
 
 def test_a_jump_of_the_signal_is_no_warmth() -> None:
-    shared = SharedOffset(LEAK, LAG, PER_KELVIN, 1e-16)
+    shared = CommonOffsetFilter(LEAK, LAG, PER_KELVIN, 1e-16)
     rest(shared, 2.0, 2e-3)
-    assert shared.wanders
-    assert shared.rest(Seen(0.1, 1e-10, 0.0, 0.0, 0.0, 0.0, math.nan, 0.0), BLOCK, BLOCK, known=True) is None
-    assert not shared.wanders
+    assert shared.random_walk_found
+    assert (
+        shared.update_at_rest(BlockObservation(0.1, 1e-10, 0.0, 0.0, 0.0, 0.0, math.nan, 0.0), BLOCK, BLOCK, known=True)
+        is None
+    )
+    assert not shared.random_walk_found
 
 
 def test_a_slow_press_on_all_is_given_up_when_the_chip_does_not_bear_it_out() -> None:
-    shared, taken = SharedOffset(LEAK, LAG, PER_KELVIN, 1e-16), 0.0
+    shared, taken = CommonOffsetFilter(LEAK, LAG, PER_KELVIN, 1e-16), 0.0
     rest(shared, 2.0, 2e-3)
     for _, seen in zip(range(100), blocks(0.0, 0.0, rise=0.05), strict=False):
-        shared.rest(seen, BLOCK, BLOCK, known=True)
-        taken += BLOCK * shared.wanders
-    assert not shared.wanders
+        shared.update_at_rest(seen, BLOCK, BLOCK, known=True)
+        taken += BLOCK * shared.random_walk_found
+    assert not shared.random_walk_found
     assert taken < 0.5

@@ -89,6 +89,6 @@ def test_noise_of_the_sensors_shows_in_the_deviation() -> None:
 def test_a_nudge_is_believed_up_to_the_fastest_film() -> None:
     film = FilmTemperature(0.05)
     follow(film, [(25.0, 25.0)] * 2)
-    assert film.nudge(1e-4, 0.0, further=True) == 1e-4
-    assert film.nudge(1.0, 0.0, further=True) == pytest.approx(2e-3, abs=1e-12)
-    assert film.nudge(-1e-4, 0.0, further=True) == pytest.approx(-1e-4, abs=1e-12)
+    assert film.common_mode_correction(1e-4, 0.0, extend=True) == 1e-4
+    assert film.common_mode_correction(1.0, 0.0, extend=True) == pytest.approx(2e-3, abs=1e-12)
+    assert film.common_mode_correction(-1e-4, 0.0, extend=True) == pytest.approx(-1e-4, abs=1e-12)

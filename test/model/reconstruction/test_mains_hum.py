@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from posfet_model.reconstruction.mains_hum import TRUSTED, MainsHum
+from posfet_model.reconstruction.mains_hum import PREDICTION_TIME, MainsHum
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.device.imperfections import Imperfections
@@ -62,7 +62,7 @@ def run(
     left = shown.copy()
     for index, row in enumerate(given):
         before = row.copy()
-        if mains.listening:
+        if mains.sampling:
             mains.remove(row, 1.0 / rate)
         left[index] += row - before
         if index % BLOCK == BLOCK - 1:
@@ -101,7 +101,7 @@ def test_without_a_hum_signals_stay_to_the_bit_and_not_all_are_looked_at() -> No
     assert not mains.present and math.isnan(mains.frequency) and mains.amplitude == 0.0
     looked, none = 0, np.zeros(TAXELS, np.bool_)
     for index in range(2000):
-        if mains.listening:
+        if mains.sampling:
             looked += 1
             mains.remove(np.zeros(TAXELS), 1.0 / RATE)
         if index % BLOCK == BLOCK - 1:
@@ -153,7 +153,7 @@ def test_when_all_are_touched_it_is_foretold_for_a_while_and_then_left_in() -> N
     run(mains, shown, 6.0)
     soon = run(mains, shown, 2.0, every, start=6.0)
     assert rms(soon) < 0.15 * rms(shown(np.arange(1000) / 1000))
-    late = run(mains, shown, TRUSTED + 4.0, every, start=8.0)
+    late = run(mains, shown, PREDICTION_TIME + 4.0, every, start=8.0)
     assert not mains.present
     np.testing.assert_array_equal(late[-100:], shown(8.0 + (np.arange(len(late))[-100:] + 1) / RATE))
 
@@ -183,7 +183,7 @@ def test_a_taxel_that_does_not_work_says_nothing() -> None:
 
 def test_too_few_scans_in_a_period_leave_all_as_it_is() -> None:
     mains = MainsHum(TAXELS, 100.0, NOISE)
-    assert not mains.listening
+    assert not mains.sampling
     run(mains, hum(50.0), 3.0, rate=100.0)
     assert not mains.present
 

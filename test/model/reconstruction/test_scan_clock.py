@@ -155,16 +155,16 @@ GOOD = ScanCounts(accepted=1000)
         (ScanCounts(accepted=9, gaps=1), {}, Level.WARN, "interrupted"),
         (ScanCounts(accepted=9, time_jumps=1), {}, Level.WARN, "clock"),
         (ScanCounts(accepted=9, missed=1), {}, Level.WARN, "missing"),
-        (ScanCounts(accepted=9, repeated=1), {}, Level.WARN, "twice"),
+        (ScanCounts(accepted=9, repeated=1), {}, Level.WARN, "duplicate"),
         (ScanCounts(accepted=9, late=1), {}, Level.WARN, "late"),
         (GOOD, {"saturated": 1}, Level.WARN, "range"),
-        (GOOD, {"unsettled": 1}, Level.WARN, "zero"),
-        (GOOD, {"bad": 1}, Level.WARN, "stuck"),
+        (GOOD, {"unsettled": 1}, Level.WARN, "offset"),
+        (GOOD, {"faulty": 1}, Level.WARN, "stuck"),
         (GOOD, {"temperature_known": False}, Level.WARN, "temperature"),
     ],
 )
 def test_the_verdict_names_the_cause(after: ScanCounts, state: dict[str, Any], level: Level, word: str) -> None:
-    known = {"unsettled": 0, "saturated": 0, "bad": 0, "temperature_known": True, **state}
+    known = {"unsettled": 0, "saturated": 0, "faulty": 0, "temperature_known": True, **state}
     verdict = judge(Period.between(ScanCounts(), after, **known))
     assert verdict.level is level
     assert word in verdict.text

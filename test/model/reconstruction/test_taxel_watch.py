@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
-from posfet_model.reconstruction.taxel_faults import TaxelStatus, WatchSettings, longest_run
+from posfet_model.reconstruction.taxel_faults import TaxelFaultSettings, TaxelStatus, longest_run
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.neighbour_estimate import ESTIMATE_DEVIATION, Surroundings
 from posfet_model.sensor.scan import Scan
@@ -125,7 +125,7 @@ def test_a_dead_taxel_is_found_by_its_first_touch_and_the_contact_goes_on_withou
     assert math.isnan(image.standard_deviation[taxel])
     assert np.isfinite(np.delete(image.force, taxel)).all()
     assert results[-1].valid
-    assert reconstructor.bad == 1
+    assert reconstructor.faulty == 1
 
 
 def test_a_gap_between_two_contacts_is_no_dead_taxel() -> None:
@@ -148,7 +148,7 @@ def test_one_or_two_spheres_anywhere_leave_every_taxel_alive() -> None:
         least = surroundings.least(force, none, everywhere, 1.7e-3)
         pressed = least >= 5 * SENSOR.contact.threshold
         told += int(np.count_nonzero(pressed))
-        assert (force[pressed] >= 1.5 * WatchSettings().dead * least[pressed]).all()
+        assert (force[pressed] >= 1.5 * TaxelFaultSettings().dead * least[pressed]).all()
     assert told > 500
 
 
@@ -242,7 +242,7 @@ def test_a_noisy_taxel_is_found_and_healed(times: float, rate: float) -> None:
     assert all(result.valid for result in results[round((found + 0.05) * rate) : round(2 * rate)])
     assert statuses[-1][7] == TaxelStatus.OK
     assert results[-1].valid
-    assert reconstructor.bad == 0
+    assert reconstructor.faulty == 0
 
 
 @pytest.mark.parametrize("taxel", [12, 11, 8])

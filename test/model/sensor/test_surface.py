@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from posfet_model.config import ConfigError
 from posfet_model.contacts.detection import Region
-from posfet_model.contacts.placement import placing
+from posfet_model.contacts.placement import placement_on
 from posfet_model.contacts.tracker import Contact, ContactState
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import SENSOR_FOLDER, load_sensor
@@ -71,7 +71,7 @@ def test_a_flat_chip_lies_in_its_frame() -> None:
 @pytest.mark.parametrize("axis", ["x", "y"])
 def test_contacts_on_a_bent_chip_have_the_normals_of_the_truth(tmp_path: Path, axis: str) -> None:
     sensor = load_sensor(bent_file(tmp_path, 6.0, axis))
-    place, reconstructor = placing(Surface.of(sensor.layout)), Reconstructor(sensor)
+    place, reconstructor = placement_on(Surface.of(sensor.layout)), Reconstructor(sensor)
     scene = load_scene("press_slide_lift", sensor)
     assert scene.bend == ChipBend(6e-3, axis == "x")
     tilted = 0.0
@@ -94,13 +94,13 @@ def test_what_is_not_measured_is_not_known_and_breaks_no_transform() -> None:
     region = Region(1, np.arange(1), (0.0, 1e-3), (0.0, 0.0), 2.0, 0.01, 1e-6, 1.0, (1e-3, 0.0), (0.0, 1e-3))
     contact = Contact(1, ContactState.HELD, region, (0.0, 0.0), 1.0)
     for surface, known in ((Surface(math.inf, True), 1), (Surface(5e-3, True), 0)):
-        head, tail = placing(surface)(contact)
+        head, tail = placement_on(surface)(contact)
         assert np.isfinite(head[:12]).all()
         assert np.count_nonzero(np.isfinite(head[12:])) == known
         assert np.isfinite(tail).all()
     fresh = contact._replace(velocity=(math.nan, math.nan))
     for surface in (Surface(math.inf, True), Surface(5e-3, False)):
-        assert np.isnan(placing(surface)(fresh)[1][6:]).all()
+        assert np.isnan(placement_on(surface)(fresh)[1][6:]).all()
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Which goes with which, so that the costs add up to the least."""
+"""Linear assignment for the data association of contacts."""
 
 from __future__ import annotations
 
@@ -6,20 +6,35 @@ import math
 from collections.abc import Sequence
 
 
-def cheapest_pairs(costs: Sequence[Sequence[float]], alone: float) -> dict[int, int]:
-    """Return the column of each row that has one; a row without costs `alone`, a column without nothing.
+def minimum_cost_assignment(costs: Sequence[Sequence[float]], unassigned_cost: float) -> dict[int, int]:
+    """Return the assignment of rows to columns with the least total cost.
 
-    `costs` of each row with each column, shape [rows, columns], >= 0 in any unit. Rows come in one by one, each along
-    the cheapest way on which others take another column for it: the Hungarian method with prices (J. Munkres,
-    J. SIAM 5, 32, 1957), exact for any number.
+    Rows are added one at a time along the shortest augmenting path (Hungarian method with dual prices); the result is
+    optimal for any size.
+
+    Parameters
+    ----------
+    costs : sequence of sequence of float, shape [rows, columns]
+        Cost of each row with each column, >= 0, in any unit.
+    unassigned_cost : float
+        Cost of a row without a column, in the same unit; a column without a row costs nothing.
+
+    Returns
+    -------
+    dict of int to int
+        Column of each assigned row.
+
+    References
+    ----------
+    J. Munkres, J. SIAM 5, 32, 1957.
 
     Examples
     --------
-    >>> cheapest_pairs([[1.5, 9.0], [0.5, 1.5]], 4.0)
+    >>> minimum_cost_assignment([[1.5, 9.0], [0.5, 1.5]], 4.0)
     {0: 0, 1: 1}
     """
     rows, given = len(costs), len(costs[0]) if costs else 0
-    table = [[*row, *([alone] * rows)] for row in costs]  # with columns that stand for none
+    table = [[*row, *([unassigned_cost] * rows)] for row in costs]  # dummy columns represent no assignment
     row_prices, prices, owner = [0.0] * rows, [0.0] * (given + rows), [-1] * (given + rows)
     for new in range(rows):
         left, reached = set(range(given + rows)), list[int]()

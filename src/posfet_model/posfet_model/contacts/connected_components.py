@@ -1,8 +1,8 @@
-"""Connected regions of a small map, as bits of one whole number.
+"""8-connected components of a small array, with masks as bits of a Python integer.
 
-Row r, column c of the map is bit ``r*(cols + 1) + c``: the column left empty at the end of each row keeps a shift from
-carrying one row into the next. Growing a region by its eight neighbours is then four shifts of a number, which for
-arrays of this size costs less than one call into an array library.
+Row r, column c of the array is bit ``r*(cols + 1) + c``: the empty column at the end of each row keeps a shift from
+carrying one row into the next. Dilation by the eight neighbours is then four shifts of an integer, which for arrays of
+this size costs less than one call into an array library.
 """
 
 from __future__ import annotations
@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 
 
 class BitMap:
-    """Masks of an array of rows * cols taxels as whole numbers, and back."""
+    """Conversion between masks of an array and integers, and morphology on the integers.
+
+    Parameters
+    ----------
+    rows, cols : int
+        Size of the array.
+    """
 
     def __init__(self, rows: int, cols: int) -> None:
         self._cols = cols
@@ -23,7 +29,7 @@ class BitMap:
         self._taxel = np.zeros(self._padded.size, np.intp)
         self._taxel.reshape(rows, self._stride)[:, :cols] = np.arange(rows * cols).reshape(rows, cols)
         self.all = self.pack(np.ones(rows * cols, np.bool_))
-        """Every taxel."""
+        """Bits of all taxels."""
 
     def pack(self, mask: NDArray[np.bool_]) -> int:
         """Return the bits of a mask, shape [rows * cols]."""
@@ -37,30 +43,30 @@ class BitMap:
         return found
 
     def bits(self, taxels: NDArray[np.intp]) -> int:
-        """Return the bits of taxels that are given by their indices."""
+        """Return the bits of the taxels with the given indices."""
         mask = np.zeros(self._inner.size, np.bool_)
         mask[taxels] = True
         return self.pack(mask)
 
     def mask(self, bits: int, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Set `out`, shape [rows * cols], to the mask of `bits`."""
+        """Return the mask of `bits` in `out`, shape [rows * cols]."""
         out[:] = False
         out[self.taxels(bits)] = True
         return out
 
-    def grow(self, bits: int) -> int:
+    def dilate(self, bits: int) -> int:
         """Return the taxels of `bits` and their eight neighbours."""
         wide = bits | bits << 1 | bits >> 1
         return (wide | wide << self._stride | wide >> self._stride) & self.all
 
-    def regions(self, bits: int) -> list[int]:
-        """Return the 8-connected regions of `bits`, each as bits, in order of their first taxel."""
+    def components(self, bits: int) -> list[int]:
+        """Return the 8-connected components of `bits`, each as bits, in order of their first taxel."""
         found = []
         while bits:
-            region, grown = 0, bits & -bits
-            while grown != region:
-                region = grown
-                grown = self.grow(region) & bits
-            found.append(region)
-            bits ^= region
+            component, grown = 0, bits & -bits
+            while grown != component:
+                component = grown
+                grown = self.dilate(component) & bits
+            found.append(component)
+            bits ^= component
         return found

@@ -1,4 +1,4 @@
-"""What follows of contacts from their taxels alone. They stay where they are for many scans, so answers are kept."""
+"""Quantities of contacts that depend on their taxels alone; cached, as contacts rest for many scans."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from posfet_model.contacts.connected_components import BitMap
 from posfet_model.contacts.moments import MomentFinder
 from posfet_model.sensor.description import Layout
 
-MOST_KNOWN: Final = 128
-"""Answers of each kind that are kept."""
+CACHE_SIZE: Final = 128
+"""Number of cached results of each kind."""
 
 FEW: Final = 64
-"""Most taxels of a region whose profiles are part of its basis."""
+"""Greatest number of taxels of a region whose profiles are part of its basis."""
 
 
 class Outline(NamedTuple):
-    """The taxels that a contact lists."""
+    """Taxels that a contact lists."""
 
     bits: int
-    """As bits of `labelling.BitMap`."""
+    """The taxels as bits of `connected_components.BitMap`."""
     taxels: NDArray[np.intp]
     """Their indices, ascending."""
     centre: tuple[float, float]
@@ -33,21 +33,31 @@ class Outline(NamedTuple):
 
 
 class Footprint(NamedTuple):
-    """A region in contact and the ring around it, as far as that is no other region's."""
+    """A region in contact with the ring of taxels around it, without taxels that belong to two rings."""
 
     region: Outline
     wide: int
     """Region and ring, as bits."""
     members: NDArray[np.intp]
-    """Indices of these, ascending: the taxels that count into force and moments."""
+    """Indices of region and ring, ascending: the taxels that count toward force and moments."""
     basis: NDArray[np.float64]
-    """What their forces are multiplied with for the sums of `MomentFinder.of`, shape [members, sums]."""
+    """Factors of the members' forces in the sums of `MomentFinder.from_sums`, shape [members, sums]."""
     profiles_apart: bool
-    """Whether the profiles, needed at the edge of the array, are to be summed besides."""
+    """Whether the profiles, needed at the edge of the array, are not part of the basis."""
 
 
 class Footprints:
-    """Footprints and outlines on one array; none of their arrays is to be written to."""
+    """Cached footprints and outlines on one array; their arrays are read-only.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the array.
+    bitmap : BitMap
+        Bits of its taxels.
+    moments : MomentFinder
+        Moments on the array.
+    """
 
     def __init__(self, layout: Layout, bitmap: BitMap, moments: MomentFinder) -> None:
         self._bitmap = bitmap
@@ -58,19 +68,19 @@ class Footprints:
         rows, cols = taxels // layout.cols, taxels % layout.cols
         outermost = (rows == 0) | (rows == layout.rows - 1) | (cols == 0) | (cols == layout.cols - 1)
         self._edge = bitmap.pack(outermost)
-        keep = lru_cache(MOST_KNOWN)
-        self._footprint = keep(self._footprint_of)
-        self.outline = keep(self._outline_of)
-        """Return the outline of taxels that are given as bits, not 0."""
-        self.regions = keep(self._regions_of)
-        """Return the footprints of the regions of a mask, shape [rows * cols], given as its bytes."""
-        self.around = keep(self._around_of)
-        """Return the mask of what lies within so many taxels of the masked ones; the mask is given as its bytes."""
-        self.parts = keep(self._parts_of)
-        """Return what each contact of a region lists, as bits, 0 for nothing.
+        cached = lru_cache(CACHE_SIZE)
+        self._footprint = cached(self._footprint_of)
+        self.outline = cached(self._outline_of)
+        """Return the outline of taxels given as bits, not 0."""
+        self.regions = cached(self._regions_of)
+        """Return the footprints of the connected components of a mask, shape [rows * cols], given as its bytes."""
+        self.dilated = cached(self._dilated)
+        """Return a mask, given as its bytes, dilated by a number of taxels."""
+        self.parts = cached(self._parts_of)
+        """Return the taxels that each contact of a region lists, as bits, 0 for none.
 
-        Arguments: members of the region and what is listed of it, as bits, the number of contacts, and for each member
-        the number of the contact that owns it, as bytes of np.intp.
+        Arguments: members of the region and its listed taxels, as bits; number of contacts; for each member the number
+        of the contact that owns it, as bytes of np.intp.
         """
 
     def _outline_of(self, bits: int) -> Outline:
@@ -80,8 +90,8 @@ class Footprints:
 
     def _regions_of(self, mask: bytes) -> list[Footprint]:
         bits = self._bitmap.pack(np.frombuffer(mask, np.bool_))
-        regions = self._bitmap.regions(bits)
-        rings = [self._bitmap.grow(region) for region in regions]
+        regions = self._bitmap.components(bits)
+        rings = [self._bitmap.dilate(region) for region in regions]
         once = twice = 0
         for ring in rings:
             twice |= once & ring
@@ -94,14 +104,14 @@ class Footprints:
         basis = self._moments.basis(members, profiles=at_edge and few)
         return Footprint(self.outline(region), wide, members, basis, at_edge and not few)
 
-    def _around_of(self, mask: bytes, reach: int) -> NDArray[np.bool_]:
+    def _dilated(self, mask: bytes, distance: int) -> NDArray[np.bool_]:
         flags = np.frombuffer(mask, np.bool_)
         bits = self._bitmap.pack(flags)
-        for _ in range(reach):
-            bits = self._bitmap.grow(bits)
-        around = self._bitmap.mask(bits, np.empty(len(flags), np.bool_))
-        around.flags.writeable = False
-        return around
+        for _ in range(distance):
+            bits = self._bitmap.dilate(bits)
+        dilated = self._bitmap.mask(bits, np.empty(len(flags), np.bool_))
+        dilated.flags.writeable = False
+        return dilated
 
     def _parts_of(self, wide: int, listed: int, count: int, owners: bytes) -> list[int]:
         members, owner = self._bitmap.taxels(wide), np.frombuffer(owners, np.intp)

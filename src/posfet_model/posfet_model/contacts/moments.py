@@ -1,9 +1,9 @@
-"""Centre and principal axes of a force distribution sampled by taxels, with what the array's edge cuts off put back.
+"""Centre of pressure and principal axes of a sampled force distribution, extrapolated beyond the edge of the array.
 
 Forces of cells are integrals, so their weighted mean is very near to the centre of pressure (0.01 mm for a fingertip)
-as long as the whole contact lies on the array. At the edge it is not: a 2 N fingertip centred on the outermost column
-is read 0.57 mm too far inside. There the profile across the edge is carried on beyond it by the rule that holds for a
-Gaussian, ``s[k+1] = s[k]^2/s[k-1]*exp(-(pitch/width)^2)``.
+as long as the whole contact lies on the array. At the edge it is biased: a 2 N fingertip centred on the outermost
+column reads 0.57 mm too far inside. There the profile across the edge is extrapolated by the rule of a Gaussian,
+``s[k+1] = s[k]^2/s[k-1]*exp(-(pitch/width)^2)``.
 """
 
 from __future__ import annotations
@@ -16,34 +16,41 @@ from numpy.typing import NDArray
 
 from posfet_model.sensor.description import Layout
 
-CUT_SHARE: Final = 0.02
-"""A profile is cut off where its value at the edge is at least this share of its greatest [1]."""
+TRUNCATED_SHARE: Final = 0.02
+"""A profile is truncated where its value at the edge is at least this share of its maximum [1]."""
 
 MOST_BEYOND: Final = 3
-"""Most rows or columns that are put back beyond an edge."""
+"""Greatest number of extrapolated rows or columns beyond an edge."""
 
-COMPLETIONS: Final = 3
-"""Rounds in which the two profiles complete each other."""
+ITERATIONS: Final = 3
+"""Iterations in which two truncated profiles extrapolate each other."""
 
 FLANK: Final = 0.7
-"""Bend of a profile at its middle over that of its flank [1]: fitted to Hertz's sphere; 1 would be a Gaussian."""
+"""Curvature of a profile at its centre over that of its flank [1]: fitted to Hertz's sphere; 1 would be a Gaussian."""
 
 
 Vector: TypeAlias = "tuple[float, float]"
 
 
 Moments: TypeAlias = "tuple[Vector, Vector, Vector]"
-"""Centre of pressure, and the principal axes: the major one, x >= 0, and across it, turned left, the minor one [m].
+"""Centre of pressure, major principal axis with x >= 0, and minor axis, 90 degrees counter-clockwise from it [m].
 
 Each axis is as long as one standard deviation of the distribution.
 """
 
 
 class MomentFinder:
-    """Moments of regions on one array."""
+    """Moments of force distributions on one array.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the array.
+    spread : float
+        Spread of the elastomer skin [m], the least width of a contact.
+    """
 
     def __init__(self, layout: Layout, spread: float) -> None:
-        """Take the array and the spread of its cover [m], below which no contact is narrow."""
         taxels = np.arange(layout.taxels)
         self._axes = (taxels % layout.cols, layout.cols), (taxels // layout.cols, layout.rows)
         x, y = layout.positions.T
@@ -55,24 +62,55 @@ class MomentFinder:
         self._narrowest = tuple(spread * spread + square / 12 for square in self._square)
 
     def basis(self, taxels: NDArray[np.intp], profiles: bool) -> NDArray[np.float64]:
-        """Return what weights of the `taxels` are multiplied with for the sums of `of`, shape [taxels, sums].
+        """Return the factors of the taxels' forces in the sums that `from_sums` needs.
 
-        These are the powers 1, x, y, x2, y2 and xy, and if wanted the `profiles` of weights along x and y.
+        Parameters
+        ----------
+        taxels : ndarray of intp, shape [taxels]
+            Indices of the taxels.
+        profiles : bool
+            Whether to include the profiles of the forces along x and y.
+
+        Returns
+        -------
+        ndarray of float64, shape [taxels, sums]
+            Powers 1, x, y, x2, y2 and xy [1, m, m, m2, m2, m2], and indicators of columns and rows for the profiles.
         """
         columns = [self._powers[taxels]]
         if profiles:
-            columns += [place[taxels, None] == np.arange(size) for place, size in self._axes]
+            columns += [index[taxels, None] == np.arange(size) for index, size in self._axes]
         return np.asfortranarray(np.concatenate(columns, axis=1))
 
     def profiles(self, taxels: NDArray[np.intp], weight: NDArray[np.float64]) -> list[float]:
-        """Return the profiles alone: for many taxels faster than by `basis`, and without a matrix to keep."""
-        return [force for place, size in self._axes for force in np.bincount(place[taxels], weight, size).tolist()]
+        """Return the profiles alone: for many taxels faster than by `basis`, without a matrix in memory.
 
-    def of(self, sums: list[float]) -> Moments:
-        """Return the moments of weights [N] from the sums of their products with `basis`, the first one above 0.
+        Parameters
+        ----------
+        taxels : ndarray of intp, shape [taxels]
+            Indices of the taxels.
+        weight : ndarray of float64, shape [taxels]
+            Their forces [N].
 
-        Profiles are needed where a taxel of the outermost rows or columns is among them. The axes are those of what
-        lies on the array.
+        Returns
+        -------
+        list of float
+            Sums of the forces in each column, then in each row [N].
+        """
+        return [force for index, size in self._axes for force in np.bincount(index[taxels], weight, size).tolist()]
+
+    def from_sums(self, sums: list[float]) -> Moments:
+        """Return the moments of forces.
+
+        Parameters
+        ----------
+        sums : list of float
+            Sums of the products of the forces [N] with `basis`; the first one, the total force, > 0. Profiles are
+            required where a taxel lies in the outermost rows or columns.
+
+        Returns
+        -------
+        Moments
+            Centre of pressure, extrapolated beyond the edge; the principal axes are those of the forces on the array.
         """
         total, x, y, xx, yy, xy = sums[:6]
         x, y = x / total, y / total
@@ -80,50 +118,52 @@ class MomentFinder:
         xx, yy = xx if xx > 0.0 else 0.0, yy if yy > 0.0 else 0.0
         if len(sums) > 6:
             end = 6 + self._size[0]
-            x, y = self._completed(sums[6:end], sums[end:], (x, y), (xx, yy))
+            x, y = self._extrapolated_centre(sums[6:end], sums[end:], (x, y), (xx, yy))
         return (x, y), *principal_axes(xx, yy, xy)
 
-    def _completed(self, along_x: list[float], along_y: list[float], mean: Vector, variance: Vector) -> Vector:
-        """Return the centre [m] of two profiles, each carried on beyond the edges that cut it.
+    def _extrapolated_centre(
+        self, along_x: list[float], along_y: list[float], mean: Vector, variance: Vector
+    ) -> Vector:
+        """Return the centre [m] of two profiles, each extrapolated beyond the edges that truncate it.
 
-        A contact that is round is as wide one way as the other: the width that carries one profile on is that of the
-        other, carried on itself. It starts from the profile's own flank where both are cut.
+        A round contact has the same width along both axes: the width for the extrapolation of one profile is that of
+        the other, extrapolated itself. Where both are truncated, it starts from the profile's own flank.
         """
         (x, y), (wide_x, wide_y) = mean, variance
-        cut_x, cut_y = _is_cut(along_x), _is_cut(along_y)
+        cut_x, cut_y = _is_truncated(along_x), _is_truncated(along_y)
         if cut_x and cut_y:
-            bend_x, bend_y = self._flank_bend(0, along_x), self._flank_bend(1, along_y)
-            for _ in range(COMPLETIONS):
-                x, wide_x = self._carried_on(0, along_x, mean[0], variance[0], bend_x)
-                y, wide_y = self._carried_on(1, along_y, mean[1], variance[1], bend_y)
-                bend_x, bend_y = self._bend(0, wide_y), self._bend(1, wide_x)
+            curvature_x, curvature_y = self._flank_curvature(0, along_x), self._flank_curvature(1, along_y)
+            for _ in range(ITERATIONS):
+                x, wide_x = self._extrapolate(0, along_x, mean[0], variance[0], curvature_x)
+                y, wide_y = self._extrapolate(1, along_y, mean[1], variance[1], curvature_y)
+                curvature_x, curvature_y = self._curvature(0, wide_y), self._curvature(1, wide_x)
         elif cut_x:
-            x, _ = self._carried_on(0, along_x, x, wide_x, self._bend(0, wide_y))
+            x, _ = self._extrapolate(0, along_x, x, wide_x, self._curvature(0, wide_y))
         elif cut_y:
-            y, _ = self._carried_on(1, along_y, y, wide_y, self._bend(1, wide_x))
+            y, _ = self._extrapolate(1, along_y, y, wide_y, self._curvature(1, wide_x))
         return x, y
 
-    def _carried_on(self, axis: int, values: list[float], mean: float, variance: float, bend: float) -> Vector:
-        """Return mean [m] and variance [m2] of a profile with what lies beyond the ends that are cut.
+    def _extrapolate(self, axis: int, values: list[float], mean: float, variance: float, curvature: float) -> Vector:
+        """Return mean [m] and variance [m2] of a profile, extrapolated beyond its truncated ends.
 
-        `mean` and `variance` are those of its values alone, bend is (pitch/width)^2 [1].
+        `mean` and `variance` are those of its values alone, `curvature` is (pitch/width)^2 [1].
         """
         first, pitch, square = self._first[axis], self._pitch[axis], self._square[axis]
-        last, least, fall = len(values) - 1, CUT_SHARE * max(values), math.exp(-bend)
+        last, least, fall = len(values) - 1, TRUNCATED_SHARE * max(values), math.exp(-curvature)
         mean, variance, total = (mean - first) / pitch, variance / square, sum(values)
         moment, second = mean * total, (variance + mean * mean) * total
-        for place, inner, way in ((0, 1, -1), (last, last - 1, 1)):
-            value, before = values[place], values[inner]
+        for edge, inner, direction in ((0, 1, -1), (last, last - 1, 1)):
+            value, before = values[edge], values[inner]
             if value < least:
                 continue
-            # Not above the last one: a contact whose middle is beyond the edge cannot be told from a stronger one.
+            # Not above the last value: a contact centred beyond the edge cannot be distinguished from a stronger one.
             ratio = value / (before if before > least else least) * fall
             ratio = ratio if ratio < 1.0 else 1.0
-            beyond = place
+            beyond = edge
             for _ in range(MOST_BEYOND):
                 value *= ratio
                 ratio *= fall
-                beyond += way
+                beyond += direction
                 total += value
                 moment += beyond * value
                 second += beyond * beyond * value
@@ -133,12 +173,12 @@ class MomentFinder:
         # Not beyond the outermost cells.
         return first + pitch * min(max(mean, -0.5), last + 0.5), (second / total - mean * mean) * square
 
-    def _bend(self, axis: int, variance_across: float) -> float:
+    def _curvature(self, axis: int, variance_across: float) -> float:
         """Return (pitch/width)^2 [1] along an axis for a variance across it [m2]."""
         return self._square[axis] / max(variance_across, self._narrowest[axis])
 
-    def _flank_bend(self, axis: int, values: list[float]) -> float:
-        """Return (pitch/width)^2 [1] from the last three values of the profile on the side where it is cut.
+    def _flank_curvature(self, axis: int, values: list[float]) -> float:
+        """Return (pitch/width)^2 [1] from the last three values of the profile on its truncated side.
 
         At least the one with which the profile would be symmetric about its last value.
         """
@@ -146,14 +186,25 @@ class MomentFinder:
         if len(values) < 3:
             return most
         outer, inner, edge = values[-3:] if values[-1] >= values[0] else values[2::-1]
-        least = 0.5 * CUT_SHARE * max(values)
+        least = 0.5 * TRUNCATED_SHARE * max(values)
         outer, inner, edge = max(outer, least), max(inner, least), max(edge, least)
-        bend, mirrored = FLANK * math.log(inner * inner / (outer * edge)), 2.0 * math.log(edge / inner)
-        return min(max(bend, mirrored, 0.0), most)
+        curvature, mirrored = FLANK * math.log(inner * inner / (outer * edge)), 2.0 * math.log(edge / inner)
+        return min(max(curvature, mirrored, 0.0), most)
 
 
 def principal_axes(xx: float, yy: float, xy: float) -> tuple[Vector, Vector]:
-    """Return the principal axes of second moments [m2], each as long as its standard deviation [m].
+    """Return the principal axes of second moments.
+
+    Parameters
+    ----------
+    xx, yy, xy : float
+        Variances along x and y and covariance [m2].
+
+    Returns
+    -------
+    major, minor : tuple of float
+        Vectors (x, y) of one standard deviation [m]; the major one with x >= 0, the minor one 90 degrees
+        counter-clockwise from it.
 
     Examples
     --------
@@ -163,14 +214,14 @@ def principal_axes(xx: float, yy: float, xy: float) -> tuple[Vector, Vector]:
     half, mean = 0.5 * (xx - yy), 0.5 * (xx + yy)
     spread = math.hypot(half, xy)
     large, small = math.sqrt(mean + spread), math.sqrt(mean - spread) if mean > spread else 0.0
-    # Cosine and sine of half the angle at which (half, xy) lies.
+    # Cosine and sine of half the angle of (half, xy).
     longer = math.sqrt(0.5 + 0.5 * abs(half) / spread) if spread else 1.0
     shorter = 0.5 * xy / (spread * longer) if spread else 0.0
     cosine, sine = (longer, shorter) if half >= 0.0 else (abs(shorter), math.copysign(longer, xy))
     return (large * cosine, large * sine), (-small * sine, small * cosine)
 
 
-def _is_cut(values: list[float]) -> bool:
-    """Return whether a profile does not fade within the array, at one end of it or at both."""
-    least = CUT_SHARE * max(values)
+def _is_truncated(values: list[float]) -> bool:
+    """Return whether a profile does not vanish within the array at one end or both."""
+    least = TRUNCATED_SHARE * max(values)
     return len(values) > 1 and (values[0] >= least or values[-1] >= least)

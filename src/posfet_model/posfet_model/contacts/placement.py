@@ -1,8 +1,8 @@
-"""Contacts in space, as posfet_msgs/TactileContact has them: numbers of its fields, one after the other.
+"""Contacts in space, as the numbers of the fields of posfet_msgs/TactileContact in sequence.
 
-Only the force along the normal is measured. `force` is that part alone, which turning the vector into another frame
-leaves whole; an unknown part as NaN would spread over all of it. That the rest is not known stands in the covariance:
-every entry that the tangential force has a part in is NaN.
+Only the normal force is measured. `force` is the normal force alone, which stays complete when the vector is
+transformed into another frame; unknown components as NaN would spread to all of them. The covariance states what is
+unknown: every entry to which the tangential force contributes is NaN.
 """
 
 from __future__ import annotations
@@ -20,8 +20,19 @@ Placed: TypeAlias = "tuple[tuple[float, ...], tuple[float, ...]]"
 _UNKNOWN: Final = (math.nan,) * 8
 
 
-def placing(surface: Surface) -> Callable[[Contact], Placed]:
-    """Return what places contacts on a surface."""
+def placement_on(surface: Surface) -> Callable[[Contact], Placed]:
+    """Return the function that gives the placement of a contact on a surface.
+
+    Parameters
+    ----------
+    surface : Surface
+        Surface of the array, flat or bent.
+
+    Returns
+    -------
+    callable
+        Function of a `Contact` that returns its vectors in the frame of the array [m, N, N2, m/s].
+    """
     return _place_flat if surface.flat else lambda contact: _place_bent(surface, contact)
 
 

@@ -1,11 +1,15 @@
-"""Contacts so near to each other that their regions are one: told apart, and kept apart while they move.
+"""Separation of contacts so close to each other that they form one connected region.
 
-Two fingertips two pitches apart show a valley only while each is above a taxel of its own; half a pitch further on four
-taxels in a row read the same. So a region is *split* where it has peaks with a valley between them that is deep enough,
-and it *stays split* as long as the peaks followed from scan to scan stay apart: each taxel's force is shared among them
-as a mixture of Gaussians of the cover's width has it, and the centres are those of the shares (expectation and
-maximisation: A. P. Dempster et al., J. R. Stat. Soc. B 39, 1, 1977). Regions that grow together stay split, too, until
-they press hard enough for a valley to show; then only if there is one.
+Two fingertips two pitches apart have a saddle between them only while each is above a taxel of its own; half a pitch
+further on four taxels in a row read the same. So a region is *split* where it has peaks with a deep enough saddle
+between them, and it *stays split* as long as the peaks, tracked from scan to scan, stay apart: the force of each taxel
+is divided among them by a mixture of Gaussians of the skin's width, and the centres are those of their parts
+(expectation-maximisation). Regions that merge stay split, too, until they press hard enough for a saddle to be
+observable; then only if there is one.
+
+References
+----------
+A. P. Dempster et al., J. R. Stat. Soc. B 39, 1, 1977.
 """
 
 from __future__ import annotations
@@ -22,146 +26,187 @@ from posfet_model.contacts.footprint import Footprint
 from posfet_model.sensor.description import Layout
 from posfet_model.sensor.neighbour_estimate import Surroundings
 
-VALLEY: Final = 0.6
-"""A valley is at most this share of the lower of its two peaks [1]: left of wrong gains, rods and pads have none."""
+SADDLE_RATIO: Final = 0.6
+"""Greatest ratio of a saddle to the lower of its two peaks [1]: with the remaining gain errors, cylinders and pads have
+no such saddle."""
 
-SHALLOW: Final = 0.8
-"""The same for contacts that were regions of their own before [1]: a pad, too, may begin to touch at two places, but
-soon has no valley."""
+SHALLOW_SADDLE_RATIO: Final = 0.8
+"""The same for contacts that were separate regions before [1]: a pad, too, may begin to touch in two spots, but soon
+has no saddle."""
 
-DIP: Final = 0.2
-"""Least depth of such a valley [threshold]; others are as deep as the threshold of contacts at least."""
+SHALLOW_SADDLE_DEPTH: Final = 0.2
+"""Least depth of such a saddle [contact threshold]; other saddles are at least one contact threshold deep."""
 
-NEAREST: Final = 1.25
-"""Peaks that come nearer to each other than this become one [pitch]."""
+LEAST_DISTANCE: Final = 1.25
+"""Peaks closer to each other than this merge [pitch]."""
 
-LONG: Final = 0.4
-"""A region whose variance along its major axis exceeds that of the cover by this much is looked at [pitch2]."""
+ELONGATION: Final = 0.4
+"""A region is examined when its variance along the major axis exceeds that of the skin by this much [pitch2]."""
 
-MISSING: Final = 0.3
-"""A taxel that reads less than this share of what its neighbours tell is no valley but does not work [1]."""
+HOLE: Final = 0.3
+"""A taxel that reads less than this share of the force interpolated from its neighbours is faulty, not a saddle [1]."""
 
 LARGEST: Final = 100
-"""A region of more taxels than this is not looked at: no set of fingertips, and dear [1]."""
+"""Greatest number of taxels of a region that is examined: a larger one is no group of fingertips, and costly [1]."""
 
-FIRST_ROUNDS: Final = 8
-"""Rounds from the peaks of a valley to the centres of the contacts."""
+INITIAL_ITERATIONS: Final = 8
+"""Iterations from the peaks of a saddle to the centres of the contacts."""
 
-ROUNDS: Final = 2
-"""Rounds from the centres of one scan to those of the next."""
+ITERATIONS: Final = 2
+"""Iterations from the centres of one scan to those of the next."""
 
-Places: TypeAlias = Sequence["tuple[float, float]"]
+Positions: TypeAlias = Sequence["tuple[float, float]"]
+"""Positions (x, y) [m]."""
 Centre: TypeAlias = "tuple[float, float, float]"
-"""Force [N] of a contact, and its place (x, y) [m]."""
+"""Force [N] of a contact, and its position (x, y) [m]."""
 
 
 class Separator:
-    """Tells the contacts of one region apart."""
+    """Separates the contacts of one region.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the array.
+    spread : float
+        Spread of the elastomer skin [m].
+    threshold : float
+        Contact threshold [N], the least depth of a saddle.
+    """
 
     def __init__(self, layout: Layout, spread: float, threshold: float) -> None:
-        """Take the array, the spread of its cover [m], and the threshold of contacts [N], a valley's least depth."""
         self._positions = layout.positions
         self._pitch = max(layout.pitch_x, layout.pitch_y)
         self._threshold = threshold
         self._surroundings = Surroundings(layout)
         self._none = np.zeros(layout.taxels, np.bool_)
-        around = _neighbours(layout)
-        self._beside = around[:, [1, 3, 4, 6]]
-        self._neighbours = [[other for other in row if other < layout.taxels] for row in around.tolist()]
+        neighbours = _neighbours(layout)
+        self._beside = neighbours[:, [1, 3, 4, 6]]
+        self._neighbours = [[other for other in row if other < layout.taxels] for row in neighbours.tolist()]
         self._corners = _corners(layout)
         self._padded = np.full(layout.taxels + 1, -np.inf)
         self._width = [spread * spread + pitch * pitch / 12.0 for pitch in (layout.pitch_x, layout.pitch_y)]
-        self.telling = DIP * threshold / (1.0 - SHALLOW)
-        """Force of a taxel from which a peak that has no shallow valley beside it has none [N]."""
-        self.long = math.sqrt(max(self._width) + LONG * self._pitch**2)
-        """Length of the major axis from which a region may hold several contacts [m]."""
+        self.resolvable_force = SHALLOW_SADDLE_DEPTH * threshold / (1.0 - SHALLOW_SADDLE_RATIO)
+        """Force of a taxel above which a peak without an observable shallow saddle has none [N]."""
+        self.least_major_axis = math.sqrt(max(self._width) + ELONGATION * self._pitch**2)
+        """Length of the major axis from which a region may contain several contacts [m]."""
 
     def peaks(
         self,
         footprint: Footprint,
         force: NDArray[np.float64],
-        estimated: NDArray[np.bool_] | None,
+        interpolated: NDArray[np.bool_] | None,
         were_apart: bool = False,
-    ) -> Places:
-        """Return the places [m] of a region's peaks that valleys tell apart; empty when there are not several.
+    ) -> Positions:
+        """Return the peaks of a region that saddles separate (watershed).
 
-        `force` [N] is that of all taxels. One that is `estimated` is no valley: what lies around it is taken for one
-        hill. Where there `were_apart` several regions before, a shallow valley will do.
+        Parameters
+        ----------
+        footprint : Footprint
+            Region in contact.
+        force : ndarray of float64, shape [rows * cols]
+            Forces of all taxels [N].
+        interpolated : ndarray of bool, shape [rows * cols], or None
+            Taxels that are interpolated: these are no saddle, and their neighbours belong to one peak.
+        were_apart : bool, optional
+            Whether the region consists of several former regions: a shallow saddle is then sufficient.
+
+        Returns
+        -------
+        sequence of tuple of float
+            Positions (x, y) of the peaks [m]; empty for fewer than two.
         """
-        valley, depth = (SHALLOW, DIP * self._threshold) if were_apart else (VALLEY, self._threshold)
+        ratio, depth = SADDLE_RATIO, self._threshold
+        if were_apart:
+            ratio, depth = SHALLOW_SADDLE_RATIO, SHALLOW_SADDLE_DEPTH * self._threshold
         taxels = footprint.region.taxels
-        if len(taxels) > LARGEST or (estimated is None and self._has_one_peak(taxels, force)):
+        if len(taxels) > LARGEST or (interpolated is None and self._has_one_peak(taxels, force)):
             return []
         values = dict(zip(taxels.tolist(), force[taxels].tolist(), strict=True))
-        if estimated is not None:
-            known = {taxel: value for taxel, value in values.items() if not estimated[taxel]}
+        if interpolated is not None:
+            known = {taxel: value for taxel, value in values.items() if not interpolated[taxel]}
             for taxel in values.keys() - known.keys():
                 values[taxel] = max((known[other] for other in self._neighbours[taxel] if other in known), default=0.0)
-        hill: dict[int, int] = {}  # of a taxel: the peak it belongs to
+        basin: dict[int, int] = {}  # peak to which each taxel belongs
         height: dict[int, float] = {}
         for taxel in sorted(values, key=values.__getitem__, reverse=True):
-            passes: dict[int, float] = {}
+            saddles: dict[int, float] = {}
             for other in self._neighbours[taxel]:
-                if other in hill:
-                    way = values[taxel]
+                if other in basin:
+                    saddle = values[taxel]
                     if corners := self._corners.get((taxel, other)):
-                        # Between two that touch at a corner lies about the mean of the four there, but more of a rod.
+                        # Between diagonal neighbours the force is about the mean of the four taxels there, but higher
+                        # under a cylinder.
                         beside = sum(max(float(force[corner]), 0.0) for corner in corners)
-                        way = min(way, 0.25 * valley / VALLEY * (way + values[other] + beside))
-                    passes[hill[other]] = max(way, passes.get(hill[other], 0.0))
-            hill[taxel], height[taxel] = taxel, values[taxel]
-            for peak in sorted(passes, key=passes.__getitem__, reverse=True):
-                low, high = sorted((peak, hill[taxel]), key=height.__getitem__)
-                if passes[peak] > valley * height[low] or height[low] - passes[peak] < depth:
+                        saddle = min(saddle, 0.25 * ratio / SADDLE_RATIO * (saddle + values[other] + beside))
+                    saddles[basin[other]] = max(saddle, saddles.get(basin[other], 0.0))
+            basin[taxel], height[taxel] = taxel, values[taxel]
+            for peak in sorted(saddles, key=saddles.__getitem__, reverse=True):
+                low, high = sorted((peak, basin[taxel]), key=height.__getitem__)
+                if saddles[peak] > ratio * height[low] or height[low] - saddles[peak] < depth:
                     del height[low]
-                    hill.update({member: high for member, of in hill.items() if of == low})
-        if len(height) < 2 or self._is_hole(footprint.members, force):
+                    basin.update({member: high for member, of in basin.items() if of == low})
+        if len(height) < 2 or self._has_hole(footprint.members, force):
             return []
         return [(float(x), float(y)) for x, y in self._positions[sorted(height)]]
 
     def _has_one_peak(self, taxels: NDArray[np.intp], force: NDArray[np.float64]) -> bool:
-        """Return whether no more than one taxel of a region reads more than the four beside it."""
+        """Return whether at most one taxel of a region reads more than its four direct neighbours."""
         self._padded[:-1] = force
         highest = self._padded.take(self._beside.take(taxels, axis=0)).max(axis=1)
         return int(np.count_nonzero(force[taxels] >= highest)) < 2
 
-    def _is_hole(self, around: NDArray[np.intp], force: NDArray[np.float64]) -> bool:
-        """Return whether one of the taxels is missing its force rather than lying in a valley."""
-        least = self._surroundings.least(force, self._none, around, 0.0)
-        return bool(((least > 2.0 * self._threshold) & (force[around] < MISSING * least)).any())
+    def _has_hole(self, members: NDArray[np.intp], force: NDArray[np.float64]) -> bool:
+        """Return whether one of the taxels lacks its force because it is faulty."""
+        least = self._surroundings.least(force, self._none, members, 0.0)
+        return bool(((least > 2.0 * self._threshold) & (force[members] < HOLE * least)).any())
 
-    def shares(
-        self, places: Places, footprint: Footprint, weight: NDArray[np.float64], rounds: int
+    def responsibilities(
+        self, positions: Positions, footprint: Footprint, weight: NDArray[np.float64], iterations: int
     ) -> NDArray[np.float64] | None:
-        """Return each contact's share of a region's members [1], shape [contacts, members], from places near theirs.
+        """Return the share of each contact in each member of a region, by expectation-maximisation.
 
-        `places` [m], `weight` [N] >= 0 the force of the members. None when the contacts cannot be kept apart.
+        Parameters
+        ----------
+        positions : sequence of tuple of float
+            Initial positions (x, y) of the contacts [m].
+        footprint : Footprint
+            Region in contact.
+        weight : ndarray of float64, shape [members]
+            Forces of the members [N], >= 0.
+        iterations : int
+            Number of iterations.
+
+        Returns
+        -------
+        ndarray of float64, shape [contacts, members], or None
+            Shares [1], which sum up to 1 over the contacts; None: the contacts cannot be separated.
         """
         plane = footprint.basis[:, :3]  # 1, x and y
         moments = plane * weight[:, None]
-        nearest = self._closeness(plane, [(1.0, *place) for place in places]).argmax(axis=0)
-        parts = np.bincount(nearest, weight, len(places)) + 1e-9
-        centres = [(part, *place) for part, place in zip(parts.tolist(), places, strict=True)]
-        for _ in range(rounds):
-            sums = self._shares_at(plane, centres).dot(moments).tolist()
+        nearest = self._log_density(plane, [(1.0, *position) for position in positions]).argmax(axis=0)
+        parts = np.bincount(nearest, weight, len(positions)) + 1e-9
+        centres = [(part, *position) for part, position in zip(parts.tolist(), positions, strict=True)]
+        for _ in range(iterations):
+            sums = self._shares(plane, centres).dot(moments).tolist()
             centres = [(mass, x / mass, y / mass) for mass, x, y in sums if mass >= self._threshold]
             if len(centres) < 2:
                 return None
-        self._keep_apart(centres)
-        return self._shares_at(plane, centres) if len(centres) > 1 else None
+        self._merge_close(centres)
+        return self._shares(plane, centres) if len(centres) > 1 else None
 
-    def _keep_apart(self, centres: list[Centre]) -> None:
-        """Take out the weaker one of every two centres that have come too near to each other."""
+    def _merge_close(self, centres: list[Centre]) -> None:
+        """Remove the weaker one of every two centres that are too close to each other."""
         while len(centres) > 1:
             one, other = min(combinations(centres, 2), key=lambda pair: math.dist(pair[0][1:], pair[1][1:]))
-            if math.dist(one[1:], other[1:]) >= NEAREST * self._pitch:
+            if math.dist(one[1:], other[1:]) >= LEAST_DISTANCE * self._pitch:
                 return
             centres.remove(min(one, other))
 
-    def _closeness(self, plane: NDArray[np.float64], centres: list[Centre]) -> NDArray[np.float64]:
+    def _log_density(self, plane: NDArray[np.float64], centres: list[Centre]) -> NDArray[np.float64]:
         """Return ln(force*exp(-distance^2/(2*width^2))) of each centre at each member, shape [contacts, members].
 
-        But for what is the same for all centres: what is left is linear in x and y.
+        Terms that are the same for all centres are omitted: the rest is linear in x and y.
         """
         wide_x, wide_y = self._width
         lines = [
@@ -171,8 +216,8 @@ class Separator:
         found: NDArray[np.float64] = np.array(lines).dot(plane.T)
         return found
 
-    def _shares_at(self, plane: NDArray[np.float64], centres: list[Centre]) -> NDArray[np.float64]:
-        share = self._closeness(plane, centres)
+    def _shares(self, plane: NDArray[np.float64], centres: list[Centre]) -> NDArray[np.float64]:
+        share = self._log_density(plane, centres)
         share -= np.maximum.reduce(share)
         np.exp(share, out=share)
         share /= np.add.reduce(share)
@@ -180,16 +225,16 @@ class Separator:
 
 
 def _neighbours(layout: Layout) -> NDArray[np.intp]:
-    """Return the eight neighbours of each taxel, shape [taxels, 8]; `taxels` stands for none."""
+    """Return the eight neighbours of each taxel, shape [taxels, 8]; the number of taxels for no neighbour."""
     padded = np.full((layout.rows + 2, layout.cols + 2), layout.taxels, np.intp)
     padded[1:-1, 1:-1] = np.arange(layout.taxels).reshape(layout.rows, layout.cols)
-    ways = [(down, right) for down in range(3) for right in range(3) if (down, right) != (1, 1)]
-    beside = [padded[down : down + layout.rows, right : right + layout.cols].reshape(-1) for down, right in ways]
+    offsets = [(down, right) for down in range(3) for right in range(3) if (down, right) != (1, 1)]
+    beside = [padded[down : down + layout.rows, right : right + layout.cols].reshape(-1) for down, right in offsets]
     return np.stack(beside, axis=1)
 
 
 def _corners(layout: Layout) -> dict[tuple[int, int], tuple[int, int]]:
-    """Return for every two taxels that touch at a corner the other two there."""
+    """Return for every two diagonal neighbours the other two taxels of their square."""
     grid = np.arange(layout.taxels).reshape(layout.rows, layout.cols)
     found: dict[tuple[int, int], tuple[int, int]] = {}
     for square in zip(grid[:-1, :-1].flat, grid[:-1, 1:].flat, grid[1:, :-1].flat, grid[1:, 1:].flat, strict=True):

@@ -1,8 +1,8 @@
-"""Contacts followed from scan to scan: ids that persist through motion, merging and splitting; state, velocity, age.
+"""Contact tracking from scan to scan: track ids that persist through motion, merge and split; state, velocity, age.
 
-Where two contacts become one region the older one goes on and remembers the other; when the region splits again, near
-where it did, the remembered one comes back with its id and age. A contact that splits off and was never seen before
-gets a new id, and names the one it came from.
+Where two contacts merge into one region the older one continues and stores the other; when the region splits again
+close to the merge, the stored contact is restored with its id and age. A contact that splits off and was never stored
+gets a new id, and refers to the one that it split off from.
 """
 
 from __future__ import annotations
@@ -12,23 +12,22 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final, NamedTuple
 
-from posfet_model.contacts.assignment import cheapest_pairs
+from posfet_model.contacts.assignment import minimum_cost_assignment
 from posfet_model.contacts.detection import Region
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.signal_chain import noise_of_a_scan
 
 LAST_ID: Final = 0xFFFF_FFFF
-"""Greatest id; the next one is 1 again."""
+"""Greatest id; the next one is 1."""
 
-NOISE_GUARD: Final = 4.0
+NOISE_DEVIATIONS: Final = 4.0
 """Standard deviations of the velocity's noise that do not count as motion [1]."""
 
 TAXELS_ACROSS: Final = 3.0
-"""Taxels whose noise adds up in one coordinate of the centre of pressure of a fingertip [1], assumed."""
+"""Number of taxels whose noise contributes to one coordinate of a fingertip's centre of pressure [1], assumed."""
 
-
-LIFTED: Final = 2.0
-"""A contact weaker than this when it ends has lifted, and has not merged with another [threshold]."""
+RELEASED_FORCE: Final = 2.0
+"""A contact with less force than this when it ends was released, and did not merge with another [contact threshold]."""
 
 
 class ContactState(IntEnum):
@@ -42,76 +41,103 @@ class ContactState(IntEnum):
 
 @dataclass(frozen=True)
 class TrackerSettings:
-    """When a contact is the same and when it moves. All values are assumed."""
+    """Settings of data association and motion detection. All values are assumed."""
 
-    reach: float = 1.5
-    """A contact is the same when its centre of pressure moved by at most this from one scan to the next [pitch]."""
+    gate: float = 1.5
+    """Greatest distance of the centre of pressure from one scan to the next for the same contact [pitch]."""
     smoothing: float = 0.02
-    """Time constant of the velocity's low pass [s]."""
+    """Time constant of the velocity's low-pass [s]."""
     start_speed: float = 2e-3
     """A contact moves from this speed on [m/s]."""
     stop_speed: float = 1e-3
-    """A moving contact rests below this speed [m/s]."""
+    """A moving contact is held again below this speed [m/s]."""
 
 
 class Contact(NamedTuple):
     """One contact at the time of a scan."""
 
     id: int
+    """Track id, in [1, `LAST_ID`]."""
     state: ContactState
+    """State of the contact."""
     region: Region
-    """Where it touches and how hard; of a released contact the last geometry, with force 0."""
+    """Geometry and force; of a released contact the last geometry, with force 0."""
     velocity: tuple[float, float]
-    """Velocity (x, y) of the centre of pressure [m/s], low-passed; NaN in the first scan."""
+    """Velocity (x, y) of the centre of pressure [m/s], low-pass filtered; NaN in the first scan."""
     age: float
     """Time since the contact began [s]."""
     merged: tuple[Merged, ...] = ()
-    """Contacts that became one with this one, in order; they come back when it splits, and end when it ends."""
+    """Contacts that merged into this one, in order; they are restored when it splits, and end when it ends."""
     split_from: int = 0
-    """Id of the contact this one split off from, 0 for none."""
+    """Id of the contact that this one split off from, 0 for none."""
 
     @property
     def merged_ids(self) -> tuple[int, ...]:
-        """Ids of `merged`."""
+        """Ids of the merged contacts."""
         return tuple(past.id for past in self.merged)
 
 
 class Merged(NamedTuple):
-    """A contact that became one with another."""
+    """A contact that merged into another."""
 
     id: int
+    """Track id."""
     age: float
-    """Its age then [s], less that of the contact it merged with."""
+    """Its age at the merge, less that of the contact that it merged into [s]."""
     offset: tuple[float, float]
-    """Its centre of pressure then, from that of the contact it merged with (x, y) [m]."""
+    """Its centre of pressure at the merge, from that of the contact that it merged into (x, y) [m]."""
     split_from: int
+    """Id of the contact that it split off from, 0 for none."""
 
 
 class ContactTracker:
-    """Gives regions the ids of the contacts they continue, so that all centres of pressure together move least."""
+    """Data association of regions with contacts by the least sum of squared distances of the centres of pressure.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Description of the sensor.
+    settings : TrackerSettings, optional
+        Settings; None: the defaults.
+    """
 
     def __init__(self, sensor: Sensor, settings: TrackerSettings | None = None) -> None:
         self._settings = settings or TrackerSettings()
         self._pitch = max(sensor.layout.pitch_x, sensor.layout.pitch_y)
-        self._reach = self._settings.reach * self._pitch
+        self._gate = self._settings.gate * self._pitch
         self._threshold = sensor.contact.threshold
-        self._noise = NOISE_GUARD * TAXELS_ACROSS * self._pitch * noise_of_a_scan(sensor) / self._settings.smoothing
+        self._noise = (
+            NOISE_DEVIATIONS * TAXELS_ACROSS * self._pitch * noise_of_a_scan(sensor) / self._settings.smoothing
+        )
         self._contacts: tuple[Contact, ...] = ()
         self._next_id = 1
 
     @property
     def idle(self) -> bool:
-        """Whether there is no contact that could go on or be released."""
+        """Whether there is no contact that could continue or be released."""
         return not self._contacts
 
     @property
     def regions(self) -> list[Region]:
-        """Where the contacts were in the last scan."""
+        """Regions of the contacts in the last scan."""
         return [contact.region for contact in self._contacts]
 
     def update(self, regions: list[Region], step: float) -> tuple[Contact, ...]:
-        """Return the contacts of a scan a step [s] after the last one, ascending by id, released ones among them."""
-        if len(regions) == len(self._contacts) == 1 and self._distance(self._contacts[0], regions[0]) <= self._reach:
+        """Associate the regions of a scan with the contacts of the previous scan.
+
+        Parameters
+        ----------
+        regions : list of Region
+            Regions in contact.
+        step : float
+            Time since the previous scan [s], > 0.
+
+        Returns
+        -------
+        tuple of Contact
+            Contacts, ascending by id; those that ended in this scan are included once, as released.
+        """
+        if len(regions) == len(self._contacts) == 1 and self._distance(self._contacts[0], regions[0]) <= self._gate:
             self._contacts = (self._follow(self._contacts[0], regions[0], step),)
             return self._contacts
         pairs = self._pairs(regions)
@@ -124,11 +150,11 @@ class ContactTracker:
         return tuple(sorted((*followed, *ended), key=_id)) if ended else self._contacts
 
     def _change(self, pairs: dict[int, int], regions: list[Region], step: float) -> tuple[list[Contact], list[Contact]]:
-        """Follow contacts of which some begin, end, merge or split; return those that go on, and those that ended."""
+        """Update contacts of which some begin, end, merge or split; return the continuing ones and the ended ones."""
         before = list(self._contacts)
         merging = self._merging(pairs, regions)
         for track, into in merging.items():
-            # The older one goes on, wherever the centre of both is.
+            # The older one continues, wherever the common centre is.
             if before[track].age > before[into].age:
                 pairs[track] = pairs.pop(into)
         joined: dict[int, list[Contact]] = {}
@@ -149,23 +175,23 @@ class ContactTracker:
         return list(followed.values()), ended
 
     def _merging(self, pairs: dict[int, int], regions: list[Region]) -> dict[int, int]:
-        """Return which contacts without a region lie in that of which other one."""
+        """Return for each contact without a region the contact whose region contains it."""
         found: dict[int, int] = {}
         owner = {index: track for track, index in pairs.items()}
         for track, contact in enumerate(self._contacts):
-            if track in pairs or contact.region.force < LIFTED * self._threshold:
+            if track in pairs or contact.region.force < RELEASED_FORCE * self._threshold:
                 continue
             for index, region in enumerate(regions):
                 into = owner.get(index, -1)
                 if into >= 0 and contact.region.bits & region.bits and into not in found.values():
-                    # The force of both is there; else one has lifted from beside the other.
+                    # The region carries the force of both; otherwise one was released beside the other.
                     if region.force >= self._contacts[into].region.force + 0.5 * contact.region.force:
                         found[track] = into
                     break
         return found
 
     def _split(self, index: int, regions: list[Region], pairs: dict[int, int], followed: dict[int, Contact]) -> None:
-        """Add the contact of a region that no contact goes on in: one that comes back, splits off, or is new."""
+        """Add the contact of a region without association: one that is restored, splits off, or is new."""
         for track, other in pairs.items():
             if not self._contacts[track].region.bits & regions[index].bits:
                 continue
@@ -175,19 +201,18 @@ class ContactTracker:
                 followed[index] = self._begin(regions[index], parent.id)
                 return
             there, here = regions[index].centre_of_pressure, regions[other].centre_of_pressure
-            way = there[0] - here[0], there[1] - here[1]
-            back = max(parent.merged, key=lambda past: past.offset[0] * way[0] + past.offset[1] * way[1])
-            places = (other, index)
-            if back.offset[0] * way[0] + back.offset[1] * way[1] < 0.0:
-                places = (index, other)
-                way = -way[0], -way[1]
+            direction = there[0] - here[0], there[1] - here[1]
+            back = max(parent.merged, key=lambda past: past.offset[0] * direction[0] + past.offset[1] * direction[1])
+            targets = (other, index)
+            if back.offset[0] * direction[0] + back.offset[1] * direction[1] < 0.0:
+                targets = (index, other)
             rest = tuple(past for past in parent.merged if past is not back)
-            stays = _unmoved(parent._replace(region=regions[places[0]], merged=rest), self._contacts[track])
-            followed[places[0]] = stays
-            followed[places[1]] = Contact(
+            stays = _unmoved(parent._replace(region=regions[targets[0]], merged=rest), self._contacts[track])
+            followed[targets[0]] = stays
+            followed[targets[1]] = Contact(
                 back.id,
                 ContactState.HELD,
-                regions[places[1]],
+                regions[targets[1]],
                 (0.0, 0.0),
                 stays.age + back.age,
                 split_from=back.split_from,
@@ -196,18 +221,21 @@ class ContactTracker:
         followed[index] = self._begin(regions[index])
 
     def _pairs(self, regions: list[Region]) -> dict[int, int]:
-        """Return which contact goes on in which region, by their indices, so that all together move the least."""
-        places = [region.centre_of_pressure for region in regions]
-        ways = [[math.dist(contact.region.centre_of_pressure, place) for place in places] for contact in self._contacts]
+        """Return the index of the region of each contact that continues, by the least sum of squared distances."""
+        centres = [region.centre_of_pressure for region in regions]
+        distances = [
+            [math.dist(contact.region.centre_of_pressure, centre) for centre in centres] for contact in self._contacts
+        ]
         pairs: dict[int, int] = {}
-        for track, row in enumerate(ways):
+        for track, row in enumerate(distances):
             nearest = min(row, default=math.inf)
-            if nearest <= self._reach:
+            if nearest <= self._gate:
                 pairs[track] = row.index(nearest)
         if len(set(pairs.values())) == len(pairs):
             return pairs
-        # To end and begin anew counts as much as the longest way that is still the same contact's.
-        return cheapest_pairs([[way * way for way in row] for row in ways], self._reach**2)
+        # A contact that ends costs as much as the longest distance within the gate.
+        squares = [[distance * distance for distance in row] for row in distances]
+        return minimum_cost_assignment(squares, self._gate**2)
 
     def _distance(self, contact: Contact, region: Region) -> float:
         return math.dist(contact.region.centre_of_pressure, region.centre_of_pressure)
@@ -239,14 +267,14 @@ def _id(contact: Contact) -> int:
 
 
 def _unmoved(contact: Contact, before: Contact) -> Contact:
-    """Return a contact whose centre jumped, as its region merged or split, with the motion it had before."""
+    """Return a contact whose centre jumped by a merge or split, with its previous state and velocity."""
     if before.state is ContactState.NEW:
         return contact._replace(state=ContactState.HELD, velocity=(0.0, 0.0))
     return contact._replace(state=before.state, velocity=before.velocity)
 
 
 def _merged(contact: Contact, others: list[Contact]) -> tuple[Merged, ...]:
-    """Return what a contact has to remember of others that became one with it, and of those that had with them."""
+    """Return the records of others that merged into a contact, and of those that had merged into them."""
     here = contact.region.centre_of_pressure
     found: list[Merged] = []
     for other in others:

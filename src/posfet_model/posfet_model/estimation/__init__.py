@@ -1,4 +1,7 @@
-"""Force from leaking charge: leakage compensation, baseline, temperature, uncertainty. Imports calibration, sensor."""
+"""Static force from a leaking charge signal: leakage compensation, baseline tracking, temperature, uncertainty.
+
+Imports calibration and sensor.
+"""
 
 from posfet_model._lib.lazy import lazy_submodules
 

@@ -1,13 +1,14 @@
-"""What all taxels show together: the film's own temperature, ahead of the chip's sensors.
+"""Common-mode component of the forces, interpreted as film temperature ahead of the chip sensors.
 
-The chip's sensors speak ten times a second, and the film may lag or charge otherwise than described. But all of it is
-at one temperature, and a touch can only push. So the taxels that read least tell the temperature of all.
+The chip sensors report at 10 Hz, and the film may lag or generate charge otherwise than described. But the film has one
+temperature, and a touch can only push. So the least-loaded taxels give the temperature of all.
 
-While nothing touches, what they show is taken for warmth at once. The sensors have the last word: when their next
-readings do not bear it out, it was a press on the whole array, which then comes to light, 0.3 s late; unless it is no
-more than may come of what is not known of the film's temperature and of its pyroelectric coefficient. Only so far it
-is taken for warmth while something touches, too: while the chip rests, a touch on the whole array loses nothing. Where
-even those that read least read far more than that, all are pressed, and nothing is taken for warmth.
+While nothing touches, the common-mode component is attributed to temperature at once. The next three sensor readings
+(0.3 s) must confirm it; otherwise it was a press on the whole array, which is then reported, 0.3 s late. A component
+within the uncertainty of the film temperature and of the pyroelectric coefficient needs no confirmation. While
+something touches, only as much is attributed to temperature: while the chip temperature is steady, a touch on the whole
+array loses nothing. Where even the least-loaded taxels read far more than that, all are pressed, and nothing is
+attributed to temperature.
 """
 
 from __future__ import annotations
@@ -19,154 +20,178 @@ from numpy.typing import NDArray
 
 from posfet_model.estimation.film_temperature import FilmTemperature
 
-NOTICED: Final = 0.05
-"""Force common to all taxels that is noticed, in thresholds of contact [1]."""
+NOTICEABLE: Final = 0.05
+"""Least common-mode force that is processed [contact threshold]."""
 
 TRIAL: Final = 0.3
-"""How long it is taken for warmth before the chip's sensors have to bear it out: three of their readings [s]."""
+"""Time within which the chip sensors must confirm a correction [s]: three of their readings."""
 
-BORNE_OUT: Final = 0.3
-"""Share of what was taken for warmth that the chip's sensors must show by then [1]."""
+CONFIRMED: Final = 0.3
+"""Share of the correction that the chip sensors must show by then [1]."""
 
-
-LEAST_PRESSED: Final = 0.2
-"""The taxels that read least are so many of all [1]: the rest may be touched."""
+LEAST_LOADED: Final = 0.2
+"""Quantile of the forces that represents the least-loaded taxels [1]: the other taxels may be touched."""
 
 FEWEST: Final = 5
-"""Fewer usable taxels tell no temperature: a fingertip presses them all."""
+"""With fewer usable taxels the common mode is not observable: a fingertip presses them all."""
 
-DOUBTS: Final = 3.0
-"""While something touches, so many standard deviations of the film's temperature are believed [1]."""
+DEVIATIONS: Final = 3.0
+"""Standard deviations of the film temperature that a correction may reach while something touches [1]."""
 
-PYROELECTRIC_DOUBT: Final = 0.3
-"""And this share of what the film warmed since the touch began: the pyroelectric coefficient may be wrong [1]."""
+PYROELECTRIC_UNCERTAINTY: Final = 0.3
+"""Relative uncertainty of the pyroelectric coefficient [1]: allows this share of the temperature change since the touch
+began in addition."""
 
 PRESSED: Final = 2.0
-"""When those that read least read more than this many times what is believed, all are pressed [1]."""
+"""All taxels are pressed when the least-loaded read more than this many times the limit of the correction [1]."""
 
 STILL_PRESSED: Final = 0.5
-"""And all stay pressed until they read less than this share of what they did then [1], whatever the film does."""
+"""They stay pressed until the least-loaded read less than this share of that force [1] (hysteresis)."""
 
-SMOOTHED: Final = 5e-3
-"""Time over which that is averaged, so that noise is not taken for warmth [s]. A steady warming does not lag behind."""
+SMOOTHING: Final = 5e-3
+"""Time constant of the average under a touch, so that noise is not attributed to temperature [s]. A steady ramp is
+followed without lag."""
 
-WORTH_IT: Final = 5.0
-"""Errors of the temperature are left alone that make less than this many times what is noticed [1]."""
+LEAST_LIMIT: Final = 5.0
+"""Temperature errors that cause less than this many times `NOTICEABLE` are not corrected under a touch [1]."""
 
-BELOW: Final = 0.5
-"""By so many standard deviations of noise the taxels that read least read less than their mean [1]: the normal
-distribution's quantile of `LEAST_PRESSED` of all, when a third is pressed."""
+QUANTILE_BIAS: Final = 0.5
+"""Bias of the least-loaded quantile below the mean, in standard deviations of the noise [1]: the normal distribution's
+quantile at `LEAST_LOADED` of all when a third of the taxels is pressed."""
 
 
-class CommonMode:
-    """Lets the film follow what all taxels show together."""
+class CommonModeTemperature:
+    """Corrects the film temperature by the common-mode component of the forces.
+
+    State variables: remaining time of the trial [s], sum of the corrections in the trial [K], correction since the
+    touch began [K] and its rate [K/s], force of the least-loaded taxels when all were pressed [N].
+
+    Parameters
+    ----------
+    film : FilmTemperature
+        Film temperature, which is corrected.
+    newton_per_kelvin : float
+        Pyroelectric signal of a taxel [N/K].
+    threshold : float
+        Contact threshold [N].
+    noise : float
+        Standard deviation of a reading [N].
+    """
 
     def __init__(self, film: FilmTemperature, newton_per_kelvin: float, threshold: float, noise: float) -> None:
-        """Take the film, its signal of a taxel per temperature [N/K], the threshold of contacts and the noise [N]."""
-        self._bias = BELOW * noise
-        self.told = False
-        """Whether the taxels that read least told the temperature lately, as far as they are believed."""
-        self._shift = 0.0
-        self._pressed = 0.0  # what those that read least read when all were surely pressed [N]
-        self._pace = 0.0  # how fast the film warms by what the taxels show [K/s]
+        self._bias = QUANTILE_BIAS * noise
+        self.observable = False
+        """Whether the least-loaded taxels gave the temperature recently, within the limit of the correction."""
+        self._correction = 0.0
+        self._pressed = 0.0  # force of the least-loaded taxels when all were pressed [N]
+        self._rate = 0.0  # rate of change of the film temperature according to the taxels [K/s]
         self._base = 0.0
         self._film = film
         self._newton_per_kelvin = newton_per_kelvin
-        self._noticed = NOTICED * threshold
-        self._left = 0.0
-        self._chip = self._warmth = 0.0  # of chip and film when a trial began [K]
-        self._believed = 0.0
-        self._refuted = False
+        self._noticeable = NOTICEABLE * threshold
+        self._trial_left = 0.0
+        self._trial_chip = self._trial_rise = 0.0  # temperatures of chip and film when the trial began [K]
+        self._accepted = 0.0
+        self._rejected = False
 
     @property
-    def told_variance(self) -> float:
-        """Variance of the forces [N2] that the taxels leave open when they tell the temperature."""
-        return self._noticed**2
+    def residual_variance(self) -> float:
+        """Variance of the forces that remains where the common mode is observable [N2]."""
+        return self._noticeable**2
 
     @property
     def active(self) -> bool:
-        """Whether to call `follow`."""
-        return self._left > 0.0 or self._film.changing
+        """Whether `update_untouched` is needed."""
+        return self._trial_left > 0.0 or self._film.in_transient
 
     @property
-    def since_touch(self) -> float:
-        """By how much the film changed since something touches [K]."""
-        return abs(self._film.warmth + self._shift - self._base)
+    def change_since_touch(self) -> float:
+        """Magnitude of the film's temperature change since the touch began [K]."""
+        return abs(self._film.rise_from_sensors + self._correction - self._base)
 
-    def look(self, mean: NDArray[np.float64], duration: float, touched: bool) -> float:
-        """Take each usable taxel's mean force [N] over a block of `duration` [s], and whether something touches.
+    def update(self, mean: NDArray[np.float64], duration: float, touched: bool) -> float:
+        """Process a block; return the change of the film temperature [K] that reverts an unconfirmed correction.
 
-        Return by how much [K] the film has to be taken for warmer, as what it was taken for was not borne out.
+        Parameters
+        ----------
+        mean : ndarray of float64, shape [usable taxels]
+            Mean forces of the usable taxels over the block [N].
+        duration : float
+            Duration of the block [s].
+        touched : bool
+            Whether something touches.
         """
         if self._newton_per_kelvin == 0.0 or len(mean) < FEWEST:
             return 0.0
-        on_trial = self._left > 0.0
-        self._left -= duration
-        noticed = abs(_least(mean)) > self._noticed
-        if on_trial and self._left <= 0.0:
-            warmed = self._film.chip - self._chip
-            borne_out = warmed * self._believed >= BORNE_OUT * self._believed**2
-            borne_out |= abs(self._film.nudged) <= self._doubtful(self._warmth)
-            self._refuted = not borne_out and abs(self._believed * self._newton_per_kelvin) > self._noticed
-            return self._film.forget_nudges() if self._refuted else 0.0
-        if self._refuted:
-            self._refuted = noticed or touched
-        elif not on_trial and noticed and not touched:
-            self._left, self._chip, self._warmth, self._believed = TRIAL, self._film.chip, self._film.warmth, 0.0
+        on_trial = self._trial_left > 0.0
+        self._trial_left -= duration
+        noticeable = abs(_least_loaded(mean)) > self._noticeable
+        if on_trial and self._trial_left <= 0.0:
+            warmed = self._film.chip - self._trial_chip
+            confirmed = warmed * self._accepted >= CONFIRMED * self._accepted**2
+            confirmed |= abs(self._film.correction) <= self._limit(self._trial_rise)
+            self._rejected = not confirmed and abs(self._accepted * self._newton_per_kelvin) > self._noticeable
+            return self._film.revert_correction() if self._rejected else 0.0
+        if self._rejected:
+            self._rejected = noticeable or touched
+        elif not on_trial and noticeable and not touched:
+            self._trial_left, self._accepted = TRIAL, 0.0
+            self._trial_chip, self._trial_rise = self._film.chip, self._film.rise_from_sensors
         return 0.0
 
-    def follow(self, force: NDArray[np.float64]) -> float:
-        """Return by how much [K] the film has to be taken for warmer, by the force [N] of each usable taxel."""
+    def update_untouched(self, force: NDArray[np.float64]) -> float:
+        """Return the correction [K] for a scan without touch, from the forces [N] of the usable taxels."""
         if len(force) < FEWEST:
             return 0.0
-        wanted = _least(force) / self._newton_per_kelvin
-        believed = self._film.nudge(wanted, DOUBTS * self._film.standard_deviation, further=self._left > 0.0)
-        self._believed += believed
-        self.told = abs(wanted - believed) * abs(self._newton_per_kelvin) <= self._noticed
-        return believed
+        wanted = _least_loaded(force) / self._newton_per_kelvin
+        limit = DEVIATIONS * self._film.standard_deviation
+        accepted = self._film.common_mode_correction(wanted, limit, extend=self._trial_left > 0.0)
+        self._accepted += accepted
+        self.observable = abs(wanted - accepted) * abs(self._newton_per_kelvin) <= self._noticeable
+        return accepted
 
-    def rest(self) -> None:
-        """Take note that nothing touched for a block."""
-        self._base, self._shift, self._pace = self._film.warmth, 0.0, self._film.rate
+    def end_touch(self) -> None:
+        """Record a block without touch."""
+        self._base, self._correction, self._rate = self._film.rise_from_sensors, 0.0, self._film.rate
         self._pressed = 0.0
-        self.told &= self.active
-        if self._left <= 0.0:
-            self._film.keep_nudges()
+        self.observable &= self.active
+        if self._trial_left <= 0.0:
+            self._film.keep_correction()
 
-    def hold(self, force: NDArray[np.float64]) -> float:
-        """Return the same while something touches."""
+    def update_touched(self, force: NDArray[np.float64]) -> float:
+        """Return the correction [K] for a scan under a touch, from the forces [N] of the usable taxels."""
         film = self._film
-        film.keep_nudges()  # a touch that is felt apart from the others refutes none
-        self._left = 0.0
-        most = self._doubtful(self._base)
-        self.told = len(force) >= FEWEST and most * abs(self._newton_per_kelvin) > WORTH_IT * self._noticed
-        if not self.told:
-            self._pace = film.rate
+        film.keep_correction()  # a touch that is detected does not reject an earlier correction
+        self._trial_left = 0.0
+        limit = self._limit(self._base)
+        self.observable = len(force) >= FEWEST and limit * abs(self._newton_per_kelvin) > LEAST_LIMIT * self._noticeable
+        if not self.observable:
+            self._rate = film.rate
             return 0.0
-        least = _least(force) + self._bias
-        level = least + self._shift * self._newton_per_kelvin
-        if level > PRESSED * most * abs(self._newton_per_kelvin):
+        least = _least_loaded(force) + self._bias
+        level = least + self._correction * self._newton_per_kelvin
+        if level > PRESSED * limit * abs(self._newton_per_kelvin):
             self._pressed = level
         elif level < STILL_PRESSED * self._pressed:
             self._pressed = 0.0
         pressed = self._pressed > 0.0
         if pressed:
-            least = -self._shift * self._newton_per_kelvin  # no warmth does that: all are pressed, and tell none
+            least = -self._correction * self._newton_per_kelvin  # no temperature explains it: all taxels are pressed
         error = least / self._newton_per_kelvin
-        share = min(film.step / SMOOTHED, 1.0)
-        wanted = self._shift + (self._pace - film.rate) * film.step + share * error
-        shift = min(max(wanted, -most), most)
-        self.told = shift == wanted and not pressed
-        self._pace = self._pace + 0.25 * share * error / SMOOTHED if self.told else film.rate
-        change, self._shift = shift - self._shift, shift
+        share = min(film.step / SMOOTHING, 1.0)
+        wanted = self._correction + (self._rate - film.rate) * film.step + share * error
+        correction = min(max(wanted, -limit), limit)
+        self.observable = correction == wanted and not pressed
+        self._rate = self._rate + 0.25 * share * error / SMOOTHING if self.observable else film.rate
+        change, self._correction = correction - self._correction, correction
         return change
 
-    def _doubtful(self, since: float) -> float:
-        """Return how far [K] the film may be from where the sensors have it, known at a warmth `since` [K]."""
+    def _limit(self, since: float) -> float:
+        """Return the greatest plausible error of the film temperature [K], given its value `since` [K] when known."""
         film = self._film
-        return DOUBTS * film.standard_deviation + PYROELECTRIC_DOUBT * abs(film.warmth - since)
+        return DEVIATIONS * film.standard_deviation + PYROELECTRIC_UNCERTAINTY * abs(film.rise_from_sensors - since)
 
 
-def _least(force: NDArray[np.float64]) -> float:
-    """Return what the taxels read that are pressed least: a touch on all but those does not move it."""
-    return float(np.sort(force)[int(LEAST_PRESSED * len(force))])
+def _least_loaded(force: NDArray[np.float64]) -> float:
+    """Return the force of the least-loaded taxels: a touch on all other taxels does not affect it."""
+    return float(np.sort(force)[int(LEAST_LOADED * len(force))])

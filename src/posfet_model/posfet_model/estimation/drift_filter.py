@@ -1,17 +1,17 @@
-"""What is known of the zeros: the error of each taxel's force and the offset behind it, as a Kalman filter.
+"""Kalman filter of the baseline: error of each taxel's force, and the amplifier offset that causes it.
 
-With d the error of the force and e_k those of the parts of the amplifier's offset o [N], a time T brings
+With d the error of the force and e_k those of the components of the amplifier offset o [N], a time T brings
 
-    d <- d - (T/tau)*sum(m_k*e_k) + white noise + unseen temperature,    m_k = (1 - a_k)*T_k/T
-    e_k <- a_k*e_k + noise of variance K^2*ln(10)*(1 - a_k^2),           a_k = exp(-T/T_k)
+    d <- d - (T/tau)*sum(m_k*e_k) + white noise + unobserved temperature,    m_k = (1 - a_k)*T_k/T
+    e_k <- a_k*e_k + noise of variance K^2*ln(10)*(1 - a_k^2),               a_k = exp(-T/T_k)
 
-as 1/f noise of density K^2/f is the sum of first-order Markov processes, one per decade of the memory T_k, each of
-variance K^2*ln(10). There is one part for each memory that matters to a held force, and one that wanders for ever.
-Where nothing touches, the mean of the force over a block is a measurement of d half a block ago: d + T/(2*tau)*sum(e_k)
-and white noise. While something touches nothing is measured, and each part goes back to 0 as its memory fades.
+as 1/f noise of density K^2/f is the sum of first-order Markov processes, one per decade of the time constant T_k, each
+of variance K^2*ln(10). The filter has one component for each time constant that matters to a held force, and one random
+walk. Where nothing touches, the mean of the force over a block measures d half a block ago: d + T/(2*tau)*sum(e_k) and
+white noise. While something touches nothing is measured, and each component decays to 0 with its time constant.
 
-A press is noticed late, and until then it is taken for drift. So what was known after each of the last blocks is kept,
-and a taxel that turns out to be touched is put back to where it was before it began.
+A press is detected late, and until then it is absorbed as drift. So the states after each of the last blocks are kept,
+and a taxel on which a touch is detected is rolled back to its state before the touch began.
 """
 
 from __future__ import annotations
@@ -29,64 +29,77 @@ from posfet_model._lib.first_order import mean_decay
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 
-MEMORIES: Final = (100.0, 10.0, 1.0)
-"""T_k [s]. The first part wanders as fast as a process of that memory, but for ever."""
+TIME_CONSTANTS: Final = (100.0, 10.0, 1.0)
+"""T_k [s]. The first component is a random walk with the rate of a process of that time constant."""
 
-FAST: Final = 0.1
-"""Memory of the fastest process, which is not followed but counted as white noise [s]."""
+FASTEST_TIME_CONSTANT: Final = 0.1
+"""Time constant of the fastest process, which counts as white noise and has no state [s]."""
 
 BLOCKS: Final = 12
-"""Blocks that are remembered."""
+"""Number of blocks whose states are kept."""
 
 PRESSING: Final = 1.5
-"""A mean so many standard deviations of its noise above zero may be the beginning of a touch [1]."""
+"""Standard deviations of its noise above zero from which a block mean may be the onset of a touch [1]."""
 
-PARTS: Final = len(MEMORIES)
-_RATES: Final = np.array([0.0] + [1.0 / memory for memory in MEMORIES[1:]])
+COMPONENTS: Final = len(TIME_CONSTANTS)
+_RATES: Final = np.array([0.0] + [1.0 / time_constant for time_constant in TIME_CONSTANTS[1:]])
 
 
 @dataclass(frozen=True)
-class Zeros:
-    """What is known of some taxels."""
+class DriftState:
+    """State of the drift filter for some taxels."""
 
-    parts: Array
-    """Of the offset [N], shape [PARTS, taxels]."""
+    components: Array
+    """Components of the offset [N], shape [COMPONENTS, taxels]."""
     covariance: Array
-    """Of (d, e_k) [N2], shape [1 + PARTS, 1 + PARTS, taxels]; the first column is that row and not kept up."""
+    """Covariance of (d, e_k) [N2], shape [1 + COMPONENTS, 1 + COMPONENTS, taxels]; the first row is valid, the first
+    column below it is not updated."""
     shift: Array
-    """Sum of what corrections added to the force, less what the offsets in use took off it [N], shape [taxels]."""
+    """Sum of the corrections added to the force, less the leakage of the estimated offsets [N], shape [taxels]."""
 
     @classmethod
-    def of(cls, *before: int) -> Zeros:
-        """Return zeros for a shape, taxels last."""
-        *many, taxels = before
-        side = 1 + PARTS
-        return cls(np.zeros((*many, PARTS, taxels)), np.zeros((*many, side, side, taxels)), np.zeros((*many, taxels)))
+    def zeros(cls, *shape: int) -> DriftState:
+        """Return a state of zeros for a shape, taxels last."""
+        *many, taxels = shape
+        side = 1 + COMPONENTS
+        return cls(
+            np.zeros((*many, COMPONENTS, taxels)), np.zeros((*many, side, side, taxels)), np.zeros((*many, taxels))
+        )
 
 
-class ZeroFilter:
-    """Offsets of all taxels and their covariance with the error of the force."""
+class DriftFilter:
+    """Kalman filter of the offsets of all taxels and of the error of their forces.
 
-    def __init__(self, time_constant: Array, noise_variance: Array, flicker: float, drift: float) -> None:
-        """Take the leak's time constants [s] and the variance of a reading [N2], shapes [taxels].
+    State variables per taxel: components of the offset [N], covariance of force error and offset components [N2], sum
+    of the corrections of the force [N]; the states after the last `BLOCKS` blocks.
 
-        flicker [N2] is K^2, the density of the 1/f noise at 1 Hz times 1 Hz; drift [N2/s] the variance that unseen
-        temperature adds to the force.
-        """
+    Parameters
+    ----------
+    time_constant : ndarray of float64, shape [taxels]
+        Leakage time constants tau [s]; not copied.
+    noise_variance : ndarray of float64, shape [taxels]
+        Variance of a reading [N2].
+    flicker : float
+        K^2, the density of the 1/f noise at 1 Hz times 1 Hz [N2].
+    temperature_drift : float
+        Variance that the unobserved temperature adds to the force per time [N2/s].
+    """
+
+    def __init__(self, time_constant: Array, noise_variance: Array, flicker: float, temperature_drift: float) -> None:
         taxels = len(time_constant)
         self.time_constant = time_constant
         self.offset = np.zeros(taxels)
-        """Sum of its parts [N]; not to be written to."""
+        """Sum of the components [N]; read-only."""
         self.noise_variance = noise_variance.copy()
-        """Variance of a reading of each taxel [N2]; to be written to where it changes."""
-        self._drift = drift
+        """Variance of a reading of each taxel [N2]; written by others when it changes."""
+        self._temperature_drift = temperature_drift
         self._decade = flicker * math.log(10.0)
-        self._now = Zeros.of(taxels)
+        self._now = DriftState.zeros(taxels)
         self._time = 0.0
         self._step = 0.0
-        self._reach = np.zeros(taxels)
-        self._seen = np.zeros((1 + PARTS, taxels))
-        self._past = Zeros.of(BLOCKS, taxels)
+        self._ratio = np.zeros(taxels)
+        self._projection = np.zeros((1 + COMPONENTS, taxels))
+        self._past = DriftState.zeros(BLOCKS, taxels)
         self._past_time = np.zeros(BLOCKS)
         self._pressing = np.zeros((BLOCKS, taxels), np.bool_)
         self._newest = 0
@@ -94,119 +107,152 @@ class ZeroFilter:
 
     @property
     def variance(self) -> Array:
-        """Variance of the force's error d [N2], shape [taxels]; to be written to where more is unknown."""
+        """Variance of the error d of the force [N2], shape [taxels]; increased by others in place."""
         variance: Array = self._now.covariance[0, 0]
         return variance
 
     @property
     def offset_variance(self) -> Array:
-        """Variance of the error of the offset [N2], shape [taxels]."""
+        """Variance of the offset [N2], shape [taxels]."""
         variance: Array = self._now.covariance[1:, 1:].sum(axis=(0, 1))
         return variance
 
-    def grow(self, duration: float, squares: float) -> None:
-        """Pass a time [s] whose steps have squares that add up to `squares` [s2]."""
+    def predict(self, duration: float, squares: float) -> None:
+        """Propagate the state by `duration` [s], made of steps whose squares sum up to `squares` [s2]."""
         self._time += duration
         self._step = squares / duration
         white = (self.noise_variance * squares + self._fast * duration) / self.time_constant**2
-        self._pass(self._now, self.time_constant, duration, white)
-        self._now.parts.sum(axis=0, out=self.offset)
+        self._propagate(self._now, self.time_constant, duration, white)
+        self._now.components.sum(axis=0, out=self.offset)
 
-    def expect(self, duration: float, noise: Array) -> Array:
-        """Return the variance [N2] of the mean force over the last `duration` [s] if nothing touched; for `correct`.
+    def innovation_variance(self, duration: float, noise: Array) -> Array:
+        """Return the variance of the mean force over the last `duration` [s] without touch; needed by `update`.
 
-        noise [N2] is the variance of the mean by itself.
+        Parameters
+        ----------
+        duration : float
+            Duration of the block [s].
+        noise : ndarray of float64, shape [taxels]
+            Variance of the mean due to noise alone [N2].
+
+        Returns
+        -------
+        ndarray of float64, shape [taxels]
+            Innovation variance [N2].
         """
-        covariance, reach, seen = self._now.covariance, self._reach, self._seen
-        np.divide(0.5 * duration, self.time_constant, out=reach)
-        np.add.reduce(covariance[:, 1:], axis=1, out=seen)
-        seen *= reach
-        seen[0] += covariance[0, 0]
-        seen[1:] += covariance[0, 1:]
-        expected: Array = np.add.reduce(seen[1:])
-        expected *= reach
-        expected += seen[0]
+        covariance, ratio, projection = self._now.covariance, self._ratio, self._projection
+        np.divide(0.5 * duration, self.time_constant, out=ratio)
+        np.add.reduce(covariance[:, 1:], axis=1, out=projection)
+        projection *= ratio
+        projection[0] += covariance[0, 0]
+        projection[1:] += covariance[0, 1:]
+        expected: Array = np.add.reduce(projection[1:])
+        expected *= ratio
+        expected += projection[0]
         expected += noise
         return expected
 
     def gain(self, expected: Array) -> Array:
-        """Return which share of the mean is the force's error [1]."""
-        gain: Array = self._seen[0] / expected
+        """Return the Kalman gain of the force error [1], given the innovation variance [N2]."""
+        gain: Array = self._projection[0] / expected
         return gain
 
-    def correct(self, where: Mask, mean: Array, expected: Array) -> None:
-        """Learn from the mean force [N] of the masked taxels; moving the force is left to the caller, see `move`."""
-        gains = np.where(where, self._seen / expected, 0.0)
-        parts, covariance = self._now.parts, self._now.covariance
-        parts -= gains[1:] * mean
-        covariance -= gains[:, None] * self._seen
-        parts.sum(axis=0, out=self.offset)
+    def update(self, where: Mask, mean: Array, expected: Array) -> None:
+        """Update the masked taxels by their mean force [N], given the innovation variance [N2].
 
-    def move(self, change: Array | float) -> None:
-        """Take note of a correction that was added to the force [N]."""
+        The caller corrects the force itself, and reports that by `record_correction`.
+        """
+        gains = np.where(where, self._projection / expected, 0.0)
+        components, covariance = self._now.components, self._now.covariance
+        components -= gains[1:] * mean
+        covariance -= gains[:, None] * self._projection
+        components.sum(axis=0, out=self.offset)
+
+    def record_correction(self, change: Array | float) -> None:
+        """Record a correction that was added to the force [N]."""
         shift = self._now.shift
         shift += change
 
-    def know_force(self, where: Mask | slice, variance: Array) -> None:
-        """Take the force of the masked taxels for known to within a variance [N2]."""
+    def reset_force_error(self, where: Mask | slice, variance: Array) -> None:
+        """Set the variance of the force error of the masked taxels [N2], uncorrelated with the offset."""
         self._now.covariance[0, 1:, where] = 0.0
         self._now.covariance[0, 0, where] = variance
 
     @property
-    def wander(self) -> float:
-        """Variance per time [N2/s] by which an offset wanders for ever."""
-        return 2.0 * self._decade / MEMORIES[0]
+    def random_walk(self) -> float:
+        """Variance per time of the random walk of an offset [N2/s]."""
+        return 2.0 * self._decade / TIME_CONSTANTS[0]
 
-    def share(self, usable: Mask, offset: float) -> None:
-        """Make `offset` [N] the mean of those of the usable taxels, and move all others along."""
-        self._now.parts[:] -= self._now.parts[:, usable].mean(axis=1)[:, None]
-        self._now.parts[0] += offset
-        self._now.parts.sum(axis=0, out=self.offset)
+    def set_mean_offset(self, usable: Mask, offset: float) -> None:
+        """Shift all offsets so that the mean of those of the usable taxels is `offset` [N]."""
+        self._now.components[:] -= self._now.components[:, usable].mean(axis=1)[:, None]
+        self._now.components[0] += offset
+        self._now.components.sum(axis=0, out=self.offset)
 
-    def doubt(self, where: Mask, variance: Array | float) -> None:
-        """Take the offsets of the masked taxels for less well known by a variance [N2]."""
+    def inflate_offset_variance(self, where: Mask, variance: Array | float) -> None:
+        """Increase the variance of the offsets of the masked taxels [N2]."""
         self._now.covariance[1, 1, where] += variance
 
-    def begin(self, where: Mask, offset: Array, variance: Array, force: Array, common: Array) -> None:
-        """Begin anew with the masked taxels.
+    def restart(self, where: Mask, offset: Array, variance: Array, force: Array, common: Array) -> None:
+        """Restart the masked taxels.
 
-        Take their offsets [N] with their variance [N2], the variance [N2] of the force, and the covariance [N2] of
-        both, shapes [masked].
+        Parameters
+        ----------
+        where : ndarray of bool, shape [taxels]
+            Taxels to restart.
+        offset : ndarray of float64, shape [masked]
+            Their offsets [N].
+        variance : ndarray of float64, shape [masked]
+            Variance of the offsets [N2].
+        force : ndarray of float64, shape [masked]
+            Variance of the force error [N2].
+        common : ndarray of float64, shape [masked]
+            Covariance of force error and offset [N2].
         """
         now = self._now
-        now.parts[:, where] = 0.0
-        now.parts[0, where] = offset
+        now.components[:, where] = 0.0
+        now.components[0, where] = offset
         now.covariance[:, :, where] = 0.0
-        for part in range(1, PARTS):
-            now.covariance[1 + part, 1 + part, where] = self._decade
+        for component in range(1, COMPONENTS):
+            now.covariance[1 + component, 1 + component, where] = self._decade
         now.covariance[1, 1, where] = variance
         now.covariance[0, 1, where] = common
         now.covariance[0, 0, where] = force
-        now.parts.sum(axis=0, out=self.offset)
+        now.components.sum(axis=0, out=self.offset)
 
-    def lose_force(self) -> None:
-        """Take the force for what the signal shows above the offset: its error is then the offset's."""
+    def reset_force_to_signal(self) -> None:
+        """Record that the force was set to the signal above the offset: its error is that of the offset."""
         covariance = self._now.covariance
         covariance[0, 1:] = -covariance[1:, 1:].sum(axis=0)
         covariance[0, 0] = self.noise_variance - covariance[0, 1:].sum(axis=0)
         self._filled = 0
 
-    def keep(self, mean: Array, noise: Array) -> None:
-        """Remember what is known after a block of this mean force [N], whose variance by itself is noise [N2]."""
+    def store(self, mean: Array, noise: Array) -> None:
+        """Keep the state after a block of this mean force [N], whose noise has the variance `noise` [N2]."""
         index = self._newest = (self._newest + 1) % BLOCKS
-        self._past.parts[index] = self._now.parts
+        self._past.components[index] = self._now.components
         self._past.covariance[index] = self._now.covariance
         self._past.shift[index] = self._now.shift
         self._past_time[index] = self._time
         np.greater(mean, PRESSING * np.sqrt(noise), out=self._pressing[index])
         self._filled = min(self._filled + 1, BLOCKS)
 
-    def undo(self, where: Mask) -> tuple[Array, NDArray[np.intp]]:
-        """Put the masked taxels back to before their touch began.
+    def roll_back(self, where: Mask) -> tuple[Array, NDArray[np.intp]]:
+        """Return the masked taxels to their state before the touch began.
 
-        Return what that adds to the force [N], and by how many blocks, 0 to the one before, both of shape [masked].
+        The touch began in the first of the consecutive last blocks with a mean above zero, or in the block before.
 
-        It began in the first of the last blocks that all were above zero, or in the one before.
+        Parameters
+        ----------
+        where : ndarray of bool, shape [taxels]
+            Taxels to roll back.
+
+        Returns
+        -------
+        change : ndarray of float64, shape [masked]
+            Correction to be added to the force [N].
+        blocks : ndarray of intp, shape [masked]
+            Number of blocks rolled back; 0: to the state after the previous block.
         """
         taxels = where.nonzero()[0]
         if not self._filled:
@@ -220,53 +266,53 @@ class ZeroFilter:
             age += pressing
         age = np.minimum(age + 1, self._filled - 1)
         index = (self._newest - age) % BLOCKS
-        then = Zeros(
-            np.ascontiguousarray(self._past.parts[index, :, taxels].T),
+        then = DriftState(
+            np.ascontiguousarray(self._past.components[index, :, taxels].T),
             np.ascontiguousarray(np.moveaxis(self._past.covariance[index, :, :, taxels], 0, -1)),
             self._past.shift[index, taxels],
         )
         passed = self._time - self._past_time[index]
         tau = self.time_constant[taxels]
-        self._pass(then, tau, passed, (self.noise_variance[taxels] * self._step + self._fast) * passed / tau**2)
+        self._propagate(then, tau, passed, (self.noise_variance[taxels] * self._step + self._fast) * passed / tau**2)
         change: Array = then.shift - self._now.shift[taxels]
-        self._now.parts[:, taxels] = then.parts
+        self._now.components[:, taxels] = then.components
         self._now.covariance[:, :, taxels] = then.covariance
         self._now.shift[taxels] = then.shift
-        self._now.parts.sum(axis=0, out=self.offset)
+        self._now.components.sum(axis=0, out=self.offset)
         return change, age
 
     @property
     def _fast(self) -> float:
-        """Variance per time that the fast part of the 1/f noise adds, as white noise [N2 s]."""
-        return 2.0 * self._decade * FAST
+        """Spectral density of the fast part of the 1/f noise, which counts as white noise [N2 s]."""
+        return 2.0 * self._decade * FASTEST_TIME_CONSTANT
 
-    def _pass(self, zeros: Zeros, tau: Array, duration: float | Array, white: Array) -> None:
-        """Pass a time [s], one for all taxels or one for each, in which the force gathers `white` noise [N2]."""
-        kept, mean = _memory(duration) if isinstance(duration, float) else _fade(duration)
-        reach = mean * (duration / tau)
-        covariance = zeros.covariance
+    def _propagate(self, state: DriftState, tau: Array, duration: float | Array, white: Array) -> None:
+        """Propagate a state by a time [s], one for all taxels or one for each, with `white` noise of the force [N2]."""
+        kept, mean = _cached_decay(duration) if isinstance(duration, float) else _decay(duration)
+        ratio = mean * (duration / tau)
+        covariance = state.covariance
         cross, inner = covariance[0, 1:], covariance[1:, 1:]
-        shift, parts = zeros.shift, zeros.parts
-        shift -= np.einsum("ij,ij->j", reach, parts)
-        parts *= kept
-        moved = np.einsum("ijk,jk->ik", inner, reach)
-        covariance[0, 0] += np.einsum("ij,ij->j", moved - 2.0 * cross, reach)
-        covariance[0, 0] += white + self._drift * duration
+        shift, components = state.shift, state.components
+        shift -= np.einsum("ij,ij->j", ratio, components)
+        components *= kept
+        moved = np.einsum("ijk,jk->ik", inner, ratio)
+        covariance[0, 0] += np.einsum("ij,ij->j", moved - 2.0 * cross, ratio)
+        covariance[0, 0] += white + self._temperature_drift * duration
         cross -= moved
         cross *= kept
         inner *= kept[:, None] * kept
-        inner[0, 0] += self.wander * duration
+        inner[0, 0] += self.random_walk * duration
         own = np.einsum("iij->ij", inner)[1:]  # a view
         own += self._decade * (1.0 - kept[1:] ** 2)
 
 
-def _fade(duration: Array) -> tuple[Array, Array]:
-    """Return a_k and m_k for times [s] of shape [n], shapes [PARTS, n]."""
+def _decay(duration: Array) -> tuple[Array, Array]:
+    """Return a_k and m_k for times [s] of shape [n], shapes [COMPONENTS, n]."""
     ratio = np.multiply.outer(_RATES, duration)
     return np.exp(-ratio), mean_decay(ratio)
 
 
 @lru_cache(maxsize=64)
-def _memory(duration: float) -> tuple[Array, Array]:
-    """The same for one time, shapes [PARTS, 1]; not to be written to."""
-    return _fade(np.array([duration]))
+def _cached_decay(duration: float) -> tuple[Array, Array]:
+    """Return a_k and m_k for one time [s], shapes [COMPONENTS, 1]; read-only."""
+    return _decay(np.array([duration]))

@@ -1,4 +1,4 @@
-"""Temperature of the film, followed from the chip's sensors."""
+"""Temperature of the piezoelectric film, estimated from the chip's temperature sensors."""
 
 from __future__ import annotations
 
@@ -8,207 +8,238 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-UNKNOWN_WANDER: Final = 0.05
-"""How fast the film's temperature is taken to wander while no sensor is known [K/sqrt(s)], assumed."""
+UNKNOWN_RANDOM_WALK: Final = 0.05
+"""Random walk of the film temperature while no sensor reports [K/sqrt(s)], assumed."""
 
 LAG_UNCERTAINTY: Final = 0.3
 """Relative standard deviation of the thermal lag [1], assumed."""
 
-SLOPE_SHARE: Final = 0.3
-"""Share of a new slope in the running one, and of a new error of prediction in its variance [1], assumed."""
+SLOPE_GAIN: Final = 0.3
+"""Gain of a new slope in the running slope, and of a new squared prediction error in its variance [1], assumed."""
 
 OVERDUE: Final = 1.5
-"""A reading is not carried on for longer than this many times the interval before it [1]: then there was a new one, the
-same as the last."""
+"""A reading is extrapolated for at most this many times the interval before it [1]: after that there was a new reading
+with the same value."""
 
 LONGEST_INTERVAL: Final = 0.5
-"""Readings further apart than this are not carried on [s], assumed: board status comes at 10 Hz."""
+"""Readings further apart than this are not extrapolated [s], assumed: board status comes at 10 Hz."""
 
-FASTEST_NUDGE: Final = 2.0
-"""The film leaves the temperature that was followed no faster than this [K/s], assumed."""
+FASTEST_CORRECTION: Final = 2.0
+"""Greatest rate at which the film departs from the temperature estimated from the sensors [K/s], assumed."""
 
 NOTICEABLE_ERROR: Final = 5e-3
-"""A chip this far from where it was expected may leave the film elsewhere than followed [K]."""
+"""Prediction error of the chip temperature above which the film may differ from its estimate [K]."""
 
 NOTICEABLE_SLOPE: Final = 0.2
-"""A chip that warms or cools this fast may leave the film elsewhere than followed [K/s]."""
+"""Slope of the chip temperature above which the film may differ from its estimate [K/s]."""
 
 STEADY_SLOPE: Final = 0.03
-"""A slope above this is no wander [K/s]."""
+"""A slope above this is a ramp, not a random walk [K/s]."""
 
-CAUGHT_UP: Final = 1e-3
-"""A lag below this makes no difference to an offset [K]: it changes the force by 1 mN within 50 ms."""
+NEGLIGIBLE_LAG: Final = 1e-3
+"""A lag below this does not affect an offset [K]: it changes the force by 1 mN within 50 ms."""
 
-RESTLESS: Final = 5.0
-"""For how many lags of the film that lasts [1]."""
+TRANSIENT_LAGS: Final = 5.0
+"""Duration of a thermal transient, in time constants of the film's lag [1]."""
 
-SETTLED: Final = 1e-9
-"""A lag below this is none [K]."""
+ZERO_LAG: Final = 1e-9
+"""A lag below this is zero [K]."""
 
 
 class FilmTemperature:
-    """Change of the film's temperature since the start, from sensors that may come and go.
+    """Change of the film temperature since the start, from sensors that may appear and disappear.
 
-    Readings come less often than scans, so between two of them the chip's temperature is carried on along its slope.
-    The film follows it with a first-order lag. A sensor counts by its change since it was first seen, so that one that
-    drops out or comes back does not shift the mean. While none is known the temperature is held and its uncertainty
-    grows.
+    Readings are less frequent than scans: between two readings the chip temperature is extrapolated along its slope.
+    The film follows the chip with a first-order lag. Each sensor contributes its change since its first reading, so
+    a sensor that appears or disappears does not shift the mean. While no sensor reports, the temperature is held and
+    its uncertainty grows.
+
+    State variables: chip temperature [K] and its slope [K/s], lag of the film behind the chip [K], common-mode
+    correction of the film [K], variances of the prediction and of the missing readings [K2].
+
+    Parameters
+    ----------
+    time_constant : float
+        Time constant of the film's lag [s], >= 0; 0: no lag.
     """
 
     def __init__(self, time_constant: float) -> None:
-        """Follow with the lag `time_constant` [s], >= 0; 0 follows at once."""
         self.time_constant = time_constant
-        """Of the lag [s]."""
-        self.told = math.nan
-        """Chip temperature since the start as the sensors last told it [K]; NaN: none is known."""
+        """Time constant of the lag [s]."""
+        self.reading = math.nan
+        """Chip temperature since the start in the last reading [K]; NaN: no sensor reports."""
         self._last: list[float] = []
         self._bias: dict[int, float] = {}
         self._chip = 0.0
         self._slope = 0.0
-        self._carried = 0.0
-        self._restless = 0.0
+        self._extrapolated = 0.0
+        self._transient = 0.0
         self.step = 0.0
         """Duration of the last update [s]."""
         self.rate = 0.0
-        """How fast the film warmed in it [K/s]."""
+        """Rate of change of the film temperature in the last update [K/s]."""
         self._age = 0.0
         self._interval = 0.0
         self._lag = 0.0
-        self._nudged = 0.0
+        self._correction = 0.0
         self._prediction_variance = 0.0
         self._unknown_variance = 0.0
 
     @property
     def standard_deviation(self) -> float:
-        """Standard deviation of the film's temperature change [K]."""
-        lag = LAG_UNCERTAINTY * (self._lag + self._nudged)
+        """Standard uncertainty of the film's temperature change [K]."""
+        lag = LAG_UNCERTAINTY * (self._lag + self._correction)
         return math.sqrt(self._unknown_variance + self._prediction_variance + lag * lag)
 
     @property
     def chip(self) -> float:
-        """Temperature of the chip since the start, as far as its sensors have told [K]."""
+        """Chip temperature since the start, extrapolated from the sensors [K]."""
         return self._chip
 
     @property
     def age(self) -> float:
-        """For how long the sensors have told the same [s]."""
+        """Age of the last reading [s]."""
         return self._age
 
     @property
-    def warmth(self) -> float:
-        """Temperature of the film since the start, by the sensors alone [K]."""
-        return self._chip - self._lag - self._nudged
+    def rise_from_sensors(self) -> float:
+        """Film temperature since the start according to the sensors alone [K]."""
+        return self._chip - self._lag - self._correction
 
     @property
-    def nudged(self) -> float:
-        """By how much the film is followed to be warmer than the sensors alone have it [K]."""
-        return self._nudged
+    def correction(self) -> float:
+        """Common-mode correction: estimate of the film temperature less that from the sensors alone [K]."""
+        return self._correction
 
     @property
     def known(self) -> bool:
-        """Whether a sensor was known at the last update."""
+        """Whether a sensor reported at the last update."""
         return any(math.isfinite(value) for value in self._last)
 
     @property
-    def changing(self) -> bool:
-        """Whether the chip's temperature changed so lately that the film may still be elsewhere than followed."""
-        return self._restless > 0.0
+    def in_transient(self) -> bool:
+        """Whether the chip temperature changed so recently that the film may still differ from its estimate."""
+        return self._transient > 0.0
 
     @property
-    def warming(self) -> bool:
-        """Whether the chip does more than wander: it warms or cools."""
-        return self._restless > 0.0 or abs(self._slope) > STEADY_SLOPE
+    def ramping(self) -> bool:
+        """Whether the chip warms or cools by more than a random walk."""
+        return self._transient > 0.0 or abs(self._slope) > STEADY_SLOPE
 
     @property
-    def quiet(self) -> bool:
-        """Whether the film is where it is followed to: the chip's temperature rests, and the film has caught up."""
-        return self._restless <= 0.0 and abs(self._lag) < CAUGHT_UP
+    def steady(self) -> bool:
+        """Whether the film is at its estimate: the chip temperature is steady, and the lag is negligible."""
+        return self._transient <= 0.0 and abs(self._lag) < NEGLIGIBLE_LAG
 
-    def nudge(self, change: float, most: float = math.inf, further: bool = False) -> float:
-        """Take note that the film seems warmer by `change` [K] than followed; return how much of it is believed.
+    def common_mode_correction(self, change: float, limit: float = math.inf, extend: bool = False) -> float:
+        """Correct the film temperature by the common-mode signal; return the correction that was accepted.
 
-        In all no further than `most` [K] from where the sensors have it; if `further`, beyond that no faster than
-        `FASTEST_NUDGE`: what is faster has another cause.
+        Parameters
+        ----------
+        change : float
+            Correction that the common-mode signal suggests [K].
+        limit : float, optional
+            Greatest departure from the temperature according to the sensors [K].
+        extend : bool, optional
+            Allow a departure beyond `limit`, no faster than `FASTEST_CORRECTION`: a faster change has another cause.
+
+        Returns
+        -------
+        float
+            Accepted correction [K].
         """
-        limit = FASTEST_NUDGE * self.step if further else 0.0
-        low, high = min(-most, self._nudged - limit), max(most, self._nudged + limit)
-        believed = min(max(self._nudged + change, low), high) - self._nudged
-        self._lag -= believed
-        self._nudged += believed
-        return believed
+        margin = FASTEST_CORRECTION * self.step if extend else 0.0
+        low, high = min(-limit, self._correction - margin), max(limit, self._correction + margin)
+        accepted = min(max(self._correction + change, low), high) - self._correction
+        self._lag -= accepted
+        self._correction += accepted
+        return accepted
 
-    def keep_nudges(self) -> None:
-        """Take nudges for an error that stays: the sensors alone will not bring the film back."""
-        self._lag += self._nudged
-        self._nudged = 0.0
+    def keep_correction(self) -> None:
+        """Make the correction permanent: the sensors alone do not bring the film back."""
+        self._lag += self._correction
+        self._correction = 0.0
 
-    def forget_nudges(self) -> float:
-        """Put the film to where the sensors alone have it; return by how much [K] it is warmer then than followed."""
-        back, self._nudged = self._nudged, 0.0
+    def revert_correction(self) -> float:
+        """Return the film to the temperature according to the sensors; return the change that this makes [K]."""
+        back, self._correction = self._correction, 0.0
         self._lag += back
         return -back
 
     def update(self, temperatures: NDArray[np.float32], step: float) -> float:
-        """Return by how much [K] the film warmed over the last `step` [s], for the readings [degC] at its end."""
+        """Advance the film temperature by one step.
+
+        Parameters
+        ----------
+        temperatures : ndarray of float32, shape [sensors]
+            Readings at the end of the step [degC]; NaN: the sensor does not report.
+        step : float
+            Duration of the step [s].
+
+        Returns
+        -------
+        float
+            Change of the film temperature over the step [K].
+        """
         readings: list[float] = temperatures.tolist()
         self.step = step
         self._age += step
-        self._restless -= step
+        self._transient -= step
         if readings != self._last:  # always so while one is NaN
             self._last = readings
-            self._take(readings, step)
+            self._read(readings, step)
         elif self._slope or self._prediction_variance:
-            self._carry_on(step)
+            self._extrapolate(step)
         if self._lag == 0.0:
             self.rate = 0.0
             return 0.0
         share = -math.expm1(-step / self.time_constant) if self.time_constant > 0 else 1.0
         change = share * self._lag
         self._lag -= change
-        self._nudged -= share * self._nudged
+        self._correction -= share * self._correction
         self.rate = change / step if step > 0.0 else 0.0
-        if abs(self._lag) < SETTLED:
+        if abs(self._lag) < ZERO_LAG:
             self._lag = 0.0
         return change
 
-    def _carry_on(self, step: float) -> None:
-        """Move the chip's temperature along its slope; back to the last reading when a new one is overdue."""
+    def _extrapolate(self, step: float) -> None:
+        """Move the chip temperature along its slope, or back to the last reading when a new one is overdue."""
         interval = min(self._interval, LONGEST_INTERVAL)
         if self._age <= OVERDUE * interval:
             change = self._slope * step
-            self._carried += change
+            self._extrapolated += change
         else:
-            change = -self._carried
-            self._slope = self._carried = 0.0
-            # Readings that do not change are foreseen without error.
-            self._prediction_variance *= math.exp(-SLOPE_SHARE * step / interval)
-            if self._prediction_variance < SETTLED * SETTLED:
+            change = -self._extrapolated
+            self._slope = self._extrapolated = 0.0
+            # Constant readings are predicted without error.
+            self._prediction_variance *= math.exp(-SLOPE_GAIN * step / interval)
+            if self._prediction_variance < ZERO_LAG * ZERO_LAG:
                 self._prediction_variance = 0.0
         self._chip += change
         self._lag += change
 
-    def _take(self, readings: list[float], step: float) -> None:
-        """Move the chip's temperature to new readings; keep the slope, and count what was not foreseen or not known."""
+    def _read(self, readings: list[float], step: float) -> None:
+        """Move the chip temperature to new readings; update slope, prediction variance and unknown variance."""
         known = [(index, value) for index, value in enumerate(readings) if math.isfinite(value)]
         if not known:
-            self.told = math.nan
-            self._unknown_variance += UNKNOWN_WANDER**2 * step if self._bias else 0.0
-            self._slope = self._carried = 0.0
+            self.reading = math.nan
+            self._unknown_variance += UNKNOWN_RANDOM_WALK**2 * step if self._bias else 0.0
+            self._slope = self._extrapolated = 0.0
             return
         for index, value in known:
             self._bias.setdefault(index, value - self._chip)
-        self.told = chip = sum(value - self._bias[index] for index, value in known) / len(known)
-        # What the slope promised up to this scan: the part of the last step is not in it yet.
+        self.reading = chip = sum(value - self._bias[index] for index, value in known) / len(known)
+        # Error of the prediction for this scan; the chip temperature lacks the part of the last step.
         error = chip - self._chip - self._slope * step
         if abs(error) > NOTICEABLE_ERROR or abs(self._slope) > NOTICEABLE_SLOPE:
-            self._restless = RESTLESS * self.time_constant + 2.0 * min(self._age, LONGEST_INTERVAL)
+            self._transient = TRANSIENT_LAGS * self.time_constant + 2.0 * min(self._age, LONGEST_INTERVAL)
         self._lag += chip - self._chip
         self._chip = chip
-        self._carried = 0.0
+        self._extrapolated = 0.0
         if self._unknown_variance or self._age > LONGEST_INTERVAL:
-            self._unknown_variance = 0.0  # what was missed meanwhile is made up for at once
+            self._unknown_variance = 0.0  # the reading includes the change that was missed
             self._slope = 0.0
         else:
-            self._slope += SLOPE_SHARE * error / self._age
-            self._prediction_variance += SLOPE_SHARE * (error * error - self._prediction_variance)
+            self._slope += SLOPE_GAIN * error / self._age
+            self._prediction_variance += SLOPE_GAIN * (error * error - self._prediction_variance)
         self._interval, self._age = self._age, 0.0

@@ -1,16 +1,17 @@
-"""The leak's time constants, found while the sensor is used.
+"""Leakage time constants, estimated online.
 
-The observer takes tau' for the true tau, and so F' for the force F. As its F' is the charge x that is left and tau/tau'
-times what truly leaked,
+The observer integrates with tau' instead of the true tau, and so gives F' instead of the force F. As F' is the
+remaining charge x plus tau/tau' times the true leakage,
 
     F' = x + (tau/tau')*(F - x) = (1 - b)*F + b*x,    b = 1 - tau/tau'
 
-While a force is held, or moves evenly, F' follows the decay of x with the slope b, which a straight line of time beside
-it does not take up. So means over blocks, in windows of about one time constant, are fitted by ``F' = a + c*t + b*x``.
-Windows that leave more than noise are not believed, nor taxels that contradict the others.
+While a force is held, or changes at a constant rate, F' follows the decay of x with the slope b, which a linear trend
+does not explain. So means over blocks, in windows of about one time constant, are fitted by ``F' = a + c*t + b*x``.
+Windows whose residuals exceed the noise are rejected, and so are taxels that contradict the others.
 
-Taxels share an error of the description (temperature of the bias resistors, say), and have each one of its own. With
-theta = ln(tau/tau described), what was found on one taxel tells of the others as far as the error is shared.
+Taxels have an error of the description in common (temperature of the bias resistors, for example), and each has an
+individual error. With theta = ln(tau/tau described), an estimate on one taxel carries over to the others as far as
+their error is common.
 """
 
 from __future__ import annotations
@@ -27,66 +28,79 @@ Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 
 POINTS: Final = 24
-"""Blocks of a window, at most."""
+"""Greatest number of blocks in a window."""
 
 LEAST_POINTS: Final = 8
-"""Fewer blocks are no window."""
+"""Least number of blocks in a window."""
 
 HOP: Final = 0.25
-"""Windows begin so much of a window apart [1]."""
+"""Distance between the starts of two windows, as a share of a window [1]."""
 
 MISFIT: Final = 2.0
-"""Mean square of what a fit leaves, in the variance of its points, above which it is not believed [1]."""
+"""Mean square residual above which a fit is rejected, in variances of its points [1]."""
 
-ROUGH: Final = 2e-3
-"""What a fit may leave besides, as a share of what the charge moved [1]."""
+MODEL_ERROR: Final = 2e-3
+"""Residual that a fit may have in addition, as a share of the change of the charge [1]."""
 
-EVEN: Final = 0.015
-"""A force that moved by more than this share of it in a window, evenly, may have moved otherwise, too [1]."""
+LARGEST_TREND: Final = 0.015
+"""Relative change of the force in a window above which a fit is rejected [1]: the change may be nonlinear, too."""
 
-TELLING: Final = 0.03
-"""A fit that knows b to no better than this tells nothing [1]."""
+INFORMATIVE: Final = 0.03
+"""Standard deviation of b above which a fit is not informative [1]."""
 
-FARTHEST: Final = 0.4
+LARGEST_SLOPE: Final = 0.4
 """A |b| above this has another cause [1]."""
 
 CREEP: Final = 0.02
-"""What forces that creep make of b, at most and on all taxels alike: standard deviation [1], assumed."""
+"""Greatest error of b due to creep of the force, common to all taxels: standard deviation [1], assumed."""
 
-LONELY: Final = 0.05
-"""What a force that moves makes of b where few taxels tell: standard deviation, over their number [1], assumed."""
+FEW_TAXELS_ERROR: Final = 0.05
+"""Error of b due to a changing force where few taxels are informative: standard deviation times their number [1],
+assumed."""
 
-APART: Final = 3.0
-"""Standard deviations by which a taxel may differ from what is known of it, and from the others in its window [1]."""
+OUTLIER: Final = 3.0
+"""Standard deviations by which an estimate may differ from that taxel's previous one, and from the others in its window
+[1]."""
 
-REMEMBERED: Final = 4.0
-"""Windows that are remembered, if each knows b to no better than `CREEP` [1]."""
+WINDOWS: Final = 4.0
+"""Effective number of windows that are averaged, where each has the standard deviation `CREEP` of b [1]."""
 
 
-class LeakWatch:
-    """Finds theta of all taxels, shape [taxels]; `time_constant` is kept up with it."""
+class LeakageIdentifier:
+    """Estimates theta of all taxels, and from it their leakage time constants.
 
-    def __init__(self, time_constant: Array, noise_variance: Array, shared: float, own: float) -> None:
-        """Take the described time constants [s], and the variance of a reading of each taxel [N2].
+    State variables: theta [1] and its weight for each taxel, standard deviations of its common and individual parts
+    [1], accumulated leakage [N] since the touch began, and a ring buffer of block means.
 
-        shared is the standard deviation of what the taxels' theta have in common, own that of each by itself [1].
-        """
+    Parameters
+    ----------
+    time_constant : ndarray of float64, shape [taxels]
+        Described time constants [s].
+    noise_variance : ndarray of float64, shape [taxels]
+        Variance of a reading [N2]; not copied.
+    common : float
+        Standard deviation of the common part of theta [1].
+    individual : float
+        Standard deviation of the individual part of theta [1].
+    """
+
+    def __init__(self, time_constant: Array, noise_variance: Array, common: float, individual: float) -> None:
         taxels = len(time_constant)
         self.time_constant = time_constant.copy()
-        """[s]; changed in place by `learn`."""
-        self.own_deviation = np.full(taxels, own)
-        """Standard deviation of theta that each taxel has alone [1]."""
-        self.shared_deviation = shared
-        """Standard deviation of theta that all taxels share [1]."""
+        """Estimated time constants [s]; changed in place by `update`."""
+        self.individual_deviation = np.full(taxels, individual)
+        """Standard deviation of the individual part of theta [1]."""
+        self.common_deviation = common
+        """Standard deviation of the common part of theta [1]."""
         self.variance = np.zeros(taxels)
-        """What is not known of theta makes of each force [N2], the shared part included."""
-        self.shared_error = np.zeros(taxels)
-        """What a standard deviation of the shared part makes of each force [N]."""
+        """Variance of each force due to theta, the common part included [N2]."""
+        self.correlated_error = np.zeros(taxels)
+        """Error of each force for one standard deviation of the common part [N]."""
         self._leaked = np.zeros(taxels)
         self._base = np.zeros(taxels)
         self._described = time_constant
-        self._shared = shared
-        self._own = own
+        self._common_prior = common
+        self._individual_prior = individual
         self._noise_variance = noise_variance
         self._theta = np.zeros(taxels)
         self._weight = np.zeros(taxels)
@@ -95,35 +109,46 @@ class LeakWatch:
         self._force = np.zeros((POINTS, taxels))
         self._charge = np.zeros((POINTS, taxels))
         self._durations = np.zeros(POINTS)
-        self._touched = np.zeros(taxels, np.intp)  # for how many blocks
+        self._touched = np.zeros(taxels, np.intp)  # number of consecutive blocks
         self._next = 0
         self._since = 0.0
-        self._fresh = False
+        self._new_estimate = False
 
     @property
-    def doubt(self) -> float:
+    def standard_deviation(self) -> float:
         """Standard deviation of the mean theta [1]."""
-        return math.hypot(self.shared_deviation, float(self.own_deviation.mean()))
+        return math.hypot(self.common_deviation, float(self.individual_deviation.mean()))
 
-    def forget(self) -> None:
-        """Begin a new window."""
+    def restart_window(self) -> None:
+        """Start a new window."""
         self._touched[:] = 0
 
-    def begin(self, where: Mask, leaked: Array) -> None:
-        """Take note that the masked taxels begin to be touched, with what leaked of their charge so far [N]."""
+    def begin_touch(self, where: Mask, leaked: Array) -> None:
+        """Record that a touch begins on the masked taxels, with the accumulated leakage so far [N]."""
         self._base[where] = leaked[where]
 
-    def rest(self) -> None:
-        """Take note that nothing touches."""
-        self.variance[:] = self.shared_error[:] = 0.0
+    def end_touch(self) -> None:
+        """Record that nothing touches."""
+        self.variance[:] = self.correlated_error[:] = 0.0
 
-    def take(self, duration: float, scans: int, force: Array, leaked: Array, touched: Mask) -> None:
-        """Take a block of `duration` [s]: its mean force and what leaked up to its end [N], and what touched all along.
+    def add_block(self, duration: float, scans: int, force: Array, leaked: Array, touched: Mask) -> None:
+        """Add a block to the window, and fit the window when it is due.
 
-        `leaked` is all the charge that leaked, as a force, but for a constant.
+        Parameters
+        ----------
+        duration : float
+            Duration of the block [s].
+        scans : int
+            Number of its scans.
+        force : ndarray of float64, shape [taxels]
+            Mean forces of the block [N].
+        leaked : ndarray of float64, shape [taxels]
+            Accumulated leakage up to its end, as a force, up to a constant [N].
+        touched : ndarray of bool, shape [taxels]
+            Taxels touched during the whole block.
         """
         self._force[self._next] = force
-        # The charge leaks with the time constant, so that what leaked tells the mean of what was there.
+        # The leakage over a block gives the mean of the charge in it.
         np.multiply(leaked - self._leaked, self.time_constant / duration, out=self._charge[self._next])
         self._leaked = leaked
         self._durations[self._next] = duration
@@ -133,40 +158,49 @@ class LeakWatch:
         self._since += duration
         points = min(max(math.ceil(self._typical / duration), LEAST_POINTS), POINTS)
         if self._since >= HOP * points * duration:
-            through = self._touched >= points
-            if through.any():
+            complete = self._touched >= points
+            if complete.any():
                 self._since = 0.0
-                self._fit(through.nonzero()[0], points, scans)
+                self._fit(complete.nonzero()[0], points, scans)
 
-    def learn(self, touched: Mask, told: Array) -> Array | None:
-        """Take what was found into the time constants, and set the doubt that is left of the forces that touch.
+    def update(self, touched: Mask, observed: Array) -> Array | None:
+        """Update the time constants and the variance of the forces under a touch.
 
-        told is what leaked [N] since each touch began and is known otherwise but for what each taxel has alone.
-        Return by what the forces change [N], as what leaked was counted with other time constants; None: nothing new.
+        Parameters
+        ----------
+        touched : ndarray of bool, shape [taxels]
+            Touched taxels.
+        observed : ndarray of float64, shape [taxels]
+            Leakage since each touch began that is known apart from the individual part of theta [N].
+
+        Returns
+        -------
+        ndarray of float64, shape [taxels], or None
+            Change of the forces due to the new time constants [N]; None: no new estimate.
         """
-        change = self._learn(touched) if self._fresh else None
+        change = self._update_time_constants(touched) if self._new_estimate else None
         leaked = np.where(touched, self._leaked - self._base, 0.0)
-        np.multiply(np.where(touched, leaked - told, 0.0), self.shared_deviation, out=self.shared_error)
-        np.multiply(leaked, self.own_deviation, out=self.variance)
+        np.multiply(np.where(touched, leaked - observed, 0.0), self.common_deviation, out=self.correlated_error)
+        np.multiply(leaked, self.individual_deviation, out=self.variance)
         self.variance *= self.variance
-        self.variance += self.shared_error**2
+        self.variance += self.correlated_error**2
         return change
 
-    def _learn(self, touched: Mask) -> Array:
-        self._fresh = False
-        own, shared = self._own**2, self._shared**2
+    def _update_time_constants(self, touched: Mask) -> Array:
+        self._new_estimate = False
+        individual, common_prior = self._individual_prior**2, self._common_prior**2
         seen = self._weight > 0.0
-        trust = 1.0 / (own + 1.0 / self._weight[seen])
-        total = 1.0 / shared + trust.sum()
-        common = float((trust * self._weighted[seen] / self._weight[seen]).sum()) / total
-        theta = (common / own + self._weighted) / (1.0 / own + self._weight)
-        self.shared_deviation = math.sqrt(1.0 / total)
-        np.sqrt(1.0 / (1.0 / own + self._weight), out=self.own_deviation)
+        precision = 1.0 / (individual + 1.0 / self._weight[seen])
+        total = 1.0 / common_prior + precision.sum()
+        common = float((precision * self._weighted[seen] / self._weight[seen]).sum()) / total
+        theta = (common / individual + self._weighted) / (1.0 / individual + self._weight)
+        self.common_deviation = math.sqrt(1.0 / total)
+        np.sqrt(1.0 / (1.0 / individual + self._weight), out=self.individual_deviation)
         change: Array = np.where(touched, (self._leaked - self._base) * np.expm1(self._theta - theta), 0.0)
         self._theta = theta
         np.multiply(self._described, np.exp(theta), out=self.time_constant)
         self._leaked = self._leaked + change
-        self.forget()
+        self.restart_window()
         return change
 
     def _fit(self, taxels: NDArray[np.intp], points: int, scans: int) -> None:
@@ -177,49 +211,49 @@ class LeakWatch:
         time -= time.mean()
         noise = self._noise_variance[taxels] / scans
         window = self._charge[np.ix_(rows, taxels)]
-        charge, charge_rate = _without_line(time, window)
-        # Means of force and charge have the same noise, which would make a slope of 1 by itself.
+        charge, charge_rate = _detrended(time, window)
+        # Means of force and charge have the same noise, which by itself would give a slope of 1.
         square = np.einsum("ij,ij->j", charge, charge) - (points - 2) * noise
-        telling = square > noise / TELLING**2
-        if not telling.any():
+        informative = square > noise / INFORMATIVE**2
+        if not informative.any():
             return
-        taxels, noise, square = taxels[telling], noise[telling], square[telling]
-        charge, charge_rate = charge[:, telling], charge_rate[telling]
+        taxels, noise, square = taxels[informative], noise[informative], square[informative]
+        charge, charge_rate = charge[:, informative], charge_rate[informative]
         window = self._force[np.ix_(rows, taxels)]
-        force, force_rate = _without_line(time, window)
+        force, force_rate = _detrended(time, window)
         slope = (np.einsum("ij,ij->j", charge, force) - (points - 2) * noise) / square
-        left = np.square(force - slope * charge).sum(axis=0) / (points - 3)
-        good = left <= MISFIT * noise * (1.0 - slope) ** 2 + (ROUGH**2 / points) * square
+        residual = np.square(force - slope * charge).sum(axis=0) / (points - 3)
+        good = residual <= MISFIT * noise * (1.0 - slope) ** 2 + (MODEL_ERROR**2 / points) * square
         moved = np.abs(force_rate - slope * charge_rate) * durations.sum()
-        good &= (np.abs(slope) < FARTHEST) & (moved <= EVEN * window.mean(axis=0))
+        good &= (np.abs(slope) < LARGEST_SLOPE) & (moved <= LARGEST_TREND * window.mean(axis=0))
         if good.any():
-            self._note(taxels[good], slope[good], (noise / square)[good])
+            self._combine(taxels[good], slope[good], (noise / square)[good])
 
-    def _note(self, taxels: NDArray[np.intp], slope: Array, variance: Array) -> None:
-        """Take note of the slopes b of some taxels, with the variance that their noise gives."""
+    def _combine(self, taxels: NDArray[np.intp], slope: Array, variance: Array) -> None:
+        """Combine the slopes b of some taxels, with the variance due to their noise, with earlier estimates."""
         count = len(taxels)
-        variance = variance + count * CREEP**2 + (LONELY / count) ** 2
+        variance = variance + count * CREEP**2 + (FEW_TAXELS_ERROR / count) ** 2
         found = self._theta[taxels] + np.log1p(-slope)
-        middle = upper_median(found)
-        alike = np.abs(found - middle) <= APART * np.sqrt(variance + self._own**2)
-        expected = variance + self.own_deviation[taxels] ** 2 + self.shared_deviation**2
-        alike &= np.abs(found - self._theta[taxels]) <= APART * np.sqrt(expected)
-        if 2 * np.count_nonzero(alike) <= count:
+        median = upper_median(found)
+        consistent = np.abs(found - median) <= OUTLIER * np.sqrt(variance + self._individual_prior**2)
+        expected = variance + self.individual_deviation[taxels] ** 2 + self.common_deviation**2
+        consistent &= np.abs(found - self._theta[taxels]) <= OUTLIER * np.sqrt(expected)
+        if 2 * np.count_nonzero(consistent) <= count:
             return
-        # Neighbouring windows have most of their blocks in common.
-        taxels, found, weight = taxels[alike], found[alike], HOP / variance[alike]
-        # No more counts than a few windows, so that a slow change is followed.
-        kept = np.minimum(1.0, REMEMBERED / (CREEP**2 * np.maximum(self._weight[taxels], 1.0)))
+        # Overlapping windows have most of their blocks in common.
+        taxels, found, weight = taxels[consistent], found[consistent], HOP / variance[consistent]
+        # The weight is limited to a few windows, so that slow changes are followed.
+        kept = np.minimum(1.0, WINDOWS / (CREEP**2 * np.maximum(self._weight[taxels], 1.0)))
         self._weight[taxels] = kept * self._weight[taxels] + weight
         self._weighted[taxels] = kept * self._weighted[taxels] + weight * found
-        self._fresh = True
+        self._new_estimate = True
 
 
-def _without_line(time: Array, values: Array) -> tuple[Array, Array]:
-    """Return values, shape [points, n], less the straight line of time [s] that fits best, and its slopes, shape [n].
+def _detrended(time: Array, values: Array) -> tuple[Array, Array]:
+    """Return values, shape [points, n], without their linear trend over time [s], and its slopes, shape [n].
 
     The mean of time is 0.
     """
     slope = time @ values / (time @ time)
-    rest: Array = values - values.mean(axis=0) - time[:, None] * slope
-    return rest, slope
+    residual: Array = values - values.mean(axis=0) - time[:, None] * slope
+    return residual, slope

@@ -1,4 +1,4 @@
-"""The leak undone scan by scan: by how much forces changed, from charges that leak, each taxel at its own rate."""
+"""Leakage compensation (inverse high-pass): force increments from leaking charges, scan by scan."""
 
 from __future__ import annotations
 
@@ -13,69 +13,79 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class LeakCoefficients:
-    """Coefficients of a time step h, of each taxel; not to be written to."""
+class LeakageCoefficients:
+    """Coefficients of one time step h for each taxel, shapes [taxels]; read-only."""
 
     ratio: Array
-    """h/tau, what an offset is multiplied with."""
+    """h/tau, the factor of the offset [1]."""
     now: Array
+    """Factor of the charge density at the end of the step [N m2/C]."""
     before: Array
-    """And the charges at the end and at the start of the step [N m2/C]."""
+    """Factor of the charge density at the start of the step [N m2/C]."""
 
 
-class LeakInverse:
-    """With signals s = k*sigma a step h brings the force ``(s1 - s0)/mean + h/tau*(s0 - offset)``.
+class LeakageInverse:
+    """Inverse of the first-order high-pass that charge leakage makes of the force, one time constant per taxel.
 
-    mean is (1 - exp(-h/tau))/(h/tau), as in `charge.invert_first_order_hold`.
+    With signals s = k*sigma, a step h changes the force by ``(s1 - s0)/mean + h/tau*(s0 - offset)``, where mean is
+    (1 - exp(-h/tau))/(h/tau), as in `charge.invert_first_order_hold`.
+
+    State variables: the charge densities of the last scan [C/m2]. The coefficients of recent steps are cached.
+
+    Parameters
+    ----------
+    time_constant : ndarray of float64, shape [taxels]
+        Leakage time constants tau [s], > 0; not copied.
+    newton_per_charge : ndarray of float64, shape [taxels]
+        k, force per charge density [N m2/C].
     """
 
-    MOST = 64
-    """Different steps whose coefficients are kept."""
+    CACHE_SIZE = 64
+    """Number of different steps whose coefficients are kept."""
 
     def __init__(self, time_constant: Array, newton_per_charge: Array) -> None:
-        """Take the time constants [s], shape [taxels], and k [N m2/C]."""
         self._time_constant = time_constant
         self._newton_per_charge = newton_per_charge
-        self._known: dict[float, LeakCoefficients] = {}
-        self._charge, self._offset_leaks = np.zeros((2, len(time_constant)))
-        self._used: LeakCoefficients | None = None  # for `_offset_leaks`
+        self._cache: dict[float, LeakageCoefficients] = {}
+        self._charge, self._offset_leakage = np.zeros((2, len(time_constant)))
+        self._used: LeakageCoefficients | None = None  # coefficients that `_offset_leakage` was computed with
 
     @property
     def signal(self) -> Array:
-        """Charges of the last scan as forces [N], what leaked not put back, shape [taxels]."""
+        """Charges of the last scan as forces, without leakage compensation [N], shape [taxels]."""
         signal: Array = self._charge * self._newton_per_charge
         return signal
 
-    def begin(self, charge: Array) -> None:
-        """Take the charge densities [C/m2] of a scan that has none before it."""
+    def start(self, charge: Array) -> None:
+        """Set the charge densities [C/m2] of a first scan, which has no predecessor."""
         self._charge[...] = charge
 
-    def advance(self, charge: Array, offset: Array, step: float, out: Array) -> LeakCoefficients:
-        """Take charge densities [C/m2] a step [s] later; by how much forces changed [N] is in `out`."""
-        leak = self._known.get(step) or self._learn(step)
-        if leak is not self._used:
-            np.multiply(offset, leak.ratio, out=self._offset_leaks)
-            self._used = leak
+    def advance(self, charge: Array, offset: Array, step: float, out: Array) -> LeakageCoefficients:
+        """Process the charge densities [C/m2] a step [s] later; write the force increments [N] into `out`."""
+        coefficients = self._cache.get(step) or self._compute(step)
+        if coefficients is not self._used:
+            np.multiply(offset, coefficients.ratio, out=self._offset_leakage)
+            self._used = coefficients
         last = self._charge
-        np.multiply(charge, leak.now, out=out)
-        last *= leak.before
+        np.multiply(charge, coefficients.now, out=out)
+        last *= coefficients.before
         out += last
-        out -= self._offset_leaks
+        out -= self._offset_leakage
         last[...] = charge
-        return leak
+        return coefficients
 
-    def forget_offset(self) -> None:
-        """Take note that the offset was changed in place."""
+    def invalidate_offset(self) -> None:
+        """Discard what was computed from the offset, which was changed in place."""
         self._used = None
 
-    def forget(self) -> None:
-        """Take note that the time constants were changed in place."""
-        self._known.clear()
+    def invalidate_time_constants(self) -> None:
+        """Discard what was computed from the time constants, which were changed in place."""
+        self._cache.clear()
 
-    def _learn(self, step: float) -> LeakCoefficients:
-        if len(self._known) >= self.MOST:
-            self._known.clear()
+    def _compute(self, step: float) -> LeakageCoefficients:
+        if len(self._cache) >= self.CACHE_SIZE:
+            self._cache.clear()
         ratio = step / self._time_constant
         now = self._newton_per_charge / mean_decay(ratio)
-        leak = self._known[step] = LeakCoefficients(ratio, now, self._newton_per_charge * ratio - now)
-        return leak
+        found = self._cache[step] = LeakageCoefficients(ratio, now, self._newton_per_charge * ratio - now)
+        return found

@@ -1,17 +1,22 @@
-"""The offset that all taxels share, told apart from the warmth of a film that wanders.
+"""Multiple-model Kalman filter that separates the common offset from a random walk of the film temperature.
 
-The mean signal of untouched taxels is their mean offset o and the charge y that the film's temperature left. That
-charge leaks, but while the temperature wanders there is always some, and it looks like an offset for seconds. A held
-force would drift by it: an error e of the offset makes e*t/tau. The chip's sensors tell how far the film wandered, so
-what all taxels showed in the same time tells the offset. With the temperatures w of the film [K] and c of the chip [K],
-its slope r [K/s], and l, which the offset has leaked since a touch began [N], a time T brings
+The mean signal of untouched taxels is their mean offset o and the pyroelectric charge y. That charge leaks, but while
+the temperature is a random walk there is always some, and it looks like an offset for seconds. A held force would
+drift by it: an error e of the offset makes e*t/tau. The chip sensors measure the random walk, so the common-mode signal
+over the same time gives the offset. With the temperatures w of the film [K] and c of the chip [K], its slope r [K/s],
+and l, the leakage of the offset since a touch began [N], a time T brings
 
-    c <- c + r*T + wander of variance q*T,    w <- w + (1 - exp(-T/lag))*(c - w) + its share of the wander,
+    c <- c + r*T + random walk of variance q*T,    w <- w + (1 - exp(-T/lag))*(c - w) + its share of the random walk,
     y <- a*y + p*m*dw at rest, y + p*dw under a touch,    l <- l + o*T/tau under a touch, p the signal per kelvin [N/K].
 
-At rest the mean signal shows o + y, and the sensors show c. Under a touch the sensors alone go on to tell, and all
-forces are wrong by o + l + y. How fast the temperature wanders is not known: a Kalman filter runs for each q of some,
-and counts by the likelihood of what it saw (Magill 1965, IEEE Trans. Automatic Control 10(4), 434-439).
+At rest the mean signal measures o + y, and the sensors measure c. Under a touch only the sensors measure, and all
+forces have the error o + l + y. The intensity q of the random walk is unknown: a Kalman filter runs for each of several
+q, weighted by the likelihood of its measurements.
+
+References
+----------
+D. T. Magill, "Optimal adaptive estimation of sampled stochastic processes", IEEE Trans. Automatic Control 10(4),
+434-439, 1965.
 """
 
 from __future__ import annotations
@@ -25,220 +30,260 @@ from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
 
-WANDERS: Final[Array] = np.array([2e-4 * 2.0**index for index in range(6)])
-"""The q that are tried, as sqrt(q) [K/sqrt(s)]. The first is taken for rest."""
+INTENSITIES: Final[Array] = np.array([2e-4 * 2.0**index for index in range(6)])
+"""The q of the filters, as sqrt(q) [K/sqrt(s)]. The first one represents rest."""
 
-CALM: Final = 0.1
-"""The film is found to wander when rest is no more likely than this [1]."""
+LIKELY_REST: Final = 0.1
+"""A random walk is found when the probability of rest is below this [1]."""
 
-SURE: Final = 0.99
-"""It surely rests when that is more likely than this [1]."""
+SURE_REST: Final = 0.99
+"""The film is at rest when the probability of rest is above this [1]."""
 
-FOUND: Final = 0.4
-"""For so long nothing touched until that is said [s]."""
+LEAST_REST_TIME: Final = 0.4
+"""Time without touch after which a random walk may be found [s]."""
 
-DOUBTED: Final = 2.0
-"""ln of by how much likelier rest is than each other q, before anything is seen [1], assumed."""
+PRIOR: Final = 2.0
+"""ln of the prior likelihood ratio of rest to each other q [1], assumed."""
 
-REMEMBERED: Final = 20.0
-"""Time over which likelihoods fade [s]."""
+LIKELIHOOD_TIME: Final = 20.0
+"""Time constant of the exponential forgetting of likelihoods [s]."""
 
 RESOLUTION: Final = 1 / 256
-"""Of the chip's sensors [K] (docs/protocol.md)."""
+"""Resolution of the chip sensors [K] (docs/protocol.md)."""
 
 INTERVAL: Final = 0.1
-"""From one reading of the sensors to the next [s]."""
+"""Interval between two readings of the sensors [s]."""
 
 SLOPE: Final = 1 / 60
-"""Standard deviation of the slope with which a touch warms or cools the chip [K/s], assumed."""
+"""Standard deviation of the slope of the chip temperature under a touch [K/s], assumed."""
 
 UNKNOWN: Final = 1.0
-"""Standard deviation of an offset [N], and of what temperature is called zero [K], before anything is seen."""
+"""Prior standard deviation of the offset [N] and of the film temperature [K]."""
 
-JUMP: Final = 6.0
-"""A signal so many standard deviations from where it was expected has another cause [1]."""
+SIGNAL_OUTLIER: Final = 6.0
+"""Standard deviations of the innovation beyond which a signal has another cause [1]."""
 
-TOLD_JUMP: Final = 4.0
-"""The same for the chip's sensors: so far apart the film never is from what they tell [1]."""
+SENSOR_OUTLIER: Final = 4.0
+"""The same for the chip sensors: a larger innovation is no random walk [1]."""
 
-LEAKS: Final = 10.0
-"""For so many time constants of the leak what jumped is still in the signals [1]."""
+DISTURBANCE_TIME: Final = 10.0
+"""Time for which a jump stays in the signals, in time constants of the leakage [1]."""
 
 PRESSING: Final = 1.5
-"""A signal so many standard deviations above where it was expected may be the beginning of a touch [1]."""
+"""Standard deviations of the innovation above which a signal may be the onset of a touch [1]."""
 
 BLOCKS: Final = 12
-"""Blocks that are remembered."""
+"""Number of blocks whose states are kept."""
 
 OFFSET, LEAKED, CHARGE, FILM, CHIP, RATE = range(6)
-_WRONG: Final = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+_FORCE_ERROR: Final = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What the observer finds at the end of a block."""
+class BlockObservation:
+    """Measurements at the end of a block without touch."""
 
     signal: float
-    """Mean of the working taxels' signals over the block [N]."""
+    """Mean of the usable taxels' signals over the block [N]."""
     noise: float
     """Variance of this mean [N2]."""
-    left: float
-    """What a touch before may have left in them on the mean [N]."""
+    residual: float
+    """Mean charge that an earlier touch may have left in the signals [N]."""
     force: float
-    """Mean of their forces as they are followed [N]."""
+    """Mean of the estimated forces [N]."""
     offset: float
-    """Mean of the offsets that were taken off them [N]."""
-    warmth: float
-    """By how much the film warmed since the start, as it is followed by the sensors [K]."""
+    """Mean of the estimated offsets that were compensated [N]."""
+    film_rise: float
+    """Film temperature rise since the start, estimated from the sensors [K]."""
     reading: float
-    """Chip temperature since the start as its sensors last told it [K]; NaN: none is known."""
+    """Chip temperature since the start in the last reading [K]; NaN: no sensor reports."""
     age: float
-    """For how long they tell that [s]."""
+    """Age of that reading [s]."""
 
 
 @dataclass(frozen=True)
 class Correction:
-    """What to do to all taxels."""
+    """Correction of all taxels."""
 
     offset: float
-    """To be the mean of all offsets [N]."""
+    """Mean of all offsets [N]."""
     force: float
-    """To be added to the forces [N]."""
-    warmer: float
-    """By how much the film is warmer than it was followed [K], to be taken off them."""
+    """Correction to be added to the forces [N]."""
+    rise: float
+    """Film temperature rise to be compensated in the forces [K]."""
     begins: bool = False
-    """Whether the film was not found to wander until now: what each taxel learnt of its offset is wrong."""
+    """Whether the random walk was found in this block: previous estimates of the offsets are wrong."""
     charge: float = 0.0
-    """What the film has left in the signals, on the mean [N]."""
+    """Mean pyroelectric charge in the signals [N]."""
     charge_variance: float = 0.0
-    """Variance of what it leaves there while it wanders [N2]."""
+    """Variance of the pyroelectric charge under the random walk [N2]."""
 
 
 @dataclass(frozen=True)
-class Touch:
-    """What to do to the taxels when something begins to touch, by what was known some blocks ago, latest first."""
+class TouchCorrection:
+    """Correction of the taxels when a touch begins, from the states of earlier blocks, latest first."""
 
     offset: float
-    """As in `Correction`."""
+    """Mean of all offsets [N]."""
     force: Array
-    """The same for those whose zero was last corrected at the end of that block, shape [blocks]."""
-    warmer: Array
-    """The same."""
+    """Correction [N] for taxels whose baseline was last corrected at the end of that block, shape [blocks]."""
+    rise: Array
+    """Film temperature rise to be compensated [K] for the same, shape [blocks]."""
 
 
 @dataclass(frozen=True)
 class _Past:
     slot: int
     time: float
-    left: float
+    residual: float
     force: float
     offset: float
-    warmth: float
+    film_rise: float
     film: float
     pressing: bool
 
 
-class SharedOffset:
-    """Tells offset and warmth apart, block by block; helps only where the film is found to wander."""
+class CommonOffsetFilter:
+    """Separates offset and pyroelectric charge, block by block; effective only where a random walk is found.
 
-    def __init__(self, time_constant: float, lag: float, newton_per_kelvin: float, flicker: float) -> None:
-        """Take the time constants of the leak and of the film's lag [s], p [N/K], and the offset's wander [N2/s]."""
+    State variables of each filter: offset [N], its leakage since the touch began [N], pyroelectric charge [N], film
+    and chip temperatures [K], slope of the chip temperature [K/s]; their covariance; log-likelihoods of the filters.
+
+    Parameters
+    ----------
+    time_constant : float
+        Leakage time constant tau [s].
+    lag : float
+        Time constant of the film's lag [s].
+    newton_per_kelvin : float
+        p, pyroelectric signal [N/K].
+    random_walk : float
+        Variance per time of the offset's random walk [N2/s].
+    """
+
+    def __init__(self, time_constant: float, lag: float, newton_per_kelvin: float, random_walk: float) -> None:
         self.time_constant = time_constant
-        """Of the leak [s]; to be written to."""
-        self._lag, self._per_kelvin, self._flicker = lag, newton_per_kelvin, flicker
-        self._density: Array = WANDERS**2
-        self._alike = RESOLUTION**2 / (15.0 * self._density)  # for how long a rounding stays the same [s]
+        """Leakage time constant [s]; written by others."""
+        self._lag, self._per_kelvin, self._random_walk = lag, newton_per_kelvin, random_walk
+        self._density: Array = INTENSITIES**2
+        self._rounding_time = RESOLUTION**2 / (15.0 * self._density)  # correlation time of the rounding error [s]
         self.variance = 0.0
-        """Of the error that all forces share since a touch began [N2]."""
+        """Variance of the error common to all forces since a touch began [N2]."""
         self.holding = False
-        """Whether `hold` is to be called: a touch began while the film was found to wander."""
-        self._states, self._weights = np.zeros((BLOCKS, len(WANDERS), 6)), np.zeros((BLOCKS, len(WANDERS)))
-        self._covariances = np.zeros((BLOCKS, len(WANDERS), 6, 6))
+        """Whether `update_touched` is required: a touch began while a random walk was found."""
+        self._states, self._weights = np.zeros((BLOCKS, len(INTENSITIES), 6)), np.zeros((BLOCKS, len(INTENSITIES)))
+        self._covariances = np.zeros((BLOCKS, len(INTENSITIES), 6, 6))
         self._slot = 0
         self._new = False
-        self.wanders = self.rests = False
-        """Whether the film is found to wander, and whether it surely does not."""
-        self.forget()
+        self.random_walk_found = self.at_rest = False
+        """Whether the film temperature is a random walk, and whether it surely is at rest."""
+        self.reset()
 
-    def forget(self) -> None:
-        """Begin anew."""
+    def reset(self) -> None:
+        """Reset all filters to their prior."""
         if self._new:
             return
         self._new = True
-        self._likelihood = np.full(len(WANDERS), -DOUBTED)
+        self._likelihood = np.full(len(INTENSITIES), -PRIOR)
         self._likelihood[0] = 0.0
         self._past: list[_Past] = []
         self._time = self._rested = 0.0
-        self.wanders = self.rests = False
-        self._told = math.inf  # age of the reading that was taken last [s]
+        self.random_walk_found = self.at_rest = False
+        self._reading_age = math.inf  # age of the last reading that was processed [s]
         self.holding = False
         self.variance = 0.0
-        self._state = np.zeros((len(WANDERS), 6))
-        self._covariance = np.zeros((len(WANDERS), 6, 6))
+        self._state = np.zeros((len(INTENSITIES), 6))
+        self._covariance = np.zeros((len(INTENSITIES), 6, 6))
         self._covariance[:, OFFSET, OFFSET] = self._covariance[:, FILM, FILM] = UNKNOWN**2
 
-    def rest(self, seen: Seen, duration: float, passed: float, known: bool) -> Correction | None:
-        """Take what is seen after a block of `duration` [s] in which nothing touched; None: no help.
+    def update_at_rest(self, seen: BlockObservation, duration: float, passed: float, known: bool) -> Correction | None:
+        """Process a block without touch; return the correction of all taxels.
 
-        passed is the time [s] since the last one was taken. known: the offsets of most taxels are, and so it is sure
-        that nothing touches.
+        Parameters
+        ----------
+        seen : BlockObservation
+            Measurements at the end of the block.
+        duration : float
+            Duration of the block [s].
+        passed : float
+            Time since the last block that was processed [s].
+        known : bool
+            Whether the offsets of most taxels are known, so that surely nothing touches.
+
+        Returns
+        -------
+        Correction or None
+            The correction; None: no random walk is found.
         """
         self._known, self._new = known, False
         if self._past:
-            self._pass(passed, held=False)
+            self._propagate(passed, held=False)
         else:
-            self._begin(seen.left)
+            self._start(seen.residual)
         self._time += passed
         self._rested += passed
-        self._likelihood *= math.exp(-passed / REMEMBERED)
-        warms = self._read(seen.reading, seen.age, passed)
-        shown = self._shown(duration)
-        error, variance = self._learn(shown, seen.signal, seen.noise)
-        # Readings do not count: how much a rounding tells depends on the wander that is tried.
+        self._likelihood *= math.exp(-passed / LIKELIHOOD_TIME)
+        ramps = self._read(seen.reading, seen.age, passed)
+        observation = self._signal_model(duration)
+        error, variance = self._update(observation, seen.signal, seen.noise)
+        # Readings do not count: the information in a rounded value depends on the intensity of the random walk.
         self._likelihood -= 0.5 * (error * error / variance + np.log(variance))
         self._likelihood -= self._likelihood.max()
-        jumped = bool((error * error > JUMP**2 * variance).all())
-        if warms or jumped:
-            self.forget()
+        jumped = bool((error * error > SIGNAL_OUTLIER**2 * variance).all())
+        if ramps or jumped:
+            self.reset()
             if jumped:
-                self._rested = -LEAKS * self.time_constant
+                self._rested = -DISTURBANCE_TIME * self.time_constant
             return None
         likely = int(self._likelihood.argmax())
         pressing = float(error[likely]) > PRESSING * math.sqrt(float(variance[likely]))
         weight = self._mixed = self._weight()
         offset, _, charge = self._means()
         film = float(weight @ self._state[:, FILM])
-        left = seen.signal - float(weight @ self._state @ shown)
-        correction = self._correct(seen, offset, charge, film, left)
+        residual = seen.signal - float(weight @ self._state @ observation)
+        correction = self._correct(seen, offset, charge, film, residual)
         if correction:
-            force, used, warmth = left, offset, seen.warmth + correction.warmer
+            force, used, film_rise = residual, offset, seen.film_rise + correction.rise
         else:
-            force, used, warmth = seen.force, seen.offset, seen.warmth
+            force, used, film_rise = seen.force, seen.offset, seen.film_rise
         slot = self._slot = (self._slot + 1) % BLOCKS
         self._states[slot], self._covariances[slot], self._weights[slot] = self._state, self._covariance, weight
-        past = _Past(slot, self._time, left, force, used, warmth, film, pressing)
+        past = _Past(slot, self._time, residual, force, used, film_rise, film, pressing)
         before = self._past[1 - BLOCKS :] if correction and not correction.begins else []
         self._past = [*before, past]
         return correction
 
-    def _correct(self, seen: Seen, offset: float, charge: float, film: float, left: float) -> Correction | None:
-        """Return what to do at rest; None: the film is not found to wander."""
-        calm, before = float(self._mixed[0]), self.wanders
-        self.rests = calm > SURE
-        self.wanders = self._known and self._rested >= FOUND and calm < (1.0 - CALM if before else CALM)
-        if not self.wanders:
+    def _correct(
+        self, seen: BlockObservation, offset: float, charge: float, film: float, residual: float
+    ) -> Correction | None:
+        """Return the correction at rest; None: no random walk is found."""
+        rest, before = float(self._mixed[0]), self.random_walk_found
+        self.at_rest = rest > SURE_REST
+        limit = 1.0 - LIKELY_REST if before else LIKELY_REST
+        self.random_walk_found = self._known and self._rested >= LEAST_REST_TIME and rest < limit
+        if not self.random_walk_found:
             return None
         if not before or not self._past:
             variance = float(self._mixed @ self._charge_variance())
-            return Correction(offset, left - seen.force, 0.0, not before, charge, variance)
+            return Correction(offset, residual - seen.force, 0.0, not before, charge, variance)
         last = self._past[-1]
-        warmer = film - last.film - (seen.warmth - last.warmth)
-        return Correction(offset, left - seen.force + warmer * self._per_kelvin, warmer)
+        rise = film - last.film - (seen.film_rise - last.film_rise)
+        return Correction(offset, residual - seen.force + rise * self._per_kelvin, rise)
 
-    def touch(self, warmth: float, duration: float) -> Touch:
-        """Take note that something touches while the film `wanders`, noticed at the end of a block of `duration` [s].
+    def begin_touch(self, film_rise: float, duration: float) -> TouchCorrection:
+        """Roll back to the state before a touch, which was detected at the end of a block while `random_walk_found`.
 
-        warmth [K] is as in `Seen`. What was learnt since it may have begun is undone.
+        Parameters
+        ----------
+        film_rise : float
+            Film temperature rise since the start, estimated from the sensors [K].
+        duration : float
+            Duration of the block [s].
+
+        Returns
+        -------
+        TouchCorrection
+            Correction of the taxels on which the touch begins.
         """
         self._time += duration
         past = self._past
@@ -246,47 +291,61 @@ class SharedOffset:
         self._state, self._covariance = self._states[then.slot].copy(), self._covariances[then.slot].copy()
         self._mixed = self._weights[then.slot].copy()
         self._covariance[:, RATE, RATE] += SLOPE**2
-        self._pass(self._time - then.time, held=True)
+        self._propagate(self._time - then.time, held=True)
         self.holding = True
         offset, _, _ = self._last = self._means()
         self._past = []
-        self._used, self._warmth = offset, warmth
+        self._used, self._film_rise = offset, film_rise
         self._find_variance()
         film = float(self._mixed @ self._state[:, FILM])
-        return Touch(
+        return TouchCorrection(
             offset,
             np.array(
                 [
-                    one.left - one.force + (one.offset - offset) * (self._time - one.time) / self.time_constant
+                    one.residual - one.force + (one.offset - offset) * (self._time - one.time) / self.time_constant
                     for one in past[::-1]
                 ]
             ),
-            np.array([film - one.film - (warmth - one.warmth) for one in past[::-1]]),
+            np.array([film - one.film - (film_rise - one.film_rise) for one in past[::-1]]),
         )
 
-    def hold(self, warmth: float, reading: float, age: float, duration: float) -> Correction:
-        """Take warmth, reading and age, as in `Seen`, after a block of `duration` [s] under a touch.
+    def update_touched(self, film_rise: float, reading: float, age: float, duration: float) -> Correction:
+        """Process a block under a touch; the last one when the chip temperature ramps, after which `variance` stays.
 
-        When the chip does more than wander this was the last one: `variance` stays.
+        Parameters
+        ----------
+        film_rise : float
+            Film temperature rise since the start, estimated from the sensors [K].
+        reading : float
+            Chip temperature since the start in the last reading [K]; NaN: no sensor reports.
+        age : float
+            Age of that reading [s].
+        duration : float
+            Duration of the block [s].
+
+        Returns
+        -------
+        Correction
+            Correction of all taxels.
         """
-        self._pass(duration, held=True)
+        self._propagate(duration, held=True)
         self._time += duration
         self.holding = not self._read(reading, age, duration)
         offset, leaked, charge = now = self._means()
         before, self._last = self._last, now
-        followed, self._warmth = warmth - self._warmth, warmth
+        estimated, self._film_rise = film_rise - self._film_rise, film_rise
         used, self._used = self._used, offset
         self._find_variance()
         return Correction(
             offset,
             used * duration / self.time_constant - (offset - before[0]) - (leaked - before[1]),
-            (charge - before[2]) / self._per_kelvin - followed,
+            (charge - before[2]) / self._per_kelvin - estimated,
         )
 
-    def _begin(self, left: float) -> None:
-        """Begin to rest: what the film has left in the signals by now is not known, nor the part `left` of a touch [N].
+    def _start(self, residual: float) -> None:
+        """Start at rest: the pyroelectric charge is unknown, and so is the charge `residual` left by a touch [N].
 
-        What was known of offset and film still is; the film is taken to have wandered for long.
+        Offset and film temperature stay known; the random walk is assumed to be stationary.
         """
         self.holding = False
         self.variance = 0.0
@@ -296,76 +355,77 @@ class SharedOffset:
         film: Array = covariance[:, FILM, FILM].copy()
         for index in (LEAKED, CHARGE, FILM, CHIP, RATE):
             covariance[:, index] = covariance[:, :, index] = 0.0
-        together = 0.5 * p * self._density * self._lag / (1.0 + self._lag / self.time_constant)
-        covariance[:, CHARGE, CHARGE] = self._charge_variance() + left * left
-        covariance[:, CHARGE, CHIP] = covariance[:, CHIP, CHARGE] = together
+        chip_covariance = 0.5 * p * self._density * self._lag / (1.0 + self._lag / self.time_constant)
+        covariance[:, CHARGE, CHARGE] = self._charge_variance() + residual * residual
+        covariance[:, CHARGE, CHIP] = covariance[:, CHIP, CHARGE] = chip_covariance
         covariance[:, FILM, FILM] = covariance[:, FILM, CHIP] = covariance[:, CHIP, FILM] = film
         covariance[:, CHIP, CHIP] = film + 0.5 * self._density * self._lag
 
     def _charge_variance(self) -> Array:
-        """Return the variance [N2] of the charge that a film leaves which has wandered for long."""
-        gone = 1.0 + self._lag / self.time_constant
-        variance: Array = 0.5 * self._per_kelvin**2 * self._density * self.time_constant / gone
+        """Return the stationary variance of the pyroelectric charge under the random walk [N2]."""
+        ratio = 1.0 + self._lag / self.time_constant
+        variance: Array = 0.5 * self._per_kelvin**2 * self._density * self.time_constant / ratio
         return variance
 
     def _read(self, reading: float, age: float, duration: float) -> bool:
-        """Learn from the chip's sensors, when they told something or should have.
+        """Update by the chip sensors when there is a new reading, or when one was due.
 
-        Return whether they told more than wander and rounding allow: the chip warms or cools.
+        Return whether the innovation exceeds random walk and rounding: the chip temperature ramps.
         """
-        told, self._told = self._told, self._told + duration
-        if not math.isfinite(reading) or (age > duration and told < INTERVAL):
+        reading_age, self._reading_age = self._reading_age, self._reading_age + duration
+        if not math.isfinite(reading) or (age > duration and reading_age < INTERVAL):
             return False
-        self._told = 0.0
+        self._reading_age = 0.0
         age = min(age, duration)
-        shown = np.zeros(6)
-        shown[CHIP], shown[RATE] = 1.0, -age
-        rounding = RESOLUTION**2 / 24.0 * np.maximum(INTERVAL, self._alike) / INTERVAL  # of two sensors
-        error, variance = self._learn(shown, reading, rounding + self._density * age)
-        return bool((error * error > TOLD_JUMP**2 * variance).all())
+        observation = np.zeros(6)
+        observation[CHIP], observation[RATE] = 1.0, -age
+        rounding = RESOLUTION**2 / 24.0 * np.maximum(INTERVAL, self._rounding_time) / INTERVAL  # of two sensors
+        error, variance = self._update(observation, reading, rounding + self._density * age)
+        return bool((error * error > SENSOR_OUTLIER**2 * variance).all())
 
-    def _shown(self, duration: float) -> Array:
-        """Return how the state at the end of a block [s] shows in its mean signal: as it was in its middle."""
-        shown = np.zeros(6)
+    def _signal_model(self, duration: float) -> Array:
+        """Return the observation vector of a block's mean signal [s]: the state at its end gives that in its middle."""
+        observation = np.zeros(6)
         back = self._per_kelvin * min(0.5 * duration / self._lag, 1.0) if self._lag > 0.0 else 0.0
-        shown[OFFSET], shown[CHARGE] = 1.0, 1.0 + 0.5 * duration / self.time_constant
-        shown[FILM], shown[CHIP] = back, -back
-        return shown
+        observation[OFFSET], observation[CHARGE] = 1.0, 1.0 + 0.5 * duration / self.time_constant
+        observation[FILM], observation[CHIP] = back, -back
+        return observation
 
-    def _learn(self, shown: Array, value: float, noise: Array | float) -> tuple[Array, Array]:
-        """Learn from a measured value; return by how much it surprises each filter, and the variance expected."""
-        covered = self._covariance @ shown
-        variance = covered @ shown + noise
-        error = value - self._state @ shown
-        gain = covered / variance[:, None]
+    def _update(self, observation: Array, value: float, noise: Array | float) -> tuple[Array, Array]:
+        """Update all filters by a measured value; return their innovations and innovation variances."""
+        projection = self._covariance @ observation
+        variance = projection @ observation + noise
+        error = value - self._state @ observation
+        gain = projection / variance[:, None]
         self._state += gain * error[:, None]
-        self._covariance -= gain[:, :, None] * covered[:, None, :]
+        self._covariance -= gain[:, :, None] * projection[:, None, :]
         return error, variance
 
-    def _pass(self, time: float, held: bool) -> None:
+    def _propagate(self, time: float, held: bool) -> None:
+        """Propagate all filters by a time [s], `held`: under a touch."""
         lag, p = self._lag, self._per_kelvin
         kept = math.exp(-time / lag) if lag > 0.0 else 0.0
         follows = 1.0 - kept
         ratio = time / self.time_constant
         left = 1.0 if held else math.exp(-ratio)
         charges = p if held else p * (1.0 - left) / ratio
-        passed = np.eye(6)
-        passed[CHIP, RATE] = time
-        passed[FILM, CHIP], passed[FILM, FILM] = follows, kept
-        passed[CHARGE, CHIP], passed[CHARGE, FILM] = charges * follows, -charges * follows
-        passed[CHARGE, CHARGE] = left
-        passed[LEAKED, OFFSET] = ratio if held else 0.0
-        self._state = self._state @ passed.T
-        self._covariance = passed @ self._covariance @ passed.T
+        transition = np.eye(6)
+        transition[CHIP, RATE] = time
+        transition[FILM, CHIP], transition[FILM, FILM] = follows, kept
+        transition[CHARGE, CHIP], transition[CHARGE, FILM] = charges * follows, -charges * follows
+        transition[CHARGE, CHARGE] = left
+        transition[LEAKED, OFFSET] = ratio if held else 0.0
+        self._state = self._state @ transition.T
+        self._covariance = transition @ self._covariance @ transition.T
         both = time - lag * follows
         film = time - 2.0 * lag * follows + 0.5 * lag * (1.0 - kept * kept)
-        wander = np.zeros((6, 6))
-        wander[CHIP, CHIP], wander[FILM, FILM], wander[CHARGE, CHARGE] = time, film, charges * charges * film
-        wander[CHIP, FILM] = wander[FILM, CHIP] = both
-        wander[CHIP, CHARGE] = wander[CHARGE, CHIP] = charges * both
-        wander[FILM, CHARGE] = wander[CHARGE, FILM] = charges * film
-        self._covariance += self._density[:, None, None] * wander
-        self._covariance[:, OFFSET, OFFSET] += self._flicker * time
+        noise = np.zeros((6, 6))
+        noise[CHIP, CHIP], noise[FILM, FILM], noise[CHARGE, CHARGE] = time, film, charges * charges * film
+        noise[CHIP, FILM] = noise[FILM, CHIP] = both
+        noise[CHIP, CHARGE] = noise[CHARGE, CHIP] = charges * both
+        noise[FILM, CHARGE] = noise[CHARGE, FILM] = charges * film
+        self._covariance += self._density[:, None, None] * noise
+        self._covariance[:, OFFSET, OFFSET] += self._random_walk * time
 
     def _weight(self) -> Array:
         weight = np.exp(self._likelihood - self._likelihood.max())
@@ -373,11 +433,11 @@ class SharedOffset:
         return normal
 
     def _means(self) -> tuple[float, float, float]:
-        """Return offset, what it has leaked, and the film's charge [N], by all filters."""
+        """Return offset, its leakage and the pyroelectric charge [N], weighted over the filters."""
         offset, leaked, charge = (self._mixed @ self._state[:, :FILM]).tolist()
         return offset, leaked, charge
 
     def _find_variance(self) -> None:
-        wrong = self._state @ _WRONG
-        spread = wrong - self._mixed @ wrong
-        self.variance = float(self._mixed @ (self._covariance @ _WRONG @ _WRONG + spread * spread))
+        error = self._state @ _FORCE_ERROR
+        spread = error - self._mixed @ error
+        self.variance = float(self._mixed @ (self._covariance @ _FORCE_ERROR @ _FORCE_ERROR + spread * spread))

@@ -1,8 +1,9 @@
-"""Whether the array is at rest, so that offsets may be learnt from its signals.
+"""Detection of rest: whether offsets may be estimated from the signals.
 
-A model may start amid a touch. A force that grows evenly looks like an offset then (rate times tau), and a held one
-leaks. So an offset is believed only once the signals of the whole array stand still: for a moment when they are all
-alike, as without touch, and for as long as a held force needs to leak away when they are not.
+The model may start during a touch. A force that grows at a constant rate then looks like an offset (rate times tau),
+and a held force leaks. So an offset counts as known only after the signals of the whole array have been still: for a
+short time where they are all equal, as they are without touch, and otherwise for as long as a held force takes to leak
+away.
 """
 
 from __future__ import annotations
@@ -15,43 +16,57 @@ from numpy.typing import NDArray
 from posfet_model._lib.reductions import upper_median
 
 STILL: Final = 8.0
-"""A signal stands still within this many standard deviations of a reading [1]."""
+"""A signal is still within this many standard deviations of a reading [1]."""
 
-FAR: Final = 10.0
-"""One taxel alone is no touch, unless it moves by this many times more: it may be noisy [1]."""
+SINGLE_TAXEL_FACTOR: Final = 10.0
+"""A single moving taxel counts as motion only beyond this many times that limit [1]: it may be noisy."""
 
 LEAKED: Final = 5.0
-"""Time constants of the leak after which no held force is left in the signals [1]."""
+"""Time constants of the leakage after which no held force is left in the signals [1]."""
 
 
-class Rest:
-    """Watches the signals of all taxels block by block, while some offset is not known."""
+class RestDetector:
+    """Detects rest block by block, while some offset is unknown.
 
-    def __init__(self, taxels: int, noise: float, alike: float, settle: float, leak: float) -> None:
-        """Take the noise of a reading [N], within what offsets are alike [N], and the times to wait for.
+    State variables: the reference signals [N], shape [taxels], and the time since the last motion [s].
 
-        settle [s] is that for signals that are alike, leak [s] the time constant of the leak.
-        """
+    Parameters
+    ----------
+    taxels : int
+        Number of taxels.
+    noise : float
+        Standard deviation of a reading [N].
+    offset_spread : float
+        Greatest deviation of an untouched taxel's signal from the median [N].
+    settle_time : float
+        Time to wait where all signals are within that spread [s].
+    time_constant : float
+        Leakage time constant [s].
+    """
+
+    def __init__(
+        self, taxels: int, noise: float, offset_spread: float, settle_time: float, time_constant: float
+    ) -> None:
         self._still = STILL * noise
-        self._alike = alike
-        self._settle = settle
-        self._long = LEAKED * leak
+        self._offset_spread = offset_spread
+        self._settle_time = settle_time
+        self._leak_time = LEAKED * time_constant
         self._signal = np.full(taxels, np.inf)
-        self._lasts = 0.0
+        self._duration = 0.0
         self.moved = False
-        """Whether something moved in the last block."""
+        """Whether a signal moved in the last block."""
 
-    def begin(self, signal: NDArray[np.float64]) -> None:
-        """Take the signals of the first scan [N], against which later ones are held."""
+    def start(self, signal: NDArray[np.float64]) -> None:
+        """Set the reference signals [N] from the first scan."""
         self._signal[:] = signal
-        self._lasts = 0.0
+        self._duration = 0.0
 
-    def look(
+    def update(
         self, signal: NDArray[np.float64], ignored: NDArray[np.bool_], duration: float, warming: bool = False
     ) -> bool:
-        """Take the signals [N] at the end of a block of `duration` [s]; return whether offsets may be believed.
+        """Process the signals [N] at the end of a block of `duration` [s]; return whether the array is at rest.
 
-        While the chip is warming, what all taxels do alike is no motion.
+        While the chip is `warming`, the common-mode component does not count as motion.
         """
         change = signal - self._signal
         if warming:
@@ -59,13 +74,14 @@ class Rest:
         change = np.abs(change)
         change[ignored] = 0.0
         moving = int(np.count_nonzero(change > self._still))
-        self.moved = moving >= min(2, len(signal)) or bool((change > FAR * self._still).any())
+        self.moved = moving >= min(2, len(signal)) or bool((change > SINGLE_TAXEL_FACTOR * self._still).any())
         if self.moved:
             self._signal[:] = signal
-            self._lasts = 0.0
+            self._duration = 0.0
             return False
-        self._lasts += duration
-        if self._lasts >= self._long:
+        self._duration += duration
+        if self._duration >= self._leak_time:
             return True
         usable = signal[~ignored]
-        return self._lasts >= self._settle and bool((np.abs(usable - upper_median(usable)) <= self._alike).all())
+        spread = np.abs(usable - upper_median(usable))
+        return self._duration >= self._settle_time and bool((spread <= self._offset_spread).all())

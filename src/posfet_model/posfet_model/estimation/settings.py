@@ -1,4 +1,4 @@
-"""What the observer of static force takes for granted."""
+"""Settings and constants of the force observer; all values are assumed unless stated."""
 
 from __future__ import annotations
 
@@ -6,76 +6,82 @@ from dataclasses import dataclass
 from typing import Final
 
 LONG_STEP: Final = 0.05
-"""h/tau above which it matters when within a step the force changed."""
+"""h/tau above which the time of a force change within a step matters [1]."""
 
 RUNAWAY: Final = 4.0
-"""A taxel whose force grew beyond this many times its greatest one starts anew [1]; saturated ones may exceed it."""
+"""A taxel restarts when its force exceeds this many times the greatest force of the device [1]; a saturated taxel may
+exceed the greatest force."""
 
-RESTLESS_WORTH: Final = 0.1
-"""Worth of time for learning an offset while the temperature changes [1]."""
+TRANSIENT_WEIGHT: Final = 0.1
+"""Weight of the time that counts toward a known offset while the temperature changes [1]."""
 
-CLEARER: Final = 0.5
-"""Offsets are learnt anew once the film's temperature is known with this share of the doubt there was [1]."""
+REDUCED_UNCERTAINTY: Final = 0.5
+"""Offsets are estimated again once the standard uncertainty of the film temperature falls below this share of its
+greatest value [1]."""
 
-UNTOLD: Final = 0.5
-"""A chip that begins to warm so soon after the start did so before: its sensors speak ten times a second [s]."""
+PRIOR_WARMING_TIME: Final = 0.5
+"""A chip that begins to warm within this time after the start was warming before the start [s]: the sensors report at
+10 Hz."""
 
-REFUTED: Final = 3.0
-"""Factor by which more is taken to be left of an earlier force, when less was refuted [1]."""
+REJECTED: Final = 3.0
+"""Factor on the prior deviation of the residual charge after that prior was rejected [1]."""
 
-UNEVEN_MEMORY: Final = 0.8
-"""Share of the uneven part of a block's warming that counts for the next one at least: it comes in jerks [1]."""
+MISMATCH_MEMORY: Final = 0.8
+"""Least share of the mismatch deviation that carries over from block to block [1]: warming is irregular."""
 
-LEAST_UNEVEN: Final = 1e-3
-"""An uneven part below this is forgotten, in contact thresholds [1]."""
+LEAST_MISMATCH: Final = 1e-3
+"""A mismatch deviation below this is dropped [contact threshold]."""
 
-KNOWN_BEFORE: Final = 0.1
-"""Standard deviation, in contact thresholds, of an offset that was known when its taxel had to start anew [1]."""
+RESTART_DEVIATION: Final = 0.1
+"""Standard uncertainty of an offset that was known when its taxel restarted [contact threshold]."""
 
-ALIKE: Final = 2.0
-"""Offsets of an untouched array differ by no more from their median, in contact thresholds; else wait longer [1]."""
+OFFSET_SPREAD: Final = 2.0
+"""Greatest deviation of an untouched taxel's offset from the median offset [contact threshold]; a larger one requires a
+longer rest."""
 
-DOUBT: Final = 0.2
-"""Standard deviation, in contact thresholds, from which a small force is more likely an error than a slow press [1]."""
+LARGE_UNCERTAINTY: Final = 0.2
+"""Standard uncertainty of a force above which a small force is attributed to baseline error, not to a slow press
+[contact threshold]."""
 
 
 @dataclass(frozen=True)
 class ObserverSettings:
-    """What the observer takes for granted. All values are assumed."""
+    """Settings of the force observer. All values are assumed."""
 
     block: float = 0.02
-    """Duration of a block of scans, after which zero and offset are corrected [s]."""
-    settle: float = 0.1
-    """A taxel must agree with a constant force for this long before its offset counts as known [s]."""
-    first_deviation: float = 5e-5
-    """Standard deviation of what is left of an earlier force at the start, as a voltage [V]; refuted, it grows."""
+    """Duration of a block of scans; baseline and offset are corrected at its end [s]."""
+    settle_time: float = 0.1
+    """Time for which a taxel must be consistent with a constant force before its offset counts as known [s]."""
+    initial_deviation: float = 5e-5
+    """Standard deviation of the charge left by an earlier force at the start, as a voltage [V]; grows when rejected."""
     flicker: float = 1e-5
-    """1/f noise of the amplifier, which lets the offset wander [V/sqrt(Hz)] at 1 Hz."""
-    temperature_wander: float = 1e-4
-    """Random walk of the film's temperature that the chip's sensors do not see [K/sqrt(s)]."""
-    uneven: float = 0.1
-    """Standard deviation of the taxels' signals for temperature, without calibration [1]."""
-    uneven_calibrated: float = 0.02
+    """1/f noise of the amplifier, the cause of offset drift [V/sqrt(Hz)] at 1 Hz."""
+    temperature_random_walk: float = 1e-4
+    """Random walk of the film temperature that the chip sensors do not report [K/sqrt(s)]."""
+    pyroelectric_mismatch: float = 0.1
+    """Relative standard deviation of the taxels' pyroelectric signals without calibration [1]."""
+    pyroelectric_mismatch_calibrated: float = 0.02
     """The same with calibration [1]."""
-    gain: float = 0.05
-    """Standard deviation of a taxel's gain, left after calibration [1]."""
-    leak_shared: float = 0.1
-    """Standard deviation by which the time constants of the leak all differ alike from what they are told to be [1]."""
-    leak_shared_calibrated: float = 0.07
-    """The same with calibration: what temperature and age make of it [1]."""
-    leak_own: float = 0.1
-    """The same by which each differs by itself, without calibration [1]."""
-    leak_own_calibrated: float = 0.02
+    gain_deviation: float = 0.05
+    """Relative standard deviation of a taxel's gain after calibration [1]."""
+    leakage_common_deviation: float = 0.1
+    """Relative standard deviation of the leakage time constants that all taxels have in common, uncalibrated [1]."""
+    leakage_common_deviation_calibrated: float = 0.07
+    """The same with calibration: the effect of temperature and ageing [1]."""
+    leakage_individual_deviation: float = 0.1
+    """Relative standard deviation of each taxel's own leakage time constant, uncalibrated [1]."""
+    leakage_individual_deviation_calibrated: float = 0.02
     """The same with calibration [1]."""
     gate: float = 5.0
-    """Standard deviations within which a mean of a block agrees with what was expected [1]."""
-    zero_slew: float = 0.1
-    """Fastest motion of a settled taxel's zero, in contact thresholds per second [1/s]: slower presses are lost."""
-    zero_rise: float = 0.25
-    """The same of one that is below zero, where no press is [1/s]."""
-    steady: float = 0.2
-    """A force below zero is a wrong zero once it has been steady for this long [s]."""
-    resume: float = 0.04
-    """Nothing is valid for this long after an interruption [s]."""
-    recover: float = 2.0
-    """A taxel that stays below zero for this long without becoming steady starts anew [s]."""
+    """Innovation gate of a block mean, in standard deviations [1]."""
+    baseline_slew: float = 0.1
+    """Slew limit of the baseline where the offset is known, in contact thresholds per second [1/s]: a slower press is
+    absorbed as drift."""
+    baseline_rise: float = 0.25
+    """Slew limit of the baseline where the force is negative, which no press can cause [1/s]."""
+    steady_time: float = 0.2
+    """A negative force that is steady for this long is a baseline error [s]."""
+    resume_time: float = 0.04
+    """No force is valid for this long after an interruption [s]."""
+    recovery_time: float = 2.0
+    """A taxel whose force stays negative for this long without becoming steady restarts [s]."""

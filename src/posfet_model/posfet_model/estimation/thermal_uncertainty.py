@@ -1,7 +1,8 @@
-"""What the film's warmth makes of forces and offsets, and of what is known of them.
+"""Effect of the film temperature on forces, offsets and their uncertainty.
 
-One temperature, but taxels that answer unevenly: what warming leaves in the signals leaks away as force does, and looks
-like an offset while it lasts; what is not known of the film's temperature is in all forces alike.
+The film has one temperature, but the taxels differ in their pyroelectric response (mismatch). The charge that a
+temperature change leaves in the signals leaks away as the charge of a force does, and looks like an offset meanwhile.
+The uncertainty of the film temperature is common to all forces.
 """
 
 from __future__ import annotations
@@ -10,115 +11,153 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model._lib.reductions import upper_median
-from posfet_model.estimation.common_mode import CommonMode
+from posfet_model.estimation.common_mode import CommonModeTemperature
 from posfet_model.estimation.film_temperature import FilmTemperature
-from posfet_model.estimation.settings import CLEARER, LEAST_UNEVEN, UNEVEN_MEMORY, UNTOLD
+from posfet_model.estimation.settings import (
+    LEAST_MISMATCH,
+    MISMATCH_MEMORY,
+    PRIOR_WARMING_TIME,
+    REDUCED_UNCERTAINTY,
+)
 
 
-class Warming:
-    """Follows the film's warmth; `per_kelvin` times it is what each taxel reads of it [N]."""
+class ThermalUncertainty:
+    """Uncertainty of the forces due to the film temperature, and the pyroelectric charge left in the signals.
+
+    State variables: compensated temperature rise [K], its part that has not leaked yet [K] per taxel, mismatch
+    deviation of the forces [N], greatest uncertainty of the film temperature since offsets are estimated [K].
+
+    Parameters
+    ----------
+    film : FilmTemperature
+        Film temperature.
+    common : CommonModeTemperature
+        Common-mode correction of the film temperature.
+    per_kelvin : ndarray of float64, shape [taxels]
+        Pyroelectric signal of each taxel [N/K].
+    mismatch : float
+        Relative standard deviation of that signal [1].
+    calibrated : bool
+        Whether the signals come from a recorded calibration, so that taxels without response are known.
+    """
 
     def __init__(
-        self, film: FilmTemperature, common: CommonMode, per_kelvin: NDArray[np.float64], uneven: float, recorded: bool
+        self,
+        film: FilmTemperature,
+        common: CommonModeTemperature,
+        per_kelvin: NDArray[np.float64],
+        mismatch: float,
+        calibrated: bool,
     ) -> None:
-        """Take the signals of the taxels per temperature [N/K], and the spread [1] that is left of them.
-
-        recorded: they are by a recording, so that a taxel that does not answer is known.
-        """
         self.film = film
         self.common = common
         self.per_kelvin = per_kelvin
-        self.uneven = 0.0
-        """Standard deviation of what the last block's warming did unevenly to each force [N]."""
-        self.warmth = 0.0
-        """By how much the film was taken for warmer since the start [K]; to be written to."""
+        self.mismatch_deviation = 0.0
+        """Standard deviation of each force that the last block's temperature change causes by mismatch [N]."""
+        self.rise = 0.0
+        """Film temperature rise since the start that was compensated in the forces [K]; written by others."""
         self._before = 0.0  # the same when the block began
         self._unleaked = np.zeros(len(per_kelvin))
-        self._gone_before = np.zeros(len(per_kelvin))  # what had leaked of the warmth when a touch began [K]
-        self._gone_told = np.zeros(len(per_kelvin))  # and when the taxels told the temperature last
+        self._leaked_before = np.zeros(len(per_kelvin))  # part of the rise that had leaked when the touch began [K]
+        self._leaked_observed = np.zeros(len(per_kelvin))  # and when the common mode was last observable
         self._typical = abs(upper_median(per_kelvin))
-        self._share = uneven
-        self._recorded = recorded
-        self._swing = 0.0  # how far the film has been from where it was before something touched [K]
-        self._restless = False
-        self._doubt = 0.0  # the greatest since offsets began to be learnt [K]
+        self._mismatch = mismatch
+        self._calibrated = calibrated
+        self._swing = 0.0  # greatest temperature change since the touch began [K]
+        self._transient = False
+        self._greatest_deviation = 0.0  # of the film temperature since offsets are estimated [K]
         self._age = 0.0  # time since the first scan [s]
 
     @property
     def common_variance(self) -> float:
-        """Variance of the forces [N2] that all taxels share: what is not known of the film."""
-        return self.common.told_variance if self._told else self.film_variance
+        """Variance common to all forces, due to the film temperature [N2]."""
+        return self.common.residual_variance if self._observable else self.film_variance
 
     @property
     def film_variance(self) -> float:
-        """What the sensors leave unknown of the film's temperature, as a variance of the forces [N2]."""
+        """Variance of the forces due to the film temperature according to the sensors [N2]."""
         return (self.film.standard_deviation * self._typical) ** 2
 
     @property
-    def uneven_variance(self) -> float:
-        """Variance [N2] that each taxel has alone since the last correction."""
-        # Until the next one the uneven part of a warming adds up, as it did in the last block.
-        return (2.0 * self.uneven) ** 2
+    def mismatch_variance(self) -> float:
+        """Variance of each force due to mismatch since the last correction, independent between taxels [N2]."""
+        # Until the next correction the mismatch adds up, by as much as in the last block.
+        return (2.0 * self.mismatch_deviation) ** 2
 
     @property
-    def _told(self) -> bool:
-        # A taxel that does not answer shows no warmth either, and without calibration it is not known to be one.
-        return self.common.told and self._recorded
+    def _observable(self) -> bool:
+        # A taxel without response shows no temperature either; without calibration it is not known.
+        return self.common.observable and self._calibrated
 
     @property
-    def told_leak(self) -> NDArray[np.float64]:
-        """What leaked since a touch began of the charge of warmth, as far as the taxels told it together [N].
+    def observed_leakage(self) -> NDArray[np.float64]:
+        """Leakage of the pyroelectric charge since the touch began, where the common mode was observable [N].
 
-        What is not known of the leak that all share makes no error of it: the others would show it.
+        An error of the common leakage time constant does not affect it: the other taxels would show that error.
         """
-        leaked: NDArray[np.float64] = (self._gone_told - self._gone_before) * self.per_kelvin
+        leaked: NDArray[np.float64] = (self._leaked_observed - self._leaked_before) * self.per_kelvin
         return leaked
 
-    def begin(self, where: NDArray[np.bool_]) -> None:
-        """Take note that the masked taxels begin to be touched."""
-        gone = self.warmth - self._unleaked[where]
-        self._gone_before[where] = self._gone_told[where] = gone
+    def begin_touch(self, where: NDArray[np.bool_]) -> None:
+        """Record that a touch begins on the masked taxels."""
+        leaked = self.rise - self._unleaked[where]
+        self._leaked_before[where] = self._leaked_observed[where] = leaked
 
     @property
-    def left(self) -> NDArray[np.float64]:
-        """What warming has left in the signals up to the last block [N]; all offset but this was there before."""
-        left: NDArray[np.float64] = self._unleaked * self.per_kelvin
-        return left
+    def residual_signal(self) -> NDArray[np.float64]:
+        """Pyroelectric charge left in the signals up to the last block [N]; the rest of an offset is older."""
+        residual: NDArray[np.float64] = self._unleaked * self.per_kelvin
+        return residual
 
-    def close(self, elapsed: float, tau: NDArray[np.float64], least: float, touched: bool) -> float:
-        """End a block of `elapsed` [s]; return the standard deviation it adds to each force [N].
+    def close_block(self, elapsed: float, tau: NDArray[np.float64], least: float, touched: bool) -> float:
+        """End a block; return the standard deviation that its temperature change adds to each force [N].
 
-        tau [s] are the time constants of the leak; below `least` [N] the uneven part is forgotten at once.
+        Parameters
+        ----------
+        elapsed : float
+            Duration of the block [s].
+        tau : ndarray of float64, shape [taxels]
+            Leakage time constants [s].
+        least : float
+            Contact threshold [N]; a mismatch deviation far below it is dropped.
+        touched : bool
+            Whether something touched in the block.
         """
-        change = self.warmth - self._before
-        self._before = self.warmth
+        change = self.rise - self._before
+        self._before = self.rise
         self._unleaked += change
         self._unleaked *= np.exp(-elapsed / tau)
-        if touched and self._told:
-            np.subtract(self.warmth, self._unleaked, out=self._gone_told)
+        if touched and self._observable:
+            np.subtract(self.rise, self._unleaked, out=self._leaked_observed)
         if touched:
-            # Nothing is corrected: what counts is how far the film is from where it was before.
-            before, self._swing = self._swing, max(self._swing, self.common.since_touch)
+            # Nothing is corrected under a touch: the temperature change since the touch began matters.
+            before, self._swing = self._swing, max(self._swing, self.common.change_since_touch)
             change = self._swing - before
         else:
             self._swing = 0.0
-        if not change and not self.uneven:
+        if not change and not self.mismatch_deviation:
             return 0.0
-        # The gain for temperature is wrong the same way all the time: deviations add up, not variances.
-        now = abs(change) * self._typical * self._share
-        self.uneven = max(now, UNEVEN_MEMORY * self.uneven) if now > LEAST_UNEVEN * least else now
-        return self.uneven
+        # The error of the pyroelectric gain is constant: deviations add up, not variances.
+        now = abs(change) * self._typical * self._mismatch
+        carried = max(now, MISMATCH_MEMORY * self.mismatch_deviation)
+        self.mismatch_deviation = carried if now > LEAST_MISMATCH * least else now
+        return self.mismatch_deviation
 
-    def misled(self, elapsed: float) -> tuple[bool, bool]:
-        """Return whether offsets not known yet may have been learnt of the film's warmth, and whether known ones may.
+    def learnt_during_warming(self, elapsed: float) -> tuple[bool, bool]:
+        """Return whether offsets were estimated from a temperature change, once per block of `elapsed` [s].
 
-        To be called once a block of `elapsed` [s].
+        Returns
+        -------
+        unknown : bool
+            Whether this may be so for offsets that are not known yet.
+        known : bool
+            Whether this may be so for known offsets.
         """
-        film, was_restless = self.film, self._restless
-        doubt = film.standard_deviation
-        self._restless = not film.quiet
-        clearer = was_restless and (film.quiet or doubt < CLEARER * self._doubt)
-        begins = self._restless and not was_restless
-        self._doubt = doubt if clearer or begins else max(self._doubt, doubt)
+        film, was_transient = self.film, self._transient
+        deviation = film.standard_deviation
+        self._transient = not film.steady
+        reduced = was_transient and (film.steady or deviation < REDUCED_UNCERTAINTY * self._greatest_deviation)
+        begins = self._transient and not was_transient
+        self._greatest_deviation = deviation if reduced or begins else max(self._greatest_deviation, deviation)
         self._age += elapsed
-        return clearer or begins, begins and self._age < UNTOLD
+        return reduced or begins, begins and self._age < PRIOR_WARMING_TIME

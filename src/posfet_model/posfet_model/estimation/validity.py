@@ -1,4 +1,4 @@
-"""When an estimated force contradicts itself: negative forces, and forces lost in an interruption."""
+"""Contradictions in the estimated force: negative forces, and forces known only as a lower bound."""
 
 from __future__ import annotations
 
@@ -8,68 +8,102 @@ from numpy.typing import NDArray
 from posfet_model._lib.reductions import some
 
 Array = NDArray[np.float64]
-
-
 Mask = NDArray[np.bool_]
 
 
-class BelowZero:
-    """For how long each taxel has been below zero, and how steadily: one that is steady is not still settling."""
+class NegativeForceMonitor:
+    """Finds baseline errors: forces that stay negative and steady.
 
-    def __init__(self, taxels: int, patience: float) -> None:
-        """Take for how long a force below zero has to be steady until it is a wrong zero [s]."""
-        self.lasts = np.zeros(taxels)
-        """[s]."""
+    State variables: time below zero and time below zero while steady, both [s], shapes [taxels].
+
+    Parameters
+    ----------
+    taxels : int
+        Number of taxels.
+    steady_time : float
+        Time for which a negative force must be steady to be a baseline error [s].
+    """
+
+    def __init__(self, taxels: int, steady_time: float) -> None:
+        self.duration = np.zeros(taxels)
+        """Time for which each taxel has been negative [s]."""
         self._steady = np.zeros(taxels)
-        self._patience = patience
+        self._steady_time = steady_time
         self._any = False
 
-    def look(self, where: Mask, mean: Array, limit: Array, still: Mask, duration: float) -> Mask:
-        """Take the mean forces [N] of a block of `duration` [s]; return which of the masked taxels have a wrong zero.
+    def update(self, where: Mask, mean: Array, limit: Array, still: Mask, duration: float) -> Mask:
+        """Process a block's mean forces [N]; return the mask of the taxels with a confirmed baseline error.
 
-        Forces below -limit [N] cannot be; `still` masks those that are as in the block before.
+        Parameters
+        ----------
+        where : ndarray of bool, shape [taxels]
+            Taxels to be examined.
+        mean : ndarray of float64, shape [taxels]
+            Mean forces of the block [N].
+        limit : ndarray of float64, shape [taxels]
+            A force below -limit is impossible [N], > 0.
+        still : ndarray of bool, shape [taxels]
+            Taxels whose mean equals that of the previous block within noise.
+        duration : float
+            Duration of the block [s].
+
+        Returns
+        -------
+        ndarray of bool, shape [taxels]
+            Taxels whose force has been negative and steady for `steady_time`.
         """
         below = where & (mean < -limit)
         if not (self._any or some(below)):
             return below
         self._any = some(below)
-        self.lasts = np.where(below, self.lasts + duration, 0.0)
+        self.duration = np.where(below, self.duration + duration, 0.0)
         self._steady = np.where(below & still, self._steady + duration, 0.0)
-        ripe: Mask = self._steady >= self._patience
-        self._steady[ripe] = 0.0
-        return ripe
+        confirmed: Mask = self._steady >= self._steady_time
+        self._steady[confirmed] = 0.0
+        return confirmed
 
-    def forget(self, where: Mask) -> None:
-        """Begin anew with the masked taxels."""
-        self.lasts[where] = self._steady[where] = 0.0
+    def reset(self, where: Mask) -> None:
+        """Reset the masked taxels."""
+        self.duration[where] = self._steady[where] = 0.0
 
 
-class LostForce:
-    """Taxels whose force is no more than a lower bound, until the touch ends.
+class LowerBoundMonitor:
+    """Marks the taxels whose force is known only as a lower bound after an interruption, until the touch ends.
 
-    Charge that is left was pressed, so at least that much presses. Charge below zero says that the force has gone.
-    Where neither is left nothing tells a force that leaked from none, and after a while it counts as none.
+    The remaining charge was caused by a force, so at least that force is applied. A negative charge means that the
+    force was released. Where neither remains, a force that leaked away cannot be distinguished from no force; after
+    `release_time` it counts as no force.
+
+    State variables: the mask of marked taxels, and the time without a measurable force [s].
+
+    Parameters
+    ----------
+    taxels : int
+        Number of taxels.
+    threshold : float
+        Least measurable force [N].
+    release_time : float
+        Time without a measurable force after which no force is applied [s].
     """
 
-    def __init__(self, taxels: int, threshold: float, patience: float) -> None:
-        """Take the force that counts [N], and for how long nothing has to be felt until nothing presses [s]."""
+    def __init__(self, taxels: int, threshold: float, release_time: float) -> None:
         self.mask = np.zeros(taxels, np.bool_)
-        """Where the force is not known."""
+        """Taxels whose force is a lower bound."""
         self._threshold = threshold
-        self._patience = patience
+        self._release_time = release_time
         self._quiet = 0.0
 
-    def begin(self, before: Array, left: Array) -> None:
-        """Take the forces before the interruption [N], and the charge that is left after it, as forces [N]."""
-        self.mask |= ((before > self._threshold) & (left > -self._threshold)) | (left > self._threshold)
+    def start(self, before: Array, remaining: Array) -> None:
+        """Mark taxels after an interruption, from the forces before it and the remaining charges as forces [N]."""
+        self.mask |= ((before > self._threshold) & (remaining > -self._threshold)) | (remaining > self._threshold)
         self._quiet = 0.0
 
-    def close(self, force: Array, elapsed: float) -> None:
-        """Take the mean forces [N] of a block of `elapsed` [s]."""
+    def update(self, force: Array, elapsed: float) -> None:
+        """Process the mean forces [N] of a block of `elapsed` [s]."""
         if not some(self.mask):
             return
         self.mask &= force > -self._threshold
         pressing = bool((force[self.mask] > self._threshold).any())
         self._quiet = 0.0 if pressing else self._quiet + elapsed
-        if self._quiet >= self._patience:
+        if self._quiet >= self._release_time:
             self.mask[:] = False

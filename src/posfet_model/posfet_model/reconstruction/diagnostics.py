@@ -1,4 +1,4 @@
-"""What the state of the reconstruction means for a person: a level, one line, and what to do."""
+"""Diagnosis of the reconstruction for the operator: a level and one line with cause and remedy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from posfet_model.reconstruction.scan_clock import ScanCounts
 
 
 class Level(IntEnum):
-    """How well it goes; the values are those of diagnostic_msgs/DiagnosticStatus."""
+    """Severity; the values are those of diagnostic_msgs/DiagnosticStatus."""
 
     OK = 0
     WARN = 1
@@ -19,36 +19,51 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Period:
-    """What happened in one period between two reports."""
+    """Events in the period between two reports, and the state at its end."""
 
     scans: int
-    """Scans taken."""
+    """Scans accepted."""
     layout_mismatch: int
-    """Scans refused for another layout."""
+    """Scans refused because their layout is not that of the sensor."""
     adc_fault: int
-    """Scans refused because the ADC failed, by its own word or by what it gave."""
+    """Scans refused because the ADC failed, as the board reports or as their counts show."""
     refused: int
-    """Scans refused because they came twice or late."""
+    """Scans refused as duplicate or late."""
     missed: int
-    """Scans that never came."""
+    """Scans missing in the sequence."""
     interruptions: int
-    """Resets of the board, and gaps too long to follow the force."""
+    """Resets of the board, and gaps too long to bridge."""
     time_jumps: int
-    """Jumps of the board's clock."""
+    """Jumps of the board clock."""
     unsettled: int
-    """Taxels whose offset is not known at its end."""
+    """Taxels whose offset is unknown at the end of the period."""
     saturated: int
-    """Taxels at the end of their range at its end."""
-    bad: int
-    """Taxels that do not work at its end."""
+    """Taxels saturated at the end of the period."""
+    faulty: int
+    """Taxels dead, stuck or noisy at the end of the period."""
     temperature_known: bool
-    """Whether a temperature sensor of the chip is known at its end."""
+    """Whether a temperature sensor of the chip reports at the end of the period."""
 
     @classmethod
     def between(
-        cls, before: ScanCounts, after: ScanCounts, unsettled: int, saturated: int, bad: int, temperature_known: bool
+        cls, before: ScanCounts, after: ScanCounts, unsettled: int, saturated: int, faulty: int, temperature_known: bool
     ) -> Period:
-        """Return what happened between two counts, and the state at its end."""
+        """Return the period between two counts.
+
+        Parameters
+        ----------
+        before, after : ScanCounts
+            Counts at the start and at the end of the period.
+        unsettled, saturated, faulty : int
+            Number of taxels at the end: with unknown offset, saturated, and dead, stuck or noisy.
+        temperature_known : bool
+            Whether a temperature sensor reports at the end.
+
+        Returns
+        -------
+        Period
+            Events and state of the period.
+        """
         return cls(
             scans=after.accepted - before.accepted,
             layout_mismatch=after.layout_mismatch - before.layout_mismatch,
@@ -59,34 +74,46 @@ class Period:
             time_jumps=after.time_jumps - before.time_jumps,
             unsettled=unsettled,
             saturated=saturated,
-            bad=bad,
+            faulty=faulty,
             temperature_known=temperature_known,
         )
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A level and its reason."""
+    """Severity with its cause."""
 
     level: Level
+    """Severity."""
     text: str
-    """One line: what is, why, and what to do about it."""
+    """One line: cause and remedy."""
 
 
 def judge(period: Period) -> Verdict:
-    """Return the worst that can be said of a period."""
+    """Return the most severe finding of a period.
+
+    Parameters
+    ----------
+    period : Period
+        Events and state between two reports.
+
+    Returns
+    -------
+    Verdict
+        Severity with its cause; OK when there is no finding.
+    """
     faults = (
-        (period.layout_mismatch > 0, Level.ERROR, "scans of another layout refused: give this board's sensor file"),
-        (period.adc_fault > 0, Level.ERROR, "the ADC failed, scans refused: check supply and wiring of the board"),
-        (period.scans == 0, Level.STALE, "no scans: check that the driver runs and is active"),
-        (period.interruptions > 0, Level.WARN, "interrupted: forces held meanwhile are not known; check the bus"),
-        (period.time_jumps > 0, Level.WARN, "the board's clock jumped: intervals were taken from the sequence"),
-        (period.saturated > 0, Level.WARN, "taxels at the end of their range: press less, or give them a wider one"),
-        (period.unsettled > 0, Level.WARN, "finding the zero of some taxels: leave the sensor at rest for a moment"),
-        (period.bad > 0, Level.WARN, "taxels dead, stuck or noisy: left out of contacts; see status in `image`"),
-        (not period.temperature_known, Level.WARN, "no chip temperature: 1 K reads like 1 N; check the status frames"),
-        (period.missed > 0, Level.WARN, "scans missing: the force is followed across them; check the bus load"),
-        (period.refused > 0, Level.WARN, "scans came twice or late and were refused: check for a second driver"),
+        (period.layout_mismatch > 0, Level.ERROR, "layout mismatch, scans refused: set this board's sensor file"),
+        (period.adc_fault > 0, Level.ERROR, "ADC fault, scans refused: check supply and wiring of the board"),
+        (period.scans == 0, Level.STALE, "no scans: check that the driver is running and active"),
+        (period.interruptions > 0, Level.WARN, "interrupted: forces held meanwhile are unknown; check the bus"),
+        (period.time_jumps > 0, Level.WARN, "board clock jumped: intervals taken from the sequence"),
+        (period.saturated > 0, Level.WARN, "taxels saturated: press less, or widen the ADC range"),
+        (period.unsettled > 0, Level.WARN, "offset of some taxels unknown: leave the sensor untouched for a moment"),
+        (period.faulty > 0, Level.WARN, "taxels dead, stuck or noisy: excluded from contacts; see status in `image`"),
+        (not period.temperature_known, Level.WARN, "no chip temperature: 1 K reads as 1 N; check the status frames"),
+        (period.missed > 0, Level.WARN, "scans missing: the force is tracked across gaps; check the bus load"),
+        (period.refused > 0, Level.WARN, "duplicate or late scans refused: check for a second driver"),
     )
     for present, level, text in faults:
         if present:

@@ -1,4 +1,4 @@
-"""The force image of one scan, and the projection of contact forces onto values that are not negative."""
+"""Force image of one scan, and the projection of contact forces onto non-negative values."""
 
 from __future__ import annotations
 
@@ -9,13 +9,28 @@ from numpy.typing import NDArray
 
 
 def non_negative(force: NDArray[np.float64], variance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return forces [N] that are not negative, as near as can be to those given, with the same sum.
+    """Return the non-negative forces with the same sum that are closest to the given ones.
 
-    Near by the sum of ``(answer - force)^2/variance``, variance [N2] > 0 of each, shapes [k]: the answer is
-    ``max(force - theta*variance, 0)``, theta found by dropping what falls below zero (C. Michelot, J. Optim. Theory
-    Appl. 50, 195, 1986). Where the sum is not positive there is no such answer but zeros. With a share c of crosstalk
-    errors of neighbours go together by about 2*c, which is left out: that moves a force by at most about 8*c of the
-    greatest one below zero.
+    Minimises ``sum((result - force)^2/variance)``: the result is ``max(force - theta*variance, 0)``, with theta found
+    by removing negative values iteratively. Where the sum is not positive, the result is zero. Crosstalk with a share
+    c correlates the errors of neighbours by about 2*c, which is neglected: this changes a force by at most about 8*c
+    of the greatest negative one.
+
+    Parameters
+    ----------
+    force : ndarray of float64, shape [k]
+        Forces [N].
+    variance : ndarray of float64, shape [k]
+        Variance of each force [N2], > 0.
+
+    Returns
+    -------
+    ndarray of float64, shape [k]
+        Forces >= 0 [N].
+
+    References
+    ----------
+    C. Michelot, J. Optim. Theory Appl. 50, 195, 1986.
 
     Examples
     --------
@@ -38,15 +53,15 @@ def non_negative(force: NDArray[np.float64], variance: NDArray[np.float64]) -> N
 
 @dataclass(slots=True)
 class ForceImage:
-    """Forces of all taxels, shapes [rows * cols], row by row. Made once and filled again and again."""
+    """Forces of all taxels, shapes [rows * cols], row by row. Reused: each update overwrites it."""
 
     force: NDArray[np.float32]
-    """[N], positive when pushed; not negative in and around contacts; NaN: not known."""
+    """Force [N], positive when pushed; non-negative in and around contacts; NaN: unknown."""
     standard_deviation: NDArray[np.float32]
-    """[N]; NaN: not known."""
+    """Standard uncertainty of each force [N]; NaN: unknown."""
     status: NDArray[np.uint8]
     """Values of TaxelStatus."""
     total: float
-    """Sum of the known forces [N]; NaN: none is known."""
+    """Sum of the known forces [N]; NaN: all are unknown."""
     total_standard_deviation: float
-    """[N]; NaN: not known."""
+    """Standard uncertainty of the sum [N]; NaN: unknown."""

@@ -1,11 +1,11 @@
-"""Mains hum, learnt where nothing touches and taken away everywhere, in contacts as well.
+"""Mains hum: estimated where nothing touches and subtracted everywhere, in contacts as well.
 
-All taxels hum at one frequency, each with an amplitude and a phase of its own. These are learnt in windows of whole
-periods in which nothing touches. Something may touch for long, and the frequency of the mains wanders: then the taxels
-that are not in contact tell how the phase moves on, for all. So a touch that vibrates with the mains stays what it is.
-Where too few are untouched the phase is foretold for a while, and after that the hum is left in.
+All taxels hum at one frequency, each with its own amplitude and phase. These are estimated in windows of whole periods
+without touch. A touch may last long, and the mains frequency drifts: then the phase is tracked on the taxels that are
+not in contact, for all. So a touch that vibrates at the mains frequency is preserved. Where too few taxels are
+untouched, the phase is predicted for a while; after that the hum is no longer subtracted.
 
-Only the fundamental is followed. Harmonics stay.
+Only the fundamental is estimated. Harmonics stay.
 """
 
 from __future__ import annotations
@@ -19,47 +19,49 @@ from numpy.typing import NDArray
 from posfet_model._lib.reductions import some
 
 FREQUENCIES: Final = (50.0, 60.0)
-"""Of the mains, nominally [Hz]."""
+"""Nominal mains frequencies [Hz]."""
 
 WINDOW: Final = 0.1
-"""Time over which phases are compared [s]: whole periods of each of `FREQUENCIES`."""
+"""Window in which a phase is measured [s]: whole periods of each of `FREQUENCIES`."""
 
 SCANS_PER_PERIOD: Final = 2.5
-"""At fewer scans in a period the hum is not told from other things [1]."""
+"""Least number of scans in a period with which the hum is distinguishable from other signals [1]."""
 
 PAUSE: Final = 0.5
-"""Time between two looks for a hum while there is none [s]."""
+"""Time between two searches for hum while there is none [s]."""
 
-CLEAR: Final = 5.0
-"""A hum is more than this many standard deviations of what noise would show in a window [1]."""
+DETECTION: Final = 5.0
+"""Least amplitude of a hum, in standard deviations of the noise in a window [1]."""
 
-WORTH_IT: Final = 0.2
-"""A hum of less than this many standard deviations of a reading's noise is left in [1]."""
+LEAST_AMPLITUDE: Final = 0.2
+"""A hum of less than this many standard deviations of a reading's noise is not subtracted [1]."""
 
-STEADY: Final = 1.0
-"""From one window to the next the phase of the mains moves on as expected to within this [rad]."""
+LARGEST_PHASE_CHANGE: Final = 1.0
+"""Greatest deviation of the phase from its prediction between two windows [rad]."""
 
 PHASE_GAIN: Final = 0.4
+"""Share of a window's phase error by which the phase is corrected [1]."""
+
 FREQUENCY_GAIN: Final = 0.06
-"""Shares of a window's phase error by which phase and frequency are corrected [1]."""
+"""Share of a window's phase error by which the frequency is corrected [1]."""
 
 AMPLITUDE_GAIN: Final = 0.4
-"""Share by which all amplitudes are corrected together [1]."""
+"""Share of the common amplitude error by which all amplitudes are corrected [1]."""
 
-OWN_GAIN: Final = 0.1
-"""Share by which what a taxel has alone is corrected in the end; before, it is the mean of all windows [1]."""
+INDIVIDUAL_GAIN: Final = 0.1
+"""Least share of a taxel's individual error by which it is corrected [1]; at first the mean of all windows is taken."""
 
 LARGEST_STEP: Final = 0.5
-"""Largest relative change of amplitude [1] and phase [rad] that is believed of one window."""
+"""Greatest relative change of amplitude [1] and greatest change of phase [rad] by one window."""
 
 FEWEST: Final = 0.2
-"""Fewer untouched ones of all working taxels tell nothing [1]."""
+"""Least share of untouched taxels among all working ones from which the hum is estimated [1]."""
 
-TRUSTED: Final = 5.0
-"""For so long the last frequency is good enough to foretell the phase [s]."""
+PREDICTION_TIME: Final = 5.0
+"""Time for which the phase is predicted from the last frequency [s]."""
 
 FADING: Final = 0.8
-"""After that the amplitude is multiplied by this each window [1]."""
+"""Factor on the amplitude in each window after that time [1]."""
 
 TURN: Final = 2.0 * math.pi
 
@@ -68,18 +70,30 @@ Mask = NDArray[np.bool_]
 
 
 class MainsHum:
-    """Takes the hum off signals of any unit, scan by scan, shape [taxels]."""
+    """Estimates and subtracts the hum of signals in any unit, scan by scan, shape [taxels].
+
+    State variables: cosine and sine parts of each taxel's hum [unit of the signals], phase [rad] and frequency [Hz],
+    the signals of the current window.
+
+    Parameters
+    ----------
+    taxels : int
+        Number of taxels.
+    rate : float
+        Scans per second [Hz].
+    noise : float
+        Standard deviation of a reading, in the unit of the signals.
+    """
 
     def __init__(self, taxels: int, rate: float, noise: float) -> None:
-        """Take the scans per second [Hz] and the standard deviation of a reading's noise in the unit of the signals."""
         scans = round(WINDOW * rate) if rate >= SCANS_PER_PERIOD * max(FREQUENCIES) else 0
         self.present = False
-        """Whether there is a hum to take away."""
+        """Whether a hum is subtracted."""
         self._parts = np.zeros((2, taxels))  # of the cosine and the sine of the phase
         self._hum = np.zeros(taxels)
-        self._turned = np.zeros(2)
+        self._rotation = np.zeros(2)
         self._frequency = 0.0
-        self._phase = 0.0  # when the window began [rad]
+        self._phase = 0.0  # at the start of the window [rad]
         self._time = 0.0  # since then [s]
         self._window = np.zeros((scans, taxels))
         self._rows = list(self._window)
@@ -87,37 +101,45 @@ class MainsHum:
         self._filled = 0
         self._pause = 0.0
         self._touched = np.zeros(taxels, np.bool_)
-        # Hann's window: what changes slowly shows little of itself.
+        # Hann window: suppresses slow changes.
         self._weights = 2.0 / max(scans, 1) * (1.0 - np.cos(TURN * (np.arange(scans) + 0.5) / max(scans, 1)))
         self._noise_of_window = noise * math.sqrt(3.0 / max(scans, 1))
-        self._least = WORTH_IT * noise
-        self._suspected: complex | None = None  # what all free taxels showed together in the window before
+        self._least = LEAST_AMPLITUDE * noise
+        self._suspected: complex | None = None  # mean phasor of the free taxels in the previous window
         self._windows = 0
-        self._untold = 0.0
+        self._predicted = 0.0  # time since the phase was last measured [s]
 
     @property
-    def listening(self) -> bool:
-        """Whether the signals of the next scan are wanted."""
+    def sampling(self) -> bool:
+        """Whether the signals of the next scan are needed."""
         return self._pause <= 0.0 and len(self._rows) > 0
 
     @property
     def frequency(self) -> float:
-        """Of the hum [Hz]; NaN when there is none."""
+        """Frequency of the hum [Hz]; NaN: no hum."""
         return self._frequency if self.present else math.nan
 
     @property
     def amplitude(self) -> float:
-        """Root mean square of the taxels' amplitudes in the unit of the signals."""
+        """Root mean square of the taxels' amplitudes, in the unit of the signals."""
         return math.sqrt(2.0 * float(np.mean(self._parts * self._parts)))
 
     def remove(self, signal: Array, step: float) -> None:
-        """Take the hum off the signals of a scan that ends a step [s], in place. For while `listening`."""
+        """Subtract the hum from the signals of a scan, in place; required while `sampling`.
+
+        Parameters
+        ----------
+        signal : ndarray of float64, shape [taxels]
+            Signals; overwritten.
+        step : float
+            Time since the previous scan [s].
+        """
         self._time += step
         if self.present:
             angle = self._phase + TURN * self._frequency * self._time
-            turned = self._turned
-            turned[0], turned[1] = math.cos(angle), math.sin(angle)
-            signal -= turned.dot(self._parts, self._hum)
+            rotation = self._rotation
+            rotation[0], rotation[1] = math.cos(angle), math.sin(angle)
+            signal -= rotation.dot(self._parts, self._hum)
         filled = self._filled
         if filled < len(self._rows):
             self._rows[filled][...] = signal
@@ -125,16 +147,26 @@ class MainsHum:
             self._filled = filled + 1
 
     def interrupt(self) -> None:
-        """Take note that an unknown time passes before the next scan: the phase is lost."""
-        self._lose()
-        self._begin_window()
+        """Reset: an unknown time passes before the next scan, and the phase is lost."""
+        self._reset()
+        self._start_window()
 
     def close_block(self, touched: Mask, ignored: Mask, duration: float) -> None:
-        """Take which taxels were touched during a block of scans [s], and which do not work."""
+        """End a block of scans; process the window when it is complete.
+
+        Parameters
+        ----------
+        touched : ndarray of bool, shape [taxels]
+            Taxels touched during the block.
+        ignored : ndarray of bool, shape [taxels]
+            Faulty taxels.
+        duration : float
+            Duration of the block [s].
+        """
         if self._pause > 0.0:
             self._pause -= duration
             if self._pause <= 0.0:
-                self._begin_window()
+                self._start_window()
             return
         self._touched |= touched
         if not len(self._rows) or self._filled < len(self._rows):
@@ -142,71 +174,72 @@ class MainsHum:
         free = ~(self._touched | ignored)
         enough = np.count_nonzero(free) >= max(1.0, FEWEST * np.count_nonzero(~ignored))
         if self.present:
-            self._follow(free if enough else None, some(self._touched))
+            self._track(free if enough else None, some(self._touched))
         elif enough:
-            self._look(free)
+            self._detect(free)
         if self.present or self._suspected is not None:
-            self._begin_window()
+            self._start_window()
         else:
             self._pause = PAUSE
 
-    def _look(self, free: Mask) -> None:
-        """Look for a hum that lasts: two windows must agree."""
-        shown = {frequency: self._correlate(frequency) for frequency in FREQUENCIES}
-        common = {frequency: _phasor(parts[:, free].mean(axis=1)) for frequency, parts in shown.items()}
+    def _detect(self, free: Mask) -> None:
+        """Detect a persistent hum: two consecutive windows must agree."""
+        measured = {frequency: self._correlate(frequency) for frequency in FREQUENCIES}
+        common = {frequency: _phasor(parts[:, free].mean(axis=1)) for frequency, parts in measured.items()}
         frequency = max(common, key=lambda one: abs(common[one]))
         now, before = common[frequency], self._suspected
         self._suspected = None
-        if abs(now) <= max(CLEAR * self._noise_of_window / math.sqrt(np.count_nonzero(free)), self._least):
+        if abs(now) <= max(DETECTION * self._noise_of_window / math.sqrt(np.count_nonzero(free)), self._least):
             return
         if before is None or self._frequency != frequency:
             self._suspected, self._frequency = now, frequency
             return
-        turned = np.angle(now / before)
-        if abs(turned) > STEADY:
+        phase_change = np.angle(now / before)
+        if abs(phase_change) > LARGEST_PHASE_CHANGE:
             self._suspected = now
             return
         self.present = True
-        self._parts[:] = np.where(free, shown[frequency], shown[frequency][:, free].mean(axis=1, keepdims=True))
-        self._frequency += turned / (TURN * self._time)
-        self._windows, self._untold = 1, 0.0
+        parts = measured[frequency]
+        self._parts[:] = np.where(free, parts, parts[:, free].mean(axis=1, keepdims=True))
+        self._frequency += phase_change / (TURN * self._time)
+        self._windows, self._predicted = 1, 0.0
 
-    def _follow(self, free: Mask | None, touched: bool) -> None:
-        """Correct phase and frequency by what the free taxels still show, and amplitudes unless something touches."""
+    def _track(self, free: Mask | None, touched: bool) -> None:
+        """Correct phase and frequency by the residual hum of the free taxels, and amplitudes while nothing touches."""
         if free is None:
-            self._untold += self._time
-            if self._untold > TRUSTED:
+            self._predicted += self._time
+            if self._predicted > PREDICTION_TIME:
                 self._scale(FADING)
             return
-        self._untold = 0.0
-        left, parts = self._correlate(self._frequency), self._parts
+        self._predicted = 0.0
+        residual, parts = self._correlate(self._frequency), self._parts
         power = float(np.sum(parts[:, free] ** 2))
         if power == 0.0:
-            self._lose()
+            self._reset()
             return
-        in_phase = float(np.sum(parts[:, free] * left[:, free])) / power
-        ahead = float(np.sum(parts[0, free] * -left[1, free] + parts[1, free] * left[0, free])) / power
-        error = min(max(math.atan2(ahead, 1.0 + in_phase), -LARGEST_STEP), LARGEST_STEP)
+        in_phase = float(np.sum(parts[:, free] * residual[:, free])) / power
+        lead = float(np.sum(parts[0, free] * -residual[1, free] + parts[1, free] * residual[0, free])) / power
+        error = min(max(math.atan2(lead, 1.0 + in_phase), -LARGEST_STEP), LARGEST_STEP)
         self._phase += PHASE_GAIN * error
         self._frequency += FREQUENCY_GAIN * error / (TURN * self._time)
         if touched:
             return
         self._windows += 1
-        own = left - in_phase * parts - ahead * np.stack([parts[1], -parts[0]])
-        parts += max(1.0 / self._windows, OWN_GAIN) * np.where(free, own, 0.0)
+        individual = residual - in_phase * parts - lead * np.stack([parts[1], -parts[0]])
+        parts += max(1.0 / self._windows, INDIVIDUAL_GAIN) * np.where(free, individual, 0.0)
         self._scale(1.0 + AMPLITUDE_GAIN * min(max(in_phase, -LARGEST_STEP), LARGEST_STEP))
 
     def _scale(self, factor: float) -> None:
-        """Change all amplitudes; give the hum up where it is not worth it any more."""
+        """Scale all amplitudes; drop the hum when it becomes negligible."""
         self._parts *= factor
         if self.amplitude < 0.5 * self._least:
-            self._lose()
+            self._reset()
 
-    def _lose(self) -> None:
+    def _reset(self) -> None:
         self.present, self._suspected = False, None
         self._parts[:] = 0.0
 
-    def _begin_window(self) -> None:
+    def _start_window(self) -> None:
         self._phase = (self._phase + TURN * self._frequency * self._time) % TURN
         self._time = 0.0
         self._filled = 0
@@ -214,12 +247,12 @@ class MainsHum:
         self._pause = 0.0
 
     def _correlate(self, frequency: float) -> Array:
-        """Return what the window shows of cosine and sine of the phase, shape [2, taxels]."""
+        """Return the cosine and sine parts of the window's signals at a frequency [Hz], shape [2, taxels]."""
         angle = self._phase + TURN * frequency * self._times
-        shown: Array = np.stack([np.cos(angle), np.sin(angle)]) * self._weights @ self._window
-        return shown
+        parts: Array = np.stack([np.cos(angle), np.sin(angle)]) * self._weights @ self._window
+        return parts
 
 
 def _phasor(parts: Array) -> complex:
-    """Return cosine and sine parts as a phasor: what is ahead has the greater angle."""
+    """Return cosine and sine parts as a phasor, whose angle is the phase lead."""
     return complex(parts[0], -parts[1])

@@ -1,4 +1,4 @@
-"""The hot path of the model: a scan in, forces and contacts out. Everything is allocated once."""
+"""Hot path of the model: a scan in, forces and contacts out. All memory is allocated once."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.contacts.detection import ENTER_DEVIATIONS, ContactFinder, Taxels
+from posfet_model.contacts.detection import ENTER_DEVIATIONS, ContactFinder, ForceEstimate
 from posfet_model.contacts.footprint import Footprint
-from posfet_model.contacts.slip import FastChannel, Motion
+from posfet_model.contacts.slip import DynamicChannel, Motion
 from posfet_model.contacts.tracker import Contact, ContactState, ContactTracker
 from posfet_model.estimation.force_observer import ForceObserver
 from posfet_model.reconstruction.force_image import ForceImage, non_negative
 from posfet_model.reconstruction.mains_hum import MainsHum
 from posfet_model.reconstruction.scan_clock import ScanClock, ScanCounts
-from posfet_model.reconstruction.taxel_faults import TELLING, TaxelStatus, TaxelWatch
+from posfet_model.reconstruction.taxel_faults import INFORMATIVE, TaxelFaultDetector, TaxelStatus
 from posfet_model.sensor.crosstalk import CrosstalkInverse
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.neighbour_estimate import ESTIMATE_DEVIATION
@@ -26,49 +26,59 @@ from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import READING, InverseChain, charge_per_newton, noise_of_a_scan
 
 MOST_IMPLAUSIBLE: Final = 10
-"""After this many scans in a row with most taxels at the end of their range it is taken for true."""
+"""Number of consecutive scans with most taxels saturated after which such a scan is accepted."""
 
 
 @dataclass(slots=True)
 class Reconstruction:
-    """What became of the last scan. Made once and filled again and again; a reader copies what it keeps."""
+    """Result of the last scan. Reused: each scan overwrites it, so readers copy what they keep."""
 
     accepted: bool
     """False: the scan was refused."""
     unusable: bool
-    """The scan was refused for what is in it: stamp and sequence are its own, contacts those of the scan before, and
-    `valid` is false. A scan that came twice or late is refused, too, and leaves everything as it was."""
+    """The scan was refused for its content: stamp and sequence are its own, contacts those of the scan before, and
+    `valid` is false. A duplicate or late scan is refused, too, and changes nothing else."""
     stamp: int
     """Acquisition time [ns] since the Unix epoch."""
     sequence: int
+    """Sequence number of the scan."""
     valid: bool
     """False: not fit for control."""
     contacts: tuple[Contact, ...]
-    """Ascending by id; released ones once."""
+    """Contacts, ascending by id; released ones once."""
     motions: dict[int, Motion]
-    """What the fast channel says of each contact that is not released, by its id."""
+    """Vibration and slip of each contact that is not released, by its id."""
     saturated: int
     """Number of taxels at the end of their range."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tare:
-    """What a tare did."""
+    """Result of a tare."""
 
     done: bool
+    """False: refused."""
     message: str
-    """What was changed, or why not, in one line."""
+    """What was changed, or why it was refused, in one line."""
     force_change: NDArray[np.float64]
-    """What was added to each force [N], shape [rows * cols]; empty when refused."""
+    """Correction that was added to each force [N], shape [rows * cols]; empty when refused."""
 
 
 class Reconstructor:
-    """Forces and contacts of one sensor, scan by scan."""
+    """Forces and contacts of one sensor, scan by scan.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Description of the sensor.
+    calibration : Calibration, optional
+        Properties of each taxel; None: nominal ones from the description.
+    """
 
     def __init__(self, sensor: Sensor, calibration: Calibration | None = None) -> None:
-        """Take the sensor, and what is known of its taxels beyond its description."""
         taxels = sensor.layout.taxels
         self.calibration = calibration or Calibration.nominal(sensor)
+        """Properties of each taxel in use."""
         self._clock = ScanClock(sensor)
         self._inverse = InverseChain(sensor)
         self._crosstalk = CrosstalkInverse(sensor.layout, self.calibration.crosstalk)
@@ -76,16 +86,16 @@ class Reconstructor:
         noise = noise_of_a_scan(sensor)
         self._newton_per_charge = 1.0 / charge_per_newton(sensor)
         self._hum = MainsHum(taxels, sensor.can.scan_rate, noise / self._newton_per_charge)
-        self._fast = FastChannel(sensor.layout, noise)
+        self._dynamic = DynamicChannel(sensor.layout, noise)
         self.vibration_wanted = False
-        """Whether the fast channel runs while nothing touches, too, and averages the power of each taxel."""
+        """Whether the dynamic channel runs while nothing touches, too, and averages the power of each taxel."""
         self._finder = ContactFinder(sensor)
         self._tracker = ContactTracker(sensor)
-        self._watch = TaxelWatch(sensor, known_dead=self.calibration.dead)
-        self._observer.ignore(self._watch.bad)
-        self._least = TELLING * noise
+        self._faults = TaxelFaultDetector(sensor, known_dead=self.calibration.dead)
+        self._observer.ignore(self._faults.faulty)
+        self._least = INFORMATIVE * noise
         pitch = min(sensor.layout.pitch_x, sensor.layout.pitch_y)
-        self._reach = math.ceil(3.0 * sensor.device.contact_spread / pitch) + 1
+        self._contact_margin = math.ceil(3.0 * sensor.device.contact_spread / pitch) + 1
         self._readings = np.zeros(taxels, READING)
         self._charge, self._saturated = self._readings["charge"], self._readings["saturated"]
         volts_per_charge = sensor.volts_per_newton / charge_per_newton(sensor)
@@ -93,10 +103,10 @@ class Reconstructor:
         self._any_offset = bool(self._offset_charge.any())
         self._filled = np.zeros(taxels)
         self._variance = np.zeros(taxels)
-        self._known: Taxels | None = None
-        self._guessed = np.zeros(taxels, np.bool_)
-        self._telling = sensor.contact.threshold / ENTER_DEVIATIONS
-        self._choose_guessed()
+        self._estimate: ForceEstimate | None = None
+        self._interpolated = np.zeros(taxels, np.bool_)
+        self._informative = sensor.contact.threshold / ENTER_DEVIATIONS
+        self._choose_interpolated()
         self._set_thresholds()
         self._saturated_now = 0
         self._implausible_in_a_row = 0
@@ -111,51 +121,62 @@ class Reconstructor:
 
     @property
     def counts(self) -> ScanCounts:
-        """Scans counted by what became of them."""
+        """Numbers of scans and events since the start, by cause."""
         return self._clock.counts
 
     @property
     def restarts(self) -> int:
-        """Taxels that had to find their zero anew since the start."""
+        """Number of taxel restarts, each with an unknown offset, since the start."""
         return self._observer.restarts
 
     @property
     def unsettled(self) -> int:
-        """Taxels whose offset is not known yet."""
-        return int(np.count_nonzero(~self._observer.settled))
+        """Number of taxels whose offset is unknown."""
+        return int(np.count_nonzero(~self._observer.offset_known))
 
     @property
-    def bad(self) -> int:
-        """Taxels that do not work."""
-        return int(np.count_nonzero(self._watch.bad))
+    def faulty(self) -> int:
+        """Number of dead, stuck and noisy taxels."""
+        return int(np.count_nonzero(self._faults.faulty))
 
     @property
     def temperature_known(self) -> bool:
-        """Whether a temperature sensor is known."""
+        """Whether a temperature sensor reports."""
         return self._observer.film.known
 
     @property
     def rate(self) -> float:
-        """Scans per second by the board's clock [Hz]."""
+        """Scans per second by the board clock [Hz]."""
         return self._clock.rate
 
     @property
     def hum_frequency(self) -> float:
-        """Of the mains hum that is taken away [Hz]; NaN: there is none."""
+        """Frequency of the mains hum that is subtracted [Hz]; NaN: no hum."""
         return self._hum.frequency
 
     @property
     def hum_amplitude(self) -> float:
-        """Of the mains hum that is taken away, root mean square of the taxels [N]."""
+        """Amplitude of the mains hum that is subtracted, root mean square of the taxels [N]."""
         return self._hum.amplitude * self._newton_per_charge
 
     @property
-    def untidy(self) -> bool:
-        """Whether `tidy` has something to do."""
+    def maintenance_due(self) -> bool:
+        """Whether `run_maintenance` has work to do."""
         return self._observer.block_due
 
     def process(self, scan: Scan) -> Reconstruction:
-        """Take one scan; the result is overwritten by the next call."""
+        """Process one scan.
+
+        Parameters
+        ----------
+        scan : Scan
+            The scan; not kept.
+
+        Returns
+        -------
+        Reconstruction
+            Result; overwritten by the next call.
+        """
         result = self._result
         clock, observer = self._clock, self._observer
         if observer.block_due:
@@ -169,27 +190,27 @@ class Reconstructor:
         charge = self._crosstalk.apply(self._charge) if self._crosstalk.present else self._charge
         if clock.interrupted:
             observer.interrupt()
-            self._fast.pause()
+            self._dynamic.pause()
             self._hum.interrupt()
-            self._known = None
-        if self._hum.listening:
+            self._estimate = None
+        if self._hum.sampling:
             self._hum.remove(charge, clock.step)
         observer.advance(charge, scan.temperatures, clock.step)
         result.saturated = self._saturated_now
         if result.saturated:
-            observer.lose(self._saturated, clock.step)
-        observer.follow_common(not self._tracker.idle)
-        self._watch.take(scan.counts)
-        regions = self._find_around_bad() if self._any_guessed else self._finder.find(observer.force)
+            observer.inflate_variance(self._saturated, clock.step)
+        observer.compensate_common_mode(not self._tracker.idle)
+        self._faults.add_scan(scan.counts)
+        regions = self._find_with_faulty() if self._any_interpolated else self._finder.find(observer.force)
         if regions or self.vibration_wanted:
-            self._fast.advance(observer.change, clock.step)
+            self._dynamic.advance(observer.change, clock.step)
             if self.vibration_wanted:
-                self._fast.average(clock.step)
+                self._dynamic.update_power(clock.step)
         else:
-            self._fast.pause()
+            self._dynamic.pause()
         if regions or not self._tracker.idle:
             result.contacts = self._follow(regions, clock.step)
-            result.motions = self._fast.follow(result.contacts, observer.force, clock.step)
+            result.motions = self._dynamic.update(result.contacts, observer.force, clock.step)
         elif result.contacts:
             result.contacts = ()
         result.stamp = scan.stamp
@@ -197,36 +218,48 @@ class Reconstructor:
         result.valid = observer.valid and not clock.suspect
         return result
 
-    def tidy(self) -> None:
-        """Do what can wait until the results of a scan are out; the next call of `process` does it otherwise.
+    def run_maintenance(self) -> None:
+        """Run the block maintenance now, after the results of a scan were published, instead of in the next `process`.
 
-        Every 20 ms zeros are corrected and taxels judged, which takes several times as long as a scan.
+        Every 20 ms baselines are corrected and taxels tested, which takes several times as long as a scan.
         """
         if self._observer.block_due:
             self._close_block()
 
     def tare(self) -> Tare:
-        """Make zero of what is read while nothing touches; refused under load, and while zeros are still looked for."""
-        self.tidy()
+        """Set the forces to zero while nothing touches; refused under load, and while offsets are unknown.
+
+        Returns
+        -------
+        Tare
+            Correction of each force, or why it was refused.
+        """
+        self.run_maintenance()
         result = self._result
         live = [contact for contact in result.contacts if contact.state is not ContactState.RELEASED]
         none = np.zeros(0)
         if live:
             total = sum(contact.region.force for contact in live)
-            return Tare(False, f"refused under load: contacts: {len(live)}, force: {total:.3f} N; lift first", none)
+            return Tare(False, f"refused under load: contacts: {len(live)}, force: {total:.3f} N; release first", none)
         if not result.valid:
             return Tare(
-                False, "refused: no valid forces yet; check that scans come, and leave the sensor at rest", none
+                False, "refused: no valid forces yet; check that scans arrive, and leave the sensor untouched", none
             )
         change = self._observer.tare()
         largest = int(np.abs(change).argmax())
         moved = float(change[largest])
-        return Tare(True, f"zeros moved by {moved * 1e3:+.3f} mN at most (taxel {largest})", change)
+        return Tare(True, f"baseline shifted by {moved * 1e3:+.3f} mN at most (taxel {largest})", change)
 
     def image(self) -> ForceImage:
-        """Return the forces of the last scan taken; overwritten by the next call."""
-        image, observer, watch = self._image, self._observer, self._watch
-        known = observer.settled & ~watch.bad if watch.any_bad else observer.settled
+        """Return the force image of the last accepted scan.
+
+        Returns
+        -------
+        ForceImage
+            Forces of all taxels with their uncertainty and status; overwritten by the next call.
+        """
+        image, observer, faults = self._image, self._observer, self._faults
+        known = observer.offset_known & ~faults.faulty if faults.any_faulty else observer.offset_known
         self._variance = observer.variance(self._variance)
         common = observer.common_variance
         np.copyto(image.force, observer.force, casting="same_kind")
@@ -234,43 +267,48 @@ class Reconstructor:
             self._keep_non_negative(known)
         self._variance = observer.force_variance(self._variance)
         np.sqrt(self._variance + common, out=image.standard_deviation, casting="same_kind")
-        image.status[:] = watch.status
+        image.status[:] = faults.status
         if self._result.unusable:
             known = np.zeros_like(known)
-        if watch.any_bad or not observer.valid or self._result.unusable:
+        if faults.any_faulty or not observer.valid or self._result.unusable:
             image.force[~known] = math.nan
             image.standard_deviation[~known] = math.nan
         image.total, image.total_standard_deviation = math.nan, math.nan
         count = int(np.count_nonzero(known))
         if count:
             image.total = float(observer.force.sum(where=known))
-            shared = float(observer.shared_error.sum(where=known)) ** 2 + count * count * common
-            variance = float(self._variance.sum(where=known)) + shared
+            correlated = float(observer.correlated_error.sum(where=known)) ** 2 + count * count * common
+            variance = float(self._variance.sum(where=known)) + correlated
             image.total_standard_deviation = math.sqrt(variance)
         if self._result.saturated:
-            image.status[self._saturated & ~watch.bad] = TaxelStatus.SATURATED
+            image.status[self._saturated & ~faults.faulty] = TaxelStatus.SATURATED
             image.standard_deviation[self._saturated] = math.nan
             image.total_standard_deviation = math.nan
         return image
 
     def vibration(self) -> NDArray[np.float32]:
-        """Return the RMS of each taxel's force above the corner of the fast channel [N], shape [rows * cols].
+        """Return the RMS of each taxel's force above the corner frequency of the dynamic channel.
 
-        NaN where a taxel does not work. For while `vibration_wanted`.
+        Updated only while `vibration_wanted`.
+
+        Returns
+        -------
+        ndarray of float32, shape [rows * cols]
+            Vibration [N]; NaN for faulty and saturated taxels.
         """
-        vibration = np.sqrt(self._fast.power).astype(np.float32)
-        vibration[self._watch.bad | self._saturated | self._result.unusable] = math.nan
+        vibration = np.sqrt(self._dynamic.power).astype(np.float32)
+        vibration[self._faults.faulty | self._saturated | self._result.unusable] = math.nan
         return vibration
 
     def _flag(self, scan: Scan) -> Reconstruction:
-        """Take note of a scan that cannot be used: what touches goes on as it was, and none of it is valid."""
+        """Return the result of an unusable scan: the contacts stay as they were, and nothing is valid."""
         result = self._result
         result.stamp, result.sequence, result.valid = scan.stamp, scan.sequence, False
         result.contacts = tuple(contact for contact in result.contacts if contact.state is not ContactState.RELEASED)
         return result
 
     def _keep_non_negative(self, known: NDArray[np.bool_]) -> None:
-        """Take what is below zero in the image off the rest of its contact, of which the sum stays."""
+        """Project the image onto non-negative forces in each contact; their sum stays the same."""
         for patch in self._finder.patches:
             members = patch[known[patch]]
             force = self._observer.force[members]
@@ -278,7 +316,7 @@ class Reconstructor:
                 self._image.force[members] = non_negative(force, self._variance[members])
 
     def _plausible(self, scan: Scan) -> bool:
-        """Look for taxels at the end of their range; refuse a scan in which most are, unless it goes on."""
+        """Find saturated taxels; refuse a scan in which most are saturated, unless it persists."""
         self._inverse.read(scan.counts, self._readings)
         flags = self._saturated.tobytes()
         self._saturated_now = flags.count(1) if 1 in flags else 0
@@ -292,66 +330,70 @@ class Reconstructor:
         return False
 
     def _follow(self, regions: list[Footprint], step: float) -> tuple[Contact, ...]:
-        """Measure the regions in contact and continue the contacts."""
-        taxels = self._known or self._know()
-        if self._any_guessed:
-            variance = taxels.variance.copy()
-            variance[self._guessed] = (ESTIMATE_DEVIATION * self._filled[self._guessed]) ** 2
-            taxels = replace(taxels, force=self._filled, variance=variance, guessed=self._guessed)
+        """Measure the regions in contact and update the contacts."""
+        estimate = self._estimate or self._update_estimate()
+        if self._any_interpolated:
+            variance = estimate.variance.copy()
+            variance[self._interpolated] = (ESTIMATE_DEVIATION * self._filled[self._interpolated]) ** 2
+            estimate = replace(estimate, force=self._filled, variance=variance, interpolated=self._interpolated)
         if self._result.saturated:
-            taxels = replace(taxels, saturated=self._saturated)
-        return self._tracker.update(self._finder.measure(regions, taxels, self._tracker.regions), step)
+            estimate = replace(estimate, saturated=self._saturated)
+        return self._tracker.update(self._finder.measure(regions, estimate, self._tracker.regions), step)
 
-    def _know(self) -> Taxels:
-        """Return what is known of the forces as of the last block: until the next one it stays the same."""
+    def _update_estimate(self) -> ForceEstimate:
+        """Return the forces with their uncertainty at the end of the last block, cached until the next one."""
         observer = self._observer
         variance = observer.force_variance(np.empty_like(self._variance))
-        common, shared = observer.common_variance, observer.shared_error
-        self._known = Taxels(observer.force, variance, common, unlisted=self._unlisted, shared_error=shared)
-        return self._known
+        common, correlated = observer.common_variance, observer.correlated_error
+        self._estimate = ForceEstimate(
+            observer.force, variance, common, unlisted=self._unlisted, correlated_error=correlated
+        )
+        return self._estimate
 
-    def _find_around_bad(self) -> list[Footprint]:
-        """Find the regions in contact with what the bad taxels should read in place of what they do."""
-        force, watch = self._filled, self._watch
+    def _find_with_faulty(self) -> list[Footprint]:
+        """Find the regions in contact, with the forces of faulty taxels interpolated from their neighbours."""
+        force, faults = self._filled, self._faults
         force[:] = self._observer.force
-        force[self._guessed] = 0.0
+        force[self._interpolated] = 0.0
         regions = self._finder.find(force)
         if not regions:
             return regions
-        unknown = self._guessed | ~self._observer.settled
-        wanted = self._guessed.nonzero()[0]
-        force[wanted] = watch.surroundings.estimate(force, unknown, wanted, self._least)
+        unknown = self._interpolated | ~self._observer.offset_known
+        wanted = self._interpolated.nonzero()[0]
+        force[wanted] = faults.surroundings.estimate(force, unknown, wanted, self._least)
         return self._finder.find(force)
 
     def _close_block(self) -> None:
-        """Let the observer correct its zeros away from contacts, and set the thresholds by what it knows then."""
-        observer, watch = self._observer, self._watch
-        near = self._finder.around(self._finder.touched, self._reach)
-        if watch.judge(observer.block_time, observer.block_mean, observer.leaking, self._saturated, near):
-            observer.ignore(watch.bad)
-        observer.know_noise(watch.noise_variance)
-        self._hum.close_block(self._finder.touched, watch.bad | self._saturated, observer.block_time)
+        """Correct baselines away from contacts, test the taxels, and set the thresholds by the new uncertainty."""
+        observer, faults = self._observer, self._faults
+        near = self._finder.dilated(self._finder.touched, self._contact_margin)
+        if faults.close_block(
+            observer.block_time, observer.block_mean, observer.residual_charge, self._saturated, near
+        ):
+            observer.ignore(faults.faulty)
+        observer.set_noise_variance(faults.noise_variance)
+        self._hum.close_block(self._finder.touched, faults.faulty | self._saturated, observer.block_time)
         observer.close_block(near)
-        self._choose_guessed()
+        self._choose_interpolated()
         self._set_thresholds()
-        self._known = None
+        self._estimate = None
 
-    def _choose_guessed(self) -> None:
-        """Choose the bad taxels for which their neighbours speak: not noisy ones that tell a touch from none."""
-        watch = self._watch
-        self._any_guessed, self._unlisted = False, 0
-        if not watch.any_bad:
+    def _choose_interpolated(self) -> None:
+        """Choose the faulty taxels that are interpolated: not noisy ones that are still informative."""
+        faults = self._faults
+        self._any_interpolated, self._unlisted = False, 0
+        if not faults.any_faulty:
             return
-        self._unlisted = self._finder.bits(watch.bad)
-        telling = watch.telling(self._telling) & self._observer.settled
-        np.logical_and(watch.bad, ~telling, out=self._guessed)
-        self._any_guessed = bool(self._guessed.any())
+        self._unlisted = self._finder.bits(faults.faulty)
+        informative = faults.informative(self._informative) & self._observer.offset_known
+        np.logical_and(faults.faulty, ~informative, out=self._interpolated)
+        self._any_interpolated = bool(self._interpolated.any())
 
     def _set_thresholds(self) -> None:
-        """Let contacts be only where a force is told from none."""
+        """Set the contact thresholds by the uncertainty of the forces."""
         observer = self._observer
         self._variance = observer.variance(self._variance)
-        if self._any_guessed:
-            self._variance[self._guessed] = 0.0  # what stands for them comes from their neighbours
-        usable = None if observer.valid and not self._watch.any_bad else observer.settled | self._guessed
-        self._finder.adapt(observer.force, self._variance, observer.common_variance, usable)
+        if self._any_interpolated:
+            self._variance[self._interpolated] = 0.0  # their forces are interpolated
+        usable = None if observer.valid and not self._faults.any_faulty else observer.offset_known | self._interpolated
+        self._finder.update_thresholds(observer.force, self._variance, observer.common_variance, usable)

@@ -1,4 +1,4 @@
-"""Which scans to take, and the time that passed between them."""
+"""Admission of scans, and the time interval between them."""
 
 from __future__ import annotations
 
@@ -10,24 +10,25 @@ from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 
 LONGEST_GAP: Final = 2.0
-"""Longest interval in which the force is followed, in time constants of the leak; beyond, little of it is left [1]."""
+"""Longest interval across which the force is tracked, in time constants of the leakage [1]; after a longer one little
+charge is left."""
 
 JUMP_FACTOR: Final = 4.0
-"""An interval this many times longer than the scans missed explain is a jump of the clock [1]."""
+"""An interval this many times longer than the missing scans explain is a clock jump [1]."""
 
 JUMP_LEAST: Final = 0.02
-"""Shortest difference that counts as a jump of the clock [s]."""
+"""Least difference that counts as a clock jump [s]."""
 
 PERIOD_GAIN: Final = 0.01
-"""Share of each interval by the board's clock that the period learns [1]."""
+"""Gain of an interval by the board clock in the estimate of the period [1]."""
 
 ESTIMATED_GAIN: Final = 0.001
-"""The same for times of arrival, whose jitter has to average out [1]."""
+"""The same for arrival times, whose jitter must be averaged [1]."""
 
 MOST_LATE: Final = 10
-"""After this many late scans in a row the board is taken to have begun anew."""
+"""Number of consecutive late scans after which the board is assumed to have restarted."""
 
-# Plain numbers: each `&` with a flag of an enumeration costs as much as a call into NumPy.
+# Plain integers: each `&` with a flag of an enumeration costs as much as a call into NumPy.
 _ADC_FAULT: Final = int(ScanStatus.ADC_FAULT)
 _BOARD_RESET: Final = int(ScanStatus.BOARD_RESET)
 _TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)
@@ -35,31 +36,40 @@ _TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)
 
 @dataclass
 class ScanCounts:
-    """Scans counted by what became of them."""
+    """Numbers of scans and events since the start, by cause."""
 
     accepted: int = 0
+    """Scans accepted."""
     layout_mismatch: int = 0
-    """Refused: another layout, or not as many counts as the layout has taxels."""
+    """Refused: wrong layout, or number of counts other than the number of taxels."""
     repeated: int = 0
-    """Refused: the scan had been there already."""
+    """Refused: duplicate."""
     late: int = 0
-    """Refused: older than one that was taken."""
+    """Refused: older than a scan that was accepted."""
     adc_fault: int = 0
-    """Refused: the board reports a fault of its ADC."""
+    """Refused: the board reports an ADC fault."""
     implausible: int = 0
-    """Refused: most taxels at the end of their range at once."""
+    """Refused: most taxels saturated at once."""
     missed: int = 0
-    """Never came: gaps of the sequence. The force is followed across them."""
+    """Missing scans: gaps of the sequence. The force is tracked across them."""
     resets: int = 0
-    """The board began anew; the interval is taken from the stamps."""
+    """Restarts of the board; the interval is taken from the stamps."""
     time_jumps: int = 0
-    """The board's clock jumped; the interval is taken from the sequence."""
+    """Jumps of the board clock; the interval is taken from the sequence."""
     gaps: int = 0
-    """Interruptions: an interval too long to follow the force."""
+    """Interruptions: intervals too long to track the force."""
 
 
 class ScanClock:
-    """Admits scans one by one; `step` and `interrupted` then tell about the interval before the last one admitted."""
+    """Admits scans one by one; `step` and `interrupted` describe the interval before the last admitted one.
+
+    State variables: estimated period of the scans [s]; sequence, device time [us] and stamp [ns] of the last scan.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Description of the sensor.
+    """
 
     def __init__(self, sensor: Sensor) -> None:
         self._layout_id = sensor.layout.id
@@ -74,15 +84,16 @@ class ScanClock:
         self._estimated = True
         self._arrivals = 0
         self.counts = ScanCounts()
+        """Numbers of scans and events."""
         self.step = self._period
-        """Interval [s] before the scan."""
+        """Interval before the scan [s], > 0."""
         self.interrupted = False
-        """Whether the interval is not known, or too long."""
+        """Whether the interval is unknown, or too long to track the force."""
         self.suspect = False
-        """Whether the interval had to be guessed."""
+        """Whether the interval was derived from the sequence or the stamps for lack of a valid device time."""
 
     def fits(self, scan: Scan) -> bool:
-        """Return whether a scan is one of this sensor, fit to be looked at."""
+        """Return whether a scan has the layout of this sensor and no ADC fault; count it otherwise."""
         if scan.layout_id != self._layout_id or scan.counts.shape != self._shape:
             self.counts.layout_mismatch += 1
             return False
@@ -92,7 +103,7 @@ class ScanClock:
         return True
 
     def admit(self, scan: Scan) -> bool:
-        """Return whether to take a scan that fits."""
+        """Return whether a scan that fits is neither duplicate nor late; set the interval before it."""
         self.interrupted = self.suspect = False
         ahead = scan.sequence - self._sequence
         if self._sequence < 0:
@@ -119,44 +130,44 @@ class ScanClock:
         return True
 
     def _reset(self, scan: Scan) -> None:
-        """Bridge a restart of the board by the stamps, which go on."""
+        """Bridge a restart of the board by the stamps, which continue."""
         self.counts.resets += 1
         self.suspect = True
         self._bridge((scan.stamp - self._stamp) * 1e-9)
 
     def _bridge(self, interval: float) -> None:
-        """Set the interval; one out of range interrupts the force."""
+        """Set the interval [s]; one out of range interrupts the force."""
         self.interrupted = not 0.0 < interval <= self._longest
         self.step = self._period if self.interrupted else interval
 
     def _measure(self, scan: Scan, ahead: int) -> None:
-        """Find the interval before a scan that is `ahead` in sequence of the last one."""
+        """Measure the interval before a scan that is `ahead` of the last one in sequence."""
         self.counts.missed += ahead - 1
         expected = ahead * self._period
         estimated = self._estimated or scan.status & _TIME_ESTIMATED
-        ticks = (scan.stamp - self._stamp) * 1e-9 if estimated else (scan.device_time - self._device_time) * 1e-6
-        late = ticks - expected > JUMP_LEAST and ticks > JUMP_FACTOR * expected
-        if late or ticks < 0.0 or (ticks == 0.0 and not estimated):
+        interval = (scan.stamp - self._stamp) * 1e-9 if estimated else (scan.device_time - self._device_time) * 1e-6
+        late = interval - expected > JUMP_LEAST and interval > JUMP_FACTOR * expected
+        if late or interval < 0.0 or (interval == 0.0 and not estimated):
             self.counts.time_jumps += 1
             self.suspect = True
-            ticks = expected
+            interval = expected
         elif estimated:
-            # Times of arrival jitter, and come in bursts; the board itself scans evenly.
+            # Arrival times have jitter, and come in bursts; the board itself scans at a constant rate.
             self._arrivals += 1
-            self._learn(ticks / ahead, max(1.0 / self._arrivals, ESTIMATED_GAIN))
-            ticks = ahead * self._period
+            self._update_period(interval / ahead, max(1.0 / self._arrivals, ESTIMATED_GAIN))
+            interval = ahead * self._period
         elif ahead == 1:
-            self._learn(ticks, PERIOD_GAIN)
-        self._bridge(ticks)
+            self._update_period(interval, PERIOD_GAIN)
+        self._bridge(interval)
         self.counts.gaps += self.interrupted
 
-    def _learn(self, interval: float, gain: float) -> None:
-        """Let the period follow an interval [s], within what a board of this sensor can be set to."""
+    def _update_period(self, interval: float, gain: float) -> None:
+        """Update the period by an interval [s], within the range that a board of this sensor can be set to."""
         period = self._period + gain * (interval - self._period)
         shortest, longest = self._periods
         self._period = shortest if period < shortest else longest if period > longest else period
 
     @property
     def rate(self) -> float:
-        """Scans per second by the board's clock [Hz]."""
+        """Scans per second by the board clock [Hz]."""
         return 1.0 / self._period if self._period > 0 else math.nan

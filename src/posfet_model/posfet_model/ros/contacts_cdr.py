@@ -12,7 +12,7 @@ import struct
 from functools import lru_cache
 from typing import Final
 
-from posfet_model.contacts.placement import placing
+from posfet_model.contacts.placement import placement_on
 from posfet_model.contacts.slip import Motion
 from posfet_model.contacts.tracker import Contact
 from posfet_model.reconstruction.reconstructor import Reconstruction
@@ -33,7 +33,7 @@ class ContactsBytes:
     """Serialises the contacts of one array, again and again into the same buffer."""
 
     def __init__(self, sensor: Sensor, frame_id: str) -> None:
-        self._place = placing(Surface.of(sensor.layout))
+        self._place = placement_on(Surface.of(sensor.layout))
         self._limits = sensor.contact.threshold, sensor.contact.deadband
         frame, name = _text(frame_id), _text(sensor.name)
         # Behind the stamp 8 bytes are aligned as they are behind the encoding, so gaps are of whole groups of 8.

@@ -17,8 +17,8 @@ from sensor_msgs.msg import Image, PointCloud2, PointField
 from visualization_msgs.msg import Marker, MarkerArray
 
 from posfet_model.contacts.detection import Region
-from posfet_model.contacts.placement import Placed, placing
-from posfet_model.contacts.slip import CORNER, MEMORY, Motion
+from posfet_model.contacts.placement import Placed, placement_on
+from posfet_model.contacts.slip import CORNER_FREQUENCY, POWER_TIME_CONSTANT, Motion
 from posfet_model.contacts.tracker import Contact, ContactState, Merged
 from posfet_model.reconstruction.force_image import ForceImage
 from posfet_model.reconstruction.reconstructor import Reconstruction
@@ -119,7 +119,7 @@ class ContactsMessage:
         self._message.header.frame_id = frame_id
         self._message.threshold = sensor.contact.threshold
         self._message.deadband = sensor.contact.deadband
-        self._place = placing(Surface.of(sensor.layout))
+        self._place = placement_on(Surface.of(sensor.layout))
         self._pool: list[TactileContact] = []
 
     def fill(self, result: Reconstruction) -> TactileContacts:
@@ -219,7 +219,7 @@ class VibrationMessage:
     def __init__(self, layout: Layout, frame_id: str) -> None:
         self._message = TactileVibration(layout_id=layout.id, rows=layout.rows, cols=layout.cols)
         self._message.header.frame_id = frame_id
-        self._message.band_low, self._message.averaging_time = CORNER, MEMORY
+        self._message.band_low, self._message.averaging_time = CORNER_FREQUENCY, POWER_TIME_CONSTANT
         self._vibration = _Floats(layout.taxels)
 
     def fill(self, result: Reconstruction, vibration: NDArray[np.float32]) -> TactileVibration:

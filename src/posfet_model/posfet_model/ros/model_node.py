@@ -169,9 +169,9 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
                 self._contacts.publish(self._contacts_message.fill(result))
             if heard != self._only_contacts:
                 self._publish_others(result, heard, now)
-            if self._reconstructor.untidy:
+            if self._reconstructor.maintenance_due:
                 time.sleep(TAKEN)
-                self._reconstructor.tidy()
+                self._reconstructor.run_maintenance()
 
     def _publish_others(self, result: Reconstruction, heard: Set[Any], now: int) -> None:
         """Publish what of the rest is listened to."""
@@ -243,7 +243,7 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
             counts = replace(self._reconstructor.counts)
             saturated = self._result.saturated if self._result else 0
             unsettled, restarts = self._reconstructor.unsettled, self._reconstructor.restarts
-            bad = self._reconstructor.bad
+            bad = self._reconstructor.faulty
             temperature_known, rate = self._reconstructor.temperature_known, self._reconstructor.rate
             hum_frequency, hum_amplitude = self._reconstructor.hum_frequency, self._reconstructor.hum_amplitude
         before, self._reported = self._reported, counts

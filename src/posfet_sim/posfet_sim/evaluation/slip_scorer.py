@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Final
 
-from posfet_model.contacts.slip import SLIP_SPEED, STILL_SPEED
+from posfet_model.contacts.slip import SLIP_END_SPEED, SLIP_SPEED
 from posfet_sim.device.ground_truth import Truth
 
 SLIP_LATE: Final = 0.05
@@ -28,7 +28,7 @@ class _Object:
     time: float
     slips: bool = False
     slipped: float = -math.inf
-    """When it last was faster than `STILL_SPEED` [s]."""
+    """When it last was faster than `SLIP_END_SPEED` [s]."""
     waiting: float = math.nan
     """Onset of a slip not told yet [s]."""
 
@@ -73,7 +73,7 @@ class Slips:
             speed = math.dist(centre, known.centre) / step
             if speed >= SLIP_SPEED and not known.slips:
                 known.slips, known.waiting = True, time
-            if speed >= STILL_SPEED:
+            if speed >= SLIP_END_SPEED:
                 known.slipped = time
             elif time - known.slipped > APART:
                 known.slips = False
