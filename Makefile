@@ -56,7 +56,7 @@ soak: $(BUILT)
 	@$(IN_ENVIRONMENT) python3 -m pytest -m slow && cd test && exec python3 -m support.soak --for $(or $(FOR),1800) $(ARGS)
 
 bench: $(BUILT) benchmarks/.ready
-	@$(IN_ENVIRONMENT) exec python3 -m benchmarks $(if $(FULL),--full) $(if $(ONLY),--only $(ONLY)) $(ARGS)
+	@$(IN_ENVIRONMENT) PYTHONPATH="$$PWD/test:$$PYTHONPATH" exec python3 -m benchmarks $(if $(FULL),--full) $(if $(ONLY),--only $(ONLY)) $(ARGS)
 
 # What only the benchmarks need. On a sourced ROS 2: apt install python3-scipy python3-cantools python3-matplotlib
 benchmarks/.ready: benchmarks/requirements.txt | $(READY)
@@ -69,7 +69,7 @@ stability: $(BUILT)
 	@$(IN_ENVIRONMENT) cd test && exec python3 -m support.drift $(if $(STEPS),--steps $(STEPS)) $(ARGS)
 
 accuracy: $(BUILT)
-	@$(IN_ENVIRONMENT) exec python3 -m benchmarks.accuracy $(if $(FULL),--full) $(ARGS)
+	@$(IN_ENVIRONMENT) PYTHONPATH="$$PWD/test:$$PYTHONPATH" exec python3 -m benchmarks.accuracy $(if $(FULL),--full) $(ARGS)
 
 figures: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet_model.figures $(ARGS)

@@ -26,24 +26,23 @@ from benchmarks.outcome import Outcome
 FOLDER = Path(__file__).parent
 RESULTS = FOLDER / "results"
 SUBJECTS = {
-    "latency": 180.0,
-    "ordinary": 120.0,
-    "sustained": 240.0,
-    "startup": 120.0,
-    "slcan": 40.0,
-    "decode": 20.0,
-    "sim_vs_ngspice": 120.0,
-    "board": 40.0,
-    "schemes": 40.0,
-    "inverse": 20.0,
-    "crosstalk_front": 30.0,
-    "labelling": 20.0,
-    "reconstruction": 60.0,
-    "scaling": 60.0,
-    "skipped": 40.0,
+    "latency": ("latency.end_to_end", 180.0),
+    "ordinary": ("latency.baseline", 120.0),
+    "sustained": ("latency.sustained_rate", 240.0),
+    "startup": ("latency.startup", 120.0),
+    "slcan": ("micro.slcan_readers", 40.0),
+    "decode": ("micro.frame_decoding", 20.0),
+    "sim_vs_ngspice": ("simulation.follower_against_ngspice", 120.0),
+    "board": ("simulation.board", 40.0),
+    "schemes": ("simulation.schemes", 40.0),
+    "inverse": ("micro.signal_inverse", 20.0),
+    "crosstalk_front": ("micro.crosstalk_front", 30.0),
+    "labelling": ("micro.labelling", 20.0),
+    "reconstruction": ("micro.reconstruction", 60.0),
+    "scaling": ("micro.scaling", 60.0),
+    "skipped": ("micro.skipped_computation", 40.0),
 }
-"""Modules in the order in which they run, and the time [s] after which each is given up in a short run; a machine with
-nothing else to do needs a third of it."""
+"""Subjects in the order in which they run: module and time limit of a short run [s], three times what it needs."""
 LEAST_WIDTH = 130
 FULL_TIMES = 8.0
 """A full run may take this many times as long."""
@@ -54,7 +53,7 @@ def run_apart(name: str, full: bool) -> Outcome:
 
     Raises RuntimeError with the reason when it fails or takes too long.
     """
-    limit = SUBJECTS[name] * (FULL_TIMES if full else 1.0)
+    limit = SUBJECTS[name][1] * (FULL_TIMES if full else 1.0)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "outcome.json"
         command = [sys.executable, "-m", "benchmarks", "--worker", name, "--out", str(path)]
@@ -106,7 +105,7 @@ def main() -> int:
     parser.add_argument("--out", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.worker:
-        import_module(f"benchmarks.{options.worker}").measure(options.full).write(options.out)
+        import_module(f"benchmarks.{SUBJECTS[options.worker][0]}").measure(options.full).write(options.out)
         return 0
     console = Console(width=max(Console().width, LEAST_WIDTH))
     facts = machine.facts()

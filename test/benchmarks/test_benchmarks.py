@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 
 pytest.importorskip("rich", reason="the tables of the benchmarks need rich")
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
 
 from benchmarks import __main__ as command
-from benchmarks import inverse, report, sim_vs_ngspice
+from benchmarks import report
+from benchmarks.micro import signal_inverse
 from benchmarks.outcome import Chart, Outcome, Table
+from benchmarks.simulation import follower_against_ngspice
 from benchmarks.targets import TARGETS, Target
-from posfet_model import spice
+from posfet_model.spice import ngspice
 
 NEED = {"latency": "rclpy", "ordinary": "rclpy", "sustained": "rclpy", "startup": "rclpy", "skipped": "posfet_msgs",
         "labelling": "scipy",
@@ -57,7 +57,7 @@ def test_every_subject_can_be_loaded() -> None:
                 import_module(NEED[name])
             except ImportError:
                 continue
-        assert callable(import_module(f"benchmarks.{name}").measure), name
+        assert callable(import_module(f"benchmarks.{command.SUBJECTS[name][0]}").measure), name
 
 
 def test_a_benchmark_whose_tool_is_missing_is_skipped_and_names_the_package(
@@ -69,39 +69,41 @@ def test_a_benchmark_whose_tool_is_missing_is_skipped_and_names_the_package(
     said = " ".join(capsys.readouterr().out.split())
     assert "skipped: ngspice is not on PATH. Install with: sudo apt-get install ngspice" in said
     assert "s; skipped: sim_vs_ngspice; failed: none" in said
-    skipped = {"sim_vs_ngspice": sim_vs_ngspice.measure(False)}
+    skipped = {"sim_vs_ngspice": follower_against_ngspice.measure(False)}
     text = report.results({}, skipped, {}, False)
     assert "| - | skipped: ngspice is not on PATH. Install with: sudo apt-get install ngspice |" in text
     assert "## sim_vs_ngspice\n\nSkipped: ngspice is not on PATH." in text
-    assert sim_vs_ngspice.main() == 0
+    assert follower_against_ngspice.main() == 0
 
 
 def test_a_reference_with_another_input_than_the_model_is_no_reference() -> None:
     time = np.linspace(0, 200e-6, 401)
-    driven = sim_vs_ngspice.sine(time, 0.05)
-    same = spice.Transient(time, driven, driven)
-    assert sim_vs_ngspice.error_percent(same, 0.05, time, driven) == 0.0
+    driven = follower_against_ngspice.sine(time, 0.05)
+    same = ngspice.Transient(time, driven, driven)
+    assert follower_against_ngspice.error_percent(same, 0.05, time, driven) == 0.0
     with pytest.raises(RuntimeError, match=r"different inputs: 0\.2 V apart with a sine of 0\.25 V"):
-        sim_vs_ngspice.error_percent(same, 0.25, time, sim_vs_ngspice.sine(time, 0.25))
+        follower_against_ngspice.error_percent(same, 0.25, time, follower_against_ngspice.sine(time, 0.25))
     with pytest.raises(RuntimeError, match="different inputs: nan V"):
-        sim_vs_ngspice.check_same_input(spice.Transient(time, driven * np.nan, driven), 0.05)
+        follower_against_ngspice.check_same_input(ngspice.Transient(time, driven * np.nan, driven), 0.05)
 
 
 @pytest.mark.spice
-@pytest.mark.skipif(not spice.available(), reason="needs ngspice")
+@pytest.mark.skipif(not ngspice.available(), reason="needs ngspice")
 def test_ngspice_gets_the_input_of_the_model(monkeypatch: pytest.MonkeyPatch) -> None:
-    run, _ = sim_vs_ngspice.ngspice_series(1e-6)
-    sim_vs_ngspice.check_same_input(run, sim_vs_ngspice.FRONT_AMPLITUDE)
-    assert sim_vs_ngspice.array_error(run, sim_vs_ngspice.FRONT_AMPLITUDE) < 0.1  # one pole for the circuit: 0.07 %
-    _, last = sim_vs_ngspice.ngspice_run([0.05, 0.1], 200)
-    sim_vs_ngspice.check_same_input(last, 0.1)
-    monkeypatch.setattr(sim_vs_ngspice, "FRONT_AMPLITUDE", 0.05)
-    wrong, _ = sim_vs_ngspice.ngspice_series(1e-6)
+    run, _ = follower_against_ngspice.ngspice_series(1e-6)
+    follower_against_ngspice.check_same_input(run, follower_against_ngspice.FRONT_AMPLITUDE)
+    assert (
+        follower_against_ngspice.array_error(run, follower_against_ngspice.FRONT_AMPLITUDE) < 0.1
+    )  # one pole for the circuit: 0.07 %
+    _, last = follower_against_ngspice.ngspice_run([0.05, 0.1], 200)
+    follower_against_ngspice.check_same_input(last, 0.1)
+    monkeypatch.setattr(follower_against_ngspice, "FRONT_AMPLITUDE", 0.05)
+    wrong, _ = follower_against_ngspice.ngspice_series(1e-6)
     with pytest.raises(RuntimeError, match="different inputs"):
-        sim_vs_ngspice.array_error(wrong, 0.25)
+        follower_against_ngspice.array_error(wrong, 0.25)
 
 
 def test_one_of_them_runs() -> None:
-    outcome = inverse.measure(False)
+    outcome = signal_inverse.measure(False)
     assert all(math.isfinite(value) and value > 0 for value in outcome.values.values())
     assert max(error for *_, error in outcome.tables[0].rows) < 1e-6

@@ -21,7 +21,7 @@ from support.frame_examples import FRAMES
 
 pytest.importorskip("serial", reason="needs pyserial")
 slcan = pytest.importorskip("can.interfaces.slcan")
-BufferedSlcanBus = pytest.importorskip("benchmarks.buffered_slcan").BufferedSlcanBus
+BufferedSlcanBus = pytest.importorskip("benchmarks.micro.buffered_slcan").BufferedSlcanBus
 if not hasattr(slcan.slcanBus, "_DATA_BITRATES"):
     pytest.skip("python-can's own slcan has CAN FD from 4.5 on", allow_module_level=True)
 

@@ -121,7 +121,7 @@ def test_with_imperfections_the_work_that_is_saved_changes_nothing_either(name: 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_error_against_every_taxel_at_100_kilohertz_is_below_a_thousandth(name: str) -> None:
-    # 40 ms from where something first changes; benchmarks/simulation.py does whole scenes.
+    # 40 ms from where something first changes; benchmarks/simulation/runs.py does whole scenes.
     scene = load_scene(name, QUIET)
     begin = math.floor(min(SceneLoads(scene, QUIET).rests_until(0.0), 1.0) * RATE)
     board, scan = SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0), Scan.empty(0, TAXELS)

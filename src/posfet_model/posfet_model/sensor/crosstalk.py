@@ -23,7 +23,7 @@ from posfet_model._lib.validation import real_number
 from posfet_model.sensor.description import Layout
 
 DENSE: Final = 64
-"""Most taxels for which one dense matrix is faster than four small ones (benchmarks/crosstalk.py)."""
+"""Most taxels for which one dense matrix is faster than four small ones (benchmarks/micro/crosstalk_methods.py)."""
 
 LARGEST_GAIN: Final = 2.0
 """Greatest amplification of a pattern by the inverse [1]."""

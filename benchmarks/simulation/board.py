@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.outcome import Cell, Chart, Outcome, Point, Table
-from benchmarks.simulation import CHUNK, DEFAULT, FULL_SCALE, NONE, SENSOR, run
+from benchmarks.simulation.runs import CHUNK, DEFAULT, FULL_SCALE, NONE, SENSOR, run
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_sim.device.imperfections import Imperfections

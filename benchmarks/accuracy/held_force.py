@@ -1,16 +1,15 @@
-"""Error of a held force against the optimal estimator: part of `make accuracy`, alone `python -m benchmarks.held`."""
+"""Error of a held force against the optimal estimator.
+
+Part of `make accuracy`; alone: `python -m benchmarks.accuracy.held_force`.
+"""
 
 from __future__ import annotations
 
-import sys
 from concurrent.futures import Executor, ProcessPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "test"))
 
 from reference.held_force import LEARNT_LEAK, Held, hold
 from reference.held_warmth import Drift

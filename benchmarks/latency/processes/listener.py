@@ -1,4 +1,4 @@
-"""Another process that takes the contacts: `python -m benchmarks.processes.listener OUT`.
+"""Another process that takes the contacts: `python -m benchmarks.latency.processes.listener OUT`.
 
 It takes the bytes of each message and notes when they came; what is in them is looked at in the end. Prints `first`
 with the first message.

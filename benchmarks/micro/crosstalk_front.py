@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from benchmarks.crosstalk import LARGEST_DENSE, NOISE, PITCH, SHARE, SPREAD, by_neighbours, mixing
+from benchmarks.micro.crosstalk_methods import LARGEST_DENSE, NOISE, PITCH, SHARE, SPREAD, by_neighbours, mixing
 from benchmarks.outcome import Chart, Outcome, Point, Table
 from benchmarks.timing import microseconds
 from posfet_model.reconstruction.force_image import non_negative
@@ -16,7 +16,7 @@ SIZES = (5, 16, 32, 64)
 
 def measure(full: bool) -> Outcome:
     """Compare the ways on maps of random signals, and with noise on the forces of a fingertip."""
-    from reference.dense_pressure import sphere_forces  # noqa: PLC0415  # of the tests; benchmarks.crosstalk has found them
+    from reference.dense_pressure import sphere_forces  # noqa: PLC0415  # of the tests; benchmarks.micro.crosstalk_methods has found them
 
     repeats = 60 if full else 10
     rows = []

@@ -1,4 +1,4 @@
-"""What this machine and the middleware take by themselves: `python -m benchmarks.processes.echo LINK SENSOR OUT`.
+"""What machine and middleware take by themselves: `python -m benchmarks.latency.processes.echo LINK SENSOR OUT`.
 
 A process in the stack's place that reads the terminal and publishes a message without contacts for each scan, with the
 scan's number, and does nothing else.
@@ -15,7 +15,7 @@ from pathlib import Path
 
 from rclpy.node import Node
 
-from benchmarks.processes.recording import Moments
+from benchmarks.latency.processes.recording import Moments
 from posfet_driver.board.board_client import Board
 from posfet_driver.bus.slcan_bus import READ_SIZE, SlcanBus
 from posfet_model.reconstruction.reconstructor import Reconstruction

@@ -1,4 +1,6 @@
-"""Speed of the follower model against ngspice at equal step, for arrays: `python benchmarks/sim_vs_ngspice.py`.
+"""Speed of the follower model against ngspice at equal step, for arrays.
+
+Alone: `python -m benchmarks.simulation.follower_against_ngspice`.
 
 ngspice gets one netlist with an op-amp of circuit B for each taxel, all fed with sines of different amplitude. The cost
 of a step is ngspice's own account of its transient analysis over its time points, so that reading the netlist and
@@ -20,9 +22,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_model"))
-sys.path.insert(1, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.outcome import Chart, Outcome, Point, Table
 from posfet_model.amplifier.closed_loop import close_loop

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from benchmarks.outcome import Chart, Outcome, Point, Table
-from benchmarks.simulation import REFERENCE_RATE, SCHEMES, SENSOR, exact_hold, march, scheme_forces
+from benchmarks.simulation.runs import REFERENCE_RATE, SCHEMES, SENSOR, exact_hold, march, scheme_forces
 
 
 def measure(full: bool) -> Outcome:

@@ -1,4 +1,4 @@
-"""Driver and model in one process, as `posfet bringup` joins them: `python -m benchmarks.processes.stack`.
+"""Driver and model in one process, as `posfet bringup` joins them: `python -m benchmarks.latency.processes.stack`.
 
 Also notes when the contacts of each scan were ready, just before they are published. Prints what was lost in the end.
 """
@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from benchmarks.processes.recording import Moments
+from benchmarks.latency.processes.recording import Moments
 from posfet.composed_node import Graph
 from posfet.graph import NodeSpec
 from posfet_model.ros.run_node import ros, spin

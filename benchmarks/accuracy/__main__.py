@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks import ablation, held, slips, slow_press
+from benchmarks.accuracy import ablation, held_force, slips, slow_press
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.figures import style
 from posfet_model.sensor.description import load_sensor
@@ -31,7 +31,7 @@ from posfet_sim.emulation.offline import wire_scans
 from posfet_sim.evaluation.scorer import Score, Scorer
 from posfet_sim.scene import load_scene
 
-ROOT: Final = Path(__file__).resolve().parent.parent
+ROOT: Final = Path(__file__).resolve().parents[2]
 DOCUMENT: Final = ROOT / "docs" / "accuracy.md"
 FIGURE: Final = "accuracy_mismatch"
 
@@ -290,7 +290,7 @@ def main() -> None:
     begin = time.monotonic()
     seeds = (1, 2, 3, 4) if full else (1, 2)
     with ProcessPoolExecutor(PROCESSES) as pool:
-        scenes, held_table = scene_rows(pool, seeds, full), held.rows(pool, full)
+        scenes, held_table = scene_rows(pool, seeds, full), held_force.rows(pool, full)
         without, slow = without_rows(pool, seeds), slow_press.rows(pool, seeds[0], BOARD, _calibration)
         slipped = slips.rows(pool, seeds, SLIPLESS_FULL if full else SLIPLESS, _calibration)
         found = mismatches(pool, seeds, full)
@@ -318,7 +318,7 @@ taxel reaches the contact threshold (20 mN), whether that taxel is faulty or not
 
 ## Held force against the optimal estimator
 
-{held.TEXT}
+{held_force.TEXT}
 
 {chr(10).join(held_table)}
 

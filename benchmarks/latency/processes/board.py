@@ -1,4 +1,4 @@
-"""A board behind the emulated adapter that notes when each scan is written: `python -m benchmarks.processes.board`.
+"""A board behind the emulated adapter that notes when each scan is written: `python -m` this module.
 
 Its scans are computed beforehand, so that the processor is there for the stack. Ends on SIGTERM or SIGINT.
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.processes.recording import Moments
+from benchmarks.latency.processes.recording import Moments
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_sim.device.simulated_board import SimulatedBoard

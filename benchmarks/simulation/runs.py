@@ -1,4 +1,4 @@
-"""What the simulated board costs and how exact it is: `python benchmarks/simulation.py [PART ...]`.
+"""What the simulated board costs and how exact it is: `python -m benchmarks.simulation [PART ...]`.
 
 scenes    work and time saved by computing only what a scene needs, and the difference that makes
 reference error against every taxel computed at 100 kHz over whole scenes, noise off in both (a quarter of an hour)
@@ -6,7 +6,7 @@ speed     share of a core of 5 x 5 at 1 kHz, touched and at rest; 64 x 64 agains
 schemes   run time against error over step, scheme and float width; writes docs/figures/simulation_schemes.csv
 
 Each part prints one table for docs/simulation.md. Times are those of this process alone.
-`python -m benchmarks.simulation_figure` draws the schemes.
+`python -m benchmarks.simulation.figure` draws the schemes.
 """
 
 from __future__ import annotations
@@ -21,9 +21,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_model"))
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_driver"))
 
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
@@ -42,7 +39,7 @@ SCHEME_SCENE = "tap"
 SCHEME_SPAN = (0.25, 1.25)
 STRIDES = (10, 30, 100, 300, 1000)
 """Steps tried, in those of the reference."""
-SCHEME_FILE = Path(__file__).resolve().parents[1] / "docs" / "figures" / "simulation_schemes.csv"
+SCHEME_FILE = Path(__file__).resolve().parents[2] / "docs" / "figures" / "simulation_schemes.csv"
 
 Scheme = Callable[[np.ndarray, np.ndarray, float], Iterator[np.ndarray]]
 

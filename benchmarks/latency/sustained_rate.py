@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from benchmarks.latency import COLUMNS, row
+from benchmarks.latency.end_to_end import COLUMNS, row
+from benchmarks.latency.rig import Measurement, Setup, run
 from benchmarks.outcome import Cell, Outcome, Table
-from benchmarks.rig import Measurement, Setup, run
 
 RATES = {
     5: (1000.0, 2000.0, 4000.0, 6000.0, 8000.0, 10000.0, 12000.0),

@@ -75,7 +75,7 @@ class Process:
 
     def __init__(self, words: Sequence[str]) -> None:
         command = [sys.executable, *words]
-        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=FOLDER.parent)
+        self._process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=FOLDER.parents[1])
 
     @property
     def pid(self) -> int:
@@ -126,10 +126,18 @@ def run(setup: Setup) -> Measurement:
         link = str(folder / "adapter")
         scene = TOUCHED if setup.touched else "idle"
         seconds = SETTLE + setup.window + 3.0
-        words = ["-m", "benchmarks.processes.board", sensor, scene, link, str(seconds), str(folder / "written.npy")]
+        words = [
+            "-m",
+            "benchmarks.latency.processes.board",
+            sensor,
+            scene,
+            link,
+            str(seconds),
+            str(folder / "written.npy"),
+        ]
         board = Process(words)
         stack.callback(board.end)
-        listener = Process(["-m", "benchmarks.processes.listener", str(folder / "received.npy")])
+        listener = Process(["-m", "benchmarks.latency.processes.listener", str(folder / "received.npy")])
         stack.callback(listener.end)
         board.wait_for("ready")
         listener.wait_for("ready")
@@ -152,15 +160,15 @@ def run(setup: Setup) -> Measurement:
 def _start_stack(setup: Setup, sensor: str, link: str, folder: Path) -> list[Process]:
     params = get_package_share_directory("posfet") + "/config/parameters.yaml"
     if setup.stack == "ordinary":
-        processes = [Process(["-m", "benchmarks.ordinary_stack.model_node", sensor])]
-        processes.append(Process(["-m", "benchmarks.ordinary_stack.driver_node", sensor, link]))
+        processes = [Process(["-m", "benchmarks.latency.baseline_stack.model_node", sensor])]
+        processes.append(Process(["-m", "benchmarks.latency.baseline_stack.driver_node", sensor, link]))
         return processes
     if setup.stack == "echo":
-        return [Process(["-m", "benchmarks.processes.echo", link, sensor, f"{folder}/ready.npy"])]
+        return [Process(["-m", "benchmarks.latency.processes.echo", link, sensor, f"{folder}/ready.npy"])]
     model = {} if setup.as_bytes else {"contacts_as_bytes": False}
     if setup.stack == "composed":
         options = {"sensor_file": sensor, "link": link, "params": params, "model": model, "out": f"{folder}/ready.npy"}
-        process = Process(["-m", "benchmarks.processes.stack", json.dumps(options)])
+        process = Process(["-m", "benchmarks.latency.processes.stack", json.dumps(options)])
         return [process]
     common = ["--ros-args", "-r", "__ns:=/tactile", "--log-level", "warn", "-p", f"sensor_file:={sensor}"]
     bus = ["-p", "can_interface:=slcan", "-p", f"can_channel:={link}"]

@@ -1,4 +1,4 @@
-"""Slip detection by speed and force: part of `make accuracy`, alone `python -m benchmarks.slips`.
+"""Slip detection by speed and force: part of `make accuracy`, alone `python -m benchmarks.accuracy.slips`.
 
 A ball is pressed on, slips in a straight line at a constant speed with a step onset, and is released, at random
 positions and in random directions. In a control run the ball rests while its force varies randomly, which is no slip.

@@ -1,6 +1,6 @@
 """Time that one object costs a scan, for each kind on a small and a large array: the table of docs/scenes.md.
 
-Run: python benchmarks/scene_cost.py
+Run: python -m benchmarks.simulation.scene_cost
 """
 
 from __future__ import annotations

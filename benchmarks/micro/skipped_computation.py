@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from benchmarks.outcome import Cell, Outcome, Table
-from benchmarks.simulation import NONE, SENSOR, SHIPPED, run
+from benchmarks.simulation.runs import NONE, SENSOR, SHIPPED, run
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.ros.conversions import ForceImageMessage, ImageMessage, PointsMessage, WrenchMessage
 from posfet_model.ros.model_node import MARKER_PERIOD

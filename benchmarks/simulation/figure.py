@@ -1,4 +1,4 @@
-"""Draws the figure of docs/simulation.md from stored measurements: `python -m benchmarks.simulation_figure`.
+"""Draws the figure of docs/simulation.md from stored measurements: `python -m benchmarks.simulation.figure`.
 
 The only module of this package that needs matplotlib.
 """
@@ -86,7 +86,7 @@ def draw(points: dict[tuple[str, str], Points]) -> Figure:
 
 def main(words: list[str] | None = None) -> int:
     """Draw the figure and name the files written."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.simulation_figure", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.simulation.figure", description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("docs/figures"), help="folder (default: %(default)s)")
     parser.add_argument("--data", type=Path, help="measured points (default: simulation_schemes.csv in that folder)")
     options = parser.parse_args(words)

@@ -3,15 +3,13 @@
 Inverses of the whole map: a dense matrix, the sine transform (two small matrices on either side), and two rounds over
 the neighbours (error (4*share)^3). Forces not below zero: on the taxels of one contact, against exact least squares.
 
-Run: python benchmarks/crosstalk.py
+Run: python -m benchmarks.micro.crosstalk_methods
 """
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,8 +17,6 @@ import numpy as np
 from posfet_model.reconstruction.force_image import non_negative
 from posfet_model.sensor.crosstalk import DENSE, CrosstalkInverse
 from posfet_model.sensor.description import Layout
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "test"))
 from reference.active_set import solve
 from reference.dense_pressure import sphere_forces
 

@@ -1,13 +1,13 @@
-"""The stack beside one built the ordinary way (`benchmarks.ordinary_stack`): same board, scene, rate and listener."""
+"""The stack beside a baseline implementation (`baseline_stack`): same board, scene, rate and listener."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from benchmarks.latency import COLUMNS, row
+from benchmarks.latency.end_to_end import COLUMNS, row
+from benchmarks.latency.rig import Setup, run
+from benchmarks.latency.sustained_rate import keeps_up
 from benchmarks.outcome import Cell, Outcome, Table
-from benchmarks.rig import Setup, run
-from benchmarks.sustained import keeps_up
 
 RATES = (1000.0, 250.0)
 """Scan rates [Hz]; the ratios by name are of the first that the ordinary stack keeps up with, else of the last. A short

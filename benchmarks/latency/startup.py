@@ -8,8 +8,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from benchmarks.latency.rig import Process
 from benchmarks.outcome import Outcome, Table
-from benchmarks.rig import Process
 
 RUNS = 3
 LISTENING = 2.0
@@ -19,7 +19,7 @@ LISTENING = 2.0
 def first_message(source: str) -> float:
     """Return the time [s] that `posfet bringup` takes."""
     with tempfile.TemporaryDirectory() as folder:
-        listener = Process(["-m", "benchmarks.processes.listener", str(Path(folder) / "received.npy")])
+        listener = Process(["-m", "benchmarks.latency.processes.listener", str(Path(folder) / "received.npy")])
         try:
             listener.wait_for("ready")
             time.sleep(LISTENING)

@@ -1,4 +1,4 @@
-"""Frames a second that each slcan reader takes from the same byte stream: `python benchmarks/slcan.py`.
+"""Frames a second that each slcan reader takes from the same byte stream: `python -m benchmarks.micro.slcan_readers`.
 
 A process of its own writes the stream to a pseudo-terminal as fast as it is taken. Readers: python-can's own, the same
 with our buffered reader (`slcan_upstream.py`), and our bus, through recv() and through read_frames().
@@ -12,15 +12,10 @@ import time
 import tty
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_model"))
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_driver"))
-sys.path.insert(2, str(Path(__file__).resolve().parents[1]))
 
 import can
 
-from benchmarks.buffered_slcan import BufferedSlcanBus
+from benchmarks.micro.buffered_slcan import BufferedSlcanBus
 from benchmarks.outcome import Outcome, Table
 from posfet_driver.bus.frame import CLASSIC, FD, RATE_SWITCH
 from posfet_driver.bus.slcan_bus import SlcanBus

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.latency.rig import Measurement, Setup, run
 from benchmarks.outcome import Outcome, Table
-from benchmarks.rig import Measurement, Setup, run
 
 BASE = Setup()
 SHORT = {

@@ -1,0 +1,1 @@
+"""Accuracy of forces, contacts and slip against the ground truth."""

@@ -1,0 +1,1 @@
+"""Latency, rates and start of the running stack, in several processes."""

@@ -1,1 +1,0 @@
-"""The processes of one measurement: board, stack, listener, each started by `benchmarks.rig`."""

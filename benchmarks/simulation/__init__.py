@@ -1,0 +1,1 @@
+"""Cost and accuracy of the simulated board and the follower models."""
