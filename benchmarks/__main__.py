@@ -61,6 +61,7 @@ def run_apart(name: str, full: bool) -> Outcome:
         environment = os.environ | {"ROS_DOMAIN_ID": str(1 + os.getpid() % 100)}
         environment.pop("PYTHONDONTWRITEBYTECODE", None)  # else every start compiles everything again
         environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+        environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))  # the worker finds what its parent found
         worker = subprocess.Popen(
             command + ["--full"] * full, cwd=FOLDER.parent, env=environment, start_new_session=True
         )

@@ -109,10 +109,10 @@ PIECES: Final = {
 TEXT: Final = """\
 Ablation study: the same boards without gain error, so that gain errors mask nothing, each time with one component of
 the reconstruction disabled (benchmarks/accuracy/ablation.py). Figures are means over the boards; a force error is
-missing where no force was reported as valid. Without calibration the nominal parameters of the description are used; without film
-temperature no pyroelectric signal is compensated; without common-mode compensation it is compensated by the chip
-sensors alone; without fault detection the faulty taxels that the calibration did not find count like the others.
-Leakage identification costs some accuracy where the calibration is exact."""
+missing where no force was reported as valid. Without calibration the nominal parameters of the description are used;
+without film temperature no pyroelectric signal is compensated; without common-mode compensation it is compensated by
+the chip sensors alone; without fault detection the faulty taxels that the calibration did not find count like the
+others. Leakage identification costs some accuracy where the calibration is exact."""
 
 
 def rows(scores: Mapping[tuple[str, str], Sequence[Score]]) -> list[str]:
