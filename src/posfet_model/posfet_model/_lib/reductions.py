@@ -16,6 +16,6 @@ def upper_median(values: NDArray[Any]) -> float:
     return float(np.sort(values)[len(values) // 2]) if len(values) else 0.0
 
 
-def some(mask: NDArray[np.bool_]) -> bool:
+def any_true(mask: NDArray[np.bool_]) -> bool:
     """Return whether any is true: `mask.any()`, which for a small array takes ten times as long."""
     return 1 in mask.tobytes()

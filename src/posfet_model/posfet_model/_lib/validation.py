@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray: TypeAlias = NDArray[np.floating[Any]]
+from posfet_model._lib.types import FloatArray
 
 _Kind = TypeVar("_Kind")
 
@@ -70,7 +70,7 @@ def instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
     return value
 
 
-def alike(**arrays: FloatArray) -> tuple[FloatArray, ...]:
+def common_dtype(**arrays: FloatArray) -> tuple[FloatArray, ...]:
     """Return the arrays in their common type, in the same order: float32 when all are float32, else float64.
 
     Scalars (0-d) count only when there is nothing else, so that a float32 frame stays float32 beside float parameters.

@@ -68,12 +68,15 @@ def close_loop(open_loop_gain: float, gain_bandwidth: float) -> ClosedLoop:
 
     Parameters
     ----------
-    open_loop_gain : A0 [V/V], in [1, 1e9].
-    gain_bandwidth : GBW [Hz], A0 times the frequency of its only pole, in [1e-12, 1e14].
+    open_loop_gain : float
+        A0 [V/V], in [1, 1e9].
+    gain_bandwidth : float
+        GBW [Hz], A0 times the frequency of its only pole, in [1e-12, 1e14].
 
     Raises
     ------
-    ValueError : an argument is not a real, finite number or out of range.
+    ValueError
+        An argument is not a real, finite number or out of range.
 
     Examples
     --------

@@ -17,11 +17,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from posfet_model._lib.validation import FloatArray, real_array, real_number
-
-Float64Array = NDArray[np.float64]
+from posfet_model._lib.types import Array, FloatArray
+from posfet_model._lib.validation import real_array, real_number
 
 EDGE: Final = math.sqrt(2)
 """Overdrive in units of Vov from which on all of the tail current flows on one side."""
@@ -48,9 +47,7 @@ def pair_transconductance(overdrive: ArrayLike) -> FloatArray:
     return np.maximum(1 - x * x / 2, 0) / np.sqrt(1 - x * x / 4)  # EDGE**2/2 rounds to more than 1
 
 
-def stretch(
-    linear: float, square: float | Float64Array, current: Float64Array, transconductance: Float64Array
-) -> Float64Array:
+def stretch(linear: float, square: float | Array, current: Array, transconductance: Array) -> Array:
     """Return dy/dx of a lead (see there) where the pair has this current and transconductance, in units.
 
     Unchecked inner function.
@@ -80,11 +77,11 @@ class Lead:
         """Return whether y is x."""
         return self.linear == 0 and self.square == 0
 
-    def added(self, current: Float64Array) -> Float64Array:
+    def added(self, current: Array) -> Array:
         """Return y - x at a current of the pair. Unchecked inner function."""
         return np.asarray((self.linear + self.square * current) * current)
 
-    def overdrive(self, lag: Float64Array) -> Float64Array:
+    def overdrive(self, lag: Array) -> Array:
         """Return x at a lag y of the capacitor. Unchecked inner function."""
         if self.absent:
             return lag
@@ -93,7 +90,7 @@ class Lead:
         inside = (lag < EDGE + high) & (lag > low - EDGE)
         wanted = lag[inside]
 
-        def missing(angle: Float64Array) -> tuple[Float64Array, Float64Array]:
+        def missing(angle: Array) -> tuple[Array, Array]:
             current = np.sin(2 * angle)
             slope = stretch(self.linear, self.square, current, np.cos(2 * angle) / np.cos(angle))
             return 2 * np.sin(angle) + self.added(current) - wanted, 2 * np.cos(angle) * slope
@@ -108,11 +105,11 @@ NO_LEAD: Final = Lead()
 
 
 def bracketed_newton(
-    residual: Callable[[Float64Array], tuple[Float64Array, Float64Array]],
-    low: Float64Array,
-    high: Float64Array,
-    guess: Float64Array,
-) -> Float64Array:
+    residual: Callable[[Array], tuple[Array, Array]],
+    low: Array,
+    high: Array,
+    guess: Array,
+) -> Array:
     """Return the zero of an increasing function, given with its derivative, in [low, high]; one per element.
 
     Newton's method; a step that leaves the bracket is replaced by its middle. Unchecked inner function.

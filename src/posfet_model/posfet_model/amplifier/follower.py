@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model._lib.first_order import linear_recurrence, mean_decay
+from posfet_model._lib.types import Array
 from posfet_model._lib.validation import instance, real_number
 from posfet_model.amplifier.closed_loop import FREQUENCY_RANGE, ClosedLoop, FollowerLimits, close_loop
 from posfet_model.amplifier.differential_pair import NO_LEAD, Lead, pair_current
@@ -56,7 +57,6 @@ GAIN_RANGE: Final = (1e-3, 1e3)
 
 
 Lags = tuple[NDArray[Any], ...]
-Float64Array = NDArray[np.float64]
 
 
 class IdealFollower(Follower):
@@ -86,7 +86,7 @@ class StaticFollower(Follower):
 
 
 @lru_cache(maxsize=256)
-def _one_pole_step(time_constant: float, step: float) -> tuple[Float64Array, Float64Array]:
+def _one_pole_step(time_constant: float, step: float) -> tuple[Array, Array]:
     """Return what one step makes of lag and input; kept, because a simulation repeats few different steps.
 
     As arrays, which NumPy multiplies with in half the time that it takes for floats.
@@ -114,24 +114,24 @@ class OnePoleFollower(StaticFollower):
         """Small-signal time constant [s]."""
         return 1 / (2 * math.pi * self.bandwidth)
 
-    def _start_lags(self, v_in: Float64Array) -> Lags:
+    def _start_lags(self, v_in: Array) -> Lags:
         return (np.zeros_like(v_in),)
 
-    def _advance_lags(self, lags: Lags, change: Float64Array, step: Float64Array) -> Lags:
+    def _advance_lags(self, lags: Lags, change: Array, step: Array) -> Lags:
         decay, weight = _one_pole_step(self.time_constant, float(step)) if step.ndim == 0 else self._weights(step)
         lag = np.asarray(lags[0] * decay)
         lag += change * weight
         return (lag,)
 
-    def _series_lags(self, start: Lags, change: Float64Array, step: Float64Array) -> Lags:
+    def _series_lags(self, start: Lags, change: Array, step: Array) -> Lags:
         decay, weight = self._weights(step)
         return (linear_recurrence(decay, change * weight, start[0]),)
 
-    def _weights(self, step: Float64Array) -> tuple[Float64Array, Float64Array]:
+    def _weights(self, step: Array) -> tuple[Array, Array]:
         ratio = step / self.time_constant
         return np.exp(-ratio), mean_decay(ratio)
 
-    def _slope(self, lags: Lags, change: Float64Array, step: Float64Array) -> Float64Array:
+    def _slope(self, lags: Lags, change: Array, step: Array) -> Array:
         return np.asarray(self.gain * lags[0] / self.time_constant)
 
     def _transfer(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -193,7 +193,7 @@ class TwoPoleFollower(StaticFollower):
         turn = 1j * math.sqrt((1 - middle) * (1 + middle))
         return w0 * (middle - turn), w0 * (middle + turn)
 
-    def _coefficients(self, step: Float64Array) -> tuple[NDArray[Any], ...]:
+    def _coefficients(self, step: Array) -> tuple[NDArray[Any], ...]:
         """Return decay and input weight of the first lag, decay, coupling and input weight of the second.
 
         From ``l1' = u' - p1*l1`` and ``l2' = u' - p2*(l2 - l1)``. The second weight is
@@ -210,23 +210,23 @@ class TwoPoleFollower(StaticFollower):
             weight2 = mean2 + (mean2 - between) * (p2 / p1)
         return decay1, mean1, decay2, p2 * step * between, weight2
 
-    def _start_lags(self, v_in: Float64Array) -> Lags:
+    def _start_lags(self, v_in: Array) -> Lags:
         lag = np.zeros(v_in.shape, np.result_type(self._poles()[0]))
         return (lag, lag)
 
-    def _advance_lags(self, lags: Lags, change: Float64Array, step: Float64Array) -> Lags:
+    def _advance_lags(self, lags: Lags, change: Array, step: Array) -> Lags:
         decay1, weight1, decay2, coupling, weight2 = self._coefficients(step)
         first = lags[0] * decay1 + change * weight1
         return (first, lags[1] * decay2 + lags[0] * coupling + change * weight2)
 
-    def _series_lags(self, start: Lags, change: Float64Array, step: Float64Array) -> Lags:
+    def _series_lags(self, start: Lags, change: Array, step: Array) -> Lags:
         decay1, weight1, decay2, coupling, weight2 = self._coefficients(step)
         first = linear_recurrence(decay1, change * weight1, start[0])
         before = np.concatenate([start[0][None], first[:-1]])
         addend = before * coupling + change * weight2
         return (first, linear_recurrence(decay2, addend, start[1]))
 
-    def _slope(self, lags: Lags, change: Float64Array, step: Float64Array) -> Float64Array:
+    def _slope(self, lags: Lags, change: Array, step: Array) -> Array:
         return np.asarray(self.gain * (self._poles()[1] * (lags[1] - lags[0])).real)
 
     def _transfer(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -265,15 +265,15 @@ class SquareLawFollower(OnePoleFollower):
         """Steepest slope of the output under saturation [V/s]; a jump of the input moves it at once by the lead."""
         return self.gain * self.overdrive / self.time_constant
 
-    def _advance_lags(self, lags: Lags, change: Float64Array, step: Float64Array) -> Lags:
+    def _advance_lags(self, lags: Lags, change: Array, step: Array) -> Lags:
         x = lags[0] / self.overdrive
         return (self.overdrive * settle(x, change / self.overdrive, step / self.time_constant, self.lead),)
 
-    def _series_lags(self, start: Lags, change: Float64Array, step: Float64Array) -> Lags:
+    def _series_lags(self, start: Lags, change: Array, step: Array) -> Lags:
         ratio = np.broadcast_to(step / self.time_constant, change.shape)
         return (self.overdrive * settle_series(start[0] / self.overdrive, change / self.overdrive, ratio, self.lead),)
 
-    def _slope(self, lags: Lags, change: Float64Array, step: Float64Array) -> Float64Array:
+    def _slope(self, lags: Lags, change: Array, step: Array) -> Array:
         return np.asarray(self.slew_rate * pair_current(lags[0] / self.overdrive))
 
     def _transfer(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:

@@ -10,7 +10,8 @@ from typing import Any, Final, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from posfet_model._lib.validation import FloatArray, instance, real_array
+from posfet_model._lib.types import FloatArray
+from posfet_model._lib.validation import instance, real_array
 from posfet_model.amplifier.closed_loop import FollowerLimits
 
 VOLTAGE_LIMIT: Final = 1e6
@@ -166,12 +167,15 @@ class Follower(ABC):
 
         Parameters
         ----------
-        time : [s], shape [t], t >= 1, never falling; steps may be uneven, and 0 is a jump of the input.
-        v_in : input voltage [V], shape [t], or [t, n] for n taxels, within +-1e6.
+        time : array_like
+            [s], shape [t], t >= 1, never falling; steps may be uneven, and 0 is a jump of the input.
+        v_in : array_like
+            input voltage [V], shape [t], or [t, n] for n taxels, within +-1e6.
 
         Raises
         ------
-        ValueError : an argument is not real, not finite, out of range or of another shape, or time runs backwards.
+        ValueError
+            An argument is not real, not finite, out of range or of another shape, or time runs backwards.
         """
         instants = real_array("time", time, -STEP_LIMIT, STEP_LIMIT).astype(np.float64, copy=False)
         held, valid = self._hold(v_in)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model._lib.first_order import linear_recurrence, mean_decay
+from posfet_model._lib.types import Array
 from posfet_model.amplifier.differential_pair import (
     EDGE,
     LARGEST_PRODUCT,
@@ -26,8 +27,6 @@ from posfet_model.amplifier.differential_pair import (
     pair_transconductance,
     stretch,
 )
-
-Float64Array = NDArray[np.float64]
 
 LINEAR_BELOW: Final = 1e-5
 """Where |x| and |slope| are below this, f(x) = x is used: the error of x is then under 1.3e-16."""
@@ -42,7 +41,7 @@ _MOST_FALLEN: Final = 300.0  # the angle's logarithm falls by at most 20 until i
 _SETTLED: Final = 60.0  # time constants at rest after which the distance from rest, exp(-60), counts as none
 
 
-def settle(overdrive: Float64Array, change: Float64Array, duration: Float64Array, lead: Lead = NO_LEAD) -> Float64Array:
+def settle(overdrive: Array, change: Array, duration: Array, lead: Lead = NO_LEAD) -> Array:
     """Return x at the end of a step in which the input moved by `change` [Vov] in a straight line.
 
     Exact solution of ``dy/ds = change/duration - f(x)`` over `duration` [time constants]; arrays of any shapes that
@@ -75,19 +74,17 @@ def _linear_below(lead: Lead) -> float:
     return _SQUARE_BELOW if lead.square else LINEAR_BELOW
 
 
-def _lag(overdrive: Float64Array, lead: Lead) -> Float64Array:
+def _lag(overdrive: Array, lead: Lead) -> Array:
     """Return y at x."""
     return overdrive if lead.absent else overdrive + lead.added(pair_current(overdrive).astype(np.float64, copy=False))
 
 
-def _jumped(overdrive: Float64Array, change: Float64Array, lead: Lead) -> Float64Array:
+def _jumped(overdrive: Array, change: Array, lead: Lead) -> Array:
     """Return x after a jump of the input: the capacitor holds its voltage."""
     return lead.overdrive(_lag(overdrive, lead) + change)
 
 
-def settle_series(
-    start: Float64Array, change: Float64Array, duration: Float64Array, lead: Lead = NO_LEAD
-) -> Float64Array:
+def settle_series(start: Array, change: Array, duration: Array, lead: Lead = NO_LEAD) -> Array:
     """Return x at the end of each of many steps, the first from `start`: `settle` in a row, over all rows at once.
 
     change and duration have shape [t] or [t, n], start the shape of one row; t >= 1. Unchecked inner function.
@@ -107,7 +104,7 @@ def settle_series(
     return result
 
 
-def _settle_block(start: Float64Array, change: Float64Array, duration: Float64Array, lead: Lead) -> Float64Array:
+def _settle_block(start: Array, change: Array, duration: Array, lead: Lead) -> Array:
     """Return `settle_series` of one block; halve the block if Newton's method does not arrive."""
     if len(change) == 1:
         return settle(start, change, duration, lead)
@@ -132,9 +129,7 @@ def _settle_block(start: Float64Array, change: Float64Array, duration: Float64Ar
     return np.concatenate([first, _settle_block(first[-1], change[half:], duration[half:], lead)])
 
 
-def _sensitivity(
-    before: Float64Array, after: Float64Array, slope: Float64Array, duration: Float64Array
-) -> Float64Array:
+def _sensitivity(before: Array, after: Array, slope: Array, duration: Array) -> Array:
     """Return d(after)/d(before) of a step, for y: the ratio of its speeds, as time itself is not in its equation."""
     speed = slope - pair_current(before)
     moving = (np.abs(speed) > _AT_REST) & (duration > _JUMP)
@@ -142,7 +137,7 @@ def _sensitivity(
     return np.clip(np.where(moving, ratio, np.exp(-duration * pair_transconductance(before))), 0.0, 1.0)
 
 
-def _slope(change: Float64Array, duration: Float64Array) -> Float64Array:
+def _slope(change: Array, duration: Array) -> Array:
     """Return the slope of the input [Vov per time constant]; 0 for a jump, which has none."""
     jump = duration <= _JUMP
     return np.asarray(np.where(jump, 0.0, change / np.where(jump, 1.0, duration)))
@@ -153,7 +148,7 @@ class _Ahead:
     """The lead of each element, its sign turned with x."""
 
     linear: float
-    square: Float64Array
+    square: Array
     absent: bool
     """No lead at all: what it would add is not computed."""
 
@@ -161,11 +156,11 @@ class _Ahead:
         """Return those of some elements."""
         return _Ahead(self.linear, self.square[part], self.absent)
 
-    def time(self, logarithm: Float64Array, current: Float64Array, rho: Float64Array) -> Float64Array:
+    def time(self, logarithm: Array, current: Array, rho: Array) -> Array:
         """Return the time that the lead takes, from ln|slope - f| and f up to constants."""
         return np.asarray(-(self.linear + 2 * self.square * rho) * logarithm - 2 * self.square * current)
 
-    def time_between(self, current: Float64Array, missing: Float64Array, change: Float64Array) -> Float64Array:
+    def time_between(self, current: Array, missing: Array, change: Array) -> Array:
         """Return the time that the lead takes from f = `current` to ``current - change``; missing is slope - current.
 
         As `time`, with the square's two terms, nearly opposite at a large slope, written with ln(1 + z) - z.
@@ -175,14 +170,14 @@ class _Ahead:
         bent = missing * _log1p_less(z, logarithm) + current * logarithm
         return np.asarray(-self.linear * logarithm - 2 * self.square * bent)
 
-    def stretch(self, angle: Float64Array) -> Float64Array:
+    def stretch(self, angle: Array) -> Array:
         """Return dy/dx at x = 2*sin(angle)."""
         if self.absent:
             return np.ones(())
         return stretch(self.linear, self.square, np.sin(2 * angle), np.cos(2 * angle) / np.cos(angle))
 
 
-def _log1p_less(z: Float64Array, logarithm: Float64Array) -> Float64Array:
+def _log1p_less(z: Array, logarithm: Array) -> Array:
     """Return ln(1 + z) - z, z > -1, from z and ln(1 + z); for small z by ln(1 + z) = 2*artanh(w), w = z/(2 + z)."""
     w = z / (2 + z)
     series = np.zeros_like(z)
@@ -191,7 +186,7 @@ def _log1p_less(z: Float64Array, logarithm: Float64Array) -> Float64Array:
     return np.asarray(np.where(np.abs(z) < 0.4, w * (2 * series - z), logarithm - z))
 
 
-def _settle_curved(x: Float64Array, slope: Float64Array, duration: Float64Array, lead: Lead) -> Float64Array:
+def _settle_curved(x: Array, slope: Array, duration: Array, lead: Lead) -> Array:
     """Return x after `duration` of ``dy/ds = slope - f(x)``, one-dimensional arrays."""
     sign = np.where(slope < 0, -1.0, 1.0)
     x, rho = x * sign, np.abs(slope)
@@ -204,9 +199,7 @@ def _settle_curved(x: Float64Array, slope: Float64Array, duration: Float64Array,
     return x * sign
 
 
-def _leave_lower_saturation(
-    x: Float64Array, rho: Float64Array, left: Float64Array
-) -> tuple[Float64Array, Float64Array]:
+def _leave_lower_saturation(x: Array, rho: Array, left: Array) -> tuple[Array, Array]:
     """Move x below -EDGE up with dx/ds = rho + 1; return x and the time that is left."""
     below = x < -EDGE
     needed = np.where(below, (-EDGE - x) / (rho + 1), 0.0)
@@ -215,9 +208,7 @@ def _leave_lower_saturation(
     return np.where(below, moved, x), np.where(below, np.where(arrived, left - needed, 0.0), left)
 
 
-def _leave_upper_saturation(
-    x: Float64Array, rho: Float64Array, left: Float64Array
-) -> tuple[Float64Array, Float64Array]:
+def _leave_upper_saturation(x: Array, rho: Array, left: Array) -> tuple[Array, Array]:
     """Move x from EDGE on with dx/ds = rho - 1: up for good, or down to EDGE; return x and the time that is left."""
     above = x >= EDGE
     falling = above & (rho < 1)
@@ -228,7 +219,7 @@ def _leave_upper_saturation(
     return np.where(above, moved, x), np.where(above, remaining, left)
 
 
-def _approach_rest(x: Float64Array, rho: Float64Array, duration: Float64Array, ahead: _Ahead) -> Float64Array:
+def _approach_rest(x: Array, rho: Array, duration: Array, ahead: _Ahead) -> Array:
     """Return x after `duration` inside [-EDGE, EDGE] for 0 <= slope < 1, where it tends to f(x) = slope.
 
     The unknown is the logarithm of the angle from rest, which falls nearly in proportion to time.
@@ -249,17 +240,17 @@ def _approach_rest(x: Float64Array, rho: Float64Array, duration: Float64Array, a
 class _Way:
     """What the way to rest depends on: a^2 = 1 - slope, b^2 = 1 + slope, the slope, the angle of rest, the lead."""
 
-    a: Float64Array
-    b: Float64Array
-    rho: Float64Array
-    rest: Float64Array
+    a: Array
+    b: Array
+    rho: Array
+    rest: Array
     ahead: _Ahead
 
-    def speed(self, angle: Float64Array) -> Float64Array:
+    def speed(self, angle: Array) -> Array:
         """Return cos(2*rest + angle) at `angle` from rest: f misses the slope by 2*sin(angle) of it."""
         return np.asarray(self.a * self.b * np.cos(angle) - self.rho * np.sin(angle))
 
-    def time(self, angle: Float64Array) -> Float64Array:
+    def time(self, angle: Array) -> Array:
         """Return the time, from an arbitrary origin, at which x is at `angle` from rest."""
         time = _time_at(angle, self.a, self.b)
         if self.ahead.absent:
@@ -268,11 +259,11 @@ class _Way:
         return time + self.ahead.time(logarithm, np.sin(2 * (self.rest + angle)), self.rho)
 
 
-def _angle_later(angle: Float64Array, duration: Float64Array, guess: Float64Array, way: _Way) -> Float64Array:
+def _angle_later(angle: Array, duration: Array, guess: Array, way: _Way) -> Array:
     """Return the angle from rest after `duration`; `guess` is how far its logarithm may have fallen."""
     target = way.time(angle) + duration
 
-    def lateness(fallen: Float64Array) -> tuple[Float64Array, Float64Array]:
+    def lateness(fallen: Array) -> tuple[Array, Array]:
         now = angle * np.exp(-fallen)
         derivative = now / np.sin(now) * np.cos(way.rest + now) / way.speed(now) * way.ahead.stretch(way.rest + now)
         return way.time(now) - target, derivative
@@ -284,7 +275,7 @@ def _angle_later(angle: Float64Array, duration: Float64Array, guess: Float64Arra
     return np.asarray(angle * np.exp(-fallen))
 
 
-def _time_at(angle: Float64Array, a: Float64Array, b: Float64Array) -> Float64Array:
+def _time_at(angle: Array, a: Array, b: Array) -> Array:
     """Return the time, from an arbitrary origin, at which x is at `angle` from rest, a^2 = 1 - slope, b^2 = 1 + slope.
 
     Written with the distances of p from -a and of q from b, which are accurate however close x is to rest.
@@ -298,13 +289,13 @@ def _time_at(angle: Float64Array, a: Float64Array, b: Float64Array) -> Float64Ar
     return np.asarray(in_p + in_q)
 
 
-def _run_away(x: Float64Array, rho: Float64Array, duration: Float64Array, ahead: _Ahead) -> Float64Array:
+def _run_away(x: Array, rho: Array, duration: Array, ahead: _Ahead) -> Array:
     """Return x after `duration` from inside [-EDGE, EDGE] for slope >= 1, where it ends in saturation."""
     c, b = np.maximum(np.sqrt(rho - 1), 1e-160), np.sqrt(1 + rho)
     angle = np.arcsin(x / 2)
     p_start, q_start = np.sin(angle) - np.cos(angle), np.sin(angle) + np.cos(angle)
 
-    def time_to(p: Float64Array, q: Float64Array) -> Float64Array:
+    def time_to(p: Array, q: Array) -> Array:
         ahead_of_q = np.maximum(b * b - q * q_start, 1e-300)  # 0 where b, q and its start are one number
         in_q = np.minimum(b * (q - q_start) / ahead_of_q, 1 - 1e-16)
         time = np.arctan2(c * (p - p_start), c * c + p * p_start) / c + np.arctanh(in_q) / b
@@ -313,7 +304,7 @@ def _run_away(x: Float64Array, rho: Float64Array, duration: Float64Array, ahead:
         change = (p - p_start) * (p + p_start)  # of slope - f, which is c^2 + p^2
         return np.asarray(time + ahead.time_between(1 - p_start * p_start, c * c + p_start * p_start, change))
 
-    def lateness(now: Float64Array) -> tuple[Float64Array, Float64Array]:
+    def lateness(now: Array) -> tuple[Array, Array]:
         p, q = np.sin(now) - np.cos(now), np.sin(now) + np.cos(now)
         return time_to(p, q) - wanted, 2 * np.cos(now) / (c * c + p * p) * ahead.stretch(now)
 

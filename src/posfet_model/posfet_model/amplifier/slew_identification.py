@@ -103,12 +103,15 @@ def slew_model(loop: ClosedLoop, gain_bandwidth: float = GAIN_BANDWIDTH.value) -
 
     Parameters
     ----------
-    loop : of the follower, measured for small signals.
-    gain_bandwidth : of its op-amp [Hz], in [1e-12, 1e14]; the published 1.5 MHz where it was not measured.
+    loop : ClosedLoop
+        Of the follower, measured for small signals.
+    gain_bandwidth : float, default GAIN_BANDWIDTH.value
+        Of its op-amp [Hz], in [1e-12, 1e14]; the published 1.5 MHz where it was not measured.
 
     Raises
     ------
-    ValueError : gain_bandwidth is not a real, finite number in its range, or loop not a ClosedLoop.
+    ValueError
+        gain_bandwidth is not a real, finite number in its range, or loop not a ClosedLoop.
 
     Examples
     --------

@@ -149,9 +149,12 @@ def mismatch_offset(
 
     Parameters
     ----------
-    figures : of the amplifier.
-    pair_threshold, load_threshold : differences of threshold of M1, M2 and of M3, M4 [V], within +-1.
-    pair_size, load_size : relative differences of gain factor [1], within +-0.5.
+    figures : AmplifierFigures
+        Of the amplifier.
+    pair_threshold, load_threshold : float
+        Differences of threshold of M1, M2 and of M3, M4 [V], within +-1.
+    pair_size, load_size : float
+        Relative differences of gain factor [1], within +-0.5.
     """
     figures = instance("figures", figures, AmplifierFigures)
     return (

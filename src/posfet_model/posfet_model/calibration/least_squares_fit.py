@@ -23,12 +23,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model._lib.types import Array
 from posfet_model.calibration.taxel_calibration import Calibration, Residuals
-from posfet_model.sensor.crosstalk import CrosstalkInverse
+from posfet_model.sensor.crosstalk import CrosstalkCompensator
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.signal_chain import InverseChain, charge_per_newton
-
-FoundArray = NDArray[np.float64]
+from posfet_model.sensor.signal_chain import InverseSignalChain, charge_per_newton
 
 LEAST_FORCE: Final = 0.2
 """Every taxel has to be pressed with this force at least [N]."""
@@ -85,7 +84,7 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
     film = _film(recording.time, temperature, lag) if warmed else None
     first = _fit(sensor, recording, signal, film, neighbours=True)
     crosstalk = _crosstalk(sensor, first)
-    undone = CrosstalkInverse(sensor.layout, crosstalk)
+    undone = CrosstalkCompensator(sensor.layout, crosstalk)
     signal = np.stack([undone.apply(row) for row in signal])
     found = _fit(sensor, recording, signal, film, neighbours=False)
     tau = 1.0 / np.maximum(found.leak, 1e-9)
@@ -111,17 +110,17 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
 class _Fit:
     """Coefficients of each taxel, shape [taxels]."""
 
-    gain: FoundArray
-    leak: FoundArray
+    gain: Array
+    leak: Array
     """1/tau [1/s]."""
-    drift: FoundArray
+    drift: Array
     """o/tau [N/s]."""
-    start: FoundArray
-    warmth: FoundArray
+    start: Array
+    warmth: Array
     """[N/K]"""
-    beside: FoundArray
+    beside: Array
     """Signal per force on the four neighbours [1]."""
-    loop: FoundArray
+    loop: Array
     """w: signal per distance of the force from its play [1]."""
     squares: float
     """Sum of the squared residuals."""
@@ -140,14 +139,14 @@ def _check(sensor: Sensor, recording: Recording) -> None:
         raise ValueError(f"every taxel must be pressed with {LEAST_FORCE:g} N, but taxel {weak[0]} was not")
 
 
-def _signal(sensor: Sensor, recording: Recording) -> FoundArray:
+def _signal(sensor: Sensor, recording: Recording) -> Array:
     """Return the charge of every scan as a force [N]."""
-    inverse = InverseChain(sensor)
+    inverse = InverseSignalChain(sensor)
     charge = np.empty(recording.counts.shape)
     return inverse.charge(recording.counts, charge) / charge_per_newton(sensor)
 
 
-def _film(time: FoundArray, temperature: FoundArray, lag: float) -> FoundArray:
+def _film(time: Array, temperature: Array, lag: float) -> Array:
     """Return the temperature of the film that follows the chip's in straight lines [K]."""
     film = np.zeros(len(time))
     behind = 0.0
@@ -158,7 +157,7 @@ def _film(time: FoundArray, temperature: FoundArray, lag: float) -> FoundArray:
     return film
 
 
-def _best_lag(sensor: Sensor, recording: Recording, signal: FoundArray, temperature: FoundArray) -> float:
+def _best_lag(sensor: Sensor, recording: Recording, signal: Array, temperature: Array) -> float:
     """Return the lag, in that of the description, with which the signals are explained best."""
     thinned = slice(None, None, max(1, len(recording.time) // 4000))
     few = Recording(recording.time[thinned], recording.counts[thinned], temperature[thinned], recording.force[thinned])
@@ -179,13 +178,13 @@ def _best_lag(sensor: Sensor, recording: Recording, signal: FoundArray, temperat
     return float(LAGS[best] * (LAGS[1] / LAGS[0]) ** shift)
 
 
-def _integral(time: FoundArray, signal: FoundArray) -> FoundArray:
+def _integral(time: Array, signal: Array) -> Array:
     """Return the integral of the signal from the first scan on, by trapezoids [N s]."""
     pieces = 0.5 * (signal[1:] + signal[:-1]) * np.diff(time)[:, None]
     return np.concatenate([np.zeros((1, signal.shape[1])), np.cumsum(pieces, axis=0)])
 
 
-def _seen(time: FoundArray) -> NDArray[np.bool_]:
+def _seen(time: Array) -> NDArray[np.bool_]:
     """Return which scans are fitted; the others are held out."""
     mask: NDArray[np.bool_] = ((time - time[0]) / STRETCH).astype(np.intp) % HELD_OUT != HELD_OUT - 1
     return mask
@@ -194,12 +193,12 @@ def _seen(time: FoundArray) -> NDArray[np.bool_]:
 def _columns(
     sensor: Sensor,
     recording: Recording,
-    integral: FoundArray,
-    loop: FoundArray,
-    film: FoundArray | None,
+    integral: Array,
+    loop: Array,
+    film: Array | None,
     taxel: int,
     neighbours: bool,
-) -> FoundArray:
+) -> Array:
     """Return the columns of one taxel's fit, shape [scans, columns]."""
     elapsed = recording.time - recording.time[0]
     force = recording.force[:, taxel]
@@ -214,10 +213,10 @@ def _columns(
 def _fit(
     sensor: Sensor,
     recording: Recording,
-    signal: FoundArray,
-    film: FoundArray | None,
+    signal: Array,
+    film: Array | None,
     neighbours: bool,
-    integral: FoundArray | None = None,
+    integral: Array | None = None,
 ) -> _Fit:
     """Fit every taxel to the scans that are not held out."""
     integral = _integral(recording.time, signal) if integral is None else integral
@@ -240,7 +239,7 @@ def _fit(
     return _Fit(gain, leak, drift, start, warmth, beside, width, squares)
 
 
-def _loop(sensor: Sensor, force: FoundArray) -> FoundArray:
+def _loop(sensor: Sensor, force: Array) -> Array:
     """Return by how much each force [N] is ahead of its play, shape [scans, taxels]."""
     reach = PLAY * sensor.device.force_max
     play = np.zeros(force.shape[1])
@@ -251,11 +250,11 @@ def _loop(sensor: Sensor, force: FoundArray) -> FoundArray:
     return ahead
 
 
-def _line_gain(sensor: Sensor, recording: Recording, found: _Fit) -> FoundArray:
+def _line_gain(sensor: Sensor, recording: Recording, found: _Fit) -> Array:
     """Return the gain of the straight line through the film's loops that usual forces make, of each taxel [1]."""
     force = recording.force * (USUAL * sensor.device.force_max / recording.force.max(axis=0))
     share = (_loop(sensor, force) * force).sum(axis=0) / (force * force).sum(axis=0)
-    gain: FoundArray = found.gain + found.loop * share
+    gain: Array = found.gain + found.loop * share
     return gain
 
 
@@ -281,8 +280,8 @@ def _crosstalk(sensor: Sensor, found: _Fit) -> float:
 def _residuals(
     sensor: Sensor,
     recording: Recording,
-    signal: FoundArray,
-    film: FoundArray | None,
+    signal: Array,
+    film: Array | None,
     found: _Fit,
     dead: NDArray[np.bool_],
 ) -> Residuals:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from posfet_model.contacts.footprint import Footprint
 from posfet_model.sensor.description import Layout
-from posfet_model.sensor.neighbour_estimate import Surroundings
+from posfet_model.sensor.neighbour_estimate import NeighbourInterpolation
 
 VALLEY: Final = 0.6
 """A valley is at most this share of the lower of its two peaks [1]: left of wrong gains, rods and pads have none."""
@@ -63,7 +63,7 @@ class Separator:
         self._positions = layout.positions
         self._pitch = max(layout.pitch_x, layout.pitch_y)
         self._threshold = threshold
-        self._surroundings = Surroundings(layout)
+        self._surroundings = NeighbourInterpolation(layout)
         self._none = np.zeros(layout.taxels, np.bool_)
         around = _neighbours(layout)
         self._beside = around[:, [1, 3, 4, 6]]
@@ -127,7 +127,7 @@ class Separator:
 
     def _is_hole(self, around: NDArray[np.intp], force: NDArray[np.float64]) -> bool:
         """Return whether one of the taxels is missing its force rather than lying in a valley."""
-        least = self._surroundings.least(force, self._none, around, 0.0)
+        least = self._surroundings.lower_bound(force, self._none, around, 0.0)
         return bool(((least > 2.0 * self._threshold) & (force[around] < MISSING * least)).any())
 
     def shares(

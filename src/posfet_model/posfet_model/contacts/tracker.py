@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 from posfet_model.contacts.assignment import cheapest_pairs
 from posfet_model.contacts.detection import Region
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.signal_chain import noise_of_a_scan
+from posfet_model.sensor.signal_chain import force_noise_rms
 
 LAST_ID: Final = 0xFFFF_FFFF
 """Greatest id; the next one is 1 again."""
@@ -95,7 +95,7 @@ class ContactTracker:
         self._pitch = max(sensor.layout.pitch_x, sensor.layout.pitch_y)
         self._reach = self._settings.reach * self._pitch
         self._threshold = sensor.contact.threshold
-        self._noise = NOISE_GUARD * TAXELS_ACROSS * self._pitch * noise_of_a_scan(sensor) / self._settings.smoothing
+        self._noise = NOISE_GUARD * TAXELS_ACROSS * self._pitch * force_noise_rms(sensor) / self._settings.smoothing
         self._contacts: tuple[Contact, ...] = ()
         self._next_id = 1
 

@@ -12,7 +12,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from posfet_model._lib.validation import FloatArray, alike, instance, real_array, real_number
+from posfet_model._lib.types import FloatArray
+from posfet_model._lib.validation import common_dtype, instance, real_array, real_number
 from posfet_model.device.constants import VACUUM_PERMITTIVITY
 from posfet_model.device.mechanics import LENGTH_RANGE, MODULUS_RANGE, POISSON_RANGE, PRESSURE_LIMIT
 from posfet_model.device.transistor import Stack
@@ -26,7 +27,7 @@ def electric_displacement(
     Right: `posfet_model.device.charge.electric_displacement`. The second T3 should be E3: the printed sum adds
     unlike units.
     """
-    stress, piezoelectric_coefficient, relative_permittivity = alike(
+    stress, piezoelectric_coefficient, relative_permittivity = common_dtype(
         stress=real_array("stress", stress),
         piezoelectric_coefficient=real_array("piezoelectric_coefficient", piezoelectric_coefficient),
         relative_permittivity=real_array("relative_permittivity", relative_permittivity),
@@ -61,7 +62,7 @@ def signal_current(charge: ArrayLike, overdrive: ArrayLike, mobility: float, asp
     ``mu*Cstack*(W/L)*(Vgs - Vth)*(sigma/Cox)``: the charge counted at the oxide (eq. 6), the current driven through the
     whole stack (eq. 9). Right: the same plane for both, Cox/Cpvdf (18.06 with Table I) times as much.
     """
-    charge, overdrive = alike(charge=real_array("charge", charge), overdrive=real_array("overdrive", overdrive))
+    charge, overdrive = common_dtype(charge=real_array("charge", charge), overdrive=real_array("overdrive", overdrive))
     stack = instance("stack", stack, Stack)
     gain_factor = real_number("mobility", mobility) * stack.series * real_number("aspect", aspect)
     return gain_factor * overdrive * (charge / stack.oxide)
@@ -72,7 +73,7 @@ def saturation_current(gate_voltage: ArrayLike, threshold_voltage: ArrayLike, ga
 
     Right: `posfet_model.device.transistor.drain_current`.
     """
-    gate_voltage, threshold_voltage, gain_factor = alike(
+    gate_voltage, threshold_voltage, gain_factor = common_dtype(
         gate_voltage=real_array("gate_voltage", gate_voltage),
         threshold_voltage=real_array("threshold_voltage", threshold_voltage),
         gain_factor=real_array("gain_factor", gain_factor),
@@ -88,7 +89,7 @@ def circular_deflection(
 
     Right: `posfet_model.device.mechanics.circular_deflection`.
     """
-    pressure, radius, thickness, young_modulus, poisson_ratio = alike(
+    pressure, radius, thickness, young_modulus, poisson_ratio = common_dtype(
         pressure=real_array("pressure", pressure, 0, PRESSURE_LIMIT),
         radius=real_array("radius", radius, *LENGTH_RANGE),
         thickness=real_array("thickness", thickness, *LENGTH_RANGE),
@@ -106,7 +107,7 @@ def square_deflection(
 
     For any nu: `posfet_model.device.mechanics.square_deflection`.
     """
-    pressure, side, thickness, young_modulus = alike(
+    pressure, side, thickness, young_modulus = common_dtype(
         pressure=real_array("pressure", pressure, 0, PRESSURE_LIMIT),
         side=real_array("side", side, *LENGTH_RANGE),
         thickness=real_array("thickness", thickness, *LENGTH_RANGE),

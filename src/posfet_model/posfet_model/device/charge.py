@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from posfet_model._lib.first_order import mean_decay
-from posfet_model._lib.validation import FloatArray, alike, real_array
+from posfet_model._lib.types import FloatArray
+from posfet_model._lib.validation import common_dtype, real_array
 from posfet_model.device.constants import VACUUM_PERMITTIVITY
 
 STEP_RANGE: Final = (1e-12, 1e9)
@@ -52,14 +53,19 @@ def source_charge(
 
     Parameters
     ----------
-    stress : T3 [Pa], tension positive, within +-1e16.
-    temperature_change : dTheta [K] from the temperature at which q is zero, within +-500.
-    piezoelectric_coefficient : d33 [C/N], within +-1e-6 (PVDF-TrFE: -38e-12).
-    pyroelectric_coefficient : p [C/(m2 K)], within +-0.1 (PVDF-TrFE: -40e-6).
+    stress : array_like
+        T3 [Pa], tension positive, within +-1e16.
+    temperature_change : array_like
+        dTheta [K] from the temperature at which q is zero, within +-500.
+    piezoelectric_coefficient : array_like
+        d33 [C/N], within +-1e-6 (PVDF-TrFE: -38e-12).
+    pyroelectric_coefficient : array_like
+        p [C/(m2 K)], within +-0.1 (PVDF-TrFE: -40e-6).
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
@@ -73,7 +79,7 @@ def source_charge(
     >>> print(f"{source_charge(-1e6, 0.0, -38e-12, -40e-6):.3g}, {source_charge(0.0, 1.0, -38e-12, -40e-6):.3g}")
     3.8e-05, -4e-05
     """
-    stress, temperature_change, piezoelectric_coefficient, pyroelectric_coefficient = alike(
+    stress, temperature_change, piezoelectric_coefficient, pyroelectric_coefficient = common_dtype(
         stress=real_array("stress", stress, -STRESS_LIMIT, STRESS_LIMIT),
         temperature_change=real_array("temperature_change", temperature_change, -500, 500),
         piezoelectric_coefficient=real_array("piezoelectric_coefficient", piezoelectric_coefficient, -1e-6, 1e-6),
@@ -89,21 +95,26 @@ def electric_displacement(
 
     Parameters
     ----------
-    stress : T3 [Pa], tension positive, within +-1e16.
-    field : E3 [V/m], within +-1e12.
-    piezoelectric_coefficient : d33 [C/N], within +-1e-6.
-    relative_permittivity : eps33/eps0 [1], in [1, 1e5].
+    stress : array_like
+        T3 [Pa], tension positive, within +-1e16.
+    field : array_like
+        E3 [V/m], within +-1e12.
+    piezoelectric_coefficient : array_like
+        d33 [C/N], within +-1e-6.
+    relative_permittivity : array_like
+        eps33/eps0 [1], in [1, 1e5].
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
     The paper prints T3 in both terms; the second one is the field E3. The printed form is in
     `posfet_model.device.as_printed`.
     """
-    stress, field, piezoelectric_coefficient, relative_permittivity = alike(
+    stress, field, piezoelectric_coefficient, relative_permittivity = common_dtype(
         stress=real_array("stress", stress, -STRESS_LIMIT, STRESS_LIMIT),
         field=real_array("field", field, -1e12, 1e12),
         piezoelectric_coefficient=real_array("piezoelectric_coefficient", piezoelectric_coefficient, -1e-6, 1e-6),
@@ -121,14 +132,19 @@ def propagate_first_order_hold(
 
     Parameters
     ----------
-    charge : sigma0 [C/m2] at the start of the step, within +-1e12.
-    source_start, source_end : q0, q1 [C/m2] at the ends of the step, within +-1e12.
-    step : h [s], in [1e-12, 1e9].
-    time_constant : tau [s], in [1e-12, 1e15].
+    charge : array_like
+        sigma0 [C/m2] at the start of the step, within +-1e12.
+    source_start, source_end : array_like
+        q0, q1 [C/m2] at the ends of the step, within +-1e12.
+    step : array_like
+        h [s], in [1e-12, 1e9].
+    time_constant : array_like
+        tau [s], in [1e-12, 1e15].
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
@@ -171,13 +187,17 @@ def invert_first_order_hold(
 
     Parameters
     ----------
-    charge_start, charge_end : sigma0, sigma1 [C/m2], within +-1e12.
-    step : h [s], in [1e-12, 1e9].
-    time_constant : tau [s], in [1e-12, 1e15].
+    charge_start, charge_end : array_like
+        sigma0, sigma1 [C/m2], within +-1e12.
+    step : array_like
+        h [s], in [1e-12, 1e9].
+    time_constant : array_like
+        tau [s], in [1e-12, 1e15].
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
@@ -201,19 +221,22 @@ def frequency_response(frequency: ArrayLike, time_constant: ArrayLike) -> NDArra
 
     Parameters
     ----------
-    frequency : f [Hz], in [0, 1e15].
-    time_constant : tau [s], in [1e-12, 1e15].
+    frequency : array_like
+        f [Hz], in [0, 1e15].
+    time_constant : array_like
+        tau [s], in [1e-12, 1e15].
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Examples
     --------
     >>> print(f"{abs(frequency_response(1 / (2 * math.pi * 0.27), 0.27)):.12f}")
     0.707106781187
     """
-    frequency, time_constant = alike(
+    frequency, time_constant = common_dtype(
         frequency=real_array("frequency", frequency, 0, 1e15),
         time_constant=real_array("time_constant", time_constant, *TIME_CONSTANT_RANGE),
     )
@@ -226,14 +249,17 @@ def step_response(time: ArrayLike, time_constant: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    time : t [s], in [0, 1e9].
-    time_constant : tau [s], in [1e-12, 1e15].
+    time : array_like
+        t [s], in [0, 1e9].
+    time_constant : array_like
+        tau [s], in [1e-12, 1e15].
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
     """
-    time, time_constant = alike(
+    time, time_constant = common_dtype(
         time=real_array("time", time, 0, STEP_RANGE[1]),
         time_constant=real_array("time_constant", time_constant, *TIME_CONSTANT_RANGE),
     )
@@ -243,12 +269,12 @@ def step_response(time: ArrayLike, time_constant: ArrayLike) -> FloatArray:
 def _charges(**charges: ArrayLike) -> tuple[FloatArray, ...]:
     """Check charge densities and return them in one type and one shape."""
     checked = {name: real_array(name, value, -CHARGE_LIMIT, CHARGE_LIMIT) for name, value in charges.items()}
-    return tuple(np.broadcast_arrays(*alike(**checked)))
+    return tuple(np.broadcast_arrays(*common_dtype(**checked)))
 
 
 def _step_ratio(shape: tuple[int, ...], step: ArrayLike, time_constant: ArrayLike) -> FloatArray:
     """Return h/tau in float64, the shape checked against that of the charges."""
     step = real_array("step", step, *STEP_RANGE)
     time_constant = real_array("time_constant", time_constant, *TIME_CONSTANT_RANGE)
-    alike(step=step, time_constant=time_constant, charge=np.empty(shape))
+    common_dtype(step=step, time_constant=time_constant, charge=np.empty(shape))
     return step.astype(np.float64) / time_constant.astype(np.float64)

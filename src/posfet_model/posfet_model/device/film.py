@@ -22,7 +22,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from posfet_model._lib.validation import FloatArray, alike, instance, real_array, real_number, whole_number
+from posfet_model._lib.types import FloatArray
+from posfet_model._lib.validation import common_dtype, instance, real_array, real_number, whole_number
 from posfet_model.device.constants import VACUUM_PERMITTIVITY
 
 FIELD_LIMIT: Final = 1e12
@@ -119,13 +120,17 @@ def branch_steepness(coercive_field: float, remnant_polarisation: float, saturat
 
     Parameters
     ----------
-    coercive_field : Ec [V/m], in [1, 1e12].
-    remnant_polarisation : Pr [C/m2], in (0, Ps); Pr/Ps at most 1 - 1e-9.
-    saturation_polarisation : Ps [C/m2], in (0, 10].
+    coercive_field : float
+        Ec [V/m], in [1, 1e12].
+    remnant_polarisation : float
+        Pr [C/m2], in (0, Ps); Pr/Ps at most 1 - 1e-9.
+    saturation_polarisation : float
+        Ps [C/m2], in (0, 10].
 
     Raises
     ------
-    ValueError : an argument is not a real number, not finite or out of range, Pr >= Ps included.
+    ValueError
+        An argument is not a real number, not finite or out of range, Pr >= Ps included.
 
     Notes
     -----
@@ -155,12 +160,15 @@ def rising_branch(field: ArrayLike, film: Film) -> FloatArray:
 
     Parameters
     ----------
-    field : E [V/m], within +-1e12, any shape.
-    film : the film.
+    field : array_like
+        E [V/m], within +-1e12, any shape.
+    film : Film
+        The film.
 
     Raises
     ------
-    ValueError : the field is not real, not finite or out of range.
+    ValueError
+        The field is not real, not finite or out of range.
 
     Notes
     -----
@@ -205,18 +213,23 @@ def polarise(fields: ArrayLike, film: Film, history: History = VIRGIN) -> Poling
 
     Parameters
     ----------
-    fields : shape (n,), n >= 0, each within +-1e12 V/m. Between two of them the field moves straight from one to the
-        next; the model knows no rate, so intermediate values change nothing.
-    film : the film.
-    history : where the film starts; `VIRGIN`, `saturated(...)` or the history of an earlier poling.
+    fields : array_like
+        Shape (n,), n >= 0, each within +-1e12 V/m. Between two of them the field moves straight from one to the next;
+        the model knows no rate, so intermediate values change nothing.
+    film : Film
+        The film.
+    history : History, default VIRGIN
+        Where the film starts; `VIRGIN`, `saturated(...)` or the history of an earlier poling.
 
     Returns
     -------
-    Poling : polarisation, shape (n,) float64, and history, from which another call goes on.
+    Poling
+        polarisation, shape (n,) float64, and history, from which another call goes on.
 
     Raises
     ------
-    ValueError : the fields are not a sequence of real numbers within range.
+    ValueError
+        The fields are not a sequence of real numbers within range.
 
     Notes
     -----
@@ -274,13 +287,17 @@ def piezoelectric_coefficient(
 
     Parameters
     ----------
-    remnant_polarisation : P [C/m2] at no field, within [-Pr, Pr] (to 1e-12 of Pr, for rounding).
-    film : the film.
-    saturated_coefficient : d33_sat [C/N] of the film saturated and back at P = +Pr, within +-1e-6.
+    remnant_polarisation : array_like
+        P [C/m2] at no field, within [-Pr, Pr] (to 1e-12 of Pr, for rounding).
+    film : Film
+        The film.
+    saturated_coefficient : array_like
+        d33_sat [C/N] of the film saturated and back at P = +Pr, within +-1e-6.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
@@ -289,7 +306,7 @@ def piezoelectric_coefficient(
     opposite sign for opposite poling. The field dependence of eps33 is left out.
     """
     limit = instance("film", film, Film).remnant_polarisation * (1 + 1e-12)
-    remnant, coefficient = alike(
+    remnant, coefficient = common_dtype(
         remnant_polarisation=real_array("remnant_polarisation", remnant_polarisation, -limit, limit),
         saturated_coefficient=real_array("saturated_coefficient", saturated_coefficient, -1e-6, 1e-6),
     )

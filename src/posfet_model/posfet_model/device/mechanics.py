@@ -16,7 +16,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from posfet_model._lib.validation import FloatArray, alike, instance, real_array, real_number
+from posfet_model._lib.types import FloatArray
+from posfet_model._lib.validation import common_dtype, instance, real_array, real_number
 
 SQUARE_PLATE_COEFFICIENT: Final = 0.00126531908748
 """Deflection at the centre of a clamped square plate, in P*a^4/D [1]; Timoshenko's table rounds it to 0.00126."""
@@ -82,12 +83,15 @@ def mask_opening(membrane_width: ArrayLike, etch_depth: ArrayLike) -> FloatArray
 
     Parameters
     ----------
-    membrane_width : W0 [m], in [1e-9, 1].
-    etch_depth : H [m], in [1e-9, 1].
+    membrane_width : array_like
+        W0 [m], in [1e-9, 1].
+    etch_depth : array_like
+        H [m], in [1e-9, 1].
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
@@ -98,7 +102,7 @@ def mask_opening(membrane_width: ArrayLike, etch_depth: ArrayLike) -> FloatArray
     >>> print(f"{(mask_opening(1e-2, 450e-6) - 1e-2) * 1e6:.2f} um")
     636.40 um
     """
-    membrane_width, etch_depth = alike(
+    membrane_width, etch_depth = common_dtype(
         membrane_width=real_array("membrane_width", membrane_width, *LENGTH_RANGE),
         etch_depth=real_array("etch_depth", etch_depth, *LENGTH_RANGE),
     )
@@ -112,14 +116,19 @@ def circular_deflection(
 
     Parameters
     ----------
-    pressure : P [Pa], in [0, 1e12].
-    radius, thickness : r, h [m], in [1e-9, 1].
-    young_modulus : E [Pa], in [1e3, 2e12].
-    poisson_ratio : nu [1], in [-0.999, 0.5].
+    pressure : array_like
+        P [Pa], in [0, 1e12].
+    radius, thickness : array_like
+        r, h [m], in [1e-9, 1].
+    young_modulus : array_like
+        E [Pa], in [1e3, 2e12].
+    poisson_ratio : array_like
+        nu [1], in [-0.999, 0.5].
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
@@ -136,7 +145,8 @@ def square_deflection(
 
     Parameters
     ----------
-    side : a [m], in [1e-9, 1]; the others and errors as in `circular_deflection`.
+    side : array_like
+        A [m], in [1e-9, 1]; the others and errors as in `circular_deflection`.
 
     Notes
     -----
@@ -159,8 +169,10 @@ def circular_thickness(
 
     Parameters
     ----------
-    deflection : y [m], in [1e-15, 1].
-    pressure : P [Pa], in [1e-6, 1e12]; the others and errors as in `circular_deflection`.
+    deflection : array_like
+        y [m], in [1e-15, 1].
+    pressure : array_like
+        P [Pa], in [1e-6, 1e12]; the others and errors as in `circular_deflection`.
 
     Notes
     -----
@@ -188,12 +200,15 @@ def bend_on_cylinder(layers: Sequence[Layer], cylinder_radius: float) -> Bending
 
     Parameters
     ----------
-    layers : from the back to the top, at least one; the last is the film.
-    cylinder_radius : R [m], in [1e-6, 1e6].
+    layers : sequence of Layer
+        From the back to the top, at least one; the last is the film.
+    cylinder_radius : float
+        R [m], in [1e-6, 1e6].
 
     Raises
     ------
-    ValueError : layers is no sequence of `Layer`s or empty, or the radius is not real, not finite or out of range.
+    ValueError
+        Layers is no sequence of `Layer`s or empty, or the radius is not real, not finite or out of range.
 
     Notes
     -----
@@ -223,7 +238,7 @@ def _deflection(
 ) -> Deflection:
     """y = coefficient*(1 - nu^2)*P*s^4/(E*h^3) for the thickness, modulus and Poisson's ratio in `plate`."""
     thickness, modulus, poisson = plate
-    pressure, span, thickness, modulus, poisson = alike(
+    pressure, span, thickness, modulus, poisson = common_dtype(
         **{
             "pressure": real_array("pressure", pressure, 0, PRESSURE_LIMIT),
             span_name: real_array(span_name, span, *LENGTH_RANGE),
@@ -243,7 +258,7 @@ def _thickness(
 ) -> FloatArray:
     """The thickness h at which `_deflection` gives y."""
     modulus, poisson = plate
-    deflection, pressure, span, modulus, poisson = alike(
+    deflection, pressure, span, modulus, poisson = common_dtype(
         **{
             "deflection": real_array("deflection", deflection, 1e-15, 1),
             "pressure": real_array("pressure", pressure, 1e-6, PRESSURE_LIMIT),

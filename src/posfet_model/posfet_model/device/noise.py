@@ -12,7 +12,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from posfet_model._lib.validation import FloatArray, alike, instance, real_array, real_number, whole_number
+from posfet_model._lib.types import FloatArray
+from posfet_model._lib.validation import common_dtype, instance, real_array, real_number, whole_number
 from posfet_model.device.constants import BOLTZMANN
 
 CHANNEL_FACTOR: Final = 2 / 3
@@ -36,7 +37,7 @@ def resistor_density(resistance: ArrayLike, temperature: ArrayLike) -> FloatArra
     >>> print(f"{resistor_density(1e3, 300.0):.4g}")
     1.657e-17
     """
-    ohms, kelvin = alike(
+    ohms, kelvin = common_dtype(
         resistance=real_array("resistance", resistance, 0, 1e18),
         temperature=real_array("temperature", temperature, *TEMPERATURE_RANGE),
     )
@@ -52,14 +53,17 @@ def pair_density(
 
     Parameters
     ----------
-    input_transconductance, load_transconductance : gm1, gm3 [S], in [1e-12, 1e3] and [0, 1e3].
-    temperature : T [K], in [1, 1000].
+    input_transconductance, load_transconductance : array_like
+        gm1, gm3 [S], in [1e-12, 1e3] and [0, 1e3].
+    temperature : array_like
+        T [K], in [1, 1000].
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
     """
-    gm1, gm3, kelvin = alike(
+    gm1, gm3, kelvin = common_dtype(
         input_transconductance=real_array("input_transconductance", input_transconductance, 1e-12, 1e3),
         load_transconductance=real_array("load_transconductance", load_transconductance, 0, 1e3),
         temperature=real_array("temperature", temperature, *TEMPERATURE_RANGE),
@@ -69,7 +73,7 @@ def pair_density(
 
 def flicker_density(coefficient: ArrayLike, frequency: ArrayLike) -> FloatArray:
     """Return the density ``K/f`` [V2/Hz] of 1/f noise; K [V2] in [0, 1e6], f [Hz] in [1e-12, 1e15]."""
-    volts2, hertz = alike(
+    volts2, hertz = common_dtype(
         coefficient=real_array("coefficient", coefficient, 0, DENSITY_LIMIT),
         frequency=real_array("frequency", frequency, *FREQUENCY_RANGE),
     )
@@ -96,14 +100,19 @@ def bias_resistor_rms(resistance: float, capacitance: float, temperature: float,
 
     Parameters
     ----------
-    resistance : R [ohm], in [1, 1e18].
-    capacitance : C [F] of the gate, in [1e-18, 1].
-    temperature : T [K], in [1, 1000].
-    low, high : ends of the band [Hz], 0 <= low < high <= 1e15.
+    resistance : float
+        R [ohm], in [1, 1e18].
+    capacitance : float
+        C [F] of the gate, in [1e-18, 1].
+    temperature : float
+        T [K], in [1, 1000].
+    low, high : float
+        Ends of the band [Hz], 0 <= low < high <= 1e15.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range.
+    ValueError
+        An argument is not real, not finite or out of range.
 
     Notes
     -----
@@ -156,14 +165,19 @@ def flicker_sequence(
 
     Parameters
     ----------
-    coefficient : K [V2], in [0, 1e6].
-    rate : sampling rate [Hz], in [1e-9, 1e12].
-    samples : length of the record, in [2, 2**26].
-    generator : source of random numbers; a seeded one gives the same record again.
+    coefficient : float
+        K [V2], in [0, 1e6].
+    rate : float
+        sampling rate [Hz], in [1e-9, 1e12].
+    samples : int
+        length of the record, in [2, 2**26].
+    generator : np.random.Generator
+        source of random numbers; a seeded one gives the same record again.
 
     Raises
     ------
-    ValueError : an argument is out of range, or the generator is none.
+    ValueError
+        An argument is out of range, or the generator is none.
 
     Notes
     -----
@@ -191,15 +205,19 @@ def volts_per_newton(piezoelectric_coefficient: ArrayLike, area: ArrayLike, capa
 
     Parameters
     ----------
-    piezoelectric_coefficient : d33 [C/N], within +-1e-6.
-    area : A [m2] that the force acts on, in [1e-18, 1e4].
-    capacitance : C [F/m2] of the plane that the voltage is counted at (`Stack.charge_divisor`), in [1e-12, 1e3].
+    piezoelectric_coefficient : array_like
+        d33 [C/N], within +-1e-6.
+    area : array_like
+        A [m2] that the force acts on, in [1e-18, 1e4].
+    capacitance : array_like
+        C [F/m2] of the plane that the voltage is counted at (`Stack.charge_divisor`), in [1e-12, 1e3].
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
     """
-    d33, square_metres, farad_per_m2 = alike(
+    d33, square_metres, farad_per_m2 = common_dtype(
         piezoelectric_coefficient=real_array("piezoelectric_coefficient", piezoelectric_coefficient, -1e-6, 1e-6),
         area=real_array("area", area, 1e-18, 1e4),
         capacitance=real_array("capacitance", capacitance, 1e-12, 1e3),
@@ -250,17 +268,25 @@ def noise_budget(
 
     Parameters
     ----------
-    bias_rms : noise of the bias resistor in the band [V], in [0, 1e6] (`bias_resistor_rms`).
-    thermal_density : of the amplifier, at the gate [V2/Hz], in [0, 1e6].
-    flicker_coefficient : K at the gate [V2], in [0, 1e6].
-    lsb : step of the converter behind the follower [V], in [0, 1e6]; its whole noise is counted into the band.
-    volts_per_newton : gate shift per force [V/N], in [0, 1e12].
-    low, high : ends of the band [Hz], 1e-12 <= low < high <= 1e15.
-    gain : of the follower [V/V], in [1e-3, 1e3].
+    bias_rms : float
+        noise of the bias resistor in the band [V], in [0, 1e6] (`bias_resistor_rms`).
+    thermal_density : float
+        Of the amplifier, at the gate [V2/Hz], in [0, 1e6].
+    flicker_coefficient : float
+        K at the gate [V2], in [0, 1e6].
+    lsb : float
+        Step of the converter behind the follower [V], in [0, 1e6]; its whole noise is counted into the band.
+    volts_per_newton : float
+        gate shift per force [V/N], in [0, 1e12].
+    low, high : float
+        Ends of the band [Hz], 1e-12 <= low < high <= 1e15.
+    gain : float, default 1.0
+        Of the follower [V/V], in [1e-3, 1e3].
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range.
+    ValueError
+        An argument is not real, not finite or out of range.
     """
     return NoiseBudget(
         bias=real_number("bias_rms", bias_rms, 0, 1e6),

@@ -35,15 +35,20 @@ def fit_saturation_curve(
 
     Parameters
     ----------
-    gate_voltage : Vgs [V], shape (n,), n >= 2, within +-1e6, in any order.
-    drain_current : Id [A], shape (n,), within +-1e6; what a meter shows below 0 is left out with the small ones.
-    drain_voltage : Vds [V] of the whole curve, in (0, 1e6]; the transistor is saturated up to Vgs = Vth + Vds.
-    lowest_share : points with less than this share of the largest current are left out, in (0, 1).
+    gate_voltage : array_like
+        Vgs [V], shape (n,), n >= 2, within +-1e6, in any order.
+    drain_current : array_like
+        Id [A], shape (n,), within +-1e6; what a meter shows below 0 is left out with the small ones.
+    drain_voltage : float
+        Vds [V] of the whole curve, in (0, 1e6]; the transistor is saturated up to Vgs = Vth + Vds.
+    lowest_share : float, default 0.1
+        Points with less than this share of the largest current are left out, in (0, 1).
 
     Raises
     ------
-    ValueError : an argument is bad, fewer than two gate voltages remain, the current does not rise with the gate
-        voltage, or the points used were not in saturation.
+    ValueError
+        An argument is bad, fewer than two gate voltages remain, the current does not rise with the gate voltage, or the
+        points used were not in saturation.
 
     Examples
     --------

@@ -20,7 +20,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from posfet_model._lib.validation import FloatArray, alike, instance, real_array, real_number
+from posfet_model._lib.types import FloatArray
+from posfet_model._lib.validation import common_dtype, instance, real_array, real_number
 from posfet_model.device.constants import VACUUM_PERMITTIVITY
 
 VOLTAGE_LIMIT: Final = 1e6
@@ -78,19 +79,22 @@ def capacitance_per_area(relative_permittivity: ArrayLike, thickness: ArrayLike)
 
     Parameters
     ----------
-    relative_permittivity : eps_r [1], in [1, 1e5].
-    thickness : t [m], in [1e-10, 1].
+    relative_permittivity : array_like
+        eps_r [1], in [1, 1e5].
+    thickness : array_like
+        t [m], in [1e-10, 1].
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Examples
     --------
     >>> print(f"{capacitance_per_area(3.9, 45e-9):.4e} {capacitance_per_area(12.0, 2.5e-6):.4e}")
     7.6736e-04 4.2500e-05
     """
-    relative_permittivity, thickness = alike(
+    relative_permittivity, thickness = common_dtype(
         relative_permittivity=real_array("relative_permittivity", relative_permittivity, 1, 1e5),
         thickness=real_array("thickness", thickness, 1e-10, 1),
     )
@@ -102,15 +106,20 @@ def threshold_shift(charge: ArrayLike, stack: Stack, plane: Plane, uncompensated
 
     Parameters
     ----------
-    charge : sigma [C/m2] at the interface of film and oxide, within +-1e6: Psw = Ps + Pr (eq. 5) for a film switched
-        from one remnant state to the opposite saturation, or the piezoelectric charge density.
-    stack : capacitances of oxide and film.
-    plane : where the voltage is counted: C is Cpvdf at the gate, Cox on the oxide.
-    uncompensated_fraction : kappa [1], in [0, 1], the part of the charge not compensated by trapped or injected charge.
+    charge : array_like
+        sigma [C/m2] at the interface of film and oxide, within +-1e6: Psw = Ps + Pr (eq. 5) for a film switched from
+        one remnant state to the opposite saturation, or the piezoelectric charge density.
+    stack : Stack
+        capacitances of oxide and film.
+    plane : Plane
+        Where the voltage is counted: C is Cpvdf at the gate, Cox on the oxide.
+    uncompensated_fraction : array_like
+        kappa [1], in [0, 1], the part of the charge not compensated by trapped or injected charge.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
@@ -128,7 +137,7 @@ def threshold_shift(charge: ArrayLike, stack: Stack, plane: Plane, uncompensated
     >>> print(*(f"{threshold_shift(0.07, stack, plane, 1.0):.3f}" for plane in (Plane.OXIDE, Plane.GATE)))
     -91.222 -1647.055
     """
-    charge, uncompensated_fraction = alike(
+    charge, uncompensated_fraction = common_dtype(
         charge=real_array("charge", charge, -1e6, 1e6),
         uncompensated_fraction=real_array("uncompensated_fraction", uncompensated_fraction, 0, 1),
     )
@@ -140,13 +149,17 @@ def uncompensated_fraction(shift: ArrayLike, charge: ArrayLike, stack: Stack, pl
 
     Parameters
     ----------
-    shift : dV [V], of the sign opposite to the charge and no larger than the whole charge gives.
-    charge : sigma [C/m2], within +-1e6 and not zero.
-    stack, plane : as in `threshold_shift`.
+    shift : array_like
+        dV [V], of the sign opposite to the charge and no larger than the whole charge gives.
+    charge : array_like
+        sigma [C/m2], within +-1e6 and not zero.
+    stack, plane : Stack / Plane
+        As in `threshold_shift`.
 
     Raises
     ------
-    ValueError : as there, and when the charge cannot explain the shift (kappa outside [0, 1]).
+    ValueError
+        As there, and when the charge cannot explain the shift (kappa outside [0, 1]).
 
     Examples
     --------
@@ -154,7 +167,7 @@ def uncompensated_fraction(shift: ArrayLike, charge: ArrayLike, stack: Stack, pl
     >>> print(f"{uncompensated_fraction(-1.0, 0.07, stack, Plane.OXIDE):.6f}")
     0.010962
     """
-    shift, charge = alike(
+    shift, charge = common_dtype(
         shift=real_array("shift", shift, -VOLTAGE_LIMIT, VOLTAGE_LIMIT),
         charge=real_array("charge", charge, -1e6, 1e6),
     )
@@ -169,20 +182,24 @@ def gain_factor(mobility: ArrayLike, capacitance: ArrayLike, width: ArrayLike, l
 
     Parameters
     ----------
-    mobility : mu [m2/(V s)], in [1e-9, 100] (850 cm2/Vs is 0.085).
-    capacitance : C [F/m2] of the plane that the gate voltage refers to (`Stack.drive`), in [1e-12, 1e3].
-    width, length : W, L [m] of the channel, in [1e-9, 1].
+    mobility : array_like
+        mu [m2/(V s)], in [1e-9, 100] (850 cm2/Vs is 0.085).
+    capacitance : array_like
+        C [F/m2] of the plane that the gate voltage refers to (`Stack.drive`), in [1e-12, 1e3].
+    width, length : array_like
+        W, L [m] of the channel, in [1e-9, 1].
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Examples
     --------
     >>> print(f"{gain_factor(0.085, 4.0269756e-5, 3276e-6, 12e-6):.4e}")
     9.3446e-04
     """
-    mobility, capacitance, width, length = alike(
+    mobility, capacitance, width, length = common_dtype(
         mobility=real_array("mobility", mobility, 1e-9, 100),
         capacitance=real_array("capacitance", capacitance, *CAPACITANCE_RANGE),
         width=real_array("width", width, 1e-9, 1),
@@ -202,15 +219,20 @@ def drain_current(
 
     Parameters
     ----------
-    gate_voltage, threshold_voltage : Vgs, Vth [V], within +-1e6.
-    drain_voltage : Vds [V], in [0, 1e6].
-    gain_factor : beta [A/V2], in [1e-12, 1e6].
-    channel_length_modulation : lambda [1/V], in [0, 10]; the factor 1 + lambda*Vds applies to both regions, as in SPICE
-        level 1, so that the current stays continuous.
+    gate_voltage, threshold_voltage : array_like
+        Vgs, Vth [V], within +-1e6.
+    drain_voltage : array_like
+        Vds [V], in [0, 1e6].
+    gain_factor : array_like
+        beta [A/V2], in [1e-12, 1e6].
+    channel_length_modulation : array_like, default 0.0
+        lambda [1/V], in [0, 10]; the factor 1 + lambda*Vds applies to both regions, as in SPICE level 1, so that the
+        current stays continuous.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
@@ -271,20 +293,24 @@ def gate_voltage(
 
     Parameters
     ----------
-    drain_current : Id [A], in [0, 1e6]. 0 gives Vth, the highest of all gate voltages without current.
-    drain_voltage : Vds [V], in [1e-9, 1e6].
-    threshold_voltage, gain_factor, channel_length_modulation : as in `drain_current`.
+    drain_current : array_like
+        Id [A], in [0, 1e6]. 0 gives Vth, the highest of all gate voltages without current.
+    drain_voltage : array_like
+        Vds [V], in [1e-9, 1e6].
+    threshold_voltage, gain_factor, channel_length_modulation : array_like / array_like / array_like, default 0.0
+        As in `drain_current`.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
     Closed form: with i = Id/(beta*(1 + lambda*Vds)) the overdrive is sqrt(2*i) in saturation, i/Vds + Vds/2 in the
     linear region; they meet with equal slope at i = Vds^2/2. The overdrive is right to 4 roundings.
     """
-    current, drain_voltage, threshold_voltage, gain_factor, channel_length_modulation = alike(
+    current, drain_voltage, threshold_voltage, gain_factor, channel_length_modulation = common_dtype(
         drain_current=real_array("drain_current", drain_current, 0, CURRENT_LIMIT),
         drain_voltage=real_array("drain_voltage", drain_voltage, 1e-9, VOLTAGE_LIMIT),
         threshold_voltage=real_array("threshold_voltage", threshold_voltage, -VOLTAGE_LIMIT, VOLTAGE_LIMIT),
@@ -321,7 +347,7 @@ def _bias(
     gain_factor: ArrayLike,
     channel_length_modulation: ArrayLike,
 ) -> _Bias:
-    gate, drain, threshold, beta, modulation = alike(
+    gate, drain, threshold, beta, modulation = common_dtype(
         gate_voltage=real_array("gate_voltage", gate_voltage, -VOLTAGE_LIMIT, VOLTAGE_LIMIT),
         drain_voltage=real_array("drain_voltage", drain_voltage, 0, VOLTAGE_LIMIT),
         threshold_voltage=real_array("threshold_voltage", threshold_voltage, -VOLTAGE_LIMIT, VOLTAGE_LIMIT),

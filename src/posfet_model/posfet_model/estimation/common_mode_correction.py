@@ -7,14 +7,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model._lib.reductions import some, upper_median
+from posfet_model._lib.reductions import any_true, upper_median
+from posfet_model._lib.types import Array, Mask
 from posfet_model.estimation.drift_filter import ZeroFilter
 from posfet_model.estimation.leakage_identification import LeakWatch
 from posfet_model.estimation.multiple_model_filter import LEAKS, Seen, SharedOffset
 from posfet_model.estimation.thermal_uncertainty import Warming
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 LEFT_IN: Final = 5e-3
 """Standard deviation, in contact thresholds, of what hum and the like leave in the middle of all signals [1]."""
@@ -120,7 +118,7 @@ class Together:
 
         told: the taxels that are not touched tell the temperature.
         """
-        touches = some(touched)
+        touches = any_true(touched)
         if not (told if touches else self.offset.wanders):
             return
         free = self._usable & ~touched

@@ -14,12 +14,11 @@ force is held, and when it is let go: leak_watch.py finds the right one.
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model._lib.reductions import some
+from posfet_model._lib.reductions import any_true
+from posfet_model._lib.types import Array, Mask
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.estimation.common_mode import CommonMode
 from posfet_model.estimation.common_mode_correction import Together
@@ -41,10 +40,7 @@ from posfet_model.estimation.settings import (
 from posfet_model.estimation.thermal_uncertainty import Warming
 from posfet_model.estimation.validity import BelowZero, LostForce
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.signal_chain import charge_per_newton, noise_of_a_scan
-
-Array: TypeAlias = NDArray[np.float64]
-Mask: TypeAlias = NDArray[np.bool_]
+from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 
 
 class ForceObserver:
@@ -65,7 +61,7 @@ class ForceObserver:
         newton_per_charge = 1.0 / (charge_per_newton(sensor) * gain)
         newton_per_kelvin = device.pyroelectric_coefficient / charge_per_newton(sensor)
         self._per_kelvin = newton_per_kelvin * calibration.pyroelectric_gain / gain
-        noise = noise_of_a_scan(sensor)
+        noise = force_noise_rms(sensor)
         self._noise_variance = np.full(taxels, noise**2)
         s, recorded = self._settings, calibration.residuals is not None
         leak = (s.leak_shared_calibrated, s.leak_own_calibrated) if recorded else (s.leak_shared, s.leak_own)
@@ -243,16 +239,16 @@ class ForceObserver:
         self._together.clear(mean, touched, self.common.told)
         noise = self._noise_variance / self._scans
         self._grow()
-        if some(self._was_touched):
+        if any_true(self._was_touched):
             self._together.hold(self._elapsed)
         self._follow_touches(touched & self.settled, mean)
         # An error of the film's temperature is the same through the block: the mean does not make it smaller.
         expected = zeros.expect(self._elapsed, noise + self.common_variance)
         agrees = mean * mean <= s.gate * s.gate * (expected + self._warming.film_variance)
         free = ~touched | ~self.settled
-        if some(where := free & agrees):
+        if any_true(where := free & agrees):
             self._correct(where, mean, expected)
-        if some(where := free & self.settled & ~agrees):
+        if any_true(where := free & self.settled & ~agrees):
             # Neither a contact nor an error known of: followed slowly.
             low, high = -s.zero_rise * self._negative * self._elapsed, self._slew * self._elapsed
             self._move(-np.where(where, np.clip(mean, low, high), 0.0))
@@ -264,7 +260,7 @@ class ForceObserver:
         failed |= self._below_zero.lasts >= s.recover
         # While the film is elsewhere than followed, all taxels together can pretend an offset for a while.
         self._agreed += self._elapsed * (1.0 if self.film.quiet else RESTLESS_WORTH)
-        if some(failed):
+        if any_true(failed):
             again = failed & ~self.settled
             self._prior_deviation[again] = np.minimum(REFUTED * self._prior_deviation[again], self._runaway)
             self.restarts += int(np.count_nonzero(failed & ~self.ignored))
@@ -273,9 +269,9 @@ class ForceObserver:
         self._recovering = max(0.0, self._recovering - self._elapsed)
         self._lost.close(mean, self._elapsed)
         sound = self.settled & (self._below_zero.lasts == 0.0) & ~self._lost.mask | self.ignored
-        self.valid = self._recovering == 0.0 and not some(~sound)
+        self.valid = self._recovering == 0.0 and not any_true(~sound)
         self._last_mean = mean
-        self._together.close(mean, some(touched), self._leak.signal, self.settled, self.valid, self._elapsed)
+        self._together.close(mean, any_true(touched), self._leak.signal, self.settled, self.valid, self._elapsed)
         zeros.keep(mean, noise)
         self._start_block()
 
@@ -285,7 +281,7 @@ class ForceObserver:
         lowest = np.maximum(self._negative, gate * np.sqrt(expected))
         still = np.abs(mean - self._last_mean) <= gate * np.sqrt(2.0 * noise)
         ripe = self._below_zero.look(where, mean, lowest, still, self._elapsed)
-        if some(ripe):
+        if any_true(ripe):
             self.force[ripe] -= mean[ripe]
             self._zeros.know_force(ripe, self._noise_variance[ripe])
 
@@ -304,15 +300,15 @@ class ForceObserver:
     def _follow_touches(self, touched: Mask, mean: Array) -> None:
         """Put touched taxels back to before what was taken for drift, and learn from touched ones how they leak."""
         leaks, begun = self._leaks, touched & ~self._was_touched
-        if some(begun):
+        if any_true(begun):
             back, blocks = self._zeros.undo(begun)
             self.force[begun] += back
-            if self.valid and not some(self._was_touched):
+            if self.valid and not any_true(self._was_touched):
                 self._together.touch(begun, blocks, self._elapsed)
             self._zeros.variance[begun] += self._jumped[begun]
             leaks.begin(begun, self._leaked)
             self._warming.begin(begun)
-        if some(touched):
+        if any_true(touched):
             if not self.film.quiet:
                 leaks.forget()  # the film's charge leaks, too, and is not known as well as a window needs
             leaks.take(self._elapsed, self._scans, mean, self._leaked, touched & self._was_touched)
@@ -322,7 +318,7 @@ class ForceObserver:
                 self._leak.forget()
                 self._together.offset.time_constant = float(self._tau.mean())
             self._scale_variance = leaks.variance + (self._settings.gain * self.force) ** 2
-        elif some(self._was_touched):
+        elif any_true(self._was_touched):
             leaks.rest()
             self._scale_variance[:] = 0.0
         self._was_touched[:] = touched
@@ -361,7 +357,7 @@ class ForceObserver:
     def _grow(self) -> None:
         """Let what is known of the zeros fade over the block."""
         self._zeros.grow(self._elapsed, self._elapsed_square)
-        uneven = self._warming.close(self._elapsed, self._tau, self._negative, some(self._was_touched))
+        uneven = self._warming.close(self._elapsed, self._tau, self._negative, any_true(self._was_touched))
         if uneven:
             self._zeros.variance[:] = (np.sqrt(self._zeros.variance) + uneven) ** 2
 

@@ -16,15 +16,13 @@ theta = ln(tau/tau described), what was found on one taxel tells of the others a
 from __future__ import annotations
 
 import math
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model._lib.reductions import upper_median
-
-Array: TypeAlias = NDArray[np.float64]
-Mask: TypeAlias = NDArray[np.bool_]
+from posfet_model._lib.types import Array, Mask
 
 POINTS: Final = 24
 """Blocks of a window, at most."""

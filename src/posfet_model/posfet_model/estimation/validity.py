@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from posfet_model._lib.reductions import some
-
-Array = NDArray[np.float64]
-
-
-Mask = NDArray[np.bool_]
+from posfet_model._lib.reductions import any_true
+from posfet_model._lib.types import Array, Mask
 
 
 class BelowZero:
@@ -30,9 +25,9 @@ class BelowZero:
         Forces below -limit [N] cannot be; `still` masks those that are as in the block before.
         """
         below = where & (mean < -limit)
-        if not (self._any or some(below)):
+        if not (self._any or any_true(below)):
             return below
-        self._any = some(below)
+        self._any = any_true(below)
         self.lasts = np.where(below, self.lasts + duration, 0.0)
         self._steady = np.where(below & still, self._steady + duration, 0.0)
         ripe: Mask = self._steady >= self._patience
@@ -66,7 +61,7 @@ class LostForce:
 
     def close(self, force: Array, elapsed: float) -> None:
         """Take the mean forces [N] of a block of `elapsed` [s]."""
-        if not some(self.mask):
+        if not any_true(self.mask):
             return
         self.mask &= force > -self._threshold
         pressing = bool((force[self.mask] > self._threshold).any())

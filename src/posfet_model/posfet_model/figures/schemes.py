@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float64Array = NDArray[np.float64]
+from posfet_model._lib.types import Array
 
 STEPS: Final = 200
 """Steps after which a run of the test ends."""
@@ -33,17 +32,17 @@ class Scheme:
     """One scheme: its name and the lag after one step."""
 
     name: str
-    advance: Callable[[Float64Array, Float64Array], Float64Array]
+    advance: Callable[[Array, Array], Array]
     """Takes lag [V] and z, returns the lag one step later [V]."""
-    exact: Callable[[Float64Array], Float64Array]
+    exact: Callable[[Array], Array]
     """The true lag [V] at a time in units of tau."""
 
 
-def _decay(time: Float64Array) -> Float64Array:
+def _decay(time: Array) -> Array:
     return np.exp(-time)
 
 
-def _clipped_decay(time: Float64Array) -> Float64Array:
+def _clipped_decay(time: Array) -> Array:
     """Return the true lag with limited slew: a straight line down to the limit, then the exponential."""
     slewing = (1 - SLEW_LIMIT) / SLEW_LIMIT
     return np.where(time < slewing, 1 - SLEW_LIMIT * time, SLEW_LIMIT * np.exp(-np.maximum(time - slewing, 0)))
@@ -60,7 +59,7 @@ SCHEMES: Final = (
 )
 
 
-def largest_error(scheme: Scheme, z: Float64Array, steps: int = STEPS) -> Float64Array:
+def largest_error(scheme: Scheme, z: Array, steps: int = STEPS) -> Array:
     """Return the largest error [V] within `steps` steps of each z, any shape; inf where it passes any bound."""
     lag, worst = np.ones_like(z), np.zeros_like(z)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -71,7 +70,7 @@ def largest_error(scheme: Scheme, z: Float64Array, steps: int = STEPS) -> Float6
     return worst
 
 
-def last_error(scheme: Scheme, z: Float64Array, steps: int = STEPS) -> Float64Array:
+def last_error(scheme: Scheme, z: Array, steps: int = STEPS) -> Array:
     """Return the largest error [V] of the last two steps: what has not gone after `steps` steps."""
     lag, before = np.ones_like(z), np.ones_like(z)
     with np.errstate(over="ignore", invalid="ignore"):

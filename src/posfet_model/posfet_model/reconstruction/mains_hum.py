@@ -14,9 +14,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from posfet_model._lib.reductions import some
+from posfet_model._lib.reductions import any_true
+from posfet_model._lib.types import Array, Mask
 
 FREQUENCIES: Final = (50.0, 60.0)
 """Of the mains, nominally [Hz]."""
@@ -62,9 +62,6 @@ FADING: Final = 0.8
 """After that the amplitude is multiplied by this each window [1]."""
 
 TURN: Final = 2.0 * math.pi
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class MainsHum:
@@ -142,7 +139,7 @@ class MainsHum:
         free = ~(self._touched | ignored)
         enough = np.count_nonzero(free) >= max(1.0, FEWEST * np.count_nonzero(~ignored))
         if self.present:
-            self._follow(free if enough else None, some(self._touched))
+            self._follow(free if enough else None, any_true(self._touched))
         elif enough:
             self._look(free)
         if self.present or self._suspected is not None:

@@ -19,11 +19,11 @@ from posfet_model.reconstruction.force_image import ForceImage, non_negative
 from posfet_model.reconstruction.mains_hum import MainsHum
 from posfet_model.reconstruction.scan_clock import ScanClock, ScanCounts
 from posfet_model.reconstruction.taxel_faults import TELLING, TaxelStatus, TaxelWatch
-from posfet_model.sensor.crosstalk import CrosstalkInverse
+from posfet_model.sensor.crosstalk import CrosstalkCompensator
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.neighbour_estimate import ESTIMATE_DEVIATION
+from posfet_model.sensor.neighbour_estimate import INTERPOLATION_UNCERTAINTY
 from posfet_model.sensor.scan import Scan
-from posfet_model.sensor.signal_chain import READING, InverseChain, charge_per_newton, noise_of_a_scan
+from posfet_model.sensor.signal_chain import READING, InverseSignalChain, charge_per_newton, force_noise_rms
 
 MOST_IMPLAUSIBLE: Final = 10
 """After this many scans in a row with most taxels at the end of their range it is taken for true."""
@@ -70,10 +70,10 @@ class Reconstructor:
         taxels = sensor.layout.taxels
         self.calibration = calibration or Calibration.nominal(sensor)
         self._clock = ScanClock(sensor)
-        self._inverse = InverseChain(sensor)
-        self._crosstalk = CrosstalkInverse(sensor.layout, self.calibration.crosstalk)
+        self._inverse = InverseSignalChain(sensor)
+        self._crosstalk = CrosstalkCompensator(sensor.layout, self.calibration.crosstalk)
         self._observer = ForceObserver(sensor, calibration=self.calibration)
-        noise = noise_of_a_scan(sensor)
+        noise = force_noise_rms(sensor)
         self._newton_per_charge = 1.0 / charge_per_newton(sensor)
         self._hum = MainsHum(taxels, sensor.can.scan_rate, noise / self._newton_per_charge)
         self._fast = FastChannel(sensor.layout, noise)
@@ -296,7 +296,7 @@ class Reconstructor:
         taxels = self._known or self._know()
         if self._any_guessed:
             variance = taxels.variance.copy()
-            variance[self._guessed] = (ESTIMATE_DEVIATION * self._filled[self._guessed]) ** 2
+            variance[self._guessed] = (INTERPOLATION_UNCERTAINTY * self._filled[self._guessed]) ** 2
             taxels = replace(taxels, force=self._filled, variance=variance, guessed=self._guessed)
         if self._result.saturated:
             taxels = replace(taxels, saturated=self._saturated)
@@ -320,7 +320,7 @@ class Reconstructor:
             return regions
         unknown = self._guessed | ~self._observer.settled
         wanted = self._guessed.nonzero()[0]
-        force[wanted] = watch.surroundings.estimate(force, unknown, wanted, self._least)
+        force[wanted] = watch.surroundings.interpolate(force, unknown, wanted, self._least)
         return self._finder.find(force)
 
     def _close_block(self) -> None:

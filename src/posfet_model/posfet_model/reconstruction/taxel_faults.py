@@ -21,10 +21,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model._lib.reductions import some, upper_median
+from posfet_model._lib.reductions import any_true, upper_median
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.neighbour_estimate import Surroundings
-from posfet_model.sensor.signal_chain import COARSEST_BITS, noise_of_a_scan, volts_per_count
+from posfet_model.sensor.neighbour_estimate import NeighbourInterpolation
+from posfet_model.sensor.signal_chain import COARSEST_BITS, force_noise_rms, volts_per_count
 
 MOST_SCANS: Final = 64
 """Scans of a block that are looked at, and of several blocks in which noise is looked for."""
@@ -101,7 +101,7 @@ class TaxelWatch:
         """Take the sensor, and the taxels that are known not to answer: those are dead for ever."""
         layout, taxels = sensor.layout, sensor.layout.taxels
         self._settings = settings or WatchSettings()
-        self.surroundings = Surroundings(layout)
+        self.surroundings = NeighbourInterpolation(layout)
         self._known_dead = np.zeros(taxels, np.bool_) if known_dead is None else known_dead
         self.status = np.where(self._known_dead, TaxelStatus.DEAD, TaxelStatus.OK).astype(np.uint8)
         """Values of TaxelStatus, OK, DEAD, STUCK or NOISY, shape [rows * cols]."""
@@ -115,11 +115,11 @@ class TaxelWatch:
         self._elapsed = 0.0
         self._touched = np.zeros(taxels, np.bool_)  # since noise and answers were judged, as the time before
         self._threshold = sensor.contact.threshold
-        self._tells = TELLING * noise_of_a_scan(sensor)
+        self._tells = TELLING * force_noise_rms(sensor)
         self._force_max = sensor.device.force_max
         self._tau = sensor.device.leak_time_constant
         self._newton2_per_count2 = (volts_per_count(sensor) / sensor.volts_per_newton) ** 2
-        self._noise = noise_of_a_scan(sensor) ** 2 / self._newton2_per_count2
+        self._noise = force_noise_rms(sensor) ** 2 / self._newton2_per_count2
         self._run_limit = longest_run(sensor)
         spread = sensor.device.contact_spread / max(layout.pitch_x, layout.pitch_y)
         self._felt_around = spread >= LEAST_SPREAD
@@ -147,10 +147,10 @@ class TaxelWatch:
         What they show beyond that, their neighbours have to show, too, as a touch would.
         """
         noisy: NDArray[np.bool_] = self.status == _NOISY
-        if not some(noisy):
+        if not any_true(noisy):
             return noisy
         most = deviation**2 / self._newton2_per_count2
-        around = self.surroundings.loudest_neighbour(np.where(self.bad, 0.0, self._level_always))
+        around = self.surroundings.max_neighbour(np.where(self.bad, 0.0, self._level_always))
         as_touch = self._level_always <= np.maximum(most, self._settings.shared**2 * around)
         return noisy & (self._level <= most) & as_touch
 
@@ -184,7 +184,7 @@ class TaxelWatch:
             self._begin()
         self._last = max(self._filled - 1, 0)
         s, status, noisy, dead = self._settings, self.status, self._noisy, self._dead
-        if self.any_bad or some(stuck | noisy | dead):
+        if self.any_bad or any_true(stuck | noisy | dead):
             well = np.where(status == _STUCK, changed & self._calm, self._calm)
             self._well_for = np.where(well, self._well_for + duration, 0.0)
             back = (status == _DEAD) & (self._alive | stuck | noisy)
@@ -195,10 +195,10 @@ class TaxelWatch:
             status[stuck] = _STUCK
             status[self._known_dead] = _DEAD
         bad = status != 0
-        different = some(bad != self.bad)
+        different = any_true(bad != self.bad)
         if different:
             self.bad[:] = bad
-            self.any_bad = some(bad)
+            self.any_bad = any_true(bad)
         return different
 
     def _begin(self) -> None:
@@ -221,7 +221,7 @@ class TaxelWatch:
         silent = (self._run >= self._run_limit) & ~saturated
         # A held charge that does not leak would be a force that grows evenly, to within the noise.
         impossible = np.abs(leaking) * (self._run_time / self._tau) > 0.5 * self._force_max
-        if some(saturated):
+        if any_true(saturated):
             impossible = np.where(saturated, self._run_time > self._saturated_for(leaking), impossible)
         return silent | impossible, changed
 
@@ -231,7 +231,7 @@ class TaxelWatch:
         Until its charge has leaked; a moment, where no neighbour feels what would have to press it.
         """
         s = self._settings
-        around = self.surroundings.loudest_neighbour(np.where(self.bad, 0.0, np.abs(leaking)))
+        around = self.surroundings.max_neighbour(np.where(self.bad, 0.0, np.abs(leaking)))
         alone = (around < self._force_max / s.alone) & np.isfinite(around) & self._felt_around
         return np.where(alone, s.confirm_dead, s.leaked * self._tau)
 
@@ -253,11 +253,11 @@ class TaxelWatch:
             np.minimum(found, (4.0 * s.noisy) ** 2 * usual, out=found)
             self._level += np.where(touched, 0.0, share) * (found - self._level)
         loud = (self._level > s.noisy**2 * usual) & ~touched
-        if self._felt_around and some(touched):
+        if self._felt_around and any_true(touched):
             # What a neighbour shows is known to so much only, from the second differences in memory.
             doubt = 4.0 * math.sqrt(3.9 * duration / (self._filled * s.confirm))
             heard = np.where(self.bad, 0.0, self._level_always)
-            around = self.surroundings.loudest_neighbour(heard) + (doubt - 1.0) * usual
+            around = self.surroundings.max_neighbour(heard) + (doubt - 1.0) * usual
             least = s.neighbours**2 * np.maximum(around, doubt * usual)
             loud |= (self._level_always > least) & (now > least)  # a jump is remembered, but not repeated
         more = np.where(loud, duration, -duration)
@@ -269,10 +269,10 @@ class TaxelWatch:
         """Judge by the mean force of the last block [N] which taxels are dead, and which dead ones answer again."""
         s, duration = self._settings, self._elapsed
         load = s.dead_load * self._threshold
-        if not some(force >= load):
+        if not any_true(force >= load):
             self._dead[:] = self._alive[:] = False
             return
-        least = self.surroundings.least(force, self.bad, self._all, self._tells)
+        least = self.surroundings.lower_bound(force, self.bad, self._all, self._tells)
         loaded = least >= load
         silent = loaded & (np.abs(force) < s.dead * least)
         self._silent_for = np.where(silent, self._silent_for + duration, np.where(loaded, 0.0, self._silent_for))
@@ -290,10 +290,10 @@ class TaxelWatch:
         """
         s = self._settings
         pressed = self._touched & (force >= s.dead_load * self._threshold)
-        if not (self._felt_around and some(pressed)):
+        if not (self._felt_around and any_true(pressed)):
             self._alone_for[:] = 0.0
             return
-        around = self.surroundings.loudest_neighbour(np.where(self.bad, np.inf, np.abs(force)))
+        around = self.surroundings.max_neighbour(np.where(self.bad, np.inf, np.abs(force)))
         alone = pressed & (around < force / s.alone) & np.isfinite(around)
         self._alone_for = np.where(alone, self._alone_for + self._elapsed, 0.0)
 

@@ -29,7 +29,7 @@ LARGEST_GAIN: Final = 2.0
 """Greatest amplification of a pattern by the inverse [1]."""
 
 
-class CrosstalkInverse:
+class CrosstalkCompensator:
     """Undoes the crosstalk of one array."""
 
     def __init__(self, layout: Layout, share: float) -> None:

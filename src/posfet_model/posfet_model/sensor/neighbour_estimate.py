@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from posfet_model.sensor.description import Layout
 
-ESTIMATE_DEVIATION: Final = 0.2
+INTERPOLATION_UNCERTAINTY: Final = 0.2
 """Standard deviation of an estimate, as a share of it [1]: 0.11 on spheres of 1.5 to 6 mm radius all over a 5 x 5, the
 rest for 5 % mismatch of the gains."""
 
 
-class Surroundings:
+class NeighbourInterpolation:
     """The squares of neighbours around each taxel of one array."""
 
     def __init__(self, layout: Layout) -> None:
@@ -34,7 +34,7 @@ class Surroundings:
         self._all = np.concatenate([self._beside, self._above, self._across], axis=1)
         self._values = np.zeros(layout.taxels + 1)
 
-    def estimate(
+    def interpolate(
         self, force: NDArray[np.float64], unknown: NDArray[np.bool_], wanted: NDArray[np.intp], floor: float
     ) -> NDArray[np.float64]:
         """Return what the `wanted` taxels should read [N], shape [wanted], from forces [N], shape [rows * cols].
@@ -53,7 +53,7 @@ class Surroundings:
         estimate[loudest <= floor] = 0.0
         return estimate
 
-    def least(
+    def lower_bound(
         self, force: NDArray[np.float64], unknown: NDArray[np.bool_], wanted: NDArray[np.intp], floor: float
     ) -> NDArray[np.float64]:
         """Return the least that the `wanted` taxels must read [N] by any of their squares; 0 where one does not tell.
@@ -80,7 +80,7 @@ class Surroundings:
         beside, above, across = (way.take(wanted, axis=0) for way in (self._beside, self._above, self._across))
         return values.take(beside), values.take(above), values.take(across)
 
-    def loudest_neighbour(self, level: NDArray[np.float64]) -> NDArray[np.float64]:
+    def max_neighbour(self, level: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the greatest value among the neighbours of each taxel, shape [rows * cols]; -inf without any."""
         self._values[:-1] = level
         self._values[-1] = -np.inf

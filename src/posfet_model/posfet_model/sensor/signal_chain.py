@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model._lib.validation import FloatArray
+from posfet_model._lib.types import FloatArray
 from posfet_model.device import adc
 from posfet_model.device.charge import invert_first_order_hold, propagate_first_order_hold
 from posfet_model.sensor.description import Sensor
@@ -34,7 +34,7 @@ SATURATION_SIGMAS: Final = 4.0
 
 
 @dataclass(frozen=True)
-class LeakStep:
+class LeakageStep:
     """The coefficients of one time step of the leaking charge; the equation is linear, so they are all there is.
 
     Forward ``sigma1 = decay*sigma0 + mean*(q1 - q0)``, backward ``q1 - q0 = (sigma1 - sigma0)/mean + ratio*sigma0``,
@@ -50,13 +50,13 @@ class LeakStep:
 
 
 @lru_cache(maxsize=4096)
-def leak_step(step: float, time_constant: float) -> LeakStep:
+def leakage_step(step: float, time_constant: float) -> LeakageStep:
     """Return the coefficients of a step [s] for a time constant [s] of the leak, first-order hold.
 
     They are the answers of `charge.propagate_first_order_hold` and its inverse to unit inputs, kept because a board
     repeats few different steps. Raises ValueError for what those refuse.
     """
-    return LeakStep(
+    return LeakageStep(
         ratio=float(invert_first_order_hold(1.0, 1.0, step, time_constant)),
         decay=float(propagate_first_order_hold(1.0, 0.0, 0.0, step, time_constant)),
         mean=float(propagate_first_order_hold(0.0, 0.0, 1.0, step, time_constant)),
@@ -73,7 +73,7 @@ def volts_per_count(sensor: Sensor) -> float:
     return adc.lsb(SCALE_BITS, sensor.adc.low, sensor.adc.high)
 
 
-def noise_of_a_scan(sensor: Sensor) -> float:
+def force_noise_rms(sensor: Sensor) -> float:
     """Return the standard deviation of one reading of a taxel [N]: noise of the input, and of quantisation lsb^2/12.
 
     Quantisation is taken as noise independent from scan to scan. Where a step is much larger than the noise it is not,
@@ -84,7 +84,7 @@ def noise_of_a_scan(sensor: Sensor) -> float:
     return math.sqrt(sensor.adc.noise**2 + step**2 / 12) / sensor.volts_per_newton
 
 
-class ForwardChain:
+class ForwardSignalChain:
     """The array as a device: forces [N] and film temperature [degC] in, ADC counts out.
 
     It starts without force, all charge leaked; the first temperature given is the one at which there is no pyroelectric
@@ -127,7 +127,7 @@ class ForwardChain:
         self._next_source += pyroelectric * (film_temperature - self._reference_temperature)
         if not math.isfinite(self._next_source.sum()):
             raise ValueError("force and film_temperature must be finite")
-        leak = leak_step(step, self._sensor.device.leak_time_constant)
+        leak = leakage_step(step, self._sensor.device.leak_time_constant)
         np.subtract(self._next_source, self._source, out=self._source)
         self._source *= leak.mean
         self._charge *= leak.decay
@@ -174,8 +174,8 @@ READING: Final = np.dtype([("charge", np.float64), ("saturated", np.bool_)], ali
 """What a count tells: charge density sigma [C/m2], and whether it may have been clipped."""
 
 
-class InverseChain:
-    """Counts back to charge, by tables of all 65536 counts; the inverse of `ForwardChain.counts`.
+class InverseSignalChain:
+    """Counts back to charge, by tables of all 65536 counts; the inverse of `ForwardSignalChain.counts`.
 
     The nominal offset of the amplifier is taken off; what is left of it is for the observer to find.
     """

@@ -97,15 +97,21 @@ def run_follower(circuit: str, source: str, stop: float, largest_step: float) ->
 
     Parameters
     ----------
-    circuit : text of a netlist with a subcircuit ``opamp plus minus out`` that brings its own supplies.
-    source : an ngspice source such as `piecewise_linear` gives, or "sin(0 1 1k)".
-    stop : end of the run [s], in (0, 1e6].
-    largest_step : bound of ngspice's time step [s], at most stop/20.
+    circuit : str
+        Text of a netlist with a subcircuit ``opamp plus minus out`` that brings its own supplies.
+    source : str
+        An ngspice source such as `piecewise_linear` gives, or "sin(0 1 1k)".
+    stop : float
+        End of the run [s], in (0, 1e6].
+    largest_step : float
+        Bound of ngspice's time step [s], at most stop/20.
 
     Raises
     ------
-    ValueError : stop or largest_step out of range.
-    SpiceError : see there; the message says what is wrong.
+    ValueError
+        stop or largest_step out of range.
+    SpiceError
+        see there; the message says what is wrong.
     """
     stop = real_number("stop", stop, 1e-12, 1e6)
     largest_step = real_number("largest_step", largest_step, stop * 1e-9, stop / _LEAST_TIME_STEPS)
@@ -121,9 +127,12 @@ def run_follower_ac(circuit: str, lowest: float = 1.0, highest: float = 1e8, per
 
     Parameters
     ----------
-    circuit : as in `run_follower`.
-    lowest, highest : ends of the frequencies [Hz], from 1e-3, a decade or more apart, to 1e13.
-    per_decade : frequencies in a decade, in [1, 10000].
+    circuit : str
+        As in `run_follower`.
+    lowest, highest : float, default 1.0 / float, default 100000000.0
+        Ends of the frequencies [Hz], from 1e-3, a decade or more apart, to 1e13.
+    per_decade : int, default 50
+        Frequencies in a decade, in [1, 10000].
     """
     return _run_ac(circuit, "xdut in out out opamp", lowest, highest, per_decade)
 
