@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from posfet_model.contacts.footprint import Footprint
 from posfet_model.sensor.description import Layout
+from posfet_model.sensor.grid import ALL_NEIGHBOURS, EDGE_NEIGHBOURS, neighbour_lists, neighbour_table, opposite_corners
 from posfet_model.sensor.neighbour_estimate import NeighbourInterpolation
 
 VALLEY: Final = 0.6
@@ -65,10 +66,9 @@ class Separator:
         self._threshold = threshold
         self._surroundings = NeighbourInterpolation(layout)
         self._none = np.zeros(layout.taxels, np.bool_)
-        around = _neighbours(layout)
-        self._beside = around[:, [1, 3, 4, 6]]
-        self._neighbours = [[other for other in row if other < layout.taxels] for row in around.tolist()]
-        self._corners = _corners(layout)
+        self._beside = neighbour_table(layout, EDGE_NEIGHBOURS)
+        self._neighbours = neighbour_lists(layout, ALL_NEIGHBOURS)
+        self._corners = opposite_corners(layout)
         self._padded = np.full(layout.taxels + 1, -np.inf)
         self._width = [spread * spread + pitch * pitch / 12.0 for pitch in (layout.pitch_x, layout.pitch_y)]
         self.telling = DIP * threshold / (1.0 - SHALLOW)
@@ -177,23 +177,3 @@ class Separator:
         np.exp(share, out=share)
         share /= np.add.reduce(share)
         return share
-
-
-def _neighbours(layout: Layout) -> NDArray[np.intp]:
-    """Return the eight neighbours of each taxel, shape [taxels, 8]; `taxels` stands for none."""
-    padded = np.full((layout.rows + 2, layout.cols + 2), layout.taxels, np.intp)
-    padded[1:-1, 1:-1] = np.arange(layout.taxels).reshape(layout.rows, layout.cols)
-    ways = [(down, right) for down in range(3) for right in range(3) if (down, right) != (1, 1)]
-    beside = [padded[down : down + layout.rows, right : right + layout.cols].reshape(-1) for down, right in ways]
-    return np.stack(beside, axis=1)
-
-
-def _corners(layout: Layout) -> dict[tuple[int, int], tuple[int, int]]:
-    """Return for every two taxels that touch at a corner the other two there."""
-    grid = np.arange(layout.taxels).reshape(layout.rows, layout.cols)
-    found: dict[tuple[int, int], tuple[int, int]] = {}
-    for square in zip(grid[:-1, :-1].flat, grid[:-1, 1:].flat, grid[1:, :-1].flat, grid[1:, 1:].flat, strict=True):
-        one, two, three, four = map(int, square)
-        for (this, that), rest in (((one, four), (two, three)), ((two, three), (one, four))):
-            found[this, that] = found[that, this] = rest
-    return found

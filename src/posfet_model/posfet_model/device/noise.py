@@ -1,6 +1,6 @@
-"""Noise of the read-out: bias resistor, amplifier, 1/f and quantisation, and the smallest force that stands out.
+"""Noise of the readout: bias resistor, amplifier, 1/f and quantisation, and the smallest detectable force.
 
-Spectra are one-sided densities [V2/Hz]. Sources are independent, so densities and mean squares add.
+Spectra are one-sided power spectral densities [V2/Hz]. The sources are independent, so densities and mean squares add.
 """
 
 from __future__ import annotations
@@ -30,10 +30,27 @@ DENSITY_LIMIT: Final = 1e6
 
 
 def resistor_density(resistance: ArrayLike, temperature: ArrayLike) -> FloatArray:
-    """Return the density ``4*k*T*R`` [V2/Hz] of a resistor's open-circuit voltage (Nyquist 1928).
+    """Return the noise density ``4*k*T*R`` [V2/Hz] of a resistor's open-circuit voltage (Nyquist 1928).
 
-    resistance [ohm] in [0, 1e18]; temperature [K] in [1, 1000]; shapes broadcast. Raises ValueError otherwise.
+    Parameters
+    ----------
+    resistance : array_like
+        R [ohm], in [0, 1e18].
+    temperature : array_like
+        T [K], in [1, 1000].
 
+    Returns
+    -------
+    ndarray
+        Density [V2/Hz], of the broadcast shape.
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
+
+    Examples
+    --------
     >>> print(f"{resistor_density(1e3, 300.0):.4g}")
     1.657e-17
     """
@@ -47,9 +64,9 @@ def resistor_density(resistance: ArrayLike, temperature: ArrayLike) -> FloatArra
 def pair_density(
     input_transconductance: ArrayLike, load_transconductance: ArrayLike, temperature: ArrayLike
 ) -> FloatArray:
-    """Return the thermal density [V2/Hz] at the input of a differential pair with a current-mirror load.
+    """Return the input-referred thermal noise density [V2/Hz] of a differential pair with a current-mirror load.
 
-    ``2*(4*k*T*(2/3)/gm1)*(1 + gm3/gm1)``: two input and two load transistors; the tail current is common to both sides.
+    ``2*(4*k*T*(2/3)/gm1)*(1 + gm3/gm1)``: two input and two load transistors; noise of the tail current is common mode.
 
     Parameters
     ----------
@@ -57,6 +74,11 @@ def pair_density(
         gm1, gm3 [S], in [1e-12, 1e3] and [0, 1e3].
     temperature : array_like
         T [K], in [1, 1000].
+
+    Returns
+    -------
+    ndarray
+        Density [V2/Hz], of the broadcast shape.
 
     Raises
     ------
@@ -72,7 +94,25 @@ def pair_density(
 
 
 def flicker_density(coefficient: ArrayLike, frequency: ArrayLike) -> FloatArray:
-    """Return the density ``K/f`` [V2/Hz] of 1/f noise; K [V2] in [0, 1e6], f [Hz] in [1e-12, 1e15]."""
+    """Return the density ``K/f`` [V2/Hz] of 1/f noise.
+
+    Parameters
+    ----------
+    coefficient : array_like
+        K [V2], in [0, 1e6].
+    frequency : array_like
+        f [Hz], in [1e-12, 1e15].
+
+    Returns
+    -------
+    ndarray
+        Density [V2/Hz], of the broadcast shape.
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
+    """
     volts2, hertz = common_dtype(
         coefficient=real_array("coefficient", coefficient, 0, DENSITY_LIMIT),
         frequency=real_array("frequency", frequency, *FREQUENCY_RANGE),
@@ -83,8 +123,22 @@ def flicker_density(coefficient: ArrayLike, frequency: ArrayLike) -> FloatArray:
 def white_rms(density: float, low: float, high: float) -> float:
     """Return the rms [V] of white noise between two frequencies: ``sqrt(S*(high - low))``.
 
-    density S [V2/Hz] in [0, 1e6]; 0 <= low < high <= 1e15 Hz. Raises ValueError otherwise. For a low-pass of one pole
-    at f1 take high = f1*pi/2.
+    Parameters
+    ----------
+    density : float
+        S [V2/Hz], in [0, 1e6].
+    low, high : float
+        Ends of the band [Hz], 0 <= low < high <= 1e15. For a one-pole low-pass at f1 take high = f1*pi/2.
+
+    Returns
+    -------
+    float
+        Noise [V rms].
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range.
     """
     level = real_number("density", density, 0, DENSITY_LIMIT)
     low = real_number("low", low, 0, FREQUENCY_RANGE[1])
@@ -93,9 +147,9 @@ def white_rms(density: float, low: float, high: float) -> float:
 
 
 def bias_resistor_rms(resistance: float, capacitance: float, temperature: float, low: float, high: float) -> float:
-    """Return the rms [V] between two frequencies that a resistor makes on the capacitance it charges.
+    """Return the rms [V] between two frequencies of a resistor's noise across the capacitance that it charges.
 
-    ``sqrt(k*T/C*2/pi*(arctan(2*pi*high*R*C) - arctan(2*pi*low*R*C)))``: Nyquist's density 4*k*T*R through the low pass
+    ``sqrt(k*T/C*2/pi*(arctan(2*pi*high*R*C) - arctan(2*pi*low*R*C)))``: Nyquist's density 4*k*T*R through the low-pass
     of R and C, ``S(f) = 4*k*T*R/(1 + (2*pi*f*R*C)^2)``, integrated.
 
     Parameters
@@ -109,6 +163,11 @@ def bias_resistor_rms(resistance: float, capacitance: float, temperature: float,
     low, high : float
         Ends of the band [Hz], 0 <= low < high <= 1e15.
 
+    Returns
+    -------
+    float
+        Noise [V rms].
+
     Raises
     ------
     ValueError
@@ -116,13 +175,13 @@ def bias_resistor_rms(resistance: float, capacitance: float, temperature: float,
 
     Notes
     -----
-    Over all frequencies it is sqrt(k*T/C), whatever R (B. Razavi, *Design of Analog CMOS Integrated Circuits*, chapter
-    on noise). R sets where it lies: a larger one moves it below the band, and the mean square in a band far above the
-    corner falls as 1/R.
+    Over all frequencies it is sqrt(k*T/C), independent of R (B. Razavi, *Design of Analog CMOS Integrated Circuits*,
+    chapter on noise). R determines its spectrum: a larger R moves it below the band, and the mean square in a band far
+    above the corner frequency falls as 1/R.
 
     Examples
     --------
-    10 Gohm on 26.6 pF, in a band that holds nearly all of it:
+    10 Gohm on 26.6 pF, in a band that contains nearly all of it:
 
     >>> print(f"{bias_resistor_rms(10e9, 26.6e-12, 300.0, 0.1, 1000.0) * 1e6:.1f} uV")
     11.8 uV
@@ -141,8 +200,23 @@ def bias_resistor_rms(resistance: float, capacitance: float, temperature: float,
 def flicker_rms(coefficient: float, low: float, high: float) -> float:
     """Return the rms [V] of 1/f noise between two frequencies: ``sqrt(K*ln(high/low))``.
 
-    coefficient K [V2] in [0, 1e6]; 1e-12 <= low < high <= 1e15 Hz: 1/f noise from 0 Hz has no finite power. A record of
-    t seconds sees about low = 1/t. Raises ValueError otherwise.
+    Parameters
+    ----------
+    coefficient : float
+        K [V2], in [0, 1e6].
+    low, high : float
+        Ends of the band [Hz], 1e-12 <= low < high <= 1e15: 1/f noise from 0 Hz has no finite power. A record of t
+        seconds has about low = 1/t.
+
+    Returns
+    -------
+    float
+        Noise [V rms].
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range.
     """
     volts2 = real_number("coefficient", coefficient, 0, DENSITY_LIMIT)
     low = real_number("low", low, *FREQUENCY_RANGE)
@@ -151,9 +225,24 @@ def flicker_rms(coefficient: float, low: float, high: float) -> float:
 
 
 def quantisation_rms(lsb: float) -> float:
-    """Return the rms [V] of the rounding to steps of `lsb` [V], in [0, 1e6]: ``lsb/sqrt(12)``.
+    """Return the rms [V] of quantisation in steps of `lsb`: ``lsb/sqrt(12)``.
 
-    Holds when the signal and its noise move over half a step or more, so that the error is spread evenly.
+    Valid when the signal and its noise extend over half a step or more, so that the error is uniformly distributed.
+
+    Parameters
+    ----------
+    lsb : float
+        Step [V], in [0, 1e6].
+
+    Returns
+    -------
+    float
+        Noise [V rms].
+
+    Raises
+    ------
+    ValueError
+        The step is not real, not finite or out of range.
     """
     return real_number("lsb", lsb, 0, 1e6) / math.sqrt(12)
 
@@ -161,29 +250,34 @@ def quantisation_rms(lsb: float) -> float:
 def flicker_sequence(
     coefficient: float, rate: float, samples: int, generator: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Return a record of Gaussian 1/f noise [V], shape [samples], with the density K/f.
+    """Return a record of Gaussian 1/f noise [V] with the density K/f.
 
     Parameters
     ----------
     coefficient : float
         K [V2], in [0, 1e6].
     rate : float
-        sampling rate [Hz], in [1e-9, 1e12].
+        Sampling rate [Hz], in [1e-9, 1e12].
     samples : int
-        length of the record, in [2, 2**26].
-    generator : np.random.Generator
-        source of random numbers; a seeded one gives the same record again.
+        Length of the record, in [2, 2**26].
+    generator : numpy.random.Generator
+        Source of random numbers; the same seed reproduces the record.
+
+    Returns
+    -------
+    ndarray
+        Noise [V], shape [samples].
 
     Raises
     ------
     ValueError
-        An argument is out of range, or the generator is none.
+        An argument is out of range, or the generator is not a Generator.
 
     Notes
     -----
-    Made in the frequency domain: at each frequency m*rate/samples, 0 < m <= samples/2, the expected periodogram is
-    exactly K/f (spectrum error 0, each single one scattered by 100 % as for any noise). There is no power below
-    rate/samples, so the mean is 0, and the record runs back into its beginning: make it longer than what is used.
+    Generated in the frequency domain: at each frequency m*rate/samples, 0 < m <= samples/2, the expected periodogram is
+    exactly K/f (spectrum error 0; a single periodogram scatters by 100 %, as for any noise). There is no power below
+    rate/samples, so the mean is 0, and the record is periodic: make it longer than the part that is used.
     """
     volts2 = real_number("coefficient", coefficient, 0, DENSITY_LIMIT)
     rate = real_number("rate", rate, 1e-9, 1e12)
@@ -191,7 +285,7 @@ def flicker_sequence(
     generator = instance("generator", generator, np.random.Generator)
     order = np.arange(1, samples // 2 + 1)
     # Mean square of each complex amplitude: density*rate*samples/2, halved once more for real and imaginary part. The
-    # bin at rate/2, there for an even number of samples, is real and stands for half a bin's width.
+    # bin at rate/2, present for an even number of samples, is real and represents half a bin's width.
     scale = np.sqrt(volts2 / (order * rate / samples) * rate * samples / 4)
     spectrum = np.zeros(samples // 2 + 1, np.complex128)
     spectrum[1:] = scale * (generator.standard_normal(order.size) + 1j * generator.standard_normal(order.size))
@@ -201,16 +295,21 @@ def flicker_sequence(
 
 
 def volts_per_newton(piezoelectric_coefficient: ArrayLike, area: ArrayLike, capacitance: ArrayLike) -> FloatArray:
-    """Return the gate shift per force [V/N]: ``|d33|/(A*C)``.
+    """Return the sensitivity at the gate [V/N]: ``|d33|/(A*C)``.
 
     Parameters
     ----------
     piezoelectric_coefficient : array_like
         d33 [C/N], within +-1e-6.
     area : array_like
-        A [m2] that the force acts on, in [1e-18, 1e4].
+        A [m2] on which the force acts, in [1e-18, 1e4].
     capacitance : array_like
-        C [F/m2] of the plane that the voltage is counted at (`Stack.charge_divisor`), in [1e-12, 1e3].
+        C [F/m2] of the plane at which the voltage is counted (`Stack.charge_divisor`), in [1e-12, 1e3].
+
+    Returns
+    -------
+    ndarray
+        Gate shift per force [V/N], of the broadcast shape.
 
     Raises
     ------
@@ -230,25 +329,40 @@ class NoiseBudget:
     """Noise at the gate in a band, by source."""
 
     bias: float
-    """Of the bias resistor [V rms]."""
+    """Noise of the bias resistor [V rms]."""
     thermal: float
-    """Of the amplifier's input pair [V rms]."""
+    """Thermal noise of the amplifier's input pair [V rms]."""
     flicker: float
-    """[V rms]"""
+    """1/f noise of the amplifier [V rms]."""
     quantisation: float
-    """[V rms]"""
+    """Quantisation noise of the ADC [V rms]."""
     volts_per_newton: float
     """Gate shift per force [V/N]."""
 
     @property
     def total(self) -> float:
-        """All sources together [V rms]."""
+        """Sum of all sources, as the root of their mean squares [V rms]."""
         return math.hypot(self.bias, self.thermal, self.flicker, self.quantisation)
 
     def minimum_force(self, sigmas: float = 3.0) -> float:
-        """Return the force [N] whose gate shift is `sigmas` times the total rms; inf when force gives no voltage.
+        """Return the smallest detectable force [N]: its gate shift is `sigmas` times the total rms.
 
-        sigmas is in (0, 100]. A change of force within the band is meant: a held force leaks away.
+        A change of force within the band is meant, since a static force leaks away.
+
+        Parameters
+        ----------
+        sigmas : float, default 3.0
+            Detection threshold in standard deviations [1], in (0, 100].
+
+        Returns
+        -------
+        float
+            Force [N]; inf when force gives no voltage.
+
+        Raises
+        ------
+        ValueError
+            `sigmas` is not real, not finite or out of range.
         """
         factor = real_number("sigmas", sigmas, 1e-3, 100)
         return factor * self.total / self.volts_per_newton if self.volts_per_newton else math.inf
@@ -264,24 +378,29 @@ def noise_budget(
     high: float,
     gain: float = 1.0,
 ) -> NoiseBudget:
-    """Return the noise referred to the gate in the band low..high [Hz].
+    """Return the noise referred to the gate in a band, by source.
 
     Parameters
     ----------
     bias_rms : float
-        noise of the bias resistor in the band [V], in [0, 1e6] (`bias_resistor_rms`).
+        Noise of the bias resistor in the band [V], in [0, 1e6] (`bias_resistor_rms`).
     thermal_density : float
-        Of the amplifier, at the gate [V2/Hz], in [0, 1e6].
+        Thermal noise density of the amplifier, referred to the gate [V2/Hz], in [0, 1e6].
     flicker_coefficient : float
-        K at the gate [V2], in [0, 1e6].
+        K of the 1/f noise, referred to the gate [V2], in [0, 1e6].
     lsb : float
-        Step of the converter behind the follower [V], in [0, 1e6]; its whole noise is counted into the band.
+        Step of the ADC behind the follower [V], in [0, 1e6]; all of its quantisation noise is assigned to the band.
     volts_per_newton : float
-        gate shift per force [V/N], in [0, 1e12].
+        Gate shift per force [V/N], in [0, 1e12].
     low, high : float
         Ends of the band [Hz], 1e-12 <= low < high <= 1e15.
     gain : float, default 1.0
-        Of the follower [V/V], in [1e-3, 1e3].
+        Gain of the follower [V/V], in [1e-3, 1e3].
+
+    Returns
+    -------
+    NoiseBudget
+        Noise of each source [V rms].
 
     Raises
     ------
