@@ -1,15 +1,15 @@
 """Behavioural models of the unity-gain voltage follower behind each POSFET, exact in time for any step.
 
 Five models, from the simplest: `IdealFollower`, `StaticFollower` (finite gain), `OnePoleFollower`, `TwoPoleFollower`,
-`SquareLawFollower` (one pole and the slew of a square-law differential pair). Each answers
+`SquareLawFollower` (one pole and the slew rate of a square-law differential pair). Each has the output
 ``v_out = gain*(v_in + offset - lag)``; they differ in the lag.
 
-The input is a straight line between samples (first-order hold). For such an input a step of any length is the exact
-solution of the model's equation: nothing becomes unstable, and cutting a step in parts changes nothing but rounding.
-The lag, not the output, is what is carried along: it decays to zero at rest, so rounding cannot add up.
+The input is piecewise linear between samples (first-order hold). For such an input a step of any length is the exact
+solution of the model's equation: no step is unstable, and splitting a step changes nothing but rounding. The state
+variable is the lag, not the output: it decays to zero at rest, so rounding errors do not accumulate.
 
-`FollowerLimits` says where a model may be believed. Beyond, results are flagged in `valid`, and the input is held at
-the limit instead of being extrapolated.
+`FollowerLimits` states the range in which a model is valid. Beyond it, results are flagged in `valid`, and the input is
+clipped to the limit instead of being extrapolated.
 """
 
 from __future__ import annotations
@@ -87,9 +87,9 @@ class StaticFollower(Follower):
 
 @lru_cache(maxsize=256)
 def _one_pole_step(time_constant: float, step: float) -> tuple[Array, Array]:
-    """Return what one step makes of lag and input; kept, because a simulation repeats few different steps.
+    """Return decay and input weight of one step; cached, because a simulation repeats few different steps.
 
-    As arrays, which NumPy multiplies with in half the time that it takes for floats.
+    As arrays, which NumPy multiplies in half the time of floats.
     """
     ratio = np.asarray(step / time_constant)
     return np.asarray(np.exp(-ratio)), mean_decay(ratio)
@@ -142,8 +142,8 @@ class OnePoleFollower(StaticFollower):
 class TwoPoleFollower(StaticFollower):
     """Two poles: ``H(s) = gain/(1 + s/(quality*w0) + (s/w0)^2)`` with ``w0 = 2*pi*natural_frequency``.
 
-    quality 1/2 is critical damping, above it the step response overshoots. A dominant pole and a second pole at m times
-    the gain-bandwidth product give a quality of about 1/sqrt(m).
+    A quality of 1/2 is critical damping; above it the step response overshoots. A dominant pole and a second pole at m
+    times the gain-bandwidth product give a quality of about 1/sqrt(m).
     """
 
     natural_frequency: float
@@ -166,10 +166,33 @@ class TwoPoleFollower(StaticFollower):
         offset: float = 0.0,
         limits: FollowerLimits | None = None,
     ) -> TwoPoleFollower:
-        """Return the follower whose -3 dB frequency [Hz] is `bandwidth`; arguments as in the class.
+        """Return the follower with a given -3 dB frequency.
 
-        With y = (bandwidth/natural_frequency)^2 and c = 1 - 1/(2*Q^2): ``(1 - y)^2 + y/Q^2 = 2``, so
-        ``y = c + sqrt(c^2 + 1)``.
+        With y = (bandwidth/natural_frequency)^2 and c = 1 - 1/(2*Q^2): ``(1 - y)^2 + y/Q^2 = 2``, so ``y = c + sqrt(c^2
+        + 1)``.
+
+        Parameters
+        ----------
+        gain : float
+            Static gain [V/V], in [1e-3, 1e3].
+        bandwidth : float
+            -3 dB frequency [Hz], in [1e-9, 1e12].
+        quality : float
+            Q [1], in [0.05, 50].
+        offset : float, default 0.0
+            Input offset [V], within +-1e6.
+        limits : FollowerLimits, optional
+            Range of validity; none by default.
+
+        Returns
+        -------
+        TwoPoleFollower
+            The follower.
+
+        Raises
+        ------
+        ValueError
+            An argument is not real, not finite or out of range.
         """
         bandwidth = real_number("bandwidth", bandwidth, 1e-9, 1e12)
         c = 1 - 0.5 / real_number("quality", quality, 0.05, 50) ** 2
@@ -184,7 +207,7 @@ class TwoPoleFollower(StaticFollower):
         )
 
     def _poles(self) -> tuple[complex, complex]:
-        """Return both poles times -1 [1/s], the slower one first; conjugate where quality > 1/2."""
+        """Return both poles times -1 [1/s], the slower one first; complex conjugate where quality > 1/2."""
         w0 = 2 * math.pi * self.natural_frequency
         middle = 0.5 / self.quality
         if middle >= 1:
@@ -194,11 +217,11 @@ class TwoPoleFollower(StaticFollower):
         return w0 * (middle - turn), w0 * (middle + turn)
 
     def _coefficients(self, step: Array) -> tuple[NDArray[Any], ...]:
-        """Return decay and input weight of the first lag, decay, coupling and input weight of the second.
+        """Return decay and input weight of the first lag; decay, coupling and input weight of the second.
 
         From ``l1' = u' - p1*l1`` and ``l2' = u' - p2*(l2 - l1)``. The second weight is
-        ``(p2*mean(p1*h) - p1*mean(p2*h))/(p2 - p1)``; for poles near each other it is written with the divided
-        difference of exponentials that is the coupling too, so that equal poles are nothing special.
+        ``(p2*mean(p1*h) - p1*mean(p2*h))/(p2 - p1)``; for poles close together it is written with the divided
+        difference of exponentials that is also the coupling, so that equal poles are no special case.
         """
         p1, p2 = self._poles()
         decay1, decay2 = np.exp(-p1 * step), np.exp(-p2 * step)
@@ -236,24 +259,24 @@ class TwoPoleFollower(StaticFollower):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SquareLawFollower(OnePoleFollower):
-    """One pole whose current comes from a square-law differential pair: it slews when the input runs ahead.
+    """One pole driven by a square-law differential pair, whose current limits the slew rate.
 
     The pair charges a capacitor, ``tau*dw/dt = gain*Vov*f(x)`` with ``x = (v_in + offset - v_out/gain)/Vov``,
-    ``tau = 1/(2*pi*bandwidth)`` and f, the current of the pair against its overdrive in units of the tail current,
-    which saturates at 1 (`differential_pair.pair_current`). The output is w without a lead, and
-    ``w + gain*Vov*(linear*f + square*f**2)`` with one (`differential_pair.Lead`). The slew rate is ``gain*Vov/tau``.
+    ``tau = 1/(2*pi*bandwidth)`` and f, the current of the pair as a function of its overdrive in units of the tail
+    current, which saturates at 1 (`differential_pair.pair_current`). The output is w without a lead, and ``w +
+    gain*Vov*(linear*f + square*f**2)`` with one (`differential_pair.Lead`). The slew rate is ``gain*Vov/tau``.
 
     Notes
     -----
-    The finite gain is referred to the pair's input. In a circuit part of the tail current is lost in an output
-    resistance instead; both agree for small signals, and by v_out/(A0*Vov) of the slew rate in saturation.
-    With a lead the -3 dB frequency is not `bandwidth` but ``bandwidth/sqrt(1 + 2*linear - linear**2)``.
+    The finite gain is referred to the pair's input. In a circuit, part of the tail current is lost in an output
+    resistance instead; the two agree for small signals, and to v_out/(A0*Vov) of the slew rate in saturation. With a
+    lead the -3 dB frequency is not `bandwidth` but ``bandwidth/sqrt(1 + 2*linear - linear**2)``.
     """
 
     overdrive: float
     """Vov [V], the overdrive of the pair at balance: sqrt(tail current/gain factor), in [1e-6, 1e3]."""
     lead: Lead = NO_LEAD
-    """What the pair's current adds to the output at once."""
+    """Direct contribution of the pair's current to the output."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -262,7 +285,7 @@ class SquareLawFollower(OnePoleFollower):
 
     @property
     def slew_rate(self) -> float:
-        """Steepest slope of the output under saturation [V/s]; a jump of the input moves it at once by the lead."""
+        """Steepest slope of the output in saturation [V/s]; a jump of the input also makes the lead jump."""
         return self.gain * self.overdrive / self.time_constant
 
     def _advance_lags(self, lags: Lags, change: Array, step: Array) -> Lags:

@@ -1,9 +1,9 @@
-"""How a follower made of a square-law differential pair and a capacitor settles, exactly, over steps of any length.
+"""Settling of a follower made of a square-law differential pair and a capacitor, exact over steps of any length.
 
-The follower obeys ``dy/ds = slope - f(x)`` in units of its small-signal time constant, where y is how far the capacitor
-lags behind the input. The pair sees x, less than y by what its current adds to the output at once
-(`differential_pair.Lead`): ``y = x + linear*f(x) + square*f(x)**2``. The equation has a solution in elementary
-functions, derived below, which is what makes steps of any length exact here.
+The follower obeys ``dy/ds = slope - f(x)`` in units of its small-signal time constant, where y is the lag of the
+capacitor behind the input. The pair has the overdrive x, which is less than y by the direct contribution of its current
+to the output (`differential_pair.Lead`): ``y = x + linear*f(x) + square*f(x)**2``. The equation has a solution in
+elementary functions, derived below; this makes steps of any length exact.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from posfet_model.amplifier.differential_pair import (
     NO_LEAD,
     Lead,
     bracketed_newton,
+    lead_slope,
     pair_current,
     pair_transconductance,
-    stretch,
 )
 
 LINEAR_BELOW: Final = 1e-5
@@ -37,24 +37,39 @@ _AT_REST: Final = 1e-6
 _BLOCK_ELEMENTS: Final = 4096
 _SERIES_ITERATIONS: Final = 25
 _SERIES_TOLERANCE: Final = 1e-14
-_MOST_FALLEN: Final = 300.0  # the angle's logarithm falls by at most 20 until it falls evenly, and then by _SETTLED
-_SETTLED: Final = 60.0  # time constants at rest after which the distance from rest, exp(-60), counts as none
+_MAX_LOG_DECREASE: Final = 300.0  # of the angle: at most 20 until it is exponential, and then at most _SETTLED
+_SETTLED: Final = 60.0  # time constants at rest after which the distance from rest, exp(-60), counts as zero
 
 
 def settle(overdrive: Array, change: Array, duration: Array, lead: Lead = NO_LEAD) -> Array:
-    """Return x at the end of a step in which the input moved by `change` [Vov] in a straight line.
+    """Return x at the end of a step in which the input changed linearly by `change` [Vov].
 
-    Exact solution of ``dy/ds = change/duration - f(x)`` over `duration` [time constants]; arrays of any shapes that
-    broadcast. Unchecked inner function: finite numbers, duration >= 0 (0 is a jump).
+    Exact solution of ``dy/ds = change/duration - f(x)`` over `duration` [time constants].
+
+    Parameters
+    ----------
+    overdrive : ndarray
+        x at the start of the step [Vov].
+    change : ndarray
+        Change of the input over the step [Vov].
+    duration : ndarray
+        Length of the step [time constants], >= 0; 0 is a jump. All three broadcast and are finite; unchecked.
+    lead : Lead, default NO_LEAD
+        Direct contribution of the pair's current to the output.
+
+    Returns
+    -------
+    ndarray
+        x at the end of the step [Vov], of the broadcast shape.
 
     Notes
     -----
-    The equation is odd without the lead's square, which changes sign with x, so a slope >= 0 is taken. Saturated
-    stretches are straight lines. In between, with x = 2*sin(a), f = sin(2*a), p = sin(a) - cos(a) and
-    q = sin(a) + cos(a), the time without a lead is ``ds = dp/(slope - 1 + p^2) + dq/(slope + 1 - q^2)``, in logarithms
-    (and an arc tangent where slope > 1). The lead adds ``(linear + 2*square*f)*df/(slope - f)``, of which the integral
-    is ``-(linear + 2*square*slope)*ln|slope - f| - 2*square*f``. x is found from the time by Newton's method, kept
-    inside a bracket.
+    The equation is odd, but for the lead's square, which changes sign with x, so a slope >= 0 is assumed. In saturation
+    the solution is a straight line. Between, with x = 2*sin(a), f = sin(2*a), p = sin(a) - cos(a) and q = sin(a) +
+    cos(a), the time without a lead is ``ds = dp/(slope - 1 + p^2) + dq/(slope + 1 - q^2)``, which integrates to
+    logarithms (and an arc tangent where slope > 1). The lead adds ``(linear + 2*square*f)*df/(slope - f)``, whose
+    integral is ``-(linear + 2*square*slope)*ln|slope - f| - 2*square*f``. x follows from the time by bracketed Newton's
+    method.
     """
     overdrive, change, duration = np.broadcast_arrays(overdrive, change, duration)  # read-only views
     slope = _slope(change, duration)
@@ -85,14 +100,29 @@ def _jumped(overdrive: Array, change: Array, lead: Lead) -> Array:
 
 
 def settle_series(start: Array, change: Array, duration: Array, lead: Lead = NO_LEAD) -> Array:
-    """Return x at the end of each of many steps, the first from `start`: `settle` in a row, over all rows at once.
+    """Return x at the end of each of many consecutive steps, the first from `start`: `settle` for all rows at once.
 
-    change and duration have shape [t] or [t, n], start the shape of one row; t >= 1. Unchecked inner function.
+    Parameters
+    ----------
+    start : ndarray
+        x at the start of the first step [Vov], of the shape of one row.
+    change : ndarray
+        Change of the input over each step [Vov], shape [t] or [t, n], t >= 1.
+    duration : ndarray
+        Length of each step [time constants], of the shape of `change`; unchecked.
+    lead : Lead, default NO_LEAD
+        Direct contribution of the pair's current to the output.
+
+    Returns
+    -------
+    ndarray
+        x at the end of each step [Vov], of the shape of `change`.
 
     Notes
     -----
-    All rows are first guessed as if f were linear. Newton's method on the whole series then solves a linear recurrence
-    in each iteration; its derivatives, y later by y sooner, lie in [0, 1]. Blocks keep the guess from being far off.
+    The initial guess of all rows is the linear solution. Each iteration of Newton's method on the whole series then
+    solves a linear recurrence; its derivatives of the later y by the earlier one lie in [0, 1]. Blocks keep the guess
+    close.
     """
     result = np.empty_like(change)
     row = start
@@ -105,7 +135,7 @@ def settle_series(start: Array, change: Array, duration: Array, lead: Lead = NO_
 
 
 def _settle_block(start: Array, change: Array, duration: Array, lead: Lead) -> Array:
-    """Return `settle_series` of one block; halve the block if Newton's method does not arrive."""
+    """Return `settle_series` of one block; halve the block if Newton's method does not converge."""
     if len(change) == 1:
         return settle(start, change, duration, lead)
     slope = _slope(change, duration)
@@ -130,7 +160,7 @@ def _settle_block(start: Array, change: Array, duration: Array, lead: Lead) -> A
 
 
 def _sensitivity(before: Array, after: Array, slope: Array, duration: Array) -> Array:
-    """Return d(after)/d(before) of a step, for y: the ratio of its speeds, as time itself is not in its equation."""
+    """Return d(after)/d(before) of a step, for y: the ratio of its speeds, as the equation is autonomous."""
     speed = slope - pair_current(before)
     moving = (np.abs(speed) > _AT_REST) & (duration > _JUMP)
     ratio = (slope - pair_current(after)) / np.where(moving, speed, 1.0)
@@ -144,40 +174,41 @@ def _slope(change: Array, duration: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class _Ahead:
-    """The lead of each element, its sign turned with x."""
+class _ElementLead:
+    """The lead of each element, its sign changing with x."""
 
     linear: float
     square: Array
     absent: bool
-    """No lead at all: what it would add is not computed."""
+    """Whether there is no lead, so that its contribution is not computed."""
 
-    def of(self, part: NDArray[np.bool_]) -> _Ahead:
-        """Return those of some elements."""
-        return _Ahead(self.linear, self.square[part], self.absent)
+    def of(self, part: NDArray[np.bool_]) -> _ElementLead:
+        """Return the lead of some elements."""
+        return _ElementLead(self.linear, self.square[part], self.absent)
 
     def time(self, logarithm: Array, current: Array, rho: Array) -> Array:
-        """Return the time that the lead takes, from ln|slope - f| and f up to constants."""
+        """Return the contribution of the lead to the time, from ln|slope - f| and f, up to constants."""
         return np.asarray(-(self.linear + 2 * self.square * rho) * logarithm - 2 * self.square * current)
 
     def time_between(self, current: Array, missing: Array, change: Array) -> Array:
-        """Return the time that the lead takes from f = `current` to ``current - change``; missing is slope - current.
+        """Return the contribution of the lead to the time from f = `current` to ``current - change``.
 
-        As `time`, with the square's two terms, nearly opposite at a large slope, written with ln(1 + z) - z.
+        `missing` is slope - current. As `time`, with the square's two terms, nearly opposite at a large slope, written
+        with ln(1 + z) - z.
         """
         z = np.maximum(change / missing, 1e-16 - 1)
         logarithm = np.log1p(z)
-        bent = missing * _log1p_less(z, logarithm) + current * logarithm
+        bent = missing * _log1p_minus(z, logarithm) + current * logarithm
         return np.asarray(-self.linear * logarithm - 2 * self.square * bent)
 
-    def stretch(self, angle: Array) -> Array:
+    def lead_slope(self, angle: Array) -> Array:
         """Return dy/dx at x = 2*sin(angle)."""
         if self.absent:
             return np.ones(())
-        return stretch(self.linear, self.square, np.sin(2 * angle), np.cos(2 * angle) / np.cos(angle))
+        return lead_slope(self.linear, self.square, np.sin(2 * angle), np.cos(2 * angle) / np.cos(angle))
 
 
-def _log1p_less(z: Array, logarithm: Array) -> Array:
+def _log1p_minus(z: Array, logarithm: Array) -> Array:
     """Return ln(1 + z) - z, z > -1, from z and ln(1 + z); for small z by ln(1 + z) = 2*artanh(w), w = z/(2 + z)."""
     w = z / (2 + z)
     series = np.zeros_like(z)
@@ -192,15 +223,15 @@ def _settle_curved(x: Array, slope: Array, duration: Array, lead: Lead) -> Array
     x, rho = x * sign, np.abs(slope)
     x, left = _leave_lower_saturation(x, rho, duration)
     x, left = _leave_upper_saturation(x, rho, left)
-    ahead = _Ahead(lead.linear, lead.square * sign, lead.absent)
-    for part, inner in ((left > 0) & (rho < 1), _approach_rest), ((left > 0) & (rho >= 1), _run_away):
+    ahead = _ElementLead(lead.linear, lead.square * sign, lead.absent)
+    for part, inner in ((left > 0) & (rho < 1), _approach_rest), ((left > 0) & (rho >= 1), _approach_saturation):
         if part.any():
             x[part] = inner(x[part], rho[part], left[part], ahead.of(part))
     return x * sign
 
 
 def _leave_lower_saturation(x: Array, rho: Array, left: Array) -> tuple[Array, Array]:
-    """Move x below -EDGE up with dx/ds = rho + 1; return x and the time that is left."""
+    """Advance x below -EDGE with dx/ds = rho + 1; return x and the remaining time."""
     below = x < -EDGE
     needed = np.where(below, (-EDGE - x) / (rho + 1), 0.0)
     arrived = needed <= left
@@ -209,7 +240,7 @@ def _leave_lower_saturation(x: Array, rho: Array, left: Array) -> tuple[Array, A
 
 
 def _leave_upper_saturation(x: Array, rho: Array, left: Array) -> tuple[Array, Array]:
-    """Move x from EDGE on with dx/ds = rho - 1: up for good, or down to EDGE; return x and the time that is left."""
+    """Advance x above EDGE with dx/ds = rho - 1: up without end, or down to EDGE; return x and the remaining time."""
     above = x >= EDGE
     falling = above & (rho < 1)
     needed = np.where(falling, (x - EDGE) / np.where(falling, 1 - rho, 1.0), np.inf)
@@ -219,35 +250,35 @@ def _leave_upper_saturation(x: Array, rho: Array, left: Array) -> tuple[Array, A
     return np.where(above, moved, x), np.where(above, remaining, left)
 
 
-def _approach_rest(x: Array, rho: Array, duration: Array, ahead: _Ahead) -> Array:
+def _approach_rest(x: Array, rho: Array, duration: Array, ahead: _ElementLead) -> Array:
     """Return x after `duration` inside [-EDGE, EDGE] for 0 <= slope < 1, where it tends to f(x) = slope.
 
-    The unknown is the logarithm of the angle from rest, which falls nearly in proportion to time.
+    The unknown is the logarithm of the angle from rest, which decreases nearly in proportion to time.
     """
     a, b = np.sqrt(1 - rho), np.sqrt(1 + rho)
     rest = 0.5 * np.arctan2(rho, a * b)
     angle = np.arcsin(x / 2) - rest
-    rate = a * b / np.cos(rest) / ahead.stretch(rest)
+    rate = a * b / np.cos(rest) / ahead.lead_slope(rest)
     moving = (angle != 0) & (duration * rate < _SETTLED)
     angle[~moving] = 0
     if moving.any():
-        way = _Way(a[moving], b[moving], rho[moving], rest[moving], ahead.of(moving))
-        angle[moving] = _angle_later(angle[moving], duration[moving], (duration * rate)[moving], way)
+        approach = _Approach(a[moving], b[moving], rho[moving], rest[moving], ahead.of(moving))
+        angle[moving] = _angle_later(angle[moving], duration[moving], (duration * rate)[moving], approach)
     return np.asarray(2 * np.sin(rest + angle))
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
-    """What the way to rest depends on: a^2 = 1 - slope, b^2 = 1 + slope, the slope, the angle of rest, the lead."""
+class _Approach:
+    """Parameters of an approach to rest: a^2 = 1 - slope, b^2 = 1 + slope, the slope, the angle of rest, the lead."""
 
     a: Array
     b: Array
     rho: Array
     rest: Array
-    ahead: _Ahead
+    ahead: _ElementLead
 
     def speed(self, angle: Array) -> Array:
-        """Return cos(2*rest + angle) at `angle` from rest: f misses the slope by 2*sin(angle) of it."""
+        """Return cos(2*rest + angle) at `angle` from rest: slope - f is -2*sin(angle) times it."""
         return np.asarray(self.a * self.b * np.cos(angle) - self.rho * np.sin(angle))
 
     def time(self, angle: Array) -> Array:
@@ -259,20 +290,21 @@ class _Way:
         return time + self.ahead.time(logarithm, np.sin(2 * (self.rest + angle)), self.rho)
 
 
-def _angle_later(angle: Array, duration: Array, guess: Array, way: _Way) -> Array:
-    """Return the angle from rest after `duration`; `guess` is how far its logarithm may have fallen."""
-    target = way.time(angle) + duration
+def _angle_later(angle: Array, duration: Array, guess: Array, approach: _Approach) -> Array:
+    """Return the angle from rest after `duration`; `guess` is an estimate of the decrease of its logarithm."""
+    target = approach.time(angle) + duration
 
-    def lateness(fallen: Array) -> tuple[Array, Array]:
-        now = angle * np.exp(-fallen)
-        derivative = now / np.sin(now) * np.cos(way.rest + now) / way.speed(now) * way.ahead.stretch(way.rest + now)
-        return way.time(now) - target, derivative
+    def residual(decrease: Array) -> tuple[Array, Array]:
+        now = angle * np.exp(-decrease)
+        lead_slope = approach.ahead.lead_slope(approach.rest + now)
+        derivative = now / np.sin(now) * np.cos(approach.rest + now) / approach.speed(now) * lead_slope
+        return approach.time(now) - target, derivative
 
-    # Without a lead the angle never falls faster than exp(-2*s); a square may quicken it.
-    high = 2 * duration / (1 - 2 * LARGEST_PRODUCT * np.abs(way.ahead.square)) + 1e-300
-    high = np.minimum(high, _MOST_FALLEN)
-    fallen = bracketed_newton(lateness, np.zeros_like(high), high, np.minimum(guess, high))
-    return np.asarray(angle * np.exp(-fallen))
+    # Without a lead the angle never decreases faster than exp(-2*s); a square may accelerate it.
+    high = 2 * duration / (1 - 2 * LARGEST_PRODUCT * np.abs(approach.ahead.square)) + 1e-300
+    high = np.minimum(high, _MAX_LOG_DECREASE)
+    decrease = bracketed_newton(residual, np.zeros_like(high), high, np.minimum(guess, high))
+    return np.asarray(angle * np.exp(-decrease))
 
 
 def _time_at(angle: Array, a: Array, b: Array) -> Array:
@@ -289,7 +321,7 @@ def _time_at(angle: Array, a: Array, b: Array) -> Array:
     return np.asarray(in_p + in_q)
 
 
-def _run_away(x: Array, rho: Array, duration: Array, ahead: _Ahead) -> Array:
+def _approach_saturation(x: Array, rho: Array, duration: Array, ahead: _ElementLead) -> Array:
     """Return x after `duration` from inside [-EDGE, EDGE] for slope >= 1, where it ends in saturation."""
     c, b = np.maximum(np.sqrt(rho - 1), 1e-160), np.sqrt(1 + rho)
     angle = np.arcsin(x / 2)
@@ -304,11 +336,11 @@ def _run_away(x: Array, rho: Array, duration: Array, ahead: _Ahead) -> Array:
         change = (p - p_start) * (p + p_start)  # of slope - f, which is c^2 + p^2
         return np.asarray(time + ahead.time_between(1 - p_start * p_start, c * c + p_start * p_start, change))
 
-    def lateness(now: Array) -> tuple[Array, Array]:
+    def residual(now: Array) -> tuple[Array, Array]:
         p, q = np.sin(now) - np.cos(now), np.sin(now) + np.cos(now)
-        return time_to(p, q) - wanted, 2 * np.cos(now) / (c * c + p * p) * ahead.stretch(now)
+        return time_to(p, q) - wanted, 2 * np.cos(now) / (c * c + p * p) * ahead.lead_slope(now)
 
     escape = time_to(np.zeros_like(x), np.full_like(x, EDGE))
     wanted = np.where(duration < escape, duration, 0.0)
-    inside = 2 * np.sin(bracketed_newton(lateness, angle, np.full_like(x, math.pi / 4), angle))
+    inside = 2 * np.sin(bracketed_newton(residual, angle, np.full_like(x, math.pi / 4), angle))
     return np.asarray(np.where(duration < escape, inside, EDGE + (rho - 1) * (duration - escape)))
