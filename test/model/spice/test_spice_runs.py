@@ -298,7 +298,7 @@ class TestWithoutNgspice:
             ("printf 'Flags: real\\nNo. Variables: 3\\nNo. Points: 9\\nBinary:\\nabc' > out.raw", "ends before its 9"),
             (
                 "printf 'Flags: complex\\nNo. Variables: 3\\nNo. Points: 9\\nBinary:\\n' > out.raw",
-                "not of the analysis",
+                "not of the requested analysis",
             ),
         ],
     )
