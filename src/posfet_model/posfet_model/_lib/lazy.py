@@ -15,8 +15,13 @@ def lazy_submodules(package: str, path: Iterable[str]) -> tuple[Callable[[str], 
     ----------
     package : str
         Name of the package, its ``__name__``.
-    path : Iterable[str]
-        iterable of str Folders of the package, its ``__path__``.
+    path : iterable of str
+        Folders of the package, its ``__path__``.
+
+    Returns
+    -------
+    tuple of callable
+        `__getattr__` and `__dir__`.
     """
     names = sorted(module.name for module in pkgutil.iter_modules(path) if not module.name.startswith("_"))
 

@@ -18,9 +18,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m posfet_model.figures", description="Draw the figures as SVG and PNG."
     )
-    parser.add_argument(
-        "names", nargs="*", metavar="NAME", help=f"figures (default: all): {', '.join(FIGURES)}"
-    )
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"figures (default: all): {', '.join(FIGURES)}")
     parser.add_argument("--out", type=Path, default=Path("docs/figures"), help="folder (default: %(default)s)")
     options = parser.parse_args(arguments)
     unknown = [name for name in options.names if name not in FIGURES]
