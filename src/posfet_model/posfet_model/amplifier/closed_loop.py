@@ -45,7 +45,18 @@ class FollowerLimits:
         return self.slew_rate < math.inf or self.falling_slew_rate < math.inf
 
     def allow_slope(self, slope: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return where the amplifier can drive an output slope [V/s], negative when falling; unchecked."""
+        """Return where the amplifier can drive an output slope; unchecked.
+
+        Parameters
+        ----------
+        slope : ndarray
+            Slope of the output [V/s], negative when falling.
+
+        Returns
+        -------
+        ndarray
+            Mask, of the shape of `slope`.
+        """
         return np.asarray((slope <= self.slew_rate) & (slope >= -min(self.slew_rate, self.falling_slew_rate)))
 
 

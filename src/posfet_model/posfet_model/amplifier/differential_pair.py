@@ -77,7 +77,20 @@ def pair_transconductance(overdrive: ArrayLike) -> FloatArray:
 
 
 def lead_slope(linear: float, square: float | Array, current: Array, transconductance: Array) -> Array:
-    """Return dy/dx of a lead (see `Lead`) at a normalised current and transconductance of the pair; unchecked."""
+    """Return dy/dx of a lead; unchecked.
+
+    Parameters
+    ----------
+    linear, square : float / float or ndarray
+        Coefficients of the lead (see `Lead`) [1].
+    current, transconductance : ndarray
+        f(x) and f'(x) of the pair [1].
+
+    Returns
+    -------
+    ndarray
+        dy/dx [1].
+    """
     return np.asarray(1 + (linear + 2 * square * current) * transconductance)
 
 

@@ -242,14 +242,40 @@ def operating_point(bias: AmplifierBias, design: AmplifierDesign) -> OperatingPo
 
 
 def lowest_input(bias: AmplifierBias, point: OperatingPoint) -> float:
-    """Return the lowest input [V] that keeps M5 and M8 saturated and leaves M7 its minimum current."""
+    """Return the lowest input [V] that keeps M5 and M8 saturated and leaves M7 its minimum current.
+
+    Parameters
+    ----------
+    bias : AmplifierBias
+        Bias of the circuit.
+    point : OperatingPoint
+        Operating point at balance.
+
+    Returns
+    -------
+    float
+        Input voltage [V].
+    """
     tail = -bias.supply + point.bias_overdrive + bias.threshold + point.pair_overdrive
     least = MIN_OUTPUT_CURRENT * point.output
     return max(tail, bisect(lambda volts: point.output_demand(bias, volts) - least, -bias.supply, 0.0))
 
 
 def bisect(rising: Callable[[float], float], low: float, high: float) -> float:
-    """Return the zero of a rising function by bisection; an end of the bracket where there is none."""
+    """Return the zero of a rising function by bisection.
+
+    Parameters
+    ----------
+    rising : callable
+        The function.
+    low, high : float
+        Bracket of the zero.
+
+    Returns
+    -------
+    float
+        Position of the zero; an end of the bracket where there is none.
+    """
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         if rising(middle) < 0:
@@ -260,5 +286,20 @@ def bisect(rising: Callable[[float], float], low: float, high: float) -> float:
 
 
 def saturated(beta: float, overdrive: float, voltage: float, lam: float) -> float:
-    """Return the drain current in saturation [A]."""
+    """Return the drain current in saturation [A].
+
+    Parameters
+    ----------
+    beta : float
+        Gain factor [A/V2].
+    overdrive, voltage : float
+        Overdrive and drain-source voltage [V].
+    lam : float
+        Channel-length modulation lambda [1/V].
+
+    Returns
+    -------
+    float
+        Drain current [A].
+    """
     return 0.5 * beta * overdrive**2 * (1 + lam * voltage)

@@ -76,6 +76,11 @@ class Calibration:
             Relative standard deviation of the gains [1], in [0, 0.3].
         rng : numpy.random.Generator
             Source of the random errors.
+
+        Returns
+        -------
+        Calibration
+            A calibration with other gains.
         """
         spread = real_number("spread", spread, 0.0, 0.3)
         return replace(self, gain=self.gain * np.maximum(1.0 + spread * rng.standard_normal(len(self.gain)), 0.1))

@@ -26,6 +26,20 @@ def electric_displacement(
 
     Correct: `posfet_model.device.charge.electric_displacement`. The second T3 should be E3: the printed sum adds
     different units.
+
+    Parameters
+    ----------
+    stress : array_like
+        T3 [Pa].
+    piezoelectric_coefficient : array_like
+        d33 [C/N].
+    relative_permittivity : array_like
+        eps33/eps0 [1].
+
+    Returns
+    -------
+    ndarray
+        D3 as printed, of the broadcast shape.
     """
     stress, piezoelectric_coefficient, relative_permittivity = common_dtype(
         stress=real_array("stress", stress),
@@ -36,9 +50,21 @@ def electric_displacement(
 
 
 def branch_steepness(coercive_field: float, remnant_polarisation: float, saturation_polarisation: float) -> float:
-    """Return eq. (3) as printed, with the polarisations of the text: NaN where the logarithm is undefined.
+    """Return eq. (3) as printed, with the polarisations of the text.
 
     Correct: `posfet_model.device.film.branch_steepness`. The text swaps Pr and Ps: (1 + 5/2)/(1 - 5/2) = -2.333.
+
+    Parameters
+    ----------
+    coercive_field : float
+        Ec [V/m].
+    remnant_polarisation, saturation_polarisation : float
+        Pr, Ps [C/m2].
+
+    Returns
+    -------
+    float
+        delta [V/m]; NaN where the logarithm is undefined.
     """
     ratio = real_number("remnant_polarisation", remnant_polarisation) / real_number(
         "saturation_polarisation", saturation_polarisation, 0, exclusive=True
@@ -52,16 +78,46 @@ def threshold_shift(charge: ArrayLike, stack: Stack) -> FloatArray:
     """Return eq. (6) and (7) as printed: ``dV = -Psw/Cox``, the whole charge uncompensated.
 
     Correct: `posfet_model.device.transistor.threshold_shift`.
+
+    Parameters
+    ----------
+    charge : array_like
+        Psw [C/m2].
+    stack : Stack
+        Capacitances of oxide and film.
+
+    Returns
+    -------
+    ndarray
+        dV [V], of the shape of `charge`.
     """
     return -real_array("charge", charge) / instance("stack", stack, Stack).oxide
 
 
 def signal_current(charge: ArrayLike, overdrive: ArrayLike, mobility: float, aspect: float, stack: Stack) -> FloatArray:
-    """Return the drain current [A] caused by a charge [C/m2] in saturation, as the paper's equations combine.
+    """Return the drain current [A] caused by a charge in saturation, as the paper's equations combine.
 
     ``mu*Cstack*(W/L)*(Vgs - Vth)*(sigma/Cox)``: the charge is divided by the oxide's capacitance (eq. 6), the current
     is driven through the whole stack (eq. 9). Correct: the same plane for both, Cox/Cpvdf (18.06 with Table I) times as
     much.
+
+    Parameters
+    ----------
+    charge : array_like
+        sigma [C/m2].
+    overdrive : array_like
+        Vgs - Vth [V].
+    mobility : float
+        mu [m2/(V s)].
+    aspect : float
+        W/L [1].
+    stack : Stack
+        Capacitances of oxide and film.
+
+    Returns
+    -------
+    ndarray
+        Current [A], of the broadcast shape.
     """
     charge, overdrive = common_dtype(charge=real_array("charge", charge), overdrive=real_array("overdrive", overdrive))
     stack = instance("stack", stack, Stack)
@@ -73,6 +129,18 @@ def saturation_current(gate_voltage: ArrayLike, threshold_voltage: ArrayLike, ga
     """Return eq. (10) as printed: ``Id = beta*(Vgs - Vth)^2`` for Vgs > Vth, without the factor 1/2.
 
     Correct: `posfet_model.device.transistor.drain_current`.
+
+    Parameters
+    ----------
+    gate_voltage, threshold_voltage : array_like
+        Vgs, Vth [V].
+    gain_factor : array_like
+        beta [A/V2].
+
+    Returns
+    -------
+    ndarray
+        Id [A], of the broadcast shape.
     """
     gate_voltage, threshold_voltage, gain_factor = common_dtype(
         gate_voltage=real_array("gate_voltage", gate_voltage),
@@ -89,6 +157,22 @@ def circular_deflection(
     """Return eq. (12) as printed: ``y = 3*P*(1 - nu^2)*r^4/(16*pi*E*h^3)``, with an extra factor pi.
 
     Correct: `posfet_model.device.mechanics.circular_deflection`.
+
+    Parameters
+    ----------
+    pressure : array_like
+        P [Pa].
+    radius, thickness : array_like
+        r, h [m].
+    young_modulus : array_like
+        E [Pa].
+    poisson_ratio : array_like
+        nu [1].
+
+    Returns
+    -------
+    ndarray
+        y [m], of the broadcast shape.
     """
     pressure, radius, thickness, young_modulus, poisson_ratio = common_dtype(
         pressure=real_array("pressure", pressure, 0, PRESSURE_LIMIT),
@@ -107,6 +191,20 @@ def square_deflection(
     """Return eq. (13) as printed: ``y = 0.0138*P*a^4/(E*h^3)``, which is correct for nu = 0.3.
 
     For any nu: `posfet_model.device.mechanics.square_deflection`.
+
+    Parameters
+    ----------
+    pressure : array_like
+        P [Pa].
+    side, thickness : array_like
+        a, h [m].
+    young_modulus : array_like
+        E [Pa].
+
+    Returns
+    -------
+    ndarray
+        y [m], of the broadcast shape.
     """
     pressure, side, thickness, young_modulus = common_dtype(
         pressure=real_array("pressure", pressure, 0, PRESSURE_LIMIT),

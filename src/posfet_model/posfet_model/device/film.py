@@ -261,6 +261,11 @@ def saturated(film: Film, *, positive: bool) -> History:
         The film.
     positive : bool
         Whether it was saturated in the positive direction.
+
+    Returns
+    -------
+    History
+        Zero field and a switched polarisation of +-Pr.
     """
     film = instance("film", film, Film)
     sign = 1 if positive else -1

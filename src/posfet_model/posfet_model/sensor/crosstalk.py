@@ -65,7 +65,18 @@ class CrosstalkCompensator:
         return self._share > 0.0
 
     def apply(self, signal: Array) -> Array:
-        """Return the signals without crosstalk, shape [rows * cols]."""
+        """Return the signals with the crosstalk compensated.
+
+        Parameters
+        ----------
+        signal : ndarray
+            Signals with crosstalk, in any unit, shape [rows * cols].
+
+        Returns
+        -------
+        ndarray
+            Signals without crosstalk, in the same unit, shape [rows * cols].
+        """
         if self._dense is not None:
             return self._dense @ signal
         (rows, cols), (one, other) = self._sines, self._work

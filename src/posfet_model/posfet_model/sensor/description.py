@@ -225,6 +225,11 @@ def with_frames(sensor: Sensor, fd: str) -> Sensor:
         The sensor file.
     fd : str
         One of `FRAME_CHOICES`.
+
+    Returns
+    -------
+    Sensor
+        The sensor with that type of frames.
     """
     if fd == "auto":
         return sensor

@@ -62,7 +62,20 @@ def neighbour_table(layout: Layout, offsets: Sequence[Offset]) -> NDArray[np.int
 
 
 def neighbour_lists(layout: Layout, offsets: Sequence[Offset]) -> list[list[int]]:
-    """Return for each taxel the indices of those neighbours at `offsets` that lie on the array, in that order."""
+    """Return for each taxel the indices of those of its neighbours that lie on the array.
+
+    Parameters
+    ----------
+    layout : Layout
+        The array.
+    offsets : sequence of tuple of int
+        Rows and columns to each neighbour, each -1, 0 or 1.
+
+    Returns
+    -------
+    list of list of int
+        Indices of the neighbours of each taxel, in the order of `offsets`.
+    """
     return [
         [neighbour for neighbour in row if neighbour < layout.taxels]
         for row in neighbour_table(layout, offsets).tolist()
@@ -71,6 +84,16 @@ def neighbour_lists(layout: Layout, offsets: Sequence[Offset]) -> list[list[int]
 
 def opposite_corners(layout: Layout) -> dict[tuple[int, int], tuple[int, int]]:
     """Return for every ordered pair of diagonal neighbours the two taxels that complete their 2 x 2 square.
+
+    Parameters
+    ----------
+    layout : Layout
+        The array.
+
+    Returns
+    -------
+    dict of tuple of int to tuple of int
+        The two other taxels of the square, by the pair.
 
     Examples
     --------
@@ -87,6 +110,19 @@ def opposite_corners(layout: Layout) -> dict[tuple[int, int], tuple[int, int]]:
 
 
 def dilate(mask: Mask, table: NDArray[np.intp]) -> Mask:
-    """Return the taxels of `mask` and their neighbours by a table of `neighbour_table`, shape [rows * cols]."""
+    """Return the taxels of a mask and their neighbours (morphological dilation).
+
+    Parameters
+    ----------
+    mask : ndarray
+        Mask of taxels, shape [rows * cols].
+    table : ndarray
+        Neighbours of each taxel, from `neighbour_table`.
+
+    Returns
+    -------
+    ndarray
+        Mask, shape [rows * cols].
+    """
     grown = np.append(mask, np.False_)
     return np.asarray(grown[:-1] | grown[table].any(axis=1))

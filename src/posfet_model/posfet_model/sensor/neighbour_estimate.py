@@ -111,7 +111,18 @@ class NeighbourInterpolation:
         return values.take(beside), values.take(above), values.take(across)
 
     def max_neighbour(self, level: Array) -> Array:
-        """Return the largest value among the eight neighbours of each taxel, shape [rows * cols]; -inf without any."""
+        """Return the largest value among the eight neighbours of each taxel.
+
+        Parameters
+        ----------
+        level : ndarray
+            Value of each taxel, in any unit, shape [rows * cols].
+
+        Returns
+        -------
+        ndarray
+            Largest value, shape [rows * cols]; -inf where a taxel has no neighbour.
+        """
         self._values[:-1] = level
         self._values[-1] = -np.inf
         greatest: Array = self._values.take(self._all).max(axis=1)

@@ -81,20 +81,52 @@ def leakage_step(step: float, time_constant: float) -> LeakageStep:
 
 
 def charge_per_newton(sensor: Sensor) -> float:
-    """Return the charge density per force on a taxel, before any of it leaks: ``-d33/A`` [C/(m2 N)]."""
+    """Return the charge density per force on a taxel, before leakage: ``-d33/A``.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor file.
+
+    Returns
+    -------
+    float
+        Charge density per force [C/(m2 N)].
+    """
     return -sensor.device.piezoelectric_coefficient / sensor.layout.taxel_area
 
 
 def volts_per_count(sensor: Sensor) -> float:
-    """Return the voltage of one count of the 16-bit scale [V]."""
+    """Return the voltage of one count of the 16-bit scale.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor file.
+
+    Returns
+    -------
+    float
+        Voltage of one count [V].
+    """
     return adc.lsb(SCALE_BITS, sensor.adc.low, sensor.adc.high)
 
 
 def force_noise_rms(sensor: Sensor) -> float:
-    """Return the standard deviation [N] of one reading of a taxel: input noise and quantisation noise lsb^2/12.
+    """Return the standard deviation of one reading of a taxel: input noise and quantisation noise lsb^2/12.
 
     Quantisation noise is assumed independent from scan to scan. It is not where a step is much larger than the noise,
     but then the quantisation error at rest is the same before and after a touch, and cancels.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor file.
+
+    Returns
+    -------
+    float
+        Standard deviation of the force [N].
     """
     bits = sensor.adc.bits if sensor.can.fd else min(sensor.adc.bits, COARSEST_BITS)
     step = adc.lsb(bits, sensor.adc.low, sensor.adc.high)
@@ -169,7 +201,18 @@ class ForwardSignalChain:
         self._source, self._next_source = self._next_source, self._source
 
     def volts(self, out: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-        """Return the output of the followers without noise [V], shape [rows * cols], in `out` if given."""
+        """Return the output of the followers without noise.
+
+        Parameters
+        ----------
+        out : ndarray, optional
+            Array for the result, float64, shape [rows * cols].
+
+        Returns
+        -------
+        ndarray
+            Output voltage [V], shape [rows * cols].
+        """
         amplifier = self._sensor.amplifier
         volts = np.divide(self._charge, self._sensor.device.film_capacitance, out=out)
         volts += amplifier.offset
@@ -179,10 +222,20 @@ class ForwardSignalChain:
         return volts
 
     def counts(self, out: NDArray[np.uint16] | None = None) -> NDArray[np.uint16]:
-        """Return one conversion on the 16-bit scale, shape [rows * cols], in `out` if given; each call draws new noise.
+        """Return one conversion on the 16-bit scale; each call draws new noise.
 
         Codes are those of `adc.volts_to_counts`. The code of an ADC of fewer bits is repeated into the low bits, so
         that its highest code becomes 65535.
+
+        Parameters
+        ----------
+        out : ndarray, optional
+            Array for the result, uint16, shape [rows * cols].
+
+        Returns
+        -------
+        ndarray
+            Counts, uint16, shape [rows * cols].
         """
         converter = self._sensor.adc
         codes = self.volts(self._volts)
@@ -243,13 +296,52 @@ class InverseSignalChain:
         self._readings["charge"], self._readings["saturated"] = self._charge, self._saturated
 
     def charge(self, counts: NDArray[np.uint16], out: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the charge density sigma [C/m2] of each count, in `out` and of its shape."""
+        """Return the charge density of each count.
+
+        Parameters
+        ----------
+        counts : ndarray
+            Counts, uint16, any shape.
+        out : ndarray
+            Array for the result, float64, of the same shape.
+
+        Returns
+        -------
+        ndarray
+            Charge density sigma [C/m2].
+        """
         return self._charge.take(counts, out=out, mode="clip")
 
     def read(self, counts: NDArray[np.uint16], out: NDArray[np.void]) -> NDArray[np.void]:
-        """Return charge density and saturation of each count in one lookup, in `out` of dtype `READING`."""
+        """Return charge density and saturation of each count in one lookup, which costs as much as one of them.
+
+        Parameters
+        ----------
+        counts : ndarray
+            Counts, uint16, any shape.
+        out : ndarray
+            Array for the result, of dtype `READING` and the same shape.
+
+        Returns
+        -------
+        ndarray
+            Charge density sigma [C/m2] and saturation.
+        """
         return self._readings.take(counts, out=out, mode="clip")
 
     def saturated(self, counts: NDArray[np.uint16], out: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return where the voltage is so close to an end of the range that it may have been clipped, in `out`."""
+        """Return where the voltage is so close to an end of the range that it may have been clipped.
+
+        Parameters
+        ----------
+        counts : ndarray
+            Counts, uint16, any shape.
+        out : ndarray
+            Array for the result, bool, of the same shape.
+
+        Returns
+        -------
+        ndarray
+            Mask of the saturated counts.
+        """
         return self._saturated.take(counts, out=out, mode="clip")

@@ -109,12 +109,38 @@ def deviation(run: FollowerRun, model: Follower) -> Deviation:
 
 
 def deviations(run: FollowerRun, models: Mapping[str, Follower]) -> dict[str, Deviation]:
-    """Return the error of each model relative to a run, by name."""
+    """Return the error of each model relative to a run.
+
+    Parameters
+    ----------
+    run : FollowerRun
+        Reference run.
+    models : mapping of str to Follower
+        Models by name.
+
+    Returns
+    -------
+    dict of str to Deviation
+        Errors by name.
+    """
     return {name: deviation(run, model) for name, model in models.items()}
 
 
 def slews(run: FollowerRun, loop: ClosedLoop) -> bool:
-    """Return whether a run needs 0.3 or more of the slew rate at `OVERDRIVE`; with less it cannot be identified."""
+    """Return whether a run needs 0.3 or more of the slew rate at `OVERDRIVE`; with less it cannot be identified.
+
+    Parameters
+    ----------
+    run : FollowerRun
+        The run.
+    loop : ClosedLoop
+        Gain and bandwidth of the follower.
+
+    Returns
+    -------
+    bool
+        Whether it slews.
+    """
     lag = run.v_in - OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth).run(run.time, run.v_in).v_out / loop.gain
     return bool(np.max(np.abs(lag)) >= _FIT_SLEW_SHARE * OVERDRIVE)
 
