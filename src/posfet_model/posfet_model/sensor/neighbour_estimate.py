@@ -31,11 +31,11 @@ class NeighbourInterpolation:
     """
 
     def __init__(self, layout: Layout) -> None:
-        self._beside = neighbour_table(layout, [(0, right) for _, right in CORNER_NEIGHBOURS])
-        self._above = neighbour_table(layout, [(down, 0) for down, _ in CORNER_NEIGHBOURS])
-        self._across = neighbour_table(layout, CORNER_NEIGHBOURS)
-        self._inside = self._across < layout.taxels
-        self._all = np.concatenate([self._beside, self._above, self._across], axis=1)
+        self._horizontal = neighbour_table(layout, [(0, right) for _, right in CORNER_NEIGHBOURS])
+        self._vertical = neighbour_table(layout, [(down, 0) for down, _ in CORNER_NEIGHBOURS])
+        self._diagonal = neighbour_table(layout, CORNER_NEIGHBOURS)
+        self._inside = self._diagonal < layout.taxels
+        self._all = np.concatenate([self._horizontal, self._vertical, self._diagonal], axis=1)
         self._values = np.zeros(layout.taxels + 1)
 
     def interpolate(self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float) -> Array:
@@ -58,22 +58,22 @@ class NeighbourInterpolation:
             Forces [N], shape [wanted]. 0 where no known neighbour exceeds `floor`. NaN where every square of a taxel
             contains an `unknown` one or leaves the array.
         """
-        beside, above, across = self._squares(force, unknown, wanted, floor)
+        horizontal, vertical, diagonal = self._squares(force, unknown, wanted, floor)
         with np.errstate(invalid="ignore", divide="ignore"):
-            logarithm = np.log(beside * above / across)
+            logarithm = np.log(horizontal * vertical / diagonal)
             informative = np.isfinite(logarithm)
-            weight = np.where(informative, np.minimum(np.minimum(beside, above), across), 0.0)
+            weight = np.where(informative, np.minimum(np.minimum(horizontal, vertical), diagonal), 0.0)
             weighted = np.add.reduce(weight * np.where(informative, logarithm, 0.0), axis=1)
             estimate: Array = np.exp(weighted / np.add.reduce(weight, axis=1))
-        largest = np.fmax.reduce(np.maximum(beside, above), axis=1)  # of the squares that are known
+        largest = np.fmax.reduce(np.maximum(horizontal, vertical), axis=1)  # of the squares that are known
         estimate[largest <= floor] = 0.0
         return estimate
 
     def lower_bound(self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float) -> Array:
         """Return the smallest force [N] that any square of each `wanted` taxel predicts.
 
-        A square is informative when its other three taxels are known and exceed `floor`. All squares that lie on the
-        array have to be, so that a taxel in a gap between two contacts is not expected to show a force.
+        A square is informative when its other three taxels are known and at least `floor`. All squares that lie on the
+        array have to be informative, so that a taxel in a gap between two contacts is not expected to show a force.
 
         Parameters
         ----------
@@ -84,31 +84,33 @@ class NeighbourInterpolation:
         wanted : ndarray
             Indices of the taxels to bound, shape [wanted].
         floor : float
-            Force above which a taxel is informative [N].
+            Force from which a taxel is informative [N].
 
         Returns
         -------
         ndarray
             Forces [N], shape [wanted]; 0 where a square is not informative.
         """
-        beside, above, across = self._squares(force, unknown, wanted, 0.0)
+        horizontal, vertical, diagonal = self._squares(force, unknown, wanted, 0.0)
         inside = self._inside.take(wanted, axis=0)
-        informative = np.minimum(np.minimum(beside, above), across) >= floor  # False for NaN
+        informative = np.minimum(np.minimum(horizontal, vertical), diagonal) >= floor  # False for NaN
         bounded = (informative | ~inside).all(axis=1) & inside.any(axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
-            values = np.where(informative, beside * above / across, np.inf).min(axis=1)
+            values = np.where(informative, horizontal * vertical / diagonal, np.inf).min(axis=1)
         return np.where(bounded, values, 0.0)
 
     def _squares(
         self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float
     ) -> tuple[Array, Array, Array]:
-        """Return the forces beside, above and across in the squares of the `wanted` taxels, shape [wanted, 4]."""
+        """Return the horizontal, vertical and diagonal neighbours' forces in each square, shape [wanted, 4]."""
         values = self._values
         np.maximum(force, floor, out=values[:-1])
         values[:-1][unknown] = np.nan
         values[-1] = np.nan
-        beside, above, across = (table.take(wanted, axis=0) for table in (self._beside, self._above, self._across))
-        return values.take(beside), values.take(above), values.take(across)
+        horizontal, vertical, diagonal = (
+            values.take(table.take(wanted, axis=0)) for table in (self._horizontal, self._vertical, self._diagonal)
+        )
+        return horizontal, vertical, diagonal
 
     def max_neighbour(self, level: Array) -> Array:
         """Return the largest value among the eight neighbours of each taxel.
