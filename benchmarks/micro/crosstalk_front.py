@@ -8,7 +8,7 @@ from benchmarks.micro.crosstalk_methods import LARGEST_DENSE, NOISE, PITCH, SHAR
 from benchmarks.outcome import Chart, Outcome, Point, Table
 from benchmarks.timing import microseconds
 from posfet_model.reconstruction.force_image import non_negative
-from posfet_model.sensor.crosstalk import CrosstalkInverse
+from posfet_model.sensor.crosstalk import CrosstalkCompensator
 from posfet_model.sensor.description import Layout
 
 SIZES = (5, 16, 32, 64)
@@ -24,9 +24,9 @@ def measure(full: bool) -> Outcome:
     for size in SIZES:
         layout = Layout(1, size, size, PITCH, PITCH, 1e-6)
         true = np.random.default_rng(0).normal(size=size * size)
-        chosen = CrosstalkInverse(layout, SHARE)
+        chosen = CrosstalkCompensator(layout, SHARE)
         matrix = mixing(size) if size <= LARGEST_DENSE else None
-        sines = CrosstalkInverse(layout, SHARE)
+        sines = CrosstalkCompensator(layout, SHARE)
         sines._dense = None
         shown = matrix @ true if matrix is not None else _mix(true, size)
         ways = {
@@ -42,7 +42,7 @@ def measure(full: bool) -> Outcome:
             rows.append((name, f"{size} x {size}", taken, error))
             series.setdefault(name, []).append((taken, max(error, 1e-17), f"{size} x {size}"))
     force = sphere_forces(0.3e-3, -0.2e-3, 1.0, 1.5e-3, 8e6, SPREAD, PITCH, 5)
-    inverse = CrosstalkInverse(Layout(1, 5, 5, PITCH, PITCH, 1e-6), SHARE)
+    inverse = CrosstalkCompensator(Layout(1, 5, 5, PITCH, PITCH, 1e-6), SHARE)
     noisy = inverse.apply(mixing(5) @ force + np.random.default_rng(1).normal(0, NOISE, 25))
     variance = np.full(25, NOISE**2)
     for name, way in (

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from posfet_model.reconstruction.force_image import non_negative
-from posfet_model.sensor.crosstalk import DENSE, CrosstalkInverse
+from posfet_model.sensor.crosstalk import DENSE, CrosstalkCompensator
 from posfet_model.sensor.description import Layout
 from reference.active_set import solve
 from reference.dense_pressure import sphere_forces
@@ -65,14 +65,14 @@ def inverses(size: int) -> None:
     true = np.random.default_rng(0).normal(size=size * size)
     matrix = mixing(size)
     shown = matrix @ true
-    chosen = CrosstalkInverse(layout, SHARE)
+    chosen = CrosstalkCompensator(layout, SHARE)
     cells = []
     if size <= LARGEST_DENSE:
         dense = np.linalg.inv(matrix)
         cells.append(f"{least_time(lambda: dense @ shown):6.1f} {np.abs(dense @ shown - true).max():8.0e}")
     else:
         cells.append(f"{'-':>6s} {'-':>8s}")
-    sines = CrosstalkInverse(layout, SHARE)
+    sines = CrosstalkCompensator(layout, SHARE)
     sines._dense = None
     cells.append(f"{least_time(lambda: sines.apply(shown)):6.1f} {np.abs(sines.apply(shown) - true).max():8.0e}")
     rounds = by_neighbours(shown, size)
@@ -86,7 +86,7 @@ def contacts(reach: int) -> None:
     size = 2 * reach + 1
     rng = np.random.default_rng(1)
     force = sphere_forces(0.3e-3, -0.2e-3, 1.0, 1.5e-3, 8e6, SPREAD, PITCH, size)
-    matrix, inverse = mixing(size), CrosstalkInverse(Layout(1, size, size, PITCH, PITCH, 1e-6), SHARE)
+    matrix, inverse = mixing(size), CrosstalkCompensator(Layout(1, size, size, PITCH, PITCH, 1e-6), SHARE)
     variance = np.full(size * size, NOISE**2)
     errors = np.zeros(3)
     for _ in range(20):

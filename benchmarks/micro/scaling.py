@@ -15,7 +15,7 @@ from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan
-from posfet_model.sensor.signal_chain import ForwardChain
+from posfet_model.sensor.signal_chain import ForwardSignalChain
 
 SIDES = (5, 8, 16, 32, 64, 128)
 CONTACTS = (0, 1, 2, 4, 8, 16, 32, 64)
@@ -47,7 +47,7 @@ class Player:
 
     def __init__(self, sensor: Sensor, contacts: int, seed: int = 0) -> None:
         rng = np.random.default_rng(seed)
-        chain = ForwardChain(sensor, rng)
+        chain = ForwardSignalChain(sensor, rng)
         step = 1 / sensor.can.scan_rate
         self.reconstructor = Reconstructor(sensor)
         self.scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)

@@ -12,7 +12,7 @@ from benchmarks.timing import microseconds
 from posfet_model.device import adc
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import FULL_SCALE_COUNT
-from posfet_model.sensor.signal_chain import SCALE_BITS, InverseChain
+from posfet_model.sensor.signal_chain import SCALE_BITS, InverseSignalChain
 
 SIZES = (5, 16, 32, 64)
 NEWTON_STEPS = 2
@@ -63,7 +63,7 @@ def measure(full: bool) -> Outcome:
     exact_all = (low + wide * (high - low) / FULL_SCALE_COUNT) / np.longdouble(sensor.amplifier.follower_gain)
     exact_all = (exact_all - np.longdouble(sensor.amplifier.offset)) * np.longdouble(sensor.device.film_capacitance)
     per_newton = abs(sensor.device.piezoelectric_coefficient) / sensor.layout.taxel_area
-    table = InverseChain(sensor)
+    table = InverseSignalChain(sensor)
     for size in SIZES:
         counts = rng.integers(0, FULL_SCALE_COUNT + 1, size * size).astype(np.uint16)
         out = np.zeros(size * size)

@@ -22,7 +22,7 @@ from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
-from posfet_model.sensor.signal_chain import ForwardChain
+from posfet_model.sensor.signal_chain import ForwardSignalChain
 
 BASELINE = ROOT / "test" / "data" / "speed" / "scan_cost.json"
 SENSOR = load_sensor()
@@ -34,7 +34,7 @@ CASES = {"idle": False, "touched": True}
 
 def frames_of(touched: bool) -> list[list[Frame]]:
     """Return the frames of each scan: rest, then two fingertips that stay, or rest all along."""
-    chain, codec = ForwardChain(SENSOR, np.random.default_rng(3)), make_codec(SENSOR)
+    chain, codec = ForwardSignalChain(SENSOR, np.random.default_rng(3)), make_codec(SENSOR)
     force = np.zeros((5, 5))
     force[1:3, 0:2], force[3:5, 3:5] = 0.3, 0.2
     scan = Scan.empty(SENSOR.layout.id, SENSOR.layout.taxels)

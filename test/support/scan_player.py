@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
-from posfet_model.sensor.signal_chain import ForwardChain
+from posfet_model.sensor.signal_chain import ForwardSignalChain
 
 Forces: TypeAlias = "NDArray[np.floating[Any]]"
 START = 1_700_000_000_000_000_000
@@ -46,7 +46,7 @@ def scans(
     layout = device.layout
     if shape is None:
         shape = np.eye(1, layout.taxels, layout.taxels // 2)[0]
-    chain = ForwardChain(device, np.random.default_rng(seed))
+    chain = ForwardSignalChain(device, np.random.default_rng(seed))
     scan = Scan.empty(layout.id, layout.taxels)
     for index in range(round(duration * rate)):
         time = index / rate

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from posfet_model.estimation.force_observer import ForceObserver
 from posfet_model.estimation.settings import ObserverSettings
 from posfet_model.sensor.description import Sensor, load_sensor
-from posfet_model.sensor.signal_chain import ForwardChain, InverseChain, noise_of_a_scan
+from posfet_model.sensor.signal_chain import ForwardSignalChain, InverseSignalChain, force_noise_rms
 from reference.held_force import KNOWN_LEAK
 from support.scan_player import nothing, press, scans
 
@@ -29,7 +29,7 @@ class Watch:
 
     def __init__(self, model: Sensor = SENSOR, settings: ObserverSettings | None = None) -> None:
         self.observer = ForceObserver(model, settings)
-        self._inverse = InverseChain(model)
+        self._inverse = InverseSignalChain(model)
         self._threshold = model.contact.threshold
         self._charge = np.zeros(TAXELS)
         self._touched = np.zeros(TAXELS, np.bool_)
@@ -68,7 +68,7 @@ def test_two_newton_held_for_20_s_stay_within_the_deviation_and_1_percent() -> N
     assert np.abs(held - 2.0).max() < 0.02
     assert abs(held[-1] - 2.0) < 3 * watch.deviation()[MIDDLE]
     # The signal itself has leaked away e^-74.
-    assert watch.deviation()[MIDDLE] > 3 * noise_of_a_scan(SENSOR)
+    assert watch.deviation()[MIDDLE] > 3 * force_noise_rms(SENSOR)
 
 
 def test_deviation_grows_while_held_and_is_small_again_after_release() -> None:
@@ -99,13 +99,13 @@ def test_white_noise_alone_adds_up_to_the_random_walk_of_the_docstring() -> None
     n, step, tau = 2000, 1e-3, SENSOR.device.leak_time_constant
     ends = []
     for seed in range(12):
-        chain, inverse = ForwardChain(SENSOR, np.random.default_rng(seed)), InverseChain(SENSOR)
+        chain, inverse = ForwardSignalChain(SENSOR, np.random.default_rng(seed)), InverseSignalChain(SENSOR)
         observer, charge = ForceObserver(SENSOR), np.zeros(TAXELS)
         for _ in range(n):
             chain.advance(np.zeros(TAXELS), 25.0, step)
             observer.advance(inverse.charge(chain.counts(), charge), np.full(2, 25.0, np.float32), step)
         ends.append(observer.force.copy())
-    noise = noise_of_a_scan(SENSOR)
+    noise = force_noise_rms(SENSOR)
     expected = noise * math.sqrt((1 + n * step / tau) ** 2 + 1 + n * (step / tau) ** 2)
     # 300 samples: the deviation is known to 4 %.
     assert np.std(ends) == pytest.approx(expected, rel=0.15)
@@ -258,7 +258,7 @@ def test_saturation_makes_the_deviation_grow_by_what_may_have_leaked() -> None:
 def test_without_anything_the_zero_stays_for_a_minute_of_slow_scans() -> None:
     watch = Watch()
     forces = [watch.take(time, scan).copy() for time, scan in scans(SENSOR, 60.0, force=nothing, rate=100.0)]
-    assert np.abs(forces[100:]).max() < 5 * noise_of_a_scan(SENSOR) * 2
+    assert np.abs(forces[100:]).max() < 5 * force_noise_rms(SENSOR) * 2
     assert watch.observer.restarts == 0
 
 

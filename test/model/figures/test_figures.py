@@ -64,7 +64,7 @@ def test_axes_are_named_and_lines_differ_in_more_than_colour(name: str) -> None:
         row = [other for other in panels if other.get_subplotspec().rowspan == place.rowspan]
         assert any(other.get_xlabel() for other in column)
         assert any(other.get_ylabel() for other in row)
-        looks: dict[tuple[object, ...], str] = {}
+        line_styles: dict[tuple[object, ...], str] = {}
         for line in axes.get_lines():
             if np.size(line.get_xdata()) > 2:
                 look = (
@@ -73,5 +73,5 @@ def test_axes_are_named_and_lines_differ_in_more_than_colour(name: str) -> None:
                     line.get_marker(),
                     line.get_linewidth(),
                 )
-                colour = looks.setdefault(look, line.get_color())
+                colour = line_styles.setdefault(look, line.get_color())
                 assert colour == line.get_color(), f"two colours of the same dashes: {look}"

@@ -18,7 +18,7 @@ from posfet_model.contacts.tracker import Contact, ContactState
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor, TaxelStatus
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
-from posfet_model.sensor.signal_chain import ForwardChain, leak_step
+from posfet_model.sensor.signal_chain import ForwardSignalChain, leakage_step
 from posfet_sim.calibration.simulated_bench import calibrate
 from posfet_sim.commands.score import Run, differing
 from posfet_sim.commands.score import run as run_score
@@ -83,7 +83,7 @@ def test_a_fingertip_presses_and_lifts() -> None:
 @pytest.mark.parametrize("newton", [0.5, 2.0])
 def test_a_slide_across_the_array_keeps_its_id_and_place(newton: float) -> None:
     reconstructor = Reconstructor(SENSOR)
-    chain = ForwardChain(SENSOR, np.random.default_rng(8))
+    chain = ForwardSignalChain(SENSOR, np.random.default_rng(8))
     scan = Scan.empty(LAYOUT.id, LAYOUT.taxels)
     places = np.linspace(-3e-3, 3e-3, 41)
     shapes = [sphere(x, 0.5e-3) * newton for x in places]
@@ -275,13 +275,13 @@ def test_an_interruption_is_not_valid_and_heals_within_50_ms() -> None:
 @pytest.mark.parametrize("lag", [0.7, 1.0, 1.3])
 @pytest.mark.parametrize("rate", [0.25, 1.0, -1.0])
 def test_an_abrupt_ramp_of_temperature_at_10_hz_is_no_contact(rate: float, lag: float) -> None:
-    reconstructor, chain = Reconstructor(SENSOR), ForwardChain(SENSOR, np.random.default_rng(2))
+    reconstructor, chain = Reconstructor(SENSOR), ForwardSignalChain(SENSOR, np.random.default_rng(2))
     scan = Scan.empty(LAYOUT.id, LAYOUT.taxels)
     behind = 0.0
     contacts = 0
     for index in range(4000):
         warmth = min(max((index - 1000) * 1e-3 * abs(rate), 0.0), 5.0)
-        step = leak_step(1e-3, lag * SENSOR.device.thermal_time_constant)
+        step = leakage_step(1e-3, lag * SENSOR.device.thermal_time_constant)
         behind = step.decay * behind + step.mean * (abs(rate) * 1e-3 if 0 < warmth < 5.0 else 0.0)
         chain.advance(np.zeros(LAYOUT.taxels), 25.0 + math.copysign(warmth - behind, rate), 1e-3)
         chain.counts(scan.counts)

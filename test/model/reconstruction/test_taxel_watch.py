@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
 from posfet_model.reconstruction.taxel_faults import TaxelFaultSettings, TaxelStatus, longest_run
 from posfet_model.sensor.description import Sensor, load_sensor
-from posfet_model.sensor.neighbour_estimate import ESTIMATE_DEVIATION, Surroundings
+from posfet_model.sensor.neighbour_estimate import INTERPOLATION_UNCERTAINTY, NeighbourInterpolation
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import volts_per_count
 from reference.dense_pressure import sphere_forces
@@ -115,9 +115,9 @@ def test_a_dead_taxel_is_found_by_its_first_touch_and_the_contact_goes_on_withou
     [contact] = results[-1].contacts
     assert taxel not in contact.region.taxels
     estimated = shape[taxel] * 1.5
-    assert abs(contact.region.force - 1.5 * shape.sum()) < 2 * ESTIMATE_DEVIATION * estimated + 0.01
+    assert abs(contact.region.force - 1.5 * shape.sum()) < 2 * INTERPOLATION_UNCERTAINTY * estimated + 0.01
     _, undisturbed, _ = run(well, 1.5, press(1.5, 0.5, 9.0), shape)
-    expected = math.hypot(known_to(undisturbed), ESTIMATE_DEVIATION * estimated)
+    expected = math.hypot(known_to(undisturbed), INTERPOLATION_UNCERTAINTY * estimated)
     assert known_to(results) == pytest.approx(expected, rel=0.25)
     assert math.dist(contact.region.centre_of_pressure, (x, y)) < 0.15e-3
     image = reconstructor.image()
@@ -136,7 +136,7 @@ def test_a_gap_between_two_contacts_is_no_dead_taxel() -> None:
 
 def test_one_or_two_spheres_anywhere_leave_every_taxel_alive() -> None:
     rng = np.random.default_rng(3)
-    surroundings, none, everywhere = Surroundings(LAYOUT), np.zeros(25, np.bool_), np.arange(25)
+    surroundings, none, everywhere = NeighbourInterpolation(LAYOUT), np.zeros(25, np.bool_), np.arange(25)
     told = 0
     spheres = []
     for _ in range(40):
@@ -145,7 +145,7 @@ def test_one_or_two_spheres_anywhere_leave_every_taxel_alive() -> None:
         spheres.append(sphere(x, y, 2.0, radius, modulus))
     pairs = [spheres[i] + spheres[j] for i, j in rng.integers(0, len(spheres), (400, 2))]
     for force in spheres + pairs:
-        least = surroundings.least(force, none, everywhere, 1.7e-3)
+        least = surroundings.lower_bound(force, none, everywhere, 1.7e-3)
         pressed = least >= 5 * SENSOR.contact.threshold
         told += int(np.count_nonzero(pressed))
         assert (force[pressed] >= 1.5 * TaxelFaultSettings().dead * least[pressed]).all()
@@ -154,17 +154,17 @@ def test_one_or_two_spheres_anywhere_leave_every_taxel_alive() -> None:
 
 def test_what_a_taxel_should_read_is_told_within_the_deviation_that_is_claimed() -> None:
     rng = np.random.default_rng(4)
-    surroundings, none = Surroundings(LAYOUT), np.zeros(25, np.bool_)
+    surroundings, none = NeighbourInterpolation(LAYOUT), np.zeros(25, np.bool_)
     errors = []
     for _ in range(40):
         x, y = rng.uniform(-3e-3, 3e-3, 2)
         force = sphere(x, y, 1.5, rng.choice([1.5e-3, 6e-3]), 2e6)
         read = force * rng.normal(1.0, 0.05, 25) + rng.normal(0, 0.35e-3, 25)
-        estimate = surroundings.estimate(read, none, np.arange(25), 1.7e-3)
+        estimate = surroundings.interpolate(read, none, np.arange(25), 1.7e-3)
         pressed = force > SENSOR.contact.threshold
         errors += (estimate[pressed] / force[pressed] - 1.0).tolist()
     assert len(errors) > 200
-    assert np.mean(np.abs(errors) < 2 * ESTIMATE_DEVIATION) >= 0.95
+    assert np.mean(np.abs(errors) < 2 * INTERPOLATION_UNCERTAINTY) >= 0.95
 
 
 @pytest.mark.parametrize("count", [REST, 0x9000, 0, 0xFFFF])
@@ -266,7 +266,7 @@ def test_a_noisy_taxel_whose_noise_hides_a_touch_is_guessed() -> None:
     assert statuses[890][12] == TaxelStatus.NOISY
     assert not any(result.contacts for result in results[500:899])
     _, undisturbed, _ = run(well, 1.5, press(1.5, 0.9, 9.0))
-    expected = math.hypot(known_to(undisturbed), ESTIMATE_DEVIATION * 1.5 * FINGER[12])
+    expected = math.hypot(known_to(undisturbed), INTERPOLATION_UNCERTAINTY * 1.5 * FINGER[12])
     assert known_to(results) == pytest.approx(expected, rel=0.25)
 
 

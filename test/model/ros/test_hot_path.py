@@ -27,7 +27,7 @@ from posfet_model.ros.model_node import ModelNode
 from posfet_model.ros.subscriptions import Listeners
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
-from posfet_model.sensor.signal_chain import ForwardChain
+from posfet_model.sensor.signal_chain import ForwardSignalChain
 from posfet_msgs.msg import TactileContacts
 
 pytestmark = pytest.mark.ros
@@ -43,7 +43,7 @@ BLOCKS_A_SCAN = 0.9
 
 def played(touched: bool, count: int = REST + SCANS) -> list[np.ndarray]:
     """Return counts of a board: rest, then two fingertips that stay, or rest all along."""
-    chain = ForwardChain(SENSOR, np.random.default_rng(3))
+    chain = ForwardSignalChain(SENSOR, np.random.default_rng(3))
     force = np.zeros((5, 5))
     force[1:3, 0:2] = 0.3
     force[3:5, 3:5] = 0.2

@@ -29,7 +29,7 @@ from posfet_model.reconstruction.reconstructor import TaxelStatus
 from posfet_model.ros.model_node import ModelNode
 from posfet_model.sensor.description import SENSOR_FOLDER, load_sensor
 from posfet_model.sensor.scan import ScanStatus
-from posfet_model.sensor.signal_chain import ForwardChain
+from posfet_model.sensor.signal_chain import ForwardSignalChain
 from posfet_msgs.msg import TactileContact, TactileContacts, TactileImage, TactileInfo, TactileRaw, TactileVibration
 from posfet_msgs.srv import CalibrationFile
 from posfet_msgs.srv import Tare as TareService
@@ -88,7 +88,7 @@ def bench() -> Iterator[Bench]:
 def recorded_scans() -> list[TactileRaw]:
     """Scans of a sphere that presses from scan 300 to 399, at 1 kHz."""
     layout = SENSOR.layout
-    chain = ForwardChain(SENSOR, np.random.default_rng(3))
+    chain = ForwardSignalChain(SENSOR, np.random.default_rng(3))
     pressed = sphere_forces(X, Y, FORCE, 6e-3, 1e6, SENSOR.device.contact_spread, layout.pitch_x, layout.rows)
     messages = []
     for index in range(SCANS):

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from posfet_model.device import adc
 from posfet_model.device.charge import invert_first_order_hold, propagate_first_order_hold
 from posfet_model.sensor.description import Sensor, load_sensor
-from posfet_model.sensor.signal_chain import ForwardChain, InverseChain, charge_per_newton, leak_step
+from posfet_model.sensor.signal_chain import ForwardSignalChain, InverseSignalChain, charge_per_newton, leakage_step
 
 SENSOR = load_sensor()
 TAXELS = SENSOR.layout.taxels
@@ -57,7 +57,7 @@ def integrated_at_100_khz(duration: float, every: int) -> list[float]:
 @pytest.mark.parametrize("every", [10, 100])
 def test_chain_equals_plain_integration_at_100_khz(every: int) -> None:
     step = every * 1e-5
-    chain = ForwardChain(SENSOR)
+    chain = ForwardSignalChain(SENSOR)
     chain.advance(np.zeros(TAXELS), temperature_at(0.0), step)
     volts = []
     for index in range(1, round(0.5 / step) + 1):
@@ -74,7 +74,7 @@ def test_chain_equals_plain_integration_at_100_khz(every: int) -> None:
 
 def test_one_long_step_equals_many_short_ones() -> None:
     target = np.linspace(0, 4, TAXELS)
-    long, short = ForwardChain(SENSOR), ForwardChain(SENSOR)
+    long, short = ForwardSignalChain(SENSOR), ForwardSignalChain(SENSOR)
     for chain in (long, short):
         chain.advance(np.zeros(TAXELS), 20.0, 1e-3)
     long.advance(target, 21.0, 0.8)
@@ -85,7 +85,7 @@ def test_one_long_step_equals_many_short_ones() -> None:
 
 @given(ratio=st.floats(1e-9, 1e3), start=st.floats(-1, 1), end=st.floats(-1, 1), rise=st.floats(-1, 1))
 def test_coefficients_of_a_step_are_the_charge_functions(ratio: float, start: float, end: float, rise: float) -> None:
-    leak = leak_step(ratio * 0.27, 0.27)
+    leak = leakage_step(ratio * 0.27, 0.27)
     forward = leak.decay * start + leak.mean * rise
     backward = (end - start) / leak.mean + leak.ratio * start
     assert forward == pytest.approx(float(propagate_first_order_hold(start, 0, rise, ratio * 0.27, 0.27)), abs=1e-15)
@@ -96,7 +96,7 @@ def test_coefficients_of_a_step_are_the_charge_functions(ratio: float, start: fl
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
 def test_counts_are_those_of_the_converter_on_the_16_bit_scale(bits: int) -> None:
     sensor = with_adc(bits=bits)
-    chain = ForwardChain(sensor)
+    chain = ForwardSignalChain(sensor)
     chain.advance(np.zeros(TAXELS), 25.0, 1e-3)
     chain.advance(np.linspace(-6, 6, TAXELS), 25.0, 1e-3)
     codes = adc.volts_to_counts(chain.volts(), bits, sensor.adc.low, sensor.adc.high).counts.astype(int)
@@ -108,7 +108,7 @@ def test_counts_are_those_of_the_converter_on_the_16_bit_scale(bits: int) -> Non
 
 def test_last_code_of_a_short_converter_is_full_scale() -> None:
     amplifier = replace(SENSOR.amplifier, rail_low=-20.0, rail_high=20.0)
-    chain = ForwardChain(replace(with_adc(bits=12), amplifier=amplifier))
+    chain = ForwardSignalChain(replace(with_adc(bits=12), amplifier=amplifier))
     chain.advance(np.full(TAXELS, 9.0), 25.0, 1e-3)
     assert (chain.counts() == 0xFFFF).all()
     chain.advance(np.full(TAXELS, -9.0), 25.0, 1e-3)
@@ -116,7 +116,7 @@ def test_last_code_of_a_short_converter_is_full_scale() -> None:
 
 
 def test_output_stays_between_the_rails_and_offset_passes_the_follower() -> None:
-    chain = ForwardChain(replace(SENSOR, amplifier=replace(SENSOR.amplifier, offset=0.1)))
+    chain = ForwardSignalChain(replace(SENSOR, amplifier=replace(SENSOR.amplifier, offset=0.1)))
     chain.advance(np.zeros(TAXELS), 25.0, 1e-3)
     np.testing.assert_allclose(chain.volts(), 0.1 * SENSOR.amplifier.follower_gain, rtol=0, atol=1e-15)
     chain.advance(np.full(TAXELS, 50.0), 25.0, 1e-3)
@@ -124,7 +124,7 @@ def test_output_stays_between_the_rails_and_offset_passes_the_follower() -> None
 
 
 def test_inverse_returns_the_charge_to_half_a_step_of_the_converter() -> None:
-    chain, inverse = ForwardChain(SENSOR), InverseChain(SENSOR)
+    chain, inverse = ForwardSignalChain(SENSOR), InverseSignalChain(SENSOR)
     chain.advance(np.zeros(TAXELS), 25.0, 1e-3)
     chain.advance(np.linspace(-4, 5, TAXELS), 25.0, 1e-3)
     charge = inverse.charge(chain.counts(), np.empty(TAXELS))
@@ -134,7 +134,7 @@ def test_inverse_returns_the_charge_to_half_a_step_of_the_converter() -> None:
 
 
 def test_saturation_is_flagged_at_both_ends_under_noise() -> None:
-    chain, inverse = ForwardChain(SENSOR, np.random.default_rng(4)), InverseChain(SENSOR)
+    chain, inverse = ForwardSignalChain(SENSOR, np.random.default_rng(4)), InverseSignalChain(SENSOR)
     force = np.zeros(TAXELS)
     force[:5], force[5:10] = 8.0, -8.0
     chain.advance(force, 25.0, 1e-3)
@@ -147,7 +147,7 @@ def test_saturation_is_flagged_at_both_ends_under_noise() -> None:
 
 
 def test_noise_has_the_stated_deviation_and_the_seed_repeats_it() -> None:
-    chain, again = (ForwardChain(SENSOR, np.random.default_rng(9)) for _ in range(2))
+    chain, again = (ForwardSignalChain(SENSOR, np.random.default_rng(9)) for _ in range(2))
     draws = np.array([chain.counts() for _ in range(400)], float)
     np.testing.assert_array_equal(draws, [again.counts() for _ in range(400)])
     step = 10 / 65535
@@ -167,11 +167,11 @@ def test_noise_has_the_stated_deviation_and_the_seed_repeats_it() -> None:
     ],
 )
 def test_bad_arguments_are_named(force: Any, temperature: float, step: float, named: str) -> None:
-    chain = ForwardChain(SENSOR)
+    chain = ForwardSignalChain(SENSOR)
     with pytest.raises(ValueError, match=named):
         chain.advance(force, temperature, step)
 
 
 def test_a_converter_lost_in_noise_is_refused() -> None:
     with pytest.raises(ValueError, match=r"adc\.noise"):
-        InverseChain(with_adc(noise=2.0))
+        InverseSignalChain(with_adc(noise=2.0))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from posfet_model.reconstruction.force_image import non_negative
 from posfet_model.reconstruction.reconstructor import Reconstructor
-from posfet_model.sensor.crosstalk import CrosstalkInverse
+from posfet_model.sensor.crosstalk import CrosstalkCompensator
 from posfet_model.sensor.description import Layout, load_sensor
 from reference.active_set import solve
 from reference.dense_pressure import sphere_forces
@@ -40,13 +40,13 @@ def layout(rows: int, cols: int) -> Layout:
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.02, 0.05, 0.12])
 def test_it_is_the_inverse(rows: int, cols: int, share: float) -> None:
     true = np.random.default_rng(1).normal(size=rows * cols)
-    undone = CrosstalkInverse(layout(rows, cols), share).apply(mixing(rows, cols, share) @ true)
+    undone = CrosstalkCompensator(layout(rows, cols), share).apply(mixing(rows, cols, share) @ true)
     np.testing.assert_allclose(undone, true, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(("rows", "cols"), [(5, 5), (20, 20)])
 def test_no_pattern_is_amplified_more_than_twice(rows: int, cols: int) -> None:
-    inverse = CrosstalkInverse(layout(rows, cols), 0.2)
+    inverse = CrosstalkCompensator(layout(rows, cols), 0.2)
     dense = np.stack([inverse.apply(unit) for unit in np.eye(rows * cols)])
     assert np.linalg.norm(dense, 2) <= 2.0 + 1e-9
     assert np.linalg.norm(np.linalg.inv(mixing(rows, cols, 0.2)), 2) > 2.5
@@ -54,7 +54,7 @@ def test_no_pattern_is_amplified_more_than_twice(rows: int, cols: int) -> None:
 
 def test_the_share_has_a_range() -> None:
     with pytest.raises(ValueError, match="share"):
-        CrosstalkInverse(layout(2, 2), 0.3)
+        CrosstalkCompensator(layout(2, 2), 0.3)
 
 
 @given(
@@ -84,7 +84,7 @@ def test_undone_and_kept_from_below_zero_is_least_squares_of_what_was_shown(shar
     rng = np.random.default_rng(7)
     force = sphere_forces(0.3e-3, -0.2e-3, 0.3, 1.5e-3, 8e6, SENSOR.device.contact_spread, 1.5e-3, 5)
     told = share * wrong
-    inverse = CrosstalkInverse(layout(5, 5), told)
+    inverse = CrosstalkCompensator(layout(5, 5), told)
     before, after = 0.0, 0.0
     for _ in range(50):
         shown = mixing(5, 5, share) @ force + rng.normal(0, NOISE, 25)

@@ -294,11 +294,11 @@ class TestWithoutNgspice:
             ("echo 'doAnalyses: TRAN:  Timestep too small'", "too small"),
             ("exit 3", "status 3"),
             ("true", "no output"),
-            ("printf 'Title: x\\nBinary:\\n' > out.raw", "no proper head"),
+            ("printf 'Title: x\\nBinary:\\n' > out.raw", "malformed header"),
             ("printf 'Flags: real\\nNo. Variables: 3\\nNo. Points: 9\\nBinary:\\nabc' > out.raw", "ends before its 9"),
             (
                 "printf 'Flags: complex\\nNo. Variables: 3\\nNo. Points: 9\\nBinary:\\n' > out.raw",
-                "not of the analysis",
+                "not of the requested analysis",
             ),
         ],
     )
@@ -320,7 +320,7 @@ def raw(time: np.ndarray, v_out: np.ndarray) -> bytes:
     ("time", "v_out", "reason"),
     [
         (np.linspace(0, 0.5e-3, 501), np.linspace(0, 1, 501), "stopped at 0.0005 s of 0.001 s"),
-        (np.linspace(0, 1e-3, 101), np.linspace(0, 1, 101), "steps reach"),
+        (np.linspace(0, 1e-3, 101), np.linspace(0, 1, 101), "steps range"),
         (np.linspace(0, 1e-3, 1001), np.linspace(0, 1, 1001) > 0.5, "coarse"),
         (np.linspace(0, 1e-3, 1001), np.full(1001, math.nan), "not finite"),
     ],

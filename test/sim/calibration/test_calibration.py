@@ -148,7 +148,7 @@ def test_a_recording_that_shows_too_little_is_refused(recording: Recording) -> N
     force[:, 5] = 0.0
     with pytest.raises(ValueError, match="taxel 5"):
         fit(SENSOR, replace(recording, force=force), DATE)
-    with pytest.raises(ValueError, match="no taxel answers"):
+    with pytest.raises(ValueError, match="no taxel responds"):
         fit(SENSOR, replace(recording, counts=np.full_like(recording.counts, 32768)), DATE)
     with pytest.raises(ValueError, match="time constants"):
         fit(

@@ -10,7 +10,7 @@ import pytest
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan
-from posfet_model.sensor.signal_chain import ForwardChain
+from posfet_model.sensor.signal_chain import ForwardSignalChain
 from posfet_sim.device.imperfections import KEYS, OF_THE_SENSOR, Imperfections, load_imperfections
 from posfet_sim.device.sample_clock import SimClock
 from posfet_sim.device.simulated_board import SimulatedBoard
@@ -61,7 +61,7 @@ def test_without_imperfections_it_is_the_chain_of_the_sensor_file() -> None:
     assert not spread.status.any()
     for values in (spread.charge_per_newton, spread.leak_time_constant, spread.volts_per_charge, spread.offset):
         assert np.ptp(values) == 0
-    resting = ForwardChain(SENSOR).volts()
+    resting = ForwardSignalChain(SENSOR).volts()
     np.testing.assert_allclose(volts(SILENT, 10), resting, atol=1e-15)
 
 

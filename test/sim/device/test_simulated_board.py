@@ -10,7 +10,7 @@ import pytest
 
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
-from posfet_model.sensor.signal_chain import ForwardChain, charge_per_newton
+from posfet_model.sensor.signal_chain import ForwardSignalChain, charge_per_newton
 from posfet_sim.device.imperfections import Imperfections
 from posfet_sim.device.simulated_board import OVERTEMPERATURE, SimulatedBoard
 from posfet_sim.scene import SCENE_FOLDER, Scene, SceneLoads, Track, load_scene
@@ -135,9 +135,9 @@ def test_the_error_against_every_taxel_at_100_kilohertz_is_below_a_thousandth(na
 
 def full_computation(
     sensor: Sensor, scene: Scene, scans: int, rate: float = RATE, begin: int = 0
-) -> Iterable[ForwardChain]:
+) -> Iterable[ForwardSignalChain]:
     """Every taxel in every scan, and the film's temperature by its own formula; nothing may change before `begin`."""
-    chain = ForwardChain(sensor)
+    chain = ForwardSignalChain(sensor)
     loads = SceneLoads(scene, sensor)
     ratio = 1 / rate / sensor.device.thermal_time_constant
     chip = film = loads.temperatures([0.0])[0]

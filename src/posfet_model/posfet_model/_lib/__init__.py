@@ -1,1 +1,1 @@
-"""Private numerics: argument checks, reductions of small arrays, first-order systems. Imports no other room."""
+"""Private helpers: argument validation, array types, units, fast reductions, first-order systems. No other imports."""

@@ -7,22 +7,35 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-_BLOCK_ELEMENTS: Final = 1 << 14  # a block and its copies stay in the cache of the processor
+_BLOCK_ELEMENTS: Final = 1 << 14  # a block and its copies fit into the processor's cache
 
+_WIDE: Final = 512  # elements of a row from which a loop over rows is faster
 
-_WIDE: Final = 512
-
-
-_NOTHING: Final = 1e-25  # a share of an earlier row too small to be seen beside it in float64
+_NEGLIGIBLE: Final = 1e-25  # factor of an earlier row that is below rounding in float64
 
 
 def linear_recurrence(factor: NDArray[Any], addend: NDArray[Any], start: NDArray[Any]) -> NDArray[Any]:
-    """Return x with ``x[k] = factor[k]*x[k-1] + addend[k]`` and ``x[-1] = start``, in the memory of addend.
+    """Return x with ``x[k] = factor[k]*x[k-1] + addend[k]`` and ``x[-1] = start``.
 
-    addend has shape [t] or [t, n], start the shape of one row, factor that of addend or [t, 1]; |factor| <= 1 is needed
-    for accuracy. The series is cut into blocks; within one, neighbouring rows are merged into rows of double reach
-    until each reaches the start of the block, or so far back that nothing is left of it (Kogge and Stone 1973). That
-    takes log2 passes of whole-array arithmetic instead of a loop. Wide rows are worth a pass each.
+    Parameters
+    ----------
+    factor : ndarray
+        Of the shape of `addend` or [t, 1]; |factor| <= 1 is needed for accuracy.
+    addend : ndarray
+        Shape [t] or [t, n]; overwritten by the result.
+    start : ndarray
+        Initial value, of the shape of one row.
+
+    Returns
+    -------
+    ndarray
+        x, in the memory of `addend`.
+
+    Notes
+    -----
+    The series is divided into blocks. Within a block, neighbouring rows are merged into rows of twice the reach until
+    each reaches the start of the block, or so far back that the contribution is negligible (Kogge and Stone 1973). That
+    takes log2 passes of whole-array arithmetic instead of a loop. Wide rows are processed in a loop, one pass each.
     """
     result, row = addend, start
     if start.size >= _WIDE:
@@ -41,20 +54,30 @@ def _solve_block(factor: NDArray[Any], start: NDArray[Any], result: NDArray[Any]
     """Solve one block, in place."""
     result[0] += factor[0] * start
     product, reach = factor, 1
-    while reach < len(result) and np.abs(product).max(initial=0.0) > _NOTHING:
+    while reach < len(result) and np.abs(product).max(initial=0.0) > _NEGLIGIBLE:
         result[reach:] += product[reach:] * result[:-reach]
         product = np.concatenate([product[:reach], product[reach:] * product[:-reach]])
         reach *= 2
 
 
-_TINY: Final = 1e-20  # below, the result is 1 to rounding, and complex division would come near underflow
+_TINY: Final = 1e-20  # below, the result rounds to 1, and complex division would approach underflow
 
 
 def mean_decay(x: NDArray[Any]) -> NDArray[Any]:
-    """Return ``(1 - exp(-x))/x``, the mean of exp(-x*s) over s in [0, 1]; 1 at x = 0. Any shape, real part >= 0.
+    """Return ``(1 - exp(-x))/x``, the mean of exp(-x*s) over s in [0, 1]; 1 at x = 0.
 
-    What a first-order lag makes of a straight piece of input: over a step h with a time constant tau, an input that
-    rises by 1 leaves the lag ``mean_decay(h/tau)``. Right to 4 units in the last place; x may be complex.
+    The response of a first-order lag to a linear piece of input: over a step h with a time constant tau, an input that
+    rises by 1 leads the output by ``mean_decay(h/tau)``.
+
+    Parameters
+    ----------
+    x : ndarray
+        Any shape, real or complex, real part >= 0.
+
+    Returns
+    -------
+    ndarray
+        Of the shape of x; accurate to 4 units in the last place.
     """
     tiny = np.abs(x) < _TINY
     safe = np.where(tiny, 1, x).astype(x.dtype)

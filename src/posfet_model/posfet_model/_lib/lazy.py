@@ -17,6 +17,11 @@ def lazy_submodules(package: str, path: Iterable[str]) -> tuple[Callable[[str], 
         Name of the package, its ``__name__``.
     path : iterable of str
         Folders of the package, its ``__path__``.
+
+    Returns
+    -------
+    tuple of callable
+        `__getattr__` and `__dir__`.
     """
     names = sorted(module.name for module in pkgutil.iter_modules(path) if not module.name.startswith("_"))
 

@@ -9,13 +9,16 @@ from numpy.typing import NDArray
 
 
 def upper_median(values: NDArray[Any]) -> float:
-    """Return the upper median of values of shape [n], or 0 of none.
+    """Return the upper median of values of shape [n]; 0 for none.
 
-    np.median takes ten times as long, and loads a library with its first call.
+    np.median takes ten times as long, and its first call loads another library.
     """
     return float(np.sort(values)[len(values) // 2]) if len(values) else 0.0
 
 
-def some(mask: NDArray[np.bool_]) -> bool:
-    """Return whether any is true: `mask.any()`, which for a small array takes ten times as long."""
+def any_true(mask: NDArray[np.bool_]) -> bool:
+    """Return whether any element is true.
+
+    Like `mask.any()`, which takes ten times as long for a small array.
+    """
     return 1 in mask.tobytes()

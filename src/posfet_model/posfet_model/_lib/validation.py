@@ -1,20 +1,20 @@
-"""Checks of arguments: what a physical function accepts, said in one line when it is not given."""
+"""Validation of the arguments of physical functions; an error is one line that names the argument and its range."""
 
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-FloatArray: TypeAlias = NDArray[np.floating[Any]]
+from posfet_model._lib.types import FloatArray
 
 _Kind = TypeVar("_Kind")
 
 
 def interval(low: float, high: float, exclusive: bool = False) -> str:
-    """Return an interval as it is written: closed ends in brackets, open and infinite ends in parentheses."""
+    """Return the notation of an interval: closed ends in brackets, open and infinite ends in parentheses."""
     left = "(" if exclusive or math.isinf(low) else "["
     right = ")" if exclusive or math.isinf(high) else "]"
     return f"{left}{low:g}, {high:g}{right}"
@@ -23,10 +23,29 @@ def interval(low: float, high: float, exclusive: bool = False) -> str:
 def real_array(
     name: str, value: ArrayLike, low: float = -math.inf, high: float = math.inf, *, exclusive: bool = False
 ) -> FloatArray:
-    """Return `value` as a floating-point array, any shape; float32 stays float32, everything else becomes float64.
+    """Return `value` as a floating-point array; float32 stays float32, everything else becomes float64.
 
-    Raises ValueError, naming the argument, its range and the first offending value, when `value` is not numeric, is
-    complex, is not finite, or leaves the closed interval [low, high] (open with `exclusive`).
+    Parameters
+    ----------
+    name : str
+        Name of the argument, for the error.
+    value : array_like
+        Value of the argument, any shape.
+    low, high : float
+        Closed interval of allowed values.
+    exclusive : bool, default False
+        Whether the interval is open.
+
+    Returns
+    -------
+    ndarray
+        The value, float32 or float64.
+
+    Raises
+    ------
+    ValueError
+        The value is not numeric, is complex, not finite or out of range. The message names the argument, its range and
+        the first invalid value.
     """
     try:
         array = np.asarray(value)
@@ -47,7 +66,29 @@ def real_array(
 def real_number(
     name: str, value: float, low: float = -math.inf, high: float = math.inf, *, exclusive: bool = False
 ) -> float:
-    """Return `value` as a float; the same checks as `real_array`, and ValueError when it is not a scalar."""
+    """Return `value` as a float.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument, for the error.
+    value : float
+        Value of the argument.
+    low, high : float
+        Closed interval of allowed values.
+    exclusive : bool, default False
+        Whether the interval is open.
+
+    Returns
+    -------
+    float
+        The value.
+
+    Raises
+    ------
+    ValueError
+        The value is not a scalar, or `real_array` rejects it.
+    """
     array = real_array(name, value, low, high, exclusive=exclusive)
     if array.ndim:
         raise ValueError(f"{name} must be a single number, got an array of shape {array.shape}")
@@ -55,7 +96,27 @@ def real_number(
 
 
 def whole_number(name: str, value: int, low: int, high: int) -> int:
-    """Return `value` as an int; ValueError when it is not a whole number in [low, high]."""
+    """Return `value` as an int.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument, for the error.
+    value : int
+        Value of the argument.
+    low, high : int
+        Closed interval of allowed values.
+
+    Returns
+    -------
+    int
+        The value.
+
+    Raises
+    ------
+    ValueError
+        The value is not a whole number in the interval.
+    """
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
         raise ValueError(f"{name} must be a whole number in [{low}, {high}], got {value!r:.60}")
     if not low <= value <= high:
@@ -64,18 +125,32 @@ def whole_number(name: str, value: int, low: int, high: int) -> int:
 
 
 def instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
-    """Return `value`; ValueError when it is not of the class `kind`."""
+    """Return `value`; ValueError when it is not an instance of the class `kind`."""
     if not isinstance(value, kind):
         raise ValueError(f"{name} must be a {kind.__name__}, got {value!r:.60}")
     return value
 
 
-def alike(**arrays: FloatArray) -> tuple[FloatArray, ...]:
-    """Return the arrays in their common type, in the same order: float32 when all are float32, else float64.
+def common_dtype(**arrays: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the arrays with their common dtype: float32 when all are float32, else float64.
 
-    Scalars (0-d) count only when there is nothing else, so that a float32 frame stays float32 beside float parameters.
-    The conversion is made here because NumPy before 2.0 and after have different rules for scalars. Raises ValueError,
-    naming arguments and shapes, when the shapes do not broadcast together.
+    Scalars (0-d) count only if there are no arrays, so that a float32 frame stays float32 with float parameters. The
+    conversion is made here because the promotion rules for scalars differ between NumPy before and after 2.0.
+
+    Parameters
+    ----------
+    **arrays : ndarray
+        Arrays by the name of the argument.
+
+    Returns
+    -------
+    tuple of ndarray
+        Arrays in the same order.
+
+    Raises
+    ------
+    ValueError
+        The shapes do not broadcast together; the message names arguments and shapes.
     """
     try:
         np.broadcast_shapes(*(array.shape for array in arrays.values()))

@@ -1,4 +1,4 @@
-"""A follower as seen from outside: its gain and bandwidth for small signals, and where a model of it holds."""
+"""Small-signal description of a voltage follower: gain and bandwidth, and the validity limits of a model of it."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from posfet_model._lib.validation import real_number
 
 @dataclass(frozen=True)
 class FollowerLimits:
-    """Where a follower model holds. The defaults say nothing: give what is known of the circuit."""
+    """Range in which a follower model is valid. The defaults impose no limit."""
 
     v_low: float = -math.inf
     """Lowest input voltage, offset included [V]."""
     v_high: float = math.inf
     """Highest input voltage, offset included [V]."""
     slew_rate: float = math.inf
-    """Fastest output the amplifier can drive [V/s]; a linear model that asks for more is flagged."""
+    """Steepest slope of the output [V/s]; a linear model that exceeds it is flagged."""
     falling_slew_rate: float = math.inf
-    """The same of a falling output, where that is slower [V/s]."""
+    """The same for a falling output, where that is slower [V/s]."""
     frequency: float = math.inf
-    """Highest frequency [Hz] at which the response is believed, usually the first pole that the model leaves out."""
+    """Highest frequency [Hz] at which the response is valid, usually the first pole that the model neglects."""
 
     def __post_init__(self) -> None:
         for name in ("v_low", "v_high", "slew_rate", "falling_slew_rate", "frequency"):
@@ -41,11 +41,22 @@ class FollowerLimits:
 
     @property
     def any_slew(self) -> bool:
-        """Return whether the slope of the output is limited at all."""
+        """Whether the slope of the output is limited at all."""
         return self.slew_rate < math.inf or self.falling_slew_rate < math.inf
 
     def allow_slope(self, slope: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Return where the amplifier can drive a slope of the output [V/s], negative when it falls. Unchecked."""
+        """Return where the amplifier can drive an output slope; unchecked.
+
+        Parameters
+        ----------
+        slope : ndarray
+            Slope of the output [V/s], negative when falling.
+
+        Returns
+        -------
+        ndarray
+            Mask, of the shape of `slope`.
+        """
         return np.asarray((slope <= self.slew_rate) & (slope >= -min(self.slew_rate, self.falling_slew_rate)))
 
 
@@ -55,7 +66,7 @@ FREQUENCY_RANGE: Final = (1e-12, 1e15)
 
 @dataclass(frozen=True)
 class ClosedLoop:
-    """A follower as seen from outside, for small signals."""
+    """Small-signal gain and bandwidth of a follower."""
 
     gain: float
     """Gain at frequency 0 [V/V]."""
@@ -64,16 +75,24 @@ class ClosedLoop:
 
 
 def close_loop(open_loop_gain: float, gain_bandwidth: float) -> ClosedLoop:
-    """Return gain ``A0/(1 + A0)`` and bandwidth ``GBW*(1 + A0)/A0`` of an op-amp whose output is fed back whole.
+    """Return the follower of an op-amp with unity feedback: gain ``A0/(1 + A0)``, bandwidth ``GBW*(1 + A0)/A0``.
 
     Parameters
     ----------
-    open_loop_gain : A0 [V/V], in [1, 1e9].
-    gain_bandwidth : GBW [Hz], A0 times the frequency of its only pole, in [1e-12, 1e14].
+    open_loop_gain : float
+        A0 [V/V], in [1, 1e9].
+    gain_bandwidth : float
+        GBW [Hz], A0 times the frequency of its only pole, in [1e-12, 1e14].
+
+    Returns
+    -------
+    ClosedLoop
+        Gain [V/V] and bandwidth [Hz].
 
     Raises
     ------
-    ValueError : an argument is not a real, finite number or out of range.
+    ValueError
+        An argument is not a real, finite number or out of range.
 
     Examples
     --------

@@ -1,15 +1,15 @@
 """Behavioural models of the unity-gain voltage follower behind each POSFET, exact in time for any step.
 
 Five models, from the simplest: `IdealFollower`, `StaticFollower` (finite gain), `OnePoleFollower`, `TwoPoleFollower`,
-`SquareLawFollower` (one pole and the slew of a square-law differential pair). Each answers
+`SquareLawFollower` (one pole and the slew rate of a square-law differential pair). Each has the output
 ``v_out = gain*(v_in + offset - lag)``; they differ in the lag.
 
-The input is a straight line between samples (first-order hold). For such an input a step of any length is the exact
-solution of the model's equation: nothing becomes unstable, and cutting a step in parts changes nothing but rounding.
-The lag, not the output, is what is carried along: it decays to zero at rest, so rounding cannot add up.
+The input is piecewise linear between samples (first-order hold). For such an input a step of any length is the exact
+solution of the model's equation: no step is unstable, and splitting a step changes nothing but rounding. The state
+variable is the lag, not the output: it decays to zero at rest, so rounding errors do not accumulate.
 
-`FollowerLimits` says where a model may be believed. Beyond, results are flagged in `valid`, and the input is held at
-the limit instead of being extrapolated.
+`FollowerLimits` states the range in which a model is valid. Beyond it, results are flagged in `valid`, and the input is
+clipped to the limit instead of being extrapolated.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model._lib.first_order import linear_recurrence, mean_decay
+from posfet_model._lib.types import Array
 from posfet_model._lib.validation import instance, real_number
 from posfet_model.amplifier.closed_loop import FREQUENCY_RANGE, ClosedLoop, FollowerLimits, close_loop
 from posfet_model.amplifier.differential_pair import NO_LEAD, Lead, pair_current
@@ -56,7 +57,6 @@ GAIN_RANGE: Final = (1e-3, 1e3)
 
 
 Lags = tuple[NDArray[Any], ...]
-Float64Array = NDArray[np.float64]
 
 
 class IdealFollower(Follower):
@@ -86,10 +86,10 @@ class StaticFollower(Follower):
 
 
 @lru_cache(maxsize=256)
-def _one_pole_step(time_constant: float, step: float) -> tuple[Float64Array, Float64Array]:
-    """Return what one step makes of lag and input; kept, because a simulation repeats few different steps.
+def _one_pole_step(time_constant: float, step: float) -> tuple[Array, Array]:
+    """Return decay and input weight of one step; cached, because a simulation repeats few different steps.
 
-    As arrays, which NumPy multiplies with in half the time that it takes for floats.
+    As arrays, which NumPy multiplies in half the time of floats.
     """
     ratio = np.asarray(step / time_constant)
     return np.asarray(np.exp(-ratio)), mean_decay(ratio)
@@ -114,24 +114,24 @@ class OnePoleFollower(StaticFollower):
         """Small-signal time constant [s]."""
         return 1 / (2 * math.pi * self.bandwidth)
 
-    def _start_lags(self, v_in: Float64Array) -> Lags:
+    def _start_lags(self, v_in: Array) -> Lags:
         return (np.zeros_like(v_in),)
 
-    def _advance_lags(self, lags: Lags, change: Float64Array, step: Float64Array) -> Lags:
+    def _advance_lags(self, lags: Lags, change: Array, step: Array) -> Lags:
         decay, weight = _one_pole_step(self.time_constant, float(step)) if step.ndim == 0 else self._weights(step)
         lag = np.asarray(lags[0] * decay)
         lag += change * weight
         return (lag,)
 
-    def _series_lags(self, start: Lags, change: Float64Array, step: Float64Array) -> Lags:
+    def _series_lags(self, start: Lags, change: Array, step: Array) -> Lags:
         decay, weight = self._weights(step)
         return (linear_recurrence(decay, change * weight, start[0]),)
 
-    def _weights(self, step: Float64Array) -> tuple[Float64Array, Float64Array]:
+    def _weights(self, step: Array) -> tuple[Array, Array]:
         ratio = step / self.time_constant
         return np.exp(-ratio), mean_decay(ratio)
 
-    def _slope(self, lags: Lags, change: Float64Array, step: Float64Array) -> Float64Array:
+    def _slope(self, lags: Lags, change: Array, step: Array) -> Array:
         return np.asarray(self.gain * lags[0] / self.time_constant)
 
     def _transfer(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -142,8 +142,8 @@ class OnePoleFollower(StaticFollower):
 class TwoPoleFollower(StaticFollower):
     """Two poles: ``H(s) = gain/(1 + s/(quality*w0) + (s/w0)^2)`` with ``w0 = 2*pi*natural_frequency``.
 
-    quality 1/2 is critical damping, above it the step response overshoots. A dominant pole and a second pole at m times
-    the gain-bandwidth product give a quality of about 1/sqrt(m).
+    A quality of 1/2 is critical damping; above it the step response overshoots. A dominant pole and a second pole at m
+    times the gain-bandwidth product give a quality of about 1/sqrt(m).
     """
 
     natural_frequency: float
@@ -166,10 +166,33 @@ class TwoPoleFollower(StaticFollower):
         offset: float = 0.0,
         limits: FollowerLimits | None = None,
     ) -> TwoPoleFollower:
-        """Return the follower whose -3 dB frequency [Hz] is `bandwidth`; arguments as in the class.
+        """Return the follower with a given -3 dB frequency.
 
-        With y = (bandwidth/natural_frequency)^2 and c = 1 - 1/(2*Q^2): ``(1 - y)^2 + y/Q^2 = 2``, so
-        ``y = c + sqrt(c^2 + 1)``.
+        With y = (bandwidth/natural_frequency)^2 and c = 1 - 1/(2*Q^2): ``(1 - y)^2 + y/Q^2 = 2``, so ``y = c + sqrt(c^2
+        + 1)``.
+
+        Parameters
+        ----------
+        gain : float
+            Static gain [V/V], in [1e-3, 1e3].
+        bandwidth : float
+            -3 dB frequency [Hz], in [1e-9, 1e12].
+        quality : float
+            Q [1], in [0.05, 50].
+        offset : float, default 0.0
+            Input offset [V], within +-1e6.
+        limits : FollowerLimits, optional
+            Range of validity; none by default.
+
+        Returns
+        -------
+        TwoPoleFollower
+            The follower.
+
+        Raises
+        ------
+        ValueError
+            An argument is not real, not finite or out of range.
         """
         bandwidth = real_number("bandwidth", bandwidth, 1e-9, 1e12)
         c = 1 - 0.5 / real_number("quality", quality, 0.05, 50) ** 2
@@ -184,7 +207,7 @@ class TwoPoleFollower(StaticFollower):
         )
 
     def _poles(self) -> tuple[complex, complex]:
-        """Return both poles times -1 [1/s], the slower one first; conjugate where quality > 1/2."""
+        """Return both poles times -1 [1/s], the slower one first; complex conjugate where quality > 1/2."""
         w0 = 2 * math.pi * self.natural_frequency
         middle = 0.5 / self.quality
         if middle >= 1:
@@ -193,12 +216,12 @@ class TwoPoleFollower(StaticFollower):
         turn = 1j * math.sqrt((1 - middle) * (1 + middle))
         return w0 * (middle - turn), w0 * (middle + turn)
 
-    def _coefficients(self, step: Float64Array) -> tuple[NDArray[Any], ...]:
-        """Return decay and input weight of the first lag, decay, coupling and input weight of the second.
+    def _coefficients(self, step: Array) -> tuple[NDArray[Any], ...]:
+        """Return decay and input weight of the first lag; decay, coupling and input weight of the second.
 
         From ``l1' = u' - p1*l1`` and ``l2' = u' - p2*(l2 - l1)``. The second weight is
-        ``(p2*mean(p1*h) - p1*mean(p2*h))/(p2 - p1)``; for poles near each other it is written with the divided
-        difference of exponentials that is the coupling too, so that equal poles are nothing special.
+        ``(p2*mean(p1*h) - p1*mean(p2*h))/(p2 - p1)``; for poles close together it is written with the divided
+        difference of exponentials that is also the coupling, so that equal poles are no special case.
         """
         p1, p2 = self._poles()
         decay1, decay2 = np.exp(-p1 * step), np.exp(-p2 * step)
@@ -210,23 +233,23 @@ class TwoPoleFollower(StaticFollower):
             weight2 = mean2 + (mean2 - between) * (p2 / p1)
         return decay1, mean1, decay2, p2 * step * between, weight2
 
-    def _start_lags(self, v_in: Float64Array) -> Lags:
+    def _start_lags(self, v_in: Array) -> Lags:
         lag = np.zeros(v_in.shape, np.result_type(self._poles()[0]))
         return (lag, lag)
 
-    def _advance_lags(self, lags: Lags, change: Float64Array, step: Float64Array) -> Lags:
+    def _advance_lags(self, lags: Lags, change: Array, step: Array) -> Lags:
         decay1, weight1, decay2, coupling, weight2 = self._coefficients(step)
         first = lags[0] * decay1 + change * weight1
         return (first, lags[1] * decay2 + lags[0] * coupling + change * weight2)
 
-    def _series_lags(self, start: Lags, change: Float64Array, step: Float64Array) -> Lags:
+    def _series_lags(self, start: Lags, change: Array, step: Array) -> Lags:
         decay1, weight1, decay2, coupling, weight2 = self._coefficients(step)
         first = linear_recurrence(decay1, change * weight1, start[0])
         before = np.concatenate([start[0][None], first[:-1]])
         addend = before * coupling + change * weight2
         return (first, linear_recurrence(decay2, addend, start[1]))
 
-    def _slope(self, lags: Lags, change: Float64Array, step: Float64Array) -> Float64Array:
+    def _slope(self, lags: Lags, change: Array, step: Array) -> Array:
         return np.asarray(self.gain * (self._poles()[1] * (lags[1] - lags[0])).real)
 
     def _transfer(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -236,24 +259,24 @@ class TwoPoleFollower(StaticFollower):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SquareLawFollower(OnePoleFollower):
-    """One pole whose current comes from a square-law differential pair: it slews when the input runs ahead.
+    """One pole driven by a square-law differential pair, whose current limits the slew rate.
 
     The pair charges a capacitor, ``tau*dw/dt = gain*Vov*f(x)`` with ``x = (v_in + offset - v_out/gain)/Vov``,
-    ``tau = 1/(2*pi*bandwidth)`` and f, the current of the pair against its overdrive in units of the tail current,
-    which saturates at 1 (`differential_pair.pair_current`). The output is w without a lead, and
-    ``w + gain*Vov*(linear*f + square*f**2)`` with one (`differential_pair.Lead`). The slew rate is ``gain*Vov/tau``.
+    ``tau = 1/(2*pi*bandwidth)`` and f, the current of the pair as a function of its overdrive in units of the tail
+    current, which saturates at 1 (`differential_pair.pair_current`). The output is w without a lead, and ``w +
+    gain*Vov*(linear*f + square*f**2)`` with one (`differential_pair.Lead`). The slew rate is ``gain*Vov/tau``.
 
     Notes
     -----
-    The finite gain is referred to the pair's input. In a circuit part of the tail current is lost in an output
-    resistance instead; both agree for small signals, and by v_out/(A0*Vov) of the slew rate in saturation.
-    With a lead the -3 dB frequency is not `bandwidth` but ``bandwidth/sqrt(1 + 2*linear - linear**2)``.
+    The finite gain is referred to the pair's input. In a circuit, part of the tail current is lost in an output
+    resistance instead; the two agree for small signals, and to v_out/(A0*Vov) of the slew rate in saturation. With a
+    lead the -3 dB frequency is not `bandwidth` but ``bandwidth/sqrt(1 + 2*linear - linear**2)``.
     """
 
     overdrive: float
     """Vov [V], the overdrive of the pair at balance: sqrt(tail current/gain factor), in [1e-6, 1e3]."""
     lead: Lead = NO_LEAD
-    """What the pair's current adds to the output at once."""
+    """Direct contribution of the pair's current to the output."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -262,18 +285,18 @@ class SquareLawFollower(OnePoleFollower):
 
     @property
     def slew_rate(self) -> float:
-        """Steepest slope of the output under saturation [V/s]; a jump of the input moves it at once by the lead."""
+        """Steepest slope of the output in saturation [V/s]; a jump of the input also makes the lead jump."""
         return self.gain * self.overdrive / self.time_constant
 
-    def _advance_lags(self, lags: Lags, change: Float64Array, step: Float64Array) -> Lags:
+    def _advance_lags(self, lags: Lags, change: Array, step: Array) -> Lags:
         x = lags[0] / self.overdrive
         return (self.overdrive * settle(x, change / self.overdrive, step / self.time_constant, self.lead),)
 
-    def _series_lags(self, start: Lags, change: Float64Array, step: Float64Array) -> Lags:
+    def _series_lags(self, start: Lags, change: Array, step: Array) -> Lags:
         ratio = np.broadcast_to(step / self.time_constant, change.shape)
         return (self.overdrive * settle_series(start[0] / self.overdrive, change / self.overdrive, ratio, self.lead),)
 
-    def _slope(self, lags: Lags, change: Float64Array, step: Float64Array) -> Float64Array:
+    def _slope(self, lags: Lags, change: Array, step: Array) -> Array:
         return np.asarray(self.slew_rate * pair_current(lags[0] / self.overdrive))
 
     def _transfer(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:

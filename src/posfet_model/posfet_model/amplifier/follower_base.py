@@ -1,4 +1,4 @@
-"""What all follower models share: limits, state, whole time series, frequency response. The models: `follower`."""
+"""Base class of the follower models: limits, state, time series, frequency response. The models: `follower`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from typing import Any, Final, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from posfet_model._lib.validation import FloatArray, instance, real_array
+from posfet_model._lib.types import FloatArray
+from posfet_model._lib.validation import instance, real_array
 from posfet_model.amplifier.closed_loop import FollowerLimits
 
 VOLTAGE_LIMIT: Final = 1e6
@@ -26,15 +27,15 @@ _FRAME: Final = 8192  # elements
 
 @dataclass(frozen=True, eq=False)
 class FollowerState:
-    """What a follower remembers between steps."""
+    """State of a follower between steps."""
 
     v_in: NDArray[np.float64]
-    """Input voltage at the end of the last step, held at the limits, offset included [V], any shape."""
+    """Input voltage at the end of the last step, clipped to the limits, offset included [V], any shape."""
     lags: tuple[NDArray[Any], ...]
-    """Lag of each internal node behind v_in [V], in v_in's shape; complex where poles are; the last one's real part
-    is the lag of the output."""
+    """Lag of each internal node behind v_in [V], in v_in's shape; complex where the poles are; the real part of the
+    last one is the lag of the output."""
     valid: NDArray[np.bool_]
-    """False where the model does not hold, in v_in's shape."""
+    """False where the model is not valid, in v_in's shape."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,17 +45,17 @@ class FollowerOutput:
     v_out: NDArray[np.float64]
     """Output voltage [V]."""
     valid: NDArray[np.bool_]
-    """False where the input or the slew asked for is beyond the limits: v_out is then not to be relied on."""
+    """False where the input or the required slope exceeds the limits: v_out is then unreliable."""
 
 
 @dataclass(frozen=True, eq=False)
 class FollowerSeries:
-    """A series of steps: what came out, and where it ended."""
+    """Result of a series of steps: output and final state."""
 
     output: FollowerOutput
-    """After each step, shape [t] or [t, n]."""
+    """Output after each step, shape [t] or [t, n]."""
     end: FollowerState
-    """After the last step, to go on from."""
+    """State after the last step, from which another series continues."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,16 +67,17 @@ class FrequencyResponse:
     phase: NDArray[np.float64]
     """Phase [rad], in (-pi, 0]."""
     valid: NDArray[np.bool_]
-    """False beyond the limit in frequency."""
+    """False above the frequency limit of the model."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Follower(ABC):
-    """What all follower models share. float32 input is welcome; state and output are float64."""
+    """Base class of the follower models. Accepts float32 input; state and output are float64."""
 
     offset: float | FloatArray = 0.0
-    """Input offset [V], a number or one for each taxel, within +-1e6."""
+    """Input offset [V], a number or one per taxel, within +-1e6."""
     limits: FollowerLimits = field(default_factory=FollowerLimits)
+    """Range in which the model is valid."""
 
     def __post_init__(self) -> None:
         real_array("offset", self.offset, -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
@@ -94,7 +96,7 @@ class Follower(ABC):
     def _advance_lags(
         self, lags: tuple[NDArray[Any], ...], change: NDArray[np.float64], step: NDArray[np.float64]
     ) -> tuple[NDArray[Any], ...]:
-        """Return the lags after `step` [s] in which the input moved by `change` [V] in a straight line."""
+        """Return the lags after `step` [s] in which the input changed linearly by `change` [V]."""
         del change, step
         return lags
 
@@ -112,25 +114,58 @@ class Follower(ABC):
     def _slope(
         self, lags: tuple[NDArray[Any], ...], change: NDArray[np.float64], step: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the slope [V/s] that the output has at the end of a step, which a slew limit has to allow."""
+        """Return the slope [V/s] of the output at the end of a step, to be compared with the slew rate."""
         del lags
         slope = change / np.where(step > 0, step, 1.0)
         return self.static_gain * np.where(step > 0, slope, np.where(change == 0, 0.0, np.copysign(np.inf, change)))
 
     def start(self, v_in: ArrayLike) -> FollowerState:
-        """Return the state at rest with the input voltage v_in [V], any shape, within +-1e6: no lag is left."""
+        """Return the state at rest (zero lag) at an input voltage.
+
+        Parameters
+        ----------
+        v_in : array_like
+            Input voltage [V], any shape, within +-1e6.
+
+        Returns
+        -------
+        FollowerState
+            The state, of the shape of `v_in`.
+
+        Raises
+        ------
+        ValueError
+            The voltage is not real, not finite or out of range.
+        """
         held, valid = self._hold(v_in)
         return FollowerState(v_in=held, lags=self._start_lags(held), valid=valid)
 
     def advance(self, state: FollowerState, v_in: ArrayLike, step: ArrayLike) -> FollowerState:
-        """Return the state after `step` [s], in [0, 1e9], in which the input moved in a straight line to v_in [V].
+        """Return the state after one step in which the input changed linearly.
 
-        v_in has the state's shape; step is a number or has that shape. Raises ValueError otherwise.
+        Parameters
+        ----------
+        state : FollowerState
+            State at the start of the step.
+        v_in : array_like
+            Input voltage at the end of the step [V], of the state's shape.
+        step : array_like
+            Length of the step [s], in [0, 1e9], a number or of the state's shape.
+
+        Returns
+        -------
+        FollowerState
+            State at the end of the step.
+
+        Raises
+        ------
+        ValueError
+            An argument is not real, not finite, out of range or of another shape.
         """
         instance("state", state, FollowerState)
         held, valid = self._hold(v_in)
-        usual = isinstance(step, float) and 0 <= step <= STEP_LIMIT  # spares the hot path a general check
-        duration = np.asarray(step if usual else real_array("step", step, 0, STEP_LIMIT), np.float64)
+        checked = isinstance(step, float) and 0 <= step <= STEP_LIMIT  # saves the hot path the general check
+        duration = np.asarray(step if checked else real_array("step", step, 0, STEP_LIMIT), np.float64)
         if held.shape != state.v_in.shape or duration.shape not in ((), held.shape):
             raise ValueError(
                 f"v_in and step must have the state's shape {state.v_in.shape}, got {held.shape} and {duration.shape}"
@@ -142,15 +177,31 @@ class Follower(ABC):
         return FollowerState(v_in=held, lags=lags, valid=valid)
 
     def output(self, state: FollowerState) -> FollowerOutput:
-        """Return the output voltage of a state."""
+        """Return the output voltage [V] of a state, and whether it is valid."""
         instance("state", state, FollowerState)
         return FollowerOutput(v_out=self._out(state.v_in, state.lags), valid=state.valid)
 
     def advance_series(self, state: FollowerState, v_in: ArrayLike, step: ArrayLike) -> FollowerSeries:
-        """Return what many steps in a row give: `advance` over whole arrays, so that a long series can come in pieces.
+        """Return the outputs of many consecutive steps: a vectorised `advance`, for long series processed in pieces.
 
-        v_in [V] has shape [t], or [t, n] for a state of shape [n], t >= 1: the input at the end of each step. step [s],
-        in [0, 1e9], is a number or [t]. Raises ValueError otherwise.
+        Parameters
+        ----------
+        state : FollowerState
+            State at the start of the first step, of shape () or [n].
+        v_in : array_like
+            Input voltage at the end of each step [V], shape [t], or [t, n] for a state of shape [n], t >= 1.
+        step : array_like
+            Length of the steps [s], in [0, 1e9], a number or of shape [t].
+
+        Returns
+        -------
+        FollowerSeries
+            Output after each step, and the final state.
+
+        Raises
+        ------
+        ValueError
+            An argument is not real, not finite, out of range or of another shape.
         """
         instance("state", state, FollowerState)
         held, valid = self._hold(v_in)
@@ -162,16 +213,24 @@ class Follower(ABC):
         return self._follow(state, held, valid, np.broadcast_to(duration, held.shape[:1]))
 
     def run(self, time: ArrayLike, v_in: ArrayLike) -> FollowerOutput:
-        """Return the output over a whole time series, from rest at the first sample.
+        """Return the output over a whole time series, starting from rest at the first sample.
 
         Parameters
         ----------
-        time : [s], shape [t], t >= 1, never falling; steps may be uneven, and 0 is a jump of the input.
-        v_in : input voltage [V], shape [t], or [t, n] for n taxels, within +-1e6.
+        time : array_like
+            [s], shape [t], t >= 1, never decreasing; steps may be uneven, and a step of 0 is a jump of the input.
+        v_in : array_like
+            Input voltage [V], shape [t], or [t, n] for n taxels, within +-1e6.
+
+        Returns
+        -------
+        FollowerOutput
+            Output, of the shape of `v_in`.
 
         Raises
         ------
-        ValueError : an argument is not real, not finite, out of range or of another shape, or time runs backwards.
+        ValueError
+            An argument is not real, not finite, out of range or of another shape, or time decreases.
         """
         instants = real_array("time", time, -STEP_LIMIT, STEP_LIMIT).astype(np.float64, copy=False)
         held, valid = self._hold(v_in)
@@ -179,7 +238,7 @@ class Follower(ABC):
             raise ValueError(f"time must be [t] and v_in [t] or [t, n], got {instants.shape} and {held.shape}")
         step = np.diff(instants)
         if step.size and step.min() < 0:
-            raise ValueError(f"time must never fall, got a step of {step.min():g} s at sample {step.argmin() + 1}")
+            raise ValueError(f"time must not decrease, got a step of {step.min():g} s at sample {step.argmin() + 1}")
         start = FollowerState(v_in=held[0], lags=self._start_lags(held[0]), valid=np.asarray(valid[0]))
         first = self._out(held[:1], tuple(lag[None] for lag in start.lags))
         if not step.size:
@@ -194,7 +253,7 @@ class Follower(ABC):
         valid: NDArray[np.bool_],
         step: NDArray[np.float64],
     ) -> FollowerSeries:
-        """Return the series to the inputs `held`, [t] or [t, n], t >= 1, in steps [t]; `valid` is where they are."""
+        """Return the series for the limited inputs `held`, [t] or [t, n], in steps [t]; `valid` is their validity."""
         step = step.reshape(-1, *(1,) * (held.ndim - 1))
         change = np.empty_like(held)
         np.subtract(held[0], state.v_in, out=change[0, ...])
@@ -206,7 +265,23 @@ class Follower(ABC):
         return FollowerSeries(output=FollowerOutput(v_out=self._out(held, lags), valid=valid), end=end)
 
     def response(self, frequency: ArrayLike) -> FrequencyResponse:
-        """Return gain and phase for small signals at `frequency` [Hz], any shape, in [0, 1e18]."""
+        """Return the small-signal gain and phase.
+
+        Parameters
+        ----------
+        frequency : array_like
+            f [Hz], any shape, in [0, 1e18].
+
+        Returns
+        -------
+        FrequencyResponse
+            Gain [V/V] and phase [rad], of the shape of `frequency`.
+
+        Raises
+        ------
+        ValueError
+            A frequency is not real, not finite or out of range.
+        """
         hertz = real_array("frequency", frequency, 0, 1e18).astype(np.float64, copy=False)
         transfer = self.static_gain * self._transfer(np.asarray(2j * math.pi * hertz, np.complex128))
         return FrequencyResponse(
@@ -214,8 +289,8 @@ class Follower(ABC):
         )
 
     def _hold(self, v_in: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return the input with its offset, held at the limits, and where it is within them."""
-        if _within_limit(v_in):  # spares the hot path a general check
+        """Return the input with its offset, clipped to the limits, and where it is within them."""
+        if _within_limit(v_in):  # saves the hot path the general check
             voltage = v_in
         else:
             voltage = real_array("v_in", v_in, -VOLTAGE_LIMIT, VOLTAGE_LIMIT).astype(np.float64, copy=False)
@@ -238,15 +313,15 @@ class Follower(ABC):
 
     def _out(self, v_in: NDArray[np.float64], lags: tuple[NDArray[Any], ...]) -> NDArray[np.float64]:
         out = np.asarray(v_in - lags[-1].real if lags else v_in.copy())
-        out *= np.asarray(self.static_gain)  # twice as quick as by a float
+        out *= np.asarray(self.static_gain)  # twice as fast as with a float
         return out
 
 
 def _within_limit(voltage: object) -> TypeGuard[NDArray[np.float64]]:
-    """Return whether `voltage` is an array of float64 within the limit, and not near it; a NaN is not.
+    """Return whether `voltage` is an array of float64 clearly within the limit; a NaN is not.
 
-    For a frame the sum of squares is the quickest that tells: no element is larger than its root. A long series is
-    better looked through for its ends; its sum of squares would be shared out to threads, which cost more.
+    For a frame the sum of squares is the fastest check: no element is larger than its root. For a long series the
+    extremes are faster; NumPy would share its sum of squares out to threads, which costs more.
     """
     if not isinstance(voltage, np.ndarray) or voltage.dtype is not _FLOAT64:
         return False

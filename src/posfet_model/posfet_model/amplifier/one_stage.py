@@ -1,9 +1,9 @@
-"""The other op-amp of Table II's sizes by hand formulas: one stage, and an n-channel follower at its output.
+"""One-stage op-amp with the sizes of Table II and an n-channel output follower, by hand formulas.
 
     M1, M2 (inverting)   POSFET input pair            M5, M6, M8  n-channel current mirror fed by the reference current
     M3, M4               p-channel mirror load        M7          n-channel source follower; Cc from its gate to ground
 
-Formulas as in `amplifier`. The printed width of M7 would suit either.
+Formulas as in `two_stage`. The printed width of M7 would suit either circuit.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from posfet_model.amplifier.operating_point import (
     AmplifierDesign,
     OpAmpFigures,
     OperatingPoint,
+    bisect,
     lowest_input,
     operating_point,
     saturated,
-    zero_of,
 )
 
 CIRCUIT_C: Final = AmplifierBias(
@@ -32,16 +32,32 @@ CIRCUIT_C: Final = AmplifierBias(
 
 
 def one_stage_figures(bias: AmplifierBias = CIRCUIT_C, design: AmplifierDesign = TABLE_II) -> OpAmpFigures:
-    """Return gain, poles and slew, the same either way; the bias's zero_resistor plays no part.
+    """Return gain, poles and slew rate, symmetrical for rise and fall; the bias's zero_resistor is not used.
 
     `second_gain` is gm7/(gm7 + gds7 + gds8 + 1/RL), the second pole that of the output follower and its load.
 
-    Raises ValueError when the supply is too low for the transistors to be saturated.
+    Parameters
+    ----------
+    bias : AmplifierBias, default CIRCUIT_C
+        Bias of the circuit.
+    design : AmplifierDesign, default TABLE_II
+        Sizes and process.
+
+    Returns
+    -------
+    OpAmpFigures
+        Figures of merit at rest.
+
+    Raises
+    ------
+    ValueError
+        The supply is too low for the transistors to be saturated.
 
     Notes
     -----
-    Against ngspice with the defaults (circuit C): open-loop gain +3.4 %, dominant pole -4 %, second pole +16 %,
-    slew rate 3.22 V/us for 3.29 rising and 3.04 falling: the tail current, taken at 0 V, follows the input by lambda.
+    Compared with ngspice with the defaults (circuit C): open-loop gain +3.4 %, dominant pole -4 %, second pole +16 %,
+    slew rate 3.22 V/us instead of 3.29 rising and 3.04 falling: the tail current, computed at 0 V, varies with the
+    input by lambda.
     """
     bias, design = instance("bias", bias, AmplifierBias), instance("design", design, AmplifierDesign)
     point = operating_point(bias, design)
@@ -77,13 +93,13 @@ def one_stage_figures(bias: AmplifierBias = CIRCUIT_C, design: AmplifierDesign =
 
 
 def _highest_input(bias: AmplifierBias, design: AmplifierDesign, point: OperatingPoint) -> float:
-    """Return the highest input [V] that leaves M4 saturated, a gate-source voltage of M7 above the output."""
+    """Return the highest input [V] that keeps M4 saturated, a gate-source voltage of M7 above the output."""
     highest = bias.supply - point.load_overdrive - bias.threshold
 
-    def to_spare(overdrive: float) -> float:
+    def margin(overdrive: float) -> float:
         below = bias.supply - highest + overdrive  # M7's drain-source voltage
         return saturated(design.n_factor("M7"), overdrive, below, bias.modulation) - point.output_demand(
             bias, highest - overdrive
         )
 
-    return highest - zero_of(to_spare, 0.0, 2 * bias.supply)
+    return highest - bisect(margin, 0.0, 2 * bias.supply)

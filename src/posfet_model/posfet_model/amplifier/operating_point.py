@@ -1,7 +1,7 @@
-"""What the hand formulas of both op-amps share: sizes and process, bias, operating point of the pair, figures.
+"""Hand formulas common to both op-amps: sizes and process, bias, operating point of the pair, figures of merit.
 
 All transistors follow the square law with channel-length modulation, in saturation, bodies tied to sources. Functions
-here are inner ones, unchecked: design and bias are checked where they are made.
+here are internal and unchecked: design and bias are checked when they are created.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from posfet_model.device.transistor import Plane, Stack
 HOLE_MOBILITY: Final = 283e-4
 """Mobility of the p-channel transistors [m2/(V s)], assumed: a third of the electrons'."""
 
-LEAST_SHARE: Final = 0.05
-"""Share of its current at rest that M7 has to keep, assumed: ngspice has circuit B oscillate at 2 %."""
+MIN_OUTPUT_CURRENT: Final = 0.05
+"""Minimum current of M7 relative to that at rest [1], assumed: in ngspice circuit B oscillates at 2 %."""
 
 _NAMES: Final = ("M1", "M2", "M3", "M4", "M5", "M6", "M7", "M8")
 _PAIRS: Final = (("M1", "M2"), ("M3", "M4"))
@@ -31,16 +31,16 @@ _HALVINGS: Final = 60
 
 @dataclass(frozen=True)
 class AmplifierDesign:
-    """What is drawn on the chip: transistors M1 to M8 and the layers they are made of. The defaults are the paper's."""
+    """Sizes of the transistors M1 to M8, and the process. The defaults are the paper's."""
 
     sizes: tuple[TransistorSize, ...] = AMPLIFIER_SIZES
-    """M1 to M8, one of each name; M1 like M2, M3 like M4."""
+    """M1 to M8, one of each name; M1 equal to M2, M3 equal to M4."""
     stack: Stack = STACK
-    """Film and oxide: the pair M1, M2 sees its gates through both, the others have the oxide alone."""
+    """Film and oxide: the gates of the pair M1, M2 act through both, those of the others through the oxide alone."""
     electron_mobility: float = MOBILITY.value
-    """[m2/(V s)], in [1e-9, 100]."""
+    """Mobility of the n-channel transistors [m2/(V s)], in [1e-9, 100]."""
     hole_mobility: float = HOLE_MOBILITY
-    """[m2/(V s)], in [1e-9, 100]."""
+    """Mobility of the p-channel transistors [m2/(V s)], in [1e-9, 100]."""
 
     def __post_init__(self) -> None:
         names = [instance("sizes", size, TransistorSize).name for size in instance("sizes", self.sizes, tuple)]
@@ -54,11 +54,11 @@ class AmplifierDesign:
         real_number("hole_mobility", self.hole_mobility, 1e-9, 100)
 
     def size(self, name: str) -> TransistorSize:
-        """Return the size of a transistor. Unchecked inner function."""
+        """Return the size of a transistor by its name; unchecked."""
         return next(size for size in self.sizes if size.name == name)
 
     def aspect(self, name: str) -> float:
-        """Return width over length [1]. Unchecked inner function."""
+        """Return width over length [1] of a transistor; unchecked."""
         return self.size(name).width / self.size(name).length
 
     def pair_factor(self) -> float:
@@ -66,21 +66,21 @@ class AmplifierDesign:
         return self.electron_mobility * self.stack.drive(Plane.GATE) * self.aspect("M1")
 
     def n_factor(self, name: str) -> float:
-        """Return the gain factor [A/V2] of an n-channel transistor on the oxide. Unchecked inner function."""
+        """Return the gain factor [A/V2] of an n-channel transistor on the oxide alone; unchecked."""
         return self.electron_mobility * self.stack.oxide * self.aspect(name)
 
     def p_factor(self, name: str) -> float:
-        """Return the gain factor [A/V2] of a p-channel transistor on the oxide. Unchecked inner function."""
+        """Return the gain factor [A/V2] of a p-channel transistor on the oxide alone; unchecked."""
         return self.hole_mobility * self.stack.oxide * self.aspect(name)
 
     def gate_capacitance(self, name: str, plane: Plane = Plane.OXIDE) -> float:
-        """Return the gate-source capacitance in saturation [F], two thirds of the whole. Unchecked inner function."""
+        """Return the gate-source capacitance in saturation [F], two thirds of the whole; unchecked."""
         return 2 / 3 * self.size(name).width * self.size(name).length * self.stack.drive(plane)
 
     def output_capacitance(self, load: float) -> float:
-        """Return the capacitance [F] at the output of a follower, which drives the gate of M1 beside the `load`.
+        """Return the capacitance [F] at the output of a follower: the `load` [F] and the gate of M1.
 
-        Half of that gate's charge is shared with M2 through the tail. Unchecked inner function.
+        Half of that gate's charge is shared with M2 through the tail. Unchecked.
         """
         return load + 0.5 * self.gate_capacitance("M1", Plane.GATE)
 
@@ -91,20 +91,20 @@ TABLE_II: Final = AmplifierDesign()
 
 @dataclass(frozen=True)
 class AmplifierBias:
-    """What Table II leaves open. The defaults are those of circuit B, fitted to 42.3 dB and 1.5 MHz, all assumed."""
+    """Parameters not in Table II. The defaults are those of circuit B, fitted to 42.3 dB and 1.5 MHz, all assumed."""
 
     reference_current: float = 200e-6
     """Current into M6 [A], in [1e-9, 0.1]."""
     supply: float = 5.0
-    """Positive supply, and the negative one with the other sign [V], in [0.5, 100]."""
+    """Positive supply, and magnitude of the negative one [V], in [0.5, 100]."""
     compensation: float = 46.2e-12
-    """Cc [F], in [1e-15, 1e-6]."""
+    """Compensation capacitor Cc [F], in [1e-15, 1e-6]."""
     zero_resistor: float = 2631.0
     """Rz in series with Cc [ohm], in [0, 1e9]."""
     load_capacitance: float = 10e-12
-    """From the output to ground, without the follower's own input [F], in [0, 1e-6]."""
+    """Capacitance from the output to ground, without the follower's own input [F], in [0, 1e-6]."""
     load_resistance: float = 11e3
-    """From the output to ground [ohm], in [1, 1e15]."""
+    """Resistance from the output to ground [ohm], in [1, 1e15]."""
     modulation: float = 0.1
     """Channel-length modulation lambda of all transistors [1/V], in [1e-6, 1]."""
     threshold: float = THRESHOLD_VOLTAGE.value
@@ -127,10 +127,10 @@ CIRCUIT_B: Final = AmplifierBias()
 
 @dataclass(frozen=True, kw_only=True)
 class OpAmpFigures:
-    """What the hand formulas say of either op-amp, at rest with input and output near 0 V."""
+    """Figures of merit of either op-amp by hand formulas, at rest with input and output near 0 V."""
 
     tail_current: float
-    """Through M5 [A]."""
+    """Current through M5 [A]."""
     overdrive: float
     """Vov of the input pair at balance [V]."""
     input_transconductance: float
@@ -138,34 +138,34 @@ class OpAmpFigures:
     first_gain: float
     """gm1/(gds2 + gds4) [V/V]."""
     second_gain: float
-    """Of what follows, M7 with its loads [V/V]."""
+    """Gain of the stage of M7 with its loads [V/V]."""
     dominant_pole: float
-    """[Hz]"""
+    """Frequency of the dominant pole [Hz]."""
     second_pole: float
-    """[Hz]"""
+    """Frequency of the second pole [Hz]."""
     slew_rate: float
     """Steepest rise of the output [V/s]."""
     limits: FollowerLimits
-    """Inputs between which all transistors stay saturated, the slew rates, the second pole as last frequency."""
+    """Input range in which all transistors stay saturated, slew rates, and the second pole as highest frequency."""
 
     @property
     def open_loop_gain(self) -> float:
-        """A0 [V/V]."""
+        """Open-loop gain A0 [V/V]."""
         return self.first_gain * self.second_gain
 
     @property
     def gain_bandwidth(self) -> float:
-        """A0 times the dominant pole [Hz]."""
+        """Gain-bandwidth product: A0 times the dominant pole [Hz]."""
         return self.open_loop_gain * self.dominant_pole
 
     @property
     def slew_overdrive(self) -> float:
-        """Overdrive [V] with which a square-law pair of this gain-bandwidth product has this slew rate."""
+        """Overdrive [V] at which a square-law pair of this gain-bandwidth product has this slew rate."""
         return self.slew_rate / (2 * math.pi * self.gain_bandwidth)
 
     @property
     def closed_loop(self) -> ClosedLoop:
-        """Gain and bandwidth of the follower, the second pole and a zero left out."""
+        """Gain and bandwidth of the follower, without the second pole and a zero."""
         return close_loop(self.open_loop_gain, self.gain_bandwidth)
 
 
@@ -180,18 +180,36 @@ class OperatingPoint:
     load_voltage: float
     bias_overdrive: float
     output: float
-    """Current of M7 and M8 with the output at 0 V, where the load resistor takes none."""
+    """Current of M7 and M8 with the output at 0 V, where the load resistor carries none [A]."""
     output_overdrive: float
-    """Of M7 at that current."""
+    """Overdrive of M7 at that current [V]."""
 
     def output_demand(self, bias: AmplifierBias, volts: float) -> float:
-        """Return the current [A] that M7 has to carry at an output voltage: that of M8 and the load. Unchecked."""
+        """Return the current [A] that M7 has to carry at an output voltage: that of M8 and the load; unchecked."""
         sunk = self.output * (1 + bias.modulation * volts / (1 + bias.modulation * bias.supply))
         return sunk + volts / bias.load_resistance
 
 
 def operating_point(bias: AmplifierBias, design: AmplifierDesign) -> OperatingPoint:
-    """Return the currents and voltages at balance, by fixed-point iteration of the square laws."""
+    """Return the currents and voltages at balance, by fixed-point iteration of the square laws.
+
+    Parameters
+    ----------
+    bias : AmplifierBias
+        Bias of the circuit.
+    design : AmplifierDesign
+        Sizes and process.
+
+    Returns
+    -------
+    OperatingPoint
+        Overdrives, currents and voltages.
+
+    Raises
+    ------
+    ValueError
+        The supply is too low for the transistors to be saturated.
+    """
     lam, vth, supply = bias.modulation, bias.threshold, bias.supply
     mirror, load = design.n_factor("M6"), design.p_factor("M3")
     bias_overdrive = pair_overdrive = load_overdrive = 0.5
@@ -224,14 +242,40 @@ def operating_point(bias: AmplifierBias, design: AmplifierDesign) -> OperatingPo
 
 
 def lowest_input(bias: AmplifierBias, point: OperatingPoint) -> float:
-    """Return the lowest input [V] that leaves the tail's M5 and M8 saturated and M7 its least share of current."""
+    """Return the lowest input [V] that keeps M5 and M8 saturated and leaves M7 its minimum current.
+
+    Parameters
+    ----------
+    bias : AmplifierBias
+        Bias of the circuit.
+    point : OperatingPoint
+        Operating point at balance.
+
+    Returns
+    -------
+    float
+        Input voltage [V].
+    """
     tail = -bias.supply + point.bias_overdrive + bias.threshold + point.pair_overdrive
-    least = LEAST_SHARE * point.output
-    return max(tail, zero_of(lambda volts: point.output_demand(bias, volts) - least, -bias.supply, 0.0))
+    least = MIN_OUTPUT_CURRENT * point.output
+    return max(tail, bisect(lambda volts: point.output_demand(bias, volts) - least, -bias.supply, 0.0))
 
 
-def zero_of(rising: Callable[[float], float], low: float, high: float) -> float:
-    """Return where a rising function passes zero, by halving a bracket; an end where it does not."""
+def bisect(rising: Callable[[float], float], low: float, high: float) -> float:
+    """Return the zero of a rising function by bisection.
+
+    Parameters
+    ----------
+    rising : callable
+        The function.
+    low, high : float
+        Bracket of the zero.
+
+    Returns
+    -------
+    float
+        Position of the zero; an end of the bracket where there is none.
+    """
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         if rising(middle) < 0:
@@ -242,5 +286,20 @@ def zero_of(rising: Callable[[float], float], low: float, high: float) -> float:
 
 
 def saturated(beta: float, overdrive: float, voltage: float, lam: float) -> float:
-    """Return the drain current in saturation [A]."""
+    """Return the drain current in saturation [A].
+
+    Parameters
+    ----------
+    beta : float
+        Gain factor [A/V2].
+    overdrive, voltage : float
+        Overdrive and drain-source voltage [V].
+    lam : float
+        Channel-length modulation lambda [1/V].
+
+    Returns
+    -------
+    float
+        Drain current [A].
+    """
     return 0.5 * beta * overdrive**2 * (1 + lam * voltage)

@@ -1,9 +1,9 @@
-"""How a follower made of a square-law differential pair and a capacitor settles, exactly, over steps of any length.
+"""Settling of a follower made of a square-law differential pair and a capacitor, exact over steps of any length.
 
-The follower obeys ``dy/ds = slope - f(x)`` in units of its small-signal time constant, where y is how far the capacitor
-lags behind the input. The pair sees x, less than y by what its current adds to the output at once
-(`differential_pair.Lead`): ``y = x + linear*f(x) + square*f(x)**2``. The equation has a solution in elementary
-functions, derived below, which is what makes steps of any length exact here.
+The follower obeys ``dy/ds = slope - f(x)`` in units of its small-signal time constant, where y is the lag of the
+capacitor behind the input. The pair has the overdrive x, which is less than y by the direct contribution of its current
+to the output (`differential_pair.Lead`): ``y = x + linear*f(x) + square*f(x)**2``. The equation has a solution in
+elementary functions, derived below; this makes steps of any length exact.
 """
 
 from __future__ import annotations
@@ -16,18 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model._lib.first_order import linear_recurrence, mean_decay
+from posfet_model._lib.types import Array
 from posfet_model.amplifier.differential_pair import (
     EDGE,
     LARGEST_PRODUCT,
     NO_LEAD,
     Lead,
     bracketed_newton,
+    lead_slope,
     pair_current,
     pair_transconductance,
-    stretch,
 )
-
-Float64Array = NDArray[np.float64]
 
 LINEAR_BELOW: Final = 1e-5
 """Where |x| and |slope| are below this, f(x) = x is used: the error of x is then under 1.3e-16."""
@@ -38,24 +37,39 @@ _AT_REST: Final = 1e-6
 _BLOCK_ELEMENTS: Final = 4096
 _SERIES_ITERATIONS: Final = 25
 _SERIES_TOLERANCE: Final = 1e-14
-_MOST_FALLEN: Final = 300.0  # the angle's logarithm falls by at most 20 until it falls evenly, and then by _SETTLED
-_SETTLED: Final = 60.0  # time constants at rest after which the distance from rest, exp(-60), counts as none
+_MAX_LOG_DECREASE: Final = 300.0  # of the angle: at most 20 until it is exponential, and then at most _SETTLED
+_SETTLED: Final = 60.0  # time constants at rest after which the distance from rest, exp(-60), counts as zero
 
 
-def settle(overdrive: Float64Array, change: Float64Array, duration: Float64Array, lead: Lead = NO_LEAD) -> Float64Array:
-    """Return x at the end of a step in which the input moved by `change` [Vov] in a straight line.
+def settle(overdrive: Array, change: Array, duration: Array, lead: Lead = NO_LEAD) -> Array:
+    """Return x at the end of a step in which the input changed linearly by `change` [Vov].
 
-    Exact solution of ``dy/ds = change/duration - f(x)`` over `duration` [time constants]; arrays of any shapes that
-    broadcast. Unchecked inner function: finite numbers, duration >= 0 (0 is a jump).
+    Exact solution of ``dy/ds = change/duration - f(x)`` over `duration` [time constants].
+
+    Parameters
+    ----------
+    overdrive : ndarray
+        x at the start of the step [Vov].
+    change : ndarray
+        Change of the input over the step [Vov].
+    duration : ndarray
+        Length of the step [time constants], >= 0; 0 is a jump. All three broadcast and are finite; unchecked.
+    lead : Lead, default NO_LEAD
+        Direct contribution of the pair's current to the output.
+
+    Returns
+    -------
+    ndarray
+        x at the end of the step [Vov], of the broadcast shape.
 
     Notes
     -----
-    The equation is odd without the lead's square, which changes sign with x, so a slope >= 0 is taken. Saturated
-    stretches are straight lines. In between, with x = 2*sin(a), f = sin(2*a), p = sin(a) - cos(a) and
-    q = sin(a) + cos(a), the time without a lead is ``ds = dp/(slope - 1 + p^2) + dq/(slope + 1 - q^2)``, in logarithms
-    (and an arc tangent where slope > 1). The lead adds ``(linear + 2*square*f)*df/(slope - f)``, of which the integral
-    is ``-(linear + 2*square*slope)*ln|slope - f| - 2*square*f``. x is found from the time by Newton's method, kept
-    inside a bracket.
+    The equation is odd, but for the lead's square, which changes sign with x, so a slope >= 0 is assumed. In saturation
+    the solution is a straight line. Between, with x = 2*sin(a), f = sin(2*a), p = sin(a) - cos(a) and q = sin(a) +
+    cos(a), the time without a lead is ``ds = dp/(slope - 1 + p^2) + dq/(slope + 1 - q^2)``, which integrates to
+    logarithms (and an arc tangent where slope > 1). The lead adds ``(linear + 2*square*f)*df/(slope - f)``, whose
+    integral is ``-(linear + 2*square*slope)*ln|slope - f| - 2*square*f``. x follows from the time by bracketed Newton's
+    method.
     """
     overdrive, change, duration = np.broadcast_arrays(overdrive, change, duration)  # read-only views
     slope = _slope(change, duration)
@@ -75,27 +89,40 @@ def _linear_below(lead: Lead) -> float:
     return _SQUARE_BELOW if lead.square else LINEAR_BELOW
 
 
-def _lag(overdrive: Float64Array, lead: Lead) -> Float64Array:
+def _lag(overdrive: Array, lead: Lead) -> Array:
     """Return y at x."""
     return overdrive if lead.absent else overdrive + lead.added(pair_current(overdrive).astype(np.float64, copy=False))
 
 
-def _jumped(overdrive: Float64Array, change: Float64Array, lead: Lead) -> Float64Array:
+def _jumped(overdrive: Array, change: Array, lead: Lead) -> Array:
     """Return x after a jump of the input: the capacitor holds its voltage."""
     return lead.overdrive(_lag(overdrive, lead) + change)
 
 
-def settle_series(
-    start: Float64Array, change: Float64Array, duration: Float64Array, lead: Lead = NO_LEAD
-) -> Float64Array:
-    """Return x at the end of each of many steps, the first from `start`: `settle` in a row, over all rows at once.
+def settle_series(start: Array, change: Array, duration: Array, lead: Lead = NO_LEAD) -> Array:
+    """Return x at the end of each of many consecutive steps, the first from `start`: `settle` for all rows at once.
 
-    change and duration have shape [t] or [t, n], start the shape of one row; t >= 1. Unchecked inner function.
+    Parameters
+    ----------
+    start : ndarray
+        x at the start of the first step [Vov], of the shape of one row.
+    change : ndarray
+        Change of the input over each step [Vov], shape [t] or [t, n], t >= 1.
+    duration : ndarray
+        Length of each step [time constants], of the shape of `change`; unchecked.
+    lead : Lead, default NO_LEAD
+        Direct contribution of the pair's current to the output.
+
+    Returns
+    -------
+    ndarray
+        x at the end of each step [Vov], of the shape of `change`.
 
     Notes
     -----
-    All rows are first guessed as if f were linear. Newton's method on the whole series then solves a linear recurrence
-    in each iteration; its derivatives, y later by y sooner, lie in [0, 1]. Blocks keep the guess from being far off.
+    The initial guess of all rows is the linear solution. Each iteration of Newton's method on the whole series then
+    solves a linear recurrence; its derivatives of the later y by the earlier one lie in [0, 1]. Blocks keep the guess
+    close.
     """
     result = np.empty_like(change)
     row = start
@@ -107,8 +134,8 @@ def settle_series(
     return result
 
 
-def _settle_block(start: Float64Array, change: Float64Array, duration: Float64Array, lead: Lead) -> Float64Array:
-    """Return `settle_series` of one block; halve the block if Newton's method does not arrive."""
+def _settle_block(start: Array, change: Array, duration: Array, lead: Lead) -> Array:
+    """Return `settle_series` of one block; halve the block if Newton's method does not converge."""
     if len(change) == 1:
         return settle(start, change, duration, lead)
     slope = _slope(change, duration)
@@ -132,57 +159,56 @@ def _settle_block(start: Float64Array, change: Float64Array, duration: Float64Ar
     return np.concatenate([first, _settle_block(first[-1], change[half:], duration[half:], lead)])
 
 
-def _sensitivity(
-    before: Float64Array, after: Float64Array, slope: Float64Array, duration: Float64Array
-) -> Float64Array:
-    """Return d(after)/d(before) of a step, for y: the ratio of its speeds, as time itself is not in its equation."""
+def _sensitivity(before: Array, after: Array, slope: Array, duration: Array) -> Array:
+    """Return d(after)/d(before) of a step, for y: the ratio of its speeds, as the equation is autonomous."""
     speed = slope - pair_current(before)
     moving = (np.abs(speed) > _AT_REST) & (duration > _JUMP)
     ratio = (slope - pair_current(after)) / np.where(moving, speed, 1.0)
     return np.clip(np.where(moving, ratio, np.exp(-duration * pair_transconductance(before))), 0.0, 1.0)
 
 
-def _slope(change: Float64Array, duration: Float64Array) -> Float64Array:
+def _slope(change: Array, duration: Array) -> Array:
     """Return the slope of the input [Vov per time constant]; 0 for a jump, which has none."""
     jump = duration <= _JUMP
     return np.asarray(np.where(jump, 0.0, change / np.where(jump, 1.0, duration)))
 
 
 @dataclass(frozen=True, eq=False)
-class _Ahead:
-    """The lead of each element, its sign turned with x."""
+class _ElementLead:
+    """The lead of each element, its sign changing with x."""
 
     linear: float
-    square: Float64Array
+    square: Array
     absent: bool
-    """No lead at all: what it would add is not computed."""
+    """Whether there is no lead, so that its contribution is not computed."""
 
-    def of(self, part: NDArray[np.bool_]) -> _Ahead:
-        """Return those of some elements."""
-        return _Ahead(self.linear, self.square[part], self.absent)
+    def of(self, part: NDArray[np.bool_]) -> _ElementLead:
+        """Return the lead of some elements."""
+        return _ElementLead(self.linear, self.square[part], self.absent)
 
-    def time(self, logarithm: Float64Array, current: Float64Array, rho: Float64Array) -> Float64Array:
-        """Return the time that the lead takes, from ln|slope - f| and f up to constants."""
+    def time(self, logarithm: Array, current: Array, rho: Array) -> Array:
+        """Return the contribution of the lead to the time, from ln|slope - f| and f, up to constants."""
         return np.asarray(-(self.linear + 2 * self.square * rho) * logarithm - 2 * self.square * current)
 
-    def time_between(self, current: Float64Array, missing: Float64Array, change: Float64Array) -> Float64Array:
-        """Return the time that the lead takes from f = `current` to ``current - change``; missing is slope - current.
+    def time_between(self, current: Array, missing: Array, change: Array) -> Array:
+        """Return the contribution of the lead to the time from f = `current` to ``current - change``.
 
-        As `time`, with the square's two terms, nearly opposite at a large slope, written with ln(1 + z) - z.
+        `missing` is slope - current. As `time`, with the square's two terms, nearly opposite at a large slope, written
+        with ln(1 + z) - z.
         """
         z = np.maximum(change / missing, 1e-16 - 1)
         logarithm = np.log1p(z)
-        bent = missing * _log1p_less(z, logarithm) + current * logarithm
+        bent = missing * _log1p_minus(z, logarithm) + current * logarithm
         return np.asarray(-self.linear * logarithm - 2 * self.square * bent)
 
-    def stretch(self, angle: Float64Array) -> Float64Array:
+    def lead_slope(self, angle: Array) -> Array:
         """Return dy/dx at x = 2*sin(angle)."""
         if self.absent:
             return np.ones(())
-        return stretch(self.linear, self.square, np.sin(2 * angle), np.cos(2 * angle) / np.cos(angle))
+        return lead_slope(self.linear, self.square, np.sin(2 * angle), np.cos(2 * angle) / np.cos(angle))
 
 
-def _log1p_less(z: Float64Array, logarithm: Float64Array) -> Float64Array:
+def _log1p_minus(z: Array, logarithm: Array) -> Array:
     """Return ln(1 + z) - z, z > -1, from z and ln(1 + z); for small z by ln(1 + z) = 2*artanh(w), w = z/(2 + z)."""
     w = z / (2 + z)
     series = np.zeros_like(z)
@@ -191,23 +217,21 @@ def _log1p_less(z: Float64Array, logarithm: Float64Array) -> Float64Array:
     return np.asarray(np.where(np.abs(z) < 0.4, w * (2 * series - z), logarithm - z))
 
 
-def _settle_curved(x: Float64Array, slope: Float64Array, duration: Float64Array, lead: Lead) -> Float64Array:
+def _settle_curved(x: Array, slope: Array, duration: Array, lead: Lead) -> Array:
     """Return x after `duration` of ``dy/ds = slope - f(x)``, one-dimensional arrays."""
     sign = np.where(slope < 0, -1.0, 1.0)
     x, rho = x * sign, np.abs(slope)
     x, left = _leave_lower_saturation(x, rho, duration)
     x, left = _leave_upper_saturation(x, rho, left)
-    ahead = _Ahead(lead.linear, lead.square * sign, lead.absent)
-    for part, inner in ((left > 0) & (rho < 1), _approach_rest), ((left > 0) & (rho >= 1), _run_away):
+    ahead = _ElementLead(lead.linear, lead.square * sign, lead.absent)
+    for part, inner in ((left > 0) & (rho < 1), _approach_rest), ((left > 0) & (rho >= 1), _approach_saturation):
         if part.any():
             x[part] = inner(x[part], rho[part], left[part], ahead.of(part))
     return x * sign
 
 
-def _leave_lower_saturation(
-    x: Float64Array, rho: Float64Array, left: Float64Array
-) -> tuple[Float64Array, Float64Array]:
-    """Move x below -EDGE up with dx/ds = rho + 1; return x and the time that is left."""
+def _leave_lower_saturation(x: Array, rho: Array, left: Array) -> tuple[Array, Array]:
+    """Advance x below -EDGE with dx/ds = rho + 1; return x and the remaining time."""
     below = x < -EDGE
     needed = np.where(below, (-EDGE - x) / (rho + 1), 0.0)
     arrived = needed <= left
@@ -215,10 +239,8 @@ def _leave_lower_saturation(
     return np.where(below, moved, x), np.where(below, np.where(arrived, left - needed, 0.0), left)
 
 
-def _leave_upper_saturation(
-    x: Float64Array, rho: Float64Array, left: Float64Array
-) -> tuple[Float64Array, Float64Array]:
-    """Move x from EDGE on with dx/ds = rho - 1: up for good, or down to EDGE; return x and the time that is left."""
+def _leave_upper_saturation(x: Array, rho: Array, left: Array) -> tuple[Array, Array]:
+    """Advance x above EDGE with dx/ds = rho - 1: up without end, or down to EDGE; return x and the remaining time."""
     above = x >= EDGE
     falling = above & (rho < 1)
     needed = np.where(falling, (x - EDGE) / np.where(falling, 1 - rho, 1.0), np.inf)
@@ -228,38 +250,38 @@ def _leave_upper_saturation(
     return np.where(above, moved, x), np.where(above, remaining, left)
 
 
-def _approach_rest(x: Float64Array, rho: Float64Array, duration: Float64Array, ahead: _Ahead) -> Float64Array:
+def _approach_rest(x: Array, rho: Array, duration: Array, ahead: _ElementLead) -> Array:
     """Return x after `duration` inside [-EDGE, EDGE] for 0 <= slope < 1, where it tends to f(x) = slope.
 
-    The unknown is the logarithm of the angle from rest, which falls nearly in proportion to time.
+    The unknown is the logarithm of the angle from rest, which decreases nearly in proportion to time.
     """
     a, b = np.sqrt(1 - rho), np.sqrt(1 + rho)
     rest = 0.5 * np.arctan2(rho, a * b)
     angle = np.arcsin(x / 2) - rest
-    rate = a * b / np.cos(rest) / ahead.stretch(rest)
+    rate = a * b / np.cos(rest) / ahead.lead_slope(rest)
     moving = (angle != 0) & (duration * rate < _SETTLED)
     angle[~moving] = 0
     if moving.any():
-        way = _Way(a[moving], b[moving], rho[moving], rest[moving], ahead.of(moving))
-        angle[moving] = _angle_later(angle[moving], duration[moving], (duration * rate)[moving], way)
+        approach = _Approach(a[moving], b[moving], rho[moving], rest[moving], ahead.of(moving))
+        angle[moving] = _angle_later(angle[moving], duration[moving], (duration * rate)[moving], approach)
     return np.asarray(2 * np.sin(rest + angle))
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
-    """What the way to rest depends on: a^2 = 1 - slope, b^2 = 1 + slope, the slope, the angle of rest, the lead."""
+class _Approach:
+    """Parameters of an approach to rest: a^2 = 1 - slope, b^2 = 1 + slope, the slope, the angle of rest, the lead."""
 
-    a: Float64Array
-    b: Float64Array
-    rho: Float64Array
-    rest: Float64Array
-    ahead: _Ahead
+    a: Array
+    b: Array
+    rho: Array
+    rest: Array
+    ahead: _ElementLead
 
-    def speed(self, angle: Float64Array) -> Float64Array:
-        """Return cos(2*rest + angle) at `angle` from rest: f misses the slope by 2*sin(angle) of it."""
+    def speed(self, angle: Array) -> Array:
+        """Return cos(2*rest + angle) at `angle` from rest: slope - f is -2*sin(angle) times it."""
         return np.asarray(self.a * self.b * np.cos(angle) - self.rho * np.sin(angle))
 
-    def time(self, angle: Float64Array) -> Float64Array:
+    def time(self, angle: Array) -> Array:
         """Return the time, from an arbitrary origin, at which x is at `angle` from rest."""
         time = _time_at(angle, self.a, self.b)
         if self.ahead.absent:
@@ -268,23 +290,24 @@ class _Way:
         return time + self.ahead.time(logarithm, np.sin(2 * (self.rest + angle)), self.rho)
 
 
-def _angle_later(angle: Float64Array, duration: Float64Array, guess: Float64Array, way: _Way) -> Float64Array:
-    """Return the angle from rest after `duration`; `guess` is how far its logarithm may have fallen."""
-    target = way.time(angle) + duration
+def _angle_later(angle: Array, duration: Array, guess: Array, approach: _Approach) -> Array:
+    """Return the angle from rest after `duration`; `guess` is an estimate of the decrease of its logarithm."""
+    target = approach.time(angle) + duration
 
-    def lateness(fallen: Float64Array) -> tuple[Float64Array, Float64Array]:
-        now = angle * np.exp(-fallen)
-        derivative = now / np.sin(now) * np.cos(way.rest + now) / way.speed(now) * way.ahead.stretch(way.rest + now)
-        return way.time(now) - target, derivative
+    def residual(decrease: Array) -> tuple[Array, Array]:
+        now = angle * np.exp(-decrease)
+        lead_slope = approach.ahead.lead_slope(approach.rest + now)
+        derivative = now / np.sin(now) * np.cos(approach.rest + now) / approach.speed(now) * lead_slope
+        return approach.time(now) - target, derivative
 
-    # Without a lead the angle never falls faster than exp(-2*s); a square may quicken it.
-    high = 2 * duration / (1 - 2 * LARGEST_PRODUCT * np.abs(way.ahead.square)) + 1e-300
-    high = np.minimum(high, _MOST_FALLEN)
-    fallen = bracketed_newton(lateness, np.zeros_like(high), high, np.minimum(guess, high))
-    return np.asarray(angle * np.exp(-fallen))
+    # Without a lead the angle never decreases faster than exp(-2*s); a square may accelerate it.
+    high = 2 * duration / (1 - 2 * LARGEST_PRODUCT * np.abs(approach.ahead.square)) + 1e-300
+    high = np.minimum(high, _MAX_LOG_DECREASE)
+    decrease = bracketed_newton(residual, np.zeros_like(high), high, np.minimum(guess, high))
+    return np.asarray(angle * np.exp(-decrease))
 
 
-def _time_at(angle: Float64Array, a: Float64Array, b: Float64Array) -> Float64Array:
+def _time_at(angle: Array, a: Array, b: Array) -> Array:
     """Return the time, from an arbitrary origin, at which x is at `angle` from rest, a^2 = 1 - slope, b^2 = 1 + slope.
 
     Written with the distances of p from -a and of q from b, which are accurate however close x is to rest.
@@ -298,13 +321,13 @@ def _time_at(angle: Float64Array, a: Float64Array, b: Float64Array) -> Float64Ar
     return np.asarray(in_p + in_q)
 
 
-def _run_away(x: Float64Array, rho: Float64Array, duration: Float64Array, ahead: _Ahead) -> Float64Array:
+def _approach_saturation(x: Array, rho: Array, duration: Array, ahead: _ElementLead) -> Array:
     """Return x after `duration` from inside [-EDGE, EDGE] for slope >= 1, where it ends in saturation."""
     c, b = np.maximum(np.sqrt(rho - 1), 1e-160), np.sqrt(1 + rho)
     angle = np.arcsin(x / 2)
     p_start, q_start = np.sin(angle) - np.cos(angle), np.sin(angle) + np.cos(angle)
 
-    def time_to(p: Float64Array, q: Float64Array) -> Float64Array:
+    def time_to(p: Array, q: Array) -> Array:
         # b, q and its start may be one number but for the rounding of sin and cos.
         ahead_of_q = np.maximum(b * b - q * q_start, 1e-300)
         in_q = np.minimum(b * np.maximum(q - q_start, 0) / ahead_of_q, 1 - 1e-16)
@@ -314,11 +337,11 @@ def _run_away(x: Float64Array, rho: Float64Array, duration: Float64Array, ahead:
         change = (p - p_start) * (p + p_start)  # of slope - f, which is c^2 + p^2
         return np.asarray(time + ahead.time_between(1 - p_start * p_start, c * c + p_start * p_start, change))
 
-    def lateness(now: Float64Array) -> tuple[Float64Array, Float64Array]:
+    def residual(now: Array) -> tuple[Array, Array]:
         p, q = np.sin(now) - np.cos(now), np.sin(now) + np.cos(now)
-        return time_to(p, q) - wanted, 2 * np.cos(now) / (c * c + p * p) * ahead.stretch(now)
+        return time_to(p, q) - wanted, 2 * np.cos(now) / (c * c + p * p) * ahead.lead_slope(now)
 
     escape = time_to(np.zeros_like(x), np.full_like(x, EDGE))
     wanted = np.where(duration < escape, duration, 0.0)
-    inside = 2 * np.sin(bracketed_newton(lateness, angle, np.full_like(x, math.pi / 4), angle))
+    inside = 2 * np.sin(bracketed_newton(residual, angle, np.full_like(x, math.pi / 4), angle))
     return np.asarray(np.where(duration < escape, inside, EDGE + (rho - 1) * (duration - escape)))

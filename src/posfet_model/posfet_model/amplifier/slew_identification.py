@@ -1,18 +1,18 @@
-"""Which slewing follower a measured gain and bandwidth stand for, without any run in time.
+"""Slewing follower model from a small-signal measurement of gain and bandwidth, without a transient run.
 
 An op-amp of one pole and a gain-bandwidth product GBW makes a follower of the bandwidth ``GBW*(1 + 1/A0)``. A measured
-bandwidth is off that, and the sign tells what comes next in the open-loop response:
+bandwidth deviates from it, and the sign identifies the next feature of the open-loop response:
 
 - lower, by up to 1/sqrt(2): a zero in the left half-plane, as a resistor in series with Cc makes. With the zero at k
-  times the time constant the follower's bandwidth falls by ``sqrt(1 + 2*k - k^2)``, from which k. The op-amp is taken
-  for the two-stage one of Table II (`amplifier`).
+  times the time constant the follower's bandwidth falls by ``sqrt(1 + 2*k - k^2)``, which gives k. The op-amp is
+  assumed to be the two-stage one of Table II (`two_stage`).
 - higher, by up to sqrt(2), and a tenth for an uncertain gain-bandwidth product: a second pole; it adds nothing to the
-  lag of slow signals. The op-amp is taken for the one-stage one with an output follower (`one_stage`).
-- the same to 1 %: neither is seen. The op-amp is taken for the two-stage one, its zero cancelled.
-- beyond: the gain-bandwidth product must be another one, and the bandwidth alone is believed.
+  lag of slow signals. The op-amp is assumed to be the one-stage one with an output follower (`one_stage`).
+- equal to 1 %: neither is observable. The op-amp is assumed to be the two-stage one, its zero cancelled.
+- beyond: the gain-bandwidth product must be wrong, and only the bandwidth is used.
 
-Slewing is not seen in small signals at all. Overdrive and bend are those of the hand formulas, with the sizes of
-Table II and the bias of circuit B or C, which is assumed.
+Slewing is not observable in small signals. Overdrive and quadratic lead are those of the hand formulas, with the sizes
+of Table II and the bias of circuit B or C, which is assumed.
 """
 
 from __future__ import annotations
@@ -30,36 +30,47 @@ from posfet_model.amplifier.two_stage import CIRCUIT_B, TABLE_II, AmplifierBias,
 from posfet_model.device.paper import AMPLIFIER_GAIN, GAIN_BANDWIDTH
 
 OVERDRIVE: Final = 0.39
-"""Overdrive of the differential pair [V] where nothing is known of the op-amp, assumed: between those of the two-stage
-op-amp, 0.47 V, and of the one-stage one, 0.32 V."""
+"""Default overdrive of the differential pair of an unknown op-amp [V], assumed: between that of the two-stage op-amp,
+0.47 V, and of the one-stage one, 0.32 V."""
 
-EXPLAINED: Final = (1 / math.sqrt(2), 1.1 * math.sqrt(2))
-"""Ratios of bandwidths that a zero or a second pole explains."""
+EXPLAINED_RATIOS: Final = (1 / math.sqrt(2), 1.1 * math.sqrt(2))
+"""Ratios of bandwidths that a zero or a second pole explains [1]."""
 
 NO_LIMITS: Final = FollowerLimits()
-"""Nothing is known of where the model ends."""
+"""Unknown range of validity."""
 
-SEEN: Final = 1.01
-"""Ratio of bandwidths from which on a second pole is seen."""
+SECOND_POLE_RATIO: Final = 1.01
+"""Ratio of bandwidths above which a second pole is observable [1]."""
 
 
 @dataclass(frozen=True)
 class SlewModel:
-    """What small signals and hand formulas say of a slewing follower."""
+    """Parameters of a slewing follower from small signals and hand formulas."""
 
     amplifier: str
-    """What the op-amp was taken for, in words."""
+    """Circuit that the op-amp is assumed to have."""
     loop: ClosedLoop
-    """Gain, and the bandwidth of the pole alone: of the lag of slow signals."""
+    """Gain, and the bandwidth of the pole alone, which determines the lag of slow signals."""
     overdrive: float
-    """[V], in [1e-6, 1e3]."""
+    """Overdrive of the pair at balance [V], in [1e-6, 1e3]."""
     lead: Lead = NO_LEAD
-    """What the pair's current adds to the output at once."""
+    """Direct contribution of the pair's current to the output."""
     limits: FollowerLimits = NO_LIMITS
-    """Where the model holds, as far as the circuit is known. Its own slew rate is no limit."""
+    """Range of validity, as far as the circuit is known. The slew rate of the model itself is no limit."""
 
     def follower(self, overdrive: float | None = None) -> SquareLawFollower:
-        """Return the follower, with another overdrive [V] where that is known."""
+        """Return the follower model.
+
+        Parameters
+        ----------
+        overdrive : float, optional
+            Measured overdrive of the pair [V], in [1e-6, 1e3]; that of the hand formulas by default.
+
+        Returns
+        -------
+        SquareLawFollower
+            The follower.
+        """
         return SquareLawFollower(
             gain=self.loop.gain,
             bandwidth=self.loop.bandwidth,
@@ -72,12 +83,29 @@ class SlewModel:
 def two_stage_model(bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = TABLE_II) -> SlewModel:
     """Return the slewing follower of the two-stage op-amp from sizes and bias alone, by hand formulas.
 
-    The zero counts less what the second pole takes back, ``k = GBW*(1/zero - 1/second pole)``, at least 0, at most 1.
+    The zero is corrected for the second pole, ``k = GBW*(1/zero - 1/second pole)``, limited to [0, 1].
+
+    Parameters
+    ----------
+    bias : AmplifierBias, default CIRCUIT_B
+        Bias of the circuit.
+    design : AmplifierDesign, default TABLE_II
+        Sizes and process.
+
+    Returns
+    -------
+    SlewModel
+        Parameters of the follower.
+
+    Raises
+    ------
+    ValueError
+        The supply is too low for the transistors to be saturated.
 
     Notes
     -----
-    Against ngspice, steps of 1 V upwards at biases from 100 to 300 uA and Cc from 33 to 60 pF: at most 0.7 % rms. Not
-    for falls beyond `AmplifierFigures.falling_slew_rate`.
+    Compared with ngspice, steps of 1 V upwards at biases from 100 to 300 uA and Cc from 33 to 60 pF: at most 0.7 % rms.
+    Not valid for falls beyond `AmplifierFigures.falling_slew_rate`.
     """
     figures = figures_of_merit(bias, design)
     zero = figures.gain_bandwidth * (1 / figures.zero - 1 / figures.second_pole)
@@ -89,9 +117,26 @@ def two_stage_model(bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = T
 def one_stage_model(bias: AmplifierBias = CIRCUIT_C, design: AmplifierDesign = TABLE_II) -> SlewModel:
     """Return the slewing follower of the one-stage op-amp from sizes and bias alone, by hand formulas.
 
+    Parameters
+    ----------
+    bias : AmplifierBias, default CIRCUIT_C
+        Bias of the circuit.
+    design : AmplifierDesign, default TABLE_II
+        Sizes and process.
+
+    Returns
+    -------
+    SlewModel
+        Parameters of the follower.
+
+    Raises
+    ------
+    ValueError
+        The supply is too low for the transistors to be saturated.
+
     Notes
     -----
-    Against ngspice, steps of 1 V upwards at biases from 50 to 200 uA and Cc from 33 to 66 pF: at most 1.1 % rms.
+    Compared with ngspice, steps of 1 V upwards at biases from 50 to 200 uA and Cc from 33 to 66 pF: at most 1.1 % rms.
     """
     figures = one_stage_figures(bias, design)
     limits = replace(figures.limits, slew_rate=math.inf)
@@ -99,16 +144,24 @@ def one_stage_model(bias: AmplifierBias = CIRCUIT_C, design: AmplifierDesign = T
 
 
 def slew_model(loop: ClosedLoop, gain_bandwidth: float = GAIN_BANDWIDTH.value) -> SlewModel:
-    """Return the slewing follower that a measured gain and -3 dB bandwidth stand for.
+    """Return the slewing follower identified from a measured gain and -3 dB bandwidth.
 
     Parameters
     ----------
-    loop : of the follower, measured for small signals.
-    gain_bandwidth : of its op-amp [Hz], in [1e-12, 1e14]; the published 1.5 MHz where it was not measured.
+    loop : ClosedLoop
+        Gain and bandwidth of the follower, measured with small signals.
+    gain_bandwidth : float, default GAIN_BANDWIDTH.value
+        Gain-bandwidth product of its op-amp [Hz], in [1e-12, 1e14]; the published 1.5 MHz if it was not measured.
+
+    Returns
+    -------
+    SlewModel
+        Parameters of the follower.
 
     Raises
     ------
-    ValueError : gain_bandwidth is not a real, finite number in its range, or loop not a ClosedLoop.
+    ValueError
+        `gain_bandwidth` is not a real, finite number in its range, or `loop` is not a ClosedLoop.
 
     Examples
     --------
@@ -120,11 +173,11 @@ def slew_model(loop: ClosedLoop, gain_bandwidth: float = GAIN_BANDWIDTH.value) -
     product = real_number("gain_bandwidth", gain_bandwidth, 1e-12, 1e14)
     one_pole = ClosedLoop(gain=loop.gain, bandwidth=close_loop(AMPLIFIER_GAIN.value, product).bandwidth)
     ratio = loop.bandwidth / one_pole.bandwidth
-    if not EXPLAINED[0] < ratio <= EXPLAINED[1]:
+    if not EXPLAINED_RATIOS[0] < ratio <= EXPLAINED_RATIOS[1]:
         return SlewModel("one pole", loop, OVERDRIVE)
-    hand = one_stage_model() if ratio > SEEN else two_stage_model()
-    measured = replace(hand, loop=one_pole, limits=NO_LIMITS)  # supply and load of the circuit are not known
-    if ratio > SEEN:
+    hand = one_stage_model() if ratio > SECOND_POLE_RATIO else two_stage_model()
+    measured = replace(hand, loop=one_pole, limits=NO_LIMITS)  # supply and load of the circuit are unknown
+    if ratio > SECOND_POLE_RATIO:
         return measured
     zero = max(0.0, 1 - math.sqrt(2 - 1 / ratio**2))
     return replace(measured, lead=replace(hand.lead, linear=zero))

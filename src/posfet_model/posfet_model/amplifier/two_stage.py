@@ -1,4 +1,4 @@
-"""A two-stage Miller op-amp like that of Table II by hand formulas: from sizes and bias to gain, poles, slew, offset.
+"""Two-stage Miller op-amp with the sizes of Table II, by hand formulas: gain, poles, slew rate, offset.
 
     M1 (inverting), M2   POSFET input pair            M5, M6, M8  n-channel current mirror fed by the reference current
     M3, M4               p-channel mirror load        M7          p-channel second stage, Cc and Rz from gate to drain
@@ -22,10 +22,10 @@ from posfet_model.amplifier.operating_point import (
     AmplifierDesign,
     OpAmpFigures,
     OperatingPoint,
+    bisect,
     lowest_input,
     operating_point,
     saturated,
-    zero_of,
 )
 
 __all__ = [
@@ -41,39 +41,54 @@ __all__ = [
 
 @dataclass(frozen=True, kw_only=True)
 class AmplifierFigures(OpAmpFigures):
-    """What the hand formulas say, at rest with input and output near 0 V.
+    """Figures of merit by hand formulas, at rest with input and output near 0 V.
 
     `second_gain` is gm7/(gds7 + gds8 + 1/RL), `slew_rate` tail current over Cc.
     """
 
     output_current: float
-    """Through M7 [A]."""
+    """Current through M7 [A]."""
     load_transconductance: float
     """gm3 [S]."""
     zero: float
     """1/(2*pi*Cc*(Rz - 1/gm7)) [Hz], positive in the left half-plane; inf when it is cancelled."""
     falling_slew_rate: float
-    """Steepest fall [V/s], with what M8 can sink near 0 V, at most `slew_rate`. A steeper fall cuts M7 off and ends in
-    an overshoot that no model here follows."""
+    """Steepest fall [V/s], limited by the current that M8 sinks near 0 V, at most `slew_rate`. A steeper fall cuts M7
+    off and ends in an overshoot that no model here reproduces."""
     bend: float
-    """By how much less than linear the gate of M7 moves when all of the tail current arrives [V], as the output sees
-    it: the output of a follower runs ahead by that when it slews up."""
+    """Quadratic lead [V]: deviation from linearity of the gate of M7 when it receives all of the tail current, referred
+    to the output. The output of a follower leads by this voltage while it slews up."""
     systematic_offset: float
-    """Output of the follower with its input at 0 V and equal pairs [V]."""
+    """Output of the follower with its input at 0 V and matched pairs [V]."""
 
 
 def figures_of_merit(bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = TABLE_II) -> AmplifierFigures:
-    """Return gain, poles, offset and slew of the two-stage op-amp, by default of Table II.
+    """Return gain, poles, offset and slew rate of the two-stage op-amp, by default that of Table II.
 
-    Raises ValueError when the supply is too low for the transistors to be saturated.
+    Parameters
+    ----------
+    bias : AmplifierBias, default CIRCUIT_B
+        Bias of the circuit.
+    design : AmplifierDesign, default TABLE_II
+        Sizes and process.
+
+    Returns
+    -------
+    AmplifierFigures
+        Figures of merit at rest.
+
+    Raises
+    ------
+    ValueError
+        The supply is too low for the transistors to be saturated.
 
     Notes
     -----
-    Against ngspice with the defaults (circuit B): open-loop gain +1.6 %, dominant pole +2.3 %, offset 2.42 for 2.45 mV.
-    The poles are those of the two-node circuit, ``p1 = 1/a1`` and ``p2 = a1/a2``, valid while p2 is well above
-    p1; the second gain is only about 4.3 here, so the usual ``gm1/Cc`` and ``I/Cc`` are too high by a quarter.
-    While the output slews up, M7 carries the tail current too, so gm7 and the second gain are those of that current;
-    ngspice slews at 4.85 V/us where this gives 4.49.
+    Compared with ngspice with the defaults (circuit B): open-loop gain +1.6 %, dominant pole +2.3 %, offset 2.42
+    instead of 2.45 mV. The poles are those of the two-node circuit, ``p1 = 1/a1`` and ``p2 = a1/a2``, valid while p2 is
+    well above p1; the second gain is only about 4.3 here, so the textbook ``gm1/Cc`` and ``I/Cc`` are too high by a
+    quarter. While the output slews up, M7 carries the tail current too, so gm7 and the second gain are those of that
+    current; ngspice slews at 4.85 V/us, this formula gives 4.49.
     """
     bias, design = instance("bias", bias, AmplifierBias), instance("design", design, AmplifierDesign)
     point = operating_point(bias, design)
@@ -114,7 +129,7 @@ def figures_of_merit(bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = 
 
 @dataclass(frozen=True)
 class _Slewing:
-    """Steepest rise and fall of the output [V/s], and by how much it runs ahead when it rises [V]."""
+    """Steepest rise and fall of the output [V/s], and its lead while it rises [V]."""
 
     rise: float
     fall: float
@@ -122,9 +137,9 @@ class _Slewing:
 
 
 def _slewing(bias: AmplifierBias, design: AmplifierDesign, point: OperatingPoint, second_gain: float) -> _Slewing:
-    """Return how the output slews: up with the tail's current, which M7 carries too; down with what M8 can sink."""
+    """Return the slewing of the output: up with the tail current, which M7 carries too; down with the current of M8."""
     stronger = math.sqrt(1 + point.tail / point.output)  # gm7, and with it the second gain, over those at rest
-    both_ends = 1 + 1 / (second_gain * stronger)  # the gate of M7 moves too, by this share of Cc's voltage more
+    both_ends = 1 + 1 / (second_gain * stronger)  # the gate of M7 moves, too
     rise = point.tail / (bias.compensation * both_ends)
     sunk = bias.compensation * (1 + 1 / second_gain) + design.output_capacitance(bias.load_capacitance)
     gate_moves = point.output_overdrive * (point.tail / point.output) / (1 + stronger)
@@ -142,16 +157,29 @@ def mismatch_offset(
     pair_size: float,
     load_size: float,
 ) -> float:
-    """Return the input offset [V] that small differences between the two sides make.
+    """Return the input offset [V] caused by small mismatch between the two sides.
 
     ``dV = dVth1 + gm3/gm1*dVth3 + Vov/2*(dbeta1/beta1 + dbeta3/beta3)``, first order of the pair's square law, with
-    signs such that each term adds. For standard deviations of independent differences add the terms' squares.
+    signs such that each term adds. For standard deviations of independent mismatch add the squares of the terms.
 
     Parameters
     ----------
-    figures : of the amplifier.
-    pair_threshold, load_threshold : differences of threshold of M1, M2 and of M3, M4 [V], within +-1.
-    pair_size, load_size : relative differences of gain factor [1], within +-0.5.
+    figures : AmplifierFigures
+        Figures of merit of the amplifier.
+    pair_threshold, load_threshold : float
+        Threshold mismatch of M1, M2 and of M3, M4 [V], within +-1.
+    pair_size, load_size : float
+        Relative mismatch of the gain factors [1], within +-0.5.
+
+    Returns
+    -------
+    float
+        Input offset [V].
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range.
     """
     figures = instance("figures", figures, AmplifierFigures)
     return (
@@ -166,13 +194,13 @@ def mismatch_offset(
 
 
 def _highest_input(bias: AmplifierBias, design: AmplifierDesign, point: OperatingPoint) -> float:
-    """Return the highest input [V] that leaves M1 and M7 saturated; M7's drain-source voltage is then its overdrive."""
+    """Return the highest input [V] that keeps M1 and M7 saturated; M7's drain-source voltage is then its overdrive."""
 
-    def to_spare(overdrive: float) -> float:
+    def margin(overdrive: float) -> float:
         most = saturated(design.p_factor("M7"), overdrive, overdrive, bias.modulation)
         return most - point.output_demand(bias, bias.supply - overdrive)
 
-    return bias.supply - max(point.load_overdrive, zero_of(to_spare, 0.0, 2 * bias.supply))
+    return bias.supply - max(point.load_overdrive, bisect(margin, 0.0, 2 * bias.supply))
 
 
 def _poles(bias: AmplifierBias, design: AmplifierDesign, out1: float, out2: float, gm7: float) -> tuple[float, float]:

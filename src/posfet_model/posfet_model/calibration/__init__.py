@@ -1,4 +1,4 @@
-"""Calibration of each taxel: gains and time constants, their file, the least-squares fit. Imports sensor."""
+"""Calibration of each taxel: parameters, calibration file, least-squares fit. Imports sensor."""
 
 from posfet_model._lib.lazy import lazy_submodules
 

@@ -1,4 +1,4 @@
-"""Calibrations as YAML files, each of one sensor: another sensor's, or another layout's, is refused."""
+"""Calibration files (YAML). A file belongs to one sensor: one of another sensor or layout is refused."""
 
 from __future__ import annotations
 
@@ -10,18 +10,36 @@ from typing import Any, Final
 import numpy as np
 import yaml
 
+from posfet_model._lib.types import Array
 from posfet_model.calibration.taxel_calibration import Calibration, Residuals
-from posfet_model.config import ConfigError, read_yaml
+from posfet_model.config import ConfigError, Section, read_yaml
 from posfet_model.sensor.description import Sensor
 
 VERSION: Final = 1
+"""Version of the file format."""
+
 DIGITS: Final = 6
-"""Digits of the numbers in a file."""
+"""Significant digits of the numbers in a file."""
 
 
 def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration) -> None:
-    """Write a calibration of `sensor`. Raises ConfigError, one line, when the file cannot be written."""
-    found = calibration.residuals
+    """Write a calibration to a file, which is replaced atomically.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; an existing one is overwritten.
+    sensor : Sensor
+        The sensor to which the calibration belongs.
+    calibration : Calibration
+        The calibration.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be written; one line.
+    """
+    residuals = calibration.residuals
     document: dict[str, Any] = {
         "version": VERSION,
         "date": calibration.date,
@@ -43,42 +61,57 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
     }
     if calibration.thermal_time_constant is not None:
         document["thermal_time_constant_s"] = float(f"{calibration.thermal_time_constant:.{DIGITS}g}")
-    if found is not None:
+    if residuals is not None:
         document["residuals"] = {
-            "force_rms_mN": float(f"{found.force_rms * 1e3:.{DIGITS}g}"),
-            "force_rms_before_mN": float(f"{found.force_rms_before * 1e3:.{DIGITS}g}"),
-            "samples": found.samples,
+            "force_rms_mN": float(f"{residuals.force_rms * 1e3:.{DIGITS}g}"),
+            "force_rms_before_mN": float(f"{residuals.force_rms_before * 1e3:.{DIGITS}g}"),
+            "samples": residuals.samples,
         }
     target = Path(path)
-    if not target.name or (target.exists() and not target.is_file()):  # a device would be replaced
+    if not target.name or (target.exists() and not target.is_file()):  # os.replace would replace a device node
         raise ConfigError(f"{target}: cannot be written: not a regular file")
-    beside = target.with_name(f"{target.name}.part")
+    part = target.with_name(f"{target.name}.part")
     try:
-        beside.write_text(yaml.safe_dump(document, sort_keys=False, width=120), encoding="utf-8")
-        os.replace(beside, target)  # never half a file
+        part.write_text(yaml.safe_dump(document, sort_keys=False, width=120), encoding="utf-8")
+        os.replace(part, target)  # never an incomplete file
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def load_calibration(path: str | Path, sensor: Sensor) -> Calibration:
-    """Return the calibration of `sensor` in a file.
+    """Return the calibration of a sensor from its file.
 
-    Raises ConfigError, one line naming file, key, what is allowed and what was found: for a file of another sensor or
-    layout, and for everything `read_yaml` and `Section` refuse.
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    sensor : Sensor
+        The sensor to which the calibration has to belong.
+
+    Returns
+    -------
+    Calibration
+        The calibration in SI units.
+
+    Raises
+    ------
+    ConfigError
+        The file belongs to another sensor or layout, or `read_yaml` or `Section` refuses it; one line that names file,
+        key, allowed values and value.
     """
     top = read_yaml(path)
     top.whole("version", VERSION, VERSION)
     date = top.text("date")
     owner = top.section("sensor")
-    for name, mine in (("name", sensor.name), ("serial", sensor.serial)):
-        given = owner.text(name)
-        if given != mine:
-            raise owner.error(name, f"is of another sensor: must be '{mine}', got '{given}'")
+    for name, expected in (("name", sensor.name), ("serial", sensor.serial)):
+        text = owner.text(name)
+        if text != expected:
+            raise owner.error(name, f"is of another sensor: must be '{expected}', got '{text}'")
     layout = sensor.layout
     for name, number in (("layout", layout.id), ("rows", layout.rows), ("cols", layout.cols)):
-        found = owner.whole(name, 1, 0xFFFF)
-        if found != number:
-            raise owner.error(name, f"is of another layout: must be {number}, got {found}")
+        value = owner.whole(name, 1, 0xFFFF)
+        if value != number:
+            raise owner.error(name, f"is of another layout: must be {number}, got {value}")
     owner.end()
     section = top.section("taxels")
     taxels, tau = layout.taxels, sensor.device.leak_time_constant
@@ -101,15 +134,15 @@ def load_calibration(path: str | Path, sensor: Sensor) -> Calibration:
     return calibration
 
 
-def _residuals(section: Any) -> Residuals:
-    found = Residuals(
+def _residuals(section: Section) -> Residuals:
+    residuals = Residuals(
         force_rms=section.number("force_rms_mN", 0.0, 1e9) * 1e-3,
         force_rms_before=section.number("force_rms_before_mN", 0.0, 1e9) * 1e-3,
         samples=section.whole("samples", 0, 10**15),
     )
     section.end()
-    return found
+    return residuals
 
 
-def _rounded(values: Any) -> list[float]:
+def _rounded(values: Array) -> list[float]:
     return [float(f"{value:.{DIGITS}g}") for value in values.tolist()]

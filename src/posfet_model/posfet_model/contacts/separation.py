@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 
 from posfet_model.contacts.footprint import Footprint
 from posfet_model.sensor.description import Layout
-from posfet_model.sensor.neighbour_estimate import Surroundings
+from posfet_model.sensor.grid import ALL_NEIGHBOURS, EDGE_NEIGHBOURS, neighbour_lists, neighbour_table, opposite_corners
+from posfet_model.sensor.neighbour_estimate import NeighbourInterpolation
 
 SADDLE_RATIO: Final = 0.6
 """Greatest ratio of a saddle to the lower of its two peaks [1]: with the remaining gain errors, cylinders and pads have
@@ -78,12 +79,11 @@ class Separator:
         self._positions = layout.positions
         self._pitch = max(layout.pitch_x, layout.pitch_y)
         self._threshold = threshold
-        self._surroundings = Surroundings(layout)
+        self._surroundings = NeighbourInterpolation(layout)
         self._none = np.zeros(layout.taxels, np.bool_)
-        neighbours = _neighbours(layout)
-        self._beside = neighbours[:, [1, 3, 4, 6]]
-        self._neighbours = [[other for other in row if other < layout.taxels] for row in neighbours.tolist()]
-        self._corners = _corners(layout)
+        self._beside = neighbour_table(layout, EDGE_NEIGHBOURS)
+        self._neighbours = neighbour_lists(layout, ALL_NEIGHBOURS)
+        self._corners = opposite_corners(layout)
         self._padded = np.full(layout.taxels + 1, -np.inf)
         self._width = [spread * spread + pitch * pitch / 12.0 for pitch in (layout.pitch_x, layout.pitch_y)]
         self.resolvable_force = SHALLOW_SADDLE_DEPTH * threshold / (1.0 - SHALLOW_SADDLE_RATIO)
@@ -158,7 +158,7 @@ class Separator:
 
     def _has_hole(self, members: NDArray[np.intp], force: NDArray[np.float64]) -> bool:
         """Return whether one of the taxels lacks its force because it is faulty."""
-        least = self._surroundings.least(force, self._none, members, 0.0)
+        least = self._surroundings.lower_bound(force, self._none, members, 0.0)
         return bool(((least > 2.0 * self._threshold) & (force[members] < HOLE * least)).any())
 
     def responsibilities(
@@ -222,23 +222,3 @@ class Separator:
         np.exp(share, out=share)
         share /= np.add.reduce(share)
         return share
-
-
-def _neighbours(layout: Layout) -> NDArray[np.intp]:
-    """Return the eight neighbours of each taxel, shape [taxels, 8]; the number of taxels for no neighbour."""
-    padded = np.full((layout.rows + 2, layout.cols + 2), layout.taxels, np.intp)
-    padded[1:-1, 1:-1] = np.arange(layout.taxels).reshape(layout.rows, layout.cols)
-    offsets = [(down, right) for down in range(3) for right in range(3) if (down, right) != (1, 1)]
-    beside = [padded[down : down + layout.rows, right : right + layout.cols].reshape(-1) for down, right in offsets]
-    return np.stack(beside, axis=1)
-
-
-def _corners(layout: Layout) -> dict[tuple[int, int], tuple[int, int]]:
-    """Return for every two diagonal neighbours the other two taxels of their square."""
-    grid = np.arange(layout.taxels).reshape(layout.rows, layout.cols)
-    found: dict[tuple[int, int], tuple[int, int]] = {}
-    for square in zip(grid[:-1, :-1].flat, grid[:-1, 1:].flat, grid[1:, :-1].flat, grid[1:, 1:].flat, strict=True):
-        one, two, three, four = map(int, square)
-        for (this, that), rest in (((one, four), (two, three)), ((two, three), (one, four))):
-            found[this, that] = found[that, this] = rest
-    return found

@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 from posfet_model.contacts.assignment import minimum_cost_assignment
 from posfet_model.contacts.detection import Region
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.signal_chain import noise_of_a_scan
+from posfet_model.sensor.signal_chain import force_noise_rms
 
 LAST_ID: Final = 0xFFFF_FFFF
 """Greatest id; the next one is 1."""
@@ -107,7 +107,7 @@ class ContactTracker:
         self._gate = self._settings.gate * self._pitch
         self._threshold = sensor.contact.threshold
         self._noise = (
-            NOISE_DEVIATIONS * TAXELS_ACROSS * self._pitch * noise_of_a_scan(sensor) / self._settings.smoothing
+            NOISE_DEVIATIONS * TAXELS_ACROSS * self._pitch * force_noise_rms(sensor) / self._settings.smoothing
         )
         self._contacts: tuple[Contact, ...] = ()
         self._next_id = 1

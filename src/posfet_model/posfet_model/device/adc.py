@@ -1,8 +1,8 @@
-"""Analogue-to-digital converter: volts to counts and back, with clipping flagged.
+"""Analogue-to-digital converter (ADC): volts to counts and back, with clipping flagged.
 
-The transfer is mid-tread: code `c` stands for the voltage in the middle of its step, `low + c*lsb`, with
-`lsb = (high - low)/(2**bits - 1)`, so that the first code is `low` and the last is `high`. An unclipped conversion is
-within lsb/2 of the truth. Thermal noise, offset and gain errors belong to the signal chain, not here.
+The transfer function is mid-tread: code `c` represents the voltage in the middle of its step, `low + c*lsb`, with
+`lsb = (high - low)/(2**bits - 1)`, so that the first code is `low` and the last is `high`. The quantisation error of an
+unclipped conversion is at most lsb/2. Thermal noise, offset and gain errors belong to the signal chain, not here.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _MIN_RELATIVE_SPAN: Final = 1e-6  # with 24 bits a step is then still 100 times 
 
 @dataclass(frozen=True)
 class Conversion:
-    """What the converter delivers for an array of voltages, both fields of the voltages' shape."""
+    """Result of converting an array of voltages; both fields have the shape of the voltages."""
 
     counts: NDArray[np.unsignedinteger[Any]]
     """Codes, uint16 up to 16 bits, uint32 above."""
@@ -31,10 +31,25 @@ class Conversion:
 
 
 def lsb(bits: int, low: float, high: float) -> float:
-    """Return the voltage of one step [V], `(high - low)/(2**bits - 1)`.
+    """Return the voltage of one step (least significant bit) [V], `(high - low)/(2**bits - 1)`.
 
-    bits in [1, 24]; low, high [V] in [-1e6, 1e6] with low < high (their difference at least 1e-6 of their size).
-    Raises ValueError otherwise.
+    Parameters
+    ----------
+    bits : int
+        Resolution, in [1, 24].
+    low, high : float
+        Ends of the input range [V], in [-1e6, 1e6], low < high; their difference is at least 1e-6 of the larger
+        magnitude.
+
+    Returns
+    -------
+    float
+        Voltage of one step [V].
+
+    Raises
+    ------
+    ValueError
+        An argument is not a real, finite number or out of range.
     """
     bits = whole_number("bits", bits, 1, MAX_BITS)
     low = real_number("low", low, -MAX_VOLTS, MAX_VOLTS)
@@ -46,10 +61,24 @@ def lsb(bits: int, low: float, high: float) -> float:
 
 
 def volts_to_counts(volts: ArrayLike, bits: int, low: float, high: float) -> Conversion:
-    """Convert voltages [V], any shape, to the nearest codes; a tie goes to the even code.
+    """Convert voltages to the nearest codes; a tie goes to the even code.
 
-    Raises ValueError for a NaN or infinite voltage and for what `lsb` refuses. A voltage out of range is not an error:
-    it gets the first or last code and a flag.
+    Parameters
+    ----------
+    volts : array_like
+        Voltages [V], any shape. A voltage outside [low, high] is no error: it gets the first or last code, and a flag.
+    bits, low, high : int / float / float
+        Resolution and input range, as in `lsb`.
+
+    Returns
+    -------
+    Conversion
+        Codes and clipping flags, of the shape of `volts`.
+
+    Raises
+    ------
+    ValueError
+        A voltage is NaN or infinite, or the resolution or input range is invalid (see `lsb`).
     """
     step = lsb(bits, low, high)
     last = (1 << bits) - 1
@@ -65,10 +94,24 @@ def volts_to_counts(volts: ArrayLike, bits: int, low: float, high: float) -> Con
 
 
 def counts_to_volts(counts: ArrayLike, bits: int, low: float, high: float) -> NDArray[np.float64]:
-    """Return the voltages [V] that codes stand for, `low + counts*lsb`, in the codes' shape.
+    """Return the voltages [V] that codes represent, ``low + counts*lsb``.
 
-    Counts are in [0, 2**bits - 1] and need not be whole: the mean of several scans is welcome. Raises ValueError
-    otherwise, and for what `lsb` refuses.
+    Parameters
+    ----------
+    counts : array_like
+        Codes, any shape, in [0, 2**bits - 1]; they need not be integers, so the mean of several scans is allowed.
+    bits, low, high : int / float / float
+        Resolution and input range, as in `lsb`.
+
+    Returns
+    -------
+    ndarray
+        Voltages [V], of the shape of `counts`.
+
+    Raises
+    ------
+    ValueError
+        A code is out of range, or the resolution or input range is invalid (see `lsb`).
     """
     step = lsb(bits, low, high)
     values = real_array("counts", counts, 0, (1 << bits) - 1).astype(np.float64, copy=False)

@@ -1,8 +1,8 @@
-"""The paper's formulas as they are printed, misprints included, for comparison with the right ones.
+"""The paper's formulas as printed, misprints included, for comparison with the corrected ones.
 
-Nothing else in this package uses them. Each has the name of the right function; docs/errata.md has the numbers.
-The arguments are those of the right functions, in the same units; what is no real number, or no length or modulus, is
-a ValueError, and a formula that has no value gives NaN.
+Nothing else in this package uses them. Each function has the name of the correct one; docs/errata.md has the numbers.
+The arguments are those of the correct functions, in the same units. An argument that is not a real number, or not a
+valid length or modulus, is a ValueError; where a formula has no value the result is NaN.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from posfet_model._lib.validation import FloatArray, alike, instance, real_array, real_number
+from posfet_model._lib.types import FloatArray
+from posfet_model._lib.validation import common_dtype, instance, real_array, real_number
 from posfet_model.device.constants import VACUUM_PERMITTIVITY
 from posfet_model.device.mechanics import LENGTH_RANGE, MODULUS_RANGE, POISSON_RANGE, PRESSURE_LIMIT
 from posfet_model.device.transistor import Stack
@@ -23,10 +24,24 @@ def electric_displacement(
 ) -> FloatArray:
     """Return eq. (1) as printed: ``D3 = d33*T3 + eps33*T3``.
 
-    Right: `posfet_model.device.charge.electric_displacement`. The second T3 should be E3: the printed sum adds
-    unlike units.
+    Correct: `posfet_model.device.charge.electric_displacement`. The second T3 should be E3: the printed sum adds
+    different units.
+
+    Parameters
+    ----------
+    stress : array_like
+        T3 [Pa].
+    piezoelectric_coefficient : array_like
+        d33 [C/N].
+    relative_permittivity : array_like
+        eps33/eps0 [1].
+
+    Returns
+    -------
+    ndarray
+        D3 as printed, of the broadcast shape.
     """
-    stress, piezoelectric_coefficient, relative_permittivity = alike(
+    stress, piezoelectric_coefficient, relative_permittivity = common_dtype(
         stress=real_array("stress", stress),
         piezoelectric_coefficient=real_array("piezoelectric_coefficient", piezoelectric_coefficient),
         relative_permittivity=real_array("relative_permittivity", relative_permittivity),
@@ -35,9 +50,21 @@ def electric_displacement(
 
 
 def branch_steepness(coercive_field: float, remnant_polarisation: float, saturation_polarisation: float) -> float:
-    """Return eq. (3) as printed, for the polarisations as the text has them: NaN where the logarithm has none.
+    """Return eq. (3) as printed, with the polarisations of the text.
 
-    Right: `posfet_model.device.film.branch_steepness`. The text swaps Pr and Ps: (1 + 5/2)/(1 - 5/2) = -2.333.
+    Correct: `posfet_model.device.film.branch_steepness`. The text swaps Pr and Ps: (1 + 5/2)/(1 - 5/2) = -2.333.
+
+    Parameters
+    ----------
+    coercive_field : float
+        Ec [V/m].
+    remnant_polarisation, saturation_polarisation : float
+        Pr, Ps [C/m2].
+
+    Returns
+    -------
+    float
+        delta [V/m]; NaN where the logarithm is undefined.
     """
     ratio = real_number("remnant_polarisation", remnant_polarisation) / real_number(
         "saturation_polarisation", saturation_polarisation, 0, exclusive=True
@@ -50,29 +77,72 @@ def branch_steepness(coercive_field: float, remnant_polarisation: float, saturat
 def threshold_shift(charge: ArrayLike, stack: Stack) -> FloatArray:
     """Return eq. (6) and (7) as printed: ``dV = -Psw/Cox``, the whole charge uncompensated.
 
-    Right: `posfet_model.device.transistor.threshold_shift`.
+    Correct: `posfet_model.device.transistor.threshold_shift`.
+
+    Parameters
+    ----------
+    charge : array_like
+        Psw [C/m2].
+    stack : Stack
+        Capacitances of oxide and film.
+
+    Returns
+    -------
+    ndarray
+        dV [V], of the shape of `charge`.
     """
     return -real_array("charge", charge) / instance("stack", stack, Stack).oxide
 
 
 def signal_current(charge: ArrayLike, overdrive: ArrayLike, mobility: float, aspect: float, stack: Stack) -> FloatArray:
-    """Return the drain current [A] that a charge [C/m2] causes in saturation, as the paper's equations combine.
+    """Return the drain current [A] caused by a charge in saturation, as the paper's equations combine.
 
-    ``mu*Cstack*(W/L)*(Vgs - Vth)*(sigma/Cox)``: the charge counted at the oxide (eq. 6), the current driven through the
-    whole stack (eq. 9). Right: the same plane for both, Cox/Cpvdf (18.06 with Table I) times as much.
+    ``mu*Cstack*(W/L)*(Vgs - Vth)*(sigma/Cox)``: the charge is divided by the oxide's capacitance (eq. 6), the current
+    is driven through the whole stack (eq. 9). Correct: the same plane for both, Cox/Cpvdf (18.06 with Table I) times as
+    much.
+
+    Parameters
+    ----------
+    charge : array_like
+        sigma [C/m2].
+    overdrive : array_like
+        Vgs - Vth [V].
+    mobility : float
+        mu [m2/(V s)].
+    aspect : float
+        W/L [1].
+    stack : Stack
+        Capacitances of oxide and film.
+
+    Returns
+    -------
+    ndarray
+        Current [A], of the broadcast shape.
     """
-    charge, overdrive = alike(charge=real_array("charge", charge), overdrive=real_array("overdrive", overdrive))
+    charge, overdrive = common_dtype(charge=real_array("charge", charge), overdrive=real_array("overdrive", overdrive))
     stack = instance("stack", stack, Stack)
     gain_factor = real_number("mobility", mobility) * stack.series * real_number("aspect", aspect)
     return gain_factor * overdrive * (charge / stack.oxide)
 
 
 def saturation_current(gate_voltage: ArrayLike, threshold_voltage: ArrayLike, gain_factor: ArrayLike) -> FloatArray:
-    """Return eq. (10) as printed: ``Id = beta*(Vgs - Vth)^2`` where Vgs > Vth, without the factor 1/2.
+    """Return eq. (10) as printed: ``Id = beta*(Vgs - Vth)^2`` for Vgs > Vth, without the factor 1/2.
 
-    Right: `posfet_model.device.transistor.drain_current`.
+    Correct: `posfet_model.device.transistor.drain_current`.
+
+    Parameters
+    ----------
+    gate_voltage, threshold_voltage : array_like
+        Vgs, Vth [V].
+    gain_factor : array_like
+        beta [A/V2].
+
+    Returns
+    -------
+    ndarray
+        Id [A], of the broadcast shape.
     """
-    gate_voltage, threshold_voltage, gain_factor = alike(
+    gate_voltage, threshold_voltage, gain_factor = common_dtype(
         gate_voltage=real_array("gate_voltage", gate_voltage),
         threshold_voltage=real_array("threshold_voltage", threshold_voltage),
         gain_factor=real_array("gain_factor", gain_factor),
@@ -84,11 +154,27 @@ def saturation_current(gate_voltage: ArrayLike, threshold_voltage: ArrayLike, ga
 def circular_deflection(
     pressure: ArrayLike, radius: ArrayLike, thickness: ArrayLike, young_modulus: ArrayLike, poisson_ratio: ArrayLike
 ) -> FloatArray:
-    """Return eq. (12) as printed: ``y = 3*P*(1 - nu^2)*r^4/(16*pi*E*h^3)``, with a pi too many.
+    """Return eq. (12) as printed: ``y = 3*P*(1 - nu^2)*r^4/(16*pi*E*h^3)``, with an extra factor pi.
 
-    Right: `posfet_model.device.mechanics.circular_deflection`.
+    Correct: `posfet_model.device.mechanics.circular_deflection`.
+
+    Parameters
+    ----------
+    pressure : array_like
+        P [Pa].
+    radius, thickness : array_like
+        r, h [m].
+    young_modulus : array_like
+        E [Pa].
+    poisson_ratio : array_like
+        nu [1].
+
+    Returns
+    -------
+    ndarray
+        y [m], of the broadcast shape.
     """
-    pressure, radius, thickness, young_modulus, poisson_ratio = alike(
+    pressure, radius, thickness, young_modulus, poisson_ratio = common_dtype(
         pressure=real_array("pressure", pressure, 0, PRESSURE_LIMIT),
         radius=real_array("radius", radius, *LENGTH_RANGE),
         thickness=real_array("thickness", thickness, *LENGTH_RANGE),
@@ -102,11 +188,25 @@ def circular_deflection(
 def square_deflection(
     pressure: ArrayLike, side: ArrayLike, thickness: ArrayLike, young_modulus: ArrayLike
 ) -> FloatArray:
-    """Return eq. (13) as printed: ``y = 0.0138*P*a^4/(E*h^3)``; right for nu = 0.3.
+    """Return eq. (13) as printed: ``y = 0.0138*P*a^4/(E*h^3)``, which is correct for nu = 0.3.
 
     For any nu: `posfet_model.device.mechanics.square_deflection`.
+
+    Parameters
+    ----------
+    pressure : array_like
+        P [Pa].
+    side, thickness : array_like
+        a, h [m].
+    young_modulus : array_like
+        E [Pa].
+
+    Returns
+    -------
+    ndarray
+        y [m], of the broadcast shape.
     """
-    pressure, side, thickness, young_modulus = alike(
+    pressure, side, thickness, young_modulus = common_dtype(
         pressure=real_array("pressure", pressure, 0, PRESSURE_LIMIT),
         side=real_array("side", side, *LENGTH_RANGE),
         thickness=real_array("thickness", thickness, *LENGTH_RANGE),

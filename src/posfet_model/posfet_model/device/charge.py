@@ -1,16 +1,17 @@
-"""Piezo- and pyroelectric charge of the film, with leak: exact propagation over any step, and its inverse.
+"""Piezo- and pyroelectric charge of the film with charge leakage: exact propagation over any step, and its inverse.
 
 The charge density sigma [C/m2] at the gate follows
 
     d(sigma)/dt = dq/dt - sigma/tau,    q = d33*T3 + p*dTheta
 
 with the stress T3 [Pa] along the poling axis (compression is negative), the piezoelectric coefficient d33 [C/N], the
-pyroelectric coefficient p [C/(m2 K)], the change of temperature dTheta [K] and the time constant tau [s] of the leak.
-q is called the *source* here: the charge density a film without leak would show. The equation is linear, so a step is
-propagated by its exponential solution: any step is stable and, for a source of the named shape, right to rounding.
+pyroelectric coefficient p [C/(m2 K)], the temperature change dTheta [K] and the leakage time constant tau [s].
+q is called the *source*: the charge density of a film without leakage. Leakage makes sigma/q a first-order high pass.
+The equation is linear, so a step is propagated by its exponential solution: a step of any length is stable and, for a
+source of the stated waveform, exact to rounding.
 
-Arrays of any shapes that broadcast together are accepted. float32 arrays stay float32, whatever scalars, steps and time
-constants beside them are; anything else gives float64. All-scalar input gives a NumPy scalar.
+Arrays of any shapes that broadcast together are accepted. float32 arrays stay float32 when combined with scalars,
+steps and time constants of any type; anything else gives float64. All-scalar input gives a NumPy scalar.
 """
 
 from __future__ import annotations
@@ -22,14 +23,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from posfet_model._lib.first_order import mean_decay
-from posfet_model._lib.validation import FloatArray, alike, real_array
+from posfet_model._lib.types import FloatArray
+from posfet_model._lib.validation import common_dtype, real_array
 from posfet_model.device.constants import VACUUM_PERMITTIVITY
 
 STEP_RANGE: Final = (1e-12, 1e9)
 """Accepted time steps [s]."""
 
 TIME_CONSTANT_RANGE: Final = (1e-12, 1e15)
-"""Accepted time constants of the leak [s]; step/time_constant then stays within float32."""
+"""Accepted leakage time constants [s]; step/time_constant then stays within float32."""
 
 CHARGE_LIMIT: Final = 1e12
 """Largest accepted magnitude of a charge density [C/m2], far above any film, far below overflow of float32."""
@@ -46,34 +48,44 @@ def source_charge(
     piezoelectric_coefficient: ArrayLike,
     pyroelectric_coefficient: ArrayLike,
 ) -> FloatArray:
-    """Return the charge density q [C/m2] of a film without leak: ``q = d33*T3 + p*dTheta``.
+    """Return the charge density q [C/m2] of a film without leakage: ``q = d33*T3 + p*dTheta``.
 
     The direct piezoelectric effect of eq. (1) at zero field, and the pyroelectric effect.
 
     Parameters
     ----------
-    stress : T3 [Pa], tension positive, within +-1e16.
-    temperature_change : dTheta [K] from the temperature at which q is zero, within +-500.
-    piezoelectric_coefficient : d33 [C/N], within +-1e-6 (PVDF-TrFE: -38e-12).
-    pyroelectric_coefficient : p [C/(m2 K)], within +-0.1 (PVDF-TrFE: -40e-6).
+    stress : array_like
+        T3 [Pa], tension positive, within +-1e16.
+    temperature_change : array_like
+        dTheta [K] relative to the temperature at which q is zero, within +-500.
+    piezoelectric_coefficient : array_like
+        d33 [C/N], within +-1e-6 (PVDF-TrFE: -38e-12).
+    pyroelectric_coefficient : array_like
+        p [C/(m2 K)], within +-0.1 (PVDF-TrFE: -40e-6).
+
+    Returns
+    -------
+    ndarray
+        q [C/m2], of the broadcast shape.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
-    The paper has no pyroelectric term. In PVDF and its copolymers d33 and p have the same sign: pressing (T3 < 0)
-    raises the charge, warming lowers it, because it lowers the polarisation. Tables often give magnitudes only.
+    The paper has no pyroelectric term. In PVDF and its copolymers d33 and p have the same sign: compression (T3 < 0)
+    raises the charge; heating lowers it, because it lowers the polarisation. Tables often give magnitudes only.
 
     Examples
     --------
-    A push of 1 N on 1 mm2, and a warming of 1 K, are about the same charge, of opposite sign:
+    A force of 1 N on 1 mm2 and a temperature rise of 1 K give about the same charge, of opposite sign:
 
     >>> print(f"{source_charge(-1e6, 0.0, -38e-12, -40e-6):.3g}, {source_charge(0.0, 1.0, -38e-12, -40e-6):.3g}")
     3.8e-05, -4e-05
     """
-    stress, temperature_change, piezoelectric_coefficient, pyroelectric_coefficient = alike(
+    stress, temperature_change, piezoelectric_coefficient, pyroelectric_coefficient = common_dtype(
         stress=real_array("stress", stress, -STRESS_LIMIT, STRESS_LIMIT),
         temperature_change=real_array("temperature_change", temperature_change, -500, 500),
         piezoelectric_coefficient=real_array("piezoelectric_coefficient", piezoelectric_coefficient, -1e-6, 1e-6),
@@ -89,21 +101,31 @@ def electric_displacement(
 
     Parameters
     ----------
-    stress : T3 [Pa], tension positive, within +-1e16.
-    field : E3 [V/m], within +-1e12.
-    piezoelectric_coefficient : d33 [C/N], within +-1e-6.
-    relative_permittivity : eps33/eps0 [1], in [1, 1e5].
+    stress : array_like
+        T3 [Pa], tension positive, within +-1e16.
+    field : array_like
+        E3 [V/m], within +-1e12.
+    piezoelectric_coefficient : array_like
+        d33 [C/N], within +-1e-6.
+    relative_permittivity : array_like
+        eps33/eps0 [1], in [1, 1e5].
+
+    Returns
+    -------
+    ndarray
+        D3 [C/m2], of the broadcast shape.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
     The paper prints T3 in both terms; the second one is the field E3. The printed form is in
     `posfet_model.device.as_printed`.
     """
-    stress, field, piezoelectric_coefficient, relative_permittivity = alike(
+    stress, field, piezoelectric_coefficient, relative_permittivity = common_dtype(
         stress=real_array("stress", stress, -STRESS_LIMIT, STRESS_LIMIT),
         field=real_array("field", field, -1e12, 1e12),
         piezoelectric_coefficient=real_array("piezoelectric_coefficient", piezoelectric_coefficient, -1e-6, 1e-6),
@@ -115,25 +137,35 @@ def electric_displacement(
 def propagate_first_order_hold(
     charge: ArrayLike, source_start: ArrayLike, source_end: ArrayLike, step: ArrayLike, time_constant: ArrayLike
 ) -> FloatArray:
-    """Return the charge density [C/m2] one step later, the source moving in a straight line over the step.
+    """Return the charge density [C/m2] one step later, the source varying linearly over the step (first-order hold).
 
     ``sigma1 = sigma0*exp(-h/tau) + (q1 - q0)*(1 - exp(-h/tau))/(h/tau)``
 
     Parameters
     ----------
-    charge : sigma0 [C/m2] at the start of the step, within +-1e12.
-    source_start, source_end : q0, q1 [C/m2] at the ends of the step, within +-1e12.
-    step : h [s], in [1e-12, 1e9].
-    time_constant : tau [s], in [1e-12, 1e15].
+    charge : array_like
+        sigma0 [C/m2] at the start of the step, within +-1e12.
+    source_start, source_end : array_like
+        q0, q1 [C/m2] at the ends of the step, within +-1e12.
+    step : array_like
+        h [s], in [1e-12, 1e9].
+    time_constant : array_like
+        tau [s], in [1e-12, 1e15].
+
+    Returns
+    -------
+    ndarray
+        sigma1 [C/m2], of the broadcast shape.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
-    Exact for the piecewise linear source. Rounding adds at most 4 units in the last place of sigma0 and 6 of q0 and q1
-    (with elementary functions right to 2 units) for h/tau from 1e-18 to 1e12, checked against a 40-digit table.
+    Exact for a piecewise linear source. The rounding error is at most 4 units in the last place of sigma0 and 6 of q0
+    and q1 (elementary functions accurate to 2 units) for h/tau from 1e-18 to 1e12, verified against a 40-digit table.
 
     Examples
     --------
@@ -149,12 +181,35 @@ def propagate_first_order_hold(
 def propagate_step(
     charge: ArrayLike, source_start: ArrayLike, source_end: ArrayLike, step: ArrayLike, time_constant: ArrayLike
 ) -> FloatArray:
-    """Return the charge density [C/m2] one step later, the source jumping at the start of the step and then held.
+    """Return the charge density [C/m2] one step later, the source jumping at the start of the step (zero-order hold).
 
     ``sigma1 = (sigma0 + q1 - q0)*exp(-h/tau)``
 
-    Parameters, errors and rounding as in `propagate_first_order_hold`. On a smooth source sampled at the step's ends
-    this hold runs early by half a step; it is meant for sources that do jump.
+    Parameters
+    ----------
+    charge : array_like
+        sigma0 [C/m2] at the start of the step, within +-1e12.
+    source_start, source_end : array_like
+        q0, q1 [C/m2] before and after the jump, within +-1e12.
+    step : array_like
+        h [s], in [1e-12, 1e9].
+    time_constant : array_like
+        tau [s], in [1e-12, 1e15].
+
+    Returns
+    -------
+    ndarray
+        sigma1 [C/m2], of the broadcast shape; rounding as in `propagate_first_order_hold`.
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
+
+    Notes
+    -----
+    For a smooth source sampled at the ends of the step this hold is early by half a step; it is meant for sources that
+    jump.
     """
     charge, source_start, source_end = _charges(charge=charge, source_start=source_start, source_end=source_end)
     decay = np.exp(-_step_ratio(charge.shape, step, time_constant)).astype(charge.dtype)
@@ -164,25 +219,34 @@ def propagate_step(
 def invert_first_order_hold(
     charge_start: ArrayLike, charge_end: ArrayLike, step: ArrayLike, time_constant: ArrayLike
 ) -> FloatArray:
-    """Return the change q1 - q0 [C/m2] of the source that moved the charge density from sigma0 to sigma1 in one step.
+    """Return the change q1 - q0 [C/m2] of the source that changed the charge density from sigma0 to sigma1 in one step.
 
-    The exact inverse of `propagate_first_order_hold`:
+    The exact inverse of `propagate_first_order_hold`, the leakage compensation:
     ``q1 - q0 = (sigma1 - sigma0*exp(-h/tau))*(h/tau)/(1 - exp(-h/tau))``
 
     Parameters
     ----------
-    charge_start, charge_end : sigma0, sigma1 [C/m2], within +-1e12.
-    step : h [s], in [1e-12, 1e9].
-    time_constant : tau [s], in [1e-12, 1e15].
+    charge_start, charge_end : array_like
+        sigma0, sigma1 [C/m2], within +-1e12.
+    step : array_like
+        h [s], in [1e-12, 1e9].
+    time_constant : array_like
+        tau [s], in [1e-12, 1e15].
+
+    Returns
+    -------
+    ndarray
+        q1 - q0 [C/m2], of the broadcast shape.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
-    An error e of sigma1 comes back as ``e*(h/tau)/(1 - exp(-h/tau))``: unchanged for short steps, h/tau times as large
-    for long ones, where next to nothing of the source is left in the charge.
+    An error e of sigma1 causes an error ``e*(h/tau)/(1 - exp(-h/tau))``: unchanged for short steps, amplified by h/tau
+    for long ones, where the charge retains almost nothing of the source.
     """
     charge_start, charge_end = _charges(charge_start=charge_start, charge_end=charge_end)
     ratio = _step_ratio(charge_start.shape, step, time_constant)
@@ -201,19 +265,27 @@ def frequency_response(frequency: ArrayLike, time_constant: ArrayLike) -> NDArra
 
     Parameters
     ----------
-    frequency : f [Hz], in [0, 1e15].
-    time_constant : tau [s], in [1e-12, 1e15].
+    frequency : array_like
+        f [Hz], in [0, 1e15].
+    time_constant : array_like
+        tau [s], in [1e-12, 1e15].
+
+    Returns
+    -------
+    ndarray
+        sigma/q [1], complex, of the broadcast shape.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Examples
     --------
     >>> print(f"{abs(frequency_response(1 / (2 * math.pi * 0.27), 0.27)):.12f}")
     0.707106781187
     """
-    frequency, time_constant = alike(
+    frequency, time_constant = common_dtype(
         frequency=real_array("frequency", frequency, 0, 1e15),
         time_constant=real_array("time_constant", time_constant, *TIME_CONSTANT_RANGE),
     )
@@ -226,14 +298,22 @@ def step_response(time: ArrayLike, time_constant: ArrayLike) -> FloatArray:
 
     Parameters
     ----------
-    time : t [s], in [0, 1e9].
-    time_constant : tau [s], in [1e-12, 1e15].
+    time : array_like
+        t [s], in [0, 1e9].
+    time_constant : array_like
+        tau [s], in [1e-12, 1e15].
+
+    Returns
+    -------
+    ndarray
+        sigma/q [1], of the broadcast shape.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
     """
-    time, time_constant = alike(
+    time, time_constant = common_dtype(
         time=real_array("time", time, 0, STEP_RANGE[1]),
         time_constant=real_array("time_constant", time_constant, *TIME_CONSTANT_RANGE),
     )
@@ -241,14 +321,14 @@ def step_response(time: ArrayLike, time_constant: ArrayLike) -> FloatArray:
 
 
 def _charges(**charges: ArrayLike) -> tuple[FloatArray, ...]:
-    """Check charge densities and return them in one type and one shape."""
+    """Check charge densities and return them with a common dtype and shape."""
     checked = {name: real_array(name, value, -CHARGE_LIMIT, CHARGE_LIMIT) for name, value in charges.items()}
-    return tuple(np.broadcast_arrays(*alike(**checked)))
+    return tuple(np.broadcast_arrays(*common_dtype(**checked)))
 
 
 def _step_ratio(shape: tuple[int, ...], step: ArrayLike, time_constant: ArrayLike) -> FloatArray:
-    """Return h/tau in float64, the shape checked against that of the charges."""
+    """Return h/tau in float64, after checking its shape against that of the charges."""
     step = real_array("step", step, *STEP_RANGE)
     time_constant = real_array("time_constant", time_constant, *TIME_CONSTANT_RANGE)
-    alike(step=step, time_constant=time_constant, charge=np.empty(shape))
+    common_dtype(step=step, time_constant=time_constant, charge=np.empty(shape))
     return step.astype(np.float64) / time_constant.astype(np.float64)

@@ -1,14 +1,14 @@
-"""The ferroelectric film: Miller's hysteresis branches, minor loops, memory of poling, and d33 after it.
+"""The ferroelectric film: Miller's hysteresis branches, minor loops, poling history, and the resulting d33.
 
 The saturated loop has a rising and a falling branch (the paper, eq. 2-4; S. L. Miller et al., J. Appl. Phys., 1990):
 
     P+(E) = Ps*tanh((E - Ec)/(2*delta)) + epsF*eps0*E,    P-(E) = -P+(-E)
     delta = Ec/ln((1 + Pr/Ps)/(1 - Pr/Ps))
 
-A field that turns before saturation runs on a branch of the same shape, scaled to pass through the point where it
-turned and the turning point it is heading back to (B. Jiang, P. Zurcher, R. E. Jones, US patent 5867405, 1999; the
-question is that of S. L. Miller et al., J. Appl. Phys., 1991). Turning points that the field has passed again are
-forgotten. So minor loops close, lie within each other, and stay within the saturated loop; see Notes of `polarise`.
+A field that reverses before saturation follows a branch of the same shape, scaled to pass through the reversal point
+and the turning point towards which it returns (B. Jiang, P. Zurcher, R. E. Jones, US patent 5867405, 1999; the problem
+is that of S. L. Miller et al., J. Appl. Phys., 1991). Turning points that the field passes again are erased. Minor
+loops are therefore closed and nested, and stay within the saturated loop; see Notes of `polarise`.
 
 Polarisation is in C/m2 (1 uC/cm2 = 0.01 C/m2), field in V/m.
 """
@@ -22,11 +22,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from posfet_model._lib.validation import FloatArray, alike, instance, real_array, real_number, whole_number
+from posfet_model._lib.types import FloatArray
+from posfet_model._lib.validation import common_dtype, instance, real_array, real_number, whole_number
 from posfet_model.device.constants import VACUUM_PERMITTIVITY
 
 FIELD_LIMIT: Final = 1e12
-"""Largest accepted magnitude of a field [V/m], a thousand times any film's breakdown."""
+"""Largest accepted magnitude of a field [V/m], a thousand times the breakdown field of any film."""
 
 POLARISATION_LIMIT: Final = 10.0
 """Largest accepted polarisation [C/m2]; the largest known of any ferroelectric is near 1.5."""
@@ -39,12 +40,23 @@ _NEAREST_TO_SATURATION: Final = 1e-9
 
 @dataclass(frozen=True)
 class Film:
-    """A ferroelectric film; ValueError when a value is out of range or the remnant polarisation is not below Ps.
+    """A ferroelectric film.
 
-    coercive_field : Ec [V/m], in [1, 1e12]. The field at which the switched part crosses zero.
-    remnant_polarisation : Pr [C/m2], in (0, Ps).
-    saturation_polarisation : Ps [C/m2], in (0, 10].
-    relative_permittivity : epsF [1], in [1, 1e5].
+    Parameters
+    ----------
+    coercive_field : float
+        Ec [V/m], in [1, 1e12]: the field at which the switched part crosses zero.
+    remnant_polarisation : float
+        Pr [C/m2], in (0, Ps).
+    saturation_polarisation : float
+        Ps [C/m2], in (0, 10].
+    relative_permittivity : float
+        epsF [1], in [1, 1e5].
+
+    Raises
+    ------
+    ValueError
+        A value is out of range, or the remnant polarisation is not below Ps.
     """
 
     coercive_field: float
@@ -69,7 +81,7 @@ class Film:
 
 @dataclass(frozen=True)
 class TurningPoint:
-    """Where the field turned round: field [V/m], infinite for saturation, and switched polarisation [C/m2]."""
+    """A reversal of the field: field [V/m], infinite for saturation, and switched polarisation [C/m2]."""
 
     field: float
     switched: float
@@ -77,10 +89,26 @@ class TurningPoint:
 
 @dataclass(frozen=True)
 class History:
-    """What a film remembers: the present point, the way it came (+1, -1, 0 for none), turning points not passed again.
+    """State of a film: present point, direction from which it was reached, and turning points still in memory.
 
     The turning points alternate between upper and lower and close in on the present point: the last one is where the
-    present branch began, the one before is where it is heading. ValueError when they do not.
+    present branch began, the one before is the point towards which it runs.
+
+    Parameters
+    ----------
+    field : float
+        Present field [V/m].
+    switched : float
+        Present switched polarisation [C/m2].
+    direction : int
+        +1 when the field was rising, -1 when it was falling, 0 for a virgin film.
+    turning_points : tuple of TurningPoint
+        Turning points that have not been passed again, oldest first.
+
+    Raises
+    ------
+    ValueError
+        A value is out of range, or the turning points do not alternate and close in on the present point.
     """
 
     field: float
@@ -104,14 +132,14 @@ class History:
 
 @dataclass(frozen=True)
 class Poling:
-    """Outcome of a poling sequence: polarisation [C/m2] at each of its fields, and the film's memory at the end."""
+    """Result of a poling sequence: polarisation [C/m2] at each of its fields, and the film's history at the end."""
 
     polarisation: NDArray[np.float64]
     history: History
 
 
 VIRGIN: Final = History(field=0.0, switched=0.0, direction=0, turning_points=())
-"""A film that has never been poled: no polarisation at no field."""
+"""A film that has never been poled: zero polarisation at zero field."""
 
 
 def branch_steepness(coercive_field: float, remnant_polarisation: float, saturation_polarisation: float) -> float:
@@ -119,18 +147,27 @@ def branch_steepness(coercive_field: float, remnant_polarisation: float, saturat
 
     Parameters
     ----------
-    coercive_field : Ec [V/m], in [1, 1e12].
-    remnant_polarisation : Pr [C/m2], in (0, Ps); Pr/Ps at most 1 - 1e-9.
-    saturation_polarisation : Ps [C/m2], in (0, 10].
+    coercive_field : float
+        Ec [V/m], in [1, 1e12].
+    remnant_polarisation : float
+        Pr [C/m2], in (0, Ps); Pr/Ps at most 1 - 1e-9.
+    saturation_polarisation : float
+        Ps [C/m2], in (0, 10].
+
+    Returns
+    -------
+    float
+        delta [V/m].
 
     Raises
     ------
-    ValueError : an argument is not a real number, not finite or out of range, Pr >= Ps included.
+    ValueError
+        An argument is not a real number, not finite or out of range, including Pr >= Ps.
 
     Notes
     -----
-    The paper's text gives Pr = 5 and Ps = 2 uC/cm2, swapped: the logarithm's argument would be -2.333. Taking the
-    logarithm of its magnitude would hide that, so it is an error here. The printed form is in
+    The paper's text swaps the values and gives Pr = 5 and Ps = 2 uC/cm2: the argument of the logarithm would be -2.333.
+    Taking the logarithm of its magnitude would hide the mistake, so it is an error here. The printed form is in
     `posfet_model.device.as_printed`.
 
     Examples
@@ -151,21 +188,29 @@ def branch_steepness(coercive_field: float, remnant_polarisation: float, saturat
 
 
 def rising_branch(field: ArrayLike, film: Film) -> FloatArray:
-    """Return P+(E) [C/m2], the saturated branch on which the field rises, eq. (2).
+    """Return P+(E) [C/m2], the saturated branch for a rising field, eq. (2).
 
     Parameters
     ----------
-    field : E [V/m], within +-1e12, any shape.
-    film : the film.
+    field : array_like
+        E [V/m], within +-1e12, any shape.
+    film : Film
+        The film.
+
+    Returns
+    -------
+    ndarray
+        P+ [C/m2], of the shape of `field`.
 
     Raises
     ------
-    ValueError : the field is not real, not finite or out of range.
+    ValueError
+        The field is not real, not finite or out of range.
 
     Notes
     -----
-    Through (0, -Pr). The switched part crosses zero at Ec; the whole polarisation crosses zero earlier, because the
-    linear term has grown to epsF*eps0*Ec there (with Table I at 148 instead of 160 kV/cm).
+    The branch passes through (0, -Pr). The switched part crosses zero at Ec; the total polarisation crosses zero
+    earlier, because the linear term has grown to epsF*eps0*Ec there (with Table I at 148 instead of 160 kV/cm).
 
     Examples
     --------
@@ -180,9 +225,24 @@ def rising_branch(field: ArrayLike, film: Film) -> FloatArray:
 
 
 def falling_branch(field: ArrayLike, film: Film) -> FloatArray:
-    """Return P-(E) = -P+(-E) [C/m2], the saturated branch on which the field falls, eq. (4).
+    """Return P-(E) = -P+(-E) [C/m2], the saturated branch for a falling field, eq. (4).
 
-    Parameters and errors as in `rising_branch`.
+    Parameters
+    ----------
+    field : array_like
+        E [V/m], within +-1e12, any shape.
+    film : Film
+        The film.
+
+    Returns
+    -------
+    ndarray
+        P- [C/m2], of the shape of `field`.
+
+    Raises
+    ------
+    ValueError
+        The field is not real, not finite or out of range.
 
     Examples
     --------
@@ -193,7 +253,20 @@ def falling_branch(field: ArrayLike, film: Film) -> FloatArray:
 
 
 def saturated(film: Film, *, positive: bool) -> History:
-    """Return the memory of a film that has been saturated and brought back to no field, its polarisation +-Pr."""
+    """Return the history of a film that was saturated and returned to zero field, where its polarisation is +-Pr.
+
+    Parameters
+    ----------
+    film : Film
+        The film.
+    positive : bool
+        Whether it was saturated in the positive direction.
+
+    Returns
+    -------
+    History
+        Zero field and a switched polarisation of +-Pr.
+    """
     film = instance("film", film, Film)
     sign = 1 if positive else -1
     came_from = TurningPoint(sign * math.inf, sign * film.saturation_polarisation)
@@ -201,42 +274,47 @@ def saturated(film: Film, *, positive: bool) -> History:
 
 
 def polarise(fields: ArrayLike, film: Film, history: History = VIRGIN) -> Poling:
-    """Apply a sequence of fields [V/m] one after the other and return polarisation [C/m2] and memory.
+    """Apply a sequence of fields and return the polarisation at each of them, and the history at the end.
 
     Parameters
     ----------
-    fields : shape (n,), n >= 0, each within +-1e12 V/m. Between two of them the field moves straight from one to the
-        next; the model knows no rate, so intermediate values change nothing.
-    film : the film.
-    history : where the film starts; `VIRGIN`, `saturated(...)` or the history of an earlier poling.
+    fields : array_like
+        E [V/m], shape (n,), n >= 0, each within +-1e12. Between two of them the field changes monotonically; the model
+        is rate-independent, so intermediate values change nothing.
+    film : Film
+        The film.
+    history : History, default VIRGIN
+        Initial state: `VIRGIN`, `saturated(...)` or the history of an earlier poling.
 
     Returns
     -------
-    Poling : polarisation, shape (n,) float64, and history, from which another call goes on.
+    Poling
+        Polarisation, shape (n,) float64, and the history from which another call continues.
 
     Raises
     ------
-    ValueError : the fields are not a sequence of real numbers within range.
+    ValueError
+        The fields are not a sequence of real numbers within range.
 
     Notes
     -----
     From the point (E0, P0) towards the turning point (Et, Pt), rising,
     ``P(E) = Pt + (P0 - Pt)*(S(Et) - S(E))/(S(Et) - S(E0))`` with ``S(E) = Ps*tanh((E - Ec)/(2*delta))``; when no
-    turning point is left, (Et, Pt) is (infinity, Ps). Falling is the mirror image. A film never poled starts at no
-    polarisation towards saturation, and where it first turns it heads for the mirror image of that point, so that its
-    loops are symmetric and their tips lie on the curve of first poling. Since dS+/dS- rises with the field,
-    a rising branch between two points lies below the falling one between them, hence loops are nested and bounded by
-    the saturated loop; and since both pass through both points, they close.
+    turning point is left, (Et, Pt) is (infinity, Ps). A falling branch is the mirror image. A virgin film starts at
+    zero polarisation towards saturation, and after its first reversal runs towards the mirror image of the reversal
+    point, so that its loops are symmetric and their tips lie on the virgin curve. Since dS+/dS- rises with the field, a
+    rising branch between two points lies below the falling one between them, hence loops are nested and bounded by the
+    saturated loop; and since both pass through both points, they close.
 
     Miller et al. (1991) give a differential equation, dP/dE = Gamma*dPs/dE, instead. It has to be integrated, and its
     minor loops do not close: between Ec/2 and 2*Ec the upper end creeps from 2.66 to 2.94 uC/cm2 within six cycles.
 
-    The error is a few roundings of Ps at each turn and does not add up: a turning point passed again is reached
-    exactly. Time grows with n and hardly with the number of turning points.
+    The error is a few roundings of Ps at each reversal and does not accumulate: a turning point passed again is reached
+    exactly. The computing time grows with n and hardly with the number of turning points.
 
     Examples
     --------
-    Poled with +40 V and then -25 V across 2.5 um, and left alone:
+    Poled with +40 V and then -25 V across 2.5 um, with a return to zero field after each:
 
     >>> film = Film(160e5, 0.02, 0.05, 12.0)
     >>> [f"{value:.5f}" for value in polarise([160e5, 0, -100e5, 0], film).polarisation]
@@ -246,17 +324,34 @@ def polarise(fields: ArrayLike, film: Film, history: History = VIRGIN) -> Poling
     if fields.ndim != 1:
         raise ValueError(f"fields must be of shape (n,), got {fields.shape}")
     switched = np.empty(fields.shape)
-    walker = _Walker(instance("film", film, Film), instance("history", history, History))
+    tracer = _BranchTracer(instance("film", film, Film), instance("history", history, History))
     for index, field in enumerate(fields.tolist()):
-        switched[index] = walker.go_to(field)
+        switched[index] = tracer.go_to(field)
     linear = film.relative_permittivity * VACUUM_PERMITTIVITY * fields.astype(np.float64)
-    return Poling(switched + linear, walker.history())
+    return Poling(switched + linear, tracer.history())
 
 
 def remnant_after(fields: ArrayLike, film: Film, history: History = VIRGIN) -> float:
-    """Return the polarisation [C/m2] that remains once the sequence is over and the field is zero again.
+    """Return the polarisation [C/m2] that remains after a sequence of fields, when the field is zero again.
 
-    Parameters and errors as in `polarise`. Between -Pr and Pr.
+    Parameters
+    ----------
+    fields : array_like
+        E [V/m], shape (n,), n >= 0, each within +-1e12.
+    film : Film
+        The film.
+    history : History, default VIRGIN
+        Initial state, as in `polarise`.
+
+    Returns
+    -------
+    float
+        Polarisation [C/m2], in [-Pr, Pr].
+
+    Raises
+    ------
+    ValueError
+        The fields are not a sequence of real numbers within range.
 
     Examples
     --------
@@ -274,30 +369,39 @@ def piezoelectric_coefficient(
 
     Parameters
     ----------
-    remnant_polarisation : P [C/m2] at no field, within [-Pr, Pr] (to 1e-12 of Pr, for rounding).
-    film : the film.
-    saturated_coefficient : d33_sat [C/N] of the film saturated and back at P = +Pr, within +-1e-6.
+    remnant_polarisation : array_like
+        P [C/m2] at zero field, within [-Pr, Pr] (to 1e-12 of Pr, for rounding).
+    film : Film
+        The film.
+    saturated_coefficient : array_like
+        d33_sat [C/N] of the film at P = +Pr, after saturation, within +-1e-6.
+
+    Returns
+    -------
+    ndarray
+        d33 [C/N], of the broadcast shape.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
     The paper does not give it. In a polar polymer the effect is electrostriction about the remnant polarisation,
-    d33 = 2*Q33*eps33*P (T. Furukawa, IEEE Trans. Electr. Insul., 1989), hence proportional to P and of
-    opposite sign for opposite poling. The field dependence of eps33 is left out.
+    d33 = 2*Q33*eps33*P (T. Furukawa, IEEE Trans. Electr. Insul., 1989), hence proportional to P and of opposite sign
+    for opposite poling. The field dependence of eps33 is neglected.
     """
     limit = instance("film", film, Film).remnant_polarisation * (1 + 1e-12)
-    remnant, coefficient = alike(
+    remnant, coefficient = common_dtype(
         remnant_polarisation=real_array("remnant_polarisation", remnant_polarisation, -limit, limit),
         saturated_coefficient=real_array("saturated_coefficient", saturated_coefficient, -1e-6, 1e-6),
     )
     return coefficient * (remnant / film.remnant_polarisation)
 
 
-class _Walker:
-    """The point that moves along the branches; plain floats, because a sequence is walked one field at a time."""
+class _BranchTracer:
+    """Traces the branches, one field at a time, in plain floats."""
 
     def __init__(self, film: Film, history: History) -> None:
         for switched in (history.switched, *(point.switched for point in history.turning_points)):
@@ -308,28 +412,28 @@ class _Walker:
         self._field = history.field
         self._switched = history.switched
         self._direction = history.direction
-        # The last one is where the present branch began; the one before is where the branch is heading.
+        # The last one is where the present branch began; the one before is the point towards which it runs.
         self._turns = [(point.field, point.switched) for point in history.turning_points]
 
     def history(self) -> History:
-        """The memory at the present point."""
+        """Return the history at the present point."""
         turns = tuple(TurningPoint(*turn) for turn in self._turns)
         return History(self._field, self._switched, self._direction, turns)
 
     def go_to(self, field: float) -> float:
-        """Move the field straight to the given one; return the switched polarisation there."""
+        """Change the field monotonically to the given one; return the switched polarisation there."""
         if field == self._field:
             return self._switched
         direction = 1 if field > self._field else -1
         if self._direction == -direction:
-            if not self._turns:  # first turn of a film never saturated
+            if not self._turns:  # first reversal of a virgin film
                 self._turns.append((-self._field, -self._switched))
             self._turns.append((self._field, self._switched))
         self._direction = direction
         while len(self._turns) > 1 and direction * (field - self._turns[-2][0]) >= 0:
             self._field, self._switched = self._turns[-2]
             del self._turns[-2:]
-        if len(self._turns) == 1 and math.isfinite(self._turns[0][0]):  # back on the curve of first poling
+        if len(self._turns) == 1 and math.isfinite(self._turns[0][0]):  # back on the virgin curve
             self._turns.clear()
         if field != self._field:
             self._switched = direction * self._risen(direction, direction * field)
@@ -337,16 +441,16 @@ class _Walker:
         return self._switched
 
     def _risen(self, direction: int, field: float) -> float:
-        """The switched polarisation further up the present branch; a falling one is mirrored to rise."""
+        """Return the switched polarisation further along the present branch; a falling branch is mirrored to rise."""
         target, limit = (
             self._turns[-2] if len(self._turns) > 1 else (direction * math.inf, direction * self._saturation)
         )
         start = (direction * self._field - self._centre) / self._steepness
         here = (field - self._centre) / self._steepness
         end = (direction * target - self._centre) / self._steepness
-        if not start < end:  # the loop is narrower than a rounding
+        if not start < end:  # the loop is narrower than rounding
             return direction * limit
-        # (tanh(end/2) - tanh(here/2))/(tanh(end/2) - tanh(start/2)), with no difference of near numbers, no overflow
+        # (tanh(end/2) - tanh(here/2))/(tanh(end/2) - tanh(start/2)) without cancellation and overflow
         weight = math.expm1(here - end) / math.expm1(start - end)
         weight *= math.exp(max(start, 0.0) - max(here, 0.0))
         weight *= (1 + math.exp(-abs(start))) / (1 + math.exp(-abs(here)))

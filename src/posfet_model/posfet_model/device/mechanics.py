@@ -1,9 +1,9 @@
 """Mechanics of the thinned chip: etch mask, deflection of the membrane under pressure, strain of a bent chip.
 
-Deflections are those of thin plates clamped all round under uniform pressure (S. Timoshenko and S. Woinowsky-Krieger,
-Theory of Plates and Shells, 2nd ed., 1959, eq. 62 and Table 35), small against the thickness. Lengths in m, pressure
-and moduli in Pa. Arrays of any shapes that broadcast together are accepted; float32 arrays stay float32 beside
-scalars.
+Deflections are those of thin plates, clamped at the edge, under uniform pressure (S. Timoshenko and S.
+Woinowsky-Krieger, Theory of Plates and Shells, 2nd ed., 1959, eq. 62 and Table 35), small compared with the thickness.
+Lengths in m, pressure and moduli in Pa. Arrays of any shapes that broadcast together are accepted; float32 arrays stay
+float32 when combined with scalars.
 """
 
 from __future__ import annotations
@@ -11,12 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from posfet_model._lib.validation import FloatArray, alike, instance, real_array, real_number
+from posfet_model._lib.types import FloatArray, Mask
+from posfet_model._lib.validation import common_dtype, instance, real_array, real_number
 
 SQUARE_PLATE_COEFFICIENT: Final = 0.00126531908748
 """Deflection at the centre of a clamped square plate, in P*a^4/D [1]; Timoshenko's table rounds it to 0.00126."""
@@ -36,19 +37,36 @@ POISSON_RANGE: Final = (-0.999, 0.5)
 
 @dataclass(frozen=True)
 class Deflection:
-    """Deflection [m] at the centre, and whether small-deflection theory holds: deflection <= half the thickness.
+    """Deflection at the centre, and whether small-deflection theory is valid there.
 
-    Where `small` is False the number is what the linear theory says, not what the plate does: it stretches and is
+    Where `small` is False the deflection is that of the linear theory, not of the plate, which stretches and is
     stiffer.
     """
 
     deflection: FloatArray
-    small: NDArray[np.bool_]
+    """Deflection y [m]."""
+    small: Mask
+    """Whether y is at most half the thickness, so that small-deflection theory is valid."""
 
 
 @dataclass(frozen=True)
 class Layer:
-    """A layer of a bent chip: thickness [m], Young's modulus [Pa], Poisson's ratio [1]; ValueError if out of range."""
+    """A layer of a bent chip.
+
+    Parameters
+    ----------
+    thickness : float
+        Thickness [m], in [1e-9, 1].
+    young_modulus : float
+        Young's modulus E [Pa], in [1e3, 2e12].
+    poisson_ratio : float
+        Poisson's ratio nu [1], in [-0.999, 0.5].
+
+    Raises
+    ------
+    ValueError
+        A value is not real, not finite or out of range.
+    """
 
     thickness: float
     young_modulus: float
@@ -61,13 +79,13 @@ class Layer:
 
     @property
     def plane_modulus(self) -> float:
-        """E/(1 - nu^2) [Pa]: stiffness of a wide layer, which cannot shrink sideways."""
+        """Plane-strain modulus E/(1 - nu^2) [Pa]: stiffness of a wide layer, which cannot contract sideways."""
         return self.young_modulus / (1 - self.poisson_ratio**2)
 
 
 @dataclass(frozen=True)
 class Bending:
-    """A chip on a cylinder: neutral axis [m] above its back, strain [1] at back, top, middle of the top layer."""
+    """A chip on a cylinder: neutral axis [m] above its back, strain [1] of back, top and middle of the top layer."""
 
     neutral_axis: float
     back_strain: float
@@ -78,27 +96,35 @@ class Bending:
 def mask_opening(membrane_width: ArrayLike, etch_depth: ArrayLike) -> FloatArray:
     """Return the opening W [m] in the back-side mask that leaves a membrane of the given width: ``W = W0 + sqrt(2)*H``.
 
-    Eq. (11): KOH leaves walls at arctan(sqrt(2)) = 54.74 degrees, H/sqrt(2) on either side.
+    Eq. (11): KOH etches side walls at arctan(sqrt(2)) = 54.74 degrees, H/sqrt(2) on either side.
 
     Parameters
     ----------
-    membrane_width : W0 [m], in [1e-9, 1].
-    etch_depth : H [m], in [1e-9, 1].
+    membrane_width : array_like
+        W0 [m], in [1e-9, 1].
+    etch_depth : array_like
+        H [m], in [1e-9, 1].
+
+    Returns
+    -------
+    ndarray
+        W [m], of the broadcast shape.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
-    The equation is right; the paper's words ("times more") are not: sqrt(2)*H is added.
+    The equation is correct; the paper's wording ("times more") is not: sqrt(2)*H is added.
 
     Examples
     --------
     >>> print(f"{(mask_opening(1e-2, 450e-6) - 1e-2) * 1e6:.2f} um")
     636.40 um
     """
-    membrane_width, etch_depth = alike(
+    membrane_width, etch_depth = common_dtype(
         membrane_width=real_array("membrane_width", membrane_width, *LENGTH_RANGE),
         etch_depth=real_array("etch_depth", etch_depth, *LENGTH_RANGE),
     )
@@ -112,19 +138,29 @@ def circular_deflection(
 
     Parameters
     ----------
-    pressure : P [Pa], in [0, 1e12].
-    radius, thickness : r, h [m], in [1e-9, 1].
-    young_modulus : E [Pa], in [1e3, 2e12].
-    poisson_ratio : nu [1], in [-0.999, 0.5].
+    pressure : array_like
+        P [Pa], in [0, 1e12].
+    radius, thickness : array_like
+        r, h [m], in [1e-9, 1].
+    young_modulus : array_like
+        E [Pa], in [1e3, 2e12].
+    poisson_ratio : array_like
+        nu [1], in [-0.999, 0.5].
+
+    Returns
+    -------
+    Deflection
+        y [m] at the centre, of the broadcast shape, and its validity.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
-    The paper prints a further pi below the line, which makes the deflection 3.14 times too small; with
-    D = E*h^3/(12*(1 - nu^2)) the plate's is P*r^4/(64*D). `posfet_model.device.as_printed` has the printed form.
+    The paper prints another pi in the denominator, which makes the deflection 3.14 times too small; with
+    D = E*h^3/(12*(1 - nu^2)) that of the plate is P*r^4/(64*D). `posfet_model.device.as_printed` has the printed form.
     """
     return _deflection(3 / 16, pressure, "radius", radius, thickness, young_modulus, poisson_ratio)
 
@@ -136,11 +172,28 @@ def square_deflection(
 
     Parameters
     ----------
-    side : a [m], in [1e-9, 1]; the others and errors as in `circular_deflection`.
+    pressure : array_like
+        P [Pa], in [0, 1e12].
+    side, thickness : array_like
+        a, h [m], in [1e-9, 1].
+    young_modulus : array_like
+        E [Pa], in [1e3, 2e12].
+    poisson_ratio : array_like
+        nu [1], in [-0.999, 0.5].
+
+    Returns
+    -------
+    Deflection
+        y [m] at the centre, of the broadcast shape, and its validity.
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
-    The paper prints 0.0138*P*a^4/(E*h^3): this with nu = 0.3, where the coefficient is 0.013817.
+    The paper prints 0.0138*P*a^4/(E*h^3): the same for nu = 0.3, where the coefficient is 0.013817.
 
     Examples
     --------
@@ -159,12 +212,30 @@ def circular_thickness(
 
     Parameters
     ----------
-    deflection : y [m], in [1e-15, 1].
-    pressure : P [Pa], in [1e-6, 1e12]; the others and errors as in `circular_deflection`.
+    deflection : array_like
+        y [m], in [1e-15, 1].
+    pressure : array_like
+        P [Pa], in [1e-6, 1e12].
+    radius : array_like
+        r [m], in [1e-9, 1].
+    young_modulus : array_like
+        E [Pa], in [1e3, 2e12].
+    poisson_ratio : array_like
+        nu [1], in [-0.999, 0.5].
+
+    Returns
+    -------
+    ndarray
+        h [m], of the broadcast shape.
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
-    Small-deflection theory holds where y <= h/2.
+    Small-deflection theory is valid for y <= h/2.
     """
     return _thickness(3 / 16, deflection, pressure, "radius", radius, young_modulus, poisson_ratio)
 
@@ -174,7 +245,32 @@ def square_thickness(
 ) -> FloatArray:
     """Return the thickness h [m] at which a clamped square membrane deflects by y: the inverse of eq. (13).
 
-    Parameters, errors and notes as in `circular_thickness`, with the side a [m] in place of the radius.
+    Parameters
+    ----------
+    deflection : array_like
+        y [m], in [1e-15, 1].
+    pressure : array_like
+        P [Pa], in [1e-6, 1e12].
+    side : array_like
+        a [m], in [1e-9, 1].
+    young_modulus : array_like
+        E [Pa], in [1e3, 2e12].
+    poisson_ratio : array_like
+        nu [1], in [-0.999, 0.5].
+
+    Returns
+    -------
+    ndarray
+        h [m], of the broadcast shape.
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
+
+    Notes
+    -----
+    Small-deflection theory is valid for y <= h/2.
     """
     coefficient = 12 * SQUARE_PLATE_COEFFICIENT
     return _thickness(coefficient, deflection, pressure, "side", side, young_modulus, poisson_ratio)
@@ -183,22 +279,30 @@ def square_thickness(
 def bend_on_cylinder(layers: Sequence[Layer], cylinder_radius: float) -> Bending:
     """Return the strain of a chip bent over a cylinder, its back on the cylinder, the film on top and outside.
 
-    The neutral axis, ``zn = sum(Ei*ti*zi)/sum(Ei*ti)`` with plane moduli and mid-heights, keeps its length; at the
-    height z the strain is ``(z - zn)/(R + zn)``, tension positive.
+    The neutral axis, ``zn = sum(Ei*ti*zi)/sum(Ei*ti)`` with plane-strain moduli and mid-heights, keeps its length; at
+    the height z the strain is ``(z - zn)/(R + zn)``, tension positive.
 
     Parameters
     ----------
-    layers : from the back to the top, at least one; the last is the film.
-    cylinder_radius : R [m], in [1e-6, 1e6].
+    layers : sequence of Layer
+        Layers from the back to the top, at least one; the last is the film.
+    cylinder_radius : float
+        R [m], in [1e-6, 1e6].
+
+    Returns
+    -------
+    Bending
+        Neutral axis [m] and strains [1].
 
     Raises
     ------
-    ValueError : layers is no sequence of `Layer`s or empty, or the radius is not real, not finite or out of range.
+    ValueError
+        `layers` is not a sequence of `Layer` or is empty, or the radius is not real, not finite or out of range.
 
     Notes
     -----
-    The paper gives no equation for it. Layers are taken as perfectly bonded, free of initial stress and elastic;
-    silicon breaks at some 0.5 to 1 % of strain, which is not checked here.
+    The paper gives no equation for it. Layers are assumed perfectly bonded, free of initial stress and elastic; silicon
+    fractures at a strain of some 0.5 to 1 %, which is not checked here.
 
     Examples
     --------
@@ -221,9 +325,9 @@ def bend_on_cylinder(layers: Sequence[Layer], cylinder_radius: float) -> Bending
 def _deflection(
     coefficient: float, pressure: ArrayLike, span_name: str, span: ArrayLike, *plate: ArrayLike
 ) -> Deflection:
-    """y = coefficient*(1 - nu^2)*P*s^4/(E*h^3) for the thickness, modulus and Poisson's ratio in `plate`."""
+    """Return y = coefficient*(1 - nu^2)*P*s^4/(E*h^3) for the thickness, modulus and Poisson's ratio in `plate`."""
     thickness, modulus, poisson = plate
-    pressure, span, thickness, modulus, poisson = alike(
+    pressure, span, thickness, modulus, poisson = common_dtype(
         **{
             "pressure": real_array("pressure", pressure, 0, PRESSURE_LIMIT),
             span_name: real_array(span_name, span, *LENGTH_RANGE),
@@ -232,18 +336,18 @@ def _deflection(
             "poisson_ratio": real_array("poisson_ratio", poisson, *POISSON_RANGE),
         }
     )
-    # Grouped into ratios near 1, so that float32 neither over- nor underflows on the way.
+    # Grouped into ratios near 1, so that float32 neither over- nor underflows.
     deflection = coefficient * (1 - poisson**2) * (pressure / modulus) * (span / thickness) ** 3 * span
-    small: NDArray[Any] = deflection <= thickness / 2
+    small: Mask = deflection <= thickness / 2
     return Deflection(deflection, np.asarray(small))
 
 
 def _thickness(
     coefficient: float, deflection: ArrayLike, pressure: ArrayLike, span_name: str, span: ArrayLike, *plate: ArrayLike
 ) -> FloatArray:
-    """The thickness h at which `_deflection` gives y."""
+    """Return the thickness h at which `_deflection` gives y."""
     modulus, poisson = plate
-    deflection, pressure, span, modulus, poisson = alike(
+    deflection, pressure, span, modulus, poisson = common_dtype(
         **{
             "deflection": real_array("deflection", deflection, 1e-15, 1),
             "pressure": real_array("pressure", pressure, 1e-6, PRESSURE_LIMIT),

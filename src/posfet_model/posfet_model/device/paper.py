@@ -1,7 +1,7 @@
-"""Numbers of the paper (Table I, Table II, Sec. V) and those it leaves open, each with unit and source.
+"""Parameters of the paper (Table I, Table II, Sec. V) and those that it does not give, each with unit and source.
 
 The paper: "Towards Bendable Piezoelectric Oxide Semiconductor Field Effect Transistor based Touch Sensor". Values are
-in SI. What is `assumed` is not from the paper and not a measurement of this device.
+in SI units. An `assumed` value is neither from the paper nor measured on this device.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from posfet_model.device.transistor import Plane, Stack, capacitance_per_area, g
 
 @dataclass(frozen=True)
 class Quantity:
-    """One number: what it is, value in SI, unit, where it comes from, and whether it is assumed."""
+    """One parameter: name, value in SI units, unit, source, and whether it is assumed."""
 
     name: str
     value: float
@@ -27,7 +27,7 @@ class Quantity:
 
 @dataclass(frozen=True)
 class TransistorSize:
-    """Channel width and length [m], in [1e-9, 1], of one transistor of the amplifier, and where they come from."""
+    """Channel width and length [m], in [1e-9, 1], of one transistor of the amplifier, with their source."""
 
     name: str
     width: float
@@ -59,7 +59,7 @@ AMPLIFIER_GAIN: Final = Quantity("open-loop gain of the amplifier, 42.3 dB", 10 
 GAIN_BANDWIDTH: Final = Quantity("gain-bandwidth product of the amplifier", 1.5e6, "Hz", "Sec. V")
 
 THRESHOLD_VOLTAGE: Final = Quantity(
-    "threshold voltage before poling", 0.7, "V", "usual for such a process", assumed=True
+    "threshold voltage before poling", 0.7, "V", "typical of such a process", assumed=True
 )
 POLING_SHIFT: Final = Quantity(
     "threshold shift by poling", -1.0, "V", "kappa = 0.010962 on the oxide, 0.00060714 at the gate", assumed=True
@@ -69,12 +69,12 @@ PYROELECTRIC_COEFFICIENT: Final = Quantity(
     "pyroelectric coefficient",
     -40e-6,
     "C/(m2 K)",
-    f"{_MANUAL} (magnitude); sign by the convention of d33: warming reads as a pull",
+    f"{_MANUAL} (magnitude); sign by the convention of d33: heating reads as a pull",
 )
-FORCE_AREA: Final = Quantity("area that the force on a taxel acts on", 1e-6, "m2", "1 mm2 taxel", assumed=True)
-BIAS_RESISTANCE: Final = Quantity("bias resistor at the gate", 10e9, "ohm", "usual for such films", assumed=True)
+FORCE_AREA: Final = Quantity("area on which the force on a taxel acts", 1e-6, "m2", "1 mm2 taxel", assumed=True)
+BIAS_RESISTANCE: Final = Quantity("bias resistor at the gate", 10e9, "ohm", "typical of such films", assumed=True)
 LEAK_TIME_CONSTANT: Final = Quantity(
-    "time constant of the leak",
+    "leakage time constant",
     0.27,
     "s",
     "10 Gohm with 26.6 pF, a taxel of 1 mm2 at the piezo film manual's permittivity of 7.5; 0.43 s with Table I's 12",
@@ -84,10 +84,10 @@ SILICON_MODULUS: Final = Quantity(
     "Young's modulus of the chip", 169e9, "Pa", "<110> in (100) silicon, doi:10.1109/JMEMS.2009.2039697", assumed=True
 )
 SILICON_POISSON_RATIO: Final = Quantity(
-    "Poisson's ratio of the chip", 0.3, "1", "the value that eq. (13) is printed for", assumed=True
+    "Poisson's ratio of the chip", 0.3, "1", "the value for which eq. (13) is printed", assumed=True
 )
 FILM_MODULUS: Final = Quantity("Young's modulus of the film", 3e9, "Pa", _MANUAL, assumed=True)
-FILM_POISSON_RATIO: Final = Quantity("Poisson's ratio of the film", 0.35, "1", "usual for polymers", assumed=True)
+FILM_POISSON_RATIO: Final = Quantity("Poisson's ratio of the film", 0.35, "1", "typical of polymers", assumed=True)
 WAFER_THICKNESS: Final = Quantity("wafer thickness at the back-side etch", 450e-6, "m", "text below eq. (11)")
 
 _TABLE_II: Final = "Table II"
@@ -100,7 +100,7 @@ AMPLIFIER_SIZES: Final = (
     TransistorSize("M6", 80e-6, 12e-6, _TABLE_II),
     TransistorSize("M7", 240e-6, 12e-6, _TABLE_II),
     TransistorSize(
-        "M8", 60e-6, 12e-6, "width missing in Table II; W5*W7/(2*W3) gives no systematic offset", assumed=True
+        "M8", 60e-6, 12e-6, "width missing in Table II; W5*W7/(2*W3) gives zero systematic offset", assumed=True
     ),
 )
 
@@ -110,7 +110,7 @@ FILM: Final = Film(
     saturation_polarisation=SATURATION_POLARISATION.value,
     relative_permittivity=FILM_PERMITTIVITY.value,
 )
-"""The paper's film, Pr and Ps put right."""
+"""The paper's film, with Pr and Ps corrected."""
 
 STACK: Final = Stack(
     oxide=float(capacitance_per_area(OXIDE_PERMITTIVITY.value, OXIDE_THICKNESS.value)),
@@ -120,7 +120,22 @@ STACK: Final = Stack(
 
 
 def channel_gain_factor(plane: Plane) -> float:
-    """Return beta [A/V2] of the paper's POSFET for a gate voltage on the plane, eq. (9).
+    """Return beta [A/V2] of the paper's POSFET for a gate voltage counted on a plane, eq. (9).
+
+    Parameters
+    ----------
+    plane : Plane
+        Plane on which the gate voltage is counted.
+
+    Returns
+    -------
+    float
+        beta [A/V2].
+
+    Raises
+    ------
+    ValueError
+        `plane` is not a `Plane`.
 
     Examples
     --------
@@ -131,5 +146,5 @@ def channel_gain_factor(plane: Plane) -> float:
 
 
 def quantities() -> tuple[Quantity, ...]:
-    """Return every number of this module, in order."""
+    """Return all parameters of this module, in order of definition."""
     return tuple(value for value in globals().values() if isinstance(value, Quantity))

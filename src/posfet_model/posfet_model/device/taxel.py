@@ -1,8 +1,9 @@
-"""One taxel as its designer sees it: from film, area and bias resistor to sensitivity, leak, noise, smallest force.
+"""Design of one taxel: from film, area and bias resistor to sensitivity, leakage, noise and smallest detectable force.
 
-The film is a charge source of the capacitance ``C = eps_r*eps0*A/t``, with the bias resistor R across it. A push F
-gives the voltage ``-d33*F/C`` at the gate of the stack, which leaks away with R*C. What else loads the film is left
-out. A smaller taxel gives more volts for a newton, and more noise of its resistor.
+The film is a charge source of the capacitance ``C = eps_r*eps0*A/t``, in parallel with the bias resistor R. A
+compressive force F gives the voltage ``-d33*F/C`` at the gate of the stack, which leaks away with the time constant
+R*C. Other loads of the film are neglected. A smaller taxel has a higher sensitivity in volts per newton, and more
+noise from its resistor.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ from posfet_model.device.transistor import capacitance_per_area
 
 @dataclass(frozen=True, kw_only=True)
 class Taxel:
-    """A film of one size with its bias resistor. Defaults: the paper's film, the piezo film manual's coefficients.
+    """A film of one size with its bias resistor.
+
+    The defaults are the paper's film and the coefficients of the piezo film manual.
 
     Examples
     --------
@@ -26,17 +29,17 @@ class Taxel:
     """
 
     area: float = paper.FORCE_AREA.value
-    """That the force acts on [m2], in [1e-12, 1e-2]."""
+    """Area A on which the force acts [m2], in [1e-12, 1e-2]."""
     film_thickness: float = paper.FILM_THICKNESS.value
-    """[m], in [1e-9, 1e-2]."""
+    """Thickness t of the film [m], in [1e-9, 1e-2]."""
     film_permittivity: float = paper.FILM_PERMITTIVITY.value
-    """Relative [1], in [1, 1e5]."""
+    """Relative permittivity of the film [1], in [1, 1e5]."""
     piezoelectric_coefficient: float = paper.PIEZOELECTRIC_COEFFICIENT.value
-    """d33 [C/N], in [-1e-6, -1e-15], or positive for a film poled the other way round."""
+    """d33 [C/N], in [-1e-6, -1e-15], or positive for a film of opposite poling."""
     pyroelectric_coefficient: float = paper.PYROELECTRIC_COEFFICIENT.value
     """p [C/(m2 K)], within +-0.1; of the sign of d33."""
     bias_resistance: float = paper.BIAS_RESISTANCE.value
-    """R [ohm], in [1, 1e18], whatever else leaks included."""
+    """Leakage resistance R [ohm], in [1, 1e18]: the bias resistor and all other leakage in parallel."""
 
     def __post_init__(self) -> None:
         real_number("area", self.area, 1e-12, 1e-2)
@@ -53,24 +56,24 @@ class Taxel:
 
     @property
     def capacitance(self) -> float:
-        """C of the film [F]."""
+        """Capacitance C of the film [F]."""
         return float(capacitance_per_area(self.film_permittivity, self.film_thickness)) * self.area
 
     @property
     def leak_time_constant(self) -> float:
-        """R*C [s]: a held force has fallen to 37 % after it. Below 1/(2*pi*R*C) the taxel hears ever less."""
+        """Leakage time constant R*C [s], in which the signal of a static force falls to 37 %; -3 dB at 1/(2*pi*R*C)."""
         return self.bias_resistance * self.capacitance
 
     @property
     def volts_per_newton(self) -> float:
-        """-d33/C [V/N] of a push at once, before any of it leaks; positive for d33 < 0."""
+        """Sensitivity -d33/C [V/N] to a compressive force before leakage; positive for d33 < 0."""
         return -self.piezoelectric_coefficient / self.capacitance
 
     @property
     def newtons_per_kelvin(self) -> float:
-        """-p*A/d33 [N/K]: the push that a warming at once is taken for, negative (a pull) where p has d33's sign.
+        """-p*A/d33 [N/K]: apparent force of a sudden temperature rise, negative (a pull) where p has the sign of d33.
 
-        A steady warming of g [K/s] ends up as ``newtons_per_kelvin*g*leak_time_constant``.
+        A steady heating of g [K/s] reads as ``newtons_per_kelvin*g*leak_time_constant`` in the end.
         """
         return -self.pyroelectric_coefficient * self.area / self.piezoelectric_coefficient
 
@@ -85,9 +88,28 @@ class Taxel:
         gain: float = 1.0,
         temperature: float = 300.0,
     ) -> noise.NoiseBudget:
-        """Return the noise at the gate in the band low..high [Hz], of the bias resistor and what is behind the gate.
+        """Return the noise at the gate in a band, from the bias resistor and everything behind the gate.
 
-        temperature is that of the resistor [K], in [1, 1000]; the others and errors as in `noise.noise_budget`.
+        Parameters
+        ----------
+        thermal_density, flicker_coefficient, lsb : float
+            Noise of amplifier and ADC, as in `noise.noise_budget`.
+        low, high : float
+            Ends of the band [Hz], 1e-12 <= low < high <= 1e15.
+        gain : float, default 1.0
+            Gain of the follower [V/V], in [1e-3, 1e3].
+        temperature : float, default 300.0
+            Temperature of the resistor [K], in [1, 1000].
+
+        Returns
+        -------
+        noise.NoiseBudget
+            Noise of each source [V rms].
+
+        Raises
+        ------
+        ValueError
+            An argument is not real, not finite or out of range.
         """
         return noise.noise_budget(
             noise.bias_resistor_rms(self.bias_resistance, self.capacitance, temperature, low, high),

@@ -1,7 +1,7 @@
-"""Threshold voltage and gain factor from a measured transfer curve, by the two usual extrapolations.
+"""Threshold voltage and gain factor from a measured transfer curve, by the two standard extrapolation methods.
 
-Both fit a straight line by least squares and then check that the points used were in the region that the line is made
-for. Review of such methods: A. Ortiz-Conde et al., Microelectron. Reliab. 42, 583, 2002,
+Both fit a straight line by least squares and then check that the points used lie in the region for which the line is
+valid. Review of such methods: A. Ortiz-Conde et al., Microelectron. Reliab. 42, 583, 2002,
 doi:10.1016/S0026-2714(02)00027-6.
 """
 
@@ -16,12 +16,12 @@ from posfet_model._lib.validation import real_array, real_number
 from posfet_model.device.transistor import CURRENT_LIMIT, VOLTAGE_LIMIT
 
 _SLACK = 1e-9
-"""How far beyond the edge of its region [of the drain voltage] a point may be: rounding, and noise of a good meter."""
+"""Tolerance at the edge of a region, relative to the drain voltage [1], for rounding and a little measurement noise."""
 
 
 @dataclass(frozen=True)
 class ThresholdFit:
-    """Outcome of an extrapolation: Vth [V], beta*(1 + lambda*Vds) [A/V2], number of points used."""
+    """Result of an extrapolation: Vth [V], beta*(1 + lambda*Vds) [A/V2], number of points used."""
 
     threshold_voltage: float
     gain_factor: float
@@ -31,19 +31,29 @@ class ThresholdFit:
 def fit_saturation_curve(
     gate_voltage: ArrayLike, drain_current: ArrayLike, drain_voltage: float, lowest_share: float = 0.1
 ) -> ThresholdFit:
-    """Fit ``sqrt(Id) = sqrt(beta/2)*(Vgs - Vth)``, eq. (10), to a transfer curve taken in saturation.
+    """Fit ``sqrt(Id) = sqrt(beta/2)*(Vgs - Vth)``, eq. (10), to a transfer curve measured in saturation.
 
     Parameters
     ----------
-    gate_voltage : Vgs [V], shape (n,), n >= 2, within +-1e6, in any order.
-    drain_current : Id [A], shape (n,), within +-1e6; what a meter shows below 0 is left out with the small ones.
-    drain_voltage : Vds [V] of the whole curve, in (0, 1e6]; the transistor is saturated up to Vgs = Vth + Vds.
-    lowest_share : points with less than this share of the largest current are left out, in (0, 1).
+    gate_voltage : array_like
+        Vgs [V], shape (n,), n >= 2, within +-1e6, in any order.
+    drain_current : array_like
+        Id [A], shape (n,), within +-1e6; negative readings are excluded with the small ones.
+    drain_voltage : float
+        Vds [V] of the whole curve, in (0, 1e6]; the transistor is saturated up to Vgs = Vth + Vds.
+    lowest_share : float, default 0.1
+        Points below this fraction of the largest current are excluded [1], in (0, 1).
+
+    Returns
+    -------
+    ThresholdFit
+        Threshold voltage, gain factor and number of points.
 
     Raises
     ------
-    ValueError : an argument is bad, fewer than two gate voltages remain, the current does not rise with the gate
-        voltage, or the points used were not in saturation.
+    ValueError
+        An argument is invalid, fewer than two gate voltages remain, the current does not rise with the gate voltage, or
+        the points used were not in saturation.
 
     Examples
     --------
@@ -52,8 +62,8 @@ def fit_saturation_curve(
     0.700000 0.001000 2
     """
     gate, current, drain = _measured(gate_voltage, drain_current, drain_voltage)
-    gate, current = _strong(gate, current, lowest_share)
-    slope, crossing = _line(gate, np.sqrt(current))
+    gate, current = _above_fraction(gate, current, lowest_share)
+    slope, crossing = _fit_line(gate, np.sqrt(current))
     if gate.max() - crossing > drain * (1 + _SLACK):
         raise ValueError(
             f"gate_voltage must be in [{crossing:g}, {crossing + drain:g}] to saturate, got {gate.max():g}"
@@ -64,9 +74,29 @@ def fit_saturation_curve(
 def fit_linear_curve(
     gate_voltage: ArrayLike, drain_current: ArrayLike, drain_voltage: float, lowest_share: float = 0.5
 ) -> ThresholdFit:
-    """Fit ``Id = beta*Vds*(Vgs - Vth - Vds/2)``, eq. (9), to a transfer curve taken at a small drain voltage.
+    """Fit ``Id = beta*Vds*(Vgs - Vth - Vds/2)``, eq. (9), to a transfer curve measured at a small drain voltage.
 
-    Parameters and errors as in `fit_saturation_curve`, but the points used must have Vgs >= Vth + Vds.
+    Parameters
+    ----------
+    gate_voltage : array_like
+        Vgs [V], shape (n,), n >= 2, within +-1e6, in any order; those used must be at least Vth + Vds.
+    drain_current : array_like
+        Id [A], shape (n,), within +-1e6; negative readings are excluded with the small ones.
+    drain_voltage : float
+        Vds [V] of the whole curve, in (0, 1e6].
+    lowest_share : float, default 0.5
+        Points below this fraction of the largest current are excluded [1], in (0, 1).
+
+    Returns
+    -------
+    ThresholdFit
+        Threshold voltage, gain factor and number of points.
+
+    Raises
+    ------
+    ValueError
+        An argument is invalid, fewer than two gate voltages remain, the current does not rise with the gate voltage, or
+        the points used were not in the linear region.
 
     Examples
     --------
@@ -75,8 +105,8 @@ def fit_linear_curve(
     0.700000 0.001000 2
     """
     gate, current, drain = _measured(gate_voltage, drain_current, drain_voltage)
-    gate, current = _strong(gate, current, lowest_share)
-    slope, crossing = _line(gate, current)
+    gate, current = _above_fraction(gate, current, lowest_share)
+    slope, crossing = _fit_line(gate, current)
     threshold = crossing - drain / 2
     if gate.min() - threshold < drain * (1 - _SLACK):
         raise ValueError(
@@ -95,10 +125,10 @@ def _measured(
     return gate, current, real_number("drain_voltage", drain_voltage, 1e-9, VOLTAGE_LIMIT)
 
 
-def _strong(
+def _above_fraction(
     gate: NDArray[np.float64], current: NDArray[np.float64], lowest_share: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The points of at least the given share of the largest current."""
+    """Return the points of at least the given fraction of the largest current."""
     share = real_number("lowest_share", lowest_share, 0, 1, exclusive=True)
     largest = current.max(initial=0)
     if current.size and not largest > 0:
@@ -107,8 +137,8 @@ def _strong(
     return gate[used], current[used]
 
 
-def _line(gate: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[float, float]:
-    """Least-squares slope of the values, and the gate voltage at which the line crosses zero."""
+def _fit_line(gate: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the least-squares slope of the values, and the gate voltage at which the line crosses zero."""
     if np.unique(gate).size < 2:
         raise ValueError(f"gate_voltage must have two different values or more to fit, got {gate}")
     centred = gate - gate.mean()

@@ -8,7 +8,7 @@ The square-law model of the paper (eq. 6-10) for an n-channel device with its so
 
 with beta = mu*C*W/L [A/V2]. With v = min(Vds, max(Vgs - Vth, 0)) all three are one expression, continuous with its
 first derivatives. Voltages in V, currents in A, capacitances per area in F/m2. Arrays of any shapes that broadcast
-together are accepted; float32 arrays stay float32 beside scalars.
+together are accepted; float32 arrays stay float32 when combined with scalars.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from posfet_model._lib.validation import FloatArray, alike, instance, real_array, real_number
+from posfet_model._lib.types import FloatArray
+from posfet_model._lib.validation import common_dtype, instance, real_array, real_number
 from posfet_model.device.constants import VACUUM_PERMITTIVITY
 
 VOLTAGE_LIMIT: Final = 1e6
@@ -37,20 +38,31 @@ CAPACITANCE_RANGE: Final = (1e-12, 1e3)
 
 
 class Plane(enum.Enum):
-    """Where voltages are counted. The charge and the current of one calculation must use the same plane."""
+    """Plane on which voltages are counted; charge and current of one calculation must use the same plane."""
 
     GATE = "gate"
-    """The top electrode, above the film, held at a voltage: the channel is driven by Cstack, and charge between film
-    and oxide counts as sigma/Cpvdf."""
+    """The top electrode above the film, at a fixed voltage: the channel is driven through Cstack, and charge between
+    film and oxide counts as sigma/Cpvdf."""
 
     OXIDE = "oxide"
-    """The top of the oxide, all charge there imaged in the channel, Cox for both: what is left of `GATE` when the
-    film's capacitance is neglected beside the oxide's."""
+    """The top of the oxide, all charge there mirrored in the channel, Cox for both: the limit of `GATE` when the film's
+    capacitance is negligible compared with the oxide's."""
 
 
 @dataclass(frozen=True)
 class Stack:
-    """Oxide and film, one above the other, as capacitances per area [F/m2]; ValueError when out of [1e-12, 1e3]."""
+    """Oxide and film, one above the other, as capacitances per area.
+
+    Parameters
+    ----------
+    oxide, film : float
+        Cox, Cpvdf [F/m2], in [1e-12, 1e3].
+
+    Raises
+    ------
+    ValueError
+        A capacitance is not real, not finite or out of range.
+    """
 
     oxide: float
     film: float
@@ -65,11 +77,11 @@ class Stack:
         return self.oxide * self.film / (self.oxide + self.film)
 
     def drive(self, plane: Plane) -> float:
-        """The capacitance [F/m2] through which a voltage on the plane drives the channel."""
+        """Return the capacitance [F/m2] through which a voltage on the plane drives the channel."""
         return {Plane.GATE: self.series, Plane.OXIDE: self.oxide}[_known(plane)]
 
     def charge_divisor(self, plane: Plane) -> float:
-        """The capacitance [F/m2] that turns charge at the interface of film and oxide into a voltage on the plane."""
+        """Return the capacitance [F/m2] that converts charge between film and oxide to a voltage on the plane."""
         return {Plane.GATE: self.film, Plane.OXIDE: self.oxide}[_known(plane)]
 
 
@@ -78,19 +90,27 @@ def capacitance_per_area(relative_permittivity: ArrayLike, thickness: ArrayLike)
 
     Parameters
     ----------
-    relative_permittivity : eps_r [1], in [1, 1e5].
-    thickness : t [m], in [1e-10, 1].
+    relative_permittivity : array_like
+        eps_r [1], in [1, 1e5].
+    thickness : array_like
+        t [m], in [1e-10, 1].
+
+    Returns
+    -------
+    ndarray
+        C [F/m2], of the broadcast shape.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Examples
     --------
     >>> print(f"{capacitance_per_area(3.9, 45e-9):.4e} {capacitance_per_area(12.0, 2.5e-6):.4e}")
     7.6736e-04 4.2500e-05
     """
-    relative_permittivity, thickness = alike(
+    relative_permittivity, thickness = common_dtype(
         relative_permittivity=real_array("relative_permittivity", relative_permittivity, 1, 1e5),
         thickness=real_array("thickness", thickness, 1e-10, 1),
     )
@@ -102,25 +122,36 @@ def threshold_shift(charge: ArrayLike, stack: Stack, plane: Plane, uncompensated
 
     Parameters
     ----------
-    charge : sigma [C/m2] at the interface of film and oxide, within +-1e6: Psw = Ps + Pr (eq. 5) for a film switched
-        from one remnant state to the opposite saturation, or the piezoelectric charge density.
-    stack : capacitances of oxide and film.
-    plane : where the voltage is counted: C is Cpvdf at the gate, Cox on the oxide.
-    uncompensated_fraction : kappa [1], in [0, 1], the part of the charge not compensated by trapped or injected charge.
+    charge : array_like
+        sigma [C/m2] at the interface of film and oxide, within +-1e6: Psw = Ps + Pr (eq. 5) for a film switched from
+        one remnant state to the opposite saturation, or the piezoelectric charge density.
+    stack : Stack
+        Capacitances of oxide and film.
+    plane : Plane
+        Plane on which the voltage is counted: C is Cpvdf at the gate, Cox on the oxide.
+    uncompensated_fraction : array_like
+        kappa [1], in [0, 1], the part of the charge not compensated by trapped or injected charge.
+
+    Returns
+    -------
+    ndarray
+        dV [V], of the broadcast shape.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
-    The paper has no kappa. With kappa = 1 its numbers shift the oxide plane by 91.222 V, a field of 20.3 MV/cm in the
-    oxide, twice what breaks it down: nearly all of the polarisation is compensated. kappa = 0.010962 shifts by 1 V.
+    The paper has no kappa. With kappa = 1 its numbers shift the voltage on the oxide plane by 91.222 V, a field of
+    20.3 MV/cm in the oxide, twice its breakdown field: nearly all of the polarisation is compensated. kappa = 0.010962
+    shifts by 1 V.
 
-    The two planes are not two ways to say the same. By Gauss's law an electrode held at its voltage takes up part of
-    the charge, and Cox/(Cox + Cpvdf) of it reaches the channel (0.9475 with Table I): the gate plane. The oxide plane,
-    the paper's eq. (6), lets all of it reach the channel. What may not be mixed is charge divided by Cox and a current
-    driven by Cstack, as the paper does: see `posfet_model.device.as_printed`.
+    The two planes are not equivalent. By Gauss's law an electrode at a fixed voltage takes up part of the charge, and
+    Cox/(Cox + Cpvdf) of it reaches the channel (0.9475 with Table I): the gate plane. On the oxide plane, the paper's
+    eq. (6), all of it reaches the channel. Charge divided by Cox must not be combined with a current driven by Cstack,
+    as the paper does: see `posfet_model.device.as_printed`.
 
     Examples
     --------
@@ -128,7 +159,7 @@ def threshold_shift(charge: ArrayLike, stack: Stack, plane: Plane, uncompensated
     >>> print(*(f"{threshold_shift(0.07, stack, plane, 1.0):.3f}" for plane in (Plane.OXIDE, Plane.GATE)))
     -91.222 -1647.055
     """
-    charge, uncompensated_fraction = alike(
+    charge, uncompensated_fraction = common_dtype(
         charge=real_array("charge", charge, -1e6, 1e6),
         uncompensated_fraction=real_array("uncompensated_fraction", uncompensated_fraction, 0, 1),
     )
@@ -140,13 +171,25 @@ def uncompensated_fraction(shift: ArrayLike, charge: ArrayLike, stack: Stack, pl
 
     Parameters
     ----------
-    shift : dV [V], of the sign opposite to the charge and no larger than the whole charge gives.
-    charge : sigma [C/m2], within +-1e6 and not zero.
-    stack, plane : as in `threshold_shift`.
+    shift : array_like
+        dV [V], of the sign opposite to the charge and no larger than the shift by the whole charge.
+    charge : array_like
+        sigma [C/m2], within +-1e6 and not zero.
+    stack : Stack
+        Capacitances of oxide and film.
+    plane : Plane
+        Plane on which the voltage is counted.
+
+    Returns
+    -------
+    ndarray
+        kappa [1], of the broadcast shape.
 
     Raises
     ------
-    ValueError : as there, and when the charge cannot explain the shift (kappa outside [0, 1]).
+    ValueError
+        An argument is not real, not finite or out of range, the shapes do not broadcast, or the charge cannot explain
+        the shift (kappa outside [0, 1]).
 
     Examples
     --------
@@ -154,7 +197,7 @@ def uncompensated_fraction(shift: ArrayLike, charge: ArrayLike, stack: Stack, pl
     >>> print(f"{uncompensated_fraction(-1.0, 0.07, stack, Plane.OXIDE):.6f}")
     0.010962
     """
-    shift, charge = alike(
+    shift, charge = common_dtype(
         shift=real_array("shift", shift, -VOLTAGE_LIMIT, VOLTAGE_LIMIT),
         charge=real_array("charge", charge, -1e6, 1e6),
     )
@@ -169,20 +212,29 @@ def gain_factor(mobility: ArrayLike, capacitance: ArrayLike, width: ArrayLike, l
 
     Parameters
     ----------
-    mobility : mu [m2/(V s)], in [1e-9, 100] (850 cm2/Vs is 0.085).
-    capacitance : C [F/m2] of the plane that the gate voltage refers to (`Stack.drive`), in [1e-12, 1e3].
-    width, length : W, L [m] of the channel, in [1e-9, 1].
+    mobility : array_like
+        mu [m2/(V s)], in [1e-9, 100] (850 cm2/Vs is 0.085).
+    capacitance : array_like
+        C [F/m2] of the plane that the gate voltage refers to (`Stack.drive`), in [1e-12, 1e3].
+    width, length : array_like
+        W, L [m] of the channel, in [1e-9, 1].
+
+    Returns
+    -------
+    ndarray
+        beta [A/V2], of the broadcast shape.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Examples
     --------
     >>> print(f"{gain_factor(0.085, 4.0269756e-5, 3276e-6, 12e-6):.4e}")
     9.3446e-04
     """
-    mobility, capacitance, width, length = alike(
+    mobility, capacitance, width, length = common_dtype(
         mobility=real_array("mobility", mobility, 1e-9, 100),
         capacitance=real_array("capacitance", capacitance, *CAPACITANCE_RANGE),
         width=real_array("width", width, 1e-9, 1),
@@ -198,19 +250,31 @@ def drain_current(
     gain_factor: ArrayLike,
     channel_length_modulation: ArrayLike = 0.0,
 ) -> FloatArray:
-    """Return Id [A], eq. (9) and (10), cut-off, linear region and saturation.
+    """Return Id [A] in cut-off, linear region and saturation, eq. (9) and (10).
 
     Parameters
     ----------
-    gate_voltage, threshold_voltage : Vgs, Vth [V], within +-1e6.
-    drain_voltage : Vds [V], in [0, 1e6].
-    gain_factor : beta [A/V2], in [1e-12, 1e6].
-    channel_length_modulation : lambda [1/V], in [0, 10]; the factor 1 + lambda*Vds applies to both regions, as in SPICE
-        level 1, so that the current stays continuous.
+    gate_voltage : array_like
+        Vgs [V], within +-1e6.
+    drain_voltage : array_like
+        Vds [V], in [0, 1e6].
+    threshold_voltage : array_like
+        Vth [V], within +-1e6.
+    gain_factor : array_like
+        beta [A/V2], in [1e-12, 1e6].
+    channel_length_modulation : array_like, default 0.0
+        lambda [1/V], in [0, 10]; the factor 1 + lambda*Vds applies to both regions, as in SPICE level 1, so that the
+        current stays continuous.
+
+    Returns
+    -------
+    ndarray
+        Id [A], of the broadcast shape.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
@@ -235,7 +299,24 @@ def transconductance(
 ) -> FloatArray:
     """Return gm = dId/dVgs [S]: ``beta*min(Vds, Vgs - Vth)*(1 + lambda*Vds)``, 0 in cut-off.
 
-    Parameters and errors as in `drain_current`.
+    Parameters
+    ----------
+    gate_voltage, drain_voltage, threshold_voltage : array_like
+        Vgs, Vds, Vth [V], as in `drain_current`.
+    gain_factor : array_like
+        beta [A/V2], in [1e-12, 1e6].
+    channel_length_modulation : array_like, default 0.0
+        lambda [1/V], in [0, 10].
+
+    Returns
+    -------
+    ndarray
+        gm [S], of the broadcast shape.
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
     """
     bias = _bias(gate_voltage, drain_voltage, threshold_voltage, gain_factor, channel_length_modulation)
     return bias.gain_factor * bias.channel * bias.modulation
@@ -252,7 +333,24 @@ def output_conductance(
 
     ``beta*(Vgs - Vth - v)*(1 + lambda*Vds) + lambda*beta*(Vgs - Vth - v/2)*v``
 
-    Parameters and errors as in `drain_current`.
+    Parameters
+    ----------
+    gate_voltage, drain_voltage, threshold_voltage : array_like
+        Vgs, Vds, Vth [V], as in `drain_current`.
+    gain_factor : array_like
+        beta [A/V2], in [1e-12, 1e6].
+    channel_length_modulation : array_like, default 0.0
+        lambda [1/V], in [0, 10].
+
+    Returns
+    -------
+    ndarray
+        gds [S], of the broadcast shape.
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
     """
     bias = _bias(gate_voltage, drain_voltage, threshold_voltage, gain_factor, channel_length_modulation)
     slope = (bias.overdrive - bias.channel) * bias.modulation
@@ -267,24 +365,38 @@ def gate_voltage(
     gain_factor: ArrayLike,
     channel_length_modulation: ArrayLike = 0.0,
 ) -> FloatArray:
-    """Return Vgs [V] at which the drain current flows: the inverse of `drain_current`.
+    """Return Vgs [V] for a drain current: the inverse of `drain_current`.
 
     Parameters
     ----------
-    drain_current : Id [A], in [0, 1e6]. 0 gives Vth, the highest of all gate voltages without current.
-    drain_voltage : Vds [V], in [1e-9, 1e6].
-    threshold_voltage, gain_factor, channel_length_modulation : as in `drain_current`.
+    drain_current : array_like
+        Id [A], in [0, 1e6]. 0 gives Vth, the highest of all gate voltages without current.
+    drain_voltage : array_like
+        Vds [V], in [1e-9, 1e6].
+    threshold_voltage : array_like
+        Vth [V], within +-1e6.
+    gain_factor : array_like
+        beta [A/V2], in [1e-12, 1e6].
+    channel_length_modulation : array_like, default 0.0
+        lambda [1/V], in [0, 10].
+
+    Returns
+    -------
+    ndarray
+        Vgs [V], of the broadcast shape.
 
     Raises
     ------
-    ValueError : an argument is not real, not finite or out of range, or the shapes do not broadcast.
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
-    Closed form: with i = Id/(beta*(1 + lambda*Vds)) the overdrive is sqrt(2*i) in saturation, i/Vds + Vds/2 in the
-    linear region; they meet with equal slope at i = Vds^2/2. The overdrive is right to 4 roundings.
+    Closed form: with i = Id/(beta*(1 + lambda*Vds)) the overdrive is sqrt(2*i) in saturation and i/Vds + Vds/2 in the
+    linear region; the two meet with equal slope at i = Vds^2/2. The rounding error of the overdrive is at most 4 units
+    in the last place.
     """
-    current, drain_voltage, threshold_voltage, gain_factor, channel_length_modulation = alike(
+    current, drain_voltage, threshold_voltage, gain_factor, channel_length_modulation = common_dtype(
         drain_current=real_array("drain_current", drain_current, 0, CURRENT_LIMIT),
         drain_voltage=real_array("drain_voltage", drain_voltage, 1e-9, VOLTAGE_LIMIT),
         threshold_voltage=real_array("threshold_voltage", threshold_voltage, -VOLTAGE_LIMIT, VOLTAGE_LIMIT),
@@ -305,7 +417,7 @@ def _known(plane: Plane) -> Plane:
 
 @dataclass(frozen=True)
 class _Bias:
-    """The bias point: overdrive max(Vgs - Vth, 0), channel voltage min(Vds, overdrive) [V], 1 + lambda*Vds, beta."""
+    """Bias point: overdrive max(Vgs - Vth, 0), channel voltage min(Vds, overdrive) [V], 1 + lambda*Vds, beta."""
 
     overdrive: FloatArray
     channel: FloatArray
@@ -321,7 +433,7 @@ def _bias(
     gain_factor: ArrayLike,
     channel_length_modulation: ArrayLike,
 ) -> _Bias:
-    gate, drain, threshold, beta, modulation = alike(
+    gate, drain, threshold, beta, modulation = common_dtype(
         gate_voltage=real_array("gate_voltage", gate_voltage, -VOLTAGE_LIMIT, VOLTAGE_LIMIT),
         drain_voltage=real_array("drain_voltage", drain_voltage, 0, VOLTAGE_LIMIT),
         threshold_voltage=real_array("threshold_voltage", threshold_voltage, -VOLTAGE_LIMIT, VOLTAGE_LIMIT),

@@ -7,14 +7,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model._lib.reductions import some, upper_median
+from posfet_model._lib.reductions import any_true, upper_median
+from posfet_model._lib.types import Array, Mask
 from posfet_model.estimation.drift_filter import DriftFilter
 from posfet_model.estimation.leakage_identification import LeakageIdentifier
 from posfet_model.estimation.multiple_model_filter import DISTURBANCE_TIME, BlockObservation, CommonOffsetFilter
 from posfet_model.estimation.thermal_uncertainty import ThermalUncertainty
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 RESIDUAL: Final = 5e-3
 """Standard deviation of the median signal due to residual hum and the like [contact threshold]."""
@@ -163,7 +161,7 @@ class CommonModeCorrector:
 
         `observable`: the untouched taxels give the temperature.
         """
-        touches = some(touched)
+        touches = any_true(touched)
         if not (observable if touches else self.offset.random_walk_found):
             return
         free = self._usable & ~touched

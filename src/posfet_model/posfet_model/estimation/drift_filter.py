@@ -19,15 +19,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model._lib.first_order import mean_decay
-
-Array: TypeAlias = NDArray[np.float64]
-Mask: TypeAlias = NDArray[np.bool_]
+from posfet_model._lib.types import Array, Mask
 
 TIME_CONSTANTS: Final = (100.0, 10.0, 1.0)
 """T_k [s]. The first component is a random walk with the rate of a process of that time constant."""

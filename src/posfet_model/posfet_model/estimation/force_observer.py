@@ -14,12 +14,11 @@ while a force is held, and when it is released: leakage_identification.py estima
 
 from __future__ import annotations
 
-from typing import TypeAlias
-
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model._lib.reductions import some
+from posfet_model._lib.reductions import any_true
+from posfet_model._lib.types import Array, Mask
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.estimation.common_mode import CommonModeTemperature
 from posfet_model.estimation.common_mode_correction import CommonModeCorrector
@@ -41,10 +40,7 @@ from posfet_model.estimation.settings import (
 from posfet_model.estimation.thermal_uncertainty import ThermalUncertainty
 from posfet_model.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.signal_chain import charge_per_newton, noise_of_a_scan
-
-Array: TypeAlias = NDArray[np.float64]
-Mask: TypeAlias = NDArray[np.bool_]
+from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 
 
 class ForceObserver:
@@ -78,7 +74,7 @@ class ForceObserver:
         newton_per_charge = 1.0 / (charge_per_newton(sensor) * gain)
         newton_per_kelvin = device.pyroelectric_coefficient / charge_per_newton(sensor)
         self._per_kelvin = newton_per_kelvin * calibration.pyroelectric_gain / gain
-        noise = noise_of_a_scan(sensor)
+        noise = force_noise_rms(sensor)
         self._noise_variance = np.full(taxels, noise**2)
         s, calibrated = self._settings, calibration.residuals is not None
         common, individual, mismatch = (
@@ -310,16 +306,16 @@ class ForceObserver:
         self._corrector.subtract_common_mode(mean, touched, self.common.observable)
         noise = self._noise_variance / self._scans
         self._predict()
-        if some(self._was_touched):
+        if any_true(self._was_touched):
             self._corrector.update_touched(self._elapsed)
         self._process_touches(touched & self.offset_known, mean)
         # The error of the film temperature is constant during the block: averaging does not reduce it.
         expected = drift.innovation_variance(self._elapsed, noise + self.common_variance)
         agrees = mean * mean <= s.gate * s.gate * (expected + self._thermal.film_variance)
         free = ~touched | ~self.offset_known
-        if some(where := free & agrees):
+        if any_true(where := free & agrees):
             self._correct(where, mean, expected)
-        if some(where := free & self.offset_known & ~agrees):
+        if any_true(where := free & self.offset_known & ~agrees):
             # Neither a contact nor an expected error: tracked slowly.
             low, high = -s.baseline_rise * self._threshold * self._elapsed, self._slew * self._elapsed
             self._shift_baseline(-np.where(where, np.clip(mean, low, high), 0.0))
@@ -331,7 +327,7 @@ class ForceObserver:
         failed |= self._negative.duration >= s.recovery_time
         # While the film differs from its estimate, the common mode can look like an offset for some time.
         self._agreed += self._elapsed * (1.0 if self.film.steady else TRANSIENT_WEIGHT)
-        if some(failed):
+        if any_true(failed):
             again = failed & ~self.offset_known
             self._prior_deviation[again] = np.minimum(REJECTED * self._prior_deviation[again], self._runaway)
             self.restarts += int(np.count_nonzero(failed & ~self.ignored))
@@ -340,10 +336,10 @@ class ForceObserver:
         self._recovering = max(0.0, self._recovering - self._elapsed)
         self._lower_bound.update(mean, self._elapsed)
         sound = self.offset_known & (self._negative.duration == 0.0) & ~self._lower_bound.mask | self.ignored
-        self.valid = self._recovering == 0.0 and not some(~sound)
+        self.valid = self._recovering == 0.0 and not any_true(~sound)
         self._last_mean = mean
         signal = self._inverse.signal
-        self._corrector.close_block(mean, some(touched), signal, self.offset_known, self.valid, self._elapsed)
+        self._corrector.close_block(mean, any_true(touched), signal, self.offset_known, self.valid, self._elapsed)
         drift.store(mean, noise)
         self._start_block()
 
@@ -353,7 +349,7 @@ class ForceObserver:
         limit = np.maximum(self._threshold, gate * np.sqrt(expected))
         still = np.abs(mean - self._last_mean) <= gate * np.sqrt(2.0 * noise)
         confirmed = self._negative.update(where, mean, limit, still, self._elapsed)
-        if some(confirmed):
+        if any_true(confirmed):
             self.force[confirmed] -= mean[confirmed]
             self._drift.reset_force_error(confirmed, self._noise_variance[confirmed])
 
@@ -372,15 +368,15 @@ class ForceObserver:
     def _process_touches(self, touched: Mask, mean: Array) -> None:
         """Roll back taxels on which a touch begins, and estimate leakage time constants from touched taxels."""
         leakage, begun = self._leakage, touched & ~self._was_touched
-        if some(begun):
+        if any_true(begun):
             change, blocks = self._drift.roll_back(begun)
             self.force[begun] += change
-            if self.valid and not some(self._was_touched):
+            if self.valid and not any_true(self._was_touched):
                 self._corrector.begin_touch(begun, blocks, self._elapsed)
             self._drift.variance[begun] += self._jumped[begun]
             leakage.begin_touch(begun, self._leaked)
             self._thermal.begin_touch(begun)
-        if some(touched):
+        if any_true(touched):
             if not self.film.steady:
                 leakage.restart_window()  # pyroelectric charge leaks, too, and is not known well enough for a fit
             leakage.add_block(self._elapsed, self._scans, mean, self._leaked, touched & self._was_touched)
@@ -390,7 +386,7 @@ class ForceObserver:
                 self._inverse.invalidate_time_constants()
                 self._corrector.offset.time_constant = float(self._tau.mean())
             self._scale_variance = leakage.variance + (self._settings.gain_deviation * self.force) ** 2
-        elif some(self._was_touched):
+        elif any_true(self._was_touched):
             leakage.end_touch()
             self._scale_variance[:] = 0.0
         self._was_touched[:] = touched
@@ -429,7 +425,7 @@ class ForceObserver:
     def _predict(self) -> None:
         """Propagate baseline and offset over the block."""
         self._drift.predict(self._elapsed, self._elapsed_square)
-        deviation = self._thermal.close_block(self._elapsed, self._tau, self._threshold, some(self._was_touched))
+        deviation = self._thermal.close_block(self._elapsed, self._tau, self._threshold, any_true(self._was_touched))
         if deviation:
             self._drift.variance[:] = (np.sqrt(self._drift.variance) + deviation) ** 2
 

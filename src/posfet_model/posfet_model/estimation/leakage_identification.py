@@ -17,15 +17,13 @@ their error is common.
 from __future__ import annotations
 
 import math
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model._lib.reductions import upper_median
-
-Array: TypeAlias = NDArray[np.float64]
-Mask: TypeAlias = NDArray[np.bool_]
+from posfet_model._lib.types import Array, Mask
 
 POINTS: Final = 24
 """Greatest number of blocks in a window."""

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from posfet_model._lib.first_order import mean_decay
-
-Array = NDArray[np.float64]
+from posfet_model._lib.types import Array
 
 
 @dataclass(frozen=True)

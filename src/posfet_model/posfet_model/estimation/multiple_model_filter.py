@@ -23,12 +23,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array: TypeAlias = NDArray[np.float64]
+from posfet_model._lib.types import Array
 
 INTENSITIES: Final[Array] = np.array([2e-4 * 2.0**index for index in range(6)])
 """The q of the filters, as sqrt(q) [K/sqrt(s)]. The first one represents rest."""

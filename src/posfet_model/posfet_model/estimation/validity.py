@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from posfet_model._lib.reductions import some
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from posfet_model._lib.reductions import any_true
+from posfet_model._lib.types import Array, Mask
 
 
 class NegativeForceMonitor:
@@ -53,9 +50,9 @@ class NegativeForceMonitor:
             Taxels whose force has been negative and steady for `steady_time`.
         """
         below = where & (mean < -limit)
-        if not (self._any or some(below)):
+        if not (self._any or any_true(below)):
             return below
-        self._any = some(below)
+        self._any = any_true(below)
         self.duration = np.where(below, self.duration + duration, 0.0)
         self._steady = np.where(below & still, self._steady + duration, 0.0)
         confirmed: Mask = self._steady >= self._steady_time
@@ -100,7 +97,7 @@ class LowerBoundMonitor:
 
     def update(self, force: Array, elapsed: float) -> None:
         """Process the mean forces [N] of a block of `elapsed` [s]."""
-        if not some(self.mask):
+        if not any_true(self.mask):
             return
         self.mask &= force > -self._threshold
         pressing = bool((force[self.mask] > self._threshold).any())

@@ -1,4 +1,4 @@
-"""Command line of the figures: draw all, or those named, as SVG and PNG."""
+"""Command: draw all figures, or those named, as SVG and PNG. `python -m posfet_model.figures [NAME ...]`."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from pathlib import Path
 try:
     from posfet_model.figures.registry import FIGURES
     from posfet_model.figures.style import save
-except ModuleNotFoundError as error:  # matplotlib is for the figures alone
+except ModuleNotFoundError as error:  # only the figures need matplotlib
     sys.exit(f"posfet_model.figures: needs {error.name} (pip install matplotlib)")
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Draw the figures asked for and name the files written."""
+    """Draw the requested figures and print the files written; return the exit code."""
     parser = argparse.ArgumentParser(
         prog="python -m posfet_model.figures", description="Draw the figures as SVG and PNG."
     )
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"which (default: all): {', '.join(FIGURES)}")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"figures (default: all): {', '.join(FIGURES)}")
     parser.add_argument("--out", type=Path, default=Path("docs/figures"), help="folder (default: %(default)s)")
     options = parser.parse_args(arguments)
     unknown = [name for name in options.names if name not in FIGURES]

@@ -1,4 +1,4 @@
-"""The follower: its answer to a sine (paper, Fig. 6) and its gain and phase (paper, Fig. 7)."""
+"""The follower: its response to a sine (paper, Fig. 6) and its gain and phase (paper, Fig. 7)."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _SLEWING = SquareLawFollower(gain=_LOOP.gain, bandwidth=_LOOP.bandwidth, overdri
 
 
 def sine() -> Figure:
-    """Fig. 6: input and output for a sine of 1 V. At 1 kHz they are one line; at 1 MHz the follower slews."""
+    """Draw Fig. 6: input and output for a sine of 1 V. At 1 kHz they coincide; at 1 MHz the follower slews."""
     figure, (slow, error, fast) = new_figure(6.4, rows=3)
     time = np.linspace(0, 2, 2001)
     v_in = np.sin(2 * np.pi * time)
@@ -53,7 +53,7 @@ def sine() -> Figure:
     fast.plot(time, _SLEWING.run(time * 1e-6, v_in).v_out, color=VERMILION, linestyle=SOLID)
     label(fast, 0.26, 1.05, "input", GREY, va="bottom")
     label(fast, 0.42, 0.88, "one pole", BLUE)
-    label(fast, 0.62, 0.30, "with slew", VERMILION)
+    label(fast, 0.62, 0.30, "slew-limited", VERMILION)
     fast.set(
         xlabel="time  [µs]",
         ylabel="voltage  [V]",
@@ -65,7 +65,7 @@ def sine() -> Figure:
 
 
 def gain_and_phase() -> Figure:
-    """Fig. 7: gain and phase of the open loop and of the follower."""
+    """Draw Fig. 7: gain and phase of the open loop and of the follower."""
     figure, (gain, phase) = new_figure(5.6, rows=2)
     frequency = np.logspace(1, 8, 701)
     pole = GAIN_BANDWIDTH.value / AMPLIFIER_GAIN.value

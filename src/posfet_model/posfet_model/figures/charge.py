@@ -1,4 +1,4 @@
-"""Charge of a taxel in time: a press held, a warming of 1 K, and the high pass that the leak makes."""
+"""Charge of a taxel over time: a static force, a temperature rise of 1 K, and the high pass due to leakage."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ _TAU = paper.LEAK_TIME_CONSTANT.value
 _UC_PER_M2 = 1e-6
 
 
-def leak() -> Figure:
-    """Left: 1 N held for a second, and 1 K of warming. Right: gain against frequency."""
+def leakage() -> Figure:
+    """Draw the charge by 1 N held for a second and by heating of 1 K (left), and gain against frequency (right)."""
     figure, (left, right) = new_figure(3.3, columns=2)
     time = np.linspace(0, 2.5, 2501)
     press = np.interp(time, [0.25, 0.3, 1.25, 1.3], [0.0, 1.0, 1.0, 0.0]) / paper.FORCE_AREA.value
-    warming = np.interp(time, [0.25, 1.25], [0.0, 1.0])
+    temperature = np.interp(time, [0.25, 1.25], [0.0, 1.0])
     coefficients = (paper.PIEZOELECTRIC_COEFFICIENT.value, paper.PYROELECTRIC_COEFFICIENT.value)
     pressed = source_charge(-press, 0.0, *coefficients)
     left.plot(time, pressed / _UC_PER_M2, color=GREY, linestyle=DOTTED)
     left.plot(time, _leaked(time, pressed) / _UC_PER_M2, color=BLUE, linestyle=SOLID)
-    warmed = _leaked(time, source_charge(0.0, warming, *coefficients))
-    left.plot(time, warmed / _UC_PER_M2, color=VERMILION, linestyle=DASHED)
-    label(left, 1.34, 36.5, "1 N without leak", GREY, va="center")
+    heated = _leaked(time, source_charge(0.0, temperature, *coefficients))
+    left.plot(time, heated / _UC_PER_M2, color=VERMILION, linestyle=DASHED)
+    label(left, 1.34, 36.5, "1 N, no leakage", GREY, va="center")
     label(left, 0.5, 22, "1 N for 1 s", BLUE)
-    label(left, 0.28, -16.5, "warmed by 1 K", VERMILION)
+    label(left, 0.28, -16.5, "heated by 1 K", VERMILION)
     left.set(xlabel="time  [s]", ylabel="charge density  [µC/m²]", xlim=(0, 2.5), ylim=(-42, 45))
     frequency = np.logspace(-2, 2, 201)
     right.plot(frequency, 20 * np.log10(np.abs(frequency_response(frequency, _TAU))), color=BLUE, linestyle=SOLID)
@@ -45,11 +45,11 @@ def leak() -> Figure:
 
 
 def _leaked(time: NDArray[np.float64], source: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Charge density over time, one step after the other."""
+    """Return the charge density over time, step by step."""
     charge = np.zeros_like(time)
     for i in range(1, time.size):
         charge[i] = propagate_first_order_hold(charge[i - 1], source[i - 1], source[i], time[1] - time[0], _TAU)
     return charge
 
 
-FIGURES: Final[dict[str, Callable[[], Figure]]] = {"charge_leak": leak}
+FIGURES: Final[dict[str, Callable[[], Figure]]] = {"charge_leak": leakage}

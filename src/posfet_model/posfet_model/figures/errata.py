@@ -1,4 +1,4 @@
-"""What the misprints change: four right curves beside the printed ones."""
+"""Effect of the misprints: four corrected curves compared with the printed ones."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from posfet_model.figures.style import BLACK, BLUE, DASHED, GREY, SOLID, VERMILI
 
 _STACK = paper.STACK
 _BETA = paper.channel_gain_factor(Plane.GATE)
-_RIGHT: Final[dict[str, Any]] = {"color": BLUE, "linestyle": SOLID}
+_CORRECTED: Final[dict[str, Any]] = {"color": BLUE, "linestyle": SOLID}
 _PRINTED: Final[dict[str, Any]] = {"color": VERMILION, "linestyle": DASHED}
 
 
 def errata() -> Figure:
-    """Right (solid) and as printed (dashed): eq. (10), (6-10), (6-7), (12)."""
+    """Draw eq. (10), (6-10), (6-7) and (12), corrected (solid) and as printed (dashed)."""
     figure, panels = new_figure(5.6, 2, 2)
     for panel, draw in zip(panels, (_saturation, _planes, _shift, _deflection), strict=True):
         draw(panel)
@@ -34,9 +34,9 @@ def _saturation(axes: Axes) -> None:
     current = drain_current(0.7 + overdrive, drain, 0.7, _BETA) * 1e3
     printed = np.where(drain < overdrive, current, as_printed.saturation_current(0.7 + overdrive, 0.7, _BETA) * 1e3)
     axes.plot(drain, printed, **_PRINTED)
-    axes.plot(drain, current, **_RIGHT)
+    axes.plot(drain, current, **_CORRECTED)
     label(axes, 2.95, 0.98, "as printed", VERMILION, ha="right", bbox=None)
-    label(axes, 2.95, 0.51, "right", BLUE, ha="right", bbox=None)
+    label(axes, 2.95, 0.51, "corrected", BLUE, ha="right", bbox=None)
     axes.set(xlabel="$V_{ds}$  [V]", ylabel="$I_d$  [mA]", xlim=(0, 3), ylim=(0, 1.1), title="Eq. (10): factor 1/2")
 
 
@@ -44,12 +44,14 @@ def _planes(axes: Axes) -> None:
     force = np.linspace(0, 5, 11)
     charge = -paper.PIEZOELECTRIC_COEFFICIENT.value * force / paper.FORCE_AREA.value
     aspect = paper.CHANNEL_WIDTH.value / paper.CHANNEL_LENGTH.value
-    right = -_BETA * threshold_shift(charge, _STACK, Plane.GATE, 1.0) * 1e3
+    corrected = -_BETA * threshold_shift(charge, _STACK, Plane.GATE, 1.0) * 1e3
     printed = as_printed.signal_current(charge, 1.0, paper.MOBILITY.value, aspect, _STACK) * 1e3
-    axes.plot(force, right, marker="o", markersize=3.5, **_RIGHT)
+    axes.plot(force, corrected, marker="o", markersize=3.5, **_CORRECTED)
     axes.plot(force, printed, marker="s", markersize=3.5, **_PRINTED)
-    label(axes, 2.6, 2.75, "right", BLUE, ha="right", bbox=None)
-    label(axes, 4.95, 0.45, f"as printed, {right[-1] / printed[-1]:.1f} times less", VERMILION, ha="right", bbox=None)
+    label(axes, 2.6, 2.75, "corrected", BLUE, ha="right", bbox=None)
+    label(
+        axes, 4.95, 0.45, f"as printed, {corrected[-1] / printed[-1]:.1f} times less", VERMILION, ha="right", bbox=None
+    )
     axes.set(xlabel="force on 1 mm²  [N]", ylabel="signal current  [mA]", xlim=(0, 5), ylim=(0, 4.5))
     axes.set_title("Eq. (6)-(10): one plane")
 
@@ -57,7 +59,7 @@ def _planes(axes: Axes) -> None:
 def _shift(axes: Axes) -> None:
     kappa = np.logspace(-3, 0, 201)
     charge = paper.FILM.switched_polarisation
-    axes.plot(kappa, -threshold_shift(charge, _STACK, Plane.OXIDE, kappa), **_RIGHT)
+    axes.plot(kappa, -threshold_shift(charge, _STACK, Plane.OXIDE, kappa), **_CORRECTED)
     axes.plot(1.0, -as_printed.threshold_shift(charge, _STACK), marker="s", color=VERMILION, clip_on=False, zorder=6)
     breakdown = 1e9 * paper.OXIDE_THICKNESS.value
     axes.axhline(breakdown, color=GREY, linewidth=1.0)
@@ -74,12 +76,12 @@ def _shift(axes: Axes) -> None:
 def _deflection(axes: Axes) -> None:
     thickness = np.linspace(20e-6, 100e-6, 201)
     plate = (50.0, 5e-3, thickness, paper.SILICON_MODULUS.value, paper.SILICON_POISSON_RATIO.value)
-    axes.plot(thickness * 1e6, circular_deflection(*plate).deflection * 1e6, **_RIGHT)
+    axes.plot(thickness * 1e6, circular_deflection(*plate).deflection * 1e6, **_CORRECTED)
     axes.plot(thickness * 1e6, as_printed.circular_deflection(*plate) * 1e6, **_PRINTED)
-    label(axes, 33, 1.35, "right", BLUE, bbox=None)
+    label(axes, 33, 1.35, "corrected", BLUE, bbox=None)
     label(axes, 21.5, 0.03, "as printed,\nπ times less", VERMILION, bbox=None)
     axes.set(xlabel="thickness  [µm]", ylabel="deflection at 50 Pa  [µm]", yscale="log", xlim=(20, 100))
-    axes.set_title("Eq. (12): a further π")
+    axes.set_title("Eq. (12): extra factor π")
 
 
 FIGURES: Final[dict[str, Callable[[], Figure]]] = {"errata": errata}

@@ -1,4 +1,4 @@
-"""Hysteresis of the film (the paper's Fig. 2) and what poling leaves behind."""
+"""Hysteresis of the film (the paper's Fig. 2) and the remnant polarisation after poling."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _FILM = paper.FILM
 
 
 def hysteresis() -> Figure:
-    """Polarisation against field: saturated loop, minor loops, first poling."""
+    """Draw polarisation against field: saturated loop, minor loops, virgin curve."""
     figure, (axes,) = new_figure(4.3)
     fields = np.linspace(-600, 600, 601) * _KV_PER_CM
     for branch, name in ((rising_branch, "saturated loop"), (falling_branch, None)):
@@ -44,7 +44,7 @@ def hysteresis() -> Figure:
         start = polarise([limit, -limit], _FILM).history
         axes.plot(*_curve(np.concatenate([up, down]), start), color=colour, linestyle=dashes, label=f"±{volts} V")
     axes.plot(
-        *_curve(np.linspace(0, 600, 301) * _KV_PER_CM, VIRGIN), color=GREEN, linestyle=DOTTED, label="first poling"
+        *_curve(np.linspace(0, 600, 301) * _KV_PER_CM, VIRGIN), color=GREEN, linestyle=DOTTED, label="virgin curve"
     )
     axes.plot([0, 0], [2, -2], linestyle="none", marker="o", markersize=5, color=BLACK, zorder=6)
     axes.legend(loc="lower right", frameon=False, fontsize=8.5, handlelength=3.6)
@@ -61,7 +61,7 @@ def hysteresis() -> Figure:
 
 
 def poling() -> Figure:
-    """Polarisation left, and d33 with it, against the voltage of poling, for one and for two pulses."""
+    """Draw remnant polarisation and d33 against the poling voltage, for a new and for a saturated film."""
     figure, (axes,) = new_figure(3.4)
     volts = np.linspace(0, 160, 161)
     once = np.array([remnant_after([volt / paper.FILM_THICKNESS.value], _FILM) for volt in volts])
@@ -73,8 +73,8 @@ def poling() -> Figure:
     label(axes, 96, 1.42, "new film, pulse of $+V$", BLUE, ha="right")
     label(axes, 87, -0.72, "saturated film, pulse of $-V$", VERMILION, ha="right")
     axes.set(
-        xlabel="voltage of the pulse across 2.5 µm  [V]",
-        ylabel="polarisation left  [µC/cm²]",
+        xlabel="pulse voltage across 2.5 µm  [V]",
+        ylabel="remnant polarisation  [µC/cm²]",
         xlim=(0, 160),
         ylim=(-2.2, 2.2),
     )
@@ -84,7 +84,7 @@ def poling() -> Figure:
 
 
 def _curve(fields: NDArray[np.float64], history: History) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Field and polarisation in the paper's units."""
+    """Return field and polarisation in the paper's units."""
     return fields / _KV_PER_CM, polarise(fields, _FILM, history).polarisation / _UC_PER_CM2
 
 

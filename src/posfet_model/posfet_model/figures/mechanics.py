@@ -17,7 +17,7 @@ _MICRO = 1e-6
 
 
 def deflection() -> Figure:
-    """Deflection of membranes of 1 cm, circular and square; dotted where small-deflection theory has ended."""
+    """Draw the deflection of circular and square membranes of 1 cm; dotted beyond small-deflection theory."""
     figure, (axes,) = new_figure(4.2)
     thickness = np.logspace(np.log10(10e-6), np.log10(450e-6), 400)
     microns = thickness / _MICRO
@@ -29,9 +29,9 @@ def deflection() -> Figure:
             height = bent.deflection / _MICRO
             axes.plot(microns, np.where(bent.small, height, np.nan), color=colour, linestyle=dashes)
             axes.plot(microns, np.where(bent.small, np.nan, height), color=GREY, linestyle=DOTTED, linewidth=1.0)
-        place = 235e-6
-        low = float(circular_deflection(pressure, 5e-3, place, *_SILICON).deflection) / _MICRO
-        label(axes, place / _MICRO, low * 0.66, name, BLACK, ha="right", va="top", bbox=None)
+        at = 235e-6
+        low = float(circular_deflection(pressure, 5e-3, at, *_SILICON).deflection) / _MICRO
+        label(axes, at / _MICRO, low * 0.66, name, BLACK, ha="right", va="top", bbox=None)
     axes.plot(microns, microns / 2, color=GREY, linewidth=1.2)
     label(axes, 11, 3.3, "$y = h/2$", GREY)
     label(axes, 330, 480, "dotted: beyond\nsmall-deflection theory", GREY, ha="right", va="center")
@@ -39,7 +39,7 @@ def deflection() -> Figure:
     axes.plot([], [], color=VERMILION, linestyle=DASHED, label="circular, $r$ = 0.5 cm, eq. (12)")
     axes.legend(loc="lower left", frameon=False, fontsize=8.5, handlelength=3.2)
     axes.set(
-        xlabel="thickness of the membrane  $h$  [µm]",
+        xlabel="membrane thickness  $h$  [µm]",
         ylabel="deflection  $y$  [µm]",
         xscale="log",
         yscale="log",
@@ -52,7 +52,7 @@ def deflection() -> Figure:
 
 
 def bending() -> Figure:
-    """Strain in the film of a chip on a cylinder, against the cylinder's radius."""
+    """Draw the strain in the film of a chip on a cylinder against the cylinder's radius."""
     figure, (axes,) = new_figure(3.6)
     radius = np.logspace(-3, 0, 200)
     film = Layer(paper.FILM_THICKNESS.value, paper.FILM_MODULUS.value, paper.FILM_POISSON_RATIO.value)
@@ -64,13 +64,13 @@ def bending() -> Figure:
         chip = [Layer(thickness * _MICRO, *_SILICON), film]
         strain = [100 * bend_on_cylinder(chip, value).film_strain for value in radius]
         axes.plot(radius * 1e3, strain, color=colour, linestyle=dashes)
-        place = int(np.searchsorted(radius, 0.1 if shift > 1 else 0.05))
-        left = {"ha": "left"} if shift > 1 else {"ha": "right"}
-        label(axes, radius[place] * 1e3, strain[place] * shift, f"chip of {thickness} µm", colour, bbox=None, **left)
+        index = int(np.searchsorted(radius, 0.1 if shift > 1 else 0.05))
+        side = {"ha": "left"} if shift > 1 else {"ha": "right"}
+        label(axes, radius[index] * 1e3, strain[index] * shift, f"chip of {thickness} µm", colour, bbox=None, **side)
     axes.axhspan(0.5, 1.0, color="#e6e6e6", zorder=0)
-    label(axes, 900, 0.71, "silicon breaks at 0.5 to 1 %", GREY, ha="right", va="center", bbox=None)
+    label(axes, 900, 0.71, "silicon fractures at 0.5 to 1 %", GREY, ha="right", va="center", bbox=None)
     axes.set(
-        xlabel="radius of the cylinder  [mm]",
+        xlabel="cylinder radius  [mm]",
         ylabel="strain in the film  [%]",
         xscale="log",
         yscale="log",

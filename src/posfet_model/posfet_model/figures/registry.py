@@ -18,4 +18,4 @@ FIGURES: Final[dict[str, Callable[[], Figure]]] = {
     **errata.FIGURES,
     **stability.FIGURES,
 }
-"""The name of each file, and the function that draws it."""
+"""Name of each file and the function that draws it."""

@@ -1,9 +1,10 @@
-"""Integration schemes for a follower of one pole, good and bad, to show what each does with a given step.
+"""Integration schemes for a one-pole follower, stable and unstable, to show the error of each for a given step.
 
-Only the exact exponential is used in the model. The others live here, for the map of error in docs/stability.md.
+The model uses only the exact exponential. The others are here for the error map in docs/stability.md.
 
-The test: an input that jumps from 0 to 1 V and stays. With the time constant tau and the step h, everything depends on
-``z = h/tau`` alone. Each scheme sees the lag l of the output, ``dl/dt = -l/tau`` with l = 1 V at the start.
+The test: an input that jumps from 0 to 1 V and stays there. With the time constant tau and the step h, the result
+depends on ``z = h/tau`` alone. Each scheme integrates the lag l of the output, ``dl/dt = -l/tau`` with l = 1 V at the
+start.
 """
 
 from __future__ import annotations
@@ -14,37 +15,36 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-Float64Array = NDArray[np.float64]
+from posfet_model._lib.types import Array
 
 STEPS: Final = 200
-"""Steps after which a run of the test ends."""
+"""Steps of the test."""
 
 SLEW_LIMIT: Final = 0.39
 """Slew rate of the clipped scheme [V per time constant]: 0.39 V of overdrive."""
 
-BLOWN_UP: Final = 1e6
-"""Error [V] from which on a scheme counts as blown up."""
+DIVERGED: Final = 1e6
+"""Error [V] above which a scheme counts as diverged."""
 
 
 @dataclass(frozen=True)
 class Scheme:
-    """One scheme: its name and the lag after one step."""
+    """An integration scheme."""
 
     name: str
-    advance: Callable[[Float64Array, Float64Array], Float64Array]
-    """Takes lag [V] and z, returns the lag one step later [V]."""
-    exact: Callable[[Float64Array], Float64Array]
-    """The true lag [V] at a time in units of tau."""
+    advance: Callable[[Array, Array], Array]
+    """Lag one step later [V], from the lag [V] and z."""
+    exact: Callable[[Array], Array]
+    """Exact lag [V] at a time in units of tau."""
 
 
-def _decay(time: Float64Array) -> Float64Array:
+def _decay(time: Array) -> Array:
     return np.exp(-time)
 
 
-def _clipped_decay(time: Float64Array) -> Float64Array:
-    """Return the true lag with limited slew: a straight line down to the limit, then the exponential."""
+def _clipped_decay(time: Array) -> Array:
+    """Return the exact lag with a limited slew rate: linear down to the limit, then exponential."""
     slewing = (1 - SLEW_LIMIT) / SLEW_LIMIT
     return np.where(time < slewing, 1 - SLEW_LIMIT * time, SLEW_LIMIT * np.exp(-np.maximum(time - slewing, 0)))
 
@@ -60,8 +60,23 @@ SCHEMES: Final = (
 )
 
 
-def largest_error(scheme: Scheme, z: Float64Array, steps: int = STEPS) -> Float64Array:
-    """Return the largest error [V] within `steps` steps of each z, any shape; inf where it passes any bound."""
+def largest_error(scheme: Scheme, z: Array, steps: int = STEPS) -> Array:
+    """Return the largest error [V] within a number of steps.
+
+    Parameters
+    ----------
+    scheme : Scheme
+        Integration scheme.
+    z : ndarray
+        Step over time constant [1], any shape.
+    steps : int, default STEPS
+        Number of steps.
+
+    Returns
+    -------
+    ndarray
+        Largest error [V], of the shape of `z`; inf where it grows without bound.
+    """
     lag, worst = np.ones_like(z), np.zeros_like(z)
     with np.errstate(over="ignore", invalid="ignore"):
         for k in range(1, steps + 1):
@@ -71,8 +86,23 @@ def largest_error(scheme: Scheme, z: Float64Array, steps: int = STEPS) -> Float6
     return worst
 
 
-def last_error(scheme: Scheme, z: Float64Array, steps: int = STEPS) -> Float64Array:
-    """Return the largest error [V] of the last two steps: what has not gone after `steps` steps."""
+def remaining_error(scheme: Scheme, z: Array, steps: int = STEPS) -> Array:
+    """Return the larger error [V] of the last two steps: the error that remains after many steps.
+
+    Parameters
+    ----------
+    scheme : Scheme
+        Integration scheme.
+    z : ndarray
+        Step over time constant [1], any shape.
+    steps : int, default STEPS
+        Number of steps.
+
+    Returns
+    -------
+    ndarray
+        Remaining error [V], of the shape of `z`.
+    """
     lag, before = np.ones_like(z), np.ones_like(z)
     with np.errstate(over="ignore", invalid="ignore"):
         for _ in range(steps):
@@ -82,7 +112,20 @@ def last_error(scheme: Scheme, z: Float64Array, steps: int = STEPS) -> Float64Ar
 
 
 def first_step_beyond(scheme: Scheme, error: float) -> float:
-    """Return the smallest z, of 200 a decade, at which the largest error passes `error` [V]; NaN when none does."""
+    """Return the smallest z at which the largest error exceeds a limit.
+
+    Parameters
+    ----------
+    scheme : Scheme
+        Integration scheme.
+    error : float
+        Limit [V].
+
+    Returns
+    -------
+    float
+        z [1], of 200 per decade; NaN when the error never exceeds the limit.
+    """
     z = np.logspace(-9, 12, 21 * 200 + 1)
     beyond = np.flatnonzero(largest_error(scheme, z) > error)
     return float(z[beyond[0]]) if beyond.size else math.nan

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 
-from posfet_model.figures.schemes import BLOWN_UP, SCHEMES, Scheme, largest_error, last_error
+from posfet_model.figures.schemes import DIVERGED, SCHEMES, Scheme, largest_error, remaining_error
 from posfet_model.figures.style import (
     BLACK,
     BLUE,
@@ -29,7 +29,7 @@ from posfet_model.figures.style import (
 _STEP_DECADES: Final = (-9, 3)
 _TIME_CONSTANT_DECADES: Final = (-9, 9)
 _PER_DECADE: Final = 20
-_LEVELS: Final = [0.0, 1e-6, 1e-3, 1e-2, 1e-1, 1.0, BLOWN_UP, np.inf]
+_LEVELS: Final = [0.0, 1e-6, 1e-3, 1e-2, 1e-1, 1.0, DIVERGED, np.inf]
 _NAMES: Final = ["< 1 µV", "< 1 mV", "< 10 mV", "< 0.1 V", "< 1 V", "< 1 MV", "> 1 MV, inf"]
 _SHADES: Final = ListedColormap(["#ffffff", "#e8eef5", "#bcd0e3", "#84a7c9", "#4a76a8", "#1f3f6b", "#000000"])
 _FOLLOWER: Final = 105.3e-9
@@ -37,7 +37,7 @@ _FOLLOWER: Final = 105.3e-9
 
 
 def stability_map() -> Figure:
-    """One panel a scheme: largest error of 200 steps after an input jump of 1 V. Last: what is left after them."""
+    """Draw the largest error in 200 steps after an input jump of 1 V per scheme, and the error that remains."""
     figure, panels = new_figure(8.6, rows=4, columns=2)
     for axes, scheme in zip(panels, SCHEMES, strict=False):
         _draw_map(axes, scheme)
@@ -73,7 +73,7 @@ def _draw_map(axes: Axes, scheme: Scheme) -> None:
 
 def _draw_remainder(axes: Axes) -> None:
     ratio = np.logspace(-0.7, 4, 941)
-    looks = [
+    line_styles = [
         (VERMILION, SOLID),
         (VERMILION, DASHED),
         (VERMILION, DOTTED),
@@ -82,20 +82,20 @@ def _draw_remainder(axes: Axes) -> None:
         (BLUE, (0, (1, 3))),
         (GREEN, (0, (10, 3))),
     ]
-    for scheme, (colour, dashes) in zip(SCHEMES, looks, strict=True):
-        left = np.clip(last_error(scheme, ratio), 1e-9, 1e9)
-        axes.plot(ratio, left, color=colour, linestyle=dashes, linewidth=1.4)
+    for scheme, (colour, dashes) in zip(SCHEMES, line_styles, strict=True):
+        remaining = np.clip(remaining_error(scheme, ratio), 1e-9, 1e9)
+        axes.plot(ratio, remaining, color=colour, linestyle=dashes, linewidth=1.4)
     axes.axhline(1.0, color=GREY, linewidth=0.8)
-    label(axes, 4, 1e6, "Euler, Heun and\nRunge-Kutta blow up", VERMILION, fontsize=7.5, va="center")
+    label(axes, 4, 1e6, "Euler, Heun and\nRunge-Kutta diverge", VERMILION, fontsize=7.5, va="center")
     label(axes, 4, 2e2, "clipped Euler", PURPLE, fontsize=7.5)
     label(axes, 8000, 1e-3, "trapezoidal rings", BLUE, fontsize=7.5, ha="right")
-    label(axes, 1.6, 3e-5, "exact and\nbackward Euler:\nnothing left", BLACK, fontsize=7.5, ha="right", va="center")
+    label(axes, 1.6, 3e-5, "exact and\nbackward Euler:\nno error left", BLACK, fontsize=7.5, ha="right", va="center")
     axes.set(
         xscale="log",
         yscale="log",
         ylim=(1e-9, 1e9),
         xlim=(0.01, 1e4),
-        title="error left after 200 steps",
+        title="remaining error after 200 steps",
         xlabel="step / time constant",
         ylabel="error  [V]",
     )

@@ -1,7 +1,7 @@
-"""The look of the figures, and files that are the same on every run.
+"""Style of the figures, and reproducible files.
 
-Lines differ in dash pattern and carry their name beside them, so the figures can be read without colour. The colours
-are those of Okabe and Ito (2008), which differ in lightness too.
+Lines differ in dash pattern and are labelled directly, so the figures can be read without colour. The colours are those
+of Okabe and Ito (2008), which also differ in lightness.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ _SETTINGS: Final[dict[Any, Any]] = {
 
 @contextmanager
 def style() -> Iterator[None]:
-    """The settings of every figure, in force within the block, whatever the user's own are."""
+    """Apply the settings of the figures within the block, whatever the user's own settings are."""
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(_SETTINGS)
@@ -70,19 +70,56 @@ def style() -> Iterator[None]:
 
 
 def new_figure(height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, list[Axes]]:
-    """Return an empty figure of the given height [inch] and its panels, row by row."""
+    """Return an empty figure and its panels, row by row.
+
+    Parameters
+    ----------
+    height : float
+        Height of the figure [inch].
+    rows, columns : int, default 1
+        Number of panels.
+
+    Returns
+    -------
+    tuple of Figure and list of Axes
+        Figure and panels.
+    """
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
     return figure, list(figure.subplots(rows, columns, squeeze=False).flat)
 
 
 def label(axes: Axes, x: float, y: float, text: str, colour: str, **options: Any) -> None:
-    """Write a name beside its line, on a white ground so that the grid does not run through it."""
+    """Label a line, on a white background that hides the grid.
+
+    Parameters
+    ----------
+    axes : Axes
+        Panel.
+    x, y : float
+        Position in data coordinates.
+    text, colour : str
+        Text and its colour.
+    **options
+        Further options of `Axes.text`.
+    """
     ground = {"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
     axes.text(x, y, text, color=colour, **{"fontsize": 8.5, "bbox": ground, "zorder": 5, **options})
 
 
 def second_axis(axes: Axes, side: Literal["top", "right"], factor: float, text: str) -> None:
-    """Put a second scale, `factor` times the first, on the other side of the panel."""
+    """Add a second scale on the other side of the panel.
+
+    Parameters
+    ----------
+    axes : Axes
+        Panel.
+    side : {"top", "right"}
+        Side of the second scale.
+    factor : float
+        Second scale over first.
+    text : str
+        Label of the second scale.
+    """
 
     def forward(value: Any) -> Any:
         return value * factor
@@ -100,7 +137,20 @@ def second_axis(axes: Axes, side: Literal["top", "right"], factor: float, text: 
 
 
 def save(draw: Callable[[], Figure], stem: Path) -> list[Path]:
-    """Draw a figure and write it as SVG and PNG, without date and version so that equal figures are equal files."""
+    """Draw a figure and write it as SVG and PNG, without date and version so that equal figures are equal files.
+
+    Parameters
+    ----------
+    draw : callable
+        Function that draws the figure.
+    stem : Path
+        Path of the files without suffix.
+
+    Returns
+    -------
+    list of Path
+        Files written.
+    """
     paths = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
     with style():
         figure = draw()

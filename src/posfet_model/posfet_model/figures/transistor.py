@@ -19,7 +19,7 @@ _MILLI = 1e-3
 
 
 def output_curves() -> Figure:
-    """Drain current against drain voltage, for several gate voltages, before poling."""
+    """Draw drain current against drain voltage for several gate voltages, before poling."""
     figure, (axes,) = new_figure(3.9)
     drain = np.linspace(0, 6, 301)
     for gate in (2.0, 3.0, 4.0, 5.0):
@@ -38,7 +38,7 @@ def output_curves() -> Figure:
 
 
 def transfer_curves() -> Figure:
-    """Drain current against gate voltage in saturation, before and after poling."""
+    """Draw drain current against gate voltage in saturation, before and after poling."""
     figure, (axes,) = new_figure(3.9)
     gate = np.linspace(-1, 4, 251)
     for threshold, colour, dashes in ((_BEFORE, BLUE, SOLID), (_AFTER, VERMILION, DASHED)):

@@ -14,9 +14,9 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from posfet_model._lib.reductions import some
+from posfet_model._lib.reductions import any_true
+from posfet_model._lib.types import Array, Mask
 
 FREQUENCIES: Final = (50.0, 60.0)
 """Nominal mains frequencies [Hz]."""
@@ -64,9 +64,6 @@ FADING: Final = 0.8
 """Factor on the amplitude in each window after that time [1]."""
 
 TURN: Final = 2.0 * math.pi
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 
 class MainsHum:
@@ -174,7 +171,7 @@ class MainsHum:
         free = ~(self._touched | ignored)
         enough = np.count_nonzero(free) >= max(1.0, FEWEST * np.count_nonzero(~ignored))
         if self.present:
-            self._track(free if enough else None, some(self._touched))
+            self._track(free if enough else None, any_true(self._touched))
         elif enough:
             self._detect(free)
         if self.present or self._suspected is not None:

@@ -19,11 +19,11 @@ from posfet_model.reconstruction.force_image import ForceImage, non_negative
 from posfet_model.reconstruction.mains_hum import MainsHum
 from posfet_model.reconstruction.scan_clock import ScanClock, ScanCounts
 from posfet_model.reconstruction.taxel_faults import INFORMATIVE, TaxelFaultDetector, TaxelStatus
-from posfet_model.sensor.crosstalk import CrosstalkInverse
+from posfet_model.sensor.crosstalk import CrosstalkCompensator
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.neighbour_estimate import ESTIMATE_DEVIATION
+from posfet_model.sensor.neighbour_estimate import INTERPOLATION_UNCERTAINTY
 from posfet_model.sensor.scan import Scan
-from posfet_model.sensor.signal_chain import READING, InverseChain, charge_per_newton, noise_of_a_scan
+from posfet_model.sensor.signal_chain import READING, InverseSignalChain, charge_per_newton, force_noise_rms
 
 MOST_IMPLAUSIBLE: Final = 10
 """Number of consecutive scans with most taxels saturated after which such a scan is accepted."""
@@ -80,10 +80,10 @@ class Reconstructor:
         self.calibration = calibration or Calibration.nominal(sensor)
         """Properties of each taxel in use."""
         self._clock = ScanClock(sensor)
-        self._inverse = InverseChain(sensor)
-        self._crosstalk = CrosstalkInverse(sensor.layout, self.calibration.crosstalk)
+        self._inverse = InverseSignalChain(sensor)
+        self._crosstalk = CrosstalkCompensator(sensor.layout, self.calibration.crosstalk)
         self._observer = ForceObserver(sensor, calibration=self.calibration)
-        noise = noise_of_a_scan(sensor)
+        noise = force_noise_rms(sensor)
         self._newton_per_charge = 1.0 / charge_per_newton(sensor)
         self._hum = MainsHum(taxels, sensor.can.scan_rate, noise / self._newton_per_charge)
         self._dynamic = DynamicChannel(sensor.layout, noise)
@@ -334,7 +334,7 @@ class Reconstructor:
         estimate = self._estimate or self._update_estimate()
         if self._any_interpolated:
             variance = estimate.variance.copy()
-            variance[self._interpolated] = (ESTIMATE_DEVIATION * self._filled[self._interpolated]) ** 2
+            variance[self._interpolated] = (INTERPOLATION_UNCERTAINTY * self._filled[self._interpolated]) ** 2
             estimate = replace(estimate, force=self._filled, variance=variance, interpolated=self._interpolated)
         if self._result.saturated:
             estimate = replace(estimate, saturated=self._saturated)
@@ -360,7 +360,7 @@ class Reconstructor:
             return regions
         unknown = self._interpolated | ~self._observer.offset_known
         wanted = self._interpolated.nonzero()[0]
-        force[wanted] = faults.surroundings.estimate(force, unknown, wanted, self._least)
+        force[wanted] = faults.surroundings.interpolate(force, unknown, wanted, self._least)
         return self._finder.find(force)
 
     def _close_block(self) -> None:

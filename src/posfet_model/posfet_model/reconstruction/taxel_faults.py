@@ -21,10 +21,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model._lib.reductions import some, upper_median
+from posfet_model._lib.reductions import any_true, upper_median
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.neighbour_estimate import Surroundings
-from posfet_model.sensor.signal_chain import COARSEST_BITS, noise_of_a_scan, volts_per_count
+from posfet_model.sensor.neighbour_estimate import NeighbourInterpolation
+from posfet_model.sensor.signal_chain import COARSEST_BITS, force_noise_rms, volts_per_count
 
 MOST_SCANS: Final = 64
 """Greatest number of scans that are kept for the noise estimate."""
@@ -114,7 +114,7 @@ class TaxelFaultDetector:
     ) -> None:
         layout, taxels = sensor.layout, sensor.layout.taxels
         self._settings = settings or TaxelFaultSettings()
-        self.surroundings = Surroundings(layout)
+        self.surroundings = NeighbourInterpolation(layout)
         self._known_dead = np.zeros(taxels, np.bool_) if known_dead is None else known_dead
         self.status = np.where(self._known_dead, TaxelStatus.DEAD, TaxelStatus.OK).astype(np.uint8)
         """Values of TaxelStatus, OK, DEAD, STUCK or NOISY, shape [rows * cols]."""
@@ -130,11 +130,11 @@ class TaxelFaultDetector:
         self._elapsed = 0.0
         self._touched = np.zeros(taxels, np.bool_)  # since the last tests for noise and response, like the elapsed time
         self._threshold = sensor.contact.threshold
-        self._informative = INFORMATIVE * noise_of_a_scan(sensor)
+        self._informative = INFORMATIVE * force_noise_rms(sensor)
         self._force_max = sensor.device.force_max
         self._tau = sensor.device.leak_time_constant
         self._newton2_per_count2 = (volts_per_count(sensor) / sensor.volts_per_newton) ** 2
-        self._noise = noise_of_a_scan(sensor) ** 2 / self._newton2_per_count2
+        self._noise = force_noise_rms(sensor) ** 2 / self._newton2_per_count2
         self._run_limit = longest_run(sensor)
         spread = sensor.device.contact_spread / max(layout.pitch_x, layout.pitch_y)
         self._spread_by_skin = spread >= LEAST_SPREAD
@@ -172,10 +172,10 @@ class TaxelFaultDetector:
             Noisy taxels with at most that noise.
         """
         noisy: NDArray[np.bool_] = self.status == _NOISY
-        if not some(noisy):
+        if not any_true(noisy):
             return noisy
         most = deviation**2 / self._newton2_per_count2
-        around = self.surroundings.loudest_neighbour(np.where(self.faulty, 0.0, self._level_overall))
+        around = self.surroundings.max_neighbour(np.where(self.faulty, 0.0, self._level_overall))
         as_touch = self._level_overall <= np.maximum(most, self._settings.common_touch**2 * around)
         return noisy & (self._level <= most) & as_touch
 
@@ -224,7 +224,7 @@ class TaxelFaultDetector:
             self._start_period()
         self._last = max(self._filled - 1, 0)
         s, status, noisy, dead = self._settings, self.status, self._noisy, self._dead
-        if self.any_faulty or some(stuck | noisy | dead):
+        if self.any_faulty or any_true(stuck | noisy | dead):
             sound = np.where(status == _STUCK, changed & self._calm, self._calm)
             self._quiet_for = np.where(sound, self._quiet_for + duration, 0.0)
             back = (status == _DEAD) & (self._alive | stuck | noisy)
@@ -235,10 +235,10 @@ class TaxelFaultDetector:
             status[stuck] = _STUCK
             status[self._known_dead] = _DEAD
         faulty = status != 0
-        different = some(faulty != self.faulty)
+        different = any_true(faulty != self.faulty)
         if different:
             self.faulty[:] = faulty
-            self.any_faulty = some(faulty)
+            self.any_faulty = any_true(faulty)
         return different
 
     def _start_period(self) -> None:
@@ -261,7 +261,7 @@ class TaxelFaultDetector:
         silent = (self._run >= self._run_limit) & ~saturated
         # A constant charge would mean a force that grows at a constant rate, to within the noise.
         impossible = np.abs(charge) * (self._run_time / self._tau) > 0.5 * self._force_max
-        if some(saturated):
+        if any_true(saturated):
             impossible = np.where(saturated, self._run_time > self._longest_saturation(charge), impossible)
         return silent | impossible, changed
 
@@ -271,7 +271,7 @@ class TaxelFaultDetector:
         Until its charge has leaked; much less, where no neighbour feels the force that would be required.
         """
         s = self._settings
-        around = self.surroundings.loudest_neighbour(np.where(self.faulty, 0.0, np.abs(charge)))
+        around = self.surroundings.max_neighbour(np.where(self.faulty, 0.0, np.abs(charge)))
         alone = (around < self._force_max / s.alone) & np.isfinite(around) & self._spread_by_skin
         return np.where(alone, s.confirm_dead, s.leaked * self._tau)
 
@@ -293,11 +293,11 @@ class TaxelFaultDetector:
             np.minimum(found, (4.0 * s.noisy) ** 2 * usual, out=found)
             self._level += np.where(touched, 0.0, share) * (found - self._level)
         loud = (self._level > s.noisy**2 * usual) & ~touched
-        if self._spread_by_skin and some(touched):
+        if self._spread_by_skin and any_true(touched):
             # Statistical uncertainty of a neighbour's noise level, from the second differences in memory.
             uncertainty = 4.0 * math.sqrt(3.9 * duration / (self._filled * s.confirm))
             levels = np.where(self.faulty, 0.0, self._level_overall)
-            around = self.surroundings.loudest_neighbour(levels) + (uncertainty - 1.0) * usual
+            around = self.surroundings.max_neighbour(levels) + (uncertainty - 1.0) * usual
             least = s.neighbours**2 * np.maximum(around, uncertainty * usual)
             loud |= (self._level_overall > least) & (now > least)  # a single jump is in memory, but not in the present
         more = np.where(loud, duration, -duration)
@@ -309,10 +309,10 @@ class TaxelFaultDetector:
         """Find by the mean force of the last block [N] the dead taxels, and the dead ones that respond again."""
         s, duration = self._settings, self._elapsed
         load = s.dead_load * self._threshold
-        if not some(force >= load):
+        if not any_true(force >= load):
             self._dead[:] = self._alive[:] = False
             return
-        least = self.surroundings.least(force, self.faulty, self._all, self._informative)
+        least = self.surroundings.lower_bound(force, self.faulty, self._all, self._informative)
         loaded = least >= load
         silent = loaded & (np.abs(force) < s.dead * least)
         self._silent_for = np.where(silent, self._silent_for + duration, np.where(loaded, 0.0, self._silent_for))
@@ -330,10 +330,10 @@ class TaxelFaultDetector:
         """
         s = self._settings
         pressed = self._touched & (force >= s.dead_load * self._threshold)
-        if not (self._spread_by_skin and some(pressed)):
+        if not (self._spread_by_skin and any_true(pressed)):
             self._alone_for[:] = 0.0
             return
-        around = self.surroundings.loudest_neighbour(np.where(self.faulty, np.inf, np.abs(force)))
+        around = self.surroundings.max_neighbour(np.where(self.faulty, np.inf, np.abs(force)))
         alone = pressed & (around < force / s.alone) & np.isfinite(around)
         self._alone_for = np.where(alone, self._alone_for + self._elapsed, 0.0)
 

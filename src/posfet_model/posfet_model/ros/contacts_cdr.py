@@ -12,6 +12,7 @@ import struct
 from functools import lru_cache
 from typing import Final
 
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model.contacts.placement import placement_on
 from posfet_model.contacts.slip import Motion
 from posfet_model.contacts.tracker import Contact
@@ -19,7 +20,6 @@ from posfet_model.reconstruction.reconstructor import Reconstruction
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.surface import Surface
 
-NANOSECONDS: Final = 1_000_000_000
 AT_REST: Final = Motion()
 ENCODING: Final = b"\x00\x01\x00\x00"
 _LENGTH: Final = struct.Struct("<I")

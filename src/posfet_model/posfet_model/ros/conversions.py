@@ -16,6 +16,7 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image, PointCloud2, PointField
 from visualization_msgs.msg import Marker, MarkerArray
 
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model.contacts.detection import Region
 from posfet_model.contacts.placement import Placed, placement_on
 from posfet_model.contacts.slip import CORNER_FREQUENCY, POWER_TIME_CONSTANT, Motion
@@ -25,7 +26,7 @@ from posfet_model.reconstruction.reconstructor import Reconstruction
 from posfet_model.ros.contacts_cdr import AT_REST, ContactsBytes
 from posfet_model.sensor.description import Layout, Sensor
 from posfet_model.sensor.scan import Scan
-from posfet_model.sensor.signal_chain import InverseChain, charge_per_newton, volts_per_count
+from posfet_model.sensor.signal_chain import InverseSignalChain, charge_per_newton, volts_per_count
 from posfet_model.sensor.surface import Surface, taxel_normals, taxel_points
 from posfet_msgs.msg import (
     TactileContact,
@@ -36,7 +37,6 @@ from posfet_msgs.msg import (
     TactileVibration,
 )
 
-NANOSECONDS = 1_000_000_000
 FOREIGN_LAYOUT = 0
 """Stands for a layout that is none: those of sensors begin at 1."""
 
@@ -336,7 +336,7 @@ class MarkersMessage:
 def info_message(sensor: Sensor, frame_id: str, simulated: bool, stamp: int) -> TactileInfo:
     """Return the description of `sensor`, valid from `stamp` [ns since the epoch]."""
     layout = sensor.layout
-    low, high = (limit / charge_per_newton(sensor) for limit in InverseChain(sensor).charge_range)
+    low, high = (limit / charge_per_newton(sensor) for limit in InverseSignalChain(sensor).charge_range)
     message = TactileInfo(layout_id=layout.id, name=sensor.name, serial=sensor.serial, simulated=simulated)
     message.header.frame_id = frame_id
     set_stamp(message.header.stamp, stamp)

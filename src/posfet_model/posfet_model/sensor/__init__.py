@@ -1,4 +1,4 @@
-"""The sensor: its file, the layout, scans, the signal chain from count to charge, crosstalk. Imports device."""
+"""The sensor: its file, taxel grid, surface, scans, signal chain from counts to charge, crosstalk. Imports device."""
 
 from posfet_model._lib.lazy import lazy_submodules
 

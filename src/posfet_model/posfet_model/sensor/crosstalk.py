@@ -1,14 +1,15 @@
-"""Electrical crosstalk undone: what a taxel shows of its four neighbours.
+"""Compensation of electrical crosstalk: each taxel picks up a share of the signals of its four neighbours.
 
-With a share c of each neighbour, ``x = s + c*N s``, N the sum over the four neighbours. On a grid N splits into its two
-axes, and sines diagonalise it: the mode (j, k) of rows and columns passes with ``1 + 2*c*(cos(pi*j/(rows + 1)) +
-cos(pi*k/(cols + 1)))``. So the inverse is two small matrices on either side of the map, and one dense matrix where the
-map is small; both are exact. The regularisation: no mode is amplified more than twice, which shares up to 1/8 never
-need. It is applied to the signals, before the leak is inverted, where it is linear whatever their sign.
+With a share c of each neighbour the signals are ``x = s + c*N s``, N the sum over the four neighbours. On a grid N
+separates into its two axes and is diagonalised by sines (discrete sine transform): the mode (j, k) of rows and columns
+has the gain ``1 + 2*c*(cos(pi*j/(rows + 1)) + cos(pi*k/(cols + 1)))``. The inverse is therefore one small matrix on
+either side of the map, or one dense matrix for a small array; both are exact. It is regularised by a limit on the gain:
+no mode is amplified more than twice, which shares up to 1/8 never reach. It is applied to the signals before leakage
+compensation, where it is linear whatever their sign.
 
-Forces of a contact are not negative, which the inverse does not know. `non_negative` says it afterwards, on the taxels
-of a contact alone, and keeps their sum. The spread of pressure by the elastic cover is no crosstalk in this sense: it
-is what the force on a taxel's cell *is*.
+The inverse does not know that the forces of a contact are not negative. `reconstruction.force_image.non_negative`
+enforces it afterwards, only on the taxels of a contact, and keeps their sum. The pressure spread by the elastic cover
+is not crosstalk in this sense: it is part of the force on a taxel's cell.
 """
 
 from __future__ import annotations
@@ -17,55 +18,81 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from posfet_model._lib.types import Array
 from posfet_model._lib.validation import real_number
 from posfet_model.sensor.description import Layout
 
 DENSE: Final = 64
-"""Most taxels for which one dense matrix is faster than four small ones (benchmarks/micro/crosstalk_methods.py)."""
+"""Largest number of taxels for which one dense matrix is faster than four small ones.
 
-LARGEST_GAIN: Final = 2.0
-"""Greatest amplification of a pattern by the inverse [1]."""
+Measured by benchmarks/micro/crosstalk_methods.py.
+"""
+
+MAX_GAIN: Final = 2.0
+"""Largest amplification of a mode by the inverse [1]."""
 
 
-class CrosstalkInverse:
-    """Undoes the crosstalk of one array."""
+class CrosstalkCompensator:
+    """Compensates the crosstalk of one array.
+
+    Parameters
+    ----------
+    layout : Layout
+        The array.
+    share : float
+        Share c of each of the four neighbours that a taxel picks up [1], in [0, 0.2].
+
+    Raises
+    ------
+    ValueError
+        The share is out of range.
+    """
 
     def __init__(self, layout: Layout, share: float) -> None:
-        """Take the share of each of the four neighbours [1], in [0, 0.2]."""
         self._share = real_number("share", share, 0.0, 0.2)
         self._shape = layout.rows, layout.cols
         self._sines = tuple(_sines(size) for size in self._shape)
         along, across = (2.0 * np.cos(np.pi * np.arange(1, size + 1) / (size + 1)) for size in self._shape)
-        passes = 1.0 + self._share * (along[:, None] + across)
-        self._gain = 1.0 / np.maximum(passes, 1.0 / LARGEST_GAIN)
+        mode_gain = 1.0 + self._share * (along[:, None] + across)
+        self._inverse_gain = 1.0 / np.maximum(mode_gain, 1.0 / MAX_GAIN)
         self._work = np.zeros(self._shape), np.zeros(self._shape)
-        self._dense: NDArray[np.float64] | None = None
+        self._dense: Array | None = None
         if layout.taxels <= DENSE:
             modes = np.kron(*self._sines)
-            self._dense = (modes * self._gain.reshape(-1)) @ modes
+            self._dense = (modes * self._inverse_gain.reshape(-1)) @ modes
 
     @property
     def present(self) -> bool:
-        """Whether there is anything to undo."""
+        """Whether there is crosstalk to compensate."""
         return self._share > 0.0
 
-    def apply(self, signal: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the signals without crosstalk, shape [rows * cols]."""
+    def apply(self, signal: Array) -> Array:
+        """Return the signals with the crosstalk compensated.
+
+        Parameters
+        ----------
+        signal : ndarray
+            Signals with crosstalk, in any unit, shape [rows * cols].
+
+        Returns
+        -------
+        ndarray
+            Signals without crosstalk, in the same unit, shape [rows * cols].
+        """
         if self._dense is not None:
             return self._dense @ signal
         (rows, cols), (one, other) = self._sines, self._work
         np.matmul(rows, signal.reshape(self._shape), out=one)
         np.matmul(one, cols, out=other)
-        other *= self._gain
+        other *= self._inverse_gain
         np.matmul(rows, other, out=one)
-        undone: NDArray[np.float64] = np.matmul(one, cols).reshape(-1)
-        return undone
+        compensated: Array = np.matmul(one, cols).reshape(-1)
+        return compensated
 
 
-def _sines(size: int) -> NDArray[np.float64]:
+def _sines(size: int) -> Array:
     """Return the modes of a row of taxels, shape [size, size]; the matrix is symmetric and its own inverse."""
     number = np.arange(1, size + 1)
-    modes: NDArray[np.float64] = math.sqrt(2.0 / (size + 1)) * np.sin(np.pi * np.outer(number, number) / (size + 1))
+    modes: Array = math.sqrt(2.0 / (size + 1)) * np.sin(np.pi * np.outer(number, number) / (size + 1))
     return modes

@@ -1,6 +1,6 @@
-"""The description of one sensor, read in one place for driver, simulation and model.
+"""The sensor file: layout, device, amplifier, ADC and CAN link of one sensor, for driver, simulation and model.
 
-Files carry human units, named in each key; everything in the dataclasses is SI.
+The file uses practical units, named in each key; the dataclasses are in SI units.
 """
 
 from __future__ import annotations
@@ -17,21 +17,22 @@ from posfet_model.config import ConfigError, Section, find_file, read_yaml
 from posfet_model.device.constants import VACUUM_PERMITTIVITY
 
 SENSOR_FOLDER = Path(__file__).parent / "sensors"
-"""Folder of the sensor descriptions that are shipped."""
+"""Folder of the sensor files that come with the package."""
 
 DEFAULT_SENSOR = "posfet_5x5"
 FRAME_CHOICES = ("auto", "true", "false")
-"""Frames of the board: as in the sensor file, CAN FD, or classic CAN."""
+"""Type of the board's CAN frames: as in the sensor file, CAN FD, or classic CAN."""
 MAX_SIDE = 128
-LEAST_SPAN = 1e-3
-"""Least span of rails and of the ADC [V]."""
+"""Largest number of rows and of columns."""
+MIN_SPAN = 1e-3
+"""Smallest span of the amplifier's rails and of the ADC [V]."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the taxels are. Frame: x along columns, y along rows, z outward, origin in the middle of the array.
+    """Positions of the taxels. Frame: x along columns, y along rows, z outward, origin in the middle of the array.
 
-    On a bent chip x and y count along the surface.
+    On a bent chip x and y are arc lengths along the surface.
     """
 
     id: int
@@ -42,9 +43,9 @@ class Layout:
     pitch_y: float
     """Distance between rows [m]."""
     taxel_area: float
-    """Area over which a taxel collects force [m2]."""
+    """Area of a taxel that is sensitive to force [m2]."""
     bend_radius: float = math.inf
-    """Radius of the cylinder that the chip is bent to, the array on its outer side [m]; inf: flat."""
+    """Radius of the cylinder to which the chip is bent, the array on its outer side [m]; inf: flat."""
     bend_axis: str = "x"
     """Direction of the cylinder's axis, x or y."""
 
@@ -65,7 +66,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Device:
-    """The piezoelectric film on the gate and what surrounds it."""
+    """The piezoelectric film on the gate, its leakage, thermal lag and elastic cover."""
 
     piezoelectric_coefficient: float
     """d33 [C/N]; negative for PVDF: compression (negative stress) gives positive charge."""
@@ -76,17 +77,17 @@ class Device:
     relative_permittivity: float
     """Relative permittivity of the film [1]."""
     leak_time_constant: float
-    """Time constant with which the charge of a held force leaks through the bias resistor [s]."""
+    """Time constant tau of the charge leakage through the bias resistor [s]."""
     thermal_time_constant: float
     """Lag of the film's temperature behind the chip's sensors [s]."""
     force_max: float
-    """Greatest force on a taxel that the sensor is specified for [N]."""
+    """Maximum force on a taxel for which the sensor is specified [N]."""
     contact_spread: float
-    """Standard deviation of the spread of pressure by the elastic cover [m]."""
+    """Standard deviation of the Gaussian spread of pressure by the elastic cover [m]."""
 
     @property
     def film_capacitance(self) -> float:
-        """Capacitance of the film per area [F/m2]; as a gate voltage on the stack, charge counts as sigma / Cpvdf."""
+        """Capacitance of the film per area Cpvdf [F/m2]; charge sigma shifts the gate of the stack by sigma/Cpvdf."""
         return VACUUM_PERMITTIVITY * self.relative_permittivity / self.film_thickness
 
 
@@ -113,7 +114,7 @@ class Amplifier:
 
 @dataclass(frozen=True)
 class Adc:
-    """The converter of the readout board."""
+    """The ADC of the readout board."""
 
     bits: int
     low: float
@@ -121,18 +122,19 @@ class Adc:
     high: float
     """Voltage of the highest code [V]."""
     noise: float
-    """RMS noise at the converter's input, amplifier included [V]."""
+    """RMS noise at the ADC's input, amplifier included [V]."""
 
 
 @dataclass(frozen=True)
 class CanLink:
-    """How the readout board speaks."""
+    """The CAN link of the readout board."""
 
     fd: bool
+    """Whether scans are sent in CAN FD frames; else in classic CAN frames."""
     bitrate: int
     """Nominal bitrate [bit/s]."""
     data_bitrate: int
-    """Bitrate of the data phase of CAN FD [bit/s]."""
+    """Bitrate of the CAN FD data phase [bit/s]."""
     base_id: int
     """First of the board's CAN identifiers (11 bit)."""
     scan_rate: float
@@ -141,17 +143,17 @@ class CanLink:
 
 @dataclass(frozen=True)
 class ContactThresholds:
-    """When a taxel counts as touched."""
+    """Contact threshold of a taxel, with hysteresis."""
 
     threshold: float
-    """A taxel enters a contact at this force [N]."""
+    """Onset threshold: a taxel enters a contact at this force [N]."""
     deadband: float
-    """It stays in it until its force falls by this much below the threshold [N]."""
+    """Hysteresis: the release threshold is this much below the onset threshold [N]."""
 
 
 @dataclass(frozen=True)
 class Sensor:
-    """One sensor, as read from its file."""
+    """One sensor, as described by its file."""
 
     name: str
     serial: str
@@ -164,16 +166,29 @@ class Sensor:
 
     @property
     def volts_per_newton(self) -> float:
-        """Change of the follower's output per force on a taxel, before any of it leaks [V/N]."""
+        """Sensitivity: change of the follower's output per force on a taxel, before leakage [V/N]."""
         charge = -self.device.piezoelectric_coefficient / self.layout.taxel_area
         return charge / self.device.film_capacitance * self.amplifier.follower_gain
 
 
 def load_sensor(name: str | Path = DEFAULT_SENSOR) -> Sensor:
-    """Return the sensor described by a YAML file, or by the bare name of a shipped one.
+    """Return the sensor described by a YAML file.
 
-    Raises ConfigError, one line naming file, key, allowed range and value, for a missing, unknown or repeated key, a
-    wrong type, NaN, or a value out of range.
+    Parameters
+    ----------
+    name : str or Path, default "posfet_5x5"
+        Path of the file, or the bare name of one that comes with the package.
+
+    Returns
+    -------
+    Sensor
+        The sensor in SI units.
+
+    Raises
+    ------
+    ConfigError
+        A key is missing, unknown or repeated, or a value has the wrong type, is NaN or out of range; one line that
+        names file, key, allowed range and value.
     """
     top = read_yaml(find_file(str(name), SENSOR_FOLDER, "sensor"))
     sensor = Sensor(
@@ -200,9 +215,21 @@ def load_sensor(name: str | Path = DEFAULT_SENSOR) -> Sensor:
 
 
 def with_frames(sensor: Sensor, fd: str) -> Sensor:
-    """Return `sensor` with the frames its board is told to send, one of FRAME_CHOICES.
+    """Return `sensor` with the type of CAN frames that its board is configured to send.
 
-    Classic frames carry 12 bits of each count, which whoever reckons with the resolution has to know.
+    Classic CAN frames carry only 12 bits of each count, which lowers the resolution of the force.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor file.
+    fd : str
+        One of `FRAME_CHOICES`.
+
+    Returns
+    -------
+    Sensor
+        The sensor with that type of frames.
     """
     if fd == "auto":
         return sensor
@@ -256,7 +283,7 @@ def _amplifier(section: Section) -> Amplifier:
         rail_high=section.number("rail_high_V", -100, 100),
     )
     section.end()
-    if amplifier.rail_high - amplifier.rail_low < LEAST_SPAN:
+    if amplifier.rail_high - amplifier.rail_low < MIN_SPAN:
         raise section.error(
             "rail_low_V", f"must be below rail_high_V = {amplifier.rail_high:g}, got {amplifier.rail_low:g}"
         )
@@ -271,8 +298,8 @@ def _adc(section: Section) -> Adc:
         noise=section.number("noise_mV", 0, 1000) * 1e-3,
     )
     section.end()
-    if adc.high - adc.low < LEAST_SPAN:
-        raise section.error("low_V", f"must be at least {LEAST_SPAN:g} below high_V = {adc.high:g}, got {adc.low:g}")
+    if adc.high - adc.low < MIN_SPAN:
+        raise section.error("low_V", f"must be at least {MIN_SPAN:g} below high_V = {adc.high:g}, got {adc.low:g}")
     return adc
 
 

@@ -1,8 +1,8 @@
-"""What a taxel should read, told from the taxels around it.
+"""Interpolation of a taxel's force from its neighbours.
 
-Pressure that came through an elastic cover falls off like a Gaussian, whose values on a grid obey ``f00 = f01*f10/f11``
-for every square of four neighbouring taxels, if its axes are those of the grid. The four squares around a taxel taken
-together (mean of the logarithms, weighted by the least force in each) come near it for other contacts too.
+Pressure that has spread through an elastic cover falls off like a Gaussian. On a grid along its axes a Gaussian obeys
+``f00 = f01*f10/f11`` for every 2 x 2 square of taxels. The four squares around a taxel combined (mean of the
+logarithms, weighted by the smallest force in each) come close for other contacts too.
 """
 
 from __future__ import annotations
@@ -12,77 +12,120 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model._lib.types import Array, Mask
 from posfet_model.sensor.description import Layout
+from posfet_model.sensor.grid import CORNER_NEIGHBOURS, neighbour_table
 
-ESTIMATE_DEVIATION: Final = 0.2
-"""Standard deviation of an estimate, as a share of it [1]: 0.11 on spheres of 1.5 to 6 mm radius all over a 5 x 5, the
-rest for 5 % mismatch of the gains."""
+INTERPOLATION_UNCERTAINTY: Final = 0.2
+"""Relative standard uncertainty of an interpolated force [1]: 0.11 for spheres of 1.5 to 6 mm radius anywhere on a
+5 x 5 array, the rest for 5 % gain mismatch."""
 
 
-class Surroundings:
-    """The squares of neighbours around each taxel of one array."""
+class NeighbourInterpolation:
+    """Interpolates forces from the 2 x 2 squares around each taxel of one array.
+
+    Parameters
+    ----------
+    layout : Layout
+        The array.
+    """
 
     def __init__(self, layout: Layout) -> None:
-        padded = np.full((layout.rows + 2, layout.cols + 2), layout.taxels, np.intp)
-        padded[1:-1, 1:-1] = np.arange(layout.taxels).reshape(layout.rows, layout.cols)
-        rows, cols = np.divmod(np.arange(layout.taxels), layout.cols)
-        corners = [(down, right) for down in (0, 2) for right in (0, 2)]
-        self._beside = np.stack([padded[rows + 1, cols + right] for _, right in corners], axis=1)
-        self._above = np.stack([padded[rows + down, cols + 1] for down, _ in corners], axis=1)
-        self._across = np.stack([padded[rows + down, cols + right] for down, right in corners], axis=1)
-        self._inside = self._across < layout.taxels
-        self._all = np.concatenate([self._beside, self._above, self._across], axis=1)
+        self._horizontal = neighbour_table(layout, [(0, right) for _, right in CORNER_NEIGHBOURS])
+        self._vertical = neighbour_table(layout, [(down, 0) for down, _ in CORNER_NEIGHBOURS])
+        self._diagonal = neighbour_table(layout, CORNER_NEIGHBOURS)
+        self._inside = self._diagonal < layout.taxels
+        self._all = np.concatenate([self._horizontal, self._vertical, self._diagonal], axis=1)
         self._values = np.zeros(layout.taxels + 1)
 
-    def estimate(
-        self, force: NDArray[np.float64], unknown: NDArray[np.bool_], wanted: NDArray[np.intp], floor: float
-    ) -> NDArray[np.float64]:
-        """Return what the `wanted` taxels should read [N], shape [wanted], from forces [N], shape [rows * cols].
+    def interpolate(self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float) -> Array:
+        """Return the forces [N] of the `wanted` taxels as their neighbours predict them.
 
-        Forces below `floor` [N] count as that much; where nothing beside a taxel is above it the answer is 0. NaN where
-        every square of a taxel has an `unknown` one, or leaves the array.
+        Parameters
+        ----------
+        force : ndarray
+            Force on each taxel [N], shape [rows * cols].
+        unknown : ndarray
+            Mask of the taxels whose force is not to be used, shape [rows * cols].
+        wanted : ndarray
+            Indices of the taxels to interpolate, shape [wanted].
+        floor : float
+            Smaller forces count as this one [N].
+
+        Returns
+        -------
+        ndarray
+            Forces [N], shape [wanted]. 0 where no known neighbour exceeds `floor`. NaN where every square of a taxel
+            contains an `unknown` one or leaves the array.
         """
-        beside, above, across = self._squares(force, unknown, wanted, floor)
+        horizontal, vertical, diagonal = self._squares(force, unknown, wanted, floor)
         with np.errstate(invalid="ignore", divide="ignore"):
-            logarithm = np.log(beside * above / across)
-            tells = np.isfinite(logarithm)
-            weight = np.where(tells, np.minimum(np.minimum(beside, above), across), 0.0)
-            weighted = np.add.reduce(weight * np.where(tells, logarithm, 0.0), axis=1)
-            estimate: NDArray[np.float64] = np.exp(weighted / np.add.reduce(weight, axis=1))
-        loudest = np.fmax.reduce(np.maximum(beside, above), axis=1)  # of the squares that are known
-        estimate[loudest <= floor] = 0.0
+            logarithm = np.log(horizontal * vertical / diagonal)
+            informative = np.isfinite(logarithm)
+            weight = np.where(informative, np.minimum(np.minimum(horizontal, vertical), diagonal), 0.0)
+            weighted = np.add.reduce(weight * np.where(informative, logarithm, 0.0), axis=1)
+            estimate: Array = np.exp(weighted / np.add.reduce(weight, axis=1))
+        largest = np.fmax.reduce(np.maximum(horizontal, vertical), axis=1)  # of the squares that are known
+        estimate[largest <= floor] = 0.0
         return estimate
 
-    def least(
-        self, force: NDArray[np.float64], unknown: NDArray[np.bool_], wanted: NDArray[np.intp], floor: float
-    ) -> NDArray[np.float64]:
-        """Return the least that the `wanted` taxels must read [N] by any of their squares; 0 where one does not tell.
+    def lower_bound(self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float) -> Array:
+        """Return the smallest force [N] that any square of each `wanted` taxel predicts.
 
-        A square tells when all of its three taxels are known and above `floor` [N]. All squares that lie on the array
-        have to, so that a taxel in a gap between two contacts is not expected to read anything.
+        A square is informative when its other three taxels are known and at least `floor`. All squares that lie on the
+        array have to be informative, so that a taxel in a gap between two contacts is not expected to show a force.
+
+        Parameters
+        ----------
+        force : ndarray
+            Force on each taxel [N], shape [rows * cols].
+        unknown : ndarray
+            Mask of the taxels whose force is not to be used, shape [rows * cols].
+        wanted : ndarray
+            Indices of the taxels to bound, shape [wanted].
+        floor : float
+            Force from which a taxel is informative [N].
+
+        Returns
+        -------
+        ndarray
+            Forces [N], shape [wanted]; 0 where a square is not informative.
         """
-        beside, above, across = self._squares(force, unknown, wanted, 0.0)
+        horizontal, vertical, diagonal = self._squares(force, unknown, wanted, 0.0)
         inside = self._inside.take(wanted, axis=0)
-        tells = np.minimum(np.minimum(beside, above), across) >= floor  # False for NaN
-        sure = (tells | ~inside).all(axis=1) & inside.any(axis=1)
+        informative = np.minimum(np.minimum(horizontal, vertical), diagonal) >= floor  # False for NaN
+        bounded = (informative | ~inside).all(axis=1) & inside.any(axis=1)
         with np.errstate(invalid="ignore", divide="ignore"):
-            values = np.where(tells, beside * above / across, np.inf).min(axis=1)
-        return np.where(sure, values, 0.0)
+            values = np.where(informative, horizontal * vertical / diagonal, np.inf).min(axis=1)
+        return np.where(bounded, values, 0.0)
 
     def _squares(
-        self, force: NDArray[np.float64], unknown: NDArray[np.bool_], wanted: NDArray[np.intp], floor: float
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the forces beside, above and across in the squares of the `wanted` taxels, shape [wanted, 4]."""
+        self, force: Array, unknown: Mask, wanted: NDArray[np.intp], floor: float
+    ) -> tuple[Array, Array, Array]:
+        """Return the horizontal, vertical and diagonal neighbours' forces in each square, shape [wanted, 4]."""
         values = self._values
         np.maximum(force, floor, out=values[:-1])
         values[:-1][unknown] = np.nan
         values[-1] = np.nan
-        beside, above, across = (way.take(wanted, axis=0) for way in (self._beside, self._above, self._across))
-        return values.take(beside), values.take(above), values.take(across)
+        horizontal, vertical, diagonal = (
+            values.take(table.take(wanted, axis=0)) for table in (self._horizontal, self._vertical, self._diagonal)
+        )
+        return horizontal, vertical, diagonal
 
-    def loudest_neighbour(self, level: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the greatest value among the neighbours of each taxel, shape [rows * cols]; -inf without any."""
+    def max_neighbour(self, level: Array) -> Array:
+        """Return the largest value among the eight neighbours of each taxel.
+
+        Parameters
+        ----------
+        level : ndarray
+            Value of each taxel, in any unit, shape [rows * cols].
+
+        Returns
+        -------
+        ndarray
+            Largest value, shape [rows * cols]; -inf where a taxel has no neighbour.
+        """
         self._values[:-1] = level
         self._values[-1] = -np.inf
-        greatest: NDArray[np.float64] = self._values.take(self._all).max(axis=1)
+        greatest: Array = self._values.take(self._all).max(axis=1)
         return greatest

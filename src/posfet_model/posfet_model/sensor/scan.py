@@ -1,4 +1,4 @@
-"""One scan of the array: what every board, real or simulated, hands to the model."""
+"""One scan of the array: the data that every board, real or simulated, passes to the model."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ TEMPERATURE_SENSORS = 2
 """Temperature sensors on a chip (Dahiya et al., IEEE Sensors J. 11(12), 2011)."""
 
 FULL_SCALE_COUNT = 0xFFFF
-"""Count of the high end of the ADC's range; counts are on a 16-bit scale whatever the converter's resolution."""
+"""Count at the upper end of the ADC's range; counts are on a 16-bit scale whatever the ADC's resolution."""
 
 
 class ScanStatus(IntFlag):
@@ -29,27 +29,27 @@ class ScanStatus(IntFlag):
 
 @dataclass(slots=True)
 class Scan:
-    """One whole scan. Mutable, because a source fills the same one again and again; a reader copies what it keeps."""
+    """One complete scan. Mutable, because a source reuses one object for all scans; a reader copies what it keeps."""
 
     stamp: int
     """Acquisition time [ns] since the Unix epoch."""
     layout_id: int
     sequence: int
-    """Number of the scan since the board started; wraps of the wire's counter are undone."""
+    """Sequence number since the board started; the counter of the CAN protocol is unwrapped."""
     device_time: int
-    """The board's own clock at acquisition [us]; wraps are undone."""
+    """The board's clock at acquisition [us], unwrapped."""
     counts: NDArray[np.uint16]
     """ADC codes on a 16-bit scale, shape [rows * cols], row by row."""
     temperatures: NDArray[np.float32]
-    """Chip temperature sensors [degC], shape [2]; NaN while not known."""
+    """Chip temperature sensors [degC], shape [2]; NaN while unknown."""
     status: int
     """Bits of ScanStatus."""
     frames_lost: int
-    """CAN frames of this board lost since the driver started, whatever the cause."""
+    """CAN frames of this board lost since the driver started, for any reason."""
 
     @classmethod
     def empty(cls, layout_id: int, taxels: int) -> Scan:
-        """Return a scan to be filled: counts 0, temperatures not known."""
+        """Return a scan to be filled in: counts 0, temperatures unknown (NaN)."""
         return cls(
             stamp=0,
             layout_id=layout_id,

@@ -1,7 +1,7 @@
-"""Signal chain of the array, both ways: force and temperature to ADC counts, and counts back to charge.
+"""Signal chain of the array, forward and inverse: force and temperature to ADC counts, and counts back to charge.
 
     force F [N] -> stress T3 = -F/A [Pa] -> charge density sigma [C/m2], leaking -> gate shift sigma/Cpvdf [V]
-    -> follower A0/(1 + A0)*(shift + offset), held between its rails [V] -> noise -> ADC -> counts
+    -> follower A0/(1 + A0)*(shift + offset), limited by its rails [V] -> noise -> ADC -> counts
 
 The gate shift refers to the gate of the whole stack, where interface charge counts as sigma/Cpvdf. The follower is
 static: its time constant (105 ns) is four orders of magnitude below the interval between scans.
@@ -17,28 +17,28 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model._lib.validation import FloatArray
+from posfet_model._lib.types import FloatArray
 from posfet_model.device import adc
 from posfet_model.device.charge import invert_first_order_hold, propagate_first_order_hold
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import FULL_SCALE_COUNT
 
 SCALE_BITS: Final = 16
-"""Bits of the scale of counts, whatever the resolution of the converter."""
+"""Bits of the scale of counts, whatever the resolution of the ADC."""
 
 COARSEST_BITS: Final = 12
-"""Bits of a count that came over classic CAN: the coarsest step a count can have."""
+"""Bits of a count sent over classic CAN: the coarsest resolution that a count can have."""
 
 SATURATION_SIGMAS: Final = 4.0
-"""Standard deviations of noise by which a voltage has to stay clear of the end of the range."""
+"""Margin between an unsaturated voltage and the end of the range, in standard deviations of the noise."""
 
 
 @dataclass(frozen=True)
-class LeakStep:
-    """The coefficients of one time step of the leaking charge; the equation is linear, so they are all there is.
+class LeakageStep:
+    """The coefficients of one time step of the leaking charge, a linear equation.
 
-    Forward ``sigma1 = decay*sigma0 + mean*(q1 - q0)``, backward ``q1 - q0 = (sigma1 - sigma0)/mean + ratio*sigma0``,
-    which is the same because ``1 - decay = ratio*mean``.
+    Forward ``sigma1 = decay*sigma0 + mean*(q1 - q0)``; inverse ``q1 - q0 = (sigma1 - sigma0)/mean + ratio*sigma0``,
+    equivalent because ``1 - decay = ratio*mean``.
     """
 
     ratio: float
@@ -50,13 +50,30 @@ class LeakStep:
 
 
 @lru_cache(maxsize=4096)
-def leak_step(step: float, time_constant: float) -> LeakStep:
-    """Return the coefficients of a step [s] for a time constant [s] of the leak, first-order hold.
+def leakage_step(step: float, time_constant: float) -> LeakageStep:
+    """Return the coefficients of one step with a first-order hold.
 
-    They are the answers of `charge.propagate_first_order_hold` and its inverse to unit inputs, kept because a board
-    repeats few different steps. Raises ValueError for what those refuse.
+    They are the responses of `charge.propagate_first_order_hold` and its inverse to unit inputs. They are cached,
+    because a board repeats few different steps.
+
+    Parameters
+    ----------
+    step : float
+        h [s], in [1e-12, 1e9].
+    time_constant : float
+        Leakage time constant tau [s], in [1e-12, 1e15].
+
+    Returns
+    -------
+    LeakageStep
+        Forward and inverse coefficients.
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range.
     """
-    return LeakStep(
+    return LeakageStep(
         ratio=float(invert_first_order_hold(1.0, 1.0, step, time_constant)),
         decay=float(propagate_first_order_hold(1.0, 0.0, 0.0, step, time_constant)),
         mean=float(propagate_first_order_hold(0.0, 0.0, 1.0, step, time_constant)),
@@ -64,36 +81,74 @@ def leak_step(step: float, time_constant: float) -> LeakStep:
 
 
 def charge_per_newton(sensor: Sensor) -> float:
-    """Return the charge density that a force on a taxel gives, before any of it leaks: ``-d33/A`` [C/(m2 N)]."""
+    """Return the charge density per force on a taxel, before leakage: ``-d33/A``.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor file.
+
+    Returns
+    -------
+    float
+        Charge density per force [C/(m2 N)].
+    """
     return -sensor.device.piezoelectric_coefficient / sensor.layout.taxel_area
 
 
 def volts_per_count(sensor: Sensor) -> float:
-    """Return the voltage of one count of the 16-bit scale [V]."""
+    """Return the voltage of one count of the 16-bit scale.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor file.
+
+    Returns
+    -------
+    float
+        Voltage of one count [V].
+    """
     return adc.lsb(SCALE_BITS, sensor.adc.low, sensor.adc.high)
 
 
-def noise_of_a_scan(sensor: Sensor) -> float:
-    """Return the standard deviation of one reading of a taxel [N]: noise of the input, and of quantisation lsb^2/12.
+def force_noise_rms(sensor: Sensor) -> float:
+    """Return the standard deviation of one reading of a taxel: input noise and quantisation noise lsb^2/12.
 
-    Quantisation is taken as noise independent from scan to scan. Where a step is much larger than the noise it is not,
-    but then its error at rest, before and after a touch, is the same and cancels.
+    Quantisation noise is assumed independent from scan to scan. It is not where a step is much larger than the noise,
+    but then the quantisation error at rest is the same before and after a touch, and cancels.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor file.
+
+    Returns
+    -------
+    float
+        Standard deviation of the force [N].
     """
     bits = sensor.adc.bits if sensor.can.fd else min(sensor.adc.bits, COARSEST_BITS)
     step = adc.lsb(bits, sensor.adc.low, sensor.adc.high)
     return math.sqrt(sensor.adc.noise**2 + step**2 / 12) / sensor.volts_per_newton
 
 
-class ForwardChain:
-    """The array as a device: forces [N] and film temperature [degC] in, ADC counts out.
+class ForwardSignalChain:
+    """Forward model of the array: forces [N] and film temperature [degC] in, ADC counts out.
 
-    It starts without force, all charge leaked; the first temperature given is the one at which there is no pyroelectric
-    charge. Between two calls of `advance` force and temperature move in a straight line, and the charge is exact for
-    that, whatever the step. Not simulated: dynamics of the follower, crosstalk, mismatch, 1/f noise, hysteresis.
+    It starts without force and without charge; the first temperature is the reference of the pyroelectric charge.
+    Between two calls of `advance` force and temperature are linear in time (first-order hold), and the charge is exact
+    for steps of any length. Not simulated: dynamics of the follower, crosstalk, mismatch, 1/f noise, hysteresis.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor file.
+    rng : numpy.random.Generator, optional
+        Source of the noise; without it there is none.
     """
 
     def __init__(self, sensor: Sensor, rng: np.random.Generator | None = None) -> None:
-        """Make the array of `sensor`; without `rng` there is no noise."""
         taxels = sensor.layout.taxels
         self._sensor = sensor
         self._rng = rng
@@ -113,10 +168,21 @@ class ForwardChain:
         return self._charge
 
     def advance(self, force: FloatArray, film_temperature: float, step: float) -> None:
-        """Move on by `step` [s] to the time at which `force` [N], shape [rows * cols], and the temperature [degC] hold.
+        """Advance by one step.
 
-        Raises ValueError when a force or the temperature is not finite, for another shape, or a step outside
-        [1e-12, 1e9] s.
+        Parameters
+        ----------
+        force : ndarray
+            Force on each taxel at the end of the step [N], shape [rows * cols].
+        film_temperature : float
+            Temperature of the film at the end of the step [degC].
+        step : float
+            h [s], in [1e-12, 1e9].
+
+        Raises
+        ------
+        ValueError
+            The force has another shape, a force or the temperature is not finite, or the step is out of range.
         """
         if force.shape != self._charge.shape:
             raise ValueError(f"force must have shape {self._charge.shape}, got {force.shape}")
@@ -127,7 +193,7 @@ class ForwardChain:
         self._next_source += pyroelectric * (film_temperature - self._reference_temperature)
         if not math.isfinite(self._next_source.sum()):
             raise ValueError("force and film_temperature must be finite")
-        leak = leak_step(step, self._sensor.device.leak_time_constant)
+        leak = leakage_step(step, self._sensor.device.leak_time_constant)
         np.subtract(self._next_source, self._source, out=self._source)
         self._source *= leak.mean
         self._charge *= leak.decay
@@ -135,7 +201,18 @@ class ForwardChain:
         self._source, self._next_source = self._next_source, self._source
 
     def volts(self, out: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-        """Return the output of the followers [V], shape [rows * cols], noise not included."""
+        """Return the output of the followers without noise.
+
+        Parameters
+        ----------
+        out : ndarray, optional
+            Array for the result, float64, shape [rows * cols].
+
+        Returns
+        -------
+        ndarray
+            Output voltage [V], shape [rows * cols].
+        """
         amplifier = self._sensor.amplifier
         volts = np.divide(self._charge, self._sensor.device.film_capacitance, out=out)
         volts += amplifier.offset
@@ -145,10 +222,20 @@ class ForwardChain:
         return volts
 
     def counts(self, out: NDArray[np.uint16] | None = None) -> NDArray[np.uint16]:
-        """Return one conversion, shape [rows * cols], on the 16-bit scale; each call draws new noise.
+        """Return one conversion on the 16-bit scale; each call draws new noise.
 
-        Codes are those of `adc.volts_to_counts`. A converter of fewer bits has its code repeated into the low bits, so
-        that its last code is 65535.
+        Codes are those of `adc.volts_to_counts`. The code of an ADC of fewer bits is repeated into the low bits, so
+        that its highest code becomes 65535.
+
+        Parameters
+        ----------
+        out : ndarray, optional
+            Array for the result, uint16, shape [rows * cols].
+
+        Returns
+        -------
+        ndarray
+            Counts, uint16, shape [rows * cols].
         """
         converter = self._sensor.adc
         codes = self.volts(self._volts)
@@ -171,13 +258,23 @@ class ForwardChain:
 
 
 READING: Final = np.dtype([("charge", np.float64), ("saturated", np.bool_)], align=True)
-"""What a count tells: charge density sigma [C/m2], and whether it may have been clipped."""
+"""Meaning of a count: charge density sigma [C/m2], and whether it may have been clipped."""
 
 
-class InverseChain:
-    """Counts back to charge, by tables of all 65536 counts; the inverse of `ForwardChain.counts`.
+class InverseSignalChain:
+    """Counts back to charge by lookup tables of all 65536 counts; the inverse of `ForwardSignalChain.counts`.
 
-    The nominal offset of the amplifier is taken off; what is left of it is for the observer to find.
+    The nominal offset of the amplifier is subtracted; the observer estimates the remaining offset online.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor file.
+
+    Raises
+    ------
+    ValueError
+        The noise leaves no usable range between the ends of ADC and amplifier.
     """
 
     def __init__(self, sensor: Sensor) -> None:
@@ -199,13 +296,52 @@ class InverseChain:
         self._readings["charge"], self._readings["saturated"] = self._charge, self._saturated
 
     def charge(self, counts: NDArray[np.uint16], out: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the charge density sigma [C/m2] behind each count, in `out` and of its shape."""
+        """Return the charge density of each count.
+
+        Parameters
+        ----------
+        counts : ndarray
+            Counts, uint16, any shape.
+        out : ndarray
+            Array for the result, float64, of the same shape.
+
+        Returns
+        -------
+        ndarray
+            Charge density sigma [C/m2].
+        """
         return self._charge.take(counts, out=out, mode="clip")
 
     def read(self, counts: NDArray[np.uint16], out: NDArray[np.void]) -> NDArray[np.void]:
-        """Return both in `out`, of type `READING`: one look at the table costs as much as the other."""
+        """Return charge density and saturation of each count in one lookup, which costs as much as one of them.
+
+        Parameters
+        ----------
+        counts : ndarray
+            Counts, uint16, any shape.
+        out : ndarray
+            Array for the result, of dtype `READING` and the same shape.
+
+        Returns
+        -------
+        ndarray
+            Charge density sigma [C/m2] and saturation.
+        """
         return self._readings.take(counts, out=out, mode="clip")
 
     def saturated(self, counts: NDArray[np.uint16], out: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return, in `out`, where the voltage is so near an end of the range that it may have been clipped."""
+        """Return where the voltage is so close to an end of the range that it may have been clipped.
+
+        Parameters
+        ----------
+        counts : ndarray
+            Counts, uint16, any shape.
+        out : ndarray
+            Array for the result, bool, of the same shape.
+
+        Returns
+        -------
+        ndarray
+            Mask of the saturated counts.
+        """
         return self._saturated.take(counts, out=out, mode="clip")

@@ -1,7 +1,7 @@
-"""The touched surface in space: flat, or bent to a cylinder with the array on its outer side.
+"""Geometry of the touched surface: flat, or bent to a cylinder with the array on its outer side.
 
-Positions on the array count along the surface. The frame of the array touches it in its middle: x along columns, y
-along rows, z outward.
+Positions on the array are arc lengths along the surface. The frame of the array has its origin in the middle of the
+array: x along columns, y along rows, z outward.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ FLAT_NORMAL: Vector = (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class Surface:
-    """Where points of the surface are, and how it is tilted there."""
+    """Points, normals and tangents of the surface in the frame of the array."""
 
     radius: float
-    """Of the cylinder [m]; inf: flat."""
+    """Radius of the cylinder [m]; inf: flat."""
     axis_x: bool
-    """Whether the cylinder's axis lies along x, so that the columns are bent; else along y."""
+    """Whether the cylinder's axis is parallel to x, so that the columns are bent; else to y."""
 
     @classmethod
     def of(cls, layout: Layout) -> Surface:
@@ -35,15 +35,15 @@ class Surface:
 
     @property
     def flat(self) -> bool:
-        """Whether it is not bent."""
+        """Whether the surface is flat."""
         return math.isinf(self.radius)
 
     def tilt(self, x: float, y: float) -> float:
-        """Return the angle [rad] by which the normal at (x, y) [m] is turned from z, towards the side of the point."""
+        """Return the angle [rad] between z and the normal at (x, y) [m], with the sign of the bent coordinate."""
         return (y if self.axis_x else x) / self.radius
 
     def point(self, x: float, y: float) -> Vector:
-        """Return the point [m] that lies (x, y) [m] along the surface."""
+        """Return the coordinates in space [m] of the point (x, y) [m] of the surface."""
         if self.flat:
             return x, y, 0.0
         tilt = self.tilt(x, y)
@@ -57,7 +57,7 @@ class Surface:
         return (0.0, sine, cosine) if self.axis_x else (sine, 0.0, cosine)
 
     def along(self, x: float, y: float, vector: tuple[float, float]) -> Vector:
-        """Return in space a vector that lies in the surface at (x, y) [m]."""
+        """Return the components in space of a vector tangent to the surface at (x, y) [m]."""
         if self.flat:
             return (*vector, 0.0)
         tilt = self.tilt(x, y)
@@ -66,7 +66,7 @@ class Surface:
         return (u, v * cosine, -v * sine) if self.axis_x else (u * cosine, v, -u * sine)
 
     def orientation(self, x: float, y: float) -> tuple[float, float, float, float]:
-        """Return the unit quaternion (x, y, z, w) that turns z to the normal at (x, y) [m]."""
+        """Return the unit quaternion (x, y, z, w) that rotates z to the normal at (x, y) [m]."""
         half = 0.5 * self.tilt(x, y)
         return (
             (-math.sin(half), 0.0, 0.0, math.cos(half)) if self.axis_x else (0.0, math.sin(half), 0.0, math.cos(half))

@@ -1,4 +1,4 @@
-"""Runs of a follower from any simulator or bench: the file format, and how far each follower model is off."""
+"""Comparison of the follower models with a run of any simulator or measurement setup, and the fit of the overdrive."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from posfet_model.device.paper import AMPLIFIER_GAIN, GAIN_BANDWIDTH
 from posfet_model.spice.run_file import FollowerRun
 
 SECOND_POLE_QUALITY: Final = 0.4
-"""Quality of `TwoPoleFollower` where nothing is known of the second pole: it is assumed at 1/0.4^2 = 6.25 times the
-gain-bandwidth product. Circuit C has it at 4 times, circuit B hides it behind a zero."""
+"""Quality of `TwoPoleFollower` for an unknown second pole, which is assumed at 1/0.4^2 = 6.25 times the gain-bandwidth
+product. In circuit C it is at 4 times, in circuit B a zero masks it."""
 
 OVERDRIVE_SEARCH: Final = (0.01, 10.0)
 """Range in which the overdrive is fitted [V]."""
@@ -36,18 +36,18 @@ _FIT_SLEW_SHARE: Final = 0.3
 
 @dataclass(frozen=True)
 class Deviation:
-    """How far a model is off, in percent of the peak-to-peak of the run's output, first values removed."""
+    """Model error, in percent of the peak-to-peak of the run's output, first values subtracted."""
 
     max_pct: float
-    """Largest absolute deviation of all samples."""
+    """Largest absolute error of all samples [%]."""
     rms_pct: float
-    """Root mean square over time (trapezoidal rule), so that uneven steps weigh by their length."""
+    """Root mean square error over time (trapezoidal rule), so that uneven steps are weighted by their length [%]."""
 
 
 def blind_models() -> dict[str, Follower]:
-    """Return the models of an amplifier of which 42.3 dB and 1.5 MHz are known (Sec. V), all else assumed."""
+    """Return the models of an amplifier of which only 42.3 dB and 1.5 MHz are known (Sec. V), all else assumed."""
     loop = close_loop(AMPLIFIER_GAIN.value, GAIN_BANDWIDTH.value)
-    # The second pole goes beside the dominant one, so the lag of slow signals stays 1/(2*pi*bandwidth).
+    # The second pole is added to the dominant one, so the lag of slow signals stays 1/(2*pi*bandwidth).
     two_pole = TwoPoleFollower(
         gain=loop.gain, natural_frequency=loop.bandwidth / SECOND_POLE_QUALITY, quality=SECOND_POLE_QUALITY
     )
@@ -55,7 +55,20 @@ def blind_models() -> dict[str, Follower]:
 
 
 def calibrated_models(loop: ClosedLoop, slewing: SquareLawFollower) -> dict[str, Follower]:
-    """Return the models of a follower of known gain and -3 dB frequency; the slewing one comes from `slew_model`."""
+    """Return the models of a follower of known gain and bandwidth.
+
+    Parameters
+    ----------
+    loop : ClosedLoop
+        Measured gain and -3 dB frequency of the follower.
+    slewing : SquareLawFollower
+        Slewing follower, from `slew_model`.
+
+    Returns
+    -------
+    dict of str to Follower
+        Models by name.
+    """
     two_pole = TwoPoleFollower.from_bandwidth(loop.gain, loop.bandwidth, SECOND_POLE_QUALITY)
     return _models(loop, two_pole, slewing)
 
@@ -71,9 +84,22 @@ def _models(loop: ClosedLoop, two_pole: TwoPoleFollower, slewing: SquareLawFollo
 
 
 def deviation(run: FollowerRun, model: Follower) -> Deviation:
-    """Return how far a model started at rest with the run's first input is off the run's output."""
-    answer = model.run(run.time, run.v_in).v_out
-    error = (answer - answer[0]) - (run.v_out - run.v_out[0])
+    """Return the error of a model, started at rest with the run's first input, relative to the run's output.
+
+    Parameters
+    ----------
+    run : FollowerRun
+        Reference run.
+    model : Follower
+        Model to compare.
+
+    Returns
+    -------
+    Deviation
+        Largest and rms error [%].
+    """
+    output = model.run(run.time, run.v_in).v_out
+    error = (output - output[0]) - (run.v_out - run.v_out[0])
     squares = 0.5 * (error[1:] ** 2 + error[:-1] ** 2) * np.diff(run.time)
     scale = 100 / float(np.ptp(run.v_out))
     return Deviation(
@@ -83,21 +109,59 @@ def deviation(run: FollowerRun, model: Follower) -> Deviation:
 
 
 def deviations(run: FollowerRun, models: Mapping[str, Follower]) -> dict[str, Deviation]:
-    """Return the deviation of each model."""
+    """Return the error of each model relative to a run.
+
+    Parameters
+    ----------
+    run : FollowerRun
+        Reference run.
+    models : mapping of str to Follower
+        Models by name.
+
+    Returns
+    -------
+    dict of str to Deviation
+        Errors by name.
+    """
     return {name: deviation(run, model) for name, model in models.items()}
 
 
 def slews(run: FollowerRun, loop: ClosedLoop) -> bool:
-    """Return whether the run asks for a third or more of the slew rate at `OVERDRIVE`: less says nothing about it."""
+    """Return whether a run needs 0.3 or more of the slew rate at `OVERDRIVE`; with less it cannot be identified.
+
+    Parameters
+    ----------
+    run : FollowerRun
+        The run.
+    loop : ClosedLoop
+        Gain and bandwidth of the follower.
+
+    Returns
+    -------
+    bool
+        Whether it slews.
+    """
     lag = run.v_in - OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth).run(run.time, run.v_in).v_out / loop.gain
     return bool(np.max(np.abs(lag)) >= _FIT_SLEW_SHARE * OVERDRIVE)
 
 
 def fit_overdrive(run: FollowerRun, model: SlewModel) -> float:
-    """Return the overdrive [V], in [0.01, 10], with which the slewing follower is least off a run, in rms.
+    """Return the overdrive [V], in [0.01, 10], with which the slewing follower has the smallest rms error on a run.
 
-    A small-signal analysis does not show the tail current, only a run that slews does (see `slews`; another gives a
-    number that means nothing). Judge the result by other runs than this. Runs of more than 20000 rows are thinned.
+    A small-signal analysis does not show the tail current; only a run that slews does (see `slews`; any other run gives
+    a meaningless number). Validate the result on other runs than this. Runs of more than 20000 rows are thinned out.
+
+    Parameters
+    ----------
+    run : FollowerRun
+        Run that slews.
+    model : SlewModel
+        Slewing follower whose overdrive is to be fitted.
+
+    Returns
+    -------
+    float
+        Overdrive of the pair at balance [V].
     """
     keep = np.unique(np.append(np.arange(0, run.time.size, -(-run.time.size // _FIT_ROWS)), run.time.size - 1))
     thinned = FollowerRun(run.time[keep], run.v_in[keep], run.v_out[keep])
@@ -108,11 +172,11 @@ def fit_overdrive(run: FollowerRun, model: SlewModel) -> float:
     low, high = (math.log(v) for v in OVERDRIVE_SEARCH)
     grid = np.linspace(low, high, 15)
     best = int(np.argmin([rms(float(point)) for point in grid]))
-    return math.exp(_least(rms, float(grid[max(best - 1, 0)]), float(grid[min(best + 1, grid.size - 1)])))
+    return math.exp(_golden_section(rms, float(grid[max(best - 1, 0)]), float(grid[min(best + 1, grid.size - 1)])))
 
 
-def _least(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return the place of the minimum between low and high, by golden section, to 1/1000 of the bracket."""
+def _golden_section(function: Callable[[float], float], low: float, high: float) -> float:
+    """Return the position of the minimum between low and high, by golden-section search, to 1/1000 of the bracket."""
     golden = (math.sqrt(5) - 1) / 2
     left, right = high - golden * (high - low), low + golden * (high - low)
     at_left, at_right = function(left), function(right)

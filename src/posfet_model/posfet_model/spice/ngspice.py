@@ -1,8 +1,8 @@
-"""Runs of the follower circuits in ngspice, an outside program: a run that is not whole and fine enough is an error.
+"""Runs of the follower circuits in ngspice, an external program; an incomplete or too coarse run is an error.
 
 The circuits are op-amps as subcircuits in the package folder `netlists`: `opamp_b` (two Miller-compensated stages) and
-`opamp_c` (one stage and an output follower). Here a source and an analysis are added, ngspice is called in a folder of
-its own, and its binary output is read. ngspice leaves with status 0 from many a failed run, so the result is checked.
+`opamp_c` (one stage and an output follower). This module adds a source and an analysis, runs ngspice in a temporary
+folder, and reads its binary output. ngspice returns status 0 from many a failed run, so the result is checked.
 """
 
 from __future__ import annotations
@@ -28,39 +28,40 @@ CIRCUITS: Final = ("opamp_b", "opamp_c")
 PROGRAM: Final = "ngspice"
 
 RELATIVE_TOLERANCE: Final = 1e-5
-"""reltol of all runs; ngspice's own 1e-3 is off by several percent of full scale on steps of these circuits."""
+"""reltol of all runs; with ngspice's default of 1e-3 the error on steps of these circuits is several percent of full
+scale."""
 
 COARSEST_OUTPUT_STEP: Final = 0.05
-"""Largest change of the output from sample to sample, as part of its peak-to-peak, that counts as resolved."""
+"""Largest change of the output from sample to sample of a resolved run, relative to its peak-to-peak [1]."""
 
 _TIMEOUT: Final = 300.0
 _LEAST_TIME_STEPS: Final = 20
 
 
 class SpiceError(RuntimeError):
-    """ngspice is missing, refused the circuit, did not finish, or finished with a run too coarse to be a reference."""
+    """ngspice is missing, rejected the circuit, did not finish, or gave a run too coarse to be a reference."""
 
 
 @dataclass(frozen=True)
 class Transient:
-    """A run over time, all fields of shape [t]."""
+    """A transient analysis, all fields of shape [t]."""
 
     time: NDArray[np.float64]
     """[s], uneven steps."""
     v_in: NDArray[np.float64]
-    """[V]"""
+    """Input voltage [V]."""
     v_out: NDArray[np.float64]
-    """[V]"""
+    """Output voltage [V]."""
 
 
 @dataclass(frozen=True)
 class SmallSignal:
-    """A run over frequency, both fields of shape [f]."""
+    """A small-signal AC analysis, both fields of shape [f]."""
 
     frequency: NDArray[np.float64]
-    """[Hz], evenly spread in decades."""
+    """[Hz], logarithmically spaced."""
     transfer: NDArray[np.complex128]
-    """v_out/v_in [V/V]."""
+    """Transfer function v_out/v_in [V/V]."""
 
 
 def available() -> bool:
@@ -69,16 +70,47 @@ def available() -> bool:
 
 
 def netlist(circuit: str) -> str:
-    """Return the text of a netlist of the package; ValueError when there is none of that name."""
+    """Return the text of a netlist of the package.
+
+    Parameters
+    ----------
+    circuit : str
+        One of `CIRCUITS`.
+
+    Returns
+    -------
+    str
+        Text of the netlist.
+
+    Raises
+    ------
+    ValueError
+        There is no netlist of that name.
+    """
     if circuit not in CIRCUITS:
         raise ValueError(f"circuit must be one of {', '.join(CIRCUITS)}, got {circuit!r}")
     return (files("posfet_model.spice") / "netlists" / f"{circuit}.cir").read_text(encoding="ascii")
 
 
 def piecewise_linear(time: ArrayLike, volts: ArrayLike) -> str:
-    """Return the source that moves in straight lines through the points (time [s], volts [V]), both of shape [k].
+    """Return a piecewise linear ngspice source.
 
-    time has to rise from 0. Raises ValueError otherwise.
+    Parameters
+    ----------
+    time : array_like
+        Times of the points [s], shape [k], k >= 2, starting at 0 and increasing, at most 1e6.
+    volts : array_like
+        Voltages of the points [V], shape [k], within +-1e3.
+
+    Returns
+    -------
+    str
+        The source, for `run_follower`.
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite, out of range or of another shape, or the times do not increase from 0.
     """
     instants = real_array("time", time, 0, 1e6)
     levels = real_array("volts", volts, -1e3, 1e3)
@@ -93,19 +125,30 @@ def piecewise_linear(time: ArrayLike, volts: ArrayLike) -> str:
 
 
 def run_follower(circuit: str, source: str, stop: float, largest_step: float) -> Transient:
-    """Return the follower's answer to a source, whole and resolved.
+    """Return the follower's response to a source, complete and resolved.
 
     Parameters
     ----------
-    circuit : text of a netlist with a subcircuit ``opamp plus minus out`` that brings its own supplies.
-    source : an ngspice source such as `piecewise_linear` gives, or "sin(0 1 1k)".
-    stop : end of the run [s], in (0, 1e6].
-    largest_step : bound of ngspice's time step [s], at most stop/20.
+    circuit : str
+        Text of a netlist with a subcircuit ``opamp plus minus out`` that contains its own supplies.
+    source : str
+        An ngspice source such as from `piecewise_linear`, or "sin(0 1 1k)".
+    stop : float
+        End of the run [s], in (0, 1e6].
+    largest_step : float
+        Upper limit of ngspice's time step [s], at most stop/20.
+
+    Returns
+    -------
+    Transient
+        Input and output over time.
 
     Raises
     ------
-    ValueError : stop or largest_step out of range.
-    SpiceError : see there; the message says what is wrong.
+    ValueError
+        `stop` or `largest_step` is out of range.
+    SpiceError
+        ngspice failed, or the run is incomplete or too coarse; the message says why.
     """
     stop = real_number("stop", stop, 1e-12, 1e6)
     largest_step = real_number("largest_step", largest_step, stop * 1e-9, stop / _LEAST_TIME_STEPS)
@@ -117,38 +160,89 @@ def run_follower(circuit: str, source: str, stop: float, largest_step: float) ->
 
 
 def run_follower_ac(circuit: str, lowest: float = 1.0, highest: float = 1e8, per_decade: int = 50) -> SmallSignal:
-    """Return the follower's small-signal transfer function; errors as in `run_follower`.
+    """Return the follower's small-signal transfer function.
 
     Parameters
     ----------
-    circuit : as in `run_follower`.
-    lowest, highest : ends of the frequencies [Hz], from 1e-3, a decade or more apart, to 1e13.
-    per_decade : frequencies in a decade, in [1, 10000].
+    circuit : str
+        Text of a netlist, as in `run_follower`.
+    lowest, highest : float
+        Ends of the frequency range [Hz], from 1e-3 to 1e13, at least a decade apart.
+    per_decade : int, default 50
+        Frequencies per decade, in [1, 10000].
+
+    Returns
+    -------
+    SmallSignal
+        Transfer function v_out/v_in.
+
+    Raises
+    ------
+    ValueError
+        A frequency or `per_decade` is out of range.
+    SpiceError
+        ngspice failed or the run is incomplete.
     """
     return _run_ac(circuit, "xdut in out out opamp", lowest, highest, per_decade)
 
 
 def run_open_loop_ac(circuit: str, lowest: float = 1.0, highest: float = 1e8, per_decade: int = 50) -> SmallSignal:
-    """Return the op-amp's open-loop transfer function at the follower's operating point; as `run_follower_ac`.
+    """Return the op-amp's open-loop transfer function at the follower's operating point.
 
     The loop is closed at 0 Hz only, through 1 GH, with 1 F to ground at the inverting input.
+
+    Parameters
+    ----------
+    circuit : str
+        Text of a netlist, as in `run_follower`.
+    lowest, highest : float
+        Ends of the frequency range [Hz], from 1e-3 to 1e13, at least a decade apart.
+    per_decade : int, default 50
+        Frequencies per decade, in [1, 10000].
+
+    Returns
+    -------
+    SmallSignal
+        Transfer function v_out/v_in.
+
+    Raises
+    ------
+    ValueError
+        A frequency or `per_decade` is out of range.
+    SpiceError
+        ngspice failed or the run is incomplete.
     """
     loop = "lloop out feedback 1g\ncloop feedback 0 1\nxdut in feedback out opamp"
     return _run_ac(circuit, loop, lowest, highest, per_decade)
 
 
 def closed_loop(response: SmallSignal) -> ClosedLoop:
-    """Return gain at the lowest frequency and -3 dB frequency of a follower; SpiceError when it never falls so far.
+    """Return gain at the lowest frequency and -3 dB frequency of a follower.
 
-    Between the frequencies of the run, the logarithm of the gain is taken as straight over that of the frequency.
+    Between the frequencies of the run, the gain is interpolated linearly in doubly logarithmic scale.
+
+    Parameters
+    ----------
+    response : SmallSignal
+        Transfer function of the follower.
+
+    Returns
+    -------
+    ClosedLoop
+        Gain [V/V] and bandwidth [Hz].
+
+    Raises
+    ------
+    SpiceError
+        The gain does not fall by 3 dB within the run.
     """
     gain = np.abs(response.transfer)
     fallen = np.flatnonzero(gain < gain[0] / math.sqrt(2))
     if not fallen.size or fallen[0] == 0:
         raise SpiceError(f"the gain does not fall by 3 dB below {response.frequency[-1]:g} Hz")
     ends = slice(fallen[0] - 1, fallen[0] + 1)
-    place = np.interp(-math.log(gain[0] / math.sqrt(2)), -np.log(gain[ends]), np.log(response.frequency[ends]))
-    return ClosedLoop(gain=float(gain[0]), bandwidth=math.exp(float(place)))
+    logarithm = np.interp(-math.log(gain[0] / math.sqrt(2)), -np.log(gain[ends]), np.log(response.frequency[ends]))
+    return ClosedLoop(gain=float(gain[0]), bandwidth=math.exp(float(logarithm)))
 
 
 def _run_ac(circuit: str, instance: str, lowest: float, highest: float, per_decade: int) -> SmallSignal:
@@ -193,7 +287,7 @@ def _simulate(deck: str, *, complex_values: bool) -> NDArray[np.complex128]:
 
 
 def _complaint(log: str) -> str:
-    """Return the first line of ngspice's log that tells of a failed run, or an empty string."""
+    """Return the first line of ngspice's log that reports a failure, or an empty string."""
     signs = ("error", "aborted", "too small", "no convergence", "singular matrix", "failed", "can't find", "unknown")
     harmless = ("gmin stepping failed", "no error")  # ngspice goes on to source stepping; if that fails it says so
     for line in log.splitlines():
@@ -204,16 +298,34 @@ def _complaint(log: str) -> str:
 
 
 def read_raw(content: bytes, *, complex_values: bool) -> NDArray[np.complex128]:
-    """Return the vectors of one plot of an ngspice binary raw file, shape [variables, points]; SpiceError if torn."""
+    """Return the vectors of one plot of an ngspice binary raw file.
+
+    Parameters
+    ----------
+    content : bytes
+        Content of the file.
+    complex_values : bool
+        Whether the analysis is expected to have complex values.
+
+    Returns
+    -------
+    ndarray
+        Vectors, complex, shape [variables, points].
+
+    Raises
+    ------
+    SpiceError
+        The file is incomplete, malformed or of another analysis.
+    """
     head, mark, body = content.partition(b"Binary:\n")
     fields = dict(line.split(":", 1) for line in head.decode("ascii", "replace").splitlines() if ":" in line)
     try:
         variables, points = int(fields["No. Variables"]), int(fields["No. Points"])
         is_complex = "complex" in fields["Flags"]
     except (KeyError, ValueError):
-        raise SpiceError("ngspice's raw file has no proper head") from None
+        raise SpiceError("ngspice's raw file has a malformed header") from None
     if not mark or is_complex != complex_values or not points:
-        raise SpiceError("ngspice's raw file is not of the analysis that was asked for")
+        raise SpiceError("ngspice's raw file is not of the requested analysis")
     kind = np.dtype(np.complex128 if is_complex else np.float64)
     if len(body) < variables * points * kind.itemsize:
         raise SpiceError(f"ngspice's raw file ends before its {points} points")
@@ -224,14 +336,16 @@ def read_raw(content: bytes, *, complex_values: bool) -> NDArray[np.complex128]:
 def _check_transient(run: Transient, stop: float, largest_step: float) -> None:
     """Raise SpiceError unless the run is finite, complete and fine enough."""
     if not all(np.isfinite(part).all() for part in (run.time, run.v_in, run.v_out)):
-        raise SpiceError("ngspice's run holds values that are not finite")
+        raise SpiceError("ngspice's run contains values that are not finite")
     if abs(run.time[-1] - stop) > 1e-6 * stop:
         raise SpiceError(f"ngspice stopped at {run.time[-1]:g} s of {stop:g} s")
     steps = np.diff(run.time)
     if steps.min() < 0 or steps.max() > largest_step * (1 + 1e-6):
         raise SpiceError(
-            f"ngspice's steps reach from {steps.min():g} to {steps.max():g} s, allowed is {largest_step:g} s"
+            f"ngspice's steps range from {steps.min():g} to {steps.max():g} s, at most {largest_step:g} s is allowed"
         )
     jump, swing = np.abs(np.diff(run.v_out)).max(), np.ptp(run.v_out)
     if jump > COARSEST_OUTPUT_STEP * swing:
-        raise SpiceError(f"the run is coarse: the output moves {100 * jump / swing:.1f} % of its swing in one step")
+        raise SpiceError(
+            f"the run is too coarse: the output changes by {100 * jump / swing:.1f} % of its swing in one step"
+        )

@@ -1,4 +1,4 @@
-"""Command: make the stored ngspice runs of the tests. `python -m posfet_model.spice.reference_runs FOLDER`."""
+"""Command: generate the stored ngspice runs of the tests. `python -m posfet_model.spice.reference_runs FOLDER`."""
 
 from __future__ import annotations
 
@@ -20,26 +20,27 @@ PRESS_FORCE: Final = 5.0
 """Force of press and tap [N]."""
 
 PRESS_VOLTAGE: Final = -PIEZOELECTRIC_COEFFICIENT.value * PRESS_FORCE / FORCE_AREA.value / STACK.oxide
-"""What 5 N on 1 mm2 shift the gate at the oxide plane, d33*F/(A*Cox) = 0.248 V. Referred to the gate of the stack the
-same charge is 4.47 V, which no follower on +-5 V can pass."""
+"""Gate shift by 5 N on 1 mm2 at the oxide plane, d33*F/(A*Cox) = 0.248 V. Referred to the gate of the stack the same
+charge gives 4.47 V, which is beyond the range of a follower on +-5 V."""
 
 _PULSE_POINTS: Final = 200
 
 
 @dataclass(frozen=True)
 class Stimulus:
-    """A source and how to run it."""
+    """A source and the parameters of its run."""
 
-    words: str
+    description: str
     source: str
+    """Source in ngspice's syntax."""
     stop: float
-    """[s]"""
+    """End of the run [s]."""
     largest_step: float
-    """[s]"""
+    """Upper limit of the time step [s]."""
 
 
 def _pulse(width: float, lead: float, stop: float) -> str:
-    """Return a raised-cosine pulse of 5 N, `width` [s] wide at half height, between rests."""
+    """Return a raised-cosine pulse of 5 N, `width` [s] wide at half height, with rest before and after it."""
     phase = np.linspace(0, 1, _PULSE_POINTS + 1)
     volts = 0.5 * PRESS_VOLTAGE * (1 - np.cos(2 * np.pi * phase))
     time: NDArray[np.float64] = lead + 2 * width * phase
@@ -75,14 +76,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def write_all(folder: Path) -> None:
-    """Run every circuit and write NAME_STIMULUS.csv, NAME_ac.csv (follower) and NAME_open_loop.csv."""
+    """Run every circuit and write NAME_STIMULUS.csv, NAME_ac.csv (follower) and NAME_open_loop.csv.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the files; created if missing.
+
+    Raises
+    ------
+    ngspice.SpiceError
+        ngspice is missing or a run failed.
+    OSError
+        A file cannot be written.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     for circuit in ngspice.CIRCUITS:
         text = ngspice.netlist(circuit)
         for name, stimulus in stimuli().items():
             run = ngspice.run_follower(text, stimulus.source, stimulus.stop, stimulus.largest_step)
             columns = np.c_[run.time, run.v_in, run.v_out]
-            about = f"{stimulus.words}; steps of at most {stimulus.largest_step:g} s"
+            about = f"{stimulus.description}; steps of at most {stimulus.largest_step:g} s"
             _write(folder / f"{circuit}_{name}.csv", circuit, about, "time,v_in,v_out", columns)
         for name, about, response in (
             ("ac", "follower, small signals", ngspice.run_follower_ac(text, per_decade=20)),

@@ -1,4 +1,4 @@
-"""Follower runs from any simulator or bench: the CSV file format."""
+"""Follower runs of any simulator or measurement setup: the CSV file format."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from posfet_model.amplifier.follower_base import VOLTAGE_LIMIT
 HEADER: Final = "time,v_in,v_out"
 
 
-LEAST_SWING: Final = (1e-12, 1e-9)
-"""Least peak-to-peak of v_out: in V, and as a share of the largest voltage in the file: less is no full scale."""
+MIN_SWING: Final = (1e-12, 1e-9)
+"""Smallest peak-to-peak of v_out: absolute [V], and relative to the largest voltage in the file [1]."""
 
 
 _TIME_LIMIT: Final = 1e9
 
 
 class RunFileError(ValueError):
-    """A file is not a follower run; the message is one line with file, line number and what is wrong."""
+    """A file is not a follower run; the message is one line with file, line number and error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,18 +30,32 @@ class FollowerRun:
     """One run, all fields of shape [t], t >= 2."""
 
     time: NDArray[np.float64]
-    """[s], never falling."""
+    """[s], never decreasing."""
     v_in: NDArray[np.float64]
-    """[V]"""
+    """Input voltage [V]."""
     v_out: NDArray[np.float64]
-    """[V], its peak-to-peak at least `LEAST_SWING`."""
+    """Output voltage [V], with a peak-to-peak of at least `MIN_SWING`."""
 
 
 def read_run(path: Path) -> FollowerRun:
     """Return the run in a CSV file with the header ``time,v_in,v_out`` [s, V, V].
 
     Lines starting with # and empty lines are skipped. Steps may be uneven; two lines of the same time are a jump.
-    Raises RunFileError for a file that cannot be read or does not hold such a run.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    FollowerRun
+        The run.
+
+    Raises
+    ------
+    RunFileError
+        The file cannot be read or does not contain such a run.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -61,7 +75,7 @@ def read_run(path: Path) -> FollowerRun:
 
 
 def _parse(path: Path, lines: list[str], rows: list[int]) -> NDArray[np.float64]:
-    """Return the columns, shape [3, t]; RunFileError naming the first line that is not three numbers."""
+    """Return the columns, shape [3, t]; RunFileError that names the first line that is not three numbers."""
     try:
         table = np.loadtxt([lines[i - 1] for i in rows], delimiter=",", ndmin=2, comments=None)
         if table.shape[1] == 3:
@@ -71,7 +85,7 @@ def _parse(path: Path, lines: list[str], rows: list[int]) -> NDArray[np.float64]
     for i in rows:
         cells = lines[i - 1].split(",")
         if len(cells) != 3:
-            raise RunFileError(f"{path}:{i}: 3 values ({HEADER}) wanted, got {len(cells)}")
+            raise RunFileError(f"{path}:{i}: 3 values ({HEADER}) expected, got {len(cells)}")
         for name, cell in zip(HEADER.split(","), cells, strict=True):
             if not _is_number(cell):
                 raise RunFileError(f"{path}:{i}: {name} must be a number, got {cell.strip()[:40]!r}")
@@ -79,7 +93,7 @@ def _parse(path: Path, lines: list[str], rows: list[int]) -> NDArray[np.float64]
 
 
 def _is_number(cell: str) -> bool:
-    """Return whether a cell is a number as other programs write them: Python alone takes 1_000 for one."""
+    """Return whether a cell is a number in the notation of other programs: only Python accepts 1_000."""
     try:
         float(cell)
     except ValueError:
@@ -88,7 +102,7 @@ def _is_number(cell: str) -> bool:
 
 
 def _check(path: Path, table: NDArray[np.float64], rows: list[int]) -> None:
-    """Raise RunFileError for values out of range, time that falls or stands still, and an output that does not move."""
+    """Raise RunFileError for values out of range, time that decreases or never increases, and a constant output."""
     for name, column, limit in zip(HEADER.split(","), table, (_TIME_LIMIT, VOLTAGE_LIMIT, VOLTAGE_LIMIT), strict=True):
         bad = ~(np.abs(column) <= limit)
         if bad.any():
@@ -100,12 +114,12 @@ def _check(path: Path, table: NDArray[np.float64], rows: list[int]) -> None:
     if falling.any():
         first = int(falling.argmax())
         raise RunFileError(
-            f"{path}:{rows[first + 1]}: time must not fall, got {time[first + 1]:g} after {time[first]:g}"
+            f"{path}:{rows[first + 1]}: time must not decrease, got {time[first + 1]:g} after {time[first]:g}"
         )
     if time[-1] == time[0]:
-        raise RunFileError(f"{path}:{rows[-1]}: time must rise, got {time[0]:g} s in every row")
-    swing, least = float(np.ptp(v_out)), max(LEAST_SWING[0], LEAST_SWING[1] * float(np.max(np.abs(table[1:]))))
+        raise RunFileError(f"{path}:{rows[-1]}: time must increase, got {time[0]:g} s in every row")
+    swing, least = float(np.ptp(v_out)), max(MIN_SWING[0], MIN_SWING[1] * float(np.max(np.abs(table[1:]))))
     if swing < least:
         raise RunFileError(
-            f"{path}:{rows[-1]}: v_out must move by {least:g} V or more, got {swing:g} V; it is the full scale"
+            f"{path}:{rows[-1]}: v_out must vary by {least:g} V or more, got {swing:g} V; it is the full scale"
         )

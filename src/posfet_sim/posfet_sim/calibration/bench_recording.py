@@ -22,7 +22,7 @@ from posfet_model.calibration.least_squares_fit import Recording
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import ScanStatus
-from posfet_model.sensor.signal_chain import InverseChain, charge_per_newton
+from posfet_model.sensor.signal_chain import InverseSignalChain, charge_per_newton
 from posfet_sim.contact.indenters import Sphere
 from posfet_sim.scene import Scene, SceneLoads, SceneObject, Track
 from posfet_sim.scene.trajectories import Pose, Span
@@ -181,7 +181,7 @@ def _delay(sensor: Sensor, scans: Scans, reference: Reference) -> float:
     """Return by how much the reference is late [s]: where its rate is most like that of the force the signals tell."""
     step = float(np.median(np.diff(scans.time)))
     grid = np.arange(scans.time[0], scans.time[-1], step)
-    chain, scale, charge = InverseChain(sensor), charge_per_newton(sensor), np.empty(sensor.layout.taxels)
+    chain, scale, charge = InverseSignalChain(sensor), charge_per_newton(sensor), np.empty(sensor.layout.taxels)
     signal = np.array([float(chain.charge(counts, charge).sum()) / scale for counts in scans.counts])
     signal = np.interp(grid, scans.time, signal)
     told = np.diff(signal) + 0.5 * (signal[1:] + signal[:-1]) * (step / sensor.device.leak_time_constant)

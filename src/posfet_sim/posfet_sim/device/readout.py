@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from posfet_model.amplifier.closed_loop import close_loop
 from posfet_model.device import adc
 from posfet_model.sensor.description import Sensor
+from posfet_model.sensor.grid import EDGE_NEIGHBOURS, neighbour_table
 from posfet_model.sensor.signal_chain import SCALE_BITS
 from posfet_sim.device.flicker_noise import FlickerNoise
 from posfet_sim.device.imperfections import Imperfections
@@ -79,6 +80,7 @@ class Readout:
         self._slow: Float64Array | None = None
         self._resting = np.zeros((self.block, taxels), np.uint16)
         self._shape = sensor.layout.rows, sensor.layout.cols
+        self._neighbours = neighbour_table(sensor.layout, EDGE_NEIGHBOURS)
         self.awake = np.arange(0)
         """Numbers of the taxels that have charge."""
         self._awake: slice | NDArray[np.intp]
@@ -87,15 +89,13 @@ class Readout:
     def wake(self, awake: NDArray[np.intp]) -> None:
         """Take note which taxels have charge, by their numbers."""
         rows, cols = self._shape
-        wide = cols + 2
         self.awake = awake
         self._awake = slice(None) if awake.size == rows * cols else awake  # a slice is faster
         self._per_charge = self._steps_per_charge[awake]
         self._rest_awake = self._at_rest[awake]
-        inside = (awake // cols + 1) * wide + awake % cols + 1
-        place = np.full((rows + 2) * wide, awake.size)  # where there is no taxel awake: what comes behind the last
-        place[inside] = np.arange(awake.size)
-        self._beside = [place[inside + offset] for offset in (-1, 1, -wide, wide)]
+        place = np.full(rows * cols + 1, awake.size)  # where there is no taxel awake: what comes behind the last
+        place[awake] = np.arange(awake.size)
+        self._beside = [place[neighbours] for neighbours in self._neighbours[awake].T]
         still_awake = np.zeros(rows * cols, np.bool_)
         still_awake[awake] = True
         self._before[~still_awake] = np.clip(self._at_rest[~still_awake], *self._rails)
@@ -116,8 +116,8 @@ class Readout:
             shift = shift[1:]
         if self._imperfections.crosstalk:
             ended = np.concatenate([shift, np.zeros((len(shift), 1), shift.dtype)], axis=1)
-            beside = [ended.take(places, axis=1) for places in self._beside]
-            shift = shift + self._imperfections.crosstalk * (beside[0] + beside[1] + beside[2] + beside[3])
+            above, below, left, right = (ended.take(places, axis=1) for places in self._beside)
+            shift = shift + self._imperfections.crosstalk * (left + right + above + below)
         return self._slew_limited(shift, steps) if self._slews else shift
 
     def volts(self, awake: NDArray[np.intp], output: Float64Array) -> Float64Array:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model.sensor.description import Sensor
+from posfet_model.sensor.grid import EDGE_NEIGHBOURS, dilate, neighbour_table
 from posfet_sim.device.taxel_variation import TaxelSpread
 from posfet_sim.loads import Patch
 
@@ -55,6 +56,7 @@ class TaxelCharge:
         self._least = LEAKED_OUT * sensor.device.force_max * float(np.abs(spread.charge_per_newton).max(initial=0.0))
         self._patches: tuple[Patch, ...] = ()
         self._is_awake = np.zeros((layout.rows, layout.cols), np.bool_)
+        self._neighbours = neighbour_table(layout, EDGE_NEIGHBOURS)
         self._weight = hysteresis / (2 * sum(PLAY_WIDTHS))
         reach = np.array(PLAY_WIDTHS if hysteresis else (), kind)[:, None]
         self._reach: Float64Array = reach * sensor.device.force_max
@@ -166,12 +168,7 @@ class TaxelCharge:
         """Let those sleep that have no charge and no neighbour with any; return whether there was one."""
         charged = np.zeros_like(self._is_awake)
         charged.flat[self.awake] = np.abs(self.charge) > self._least
-        near = charged.copy()
-        near[1:] |= charged[:-1]
-        near[:-1] |= charged[1:]
-        near[:, 1:] |= charged[:, :-1]
-        near[:, :-1] |= charged[:, 1:]
-        near &= self._is_awake
+        near = dilate(charged.ravel(), self._neighbours).reshape(charged.shape) & self._is_awake
         if near.sum() > 3 * self.awake.size // 4:  # not worth the while
             return False
         self._wake_up(near)
