@@ -27,14 +27,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "src" / "posfet_dri
 
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
-from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.scene import SCENE_FOLDER, Scene, SceneLoads, load_scene
 
 SENSOR = load_sensor()
 SHIPPED = sorted(path.stem for path in SCENE_FOLDER.glob("*.yaml"))
 FULL_SCALE = SENSOR.device.force_max * SENSOR.volts_per_newton
-NONE, DEFAULT = Imperfections.none(), Imperfections.default()
+NONE, DEFAULT = ErrorModel.none(), ErrorModel.default()
 REFERENCE_RATE = 100_000.0
 CHUNK = 64
 """Scans timed together: the least of many is what an undisturbed processor needs."""
@@ -73,12 +73,12 @@ def scenes(options: argparse.Namespace) -> None:
             count = scans(name, options.longest or 2.0)
             scene = load_scene(name, sensor)
             lazy, full = (
-                SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, NONE.without_noise(), full=full)
+                SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, NONE.without_noise(), compute_all=full)
                 for full in (False, True)
             )
             taken = run(lazy, range(count)), run(full, range(count))
             lazy, full = (
-                SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, NONE.without_noise(), full=full)
+                SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, NONE.without_noise(), compute_all=full)
                 for full in (False, True)
             )
             scan, worst = Scan.empty(1, sensor.layout.taxels), 0.0
@@ -103,9 +103,12 @@ def reference(options: argparse.Namespace) -> None:
     for name in options.scene:
         count = scans(name, options.longest or math.inf)
         errors = []
-        for imperfections in (NONE.without_noise(), replace(DEFAULT.without_noise(), dead_share=0.0, stuck_share=0.0)):
+        for imperfections in (
+            NONE.without_noise(),
+            replace(DEFAULT.without_noise(), dead_probability=0.0, stuck_probability=0.0),
+        ):
             board = SimulatedBoard(SENSOR, SceneLoads(load_scene(name, SENSOR), SENSOR), 0, imperfections)
-            truth = SimulatedBoard(fast, SceneLoads(load_scene(name, fast), fast), 0, imperfections, full=True)
+            truth = SimulatedBoard(fast, SceneLoads(load_scene(name, fast), fast), 0, imperfections, compute_all=True)
             scan, worst = Scan.empty(1, SENSOR.layout.taxels), 0.0
             for index in range(count):
                 board.scan(index, scan)
@@ -254,8 +257,8 @@ def whole_boards() -> list[tuple[str, str, float, float, float]]:
                     SceneLoads(load_scene(SCHEME_SCENE, each), each),
                     0,
                     silent,
-                    narrow=narrow and not full,
-                    full=full,
+                    single_precision=narrow and not full,
+                    compute_all=full,
                 )
                 for each, full in (
                     *((replace(each, can=replace(each.can, scan_rate=1 / step)), False) for each in (SENSOR, large)),

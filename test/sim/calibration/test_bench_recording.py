@@ -19,14 +19,16 @@ from posfet_model.sensor.signal_chain import charge_per_newton
 from posfet_sim.calibration.bench_recording import COLUMNS, read_reference, read_scans
 from posfet_sim.calibration.simulated_bench import pressing_scene
 from posfet_sim.commands.calibrate import main
-from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import SimulatedBoard
-from posfet_sim.device.taxel_variation import draw_spread
-from posfet_sim.emulation.bus_board import WireNode
+from posfet_sim.device.taxel_variation import draw_taxel_parameters
+from posfet_sim.emulation.bus_board import BusBoard
 from posfet_sim.scene import SceneLoads
 
 SENSOR = load_sensor()
-ROUGH = replace(Imperfections.default(), resets_per_hour=0.0, dead_share=0.0, stuck_share=0.0, noisy_share=0.0)
+ROUGH = replace(
+    ErrorModel.default(), resets_per_hour=0.0, dead_probability=0.0, stuck_probability=0.0, noisy_probability=0.0
+)
 SEED = 4
 EPOCH = 1.7e9
 """Time of day at which the recording begins [s]."""
@@ -41,7 +43,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
     folder = tmp_path_factory.mktemp("bench")
     log, stand = folder / "board.log", folder / "stand.csv"
     scene = pressing_scene(SENSOR)
-    node = WireNode(SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), SEED, ROUGH), SEED, 0)
+    node = BusBoard(SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), SEED, ROUGH), SEED, 0)
     with can.Logger(str(log)) as write:
         node.receive((SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, Request(Command.START, 0).pack()), 0)
         while (now := node.next_due()) < scene.period * 1e9:
@@ -67,7 +69,7 @@ def test_a_board_on_a_stand_is_calibrated_as_it_was_drawn(
     assert main(words(files, path)) == 0
     told = capsys.readouterr().out
     assert float(told.split("clock is ")[1].split(" ms")[0]) == pytest.approx(1e3 * LATE, abs=0.5)
-    found, true = load_calibration(path, SENSOR), draw_spread(SENSOR, ROUGH, SEED)
+    found, true = load_calibration(path, SENSOR), draw_taxel_parameters(SENSOR, ROUGH, SEED)
     nominal = SENSOR.amplifier.follower_gain / SENSOR.device.film_capacitance
     gain = true.charge_per_newton / charge_per_newton(SENSOR) * true.volts_per_charge / nominal
     assert np.std(found.gain / gain) < 0.005
