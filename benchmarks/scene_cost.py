@@ -53,7 +53,7 @@ def main() -> None:
     small = load_sensor()
     large = replace(small, layout=replace(small.layout, rows=64, cols=64))
     cases = [(small, 0.0, None), (large, 0.0, None), (large, 0.5, None), (large, 0.5, ChipBend(20e-3, axis_x=False))]
-    print("| kind | 5 x 5 | 64 x 64 | turned by 29 deg | turned, bent chip | taxels met of 4096 |")
+    print("| kind | 5 x 5 | 64 x 64 | rotated by 29 deg | rotated, bent chip | taxels within reach of 4096 |")
     print("|---|---|---|---|---|---|")
     for name, shape in SHAPES.items():
         costs = [cost(sensor, shape, angle, bend) for sensor, angle, bend in cases]

@@ -63,9 +63,10 @@ def run(board: SimulatedBoard, indices: range) -> float:
 
 def scenes(options: argparse.Namespace) -> None:
     """Print the table of what is saved."""
-    print(
-        "| scene | taxel updates / (taxels * scans) | us a scan | in full | times | largest difference / full scale |"
+    columns = (
+        "taxel updates / (taxels * scans) | us per scan | full computation | speed-up | max difference / full scale"
     )
+    print(f"| scene | {columns} |")
     print("|---|---|---|---|---|---|")
     wide = replace(SENSOR, layout=replace(SENSOR.layout, rows=32, cols=32))
     for sensor, suffix in ((SENSOR, ""), (wide, " (32 x 32)")):
@@ -96,7 +97,7 @@ def scenes(options: argparse.Namespace) -> None:
 
 def reference(options: argparse.Namespace) -> None:
     """Print the table of errors against the full computation at 100 kHz."""
-    print("| scene | time s | largest error, % of full scale | with imperfections, noise off |")
+    print("| scene | duration s | max error, % of full scale | default error model, noise off |")
     print("|---|---|---|---|")
     fast = replace(SENSOR, can=replace(SENSOR.can, scan_rate=REFERENCE_RATE))
     ratio = round(REFERENCE_RATE / SENSOR.can.scan_rate)
@@ -122,16 +123,17 @@ def reference(options: argparse.Namespace) -> None:
 def speed(options: argparse.Namespace) -> None:
     """Print the table of speed."""
     del options
-    print("| array | imperfections | state | us a scan, least | median | share of a core at 1 kHz | times real time |")
+    print("| array | error model | state | us per scan, min | median | load of a core at 1 kHz | times real time |")
     print("|---|---|---|---|---|---|---|")
     large = replace(SENSOR, layout=replace(SENSOR.layout, rows=64, cols=64))
-    parts = (("press_slide_lift", "sliding", range(1000, 2000)), ("texture", "ridges sliding askew", range(500, 1500)),
-             ("press_slide_lift", "held", range(520, 900)), ("idle", "at rest", range(3000)))  # fmt: skip
+    parts = (("press_slide_lift", "sliding", range(1000, 2000)),
+             ("texture", "ridges sliding, rotated", range(500, 1500)),
+             ("press_slide_lift", "held", range(520, 900)), ("idle", "unloaded", range(3000)))  # fmt: skip
     for sensor, title in ((SENSOR, "5 x 5"), (large, "64 x 64")):
         for imperfections, what in ((NONE, "none"), (DEFAULT, "default")):
             for name, state, part in parts:
                 scene, micro = load_scene(name, sensor), []
-                if "askew" in state:
+                if "rotated" in state:
                     scene = turned(scene, 0.5)
                 for _ in range(3):
                     board = SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, imperfections)
@@ -234,7 +236,7 @@ def schemes(options: argparse.Namespace) -> None:
         writer.writerow(["scheme", "width", "step_s", "run_time_per_second_s", "error_percent"])
         for title, width, step, cost, error in rows:
             writer.writerow([title, width, f"{step:g}", f"{cost:.4g}", f"{error:.4g}"])
-    print("| scheme | float | step ms | ms a second, 4096 taxels | largest error, % of full scale |")
+    print("| scheme | precision | step ms | ms per second, 4096 taxels | max error, % of full scale |")
     print("|---|---|---|---|---|")
     for title, width, step, cost, error in rows:
         print(f"| {title} | {width} | {step * 1e3:g} | {cost * 1e3:.1f} | {error:.2g} |")

@@ -68,7 +68,7 @@ def test_a_board_on_a_stand_is_calibrated_as_it_was_drawn(
     path = tmp_path / "cal.yaml"
     assert main(words(files, path)) == 0
     told = capsys.readouterr().out
-    assert float(told.split("clock is ")[1].split(" ms")[0]) == pytest.approx(1e3 * LATE, abs=0.5)
+    assert float(told.split("clock delay ")[1].split(" ms")[0]) == pytest.approx(1e3 * LATE, abs=0.5)
     found, true = load_calibration(path, SENSOR), draw_taxel_parameters(SENSOR, ROUGH, SEED)
     nominal = SENSOR.amplifier.follower_gain / SENSOR.device.film_capacitance
     gain = true.charge_per_newton / charge_per_newton(SENSOR) * true.volts_per_charge / nominal
@@ -108,7 +108,7 @@ def test_files_that_do_not_belong_together_are_refused(
     for begin, force, reason in (
         (0.0, 0.1 * times, "must last from"),
         (EPOCH - 1.0, np.random.default_rng(1).uniform(0.0, 2.0, len(times)), "compare the clocks"),
-        (EPOCH - 1.0, 1000.0 + 0.0 * times, "above the ball's greatest"),
+        (EPOCH - 1.0, 1000.0 + 0.0 * times, "above the maximum of the ball"),
     ):
         path = tmp_path / "stand.csv"
         rows = [f"{begin + time},0,0,{newton}" for time, newton in zip(times.tolist(), force.tolist(), strict=True)]
@@ -118,14 +118,14 @@ def test_files_that_do_not_belong_together_are_refused(
         assert reason in told
         assert len(told.splitlines()) == 1
     assert main([str(tmp_path / "cal.yaml"), "--reference", str(files[1])]) == 1
-    assert "go together" in capsys.readouterr().err
+    assert "only valid together" in capsys.readouterr().err
 
 
 def test_frames_of_another_board_are_no_recording(files: Files, tmp_path: Path) -> None:
     other = replace(SENSOR, can=replace(SENSOR.can, base_id=0x300))
-    with pytest.raises(ConfigError, match="no scan is in it"):
+    with pytest.raises(ConfigError, match="no scan in it"):
         read_scans(files[0], other)
     empty = tmp_path / "empty.log"
     empty.write_text("")
-    with pytest.raises(ConfigError, match="no scan is in it"):
+    with pytest.raises(ConfigError, match="no scan in it"):
         read_scans(empty, SENSOR)

@@ -18,8 +18,8 @@ from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.reconstruction.taxel_faults import TaxelStatus
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton
+from posfet_sim.calibration import simulated_bench
 from posfet_sim.calibration.simulated_bench import record
-from posfet_sim.commands import calibrate
 from posfet_sim.commands.calibrate import main
 from posfet_sim.commands.score import Run, perturbed, run
 from posfet_sim.commands.score import main as score_main
@@ -52,7 +52,7 @@ def test_it_finds_the_taxels_as_they_were_drawn_on_a_device_unlike_its_descripti
 
 def test_it_is_the_same_whether_the_chip_cools_or_warms(monkeypatch: pytest.MonkeyPatch) -> None:
     # Charge that the film's loops leave behind must not pass for leak or warmth, whose signs differ then.
-    monkeypatch.setattr(calibrate, "COOLING", -calibrate.COOLING)
+    monkeypatch.setattr(simulated_bench, "COOLING", -simulated_bench.COOLING)
     warmed = fit(SENSOR, record(SENSOR, 4, ROUGH, DEVICE), DATE)
     np.testing.assert_allclose(warmed.gain, FOUND.gain, rtol=0.006)
     np.testing.assert_allclose(warmed.leak_time_constant, FOUND.leak_time_constant, rtol=0.01)
@@ -151,7 +151,7 @@ def test_a_recording_that_shows_too_little_is_refused() -> None:
 def test_the_command_writes_a_file_that_the_score_reads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "cal.yaml"
     assert main([str(path)]) == 0
-    assert "held out" in capsys.readouterr().out
+    assert "hold-out set" in capsys.readouterr().out
     assert score_main(["press_slide_lift", "--calibration", str(path), "--for", "1"]) == 0
     capsys.readouterr()
     assert main([str(tmp_path / "none" / "cal.yaml")]) == 1

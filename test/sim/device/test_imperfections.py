@@ -147,10 +147,10 @@ def test_hysteresis_opens_the_loop_by_its_width() -> None:
     width, greatest = 0.02, SENSOR.device.force_max
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0, replace(SILENT, hysteresis=width))
     charge = board._charge
-    charge._wake_up(np.ones((5, 5), bool))
+    charge._set_active(np.ones((5, 5), bool))
 
     def counted(force: float) -> float:
-        return float(charge._counted(np.full((1, TAXELS), force))[0, 0])
+        return float(charge._effective_force(np.full((1, TAXELS), force))[0, 0])
 
     for force in np.linspace(0, greatest, 50):
         up = counted(force)

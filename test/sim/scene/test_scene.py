@@ -131,7 +131,7 @@ def test_a_bent_chip_and_a_cover_are_read(tmp_path: Path) -> None:
     text = GOOD.replace("objects:", "bend_radius_mm: 20\nbend_axis: y\ncover_thickness_mm: 1.0\nobjects:")
     scene = load_scene(write(tmp_path, text), SENSOR)
     assert scene.bend == ChipBend(0.02, axis_x=False)
-    assert scene.cover_thickness == 1e-3
+    assert scene.skin_thickness == 1e-3
 
 
 def test_temperature_by_keyframes_and_no_period(tmp_path: Path) -> None:
@@ -225,7 +225,7 @@ def test_the_scenes_that_are_promised_are_shipped() -> None:
         (
             GOOD[GOOD.index("temperature_degC") : GOOD.index("effective")],
             BENT_PUNCH,
-            r"objects\[0\].length_mm: a rectangular punch needs a flat chip",
+            r"objects\[0\].length_mm: a rectangular indenter needs a flat chip",
         ),
         (
             "temperature_degC: 25.0",
