@@ -147,8 +147,8 @@ def interpolated_temperature(time: Float64Array, temperature: Float64Array) -> F
     known = np.flatnonzero(np.isfinite(temperature))
     fresh = known[np.concatenate([[True], np.diff(temperature[known]) != 0])]
     ends = np.unique(np.append(fresh, known[-1]))
-    even: Float64Array = np.interp(time, time[ends], temperature[ends])
-    return even
+    interpolated: Float64Array = np.interp(time, time[ends], temperature[ends])
+    return interpolated
 
 
 def read_reference(file: Path) -> Reference:
@@ -251,13 +251,14 @@ def _delay(sensor: Sensor, scans: Scans, reference: Reference) -> float:
     measured, reference_rate = (np.convolve(rate - rate.mean(), window, "same") for rate in (measured, reference_rate))
     size = 1 << (2 * len(measured)).bit_length()
     product = np.fft.rfft(reference_rate, size) * np.conj(np.fft.rfft(measured, size))
-    most = min(round(MAX_DELAY / step), len(measured) - 1)
-    correlation = np.roll(np.fft.irfft(product, size), most + 1)[: 2 * most + 3]  # lags from -most - 1 to most + 1
+    max_lag = min(round(MAX_DELAY / step), len(measured) - 1)
+    # Lags from -max_lag - 1 to max_lag + 1.
+    correlation = np.roll(np.fft.irfft(product, size), max_lag + 1)[: 2 * max_lag + 3]
     best = int(correlation[1:-1].argmax()) + 1
     if not correlation[best] > MIN_CORRELATION * np.linalg.norm(measured) * np.linalg.norm(reference_rate):
         raise ValueError(f"the reference does not follow what was recorded within {MAX_DELAY:g} s: compare the clocks")
     before, here, after = correlation[best - 1 : best + 2]
-    return step * float(best - most - 1 + 0.5 * (before - after) / (before - 2.0 * here + after))
+    return step * float(best - max_lag - 1 + 0.5 * (before - after) / (before - 2.0 * here + after))
 
 
 def _forces(sensor: Sensor, time: Float64Array, reference: Reference, ball: Sphere) -> Float64Array:

@@ -39,8 +39,8 @@ def pressing_scene(sensor: Sensor) -> Scene:
     values: list[tuple[float, ...]] = []
     for index, (x, y) in enumerate(sensor.layout.positions.tolist()):
         begin = REST + index * PRESS
-        for share, load in ((0.05, 0.0), (0.2, force), (0.6, force), (0.75, 0.0)):
-            times.append(begin + share * PRESS)
+        for fraction, load in ((0.05, 0.0), (0.2, force), (0.6, force), (0.75, 0.0)):
+            times.append(begin + fraction * PRESS)
             values.append((x, y, 0.0, load))
     end = REST + sensor.layout.taxels * PRESS
     return Scene(

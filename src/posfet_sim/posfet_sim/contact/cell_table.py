@@ -45,7 +45,7 @@ class CellTable:
     """Number of steps per metre [1/m]."""
     start: int
     """Number of steps from the start of the table to the edge of the cell."""
-    share: NDArray[np.float64]
+    fraction: NDArray[np.float64]
     """Fraction of the force at each step [1]."""
     rise: NDArray[np.float64]
     """Difference to the next step [1]."""
@@ -74,11 +74,11 @@ class CellTable:
         position -= index
         of_cells, below = work.arrays((cells, *index.shape))
         np.subtract(index, (np.arange(cells) * self.cell).reshape(-1, *(1,) * index.ndim), out=of_cells)
-        self.share.take(of_cells, mode="clip", out=below)
-        shares: NDArray[np.float64] = self.rise.take(of_cells, mode="clip")
-        shares *= position
-        shares += below
-        return shares
+        self.fraction.take(of_cells, mode="clip", out=below)
+        fractions: NDArray[np.float64] = self.rise.take(of_cells, mode="clip")
+        fractions *= position
+        fractions += below
+        return fractions
 
 
 @lru_cache(maxsize=64)
@@ -99,5 +99,5 @@ def cell_table(pitch: float, spread: float) -> CellTable:
     below[0], below[-1] = 0.0, 1.0
     enters = np.concatenate([np.zeros(1), below, np.ones(cell + 1)])
     leaves = np.concatenate([np.zeros(cell + 1), below, np.ones(1)])
-    share = enters - leaves
-    return CellTable(cell, cell / pitch, reach + 1, share, np.append(np.diff(share), 0.0))
+    fraction = enters - leaves
+    return CellTable(cell, cell / pitch, reach + 1, fraction, np.append(np.diff(fraction), 0.0))

@@ -161,11 +161,11 @@ def _elliptic(ratio: float) -> tuple[float, float]:
     """Return K and D = (K - E)/e^2 for e^2 = 1 - ratio^2, by the arithmetic-geometric mean."""
     square = 1 - ratio**2
     mean, geometric, power = 1.0, ratio, 1.0
-    share = square / 2  # (K - E)/K is the sum of 2^(n-1)*c_n^2, c_0 = e
+    ratio_sum = square / 2  # (K - E)/K is the sum of 2^(n-1)*c_n^2, c_0 = e
     while mean - geometric > 1e-12 * mean:
         difference = (mean - geometric) / 2
         mean, geometric = (mean + geometric) / 2, math.sqrt(mean * geometric)
-        share += power * difference**2
+        ratio_sum += power * difference**2
         power *= 2
     first = math.pi / (2 * mean)
-    return first, first * share / square if square > 0 else math.pi / 4
+    return first, first * ratio_sum / square if square > 0 else math.pi / 4

@@ -175,8 +175,10 @@ class FlatIndenter:
         return [flat, _disc(hertz_disc, self.radius, self.radius, spread, closing / force)]
 
 
-def _disc(rule: Callable[[int], DiscRule], along: float, across: float, spread: float, share: float = 1.0) -> Footprint:
+def _disc(
+    rule: Callable[[int], DiscRule], along: float, across: float, spread: float, fraction: float = 1.0
+) -> Footprint:
     """Return a pressure on an ellipse of these semi-axes [m] that carries a fraction of the force."""
     disc = rule(points_for(max(along, across), spread, max(along, across)))
-    weight = disc.x_weight if share == 1 else disc.x_weight * share
+    weight = disc.x_weight if fraction == 1 else disc.x_weight * fraction
     return Footprint(along, across, disc.both, weight, disc.y, disc.y_weight, True)

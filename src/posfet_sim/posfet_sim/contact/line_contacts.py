@@ -112,10 +112,10 @@ class LineShape(ABC):
         across, across_weight = self._across(points_for(middle_width, spread, widest))
         v = across[None, :]
         if bend[0] > 0:
-            shares = np.maximum(1 - load.fall * load.half_length**2 * u[: order // 2] ** 2, 0.0)
-            weight = weight * shares
+            profile = np.maximum(1 - load.fall * load.half_length**2 * u[: order // 2] ** 2, 0.0)
+            weight = weight * profile
             weight *= 0.5 / weight.sum()
-            widths = [self.half_width(load.middle * share, bend[1]) / middle_width for share in shares.tolist()]
+            widths = [self.half_width(load.middle * value, bend[1]) / middle_width for value in profile.tolist()]
             v = np.multiply.outer(widths, across)
         return [Footprint(load.half_length, middle_width, u, weight, v, across_weight, True)]
 
@@ -153,11 +153,12 @@ class Cylinder(LineShape):
         closing = (self.length / 2 / ellipse.along) ** 3
         rounded = min(force, closing)
         half_length = ellipse.along * math.pow(rounded, 1 / 3)
-        bulge, even = 0.75 * rounded / half_length, (force - rounded) / self.length
+        elliptic_load, uniform_load = 0.75 * rounded / half_length, (force - rounded) / self.length
         depth = ellipse.depth * math.pow(rounded, 2 / 3)
-        if even > 0:
-            depth += even / self._stiffness(force, bend)
-        return LineLoad(half_length, bulge + even, bulge / (bulge + even) / half_length**2, depth)
+        if uniform_load > 0:
+            depth += uniform_load / self._stiffness(force, bend)
+        middle = elliptic_load + uniform_load
+        return LineLoad(half_length, middle, elliptic_load / middle / half_length**2, depth)
 
     def half_width(self, line_load: float, curvature: float) -> float:
         """Return the half-width [m] by Hertz theory."""

@@ -186,8 +186,8 @@ class Cells:
         """
         half_length = np.array([max([part.half_length for part in parts]) for parts in footprints])
         half_width = np.array([max([part.half_width for part in parts]) for parts in footprints])
-        least = max(self.spread, _MIN_SPREAD_PER_PITCH * min(self._pitch))
-        spread = np.maximum(MIN_RELATIVE_SPREAD * np.maximum(half_length, half_width), least)
+        smallest = max(self.spread, _MIN_SPREAD_PER_PITCH * min(self._pitch))
+        spread = np.maximum(MIN_RELATIVE_SPREAD * np.maximum(half_length, half_width), smallest)
         cos, sin = np.cos(angle), np.sin(angle)
         reach_x = np.abs(cos) * half_length + np.abs(sin) * half_width + GAUSSIAN_REACH * spread
         reach_y = np.abs(sin) * half_length + np.abs(cos) * half_width + GAUSSIAN_REACH * spread
@@ -197,14 +197,14 @@ class Cells:
             return None
         x = x + (self._counts[0] / 2 - cols.start) * self._pitch[0]  # from the corner of the window
         y = y + (self._counts[1] / 2 - rows.start) * self._pitch[1]
-        share = np.zeros((len(footprints), rows.stop - rows.start, cols.stop - cols.start))
-        for width, orientation, samples in _batches(footprints, spread, cos, sin, max(share.shape[1:])):
+        fraction = np.zeros((len(footprints), rows.stop - rows.start, cols.stop - cols.start))
+        for width, orientation, samples in _batches(footprints, spread, cos, sin, max(fraction.shape[1:])):
             cells = _Tables(cell_table(self._pitch[0], width), cell_table(self._pitch[1], width), self._work)
             placement = _Placement(x[samples], y[samples], cos[samples], sin[samples])
             for parts in zip(*[footprints[sample] for sample in samples], strict=True):
-                share[samples] += _COLLECT[orientation](_stack(parts), placement, cells, share.shape[1:])
-        share *= force[:, None, None]
-        return Patch(rows, cols, share)
+                fraction[samples] += _COLLECT[orientation](_stack(parts), placement, cells, fraction.shape[1:])
+        fraction *= force[:, None, None]
+        return Patch(rows, cols, fraction)
 
 
 class _Orientation(IntEnum):
@@ -303,16 +303,17 @@ def _along_x(stack: _Stack, placement: _Placement, cells: _Tables, shape: tuple[
     if v.shape[2] == 1:
         u = u.sum(axis=2, keepdims=True)
     v = (v.reshape(-1, v.shape[3]) @ stack.v_weight).reshape(v.shape[:3])
-    share: Float64Array = v.transpose(1, 0, 2) @ u.transpose(1, 2, 0)
-    return share
+    fraction: Float64Array = v.transpose(1, 0, 2) @ u.transpose(1, 2, 0)
+    return fraction
 
 
 def _along_y(stack: _Stack, placement: _Placement, cells: _Tables, shape: tuple[int, ...]) -> Float64Array:
     """Return the same for an object along y: as for an object along x on transposed cells."""
     turned = _Placement(placement.y, placement.x, placement.sin, placement.cos)
     stack = stack._replace(v=-stack.v)
-    share: Float64Array = _along_x(stack, turned, _Tables(cells.y, cells.x, cells.work), shape[::-1]).transpose(0, 2, 1)
-    return share
+    transposed = _Tables(cells.y, cells.x, cells.work)
+    fraction: Float64Array = _along_x(stack, turned, transposed, shape[::-1]).transpose(0, 2, 1)
+    return fraction
 
 
 def _rotated(stack: _Stack, placement: _Placement, cells: _Tables, shape: tuple[int, ...]) -> Float64Array:
@@ -330,8 +331,8 @@ def _rotated(stack: _Stack, placement: _Placement, cells: _Tables, shape: tuple[
     within_x = cells.x.collect(placement.x[:, None] + x, shape[1], cells.work)
     within_y = cells.y.collect(placement.y[:, None] + y, shape[0], cells.work)
     within_y *= weight
-    share: Float64Array = within_y.transpose(1, 0, 2) @ within_x.transpose(1, 2, 0)
-    return share
+    fraction: Float64Array = within_y.transpose(1, 0, 2) @ within_x.transpose(1, 2, 0)
+    return fraction
 
 
 _COLLECT: Final = {_Orientation.ALONG_X: _along_x, _Orientation.ALONG_Y: _along_y, _Orientation.ROTATED: _rotated}

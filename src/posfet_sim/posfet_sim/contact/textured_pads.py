@@ -73,8 +73,8 @@ class Ridges(SoftPad):
         if force < full:
             u, weight = _crests(self.ridges, order, force / full)
         else:
-            u, crests, even = _full_contact(self.ridges, order, points_for(half_length, spread, widest))
-            weight = crests * (full / force) + even * (1 - full / force)
+            u, crests, uniform_points = _full_contact(self.ridges, order, points_for(half_length, spread, widest))
+            weight = crests * (full / force) + uniform_points * (1 - full / force)
         return [Footprint(half_length, half_width, u, weight, v, v_weight, False)]
 
 
@@ -92,14 +92,14 @@ def _crests(ridges: int, order: int, load: float) -> Line:
 
 @lru_cache(maxsize=64)
 def _full_contact(
-    ridges: int, order: int, even_order: int
+    ridges: int, order: int, uniform_order: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return points for full contact, their weights for the ridges, and those for the uniform pressure."""
     crests, crests_weight = _crests(ridges, order, 1.0)
-    even, even_weight = uniform(even_order)
-    weights = np.zeros((2, len(crests) + len(even)))
-    weights[0, : len(crests)], weights[1, len(crests) :] = crests_weight, even_weight
-    return np.concatenate([crests, even]), weights[0], weights[1]
+    uniform_points, uniform_weight = uniform(uniform_order)
+    weights = np.zeros((2, len(crests) + len(uniform_points)))
+    weights[0, : len(crests)], weights[1, len(crests) :] = crests_weight, uniform_weight
+    return np.concatenate([crests, uniform_points]), weights[0], weights[1]
 
 
 @lru_cache(maxsize=64)
@@ -126,16 +126,16 @@ class Roughness(SoftPad):
     @cached_property
     def _points(self) -> Footprint:
         random = np.random.default_rng(self.seed)
-        share = random.exponential(size=self.bumps)
-        share /= share.sum()
+        fraction = random.exponential(size=self.bumps)
+        fraction /= fraction.sum()
         u, v = (random.random((2, self.bumps)) - 0.5) * np.array([[self.length], [self.width]])
-        u, v = u - share @ u, v - share @ v
+        u, v = u - fraction @ u, v - fraction @ v
         half_length, half_width = (max(float(np.abs(points).max()), 1e-9) for points in (u, v))
         return Footprint(
             half_length=half_length,
             half_width=half_width,
             u=u / half_length,
-            u_weight=share,
+            u_weight=fraction,
             v=v[:, None] / half_width,
             v_weight=np.ones(1),
             mirrored=False,

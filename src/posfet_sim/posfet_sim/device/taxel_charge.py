@@ -174,10 +174,10 @@ class TaxelCharge:
         """Return the effective forces [N] after the hysteresis of the film, shape [scans, active]."""
         if not self._half_widths.size:
             return force
-        least, most = force[:, None] - self._half_widths, force[:, None] + self._half_widths
-        plays = np.empty_like(least)
+        lower, upper = force[:, None] - self._half_widths, force[:, None] + self._half_widths
+        plays = np.empty_like(lower)
         before = self._plays
-        for low, high, after in zip(least, most, plays, strict=True):
+        for low, high, after in zip(lower, upper, plays, strict=True):
             np.maximum(before, low, out=after)
             np.minimum(after, high, out=after)
             before = after

@@ -70,16 +70,16 @@ def chip_temperature_rise(scene: Scene, sensor: Sensor) -> TemperatureRise | Non
     span = scene.period if repeats else scene.duration + _TAIL * LOSS_TIME_CONSTANT
     count = min(max(math.ceil(span / _STEP), 1), _MAX_STEPS)
     step = span / count
-    gains = [_gain(scene, chip, (index + 0.5) * step, step) for index in range(count)]
+    responses = [_step_response(scene, chip, (index + 0.5) * step, step) for index in range(count)]
     start = 0.0
     if repeats:
         decay, end = 1.0, 0.0
-        for factor, steady in gains:
+        for factor, steady in responses:
             decay, end = decay * factor, steady + (end - steady) * factor
         start = end / (1 - decay)
     values = [start]
     exact = start
-    for factor, steady in gains:
+    for factor, steady in responses:
         exact = steady + (exact - steady) * factor
         values.append(exact if abs(exact - values[-1]) > _RESOLUTION else values[-1])
     if repeats:
@@ -87,7 +87,7 @@ def chip_temperature_rise(scene: Scene, sensor: Sensor) -> TemperatureRise | Non
     return TemperatureRise(step, tuple(values))
 
 
-def _gain(scene: Scene, chip: _Chip, time: float, step: float) -> tuple[float, float]:
+def _step_response(scene: Scene, chip: _Chip, time: float, step: float) -> tuple[float, float]:
     """Return the decay factor of W over a step [1] and the steady state it decays to [K], at a time [s]."""
     conductance, flow = chip.capacity / LOSS_TIME_CONSTANT, 0.0
     (own,) = scene.temperature.at(time)

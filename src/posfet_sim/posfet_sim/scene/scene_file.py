@@ -197,8 +197,8 @@ def _bend(top: Section, sensor: Sensor) -> ChipBend | None:
     axis_x = top.text("bend_axis", ("x", "y")) == "x"
     layout = sensor.layout
     span = layout.rows * layout.pitch_y if axis_x else layout.cols * layout.pitch_x
-    least = max(span / math.pi, 1e-3)
-    return ChipBend(top.number("bend_radius_mm", math.ceil(least * 1e5) / 100, 1e5) * 1e-3, axis_x)
+    smallest = max(span / math.pi, 1e-3)
+    return ChipBend(top.number("bend_radius_mm", math.ceil(smallest * 1e5) / 100, 1e5) * 1e-3, axis_x)
 
 
 def _temperature(top: Section, period: float) -> Keyframes:

@@ -125,13 +125,13 @@ class _ObjectLoads:
 
 def _cells(scene: Scene, item: SceneObject, sensor: Sensor) -> Cells:
     """Return the cells for an object, with the minimum spread for its maximum force, so that it is always the same."""
-    least, bend = spread(scene, sensor), scene.bend_along(item, 0.0)
+    minimum, bend = spread(scene, sensor), scene.bend_along(item, 0.0)
     load = item.path.max_load()
     force = item.shape.force(load, bend) if item.by_indentation else load
     if force > 0:
-        footprints = item.shape.footprints(force, least, bend)
-        least = max(least, *[MIN_RELATIVE_SPREAD * max(part.half_length, part.half_width) for part in footprints])
-    return Cells(sensor.layout, least)
+        footprints = item.shape.footprints(force, minimum, bend)
+        minimum = max(minimum, *[MIN_RELATIVE_SPREAD * max(part.half_length, part.half_width) for part in footprints])
+    return Cells(sensor.layout, minimum)
 
 
 def spread(scene: Scene, sensor: Sensor) -> float:

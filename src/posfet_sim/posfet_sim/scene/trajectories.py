@@ -73,8 +73,8 @@ class Keyframes:
         end = self.values[index + 1]
         if start == end:
             return start
-        share = minimum_jerk((time - self.times[index]) / (self.times[index + 1] - self.times[index]))
-        return tuple([a + (b - a) * share for a, b in zip(start, end, strict=True)])
+        fraction = minimum_jerk((time - self.times[index]) / (self.times[index + 1] - self.times[index]))
+        return tuple([a + (b - a) * fraction for a, b in zip(start, end, strict=True)])
 
     def changing(self, constant: Callable[[tuple[float, ...], tuple[float, ...]], bool]) -> list[Span]:
         """Return the intervals [s] for which `constant` (values at the start, values at the end) is false."""
@@ -112,7 +112,7 @@ class PressRelease:
     load: float
     """Load while it holds: force [N] or indentation [m]."""
 
-    def share(self, time: float) -> float:
+    def relative_load(self, time: float) -> float:
         """Return the load at a time [s] relative to the full load, in [0, 1]."""
         edge = min(time - self.start, self.end - time)
         if edge <= 0:
@@ -121,7 +121,7 @@ class PressRelease:
 
     def at(self, time: float) -> Pose:
         """Return the pose at a time [s] of the scene."""
-        return (self.x, self.y, self.angle, self.load * self.share(time))
+        return (self.x, self.y, self.angle, self.load * self.relative_load(time))
 
     def changes(self) -> list[Span]:
         """Return the interval from start to end [s]."""
@@ -148,7 +148,7 @@ class Vibration(PressRelease):
         since = time - self.start
         slope = (self.end_frequency - self.frequency) / (self.end - self.start)
         wave = math.sin(2 * math.pi * since * (self.frequency + slope * since / 2))
-        return (self.x, self.y, self.angle, (self.load + self.amplitude * wave) * self.share(time))
+        return (self.x, self.y, self.angle, (self.load + self.amplitude * wave) * self.relative_load(time))
 
     def max_load(self) -> float:
         """Return the sum of load and amplitude."""
@@ -172,12 +172,12 @@ class Stroke(PressRelease):
         """Return the pose at a time [s] of the scene."""
         travelled = self.strokes * (time - self.start - self.rise) / (self.end - self.start - 2 * self.rise)
         travelled = min(max(travelled, 0.0), float(self.strokes)) % 2 if travelled < self.strokes else self.strokes % 2
-        share = travelled if travelled <= 1 else 2 - travelled
+        fraction = travelled if travelled <= 1 else 2 - travelled
         return (
-            self.x + (self.to_x - self.x) * share,
-            self.y + (self.to_y - self.y) * share,
-            self.angle + (self.to_angle - self.angle) * share,
-            self.load * self.share(time),
+            self.x + (self.to_x - self.x) * fraction,
+            self.y + (self.to_y - self.y) * fraction,
+            self.angle + (self.to_angle - self.angle) * fraction,
+            self.load * self.relative_load(time),
         )
 
 
@@ -206,15 +206,15 @@ class RandomMotion(PressRelease):
 
     def at(self, time: float) -> Pose:
         """Return the pose at a time [s] of the scene."""
-        share = self.share(time)
-        if share == 0:
+        fraction = self.relative_load(time)
+        if fraction == 0:
             return (self.x, self.y, self.angle, 0.0)
         load, x, y = (sum(math.sin(rate * time + phase) for rate, phase in waves) / WAVES for waves in self._waves)
         return (
             self.x + self.reach * x,
             self.y + self.reach * y,
             self.angle,
-            (self.load + self.amplitude * load) * share,
+            (self.load + self.amplitude * load) * fraction,
         )
 
     def max_load(self) -> float:
@@ -246,11 +246,11 @@ class Taps:
     def at(self, time: float) -> Pose:
         """Return the pose at a time [s] of the scene."""
         number = math.floor((time - self.start) / self.interval)
-        share = 0.0
+        fraction = 0.0
         if 0 <= number < self.count:
             u = 2 * (time - self.start - number * self.interval) / self.contact
-            share = minimum_jerk(max(min(u, 2 - u), 0.0))
-        return (self.x, self.y, self.angle, self.load * share)
+            fraction = minimum_jerk(max(min(u, 2 - u), 0.0))
+        return (self.x, self.y, self.angle, self.load * fraction)
 
     def changes(self) -> list[Span]:
         """Return the intervals of the contacts [s]."""
