@@ -25,9 +25,9 @@ from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.figures import style
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.calibration.simulated_bench import calibrate
-from posfet_sim.commands.score import differing
-from posfet_sim.device.imperfections import Imperfections
-from posfet_sim.emulation.offline import wire_scans
+from posfet_sim.commands.score import perturbed
+from posfet_sim.device.error_model import ErrorModel
+from posfet_sim.emulation.offline import received_scans
 from posfet_sim.evaluation.scorer import Score, Scorer
 from posfet_sim.scene import load_scene
 
@@ -88,9 +88,9 @@ PROCESSES: Final = 2
 PUBLISHED: Final = 10.68
 """Force error of a comparable PVDF array [%], PMC4934245."""
 
-BOARD: Final = replace(Imperfections.default(), resets_per_hour=0.0)
+BOARD: Final = replace(ErrorModel.default(), resets_per_hour=0.0)
 
-WHITE: Final = replace(Imperfections.none(), thermal_noise=BOARD.thermal_noise)
+WHITE: Final = replace(ErrorModel.none(), thermal_noise=BOARD.thermal_noise)
 """White noise and quantisation alone."""
 
 
@@ -104,13 +104,13 @@ class Job:
     sign: int
     """Sign of the gain errors: each board is run with both signs, so that their mean is no bias; 0: no error."""
     differences: tuple[tuple[str, float], ...] = ()
-    board: Imperfections = BOARD
+    board: ErrorModel = BOARD
     without: str = "nothing"
     """Disabled component, of `ablation.PIECES`."""
 
 
 @lru_cache
-def _calibration(seed: int, board: Imperfections = BOARD) -> Calibration:
+def _calibration(seed: int, board: ErrorModel = BOARD) -> Calibration:
     return calibrate(load_sensor(), seed, board)
 
 
@@ -118,11 +118,11 @@ def score(job: Job) -> tuple[Score, float]:
     """Return the score of a job, and the error of the total force due to the gain errors alone [%]."""
     sensor, right = load_sensor(), _calibration(job.seed, job.board)
     wrong = 1.0 + job.sign * MISMATCH * np.random.default_rng(job.seed).standard_normal(sensor.layout.taxels)
-    device = differing(sensor, dict(job.differences))
+    device = perturbed(sensor, dict(job.differences))
     scorer, calibration = Scorer(sensor), replace(right, gain=right.gain * wrong)
     errors, forces = [], []
     with ablation.PIECES[job.without].reconstructor(sensor, calibration) as reconstructor:
-        for scan, truth in wire_scans(device, load_scene(job.scene, device), job.seconds, job.seed, job.board):
+        for scan, truth in received_scans(device, load_scene(job.scene, device), job.seconds, job.seed, job.board):
             result = reconstructor.process(scan)
             image = reconstructor.image()
             if not result.accepted:

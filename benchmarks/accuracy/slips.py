@@ -21,10 +21,10 @@ from posfet_model.sensor.description import load_sensor
 from posfet_sim.calibration.simulated_bench import calibrate
 from posfet_sim.commands.score import Run, run
 from posfet_sim.contact.indenters import Sphere
-from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.evaluation.scorer import Score
-from posfet_sim.scene import Scene, SceneObject, Track
-from posfet_sim.scene.trajectories import Path, Stroke, Wander
+from posfet_sim.scene import Keyframes, Scene, SceneObject
+from posfet_sim.scene.trajectories import Path, RandomMotion, Stroke
 
 SPEEDS: Final = (5e-3, 12e-3, 20e-3, 50e-3)
 """Speeds of the slips [m/s]."""
@@ -59,7 +59,7 @@ random positions and in random directions. From {SLIP_SPEED * 1e3:g} mm/s on tha
 it is reported within 50 ms. "False slips" are slips reported at any other time, including onset and release of the
 contact within {RISE * 1e3:g} ms. In the last row a held ball rests while its force varies randomly at up to 5 Hz."""
 
-BOARD: Final = replace(Imperfections.default(), resets_per_hour=0.0)
+BOARD: Final = replace(ErrorModel.default(), resets_per_hour=0.0)
 
 Calibrated = Callable[[int], Calibration]
 """The calibration of the board with a seed."""
@@ -67,7 +67,7 @@ Calibrated = Callable[[int], Calibration]
 
 def _scene(paths: Sequence[Path], seconds: float) -> Scene:
     balls = tuple(SceneObject(f"ball {number}", Sphere(4e-3, 2e6), path) for number, path in enumerate(paths))
-    return Scene("slips", "a ball slips", seconds, balls, Track((0.0,), ((25.0,),)))
+    return Scene("slips", "a ball slips", seconds, balls, Keyframes((0.0,), ((25.0,),)))
 
 
 def slipping(speed: float, force: float, seed: int) -> Scene:
@@ -87,7 +87,7 @@ def slipping(speed: float, force: float, seed: int) -> Scene:
 
 def held_with_varying_force(seconds: float) -> Scene:
     """Return a scene of a held ball whose force varies randomly between 0.1 and 1.9 N at up to 5 Hz."""
-    return _scene([Wander(FIRST, seconds, RISE, 0.4e-3, -0.5e-3, 0.0, 1.0, 0.9, 0.0, 5.0, 3)], seconds)
+    return _scene([RandomMotion(FIRST, seconds, RISE, 0.4e-3, -0.5e-3, 0.0, 1.0, 0.9, 0.0, 5.0, 3)], seconds)
 
 
 def score(scene: Scene, seed: int, calibrated: Calibrated) -> Score:

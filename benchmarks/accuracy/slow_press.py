@@ -14,9 +14,9 @@ from posfet_model.estimation.settings import ObserverSettings
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.contact.indenters import Sphere
-from posfet_sim.device.imperfections import Imperfections
-from posfet_sim.emulation.offline import wire_scans
-from posfet_sim.scene import Scene, SceneObject, Track
+from posfet_sim.device.error_model import ErrorModel
+from posfet_sim.emulation.offline import received_scans
+from posfet_sim.scene import Keyframes, Scene, SceneObject
 
 FORCES: Final = (1.0, 0.1)
 """Forces [N]."""
@@ -39,19 +39,19 @@ share of the total force that is missing after {HELD:g} s of hold."""
 
 
 def press(
-    force: float, rise: float, seed: int, board: Imperfections, calibration: Callable[[int], Calibration]
+    force: float, rise: float, seed: int, board: ErrorModel, calibration: Callable[[int], Calibration]
 ) -> tuple[float, float]:
     """Return the detection delay [s], infinite without detection, and the share of the force that is missing [1]."""
     sensor = load_sensor()
     end = BEGINS + rise + HELD
     times = (BEGINS, BEGINS + rise, end, end + 1.0)
     values = tuple((0.2e-3, -0.1e-3, 0.0, load) for load in (0.0, force, force, 0.0))
-    ball = SceneObject("ball", Sphere(4e-3, 2e6), Track(times, values))
-    steady = Track((0.0,), ((25.0,),))
+    ball = SceneObject("ball", Sphere(4e-3, 2e6), Keyframes(times, values))
+    steady = Keyframes((0.0,), ((25.0,),))
     scene = Scene(name="slow", description="a slow press", period=end + 1.0, objects=(ball,), temperature=steady)
     model = Reconstructor(sensor, calibration(seed))
     carried = found = np.inf
-    for scan, truth in wire_scans(sensor, scene, end, seed, board):
+    for scan, truth in received_scans(sensor, scene, end, seed, board):
         result = model.process(scan)
         if truth.force.max() >= sensor.contact.threshold:
             carried = min(carried, truth.time)
@@ -63,7 +63,7 @@ def press(
     return max(found - carried, 0.0), missing
 
 
-def rows(pool: Executor, seed: int, board: Imperfections, calibration: Callable[[int], Calibration]) -> list[str]:
+def rows(pool: Executor, seed: int, board: ErrorModel, calibration: Callable[[int], Calibration]) -> list[str]:
     """Return a table, a row for each force and rise time."""
     cases = [(force, rise) for force in FORCES for rise in RISES]
     run = partial(press, seed=seed, board=board, calibration=calibration)

@@ -8,8 +8,8 @@ from benchmarks.outcome import Cell, Chart, Outcome, Point, Table
 from benchmarks.timing import scan_microseconds
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
-from posfet_sim.device.imperfections import Imperfections
-from posfet_sim.emulation.offline import wire_scans
+from posfet_sim.device.error_model import ErrorModel
+from posfet_sim.emulation.offline import received_scans
 from posfet_sim.evaluation.scorer import Scorer
 from posfet_sim.scene import SCENE_FOLDER, load_scene
 
@@ -27,7 +27,7 @@ def measure(full: bool) -> Outcome:
         duration = min(scene.duration or LONGEST, LONGEST_FULL if full else LONGEST)
         reconstructor, scorer = Reconstructor(sensor), Scorer(sensor)
         taken: list[int] = []
-        for scan, truth in wire_scans(sensor, scene, duration, 1, Imperfections.default()):
+        for scan, truth in received_scans(sensor, scene, duration, 1, ErrorModel.default()):
             begin = time.perf_counter_ns()
             result = reconstructor.process(scan)
             taken.append(time.perf_counter_ns() - begin)

@@ -74,7 +74,7 @@ def measure(full: bool) -> Outcome:
     for name in SHIPPED:
         scene = load_scene(name, SENSOR)
         lazy, whole = (
-            SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 0, NONE.without_noise(), full=full)
+            SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 0, NONE.without_noise(), compute_all=full)
             for full in (False, True)
         )
         cheap, dear = (run(board, range(SCANS)) / SCANS * 1e6 for board in (lazy, whole))

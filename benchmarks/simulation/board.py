@@ -10,7 +10,7 @@ from benchmarks.outcome import Cell, Chart, Outcome, Point, Table
 from benchmarks.simulation.runs import CHUNK, DEFAULT, FULL_SCALE, NONE, SENSOR, run
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
-from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.scene import SceneLoads, load_scene
 
@@ -24,7 +24,7 @@ FRONT_SCENES = ("press_slide_lift", "two_fingers", "idle")
 FRONT_SCANS = 2000
 
 
-def cost(sensor: Sensor, imperfections: Imperfections, scene: str, part: range, runs: int) -> float:
+def cost(sensor: Sensor, imperfections: ErrorModel, scene: str, part: range, runs: int) -> float:
     """Return the median time of a scan [us]; scans at rest are computed many at once, so chunks are timed."""
     chunks = []
     for _ in range(runs):
@@ -38,12 +38,12 @@ def cost(sensor: Sensor, imperfections: Imperfections, scene: str, part: range, 
 def shortcut(scene: str) -> tuple[float, float, float, float]:
     """Return the time of a scan [us] of the lazy and of the full board, largest difference / full scale, and share."""
     boards = [
-        SimulatedBoard(SENSOR, SceneLoads(load_scene(scene, SENSOR), SENSOR), 0, NONE.without_noise(), full=full)
+        SimulatedBoard(SENSOR, SceneLoads(load_scene(scene, SENSOR), SENSOR), 0, NONE.without_noise(), compute_all=full)
         for full in (0, 1)
     ]
     taken = [run(board, range(FRONT_SCANS)) / FRONT_SCANS * 1e6 for board in boards]
     lazy, full = (
-        SimulatedBoard(SENSOR, SceneLoads(load_scene(scene, SENSOR), SENSOR), 0, NONE.without_noise(), full=full)
+        SimulatedBoard(SENSOR, SceneLoads(load_scene(scene, SENSOR), SENSOR), 0, NONE.without_noise(), compute_all=full)
         for full in (False, True)
     )
     scan, worst = Scan.empty(1, SENSOR.layout.taxels), 0.0

@@ -24,14 +24,14 @@ import numpy as np
 
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
-from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.scene import SCENE_FOLDER, Scene, SceneLoads, load_scene
 
 SENSOR = load_sensor()
 SHIPPED = sorted(path.stem for path in SCENE_FOLDER.glob("*.yaml"))
 FULL_SCALE = SENSOR.device.force_max * SENSOR.volts_per_newton
-NONE, DEFAULT = Imperfections.none(), Imperfections.default()
+NONE, DEFAULT = ErrorModel.none(), ErrorModel.default()
 REFERENCE_RATE = 100_000.0
 CHUNK = 64
 """Scans timed together: the least of many is what an undisturbed processor needs."""
@@ -60,9 +60,10 @@ def run(board: SimulatedBoard, indices: range) -> float:
 
 def scenes(options: argparse.Namespace) -> None:
     """Print the table of what is saved."""
-    print(
-        "| scene | taxel updates / (taxels * scans) | us a scan | in full | times | largest difference / full scale |"
+    columns = (
+        "taxel updates / (taxels * scans) | us per scan | full computation | speed-up | max difference / full scale"
     )
+    print(f"| scene | {columns} |")
     print("|---|---|---|---|---|---|")
     wide = replace(SENSOR, layout=replace(SENSOR.layout, rows=32, cols=32))
     for sensor, suffix in ((SENSOR, ""), (wide, " (32 x 32)")):
@@ -70,12 +71,12 @@ def scenes(options: argparse.Namespace) -> None:
             count = scans(name, options.longest or 2.0)
             scene = load_scene(name, sensor)
             lazy, full = (
-                SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, NONE.without_noise(), full=full)
+                SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, NONE.without_noise(), compute_all=full)
                 for full in (False, True)
             )
             taken = run(lazy, range(count)), run(full, range(count))
             lazy, full = (
-                SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, NONE.without_noise(), full=full)
+                SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, NONE.without_noise(), compute_all=full)
                 for full in (False, True)
             )
             scan, worst = Scan.empty(1, sensor.layout.taxels), 0.0
@@ -93,16 +94,19 @@ def scenes(options: argparse.Namespace) -> None:
 
 def reference(options: argparse.Namespace) -> None:
     """Print the table of errors against the full computation at 100 kHz."""
-    print("| scene | time s | largest error, % of full scale | with imperfections, noise off |")
+    print("| scene | duration s | max error, % of full scale | default error model, noise off |")
     print("|---|---|---|---|")
     fast = replace(SENSOR, can=replace(SENSOR.can, scan_rate=REFERENCE_RATE))
     ratio = round(REFERENCE_RATE / SENSOR.can.scan_rate)
     for name in options.scene:
         count = scans(name, options.longest or math.inf)
         errors = []
-        for imperfections in (NONE.without_noise(), replace(DEFAULT.without_noise(), dead_share=0.0, stuck_share=0.0)):
+        for imperfections in (
+            NONE.without_noise(),
+            replace(DEFAULT.without_noise(), dead_probability=0.0, stuck_probability=0.0),
+        ):
             board = SimulatedBoard(SENSOR, SceneLoads(load_scene(name, SENSOR), SENSOR), 0, imperfections)
-            truth = SimulatedBoard(fast, SceneLoads(load_scene(name, fast), fast), 0, imperfections, full=True)
+            truth = SimulatedBoard(fast, SceneLoads(load_scene(name, fast), fast), 0, imperfections, compute_all=True)
             scan, worst = Scan.empty(1, SENSOR.layout.taxels), 0.0
             for index in range(count):
                 board.scan(index, scan)
@@ -116,16 +120,17 @@ def reference(options: argparse.Namespace) -> None:
 def speed(options: argparse.Namespace) -> None:
     """Print the table of speed."""
     del options
-    print("| array | imperfections | state | us a scan, least | median | share of a core at 1 kHz | times real time |")
+    print("| array | error model | state | us per scan, min | median | load of a core at 1 kHz | times real time |")
     print("|---|---|---|---|---|---|---|")
     large = replace(SENSOR, layout=replace(SENSOR.layout, rows=64, cols=64))
-    parts = (("press_slide_lift", "sliding", range(1000, 2000)), ("texture", "ridges sliding askew", range(500, 1500)),
-             ("press_slide_lift", "held", range(520, 900)), ("idle", "at rest", range(3000)))  # fmt: skip
+    parts = (("press_slide_lift", "sliding", range(1000, 2000)),
+             ("texture", "ridges sliding, rotated", range(500, 1500)),
+             ("press_slide_lift", "held", range(520, 900)), ("idle", "unloaded", range(3000)))  # fmt: skip
     for sensor, title in ((SENSOR, "5 x 5"), (large, "64 x 64")):
         for imperfections, what in ((NONE, "none"), (DEFAULT, "default")):
             for name, state, part in parts:
                 scene, micro = load_scene(name, sensor), []
-                if "askew" in state:
+                if "rotated" in state:
                     scene = turned(scene, 0.5)
                 for _ in range(3):
                     board = SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, imperfections)
@@ -228,7 +233,7 @@ def schemes(options: argparse.Namespace) -> None:
         writer.writerow(["scheme", "width", "step_s", "run_time_per_second_s", "error_percent"])
         for title, width, step, cost, error in rows:
             writer.writerow([title, width, f"{step:g}", f"{cost:.4g}", f"{error:.4g}"])
-    print("| scheme | float | step ms | ms a second, 4096 taxels | largest error, % of full scale |")
+    print("| scheme | precision | step ms | ms per second, 4096 taxels | max error, % of full scale |")
     print("|---|---|---|---|---|")
     for title, width, step, cost, error in rows:
         print(f"| {title} | {width} | {step * 1e3:g} | {cost * 1e3:.1f} | {error:.2g} |")
@@ -251,8 +256,8 @@ def whole_boards() -> list[tuple[str, str, float, float, float]]:
                     SceneLoads(load_scene(SCHEME_SCENE, each), each),
                     0,
                     silent,
-                    narrow=narrow and not full,
-                    full=full,
+                    single_precision=narrow and not full,
+                    compute_all=full,
                 )
                 for each, full in (
                     *((replace(each, can=replace(each.can, scan_rate=1 / step)), False) for each in (SENSOR, large)),

@@ -10,11 +10,11 @@ import time
 from dataclasses import replace
 
 from posfet_model.sensor.description import Sensor, load_sensor
-from posfet_sim.contact.indenters import Punch, Shape, Sphere
+from posfet_sim.contact.indenters import FlatIndenter, Shape, Sphere
 from posfet_sim.contact.line_contacts import Cylinder, Edge
-from posfet_sim.contact.rectangular_punch import RectangularPunch
+from posfet_sim.contact.rectangular_indenter import RectangularIndenter
 from posfet_sim.contact.textured_pads import Ridges, Roughness
-from posfet_sim.scene import ChipBend, Scene, SceneLoads, SceneObject, Track
+from posfet_sim.scene import ChipBend, Keyframes, Scene, SceneLoads, SceneObject
 from posfet_sim.scene.trajectories import Vibration
 
 SCANS = 96
@@ -23,8 +23,8 @@ AT_ONCE = 16
 REPEATS = 30
 SHAPES: dict[str, Shape] = {
     "sphere": Sphere(5e-3, 2e6),
-    "punch": Punch(1.5e-3, 2e6),
-    "punch, rectangular": RectangularPunch(4e-3, 2e-3, 2e6),
+    "punch": FlatIndenter(1.5e-3, 2e6),
+    "punch, rectangular": RectangularIndenter(4e-3, 2e-3, 2e6),
     "cylinder": Cylinder(4e-3, 2e6, 3e-3),
     "edge": Edge(4e-3, 2e6, math.tan(math.radians(20))),
     "texture, 3 ridges": Ridges(6e-3, 4e-3, 3, 10e-6, 2e6),
@@ -35,7 +35,7 @@ SHAPES: dict[str, Shape] = {
 def cost(sensor: Sensor, shape: Shape, angle: float, bend: ChipBend | None) -> tuple[float, int]:
     """Return the least time a scan [us] over a few runs, and the number of taxels met, while the force changes."""
     path = Vibration(0.0, 10.0, 1.0, 0.3e-3, -0.2e-3, angle, 1.0, 0.2, 37.0, 37.0)
-    temperature = Track((0.0,), ((25.0,),))
+    temperature = Keyframes((0.0,), ((25.0,),))
     scene = Scene("cost", "-", math.inf, (SceneObject("object", shape, path),), temperature, bend)
     loads = SceneLoads(scene, sensor)
     times = [1.0 + index * 1e-3 for index in range(SCANS)]
@@ -53,12 +53,12 @@ def main() -> None:
     small = load_sensor()
     large = replace(small, layout=replace(small.layout, rows=64, cols=64))
     cases = [(small, 0.0, None), (large, 0.0, None), (large, 0.5, None), (large, 0.5, ChipBend(20e-3, axis_x=False))]
-    print("| kind | 5 x 5 | 64 x 64 | turned by 29 deg | turned, bent chip | taxels met of 4096 |")
+    print("| kind | 5 x 5 | 64 x 64 | rotated by 29 deg | rotated, bent chip | taxels within reach of 4096 |")
     print("|---|---|---|---|---|---|")
     for name, shape in SHAPES.items():
         costs = [cost(sensor, shape, angle, bend) for sensor, angle, bend in cases]
         told = [f"{each:.0f} us" for each, _ in costs]
-        if isinstance(shape, RectangularPunch):
+        if isinstance(shape, RectangularIndenter):
             told[3] = "-"  # not on a bent chip
         print(f"| {name} | {' | '.join(told)} | {costs[2][1]} |")
 

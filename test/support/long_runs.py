@@ -1,4 +1,4 @@
-"""Long runs, seeded: scans under faults of every kind, and frames of any kind. Short ones are in test_long_runs.py.
+"""Long random tests with a seed: scans under every fault, and random frames. Short ones are in test_long_runs.py.
 
 In the folder test:
 
@@ -19,25 +19,25 @@ from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.clocks import SteppedClock
 from support.fake_board import FakeBoard, assert_marked, with_fd
-from support.fault_injector import FaultInjector, Trouble
+from support.fault_injector import FaultInjector, InjectedFault
 from support.soak import Usage
 from support.stepped import SteppedBus
 
 SENSOR = load_sensor()
 BASE = SENSOR.can.base_id
-NEW_NUMBERS = (Trouble.RESET, Trouble.BROWN_OUT)
-"""Troubles after which the account begins anew: what was sent under the old numbers cannot be known."""
-COUNTED = tuple(trouble for trouble in Trouble if trouble not in (*NEW_NUMBERS, Trouble.NONE))
+NEW_SEQUENCE = (InjectedFault.RESET, InjectedFault.BROWN_OUT)
+"""Faults after which the count of scans restarts: the number of scans sent with the old sequence is unknown."""
+COUNTED = tuple(fault for fault in InjectedFault if fault not in (*NEW_SEQUENCE, InjectedFault.NONE))
 CADENCE = 500_000
 """Time between two batches of frames from the adapter [ns]."""
 POOL = 2_000
-"""Frames that are made at a time, and poured in ten orders."""
+"""Number of frames that are generated at once, and fed in ten different orders."""
 LENGTHS = (0, 1, 7, 8, 8, 8, 12, 63, 64, 64, 64)
 KINDS = (CLASSIC, CLASSIC, FD | RATE_SWITCH, FD | RATE_SWITCH, FD, EXTENDED, REMOTE, ERROR, FD | EXTENDED)
 
 
-def scans_under_faults(scans: int, fd: bool, seed: int, troubles: tuple[Trouble, ...] = COUNTED) -> dict[str, int]:
-    """Let a board send `scans` scans under random troubles; return the account. Each scan is held to the one sent."""
+def scans_under_faults(scans: int, fd: bool, seed: int, faults: tuple[InjectedFault, ...] = COUNTED) -> dict[str, int]:
+    """Let a board send scans under random faults, verify each received scan, and return the counts."""
     noise = random.Random(seed)
     clock = SteppedClock()
     injector = FaultInjector(lambda now: BoardFirmware(with_fd(SENSOR, fd), FakeBoard(SENSOR), now), BASE, 0, seed)
@@ -48,15 +48,15 @@ def scans_under_faults(scans: int, fd: bool, seed: int, troubles: tuple[Trouble,
         scan = board.read(0.01)
     first = last = scan.sequence
     sent, resets = 0, board.resets
-    bag: list[Trouble] = []
-    while sent < scans or injector.trouble != Trouble.NONE:
-        bag = bag or noise.sample(troubles, len(troubles))  # each once before any comes again
-        injector.trouble = bag.pop() if injector.trouble == Trouble.NONE else Trouble.NONE
+    bag: list[InjectedFault] = []
+    while sent < scans or injector.fault != InjectedFault.NONE:
+        bag = bag or noise.sample(faults, len(faults))  # each once before any is repeated
+        injector.fault = bag.pop() if injector.fault == InjectedFault.NONE else InjectedFault.NONE
         injector.firmware.supply = 5.0
         end = clock.now + round(noise.expovariate(5.0) * 1e9)
         while clock.now < end:
             if noise.random() < 0.001:
-                clock.now += round(noise.expovariate(50.0) * 1e9)  # the host is held up
+                clock.now += round(noise.expovariate(50.0) * 1e9)  # delay of the host
             scan = board.read(0.01)
             if scan is None:
                 continue
@@ -78,7 +78,7 @@ def scans_under_faults(scans: int, fd: bool, seed: int, troubles: tuple[Trouble,
 
 
 def _settle(board: Board) -> None:
-    """Let all be well again, until the account is closed by whole scans and status frames."""
+    """Read without faults until complete scans and status frames account for every scan sent."""
     before = board.receiver.scans
     while board.receiver.scans < before + 1000:
         board.read(0.01)
@@ -90,16 +90,16 @@ def any_frame(noise: random.Random, real: list[Frame]) -> Frame:
     """Return a random frame, or a real one with some bits flipped."""
     if noise.random() < 0.5:
         identifier, kind, data = noise.choice(real)
-        spoiled = bytearray(data)
+        mutated = bytearray(data)
         for _ in range(noise.randrange(4)):
-            spoiled[noise.randrange(len(spoiled))] ^= 1 << noise.randrange(8)
-        return identifier, kind, bytes(spoiled)
+            mutated[noise.randrange(len(mutated))] ^= 1 << noise.randrange(8)
+        return identifier, kind, bytes(mutated)
     identifier = BASE + noise.randrange(-2, 15) if noise.random() < 0.8 else noise.randrange(1 << 29)
     return identifier, noise.choice(KINDS), noise.randbytes(noise.choice(LENGTHS))
 
 
 def fuzz(frames: int, fd: bool, seed: int) -> tuple[int, int]:
-    """Pour random and mutated frames into a receiver; return how many it took, and growth of memory [byte]."""
+    """Feed random and mutated frames to a receiver; return their number, and the growth of memory [byte]."""
     noise = random.Random(seed)
     firmware = BoardFirmware(with_fd(SENSOR, fd), FakeBoard(SENSOR), 0)
     firmware.running = True
@@ -133,12 +133,12 @@ def main() -> None:
         name = "FD" if fd else "classic"
         begin = time.monotonic()
         if options.scans:
-            account = scans_under_faults(options.scans, fd, options.seed)
-            print(name, account, f"{time.monotonic() - begin:.0f} s", flush=True)
-            assert account["sent"] == account["published"] + account["torn"] + account["lost"]
+            counts = scans_under_faults(options.scans, fd, options.seed)
+            print(name, counts, f"{time.monotonic() - begin:.0f} s", flush=True)
+            assert counts["sent"] == counts["published"] + counts["torn"] + counts["lost"]
             begin = time.monotonic()
-            account = scans_under_faults(options.scans // 10, fd, options.seed, COUNTED + NEW_NUMBERS)
-            print(name, "with resets", account, f"{time.monotonic() - begin:.0f} s", flush=True)
+            counts = scans_under_faults(options.scans // 10, fd, options.seed, COUNTED + NEW_SEQUENCE)
+            print(name, "with resets", counts, f"{time.monotonic() - begin:.0f} s", flush=True)
         if options.frames:
             taken, growth = fuzz(options.frames, fd, options.seed)
             print(name, f"{taken} frames, memory grew by {growth} bytes, {time.monotonic() - begin:.0f} s", flush=True)

@@ -1,7 +1,7 @@
-"""Hours of faults, one every few seconds, on the emulated adapter: `make soak`, `python -m support.soak`.
+"""Soak test: hours of faults on the emulated adapter, one every few seconds (`make soak`, `python -m support.soak`).
 
-Every scan that comes out is held to the one that was sent. After each fault data has to flow again; memory, threads and
-file descriptors have to stay what they were. Prints a line a minute and a verdict; the exit code is 1 when it is bad.
+Every received scan is compared with the one that was sent. After each fault data has to flow again; memory, threads and
+file descriptors must not grow. Prints a line per minute and a verdict; the exit code is 1 when it is bad.
 """
 
 from __future__ import annotations
@@ -31,43 +31,49 @@ from posfet_model.sensor.description import Sensor, load_sensor, with_frames
 from posfet_model.sensor.scan import Scan
 from posfet_sim.emulation.firmware import BoardFirmware
 from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
-from support.fault_injector import FaultInjector, Trouble
+from support.fault_injector import FaultInjector, InjectedFault
 
-UNPLUGGED: Final = "adapter gone"
-RENAMED: Final = "adapter gone, back under another name"
-WRONG_SPEED: Final = "wrong bitrate"
-_ERROR_FRAMES: Final = {Trouble.ERRORS, Trouble.UNACKNOWLEDGED, Trouble.OVERFLOW, Trouble.UNREADABLE, Trouble.BUS_OFF}
+UNPLUGGED: Final = "adapter unplugged"
+RENAMED: Final = "adapter unplugged, back under another name"
+WRONG_BITRATE: Final = "wrong bitrate"
+_ERROR_FRAMES: Final = {
+    InjectedFault.ERRORS,
+    InjectedFault.UNACKNOWLEDGED,
+    InjectedFault.OVERFLOW,
+    InjectedFault.UNREADABLE,
+    InjectedFault.BUS_OFF,
+}
 FAULTS: Final = (
-    *(trouble for trouble in Trouble if trouble is not Trouble.NONE and trouble not in _ERROR_FRAMES),
+    *(fault for fault in InjectedFault if fault is not InjectedFault.NONE and fault not in _ERROR_FRAMES),
     UNPLUGGED,
     RENAMED,
-    WRONG_SPEED,
+    WRONG_BITRATE,
 )
-"""Every fault but those that need error frames, which slcan does not carry."""
+"""Every fault except those that need error frames, which slcan does not carry."""
 RECOVERY: Final = 10.0
-"""Time after a fault in which data has to flow again [s]."""
-PROMPT: Final = 0.5
-"""Time within which data is meant to flow again [s]; how often it did is told."""
+"""Maximum time from the end of a fault to the next scan [s]."""
+TARGET_RECOVERY: Final = 0.5
+"""Target time from the end of a fault to the next scan [s]; the report says how often it is met."""
 WARM_UP: Final = 10.0
-"""Time after which memory, threads and descriptors are first looked at [s]."""
+"""Time before the first measurement of memory, threads and descriptors [s]."""
 GROWTH_LIMIT: Final = 4 << 20
-"""Growth of resident memory [byte] from which it is not called flat: a page here and there, whatever the time."""
+"""Maximum growth of resident memory [byte]: some pages, whatever the duration."""
 
 
 def marked(index: int, taxels: int) -> np.ndarray[tuple[int], np.dtype[np.uint16]]:
-    """Return counts that tell the number of their scan, modulo 4096."""
+    """Return counts that encode the index of their scan, modulo 4096."""
     codes = (index * 7 + np.arange(taxels) * 129) % 4096
     return (codes << 4 | codes >> 8).astype(np.uint16)
 
 
 class MarkedBoard:
-    """Makes marked scans."""
+    """Source of scans with encoded index."""
 
     def __init__(self, sensor: Sensor) -> None:
         self._sensor = sensor
 
     def scan(self, index: int, out: Scan) -> None:
-        """Compute scan number `index`."""
+        """Compute scan `index`."""
         out.counts[:] = marked(index, self._sensor.layout.taxels)
         out.device_time = round(index / self._sensor.can.scan_rate * 1e6)
         out.temperatures[:] = 25.0
@@ -76,7 +82,7 @@ class MarkedBoard:
 
 @dataclass(frozen=True)
 class Usage:
-    """What a process holds."""
+    """Resources of a process."""
 
     memory: int
     """Resident memory [byte]."""
@@ -85,7 +91,7 @@ class Usage:
 
     @classmethod
     def now(cls) -> Usage:
-        """Return what this process holds now."""
+        """Return the resources of this process now."""
         gc.collect()
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
         return cls(pages * os.sysconf("SC_PAGE_SIZE"), threading.active_count(), len(os.listdir("/proc/self/fd")))
@@ -93,12 +99,12 @@ class Usage:
 
 @dataclass
 class Verdict:
-    """What came of a soak."""
+    """Result of a soak test."""
 
     faults: Counter[str] = field(default_factory=Counter)
     scans: int = 0
     wrong: int = 0
-    """Scans that were not sent under their number like this."""
+    """Number of scans that differ from the sent one of the same sequence."""
     not_recovered: list[str] = field(default_factory=list)
     recoveries: list[float] = field(default_factory=list)
     """Time from the end of each fault to the next scan [s]."""
@@ -107,11 +113,11 @@ class Verdict:
     before: Usage | None = None
     after: Usage | None = None
 
-    def complaints(self) -> list[str]:
-        """Return what is bad, one line each."""
+    def failures(self) -> list[str]:
+        """Return the failures, one line each."""
         bad = [f"not recovered within {RECOVERY:g} s: {name}" for name in self.not_recovered]
         if self.wrong:
-            bad.append(f"{self.wrong} scans were not the ones sent")
+            bad.append(f"{self.wrong} scans differ from those sent")
         if self.before and self.after:
             growth = self.after.memory - self.before.memory
             if growth > GROWTH_LIMIT:
@@ -124,7 +130,7 @@ class Verdict:
 
 
 class Soak:
-    """A board with faults behind an adapter with faults, and the driver that has to live with them."""
+    """A board with faults behind an adapter with faults, and the driver under test."""
 
     def __init__(self, folder: Path, fd: bool, seed: int) -> None:
         self.verdict = Verdict()
@@ -139,7 +145,7 @@ class Soak:
         self._board = Board(self._sensor, opener, presence=opener.presence)
 
     def run(self, seconds: float, period: float) -> Verdict:
-        """Let a fault happen about every `period` [s] for `seconds` [s]."""
+        """Inject a fault about every `period` [s] for `seconds` [s]."""
         verdict = self.verdict
         begin = report = time.monotonic()
         self._board.open()
@@ -166,16 +172,16 @@ class Soak:
         adapter.open()
         return adapter
 
-    def _one_fault(self, fault: Trouble | str, period: float) -> None:
-        name = fault.value if isinstance(fault, Trouble) else fault
+    def _one_fault(self, fault: InjectedFault | str, period: float) -> None:
+        name = fault.value if isinstance(fault, InjectedFault) else fault
         self.verdict.faults[name] += 1
         length = self._random.uniform(0.1, 0.5) * period
-        if isinstance(fault, Trouble):
-            self._injector.trouble = fault
+        if isinstance(fault, InjectedFault):
+            self._injector.fault = fault
             self._read(length)
-            self._injector.trouble = Trouble.NONE
+            self._injector.fault = InjectedFault.NONE
             self._injector.firmware.supply = 5.0
-        elif fault == WRONG_SPEED:
+        elif fault == WRONG_BITRATE:
             self._adapter.speeds = (b"S4",)
             self._read(length)
             self._adapter.speeds = ()
@@ -188,7 +194,7 @@ class Soak:
         self._read(period - length)
 
     def _wait_for_data(self, name: str) -> None:
-        """Wait for scans to come whole again after a fault."""
+        """Wait for the next complete scan after a fault."""
         begin = time.monotonic()
         scans = self.verdict.scans
         while self.verdict.scans == scans:
@@ -221,35 +227,35 @@ class Soak:
 
 
 def describe(verdict: Verdict) -> str:
-    """Return the verdict for people."""
+    """Return the verdict as text."""
     lines = [f"{verdict.scans} scans, {sum(verdict.faults.values())} faults, {verdict.wrong} wrong scans"]
     lines += [
         f"  {name}: {count} times, data back after {verdict.slowest.get(name, float('nan')):.3f} s at most"
         for name, count in sorted(verdict.faults.items())
     ]
-    prompt = sum(took <= PROMPT for took in verdict.recoveries)
-    lines.append(f"data back within {PROMPT:g} s after {prompt} of {len(verdict.recoveries)} faults")
+    in_time = sum(took <= TARGET_RECOVERY for took in verdict.recoveries)
+    lines.append(f"data back within {TARGET_RECOVERY:g} s after {in_time} of {len(verdict.recoveries)} faults")
     if verdict.before and verdict.after:
         before, after = verdict.before, verdict.after
         lines.append(
             f"memory {before.memory / 1e6:.1f} -> {after.memory / 1e6:.1f} MB, threads {before.threads} -> "
             f"{after.threads}, descriptors {before.descriptors} -> {after.descriptors}"
         )
-    return "\n".join(lines + [f"BAD: {line}" for line in verdict.complaints()])
+    return "\n".join(lines + [f"BAD: {line}" for line in verdict.failures()])
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run a soak; return the exit code."""
+    """Run a soak test; return the exit code."""
     parser = argparse.ArgumentParser(prog="support.soak", description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--for", dest="seconds", type=positive, default=1800.0, help="how long [s] (default: 1800)")
-    parser.add_argument("--every", type=positive, default=3.0, help="time between two faults [s] (default: 3)")
+    parser.add_argument("--for", dest="seconds", type=positive, default=1800.0, help="duration [s] (default: 1800)")
+    parser.add_argument("--every", type=positive, default=3.0, help="period of the faults [s] (default: 3)")
     parser.add_argument("--classic", action="store_true", help="classic frames instead of CAN FD")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args(words)
     with tempfile.TemporaryDirectory(prefix="posfet-soak-") as folder:
         verdict = Soak(Path(folder), not options.classic, options.seed).run(options.seconds, options.every)
     print(describe(verdict))
-    return 1 if verdict.complaints() else 0
+    return 1 if verdict.failures() else 0
 
 
 if __name__ == "__main__":

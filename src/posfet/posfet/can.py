@@ -13,10 +13,10 @@ from posfet_model.sensor.description import Sensor
 @contextmanager
 def emulator(sensor: Sensor, channel: str, clock: Clock) -> Iterator[None]:
     """Serve a simulated board with the default scene behind an emulated slcan adapter at the path `channel`."""
-    from posfet_sim.emulation.emulated_source import AdapterSource  # noqa: PLC0415  # only an emulation needs these
+    from posfet_sim.emulation.bus_peer import SimulatedBusPeer  # noqa: PLC0415  # only an emulation needs these
     from posfet_sim.scene import DEFAULT_SCENE, load_scene  # noqa: PLC0415
 
-    source = AdapterSource(sensor, load_scene(DEFAULT_SCENE, sensor), 0, channel, clock)
+    source = SimulatedBusPeer(sensor, load_scene(DEFAULT_SCENE, sensor), 0, channel, clock)
     source.open()
     try:
         yield

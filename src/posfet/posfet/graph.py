@@ -15,7 +15,7 @@ from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError, read_yaml
 from posfet_model.ros.mount import parse_mount
 from posfet_model.sensor.description import Sensor, load_sensor
-from posfet_sim.device.imperfections import load_imperfections
+from posfet_sim.device.error_model import load_error_model
 from posfet_sim.emulation.adapter_lock import is_served
 from posfet_sim.scene import load_scene
 
@@ -125,7 +125,7 @@ def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
     described = load_sensor(arguments["sensor_file"])
     if source != "can":
         load_scene(arguments["scene"], described)
-        load_imperfections(arguments["imperfections"])
+        load_error_model(arguments["imperfections"])
     sensor: dict[str, Value] = {name: arguments[name] for name in ("sensor_file", "can_fd")}
     bus, board = _bus(arguments, namespace)
 

@@ -1,1 +1,1 @@
-"""The simulated board, what touches it, and all that judges the stack with it."""
+"""Simulated POSFET readout board: contact mechanics, scenes, bus emulation, recordings and scores."""

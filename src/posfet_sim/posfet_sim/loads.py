@@ -1,8 +1,8 @@
-"""What a scene does to one sensor: the seam between scenes (objects, paths, contact pressure) and the simulated board.
+"""Interface between the loads on a sensor (such as those of a scene) and the simulated board.
 
-The board knows no objects. It asks for the forces on the taxels at the time of a scan, for the chip's temperature, and
-until when nothing will change, so that it can leave out what is not needed. Times are seconds since the board started;
-what repeats, repeats behind this interface.
+The board knows no objects. It asks for the forces on the taxels at the sampling times, for the chip temperature, and
+until when both are constant, so that it can skip computation. Times are in seconds since the board started; periodic
+loads repeat behind this interface.
 """
 
 from __future__ import annotations
@@ -17,61 +17,72 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Patch:
-    """Forces on a rectangle of taxels at some times; patches may overlap, and then add up."""
+    """Forces on a rectangle of taxels at several times; overlapping patches add up."""
 
     rows: slice
+    """Rows of the rectangle."""
     cols: slice
+    """Columns of the rectangle."""
     force: NDArray[np.float64]
     """Force on each taxel of the rectangle [N], shape [times, rows, cols], positive when pushed into the sensor."""
 
 
 @dataclass(frozen=True)
 class ObjectsState:
-    """Where the objects are and what they do at one time."""
+    """Poses and contacts of the objects at one time."""
 
     names: tuple[str, ...]
+    """Name of each object."""
     positions: NDArray[np.float64]
-    """Centre of each object [m], shape [objects, 3], in the frame of the array."""
+    """Position of the reference point of each object [m], shape [objects, 3], in the frame of the array."""
     orientations: NDArray[np.float64]
     """Orientation of each object as a quaternion (x, y, z, w), shape [objects, 4]."""
     contact_objects: NDArray[np.intp]
-    """Which of the objects touch, shape [touching]."""
+    """Indices of the objects in contact, shape [contacts]."""
     contact_centres: NDArray[np.float64]
-    """Centre of pressure of each object that touches [m], shape [touching, 2], x and y along the surface, whether it
-    falls on a taxel or not."""
+    """Centre of pressure of each object in contact [m], shape [contacts, 2], x and y along the surface; may lie outside
+    the array."""
     contact_normals: NDArray[np.float64]
-    """Outward normal of the surface there, shape [touching, 3]."""
+    """Outward normal of the surface there, shape [contacts, 3]."""
     contact_forces: NDArray[np.float64]
-    """Normal force of each object that touches [N], shape [touching]."""
+    """Normal force of each object in contact [N], shape [contacts]."""
 
 
 class Loads(Protocol):
-    """A scene bound to a sensor."""
+    """Forces on the taxels and temperature of the chip over time."""
 
     @property
     def name(self) -> str:
-        """Name of the scene."""
+        """Name of the loads, such as that of the scene."""
         ...
 
     def forces(self, times: Sequence[float]) -> Sequence[Patch]:
-        """Return what presses on the array at these times; empty when nothing touches at any of them.
+        """Return the forces on the array at several times.
 
-        The same time gives the same forces, to rounding, whatever else is asked for. The arrays may be kept: they are
-        never written to again.
+        Parameters
+        ----------
+        times : sequence of float
+            Times since the start [s], ascending.
+
+        Returns
+        -------
+        sequence of Patch
+            Empty when nothing touches at any of the times. The same time gives the same forces, to rounding, whatever
+            the other times are. The arrays are never written to again: the caller may keep them.
         """
         ...
 
     def temperatures(self, times: Sequence[float]) -> Sequence[float]:
-        """Return the chip's temperature [degC] at each of these times."""
+        """Return the chip temperature [degC] at each of these times [s]."""
         ...
 
-    def rests_until(self, time: float) -> float:
-        """Return the time up to which, from `time` on, neither forces nor temperature change.
+    def constant_until(self, time: float) -> float:
+        """Return the time [s] up to which, from `time` [s] on, neither forces nor temperature change.
 
-        `time` when one does; infinite when nothing will ever change again.
+        It is `time` itself while one of them changes, and infinite when nothing changes any more.
         """
         ...
 
     def objects(self, time: float) -> ObjectsState:
-        """Return the ground truth of the objects."""
+        """Return the ground truth of the objects at a time [s]."""
         ...

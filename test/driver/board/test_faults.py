@@ -12,7 +12,7 @@ from posfet_model.sensor.scan import ScanStatus
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.clocks import SteppedClock
 from support.fake_board import FakeBoard, assert_marked, with_fd, with_layout
-from support.fault_injector import FaultInjector, Trouble
+from support.fault_injector import FaultInjector, InjectedFault
 from support.paths import DOCS
 from support.stepped import SteppedBus
 
@@ -30,28 +30,35 @@ BACK = 500_000_000
 """Data flows this soon [ns] once the bus is back."""
 
 EXPECTED = {
-    Trouble.LOST: {"lost scans"},
-    Trouble.TORN: {"torn scans"},
-    Trouble.REPEATED: {"repeated frames"},
-    Trouble.LATE: {"late frames"},
-    Trouble.REORDERED: {"reordered frames"},
-    Trouble.MALFORMED: {"malformed frames"},
-    Trouble.STUCK: {"stuck counter"},
-    Trouble.CLOCK: {"stuck clock"},
-    Trouble.FOREIGN: {"bus full"},
-    Trouble.ERRORS: {"error frames"},
-    Trouble.UNACKNOWLEDGED: {"unacknowledged", "bus silent"},
-    Trouble.OVERFLOW: {"receive overflows"},
-    Trouble.UNREADABLE: {"bus unreadable"},
-    Trouble.BUS_OFF: {"bus off"},
-    Trouble.CABLE_OUT: {"bus silent"},
-    Trouble.BOARD_OUT: {"board missing"},
-    Trouble.DEAF: set(),
-    Trouble.RESET: {"board resets"},
-    Trouble.BROWN_OUT: {"brown-outs", "supply low"},
+    InjectedFault.LOST: {"lost scans"},
+    InjectedFault.INCOMPLETE: {"torn scans"},
+    InjectedFault.DUPLICATE: {"repeated frames"},
+    InjectedFault.LATE: {"late frames"},
+    InjectedFault.REORDERED: {"reordered frames"},
+    InjectedFault.MALFORMED: {"malformed frames"},
+    InjectedFault.FROZEN_COUNTER: {"stuck counter"},
+    InjectedFault.FROZEN_TIMESTAMP: {"stuck clock"},
+    InjectedFault.UNRELATED: {"bus full"},
+    InjectedFault.ERRORS: {"error frames"},
+    InjectedFault.UNACKNOWLEDGED: {"unacknowledged", "bus silent"},
+    InjectedFault.OVERFLOW: {"receive overflows"},
+    InjectedFault.UNREADABLE: {"bus unreadable"},
+    InjectedFault.BUS_OFF: {"bus off"},
+    InjectedFault.CABLE_UNPLUGGED: {"bus silent"},
+    InjectedFault.BOARD_UNPLUGGED: {"board missing"},
+    InjectedFault.NO_RESPONSE: set(),
+    InjectedFault.RESET: {"board resets"},
+    InjectedFault.BROWN_OUT: {"brown-outs", "supply low"},
 }
 """What is said of each trouble, at least."""
-ALONE = {Trouble.CLOCK, Trouble.REPEATED, Trouble.REORDERED, Trouble.FOREIGN, Trouble.DEAF, Trouble.RESET}
+ALONE = {
+    InjectedFault.FROZEN_TIMESTAMP,
+    InjectedFault.DUPLICATE,
+    InjectedFault.REORDERED,
+    InjectedFault.UNRELATED,
+    InjectedFault.NO_RESPONSE,
+    InjectedFault.RESET,
+}
 """Troubles of which nothing else is said."""
 
 
@@ -97,21 +104,23 @@ class Bench:
 
 @BOTH
 @pytest.mark.parametrize("trouble", EXPECTED, ids=lambda trouble: trouble.name)
-def test_each_fault_is_named_and_survived(trouble: Trouble, fd: bool) -> None:
+def test_each_fault_is_named_and_survived(trouble: InjectedFault, fd: bool) -> None:
     bench = Bench(fd)
     assert bench.run(3) > 2.9 * RATE
     assert (bench.faults, bench.health) == ([], Health.OK)
-    bench.injector.trouble = trouble
+    bench.injector.fault = trouble
     bench.run(4)
-    if trouble == Trouble.DEAF:  # scans go on; it shows when the board has to be asked
+    if trouble == InjectedFault.NO_RESPONSE:  # scans go on; it shows when the board has to be asked
         assert bench.faults == []
-    expected = set() if trouble == Trouble.CLOCK and not fd else EXPECTED[trouble]  # classic frames carry no time
+    expected = (
+        set() if trouble == InjectedFault.FROZEN_TIMESTAMP and not fd else EXPECTED[trouble]
+    )  # classic frames carry no time
     assert expected <= set(bench.faults), bench.faults
     if trouble in ALONE:
         assert set(bench.faults) == expected
     if bench.faults:
         assert bench.health == max(FAULTS[name].health for name in bench.faults)
-    bench.injector.trouble = Trouble.NONE
+    bench.injector.fault = InjectedFault.NONE
     bench.injector.firmware.supply = 5.0
     bench.run(6)  # longer than the longest back-off
     before = bench.board.receiver.frames_lost
@@ -120,7 +129,11 @@ def test_each_fault_is_named_and_survived(trouble: Trouble, fd: bool) -> None:
     assert (bench.faults, bench.health) == ([], Health.OK)
     assert all(bench.said.count(word) == 1 for word in bench.said), bench.said  # once each, not once a frame
     losses, board = bench.board.receiver.assembler.losses, bench.board
-    if trouble not in {Trouble.RESET, Trouble.BROWN_OUT, Trouble.STUCK}:  # these begin new numbers
+    if trouble not in {
+        InjectedFault.RESET,
+        InjectedFault.BROWN_OUT,
+        InjectedFault.FROZEN_COUNTER,
+    }:  # these begin new numbers
         sent = board.receiver.assembler.sequence + 1 - bench.first
         assert board.receiver.scans + losses.torn_scans + losses.lost_scans == sent
 
@@ -128,16 +141,23 @@ def test_each_fault_is_named_and_survived(trouble: Trouble, fd: bool) -> None:
 @BOTH
 @pytest.mark.parametrize(
     "trouble",
-    [Trouble.CABLE_OUT, Trouble.BOARD_OUT, Trouble.UNREADABLE, Trouble.UNACKNOWLEDGED, Trouble.RESET, Trouble.STUCK],
+    [
+        InjectedFault.CABLE_UNPLUGGED,
+        InjectedFault.BOARD_UNPLUGGED,
+        InjectedFault.UNREADABLE,
+        InjectedFault.UNACKNOWLEDGED,
+        InjectedFault.RESET,
+        InjectedFault.FROZEN_COUNTER,
+    ],
     ids=lambda trouble: trouble.name,
 )
-def test_data_flows_within_half_a_second_of_the_bus_being_back(trouble: Trouble, fd: bool) -> None:
+def test_data_flows_within_half_a_second_of_the_bus_being_back(trouble: InjectedFault, fd: bool) -> None:
     for length in (0.4, 1.7, 12.0):
         bench = Bench(fd)
         bench.run(1)
-        bench.injector.trouble = trouble
+        bench.injector.fault = trouble
         bench.run(length)
-        bench.injector.trouble = Trouble.NONE
+        bench.injector.fault = InjectedFault.NONE
         back = bench.clock.now
         while bench.board.read(0.01) is None:
             assert bench.clock.now - back < BACK, bench.board.report()
@@ -147,11 +167,11 @@ def test_data_flows_within_half_a_second_of_the_bus_being_back(trouble: Trouble,
 def test_a_deaf_board_is_told_from_a_silent_one(fd: bool) -> None:
     bench = Bench(fd)
     bench.run(1)
-    bench.injector.trouble = Trouble.DEAF
+    bench.injector.fault = InjectedFault.NO_RESPONSE
     bench.injector.firmware.running = False
     bench.run(3)
     assert "board deaf" in bench.faults
-    bench.injector.trouble = Trouble.NONE
+    bench.injector.fault = InjectedFault.NONE
     assert bench.run(3) > 2 * RATE
 
 
@@ -159,7 +179,7 @@ def test_a_deaf_board_is_told_from_a_silent_one(fd: bool) -> None:
 def test_foreign_frames_that_fill_the_bus_do_not_hide_a_silent_board(fd: bool) -> None:
     bench = Bench(fd)
     bench.run(1)
-    bench.injector.trouble = Trouble.FOREIGN
+    bench.injector.fault = InjectedFault.UNRELATED
     bench.injector.firmware.running = False
     assert bench.run(3) > 2 * RATE
     assert bench.board.restarted == 1
@@ -201,21 +221,21 @@ def test_another_firmware_and_another_layout_are_refused_and_named(fd: bool) -> 
 
 def test_a_reset_with_a_low_supply_is_a_brown_out() -> None:
     counters = {}
-    for trouble in (Trouble.RESET, Trouble.BROWN_OUT):
+    for trouble in (InjectedFault.RESET, InjectedFault.BROWN_OUT):
         bench = Bench(True)
         bench.run(1)
-        bench.injector.trouble = trouble
+        bench.injector.fault = trouble
         bench.run(2)
         counters[trouble] = (bench.board.resets, bench.board.brown_outs)
-    assert counters == {Trouble.RESET: (1, 0), Trouble.BROWN_OUT: (1, 1)}
+    assert counters == {InjectedFault.RESET: (1, 0), InjectedFault.BROWN_OUT: (1, 1)}
 
 
 def test_stamps_go_on_while_the_boards_clock_stands() -> None:
     bench = Bench(True)
     bench.run(1)
     estimated = []
-    for trouble in (Trouble.CLOCK, Trouble.NONE):
-        bench.injector.trouble = trouble
+    for trouble in (InjectedFault.FROZEN_TIMESTAMP, InjectedFault.NONE):
+        bench.injector.fault = trouble
         for number in range(400):
             scan = bench.board.read(0.01)
             assert scan is not None

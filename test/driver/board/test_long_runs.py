@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from support.long_runs import COUNTED, NEW_NUMBERS, fuzz, scans_under_faults
+from support.long_runs import COUNTED, NEW_SEQUENCE, fuzz, scans_under_faults
 from support.soak import main
 
 BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
@@ -22,7 +22,7 @@ def test_what_was_sent_was_published_or_is_counted_as_lost(fd: bool, seed: int) 
 
 @BOTH
 def test_resets_and_stuck_counters_among_them(fd: bool) -> None:
-    account = scans_under_faults(8000, fd, 3, COUNTED + NEW_NUMBERS)
+    account = scans_under_faults(8000, fd, 3, COUNTED + NEW_SEQUENCE)
     assert account["published"] > 2000
     assert account["resets"] > 0
 

@@ -21,7 +21,7 @@ from posfet_sim.emulation.firmware import BoardFirmware
 from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
 from support.clocks import PacedClock
 from support.fake_board import FakeBoard, assert_marked, board_on_bus, read_scans, with_fd, with_layout
-from support.fault_injector import FaultInjector, Trouble
+from support.fault_injector import FaultInjector, InjectedFault
 
 SHIPPED = ["posfet_5x5", "posfet_16x16", "posfet_32x32"]
 
@@ -105,7 +105,7 @@ def test_a_bus_full_of_foreign_frames_costs_no_scan(tmp_path: Path, clock: Paced
     """100 % of a classic bus beside 1 kHz of ours: more than any bus can carry."""
     sensor, now = with_fd(load_sensor(), fd), clock.monotonic()
     injector = FaultInjector(lambda at: BoardFirmware(sensor, FakeBoard(sensor), at), sensor.can.base_id, now)
-    injector.trouble = Trouble.FOREIGN
+    injector.fault = InjectedFault.UNRELATED
     with ExitStack() as stack:
         adapter = plugged_in(stack, tmp_path / "can0", injector, clock)
         opener = BusOpener(bus_settings("slcan", str(tmp_path / "can0"), sensor.can))

@@ -14,7 +14,7 @@ from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.commands.score import Run
 from posfet_sim.commands.score import run as score
-from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.scene import load_scene
 from reference.dense_pressure import sphere_forces
 from support.scan_player import press, scans
@@ -23,7 +23,7 @@ SENSOR = load_sensor()
 LAYOUT = SENSOR.layout
 FINGER = sphere_forces(0.6e-3, -0.4e-3, 1.0, 6e-3, 1e6, SENSOR.device.contact_spread, LAYOUT.pitch_x, LAYOUT.rows)
 CALIBRATED = replace(
-    Imperfections.default(), gain_spread=0.0, area_spread=0.0, leak_spread=0.0, dead_share=0.0, stuck_share=0.0
+    ErrorModel.default(), gain_spread=0.0, area_spread=0.0, leak_spread=0.0, dead_probability=0.0, stuck_probability=0.0
 )
 MISMATCH = Calibration.nominal(SENSOR).with_gain_error(0.05, np.random.default_rng(2))
 

@@ -19,10 +19,10 @@ from posfet_model.contacts.separation import Separator
 from posfet_model.contacts.tracker import ContactState
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
-from posfet_sim.commands.score import Run, differing
+from posfet_sim.commands.score import Run, perturbed
 from posfet_sim.commands.score import run as score
-from posfet_sim.device.imperfections import Imperfections
-from posfet_sim.emulation.offline import wire_scans
+from posfet_sim.device.error_model import ErrorModel
+from posfet_sim.emulation.offline import received_scans
 from posfet_sim.scene import load_scene
 from reference.dense_pressure import sphere_forces
 
@@ -162,13 +162,13 @@ def test_one_that_lifts_beside_another_leaves_one_in_its_place() -> None:
 
 
 CALIBRATED = replace(
-    Imperfections.default(),
+    ErrorModel.default(),
     gain_spread=0.0,
     area_spread=0.0,
     leak_spread=0.0,
-    dead_share=0.0,
-    stuck_share=0.0,
-    noisy_share=0.0,
+    dead_probability=0.0,
+    stuck_probability=0.0,
+    noisy_probability=0.0,
     resets_per_hour=0.0,
 )
 """The default board without bad taxels, and without what a calibration takes off."""
@@ -179,7 +179,7 @@ CALIBRATED = replace(
     [({}, 1), ({}, 2), ({"leak": 20.0}, 3), ({"d33": -10.0}, 4), ({"spread": 20.0}, 5), ({"spread": -20.0}, 6)],
 )
 def test_two_fingers_slide_side_by_side_and_keep_their_ids(device: dict[str, float], seed: int) -> None:
-    other = differing(SENSOR, device)
+    other = perturbed(SENSOR, device)
     calibration = Calibration.nominal(SENSOR).with_gain_error(0.05, np.random.default_rng(seed))
     what = Run(SENSOR, load_scene("two_fingers_slide", other), 3.0, seed, CALIBRATED, calibration, other)
     found = score(what)
@@ -192,7 +192,7 @@ def test_two_fingers_slide_side_by_side_and_keep_their_ids(device: dict[str, flo
 def test_the_two_fingers_of_the_scene_are_two_ids_and_no_more() -> None:
     reconstructor = Reconstructor(SENSOR)
     ids, released = set(), []
-    for scan, _ in wire_scans(SENSOR, SLIDE, 3.6, 1):
+    for scan, _ in received_scans(SENSOR, SLIDE, 3.6, 1):
         for contact in reconstructor.process(scan).contacts:
             ids.add(contact.id)
             assert contact.merged == ()

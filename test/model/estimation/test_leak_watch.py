@@ -10,7 +10,7 @@ import pytest
 
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import Sensor, load_sensor
-from posfet_sim.commands.score import differing
+from posfet_sim.commands.score import perturbed
 from support.scan_player import press, scans
 
 SENSOR = load_sensor()
@@ -28,14 +28,14 @@ def totals(device: Sensor, duration: float, force: object, seed: int = 0) -> np.
 
 @pytest.mark.parametrize("percent", [-20.0, -8.0, 8.0, 20.0])
 def test_a_wrong_leak_is_found_while_a_force_is_held(percent: float) -> None:
-    device = differing(SENSOR, {"leak": percent})
+    device = perturbed(SENSOR, {"leak": percent})
     found = totals(device, 4.0, press(2.0, 0.3, 60.0))
     # Left alone, the force would be wrong by as much as the leak.
     assert found[2000:] == pytest.approx(2.0, abs=0.06)
 
 
 def test_once_found_it_holds_for_the_next_touch() -> None:
-    device = differing(SENSOR, {"leak": 20.0})
+    device = perturbed(SENSOR, {"leak": 20.0})
     found = totals(device, 4.0, lambda time: press(1.0, 0.3, 1.5)(time) + press(2.0, 3.0, 60.0)(time))
     assert found[3200] == pytest.approx(2.0, abs=0.03)
     assert found[-1] == pytest.approx(2.0, abs=0.03)
@@ -52,7 +52,7 @@ def test_a_force_that_moves_is_not_taken_for_a_leak(hertz: float) -> None:
 
 
 def test_what_is_reported_holds_the_error_of_a_leak_not_found_yet() -> None:
-    device = replace(differing(SENSOR, {"leak": 15.0}))
+    device = replace(perturbed(SENSOR, {"leak": 15.0}))
     reconstructor, outside = Reconstructor(SENSOR), 0
     for time, scan in scans(device, 3.0, force=press(2.0, 0.3, 60.0), shape=SHAPE):
         reconstructor.process(scan)

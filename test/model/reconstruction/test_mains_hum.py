@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from posfet_model.reconstruction.mains_hum import PREDICTION_TIME, MainsHum
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
-from posfet_sim.device.imperfections import Imperfections
-from posfet_sim.emulation.offline import wire_scans
+from posfet_sim.device.error_model import ErrorModel
+from posfet_sim.emulation.offline import received_scans
 from posfet_sim.scene import load_scene
 
 TAXELS = 25
@@ -194,9 +194,9 @@ def test_a_board_that_hums_is_as_quiet_as_one_that_does_not() -> None:
     spread = {}
     for amplitude in (0.0, 0.5e-3, 5e-3):
         model = Reconstructor(sensor)
-        board = replace(Imperfections.default(), resets_per_hour=0.0, hum_amplitude=amplitude, hum_frequency=50.07)
+        board = replace(ErrorModel.default(), resets_per_hour=0.0, hum_amplitude=amplitude, hum_frequency=50.07)
         totals = []
-        for scan, _ in wire_scans(sensor, scene, 3.0, 2, board):
+        for scan, _ in received_scans(sensor, scene, 3.0, 2, board):
             result = model.process(scan)
             totals.append(model.image().total)
             assert not result.contacts

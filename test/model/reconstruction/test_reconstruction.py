@@ -20,10 +20,10 @@ from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_model.sensor.signal_chain import ForwardSignalChain, leakage_step
 from posfet_sim.calibration.simulated_bench import calibrate
-from posfet_sim.commands.score import Run, differing
+from posfet_sim.commands.score import Run, perturbed
 from posfet_sim.commands.score import run as run_score
-from posfet_sim.device.imperfections import Imperfections
-from posfet_sim.emulation.offline import wire_scans
+from posfet_sim.device.error_model import ErrorModel
+from posfet_sim.emulation.offline import received_scans
 from posfet_sim.scene import load_scene
 from reference.dense_pressure import sphere_forces
 from support.scan_player import START, press, scans
@@ -294,7 +294,7 @@ def test_an_abrupt_ramp_of_temperature_at_10_hz_is_no_contact(rate: float, lag: 
 
 @pytest.mark.parametrize("seed", [5, 6])
 def test_warming_of_a_board_with_other_leaks_than_described_is_no_contact(seed: int) -> None:
-    score = run_score(Run(SENSOR, load_scene("temperature_ramp", SENSOR), 7.0, seed, Imperfections.default()))
+    score = run_score(Run(SENSOR, load_scene("temperature_ramp", SENSOR), 7.0, seed, ErrorModel.default()))
     assert score.false_contacts_per_hour == 0.0
 
 
@@ -321,10 +321,10 @@ def test_a_warm_finger_stays_one_contact_of_its_force_until_it_lifts(board: str,
     """It warms the film by 1.1 K, of which each taxel makes as much signal as of 1.2 N."""
     path = tmp_path / "warm_finger.yaml"
     path.write_text(WARM_FINGER)
-    imperfections = None if board == "ideal" else replace(Imperfections.default(), resets_per_hour=0.0)
+    imperfections = None if board == "ideal" else replace(ErrorModel.default(), resets_per_hour=0.0)
     calibration = None if imperfections is None else calibrate(SENSOR, 3, imperfections)
     reconstructor, ids = Reconstructor(SENSOR, calibration), set()
-    for scan, truth in wire_scans(SENSOR, load_scene(path, SENSOR), 10.0, 3, imperfections):
+    for scan, truth in received_scans(SENSOR, load_scene(path, SENSOR), 10.0, 3, imperfections):
         result = reconstructor.process(scan)
         ids |= {contact.id for contact in result.contacts}
         if 2.0 < truth.time < 8.9:
@@ -364,7 +364,7 @@ def test_a_slow_press_on_the_whole_array_comes_to_light() -> None:
 @pytest.mark.parametrize("gap", [range(1000, 1100), range(1500, 1600), range(2600, 2700)])
 def test_scans_lost_while_a_finger_slides_and_lifts_do_not_spoil_its_force(gap: range) -> None:
     reconstructor, errors = Reconstructor(SENSOR), []
-    for scan, truth in wire_scans(SENSOR, load_scene("press_slide_lift", SENSOR), gap.stop * 1e-3 + 0.1, 0):
+    for scan, truth in received_scans(SENSOR, load_scene("press_slide_lift", SENSOR), gap.stop * 1e-3 + 0.1, 0):
         if scan.sequence in gap:
             continue
         result = reconstructor.process(scan)
@@ -377,9 +377,9 @@ def test_scans_lost_while_a_finger_slides_and_lifts_do_not_spoil_its_force(gap: 
 
 def test_the_deviation_of_a_contact_holds_what_a_wrong_leak_makes_of_its_force() -> None:
     """By the description alone the leak is known to 10 %, and this board's is that far off."""
-    device = differing(SENSOR, {"leak": -10.0})
+    device = perturbed(SENSOR, {"leak": -10.0})
     reconstructor, inside = Reconstructor(SENSOR), []
-    for scan, truth in wire_scans(device, load_scene("hold", device), 4.0, 1):
+    for scan, truth in received_scans(device, load_scene("hold", device), 4.0, 1):
         result = reconstructor.process(scan)
         if truth.time > 1.2:
             [contact] = result.contacts
@@ -392,7 +392,7 @@ def test_the_deviation_of_a_contact_holds_what_a_wrong_leak_makes_of_its_force()
 def test_a_start_amid_a_touch_is_not_valid_until_its_zero_can_be_trusted(start: float) -> None:
     reconstructor, begun = Reconstructor(SENSOR), round(1000 * start)
     valid_from, worst = 0, 0.0
-    for scan, truth in wire_scans(SENSOR, load_scene("press_slide_lift", SENSOR), 7.0, 0):
+    for scan, truth in received_scans(SENSOR, load_scene("press_slide_lift", SENSOR), 7.0, 0):
         if scan.sequence >= begun and reconstructor.process(scan).valid:
             valid_from = valid_from or scan.sequence
             worst = max(worst, abs(reconstructor.image().total - float(truth.force.sum())))

@@ -17,7 +17,7 @@ from posfet_model.contacts.tracker import Contact, ContactState
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import SENSOR_FOLDER, load_sensor
 from posfet_model.sensor.surface import Surface, taxel_normals, taxel_points
-from posfet_sim.emulation.offline import wire_scans
+from posfet_sim.emulation.offline import received_scans
 from posfet_sim.scene import ChipBend, load_scene
 
 FLAT = load_sensor()
@@ -75,7 +75,7 @@ def test_contacts_on_a_bent_chip_have_the_normals_of_the_truth(tmp_path: Path, a
     scene = load_scene("press_slide_lift", sensor)
     assert scene.bend == ChipBend(6e-3, axis == "x")
     tilted = 0.0
-    for scan, truth in wire_scans(sensor, scene, 2.5, 1):
+    for scan, truth in received_scans(sensor, scene, 2.5, 1):
         contacts = reconstructor.process(scan).contacts
         objects = truth.objects
         if not contacts or not len(objects.contact_objects) or objects.contact_forces[0] < 0.5:

@@ -19,14 +19,16 @@ from posfet_model.sensor.signal_chain import charge_per_newton
 from posfet_sim.calibration.bench_recording import COLUMNS, read_reference, read_scans
 from posfet_sim.calibration.simulated_bench import pressing_scene
 from posfet_sim.commands.calibrate import main
-from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import SimulatedBoard
-from posfet_sim.device.taxel_variation import draw_spread
-from posfet_sim.emulation.bus_board import WireNode
+from posfet_sim.device.taxel_variation import draw_taxel_parameters
+from posfet_sim.emulation.bus_board import BusBoard
 from posfet_sim.scene import SceneLoads
 
 SENSOR = load_sensor()
-ROUGH = replace(Imperfections.default(), resets_per_hour=0.0, dead_share=0.0, stuck_share=0.0, noisy_share=0.0)
+ROUGH = replace(
+    ErrorModel.default(), resets_per_hour=0.0, dead_probability=0.0, stuck_probability=0.0, noisy_probability=0.0
+)
 SEED = 4
 EPOCH = 1.7e9
 """Time of day at which the recording begins [s]."""
@@ -41,7 +43,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
     folder = tmp_path_factory.mktemp("bench")
     log, stand = folder / "board.log", folder / "stand.csv"
     scene = pressing_scene(SENSOR)
-    node = WireNode(SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), SEED, ROUGH), SEED, 0)
+    node = BusBoard(SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), SEED, ROUGH), SEED, 0)
     with can.Logger(str(log)) as write:
         node.receive((SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, Request(Command.START, 0).pack()), 0)
         while (now := node.next_due()) < scene.period * 1e9:
@@ -66,8 +68,8 @@ def test_a_board_on_a_stand_is_calibrated_as_it_was_drawn(
     path = tmp_path / "cal.yaml"
     assert main(words(files, path)) == 0
     told = capsys.readouterr().out
-    assert float(told.split("clock is ")[1].split(" ms")[0]) == pytest.approx(1e3 * LATE, abs=0.5)
-    found, true = load_calibration(path, SENSOR), draw_spread(SENSOR, ROUGH, SEED)
+    assert float(told.split("clock delay ")[1].split(" ms")[0]) == pytest.approx(1e3 * LATE, abs=0.5)
+    found, true = load_calibration(path, SENSOR), draw_taxel_parameters(SENSOR, ROUGH, SEED)
     nominal = SENSOR.amplifier.follower_gain / SENSOR.device.film_capacitance
     gain = true.charge_per_newton / charge_per_newton(SENSOR) * true.volts_per_charge / nominal
     assert np.std(found.gain / gain) < 0.005
@@ -106,7 +108,7 @@ def test_files_that_do_not_belong_together_are_refused(
     for begin, force, reason in (
         (0.0, 0.1 * times, "must last from"),
         (EPOCH - 1.0, np.random.default_rng(1).uniform(0.0, 2.0, len(times)), "compare the clocks"),
-        (EPOCH - 1.0, 1000.0 + 0.0 * times, "above the ball's greatest"),
+        (EPOCH - 1.0, 1000.0 + 0.0 * times, "above the maximum of the ball"),
     ):
         path = tmp_path / "stand.csv"
         rows = [f"{begin + time},0,0,{newton}" for time, newton in zip(times.tolist(), force.tolist(), strict=True)]
@@ -116,14 +118,14 @@ def test_files_that_do_not_belong_together_are_refused(
         assert reason in told
         assert len(told.splitlines()) == 1
     assert main([str(tmp_path / "cal.yaml"), "--reference", str(files[1])]) == 1
-    assert "go together" in capsys.readouterr().err
+    assert "only valid together" in capsys.readouterr().err
 
 
 def test_frames_of_another_board_are_no_recording(files: Files, tmp_path: Path) -> None:
     other = replace(SENSOR, can=replace(SENSOR.can, base_id=0x300))
-    with pytest.raises(ConfigError, match="no scan is in it"):
+    with pytest.raises(ConfigError, match="no scan in it"):
         read_scans(files[0], other)
     empty = tmp_path / "empty.log"
     empty.write_text("")
-    with pytest.raises(ConfigError, match="no scan is in it"):
+    with pytest.raises(ConfigError, match="no scan in it"):
         read_scans(empty, SENSOR)

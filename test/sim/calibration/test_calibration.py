@@ -22,16 +22,16 @@ from posfet_sim.calibration import simulated_bench
 from posfet_sim.calibration.simulated_bench import record
 from posfet_sim.commands import calibrate
 from posfet_sim.commands.calibrate import main
-from posfet_sim.commands.score import Run, differing, run
+from posfet_sim.commands.score import Run, perturbed, run
 from posfet_sim.commands.score import main as score_main
-from posfet_sim.device.imperfections import Imperfections
-from posfet_sim.device.taxel_variation import draw_spread
+from posfet_sim.device.error_model import ErrorModel
+from posfet_sim.device.taxel_variation import draw_taxel_parameters
 from posfet_sim.scene import load_scene
 
 SENSOR = load_sensor()
 DATE = "2024-01-01T00:00:00+00:00"
-ROUGH = replace(Imperfections.default(), resets_per_hour=0.0, dead_share=0.0, stuck_share=0.0)
-DEVICE = differing(SENSOR, {"leak": 20.0, "d33": 10.0, "lag": 30.0})
+ROUGH = replace(ErrorModel.default(), resets_per_hour=0.0, dead_probability=0.0, stuck_probability=0.0)
+DEVICE = perturbed(SENSOR, {"leak": 20.0, "d33": 10.0, "lag": 30.0})
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def found(recording: Recording) -> Calibration:
 
 
 def test_it_finds_the_taxels_as_they_were_drawn_on_a_device_unlike_its_description(found: Calibration) -> None:
-    true = draw_spread(DEVICE, ROUGH, 4)
+    true = draw_taxel_parameters(DEVICE, ROUGH, 4)
     nominal = SENSOR.amplifier.follower_gain / SENSOR.device.film_capacitance
     gain = true.charge_per_newton / charge_per_newton(SENSOR) * true.volts_per_charge / nominal
     # A press of 0.5 N is ahead of the film's plays of 0.25, 0.5 and 1 N by 0.25, 0.5 and 0.5 N, each of which counts
@@ -81,7 +81,7 @@ def test_what_was_held_out_is_foretold_a_hundred_times_better_than_by_the_descri
 def test_scores_on_a_device_unlike_its_description_with_five_percent_left(found: Calibration) -> None:
     scene = load_scene("press_slide_lift", SENSOR)
     calibration = found.with_gain_error(0.05, np.random.default_rng(2))
-    score = run(Run(SENSOR, scene, 4.0, 4, replace(ROUGH, noisy_share=0.0), calibration, DEVICE))
+    score = run(Run(SENSOR, scene, 4.0, 4, replace(ROUGH, noisy_probability=0.0), calibration, DEVICE))
     assert score.force_rmse_pct is not None and score.force_rmse_pct < 1.5
     assert score.total_force_error_pct is not None and score.total_force_error_pct < 4.0
     assert score.cop_error_mm["mean"] is not None and score.cop_error_mm["mean"] < 0.1
@@ -165,7 +165,7 @@ def test_the_command_writes_a_file_that_the_score_reads(
 ) -> None:
     path = tmp_path / "cal.yaml"
     assert main([str(path)]) == 0
-    assert "held out" in capsys.readouterr().out
+    assert "hold-out set" in capsys.readouterr().out
     assert score_main(["press_slide_lift", "--calibration", str(path), "--for", "1"]) == 0
     capsys.readouterr()
     monkeypatch.setattr(calibrate, "calibrate", lambda *_: found)  # what cannot be written need not be found again

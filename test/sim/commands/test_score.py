@@ -14,11 +14,11 @@ from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.calibration.simulated_bench import record
-from posfet_sim.commands.score import Run, differing, main, run
-from posfet_sim.device.imperfections import Imperfections
-from posfet_sim.emulation.offline import wire_scans
+from posfet_sim.commands.score import Run, main, perturbed, run
+from posfet_sim.device.error_model import ErrorModel
+from posfet_sim.emulation.offline import received_scans
 from posfet_sim.evaluation.scorer import Score, Scorer
-from posfet_sim.evaluation.slip_scorer import Slips
+from posfet_sim.evaluation.slip_scorer import SlipScorer
 from posfet_sim.scene import load_scene
 
 SENSOR = load_sensor()
@@ -87,7 +87,7 @@ objects:
 @pytest.fixture(scope="module")
 def calibrated() -> Calibration:
     """The board of seed 1, pressed taxel by taxel."""
-    recording = record(SENSOR, 1, Imperfections.default())
+    recording = record(SENSOR, 1, ErrorModel.default())
     return fit(SENSOR, recording, "2026-01-01")
 
 
@@ -121,7 +121,7 @@ def test_every_imperfection_and_gains_off_by_5_percent_after_calibration(name: s
     """Two taxels in the middle of this board are noisy."""
     what = calibrated.with_gain_error(0.05, np.random.default_rng(1))
     scene = load_scene(name, SENSOR)
-    score = run(Run(SENSOR, scene, scene.duration, 1, Imperfections.default(), what))
+    score = run(Run(SENSOR, scene, scene.duration, 1, ErrorModel.default(), what))
     assert (score.contact_precision, score.contact_recall, score.id_switches) == (1.0, 1.0, 0)
     assert score.detection_latency_scans is not None and score.detection_latency_scans <= 2
     assert score.cop_error_mm["mean"] is not None and score.cop_error_mm["mean"] <= 0.1
@@ -140,7 +140,7 @@ def test_two_that_meet_and_part_keep_their_ids(tmp_path: Path) -> None:
 def test_what_the_film_keeps_of_a_strong_touch_is_no_contact(tmp_path: Path) -> None:
     path = tmp_path / "strong.yaml"
     path.write_text(STRONG)
-    what = Run(SENSOR, load_scene(path, SENSOR), 4.0, 1, replace(Imperfections.none(), hysteresis=0.01))
+    what = Run(SENSOR, load_scene(path, SENSOR), 4.0, 1, replace(ErrorModel.none(), hysteresis=0.01))
     found = run(what)
     assert found.contact_precision == 1.0
     assert found.contact_recall == 1.0
@@ -167,7 +167,7 @@ def test_one_that_grazes_between_presses_is_another_contact_each_time(tmp_path: 
     assert run(Run(SENSOR, scene, 1.6)).id_switches == 0
     deaf = replace(SENSOR, contact=replace(SENSOR.contact, threshold=1.0))
     scorer, reconstructor = Scorer(SENSOR), Reconstructor(deaf)
-    for scan, truth in wire_scans(SENSOR, scene, 1.6, 1):
+    for scan, truth in received_scans(SENSOR, scene, 1.6, 1):
         scorer.add(reconstructor.process(scan), reconstructor.image(), truth)
     assert scorer.score(0.0).detection_latency_scans == pytest.approx(47, abs=3), "presses that were never found"
 
@@ -185,13 +185,13 @@ def test_strong_touches_that_land_and_lift_in_a_tenth_of_a_second_do_not_slip(
     path = tmp_path / "strong.yaml"
     path.write_text("\n".join(lines))
     what = calibrated.with_gain_error(0.05, np.random.default_rng(1))
-    found = run(Run(SENSOR, load_scene(path, SENSOR), 3.0, 1, Imperfections.default(), what))
+    found = run(Run(SENSOR, load_scene(path, SENSOR), 3.0, 1, ErrorModel.default(), what))
     assert (found.contact_recall, found.false_slips_per_hour) == (1.0, 0.0)
 
 
 def test_slips_that_nobody_tells_or_that_are_none_are_counted() -> None:
-    slips = Slips()
-    for scan, truth in wire_scans(SENSOR, load_scene("grasp_lift_slip", SENSOR), 2.5, 1):
+    slips = SlipScorer()
+    for scan, truth in received_scans(SENSOR, load_scene("grasp_lift_slip", SENSOR), 2.5, 1):
         slips.add(truth, {0: 1}, {7} if scan.sequence == 1500 else set())
     assert (slips.recall(), slips.delay()["max"], slips.false) == (0.0, None, 1)
     assert slips._missed == 3
@@ -201,7 +201,7 @@ def test_a_gain_that_is_told_wrong_is_found_to_the_percent() -> None:
     wrong = replace(Calibration.nominal(SENSOR), gain=np.full(25, 1 / 1.1))
     score = run(Run(SENSOR, SCENE, 4.0, calibration=wrong))
     assert score.total_force_error_pct == pytest.approx(10.0, abs=0.5)
-    stiffer = differing(SENSOR, {"d33": 10.0})
+    stiffer = perturbed(SENSOR, {"d33": 10.0})
     score = run(Run(SENSOR, SCENE, 4.0, device=stiffer))
     assert score.total_force_error_pct == pytest.approx(10.0, abs=0.5)
 
@@ -214,7 +214,7 @@ def test_contacts_out_of_place_are_false_and_missing_ones_missed() -> None:
             return super()._pairs([], centres)
 
     scorer, reconstructor = Elsewhere(SENSOR), Reconstructor(SENSOR)
-    for scan, truth in wire_scans(SENSOR, SCENE, 1.0, 1):
+    for scan, truth in received_scans(SENSOR, SCENE, 1.0, 1):
         mirrored = replace(truth, objects=replace(truth.objects, contact_centres=truth.objects.contact_centres + 5e-3))
         scorer.add(reconstructor.process(scan), reconstructor.image(), mirrored)
     score: Score = scorer.score(0.0)
@@ -223,11 +223,13 @@ def test_contacts_out_of_place_are_false_and_missing_ones_missed() -> None:
 
 
 def test_all_scans_come_through_the_wire_with_their_truth_whatever_the_line_does() -> None:
-    ideal = [(scan.sequence, truth.sequence) for scan, truth in wire_scans(SENSOR, SCENE, 1.0, 1)]
+    ideal = [(scan.sequence, truth.sequence) for scan, truth in received_scans(SENSOR, SCENE, 1.0, 1)]
     assert len(ideal) >= 999
     assert all(scan == truth for scan, truth in ideal)
-    bad = replace(Imperfections.none(), dropped_share=0.02, torn_share=0.02, resets_per_hour=3600.0, reset_time=0.1)
-    faulty = list(wire_scans(SENSOR, SCENE, 3.0, 1, bad))
+    bad = replace(
+        ErrorModel.none(), drop_probability=0.02, truncation_probability=0.02, resets_per_hour=3600.0, reset_time=0.1
+    )
+    faulty = list(received_scans(SENSOR, SCENE, 3.0, 1, bad))
     assert 2000 < len(faulty) < 2950
 
 

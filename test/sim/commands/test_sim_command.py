@@ -13,9 +13,9 @@ import pytest
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_sim.commands.simulate import BAD_INPUT, INTERRUPTED, main
-from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import SimulatedBoard
-from posfet_sim.emulation.line_faults import FaultyScans
+from posfet_sim.emulation.faulty_scans import FaultyScans
 from posfet_sim.recording.message_definitions import message_fields, schema_text
 from posfet_sim.scene import SceneLoads, load_scene
 from posfet_sim.scene.scene_file import SCENE_FOLDER
@@ -25,7 +25,7 @@ SCENE = "two_fingers"
 TAXELS = SENSOR.layout.taxels
 
 
-def board_counts(scans: int, seed: int, imperfections: Imperfections) -> np.ndarray:
+def board_counts(scans: int, seed: int, imperfections: ErrorModel) -> np.ndarray:
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene(SCENE, SENSOR), SENSOR), seed, imperfections)
     source, scan = FaultyScans(board, seed), Scan.empty(1, TAXELS)
     return np.array([scan.counts.copy() for index in range(scans) for _ in range(source.scan(index, scan))])
@@ -43,7 +43,7 @@ def test_csv_holds_the_boards_counts_and_the_truth(tmp_path: Path, capsys: pytes
     names, values = read_csv(path)
     assert len(set(names)) == len(names) == values.shape[1]
     first = names.index("count_r0_c0")
-    expected = board_counts(600, 3, Imperfections.default())
+    expected = board_counts(600, 3, ErrorModel.default())
     np.testing.assert_array_equal(values[:, first : first + TAXELS], expected)
     pressed = [names.index(f"{item}.force_N") for item in ("lower", "upper")]
     forces = [index for index, name in enumerate(names) if name.startswith("force_")]
@@ -136,7 +136,7 @@ def test_ros_reads_the_messages_of_an_mcap_file(tmp_path: Path) -> None:
             again = serialization.serialize_message(read[channel.topic][-1])
             assert len(again) == len(message.data)  # the bytes between differ: ROS fills gaps with what was there
     counts = np.array([message.counts for message in read["/tactile/raw"]])
-    np.testing.assert_array_equal(counts, board_counts(700, 5, Imperfections.none()))
+    np.testing.assert_array_equal(counts, board_counts(700, 5, ErrorModel.none()))
     last = read["/tactile/truth"][-1]
     assert last.objects == ["lower", "upper"]
     assert [list(last.contact_objects), list(last.contact_forces)] == [[0], [np.float32(0.8)]]
@@ -167,9 +167,6 @@ def test_a_schema_brings_all_that_the_message_is_made_of() -> None:
     [
         (["--out", "x.bag"], "x.bag: must end in .mcap or .csv"),
         (["nothing", "--out", "x.csv"], "nothing: no such scene"),
-        (["--out", "x.csv", "--for", "-1"], "--for: must be in (0, 1e+06], got -1"),
-        (["--out", "x.csv", "--for", "nan"], "--for: must be in (0, 1e+06], got nan"),
-        (["--out", "x.csv", "--seed", "-3"], "--seed: must be in [0, 1000000000], got -3"),
         (["--out", "x.csv", "--imperfections", "some.yaml"], "some.yaml: cannot be read"),
         (["--out", "x.mcap", "--namespace", ""], "namespace: must be names"),
         (["--out", "x.csv", "--namespace", "a b"], "namespace: must be names"),
@@ -184,6 +181,26 @@ def test_bad_input_is_told_in_one_line(
     told = capsys.readouterr().err
     assert told.count("\n") == 1
     assert reason in told
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--for", "-1"], "--for: must be a number in (0, 1e+06], got '-1'"),
+        (["--for", "nan"], "--for: must be a number in (0, 1e+06], got 'nan'"),
+        (["--seed", "-3"], "--seed: must be a whole number in [0, 1000000000], got '-3'"),
+        (["--seed", "1.5"], "--seed: must be a whole number in [0, 1000000000], got '1.5'"),
+    ],
+)
+def test_bad_values_of_options_are_usage_errors(
+    tmp_path: Path, words: list[str], reason: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as ended:
+        main(["--out", "x.csv", *words])
+    assert ended.value.code == 2
+    assert reason in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

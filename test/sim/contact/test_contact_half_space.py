@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from posfet_model.sensor.description import Layout
-from posfet_sim.contact.indenters import FLAT, Bend, Punch, Shape, Sphere
+from posfet_sim.contact.indenters import FLAT, Bend, FlatIndenter, Shape, Sphere
 from posfet_sim.contact.line_contacts import Cylinder, Edge
-from posfet_sim.contact.rectangular_punch import RectangularPunch
+from posfet_sim.contact.rectangular_indenter import RectangularIndenter
 from posfet_sim.contact.taxel_forces import Cells
 from reference.half_space import Contact, axis, press
 
@@ -79,13 +79,13 @@ CASES: dict[str, tuple[Shape, Bend, Gap, float, float, float, float]] = {
     # shape, bend, its gap, half sides of the grid [m], error of indentation [1] and of a taxel's force [N]
     "sphere": (Sphere(5e-3, MODULUS), FLAT, parabola(200.0, 200.0), 1.8e-3, 1.8e-3, 1e-4, 1e-4),
     "sphere, bent": (Sphere(5e-3, MODULUS), ALONG, parabola(250.0, 200.0), 1.8e-3, 1.8e-3, 1e-4, 1e-4),
-    "punch": (Punch(1.5e-3, MODULUS), FLAT, disc, 1.52e-3, 1.52e-3, 3e-3, 1e-3),
+    "punch": (FlatIndenter(1.5e-3, MODULUS), FLAT, disc, 1.52e-3, 1.52e-3, 3e-3, 1e-3),
     "crossed cylinders": (
         Cylinder(8e-3, MODULUS, 3e-3), ALONG, parabola(50.0, 1 / 3e-3), 4e-3, 1.6e-3, 1e-4, 0.01),
-    "square": (RectangularPunch(3e-3, 3e-3, MODULUS), FLAT, FACE, 1.5e-3, 1.5e-3, 3e-3, 1e-3),
-    "rectangle": (RectangularPunch(4e-3, 2e-3, MODULUS), FLAT, FACE, 2e-3, 1e-3, 3e-3, 1e-3),
-    "narrow rectangle": (RectangularPunch(6e-3, 0.6e-3, MODULUS), FLAT, FACE, 3e-3, 0.3e-3, 3e-3, 1e-3),
-    "rectangle, across": (RectangularPunch(1e-3, 4e-3, MODULUS), FLAT, FACE, 0.5e-3, 2e-3, 3e-3, 1e-3),
+    "square": (RectangularIndenter(3e-3, 3e-3, MODULUS), FLAT, FACE, 1.5e-3, 1.5e-3, 3e-3, 1e-3),
+    "rectangle": (RectangularIndenter(4e-3, 2e-3, MODULUS), FLAT, FACE, 2e-3, 1e-3, 3e-3, 1e-3),
+    "narrow rectangle": (RectangularIndenter(6e-3, 0.6e-3, MODULUS), FLAT, FACE, 3e-3, 0.3e-3, 3e-3, 1e-3),
+    "rectangle, across": (RectangularIndenter(1e-3, 4e-3, MODULUS), FLAT, FACE, 0.5e-3, 2e-3, 3e-3, 1e-3),
 }  # fmt: skip
 
 
@@ -101,7 +101,7 @@ def test_contact_is_that_of_the_half_space(case: tuple[Shape, Bend, Gap, float, 
 
 def test_a_square_punch_is_as_stiff_as_a_square_plate_is_capacious() -> None:
     stiffness = math.pi * SQUARE_PLATE * 3e-3 * MODULUS
-    assert FORCE / RectangularPunch(3e-3, 3e-3, MODULUS).indentation(FORCE, FLAT) == pytest.approx(
+    assert FORCE / RectangularIndenter(3e-3, 3e-3, MODULUS).indentation(FORCE, FLAT) == pytest.approx(
         stiffness, rel=1.5e-3
     )
     assert FORCE / contact(FACE, 1.5e-3, 1.5e-3).indentation == pytest.approx(stiffness, rel=5e-3)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from posfet_model.sensor.description import Layout
 from posfet_sim.contact.closed_forms import hertz_ellipse
 from posfet_sim.contact.indenters import FLAT, Sphere
-from posfet_sim.contact.taxel_forces import FINEST_SPREAD, Cells, spread_of_cover
+from posfet_sim.contact.taxel_forces import MIN_RELATIVE_SPREAD, Cells, skin_spread
 from support.sweep import assert_all_refused, decades, refusals
 
 LAYOUT = Layout(id=1, rows=4, cols=5, pitch_x=1.5e-3, pitch_y=1.2e-3, taxel_area=1e-6)
@@ -96,7 +96,7 @@ def test_without_spread_against_a_fine_grid_to_the_least_spread() -> None:
     reference = force * blocks / pressure.sum()
     found = forces(LAYOUT, 0.0, x, y, force)
     np.testing.assert_allclose(found, reference, rtol=0, atol=5e-4 * force)
-    np.testing.assert_allclose(forces(LAYOUT, FINEST_SPREAD * radius, x, y, force), found, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(forces(LAYOUT, MIN_RELATIVE_SPREAD * radius, x, y, force), found, rtol=0, atol=1e-15)
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.05e-3, SPREAD])
@@ -136,7 +136,7 @@ def test_what_presses_beyond_the_cells_is_lost_and_far_taxels_are_not_met() -> N
             effective_modulus=(0.0, -1.0, 2e13),
         ),
         refusals(Cells, {"layout": LAYOUT, "spread": SPREAD}, spread=(-1e-9, 1.1)),
-        refusals(spread_of_cover, {"thickness": 1e-3}, thickness=(-1e-9, 0.2)),
+        refusals(skin_spread, {"thickness": 1e-3}, thickness=(-1e-9, 0.2)),
     ],
 )
 def test_what_cannot_be_is_refused(function, cases) -> None:

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from posfet_model.sensor.description import Layout
 from posfet_sim.contact.closed_forms import hertz_ellipse, line_stiffness
-from posfet_sim.contact.indenters import FLAT, Bend, Punch, Shape, Sphere
+from posfet_sim.contact.indenters import FLAT, Bend, FlatIndenter, Shape, Sphere
 from posfet_sim.contact.line_contacts import Cylinder, Edge, LineShape
-from posfet_sim.contact.rectangular_punch import RectangularPunch
-from posfet_sim.contact.taxel_forces import SPREAD_PER_THICKNESS, Cells, spread_of_cover
+from posfet_sim.contact.rectangular_indenter import RectangularIndenter
+from posfet_sim.contact.taxel_forces import SPREAD_PER_THICKNESS, Cells, skin_spread
 from posfet_sim.contact.textured_pads import Ridges, Roughness
 from support.sweep import decades
 
@@ -25,8 +25,8 @@ MODULUS = 2e6
 BENT: Bend = (1 / 20e-3, 0.0)
 SHAPES: dict[str, Shape] = {
     "sphere": Sphere(5e-3, MODULUS),
-    "punch": Punch(1.5e-3, MODULUS),
-    "rectangle": RectangularPunch(4e-3, 2e-3, MODULUS),
+    "punch": FlatIndenter(1.5e-3, MODULUS),
+    "rectangle": RectangularIndenter(4e-3, 2e-3, MODULUS),
     "cylinder": Cylinder(4e-3, MODULUS, 3e-3),
     "edge": Edge(4e-3, MODULUS, math.tan(math.radians(20))),
     "ridges": Ridges(6e-3, 3e-3, 3, 10e-6, MODULUS),
@@ -214,7 +214,7 @@ def test_slices_make_a_rods_contact_on_a_bent_chip_as_much_too_long_as_the_docum
                 rod, bend = Cylinder(length, MODULUS, radius), (1 / bent, 0.0)
                 for force in (0.01, 0.03, 0.1, 0.3, 1.0):
                     sliced, hertz = LineShape.line_load(rod, force, bend), rod.line_load(force, bend)
-                    if force < rod.greatest_force and sliced.half_length < 0.999 * length / 2:
+                    if force < rod.max_force and sliced.half_length < 0.999 * length / 2:
                         ratios.append(sliced.half_length / hertz.half_length)
     assert len(ratios) > 50
     assert (min(ratios), max(ratios)) == (pytest.approx(1.17, abs=0.005), pytest.approx(2.08, abs=0.005))
@@ -327,7 +327,7 @@ PITCHES = (1.5, 1.75, 2.0)
 
 def test_the_gaussian_is_as_far_from_boussinesq_as_is_said() -> None:
     point = np.zeros((1, 2))
-    assert spread_of_cover(1e-3) == pytest.approx(0.7e-3, rel=1e-12)
+    assert skin_spread(1e-3) == pytest.approx(0.7e-3, rel=1e-12)
     worst = [mismatch(SPREAD_PER_THICKNESS, pitch, point) for pitch in PITCHES]
     assert 0.03 < max(worst) < 0.037
     assert max(mismatch(SPREAD_PER_THICKNESS, pitch, point) for pitch in (1.0, 2.5)) < 0.061

@@ -1,4 +1,4 @@
-"""Imperfections: each can be switched off alone, does what it says, and is read with its unit and range."""
+"""ErrorModel: each can be switched off alone, does what it says, and is read with its unit and range."""
 
 import math
 from dataclasses import fields, replace
@@ -11,24 +11,22 @@ from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import ForwardSignalChain
-from posfet_sim.device.imperfections import KEYS, OF_THE_SENSOR, Imperfections, load_imperfections
-from posfet_sim.device.sample_clock import SimClock
+from posfet_sim.device.error_model import KEYS, SENSOR_PROPERTIES, ErrorModel, load_error_model
+from posfet_sim.device.sample_clock import SampleClock
 from posfet_sim.device.simulated_board import SimulatedBoard
-from posfet_sim.device.taxel_variation import TaxelStatus, draw_spread
-from posfet_sim.scene import Scene, SceneLoads, Track, load_scene
+from posfet_sim.device.taxel_variation import TaxelStatus, draw_taxel_parameters
+from posfet_sim.scene import Keyframes, Scene, SceneLoads, load_scene
 from support.paths import DOCS
 
 SENSOR = load_sensor()
 LARGE = replace(SENSOR, layout=replace(SENSOR.layout, rows=40, cols=40))
-NONE, DEFAULT = Imperfections.none(), Imperfections.default()
+NONE, DEFAULT = ErrorModel.none(), ErrorModel.default()
 SILENT = NONE.without_noise()
 TAXELS = SENSOR.layout.taxels
 DOCUMENT = DOCS / "simulation.md"
 
 
-def run(
-    imperfections: Imperfections, scans: int, sensor: Sensor = SENSOR, scene: str = "press_slide_lift"
-) -> np.ndarray:
+def run(imperfections: ErrorModel, scans: int, sensor: Sensor = SENSOR, scene: str = "press_slide_lift") -> np.ndarray:
     """Counts of the first scans, shape [scans, taxels]."""
     board = SimulatedBoard(sensor, SceneLoads(load_scene(scene, sensor), sensor), 3, imperfections)
     scan = Scan.empty(1, sensor.layout.taxels)
@@ -44,7 +42,7 @@ def in_volts(counts: np.ndarray) -> np.ndarray:
 
 
 def volts(
-    imperfections: Imperfections, index: int = 700, sensor: Sensor = SENSOR, scene: Scene | None = None
+    imperfections: ErrorModel, index: int = 700, sensor: Sensor = SENSOR, scene: Scene | None = None
 ) -> np.ndarray:
     """Noise-free output at one scan."""
     board = SimulatedBoard(
@@ -57,7 +55,7 @@ def volts(
 
 
 def test_without_imperfections_it_is_the_chain_of_the_sensor_file() -> None:
-    spread = draw_spread(SENSOR, NONE, 0)
+    spread = draw_taxel_parameters(SENSOR, NONE, 0)
     assert not spread.status.any()
     for values in (spread.charge_per_newton, spread.leak_time_constant, spread.volts_per_charge, spread.offset):
         assert np.ptp(values) == 0
@@ -70,7 +68,7 @@ def test_each_one_alone_changes_the_board_and_is_off_in_none(key: object) -> Non
     name = key.attribute  # type: ignore[attr-defined]
     only = replace(SILENT, **{name: getattr(DEFAULT, name)})
     needs = {"hum_frequency": "hum_amplitude", "noisy_factor": "adc_noise", "reset_time": "resets_per_hour"}
-    if name in OF_THE_SENSOR:
+    if name in SENSOR_PROPERTIES:
         assert getattr(NONE, name) is True  # the sensor file's, and on from the start
         assert SILENT.adc_noise is False
     elif name not in needs:
@@ -83,7 +81,7 @@ def test_each_one_alone_changes_the_board_and_is_off_in_none(key: object) -> Non
     ("name", "value"),
     [
         ("gain_spread", 0.05), ("area_spread", 0.03), ("offset_spread", 5e-3), ("leak_spread", 0.1),
-        ("crosstalk", 0.02), ("dead_share", 0.5), ("hysteresis", 0.01), ("amplifier_pole", True),
+        ("crosstalk", 0.02), ("dead_probability", 0.5), ("hysteresis", 0.01), ("amplifier_pole", True),
         ("slew_rate", 0.5),
     ],
 )  # fmt: skip
@@ -92,7 +90,7 @@ def test_what_acts_on_the_signal_acts_alone(name: str, value: float) -> None:
 
 
 def test_the_spreads_are_those_asked_for() -> None:
-    spread = draw_spread(
+    spread = draw_taxel_parameters(
         LARGE, replace(NONE, gain_spread=0.05, offset_spread=5e-3, leak_spread=0.1, area_spread=0.03), 1
     )
     for values, expected in (
@@ -106,7 +104,7 @@ def test_the_spreads_are_those_asked_for() -> None:
 
 def test_area_acts_on_force_and_not_on_temperature() -> None:
     idle = load_scene("idle", SENSOR)
-    warmer = replace(idle, temperature=Track((0.0, 0.2), ((25.0,), (30.0,))))
+    warmer = replace(idle, temperature=Keyframes((0.0, 0.2), ((25.0,), (30.0,))))
     uneven = replace(SILENT, area_spread=0.2)
     np.testing.assert_array_equal(volts(uneven, 300, scene=warmer), volts(SILENT, 300, scene=warmer))
     assert np.ptp(volts(replace(SILENT, gain_spread=0.2), 300, scene=warmer)) > 0.05
@@ -117,7 +115,7 @@ def test_crosstalk_reaches_the_four_neighbours() -> None:
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0, replace(SILENT, crosstalk=0.1))
     readout = board._readout
     awake = np.array([6, 7, 8, 1, 2, 3, 11, 12, 13])
-    readout.wake(awake)
+    readout.activate(awake)
     charge = np.zeros((2, 9))
     charge[:, 1] = 1e-6  # taxel 7, row 1, column 2
     (output,) = readout.outputs(charge, np.array([1e-3]))
@@ -129,11 +127,11 @@ def test_crosstalk_reaches_the_four_neighbours() -> None:
 
 
 def test_dead_stuck_and_noisy_taxels_do_what_their_names_say() -> None:
-    faulty = replace(NONE, dead_share=0.2, stuck_share=0.2, noisy_share=0.2, noisy_factor=10.0)
+    faulty = replace(NONE, dead_probability=0.2, stuck_probability=0.2, noisy_probability=0.2, noisy_factor=10.0)
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 3, faulty)
     status = board.taxel_status
     counts = run(faulty, 1500).astype(float)
-    spread = draw_spread(SENSOR, faulty, 3)
+    spread = draw_taxel_parameters(SENSOR, faulty, 3)
     stuck = status == TaxelStatus.STUCK
     assert {int(value) for value in status} == {TaxelStatus.OK, TaxelStatus.DEAD, TaxelStatus.STUCK}
     assert np.ptp(counts[:, stuck], axis=0).max() == 0
@@ -149,10 +147,10 @@ def test_hysteresis_opens_the_loop_by_its_width() -> None:
     width, greatest = 0.02, SENSOR.device.force_max
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0, replace(SILENT, hysteresis=width))
     charge = board._charge
-    charge._wake_up(np.ones((5, 5), bool))
+    charge._set_active(np.ones((5, 5), bool))
 
     def counted(force: float) -> float:
-        return float(charge._counted(np.full((1, TAXELS), force))[0, 0])
+        return float(charge._effective_force(np.full((1, TAXELS), force))[0, 0])
 
     for force in np.linspace(0, greatest, 50):
         up = counted(force)
@@ -172,7 +170,7 @@ def test_mains_hum_has_its_frequency_and_amplitude() -> None:
     signal = in_volts(run(hum, 1000, scene="idle"))
     spectrum = np.abs(np.fft.rfft(signal - signal.mean(axis=0), axis=0)) / 500
     assert (spectrum.argmax(axis=0) == 50).all()
-    expected = draw_spread(SENSOR, hum, 3).hum
+    expected = draw_taxel_parameters(SENSOR, hum, 3).hum
     half_a_step = (SENSOR.adc.high - SENSOR.adc.low) / 65535 / 2  # the converter is in step with the hum
     np.testing.assert_allclose(spectrum[50], expected, rtol=0, atol=half_a_step)
     assert 0.1 < expected.std() / expected.mean() < 0.3
@@ -233,7 +231,7 @@ def test_a_coarse_converter_repeats_its_code_below() -> None:
 
 
 def test_the_clock_drifts_and_jitters() -> None:
-    clock = SimClock(1000.0, 100e-6, 5e-6, 1)
+    clock = SampleClock(1000.0, 100e-6, 5e-6, 1)
     times = clock.times(0, 20_000)
     errors = times - np.arange(20_000) * 1e-3 * (1 + 100e-6)
     assert (np.diff(times) > 0).all()
@@ -250,7 +248,7 @@ def test_the_clock_drifts_and_jitters() -> None:
 
 
 @pytest.mark.parametrize("imperfections", [NONE, DEFAULT], ids=["none", "default"])
-def test_the_bytes_do_not_depend_on_which_scans_are_asked_for(imperfections: Imperfections) -> None:
+def test_the_bytes_do_not_depend_on_which_scans_are_asked_for(imperfections: ErrorModel) -> None:
     every = run(imperfections, 1000)
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 3, imperfections)
     scan = Scan.empty(1, TAXELS)
@@ -260,15 +258,15 @@ def test_the_bytes_do_not_depend_on_which_scans_are_asked_for(imperfections: Imp
 
 
 def test_another_seed_makes_another_board() -> None:
-    first, second = (draw_spread(SENSOR, DEFAULT, seed) for seed in (1, 2))
+    first, second = (draw_taxel_parameters(SENSOR, DEFAULT, seed) for seed in (1, 2))
     assert not np.array_equal(first.offset, second.offset)
-    np.testing.assert_array_equal(first.offset, draw_spread(SENSOR, DEFAULT, 1).offset)
-    only_gain = draw_spread(SENSOR, replace(NONE, gain_spread=0.05), 1)
+    np.testing.assert_array_equal(first.offset, draw_taxel_parameters(SENSOR, DEFAULT, 1).offset)
+    only_gain = draw_taxel_parameters(SENSOR, replace(NONE, gain_spread=0.05), 1)
     np.testing.assert_array_equal(only_gain.volts_per_charge, first.volts_per_charge)  # a stream for each
 
 
 def test_every_field_has_a_key_and_every_default_is_within_its_range() -> None:
-    assert sorted(key.attribute for key in KEYS) == sorted(field.name for field in fields(Imperfections))
+    assert sorted(key.attribute for key in KEYS) == sorted(field.name for field in fields(ErrorModel))
     for key in KEYS:
         if not isinstance(key.default, bool):
             assert key.low <= key.default / key.scale * (1 + 1e-12)
@@ -280,10 +278,10 @@ def test_a_file_says_what_it_starts_from_and_what_differs(tmp_path: Path) -> Non
     path.write_text(
         "base: default\ntaxels: {gain_spread_percent: 2.5, crosstalk_percent: 0}\nfilm: {pyroelectric: false}\n"
     )
-    assert load_imperfections(path) == replace(DEFAULT, gain_spread=0.025, crosstalk=0.0, pyroelectric=False)
+    assert load_error_model(path) == replace(DEFAULT, gain_spread=0.025, crosstalk=0.0, pyroelectric=False)
     path.write_text("base: none\n")
-    assert load_imperfections(path) == NONE
-    assert (load_imperfections("none"), load_imperfections("default")) == (NONE, DEFAULT)
+    assert load_error_model(path) == NONE
+    assert (load_error_model("none"), load_error_model("default")) == (NONE, DEFAULT)
 
 
 @pytest.mark.parametrize(
@@ -306,7 +304,7 @@ def test_a_file_that_cannot_be_is_refused_in_one_line(tmp_path: Path, text: str,
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     with pytest.raises(ConfigError) as error:
-        load_imperfections(path)
+        load_error_model(path)
     assert str(error.value).startswith(f"{path}: ")
     assert reason in str(error.value)
     assert "\n" not in str(error.value)

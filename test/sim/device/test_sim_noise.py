@@ -7,8 +7,8 @@ import pytest
 
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
+from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.flicker_noise import FACTOR, OCTAVES, FlickerNoise
-from posfet_sim.device.imperfections import Imperfections
 from posfet_sim.device.random_streams import Stream, generator
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.scene import SceneLoads, load_scene
@@ -82,7 +82,7 @@ def test_streams_differ_by_seed_purpose_and_page() -> None:
 
 def test_white_noise_of_the_board_adds_up() -> None:
     sensor = load_sensor()
-    both = Imperfections.none()
+    both = ErrorModel.none()
     for imperfections, expected in (
         (both, sensor.adc.noise),
         (both.without_noise(), 0.0),

@@ -11,9 +11,9 @@ import pytest
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_model.sensor.signal_chain import ForwardSignalChain, charge_per_newton
-from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import OVERTEMPERATURE, SimulatedBoard
-from posfet_sim.scene import SCENE_FOLDER, Scene, SceneLoads, Track, load_scene
+from posfet_sim.scene import SCENE_FOLDER, Keyframes, Scene, SceneLoads, load_scene
 
 SENSOR = load_sensor()
 QUIET = replace(SENSOR, adc=replace(SENSOR.adc, noise=0.0))
@@ -27,7 +27,7 @@ SAME = 1e-12 * FULL_SCALE
 
 def warming(scene: Scene) -> Scene:
     """The scene with 5 K more for a while."""
-    return replace(scene, temperature=Track((0.6, 1.1, 2.0, 2.4), ((25.0,), (30.0,), (30.0,), (25.0,))))
+    return replace(scene, temperature=Keyframes((0.6, 1.1, 2.0, 2.4), ((25.0,), (30.0,), (30.0,), (25.0,))))
 
 
 def run(board: SimulatedBoard, indices: Iterable[int]) -> bytes:
@@ -84,14 +84,14 @@ def test_a_gap_longer_than_the_memory_forgets_what_was_before() -> None:
     run(jumped, [13_200])
     np.testing.assert_allclose(jumped.charge(), stepped.charge(), rtol=0, atol=SAME)
     assert jumped.taxel_updates < 0.7 * stepped.taxel_updates
-    assert stepped.touched
+    assert stepped.in_contact
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("sensor", [QUIET, FORGETFUL], ids=["slow leak", "fast leak"])
 def test_the_work_that_is_saved_changes_nothing(name: str, sensor: Sensor) -> None:
     scene = load_scene(name, sensor)
-    scene = replace(scene, temperature=Track((0.6, 1.1), ((25.0,), (30.0,)))) if name == "idle" else scene
+    scene = replace(scene, temperature=Keyframes((0.6, 1.1), ((25.0,), (30.0,)))) if name == "idle" else scene
     board = SimulatedBoard(sensor, SceneLoads(scene, sensor), 0)
     scan = Scan.empty(0, TAXELS)
     for index, chain in enumerate(full_computation(sensor, scene, 1200)):
@@ -102,10 +102,10 @@ def test_the_work_that_is_saved_changes_nothing(name: str, sensor: Sensor) -> No
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_with_imperfections_the_work_that_is_saved_changes_nothing_either(name: str) -> None:
-    imperfections = replace(Imperfections.default().without_noise(), clock_jitter=20e-6, slew_rate=5e3)
+    imperfections = replace(ErrorModel.default().without_noise(), clock_jitter=20e-6, slew_rate=5e3)
     scene = load_scene(name, SENSOR)
     lazy, full = (
-        SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 5, imperfections, full=full) for full in (False, True)
+        SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 5, imperfections, compute_all=full) for full in (False, True)
     )
     scan = Scan.empty(0, TAXELS)
     for index in range(1000):
@@ -113,7 +113,7 @@ def test_with_imperfections_the_work_that_is_saved_changes_nothing_either(name: 
         full.scan(index, scan)
         np.testing.assert_allclose(lazy.volts(), full.volts(), rtol=0, atol=1e-12 * SENSOR.adc.high)
     assert full.taxel_updates == 1000 * TAXELS
-    if scene.warming is None:
+    if scene.temperature_rise is None:
         assert lazy.taxel_updates < full.taxel_updates
     else:
         assert lazy.taxel_updates <= 1024 * TAXELS, "all change all the time; scans are computed ahead"
@@ -123,7 +123,7 @@ def test_with_imperfections_the_work_that_is_saved_changes_nothing_either(name: 
 def test_the_error_against_every_taxel_at_100_kilohertz_is_below_a_thousandth(name: str) -> None:
     # 40 ms from where something first changes; benchmarks/simulation/runs.py does whole scenes.
     scene = load_scene(name, QUIET)
-    begin = math.floor(min(SceneLoads(scene, QUIET).rests_until(0.0), 1.0) * RATE)
+    begin = math.floor(min(SceneLoads(scene, QUIET).constant_until(0.0), 1.0) * RATE)
     board, scan = SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0), Scan.empty(0, TAXELS)
     largest = 0.0
     for index, chain in enumerate(full_computation(QUIET, scene, 4001, 100 * RATE, 100 * begin)):
@@ -173,8 +173,8 @@ def test_the_truth_adds_up(name: str) -> None:
         }:  # clear of the edge: the cover's tails are lost
             assert truth.force.sum() == pytest.approx(pressed, rel=0.01)
         assert not truth.taxel_status.any()
-        assert board.touched == (pressed > 1e-8)
-        touched += board.touched
+        assert board.in_contact == (pressed > 1e-8)
+        touched += board.in_contact
     assert bool(touched) == (name not in {"idle", "temperature_ramp"})
 
 
@@ -243,7 +243,7 @@ def test_chip_sensors_read_the_scene_and_the_film_lags() -> None:
     slope = 5.0  # [K/s]
     idle = load_scene("idle", SENSOR)
     steps = np.arange(0, 1.001, 0.01)
-    ramp = Track(tuple(steps), tuple((25 + slope * time,) for time in steps))  # short keyframes: a straight line
+    ramp = Keyframes(tuple(steps), tuple((25 + slope * time,) for time in steps))  # short keyframes: a straight line
     board = SimulatedBoard(SENSOR, SceneLoads(replace(idle, temperature=ramp), SENSOR), 0)
     scan = Scan.empty(0, TAXELS)
     for index in range(1001):
@@ -302,7 +302,9 @@ def test_what_is_computed_ahead_leaves_the_last_scan_alone() -> None:
 
 def test_in_float32_the_board_is_the_same_to_its_digits() -> None:
     scene = load_scene("tap", SENSOR)
-    wide, narrow = (SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 0, narrow=each) for each in (False, True))
+    wide, narrow = (
+        SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 0, single_precision=each) for each in (False, True)
+    )
     scan = Scan.empty(0, TAXELS)
     for index in range(800):
         wide.scan(index, scan)

@@ -10,10 +10,10 @@ import pytest
 from posfet_model.calibration.taxel_calibration import Calibration, Residuals
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
-from posfet_sim.commands.score import Run, differing, run
-from posfet_sim.emulation.offline import wire_scans
+from posfet_sim.commands.score import Run, perturbed, run
+from posfet_sim.emulation.offline import received_scans
 from posfet_sim.scene import Scene, load_scene
-from posfet_sim.scene.scene import Track
+from posfet_sim.scene.scene import Keyframes
 
 SENSOR = load_sensor()
 RECORDED = replace(Calibration.nominal(SENSOR), residuals=Residuals(0.0, 0.0, 1))
@@ -22,10 +22,10 @@ RECORDED = replace(Calibration.nominal(SENSOR), residuals=Residuals(0.0, 0.0, 1)
 @pytest.mark.parametrize("kelvin_per_second", [0.1, -0.2])
 def test_a_start_while_the_chip_warms_becomes_valid_and_is_no_contact(kelvin_per_second: float) -> None:
     half = 20 * kelvin_per_second
-    warm = Track((-20.0, 20.0, 999.0), ((25.0 - half,), (25.0 + half,), (25.0,)))
+    warm = Keyframes((-20.0, 20.0, 999.0), ((25.0 - half,), (25.0 + half,), (25.0,)))
     scene = Scene(name="warming", description="nothing touches", period=1e3, objects=(), temperature=warm)
     reconstructor = Reconstructor(SENSOR)
-    results = [reconstructor.process(scan).valid for scan, _ in wire_scans(SENSOR, scene, 5.0, 1)]
+    results = [reconstructor.process(scan).valid for scan, _ in received_scans(SENSOR, scene, 5.0, 1)]
     assert results[-1] and reconstructor.tare().done
     assert np.abs(reconstructor.image().force).max() < 0.5 * SENSOR.contact.threshold
 
@@ -34,7 +34,7 @@ def test_a_start_while_the_chip_warms_becomes_valid_and_is_no_contact(kelvin_per
     "differences", [{}, {"lag": -30.0}, {"lag": 30.0}, {"pyroelectric": -10.0}, {"pyroelectric": 10.0}]
 )
 def test_a_warm_finger_is_felt_and_measured_while_the_room_warms(differences: dict[str, float]) -> None:
-    device = differing(SENSOR, differences)
+    device = perturbed(SENSOR, differences)
     score = run(Run(SENSOR, load_scene("warm_finger", device), 9.0, 2, calibration=RECORDED, device=device))
     assert score.total_force_error_pct is not None and score.total_force_error_pct < 2.0
     assert (score.contact_precision, score.id_switches) == (1.0, 0)
@@ -44,9 +44,9 @@ def test_a_warm_finger_is_felt_and_measured_while_the_room_warms(differences: di
 
 @pytest.mark.parametrize("pyroelectric", [-20.0, 0.0, 20.0])
 def test_a_lift_goes_into_no_zero_though_doubt_ended_its_contact_before(pyroelectric: float) -> None:
-    device = differing(SENSOR, {"pyroelectric": pyroelectric})
+    device = perturbed(SENSOR, {"pyroelectric": pyroelectric})
     reconstructor, ids = Reconstructor(SENSOR, RECORDED), set()
-    for scan, truth in wire_scans(device, load_scene("warm_finger", device), 10.0, 2):
+    for scan, truth in received_scans(device, load_scene("warm_finger", device), 10.0, 2):
         ids |= {contact.id for contact in reconstructor.process(scan).contacts}
         if truth.time > 8.5:
             assert np.abs(reconstructor.image().force).max() < 0.5 * SENSOR.contact.threshold
@@ -59,10 +59,10 @@ def test_warming_otherwise_than_described_is_no_contact(
     kelvin_per_second: float, differences: dict[str, float]
 ) -> None:
     warmed = 2.5 * kelvin_per_second
-    warm = Track((1.0, 3.5, 4.5, 99.0), ((25.0,), (25.0 + warmed,), (25.0 + warmed,), (25.0,)))
+    warm = Keyframes((1.0, 3.5, 4.5, 99.0), ((25.0,), (25.0 + warmed,), (25.0 + warmed,), (25.0,)))
     scene = Scene(name="warming", description="nothing touches", period=1e2, objects=(), temperature=warm)
-    reconstructor, device = Reconstructor(SENSOR, RECORDED), differing(SENSOR, differences)
-    for scan, _ in wire_scans(device, scene, 4.5, 1):
+    reconstructor, device = Reconstructor(SENSOR, RECORDED), perturbed(SENSOR, differences)
+    for scan, _ in received_scans(device, scene, 4.5, 1):
         assert not reconstructor.process(scan).contacts
 
 
@@ -71,10 +71,10 @@ def test_warming_otherwise_than_described_is_no_contact(
 def test_warming_of_an_array_of_few_taxels_is_no_contact(rows: int, cols: int, kelvin_per_second: float) -> None:
     sensor = replace(SENSOR, layout=replace(SENSOR.layout, rows=rows, cols=cols))
     warmed = 25.0 + 2.0 * kelvin_per_second
-    warm = Track((1.0, 3.0, 99.0), ((25.0,), (warmed,), (25.0,)))
+    warm = Keyframes((1.0, 3.0, 99.0), ((25.0,), (warmed,), (25.0,)))
     scene = Scene(name="warming", description="nothing touches", period=1e2, objects=(), temperature=warm)
-    device = differing(sensor, {"lag": 30.0, "pyroelectric": -10.0})
+    device = perturbed(sensor, {"lag": 30.0, "pyroelectric": -10.0})
     reconstructor = Reconstructor(sensor)
-    for scan, _ in wire_scans(device, scene, 4.0, 1):
+    for scan, _ in received_scans(device, scene, 4.0, 1):
         assert not reconstructor.process(scan).contacts
     assert reconstructor.tare().done

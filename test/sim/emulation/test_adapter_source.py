@@ -6,16 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from posfet_driver.board.scan_source import Health, ScanSource, SourceError
+from posfet_driver.board.scan_source import Health, ManagedDevice, ScanSource, SourceError
 from posfet_driver.bus.frame import CLASSIC
 from posfet_driver.bus.slcan_codec import LineReader, encode_line
 from posfet_driver.protocol.messages import COMMAND_OFFSET, FD_BLOCK_OFFSET, Command, Request
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_sim.device.simulated_board import SimulatedBoard
-from posfet_sim.emulation.emulated_source import AdapterSource
+from posfet_sim.emulation.bus_peer import SimulatedBusPeer
 from posfet_sim.scene import SceneLoads, load_scene
-from support.clocks import SteppedClock
 
 SENSOR = load_sensor()
 SCENE = load_scene("press_slide_lift", SENSOR)
@@ -23,8 +22,8 @@ START = encode_line((SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, Request(Comma
 
 
 @pytest.fixture
-def source(tmp_path: Path) -> Iterator[AdapterSource]:
-    source = AdapterSource(SENSOR, SCENE, 4, tmp_path / "board")
+def source(tmp_path: Path) -> Iterator[SimulatedBusPeer]:
+    source = SimulatedBusPeer(SENSOR, SCENE, 4, tmp_path / "board")
     yield source
     source.close()
 
@@ -40,7 +39,7 @@ def read_scans(link: Path, count: int) -> int:
     return blocks
 
 
-def test_the_scans_that_are_sent_are_those_of_the_board(source: AdapterSource, tmp_path: Path) -> None:
+def test_the_scans_that_are_sent_are_those_of_the_board(source: SimulatedBusPeer, tmp_path: Path) -> None:
     sent: list[tuple[int, int, np.ndarray]] = []
     source.on_scan = lambda scan, stamp: sent.append((scan.sequence, stamp, scan.counts.copy()))
     source.open()
@@ -58,9 +57,8 @@ def test_the_scans_that_are_sent_are_those_of_the_board(source: AdapterSource, t
         assert stamp - first_stamp == (sequence - first_sequence) * 1_000_000
 
 
-def test_the_report_tells_what_is(source: AdapterSource, tmp_path: Path) -> None:
-    as_source: ScanSource = source
-    assert as_source.report().health == Health.STALE
+def test_the_report_tells_what_is(source: SimulatedBusPeer, tmp_path: Path) -> None:
+    assert source.report().health == Health.STALE
     source.open()
     assert "waiting on the adapter" in source.report().state
     blocks = read_scans(tmp_path / "board", 20)
@@ -73,18 +71,16 @@ def test_the_report_tells_what_is(source: AdapterSource, tmp_path: Path) -> None
     assert not (tmp_path / "board").is_symlink()
     source.open()
     assert source.report().scans >= blocks
-    assert source.simulated
 
 
-def test_it_hands_on_no_scans_itself() -> None:
-    clock = SteppedClock()
-    assert AdapterSource(SENSOR, SCENE, 0, "unused", clock=clock).read(0.1) is None
-    assert clock.sleeps == [0.1]
+def test_it_is_no_source_of_scans(source: SimulatedBusPeer) -> None:
+    device: ManagedDevice = source
+    assert not isinstance(device, ScanSource)
 
 
 def test_a_place_that_is_taken_is_refused(tmp_path: Path) -> None:
     (tmp_path / "board").touch()
-    source = AdapterSource(SENSOR, SCENE, 0, tmp_path / "board")
+    source = SimulatedBusPeer(SENSOR, SCENE, 0, tmp_path / "board")
     with pytest.raises(SourceError, match="cannot be linked here"):
         source.open()
     assert source.report().health == Health.STALE

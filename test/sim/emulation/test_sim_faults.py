@@ -16,19 +16,20 @@ from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Com
 from posfet_driver.protocol.scan_codec import FD_LENGTH
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
-from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import SimulatedBoard
-from posfet_sim.emulation.bus_board import WireNode
-from posfet_sim.emulation.emulated_source import AdapterSource
-from posfet_sim.emulation.line_faults import FaultyScans, Resets
+from posfet_sim.emulation.bus_board import BusBoard
+from posfet_sim.emulation.bus_peer import SimulatedBusPeer
+from posfet_sim.emulation.faulty_scans import FaultyScans
+from posfet_sim.emulation.link_faults import ResetSchedule
 from posfet_sim.emulation.realtime_source import SimulationSource
 from posfet_sim.scene import SceneLoads, load_scene
 from support.clocks import PacedClock, SteppedClock
 
 SENSOR = load_sensor()
 SCENE = load_scene("idle", SENSOR)
-NONE = Imperfections.none()
-FAULTY = replace(NONE, dropped_share=0.05, torn_share=0.03, repeated_share=0.02)
+NONE = ErrorModel.none()
+FAULTY = replace(NONE, drop_probability=0.05, truncation_probability=0.03, duplication_probability=0.02)
 RESETTING = replace(NONE, resets_per_hour=3600.0, reset_time=0.2)
 START = (SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, Request(Command.START, tag=1).pack())
 PERIOD = 1_000_000
@@ -55,7 +56,7 @@ def test_scans_are_lost_and_repeated_as_often_as_asked() -> None:
     assert lost == pytest.approx(0.08, abs=0.01)
     assert sum(count == 2 for count in seen.values()) / (sequences[-1] + 1) == pytest.approx(0.02, abs=0.005)
     told = source.report().counters
-    assert told["simulated: dropped"] + told["simulated: torn"] == sequences[-1] + 1 - len(seen)
+    assert told["simulated: dropped"] + told["simulated: truncated"] == sequences[-1] + 1 - len(seen)
     again = SimulationSource(SENSOR, SCENE, 2, SteppedClock(5_000_000_000, 1_000), FAULTY)
     again.open()
     assert read(again, 2000) == sequences[:2000]
@@ -83,20 +84,20 @@ def test_a_reset_is_silent_and_begins_anew() -> None:
             assert scan.sequence == before + 1
         before = scan.sequence
     assert 3 < flagged < 20  # 8 expected
-    assert scans.counters["silent"] == silent == pytest.approx(200 * flagged, abs=200)
+    assert scans.counters["lost in resets"] == silent == pytest.approx(200 * flagged, abs=200)
 
 
 def test_resets_do_not_depend_on_when_one_asks() -> None:
-    often, rarely = Resets(RESETTING, 7), Resets(RESETTING, 7)
-    known = [often.alive_since(time) for time in np.arange(0, 60, 0.01)]
-    assert rarely.alive_since(59.99) == known[-1]
-    assert rarely.alive_since(12.34) == known[1234]
+    often, rarely = ResetSchedule(RESETTING, 7), ResetSchedule(RESETTING, 7)
+    known = [often.running_since(time) for time in np.arange(0, 60, 0.01)]
+    assert rarely.running_since(59.99) == known[-1]
+    assert rarely.running_since(12.34) == known[1234]
     assert rarely.next_after(12.34) > 12.34
 
 
-def frames_of_a_run(imperfections: Imperfections, seconds: float, fd: bool = True) -> list[tuple[int, int, bytes]]:
+def frames_of_a_run(error_model: ErrorModel, seconds: float, fd: bool = True) -> list[tuple[int, int, bytes]]:
     sensor = replace(SENSOR, can=replace(SENSOR.can, fd=fd))
-    node = WireNode(SimulatedBoard(sensor, SceneLoads(SCENE, sensor), 1, imperfections), 1, 0)
+    node = BusBoard(SimulatedBoard(sensor, SceneLoads(SCENE, sensor), 1, error_model), 1, 0)
     frames = node.receive(START, 0)
     now = 0
     while now < seconds * 1e9:
@@ -126,7 +127,7 @@ def test_frames_are_lost_cut_short_and_repeated(fd: bool) -> None:
 
 
 def test_the_boards_clock_drifts_on_the_wire() -> None:
-    node = WireNode(SimulatedBoard(SENSOR, SceneLoads(SCENE, SENSOR), 1, replace(NONE, clock_drift=500e-6)), 1, 0)
+    node = BusBoard(SimulatedBoard(SENSOR, SceneLoads(SCENE, SENSOR), 1, replace(NONE, clock_drift=500e-6)), 1, 0)
     node.receive(START, 0)
     stamps: list[int] = []
     node.on_scan = lambda scan: stamps.append(scan.stamp)
@@ -147,10 +148,10 @@ def test_a_reset_on_the_wire_waits_to_be_started_again() -> None:
 @pytest.mark.parametrize("fd", [True, False])
 def test_a_driver_never_hands_on_a_scan_that_the_line_has_spoilt(fd: bool) -> None:
     sensor = replace(SENSOR, can=replace(SENSOR.can, fd=fd, scan_rate=200.0))
-    spoilt = replace(NONE, dropped_share=0.03, torn_share=0.03, repeated_share=0.03)
+    spoilt = replace(NONE, drop_probability=0.03, truncation_probability=0.03, duplication_probability=0.03)
     clock = PacedClock()
     settings = bus_settings("virtual", f"spoilt-{threading.get_ident()}-{fd}", sensor.can)
-    source = AdapterSource(sensor, load_scene("hold", sensor), 6, settings, clock, spoilt)
+    source = SimulatedBusPeer(sensor, load_scene("hold", sensor), 6, settings, clock, spoilt)
     board = Board(sensor, lambda: open_bus(settings), clock)
     reference, expected = (
         SimulatedBoard(sensor, SceneLoads(load_scene("hold", sensor), sensor), 6),
@@ -170,7 +171,7 @@ def test_a_driver_never_hands_on_a_scan_that_the_line_has_spoilt(fd: bool) -> No
                 np.testing.assert_array_equal(scan.counts & ~np.uint16(lost), expected.counts & ~np.uint16(lost))
                 seen, before = seen + 1, scan.sequence
         assert board.report().frames_lost > 0
-        assert source.report().counters["simulated: torn"] > 0
+        assert source.report().counters["simulated: truncated"] > 0
     finally:
         board.close()
         source.close()
@@ -181,7 +182,7 @@ def test_a_driver_reads_the_board_on_a_python_can_bus(fd: bool) -> None:
     channel = f"board-{threading.get_ident()}-{fd}"
     sensor = replace(SENSOR, can=replace(SENSOR.can, fd=fd))
     settings = bus_settings("virtual", channel, sensor.can)
-    source = AdapterSource(sensor, load_scene("hold", sensor), 6, settings)
+    source = SimulatedBusPeer(sensor, load_scene("hold", sensor), 6, settings)
     sent: dict[int, np.ndarray] = {}
     source.on_scan = lambda scan, stamp: sent.__setitem__(scan.sequence, scan.counts.copy())
     source.open()

@@ -27,7 +27,7 @@ from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileRaw, TactileTruth
 from posfet_msgs.srv import LoadScene
 from posfet_sim.device.simulated_board import SimulatedBoard
-from posfet_sim.ros.sim_board_node import REMEMBERED, SimBoardNode
+from posfet_sim.ros.sim_board_node import SCAN_TIMES_KEPT, SimBoardNode
 from posfet_sim.scene import SceneLoads, load_scene
 
 pytestmark = pytest.mark.ros
@@ -152,7 +152,7 @@ def test_objects_of_a_scan_are_told_as_long_as_it_is_remembered(spin) -> None:
     scene = SimulatedBoard(node.sensor, SceneLoads(load_scene("press_slide_lift", node.sensor), node.sensor), 0)
     scan = Scan.empty(node.sensor.layout.id, node.sensor.layout.taxels)
     told = {}
-    for index in range(0, 2 * REMEMBERED + 2, 2):
+    for index in range(0, 2 * SCAN_TIMES_KEPT + 2, 2):
         node.source.board.scan(index, scan)
         node.deliver(scan, 0)
         told[index] = scene.objects(node.source.board.time)
@@ -209,7 +209,7 @@ def test_another_scene_is_loaded_while_it_runs(spin, tmp_path: Path) -> None:
     before = listener.wait("truth", 500)[-1]
     assert before.objects == []
     answer = load(spin, node, "two_fingers")
-    assert (answer.success, answer.message) == (True, "scene 'two_fingers' from its beginning")
+    assert (answer.success, answer.message) == (True, "scene 'two_fingers' from its start")
     while not (truths := [each for each in listener.messages["truth"] if each.objects]):
         listener.wait("truth", len(listener.messages["truth"]) + 1)
     assert truths[0].objects == ["lower", "upper"]

@@ -10,23 +10,23 @@ import pytest
 
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import load_sensor
-from posfet_sim.contact.indenters import Punch, Sphere
+from posfet_sim.contact.indenters import FlatIndenter, Sphere
 from posfet_sim.contact.line_contacts import Cylinder, Edge
-from posfet_sim.contact.rectangular_punch import RectangularPunch
+from posfet_sim.contact.rectangular_indenter import RectangularIndenter
 from posfet_sim.contact.taxel_forces import Cells
 from posfet_sim.contact.textured_pads import Ridges, Roughness
 from posfet_sim.scene import (
     SCENE_FOLDER,
     ChipBend,
+    Keyframes,
     Scene,
     SceneLoads,
     SceneObject,
-    Track,
     load_scene,
     scene_file,
     trajectory_file,
 )
-from posfet_sim.scene.scene_file import SHAPES, greatest_force
+from posfet_sim.scene.scene_file import SHAPES, max_force
 from support.each_row import each_row
 from support.paths import DOCS
 
@@ -87,12 +87,12 @@ def test_a_file_is_read_into_si_units(tmp_path: Path) -> None:
             SceneObject(
                 name="ball",
                 shape=Sphere(5e-3, 2e6),
-                path=Track(
+                path=Keyframes(
                     (0.5, 1.0, 1.5), ((1e-3, -2e-3, 0.0, 0.0), (1e-3, -2e-3, 0.0, 1.5), (-1e-3, 2e-3, 0.0, 0.0))
                 ),
             ),
         ),
-        temperature=Track((0.0,), ((25.0,),)),
+        temperature=Keyframes((0.0,), ((25.0,),)),
     )
     assert scene == expected
 
@@ -101,10 +101,10 @@ def test_a_file_is_read_into_si_units(tmp_path: Path) -> None:
     ("lines", "shape"),
     [
         ("kind: sphere, radius_mm: 5.0, effective_modulus_MPa: 2.0", Sphere(5e-3, 2e6)),
-        ("kind: punch, radius_mm: 1.5, effective_modulus_MPa: 2.0", Punch(1.5e-3, 2e6)),
+        ("kind: punch, radius_mm: 1.5, effective_modulus_MPa: 2.0", FlatIndenter(1.5e-3, 2e6)),
         (
             "kind: punch, length_mm: 4, width_mm: 0.2, effective_modulus_MPa: 2",
-            RectangularPunch(4e-3, 0.2e-3, 2e6),
+            RectangularIndenter(4e-3, 0.2e-3, 2e6),
         ),
         ("kind: cylinder, radius_mm: 3, length_mm: 4, effective_modulus_MPa: 2", Cylinder(4e-3, 2e6, 3e-3)),
         (
@@ -132,7 +132,7 @@ def test_a_bent_chip_and_a_cover_are_read(tmp_path: Path) -> None:
     text = GOOD.replace("objects:", "bend_radius_mm: 20\nbend_axis: y\ncover_thickness_mm: 1.0\nobjects:")
     scene = load_scene(write(tmp_path, text), SENSOR)
     assert scene.bend == ChipBend(0.02, axis_x=False)
-    assert scene.cover_thickness == 1e-3
+    assert scene.skin_thickness == 1e-3
 
 
 def test_temperature_by_keyframes_and_no_period(tmp_path: Path) -> None:
@@ -150,10 +150,10 @@ def test_shipped_scenes(name: str) -> None:
     assert scene.name == name
     rest = 1.0 if name == "hold" else 0.3  # the longer a force is held, the better its zero has to be known
     for item in scene.objects:
-        assert 0.5 <= item.path.top_load() <= 2.0
+        assert 0.5 <= item.path.max_load() <= 2.0
         assert item.path.at(rest)[-1] == 0
         if name != "warm_finger":  # the chip cools from the touch before
-            assert scene.rests_until(0.0) == pytest.approx(rest, abs=1e-12)
+            assert scene.constant_until(0.0) == pytest.approx(rest, abs=1e-12)
 
 
 def test_the_scenes_that_are_promised_are_shipped() -> None:
@@ -161,7 +161,7 @@ def test_the_scenes_that_are_promised_are_shipped() -> None:
     assert set(SHIPPED) >= {"temperature_ramp", "grasp_lift_slip", "idle"}
     loads = {name: SceneLoads(load_scene(name, SENSOR), SENSOR) for name in SHIPPED}
     assert loads["idle"].scene.duration == 600
-    assert loads["idle"].rests_until(0.0) == math.inf
+    assert loads["idle"].constant_until(0.0) == math.inf
     held = [len(loads["hold"].forces([time])) for time in np.arange(1.4, 61.2, 1.0).tolist()]
     assert held == [1] * 60
     warm = loads["temperature_ramp"].temperatures(np.arange(0, 20, 0.1).tolist())
@@ -224,7 +224,7 @@ REFUSED = [
     (
         GOOD[GOOD.index("temperature_degC") : GOOD.index("effective")],
         BENT_PUNCH,
-        r"objects\[0\].length_mm: a rectangular punch needs a flat chip",
+        r"objects\[0\].length_mm: a rectangular indenter needs a flat chip",
     ),
     (
         "temperature_degC: 25.0",
@@ -281,7 +281,7 @@ def test_an_unknown_name_is_told_the_shipped_ones() -> None:
 def test_a_force_above_the_range_of_a_taxel_is_refused_by_the_taxel(tmp_path: Path) -> None:
     hard = GOOD.replace("effective_modulus_MPa: 2.0", "effective_modulus_MPa: 200.0")
     ball, cells = Sphere(5e-3, 200e6), Cells(SENSOR.layout, SENSOR.device.contact_spread)
-    limit = greatest_force(SENSOR, cells, ball)
+    limit = max_force(SENSOR, cells, ball)
     where = [np.array([value]) for value in (0.0, 0.0, 0.0, limit)]
     patch = cells.press([ball.footprints(limit, cells.spread, (0.0, 0.0))], *where)
     assert patch is not None
@@ -290,7 +290,7 @@ def test_a_force_above_the_range_of_a_taxel_is_refused_by_the_taxel(tmp_path: Pa
     with pytest.raises(ConfigError, match=r"force_N: must be a number in \[0, "):
         load_scene(write(tmp_path, hard.replace("force_N: 1.5", f"force_N: {limit * 1.001}")), SENSOR)
     weaker = replace(SENSOR, device=replace(SENSOR.device, force_max=SENSOR.device.force_max / 2))
-    assert greatest_force(weaker, cells, ball) < limit
+    assert max_force(weaker, cells, ball) < limit
 
 
 PATHS = {
@@ -314,8 +314,8 @@ def test_each_path_is_read_and_plays(tmp_path: Path, kind: str) -> None:
     path = scene.objects[0].path
     assert path.at(0.2)[-1] == path.at(1.2)[-1] == path.at(5.0)[-1] == 0
     assert path.at(0.7)[-1] > 0.05
-    assert scene.rests_until(0.0) == pytest.approx(0.2)
-    assert scene.rests_until(1.2) == pytest.approx(2.2)
+    assert scene.constant_until(0.0) == pytest.approx(0.2)
+    assert scene.constant_until(1.2) == pytest.approx(2.2)
 
 
 @pytest.mark.parametrize(
@@ -350,7 +350,7 @@ def test_a_path_that_cannot_be_is_refused(tmp_path: Path, kind: str, old: str, n
 
 
 def test_taps_that_overlap_or_do_not_end_in_time_are_refused(tmp_path: Path) -> None:
-    assert load_scene(write(tmp_path, with_path(TAP)), SENSOR).rests_until(0.23) == pytest.approx(0.3)
+    assert load_scene(write(tmp_path, with_path(TAP)), SENSOR).constant_until(0.23) == pytest.approx(0.3)
     with pytest.raises(ConfigError, match=r"path.contact_s: must be a number in \[0.0001, 0.1\], got 0.2"):
         load_scene(write(tmp_path, with_path(TAP.replace("contact_s: 0.02", "contact_s: 0.2"))), SENSOR)
     with pytest.raises(ConfigError, match=r"path.count: must be in \[1, 18\] to end in time, got 19"):
@@ -390,7 +390,7 @@ def test_a_scene_rests_exactly_as_long_as_nothing_changes(name: str) -> None:
 
     span = min(scene.period, 10.0)
     for time in np.linspace(0, 2 * span, 203):
-        until = scene.rests_until(float(time))
+        until = scene.constant_until(float(time))
         assert until >= time
         if until == time:
             assert any(state(time + step) != state(time) for step in (0.01, 0.0037))

@@ -9,7 +9,7 @@ import pytest
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.scene import SCENE_FOLDER, Scene, SceneLoads, load_scene
-from posfet_sim.scene.heat_transfer import CHIP_THICKNESS, COVER_CONDUCTIVITY, LOSS_TIME_CONSTANT, SILICON_HEAT
+from posfet_sim.scene.heat_transfer import CHIP_THICKNESS, LOSS_TIME_CONSTANT, SILICON_HEAT, SKIN_CONDUCTIVITY
 
 SENSOR = load_sensor()
 CAPACITY = 7.5e-3**2 * CHIP_THICKNESS * SILICON_HEAT
@@ -27,7 +27,7 @@ def warm(folder: Path, temperature: str, name: str = "hold", period: str = "") -
 
 def conductance(force: float) -> float:
     area = math.pi * (3 * force * 5e-3 / (4 * 2e6)) ** (2 / 3)  # Hertz
-    return COVER_CONDUCTIVITY / THICKNESS * area
+    return SKIN_CONDUCTIVITY / THICKNESS * area
 
 
 def test_a_held_touch_warms_the_chip_along_an_exponential(tmp_path: Path) -> None:
@@ -67,18 +67,18 @@ def test_while_a_scene_rests_the_temperature_does_not_change_by_a_bit(tmp_path: 
     loads = SceneLoads(warm(tmp_path, "30.0", "press"), SENSOR)
     rests = 0
     for time in np.arange(0.0, 150.0, 0.0931).tolist():
-        until = loads.rests_until(time)
+        until = loads.constant_until(time)
         for later in np.linspace(time, min(until, time + 5), 4, endpoint=False).tolist():
             assert loads.temperatures([later]) == loads.temperatures([time])
         rests += until > time
     assert rests > 100
-    assert loads.rests_until(150.0) == math.inf
+    assert loads.constant_until(150.0) == math.inf
     assert loads.temperatures([150.0])[0] == pytest.approx(25.0, abs=1e-3)
 
 
 def test_objects_without_a_temperature_leave_the_chip_alone() -> None:
     scene = load_scene("press", SENSOR)
-    assert scene.warming is None
+    assert scene.temperature_rise is None
     assert scene.chip_temperature(0.7) == 25.0
 
 

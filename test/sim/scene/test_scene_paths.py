@@ -7,22 +7,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posfet_sim.scene.trajectories import Path, Stroke, Taps, Touch, Track, Vibration, Wander
+from posfet_sim.scene.trajectories import Keyframes, Path, PressRelease, RandomMotion, Stroke, Taps, Vibration
 
 TOUCH = {"start": 0.2, "end": 1.2, "rise": 0.1, "x": 1e-3, "y": -1e-3, "angle": 0.5, "load": 0.5}
 PATHS: list[Path] = [
-    Touch(**TOUCH),
+    PressRelease(**TOUCH),
     Vibration(**TOUCH, amplitude=0.2, frequency=200, end_frequency=200),
     Vibration(**TOUCH, amplitude=0.5, frequency=5, end_frequency=300),
     Stroke(**TOUCH, to_x=2e-3, to_y=2e-3, to_angle=1.5, strokes=3),
-    Wander(**TOUCH, amplitude=0.5, reach=1e-3, bandwidth=30.0, seed=5),
+    RandomMotion(**TOUCH, amplitude=0.5, reach=1e-3, bandwidth=30.0, seed=5),
     Taps(start=0.2, contact=0.02, interval=0.1, count=5, x=1e-3, y=-1e-3, angle=0.0, load=0.5),
 ]
 
 
 @given(st.lists(st.tuples(st.floats(-3, 3), st.floats(0, 5)), min_size=1, max_size=6), st.floats(-1, 7))
 def test_a_track_stays_between_its_keyframes(values: list[tuple[float, float]], time: float) -> None:
-    track = Track(tuple(float(k) for k in range(len(values))), tuple(values))
+    track = Keyframes(tuple(float(k) for k in range(len(values))), tuple(values))
     before = values[min(max(math.floor(time), 0), len(values) - 1)]
     after = values[min(max(math.floor(time) + 1, 0), len(values) - 1)]
     for value, a, b in zip(track.at(time), before, after, strict=True):
@@ -30,7 +30,7 @@ def test_a_track_stays_between_its_keyframes(values: list[tuple[float, float]], 
 
 
 def test_a_track_is_the_path_of_least_jerk() -> None:
-    track = Track((1.0, 3.0), ((0.0,), (2.0,)))
+    track = Keyframes((1.0, 3.0), ((0.0,), (2.0,)))
     u = np.linspace(0, 1, 41)
     expected = 2 * (10 * u**3 - 15 * u**4 + 6 * u**5)
     np.testing.assert_allclose([track.at(1 + 2 * s)[0] for s in u], expected, rtol=0, atol=1e-14)
@@ -40,7 +40,7 @@ def test_a_track_is_the_path_of_least_jerk() -> None:
 
 
 def test_a_force_that_ends_at_zero_never_falls_below_it() -> None:
-    track = Track(times=(2.6, 2.9), values=((1.8,), (0.0,)))
+    track = Keyframes(times=(2.6, 2.9), values=((1.8,), (0.0,)))
     below_the_end = np.nextafter(2.9, 0.0) - np.arange(20_000) * 1e-9
     assert min(track.at(float(time))[0] for time in below_the_end) >= 0.0
 
@@ -49,7 +49,7 @@ def test_a_force_that_ends_at_zero_never_falls_below_it() -> None:
 @given(time=st.floats(-1, 3))
 def test_a_load_stays_between_nothing_and_its_top_and_is_none_at_rest(path: Path, time: float) -> None:
     load = path.at(time)[-1]
-    assert 0 <= load <= path.top_load() * (1 + 1e-12)
+    assert 0 <= load <= path.max_load() * (1 + 1e-12)
     if not any(start < time < end for start, end in path.changes()):
         assert load == 0
 
@@ -88,8 +88,8 @@ def test_taps_come_at_their_times() -> None:
 
 
 def test_wandering_is_that_of_the_seed_and_stays_in_reach() -> None:
-    first, same = (Wander(**TOUCH, amplitude=0.5, reach=1e-3, bandwidth=30.0, seed=5) for _ in range(2))
-    other = Wander(**TOUCH, amplitude=0.5, reach=1e-3, bandwidth=30.0, seed=6)
+    first, same = (RandomMotion(**TOUCH, amplitude=0.5, reach=1e-3, bandwidth=30.0, seed=5) for _ in range(2))
+    other = RandomMotion(**TOUCH, amplitude=0.5, reach=1e-3, bandwidth=30.0, seed=6)
     times = np.arange(0.3, 1.1, 1e-3).tolist()
     values = np.array([first.at(time) for time in times])
     np.testing.assert_array_equal(values, [same.at(time) for time in times])

@@ -29,6 +29,7 @@ from posfet_driver.protocol.messages import (
     Result,
     version,
 )
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
@@ -44,8 +45,6 @@ SILENT_SCANS: Final = 10
 NEVER: Final = 1 << 63
 LOW_SUPPLY_MEMORY: Final = 2.0
 """Time after a low supply was told [s] in which a reset is called a brown-out."""
-
-_NANOSECONDS: Final = 1_000_000_000
 
 
 class Board:
@@ -94,7 +93,7 @@ class Board:
         self._tag = 0
         self._own_tag = -1  # of the command that was sent to find and start the board
         self._bus_offs = 0
-        self._low_supply = -round(LOW_SUPPLY_MEMORY * _NANOSECONDS)  # when it was told last
+        self._low_supply = -round(LOW_SUPPLY_MEMORY * NANOSECONDS)  # when it was told last
         self._stopped = True  # nothing is lost that a board does not send because it was told so
         self._flowing = False  # a scan came since the board was started
         self._counters_hide = not sensor.can.fd  # numbers of scans, as they have few bits
@@ -125,7 +124,7 @@ class Board:
 
     def read(self, timeout: float) -> Scan | None:
         """Return the next whole scan, or None when there was none within `timeout` [s]."""
-        wait, end = round(timeout * _NANOSECONDS), 0
+        wait, end = round(timeout * NANOSECONDS), 0
         while not self._next_scan():
             # While scans flow the time of the newest batch will do, and nothing is due before the next one.
             steady = self._phase is Phase.SCANS and self._arrival + wait < self._deadline
@@ -174,7 +173,7 @@ class Board:
                 else:  # started, or back before it was started again
                     self._flowing = True
                     self._diagnosis = ""
-                    self._enter(Phase.SCANS, "receiving scans", self._silence / _NANOSECONDS)
+                    self._enter(Phase.SCANS, "receiving scans", self._silence / NANOSECONDS)
                 return True
             if receiver.response is not None:
                 self._take(receiver.response)
@@ -212,7 +211,7 @@ class Board:
             return
         due = min(end, self._deadline)
         if pending:
-            due = min(due, now + round(PRESENCE_PERIOD * _NANOSECONDS))
+            due = min(due, now + round(PRESENCE_PERIOD * NANOSECONDS))
         left = max(due - now, 0)
         if self.link.is_open:
             deadline = self._deadline
@@ -220,7 +219,7 @@ class Board:
             if late or (not arrived and self._clock.monotonic() >= deadline):
                 self._looked_for = deadline  # nothing that came in time is waiting any more
         elif self._phase != Phase.BUS:
-            self._clock.sleep(left / _NANOSECONDS)
+            self._clock.sleep(left / NANOSECONDS)
         elif self.link.rest(left):
             self._deadline = self._clock.monotonic()
 
@@ -321,7 +320,7 @@ class Board:
     def _started(self, response: Response) -> None:
         if self.receiver.resync(response.value, count_gap=not self._stopped, reset=response.reset):
             self.resets += 1
-            recent = self._clock.monotonic() - self._low_supply < LOW_SUPPLY_MEMORY * _NANOSECONDS
+            recent = self._clock.monotonic() - self._low_supply < LOW_SUPPLY_MEMORY * NANOSECONDS
             self.brown_outs += recent
         if self._phase == Phase.SCANS:  # it was only asked for the number of the next scan
             return
@@ -329,7 +328,7 @@ class Board:
         self.link.settle()
         self._hush.broken()
         self._flowing = False
-        self._enter(Phase.SCANS, self._reason, self._silence / _NANOSECONDS)
+        self._enter(Phase.SCANS, self._reason, self._silence / NANOSECONDS)
 
     def _carried_out(self, response: Response) -> None:
         """Go on after an order was carried out."""
@@ -353,14 +352,14 @@ class Board:
         """Note the time from scan to scan [us] that the board has set; it is set again when the board is started."""
         self._period = period
         self.receiver.set_period(period * 1e3)
-        self._silence = max(round(SILENCE * _NANOSECONDS), SILENT_SCANS * period * 1000)
+        self._silence = max(round(SILENCE * NANOSECONDS), SILENT_SCANS * period * 1000)
 
     def _read_frames(self, timeout: int) -> bool:
         """Read what is there or comes within `timeout` [ns]; return whether anything happened."""
         self.load.add(self._batch, self._arrival)  # of the read before: scans were handed on first
         self._batch = []
         try:
-            frames = self._batch = self.link.read(timeout / _NANOSECONDS)
+            frames = self._batch = self.link.read(timeout / NANOSECONDS)
         except (can.CanError, OSError) as error:
             self._fail(error)
             return True
@@ -404,4 +403,4 @@ class Board:
             self.receiver.listening = False
         self._reason = reason
         timed = phase not in {Phase.CLOSED, Phase.STOPPED}
-        self._deadline = self._clock.monotonic() + round(timeout * _NANOSECONDS) if timed else NEVER
+        self._deadline = self._clock.monotonic() + round(timeout * NANOSECONDS) if timed else NEVER

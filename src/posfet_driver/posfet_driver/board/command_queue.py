@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections import deque
 from concurrent.futures import Future
 from dataclasses import dataclass, field
-from typing import Final
 
 from posfet_driver.protocol.messages import Command, Response, Result
-
-_NANOSECONDS: Final = 1_000_000_000
+from posfet_model._lib.units import NANOSECONDS
 
 
 class CommandError(Exception):
@@ -40,7 +38,7 @@ class CommandQueue:
 
     def put(self, command: Command, argument: int, timeout: float, now: int) -> Future[Response]:
         """Add an order at time `now` [ns], from any thread; its future tells the answer or raises CommandError."""
-        order = Order(command, argument, timeout, now + round(timeout * _NANOSECONDS))
+        order = Order(command, argument, timeout, now + round(timeout * NANOSECONDS))
         self._waiting.append(order)
         return order.answer
 

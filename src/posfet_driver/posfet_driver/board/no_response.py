@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import Final
 
 from posfet_driver.protocol.decoder import Receiver
+from posfet_model._lib.units import NANOSECONDS
 
 REOPEN_FIRST: Final = 1.0
 REOPEN_LAST: Final = 5.0
 """Time [s] without an answer after which the bus is opened anew: doubled from the first to the last."""
-
-_NANOSECONDS: Final = 1_000_000_000
 
 
 class Silence:
@@ -42,7 +41,7 @@ class Silence:
 
     def too_long(self, now: int) -> bool:
         """Return whether to open the bus anew at `now` [ns]; the next time it takes twice as long."""
-        if now - self._since < self._patience * _NANOSECONDS:
+        if now - self._since < self._patience * NANOSECONDS:
             return False
         self._patience = min(2 * self._patience, REOPEN_LAST)
         return True

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from posfet_model.sensor.scan import Scan
 
@@ -42,7 +42,24 @@ class SourceReport:
     """What else a person wants to see, with units in the names."""
 
 
-class ScanSource(Protocol):
+class ManagedDevice(Protocol):
+    """What a lifecycle node opens, reports on and closes: a source of scans, or a simulated board on a bus."""
+
+    def open(self) -> None:
+        """Start. Raises SourceError or ConfigError when trying again would not help."""
+        ...
+
+    def close(self) -> None:
+        """Give back what `open` took; may be called twice."""
+        ...
+
+    def report(self) -> SourceReport:
+        """Return the state for diagnostics."""
+        ...
+
+
+@runtime_checkable
+class ScanSource(ManagedDevice, Protocol):
     """Gives scans one by one. One thread opens, reads and closes; `report` may be called from any thread."""
 
     @property
@@ -59,12 +76,4 @@ class ScanSource(Protocol):
 
         The scan is filled anew by the next call: copy what is to be kept.
         """
-        ...
-
-    def close(self) -> None:
-        """Give back what `open` took; may be called twice."""
-        ...
-
-    def report(self) -> SourceReport:
-        """Return the state for diagnostics."""
         ...

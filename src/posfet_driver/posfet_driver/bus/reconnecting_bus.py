@@ -11,14 +11,13 @@ import can
 from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.clock import Clock
+from posfet_model._lib.units import NANOSECONDS
 
 BACK_OFF_FIRST: Final = 0.1
 BACK_OFF_LAST: Final = 5.0
 """Time between two attempts to open the bus [s]: doubled from the first to the last."""
 PRESENCE_PERIOD: Final = 0.1
 """Time between two looks whether an adapter has come back [s]."""
-
-_NANOSECONDS: Final = 1_000_000_000
 
 
 class BusLink:
@@ -77,7 +76,7 @@ class BusLink:
 
     def rest(self, duration: int) -> bool:
         """Let up to `duration` [ns] pass without a bus; return True when an adapter came or went meanwhile."""
-        seconds = duration / _NANOSECONDS
+        seconds = duration / NANOSECONDS
         if self._presence is None:
             self._clock.sleep(seconds)
             return False

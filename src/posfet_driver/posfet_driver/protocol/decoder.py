@@ -14,10 +14,10 @@ from posfet_driver.protocol.messages import RESPONSE_OFFSET, STATUS_OFFSET, Comm
 from posfet_driver.protocol.scan_assembler import NUMBER_WRAP, SCAN_PAGE, Assembler
 from posfet_driver.protocol.scan_codec import CLASSIC_LENGTH, FD_LENGTH, ScanCodec, make_codec
 from posfet_driver.protocol.sequence_recovery import Numbering
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 
-NANOSECONDS: Final = 1e9
 _NEVER_READ: Final = 1 << 63
 _TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)  # a flag is ten times as slow as a number
 _BOARD_RESET: Final = int(ScanStatus.BOARD_RESET)

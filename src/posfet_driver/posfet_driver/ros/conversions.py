@@ -9,11 +9,10 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from posfet_driver.board.faults import Fault, worst
 from posfet_driver.board.scan_source import SourceReport
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Layout
 from posfet_model.sensor.scan import TEMPERATURE_SENSORS, Scan
 from posfet_msgs.msg import TactileRaw
-
-NANOSECONDS = 1_000_000_000
 
 
 class RawMessage:

@@ -13,7 +13,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.qos import QoSProfile
 
 from posfet_driver.board.faults import Fault, FaultWatch, changes
-from posfet_driver.board.scan_source import Health, ScanSource, SourceError, SourceReport
+from posfet_driver.board.scan_source import Health, ManagedDevice, ScanSource, SourceError, SourceReport
 from posfet_driver.clock import Clock, SystemClock
 from posfet_driver.ros.conversions import RawMessage, diagnostic_array
 from posfet_model.config import ConfigError
@@ -54,7 +54,12 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     scans out, to `sink` and, when somebody subscribes, to `raw`; deactivate holds them back, while the source is still
     read so that nothing old is waiting; cleanup closes the source. Raises ConfigError at construction for a parameter
     or file that cannot be used.
+
+    A device that is no `ScanSource`, such as a simulated board on a bus, is opened, reported on and closed alike;
+    there is no data thread.
     """
+
+    source: ManagedDevice
 
     def __init__(
         self, node_name: str, parameters: Sequence[Parameter] = (), clock: Clock | None = None, **node_arguments: Any
@@ -80,6 +85,7 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         self._report_timer = self.create_timer(REPORT_PERIOD, self._report, autostart=False)
         self._thread: threading.Thread | None = None
+        self._open = False
         self._stop = threading.Event()
         self._active = False
         self._begun = False
@@ -90,7 +96,7 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         self._faults: list[Fault] = []
         self._reported = (0, 0)
 
-    def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ScanSource:
+    def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ManagedDevice:
         """Return the source, not opened yet. Raises ConfigError for what cannot work."""
         raise NotImplementedError
 
@@ -110,8 +116,8 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
 
     @property
     def reading(self) -> bool:
-        """Whether the data thread runs: between configure and cleanup."""
-        return self._thread is not None
+        """Whether the source is open: between configure and cleanup."""
+        return self._open
 
     def wanted(self, now: int) -> bool:
         """Return whether to read the source already: once its scans are listened to; `now` is a monotonic time [ns]."""
@@ -147,10 +153,15 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
 
     def _begin(self) -> None:
         self.source.open()
+        self._open = True
         self._reported = (self.source.report().scans, time.monotonic_ns())
         self._stop.clear()
-        self._thread = threading.Thread(target=self._run, name=f"{self.get_name()} data", daemon=True)
-        self._thread.start()
+        if isinstance(self.source, ScanSource):
+            arguments = (self.source,)
+            self._thread = threading.Thread(
+                target=self._run, args=arguments, name=f"{self.get_name()} data", daemon=True
+            )
+            self._thread.start()
         self._report_timer.reset()
         self._say(self.source.report())
 
@@ -187,10 +198,12 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         if self._thread:
             self._thread.join()
             self._thread = None
+        if self._open:
+            self._open = False
             self.source.close()
 
-    def _run(self) -> None:
-        read = self.source.read
+    def _run(self, source: ScanSource) -> None:
+        read = source.read
         try:
             while not self.wanted(time.monotonic_ns()) and not self._stop.wait(WANTED_PERIOD):
                 pass

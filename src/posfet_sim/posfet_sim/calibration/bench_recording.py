@@ -1,8 +1,8 @@
-"""A recording for a calibration from a real board: its frames, and what a test stand pressed with meanwhile.
+"""Recording for the calibration of a real board: its frames, and the reference of a calibration rig.
 
-The frames are a file of `posfet can record`. The stand's file has where its ball was and how hard it pressed; which
-share of that each taxel bears follows from Hertz and the cover, as in a scene. The two clocks need not be the same to
-better than `FARTHEST`: by how much the stand's is late is found from what both saw of the force.
+The frames are a file of `posfet can record`. The file of the rig has position and force of its ball over time; the
+force on each taxel follows from Hertz theory and the elastomer skin, as in a scene. The delay between the two clocks is
+estimated from the force that both measured; it must be below `MAX_DELAY`.
 """
 
 from __future__ import annotations
@@ -18,43 +18,42 @@ from numpy.typing import NDArray
 from posfet_driver.bus.message_conversion import frame_of
 from posfet_driver.bus.recording import messages
 from posfet_driver.protocol.decoder import Receiver
+from posfet_model._lib.types import Array
 from posfet_model.calibration.least_squares_fit import Recording
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import ScanStatus
 from posfet_model.sensor.signal_chain import InverseSignalChain, charge_per_newton
 from posfet_sim.contact.indenters import Sphere
-from posfet_sim.scene import Scene, SceneLoads, SceneObject, Track
+from posfet_sim.scene import Keyframes, Scene, SceneLoads, SceneObject
 from posfet_sim.scene.trajectories import Pose, Span
 
-FoundArray = NDArray[np.float64]
-
 COLUMNS: Final = ("time_s", "x_mm", "y_mm", "force_N")
-"""Of the stand's file: time by its clock, the middle of the contact in the frame of the array, and the force."""
+"""Columns of the file of the rig: time of its clock, centre of the contact in the frame of the array, and force."""
 
 LIMITS: Final = {"time_s": (0.0, 1e11), "x_mm": (-1000.0, 1000.0), "y_mm": (-1000.0, 1000.0), "force_N": (-10.0, 1e3)}
-"""A force below 0 is noise of the stand, and counts as none."""
+"""Allowed values of each column; a force below 0 is noise of the rig and counts as 0."""
 
-FARTHEST: Final = 0.5
-"""Greatest delay between the two clocks that is looked for [s]."""
+MAX_DELAY: Final = 0.5
+"""Maximum delay between the two clocks [s]."""
 
 SMOOTHING: Final = 0.01
-"""Time over which rates are averaged before they are compared [s]."""
+"""Averaging time of the rates before they are correlated [s]."""
 
-ALIKE: Final = 0.5
-"""Least correlation of the rates that the two files tell [1]."""
+MIN_CORRELATION: Final = 0.5
+"""Minimum correlation of the rates in the two files [1]."""
 
-AT_ONCE: Final = 256
-"""Scans whose forces are found together."""
+BATCH: Final = 256
+"""Number of scans whose forces are computed at once."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """What the stand did, in straight lines between its readings; the path of a scene's object."""
+    """Readings of the rig, piecewise linear over time; the path of an object of a scene."""
 
-    times: FoundArray
-    """[s], ascending."""
-    values: FoundArray
+    times: Array
+    """Times [s], ascending, shape [readings]."""
+    values: Array
     """x, y [m] and force [N], shape [3, readings]."""
 
     def at(self, time: float) -> Pose:
@@ -63,32 +62,50 @@ class Reference:
         return x, y, 0.0, force
 
     def changes(self) -> list[Span]:
-        """Return the whole of it."""
+        """Return the interval of all readings [s]."""
         return [(float(self.times[0]), float(self.times[-1]))]
 
-    def top_load(self) -> float:
-        """Return the greatest force [N]."""
+    def max_load(self) -> float:
+        """Return the maximum force [N]."""
         return float(self.values[2].max())
 
     def shifted(self, seconds: float) -> Reference:
-        """Return it with times that are greater by `seconds`."""
+        """Return the readings with `seconds` [s] added to their times."""
         return Reference(self.times + seconds, self.values)
 
 
 @dataclass(frozen=True, eq=False)
 class Scans:
-    """What the board sent."""
+    """Scans of the board."""
 
-    time: FoundArray
-    """[s], shape [scans]."""
+    time: Array
+    """Stamps [s], shape [scans]."""
     counts: NDArray[np.uint16]
-    """Shape [scans, rows * cols]."""
-    temperature: FoundArray
-    """Mean of the chip's sensors [degC], shape [scans]."""
+    """Counts, shape [scans, rows * cols]."""
+    temperature: Array
+    """Mean of the temperature sensors [degC], shape [scans]."""
 
 
 def read_scans(file: Path, sensor: Sensor) -> Scans:
-    """Return the scans in a recording of the bus. Raises ConfigError, one line, when they do not make a recording."""
+    """Return the scans in a recording of the bus.
+
+    Parameters
+    ----------
+    file : Path
+        File of `posfet can record`.
+    sensor : Sensor
+        Sensor description.
+
+    Returns
+    -------
+    Scans
+        All complete scans.
+
+    Raises
+    ------
+    ConfigError
+        There is no scan or no temperature in it, or the board was reset. The message is one line.
+    """
     receiver = Receiver(sensor)
     receiver.listening = True
     stamps: list[int] = []
@@ -104,24 +121,48 @@ def read_scans(file: Path, sensor: Sensor) -> Scans:
             counts.append(scan.counts.copy())
             temperatures.append(float(np.mean(scan.temperatures)))
     if not stamps:
-        raise ConfigError(f"{file}: no scan is in it: compare the sensor file with the board")
+        raise ConfigError(f"{file}: no scan in it: compare the sensor file with the board")
     if not np.isfinite(temperatures).any():
-        raise ConfigError(f"{file}: no temperature is in it: the board's status frames are missing")
+        raise ConfigError(f"{file}: no temperature in it: the status frames of the board are missing")
     time = np.array(stamps, np.float64) * 1e-9
-    return Scans(time, np.array(counts), even_temperature(time, np.array(temperatures)))
+    return Scans(time, np.array(counts), interpolated_temperature(time, np.array(temperatures)))
 
 
-def even_temperature(time: FoundArray, temperature: FoundArray) -> FoundArray:
-    """Return the temperatures [degC] of all scans, in straight lines between status frames, which come ten a second."""
+def interpolated_temperature(time: Array, temperature: Array) -> Array:
+    """Interpolate the temperatures linearly between status frames, of which there are ten per second.
+
+    Parameters
+    ----------
+    time : numpy.ndarray
+        Stamps [s], shape [scans].
+    temperature : numpy.ndarray
+        Temperature of the latest status frame [degC], NaN before the first, shape [scans].
+
+    Returns
+    -------
+    numpy.ndarray
+        Temperature of each scan [degC], shape [scans].
+    """
     known = np.flatnonzero(np.isfinite(temperature))
     fresh = known[np.concatenate([[True], np.diff(temperature[known]) != 0])]
     ends = np.unique(np.append(fresh, known[-1]))
-    even: FoundArray = np.interp(time, time[ends], temperature[ends])
-    return even
+    interpolated: Array = np.interp(time, time[ends], temperature[ends])
+    return interpolated
 
 
 def read_reference(file: Path) -> Reference:
-    """Return what a stand's file tells. Raises ConfigError, one line naming file, line and column."""
+    """Return the readings in a file of the rig.
+
+    Parameters
+    ----------
+    file : Path
+        CSV file with `COLUMNS`.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be used. The message is one line naming file, line and column.
+    """
     try:
         with file.open(newline="", encoding="utf-8") as stream:
             rows = list(csv.reader(stream))
@@ -157,16 +198,35 @@ def _reading(file: Path, line: int, row: list[str]) -> list[float]:
 
 
 def combine(sensor: Sensor, scans: Scans, reference: Reference, ball: Sphere) -> tuple[Recording, float]:
-    """Return the recording of both, and by how much the stand's clock is late [s].
+    """Combine the scans of a board with the readings of the rig.
 
-    Raises ValueError, one line, when the two do not belong together, or the ball is pressed harder than Hertz holds.
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    scans : Scans
+        Scans of the board.
+    reference : Reference
+        Readings of the rig.
+    ball : Sphere
+        Ball of the rig; its modulus is the effective one, with the elastomer skin.
+
+    Returns
+    -------
+    tuple of (Recording, float)
+        The recording, and the delay of the clock of the rig [s].
+
+    Raises
+    ------
+    ValueError
+        The two do not match, or the force exceeds the validity of Hertz theory. The message is one line.
     """
-    if reference.top_load() > ball.greatest_force:
+    if reference.max_load() > ball.max_force:
         raise ValueError(
-            f"a force of {reference.top_load():g} N is above the ball's greatest, {ball.greatest_force:g} N"
+            f"a force of {reference.max_load():g} N is above the maximum of the ball, {ball.max_force:g} N"
         )
     begin, end = float(scans.time[0]), float(scans.time[-1])
-    if reference.times[0] > begin + FARTHEST or reference.times[-1] < end - FARTHEST:
+    if reference.times[0] > begin + MAX_DELAY or reference.times[-1] < end - MAX_DELAY:
         raise ValueError(
             f"the reference must last from {begin:.1f} to {end:.1f} s as the frames do, "
             f"got {reference.times[0]:.1f} to {reference.times[-1]:.1f} s"
@@ -178,34 +238,35 @@ def combine(sensor: Sensor, scans: Scans, reference: Reference, ball: Sphere) ->
 
 
 def _delay(sensor: Sensor, scans: Scans, reference: Reference) -> float:
-    """Return by how much the reference is late [s]: where its rate is most like that of the force the signals tell."""
+    """Return the delay of the reference [s], by cross-correlation of its rate with that of the measured force."""
     step = float(np.median(np.diff(scans.time)))
     grid = np.arange(scans.time[0], scans.time[-1], step)
     chain, scale, charge = InverseSignalChain(sensor), charge_per_newton(sensor), np.empty(sensor.layout.taxels)
     signal = np.array([float(chain.charge(counts, charge).sum()) / scale for counts in scans.counts])
     signal = np.interp(grid, scans.time, signal)
-    told = np.diff(signal) + 0.5 * (signal[1:] + signal[:-1]) * (step / sensor.device.leak_time_constant)
-    pressed = np.diff(np.interp(grid, reference.times, reference.values[2]))
+    measured = np.diff(signal) + 0.5 * (signal[1:] + signal[:-1]) * (step / sensor.device.leak_time_constant)
+    reference_rate = np.diff(np.interp(grid, reference.times, reference.values[2]))
     window = np.ones(max(1, round(SMOOTHING / step)))
-    told, pressed = (np.convolve(rate - rate.mean(), window, "same") for rate in (told, pressed))
-    size = 1 << (2 * len(told)).bit_length()
-    product = np.fft.rfft(pressed, size) * np.conj(np.fft.rfft(told, size))
-    most = min(round(FARTHEST / step), len(told) - 1)
-    alike = np.roll(np.fft.irfft(product, size), most + 1)[: 2 * most + 3]  # lags from -most - 1 to most + 1
-    best = int(alike[1:-1].argmax()) + 1
-    if not alike[best] > ALIKE * np.linalg.norm(told) * np.linalg.norm(pressed):
-        raise ValueError(f"the reference does not follow what was recorded within {FARTHEST:g} s: compare the clocks")
-    before, here, after = alike[best - 1 : best + 2]
-    return step * float(best - most - 1 + 0.5 * (before - after) / (before - 2.0 * here + after))
+    measured, reference_rate = (np.convolve(rate - rate.mean(), window, "same") for rate in (measured, reference_rate))
+    size = 1 << (2 * len(measured)).bit_length()
+    product = np.fft.rfft(reference_rate, size) * np.conj(np.fft.rfft(measured, size))
+    max_lag = min(round(MAX_DELAY / step), len(measured) - 1)
+    # Lags from -max_lag - 1 to max_lag + 1.
+    correlation = np.roll(np.fft.irfft(product, size), max_lag + 1)[: 2 * max_lag + 3]
+    best = int(correlation[1:-1].argmax()) + 1
+    if not correlation[best] > MIN_CORRELATION * np.linalg.norm(measured) * np.linalg.norm(reference_rate):
+        raise ValueError(f"the reference does not follow what was recorded within {MAX_DELAY:g} s: compare the clocks")
+    before, here, after = correlation[best - 1 : best + 2]
+    return step * float(best - max_lag - 1 + 0.5 * (before - after) / (before - 2.0 * here + after))
 
 
-def _forces(sensor: Sensor, time: FoundArray, reference: Reference, ball: Sphere) -> FoundArray:
+def _forces(sensor: Sensor, time: Array, reference: Reference, ball: Sphere) -> Array:
     """Return the force on each taxel [N], shape [scans, rows * cols]."""
     layout, path = sensor.layout, SceneObject("ball", ball, reference)
-    loads = SceneLoads(Scene("bench", "a ball on a stand", np.inf, (path,), Track((0.0,), ((25.0,),))), sensor)
+    loads = SceneLoads(Scene("bench", "a ball on a rig", np.inf, (path,), Keyframes((0.0,), ((25.0,),))), sensor)
     forces = np.zeros((len(time), layout.rows, layout.cols))
-    for begin in range(0, len(time), AT_ONCE):
-        these = forces[begin : begin + AT_ONCE]
-        for patch in loads.forces(time[begin : begin + AT_ONCE].tolist()):
+    for begin in range(0, len(time), BATCH):
+        these = forces[begin : begin + BATCH]
+        for patch in loads.forces(time[begin : begin + BATCH].tolist()):
             these[:, patch.rows, patch.cols] += patch.force
     return forces.reshape(len(time), layout.taxels)

@@ -1,7 +1,7 @@
 """`posfet calibrate`: fit a calibration and write it to a file.
 
-Of a real board, from a recording of its frames and the readings of a test stand that pressed a ball on each taxel; or
-of a simulated one, which is pressed taxel by taxel.
+The calibration of a real board is fitted to a recording of its frames and the readings of a calibration rig that
+pressed a ball on each taxel; that of a simulated board to a simulated rig.
 """
 
 from __future__ import annotations
@@ -11,27 +11,30 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Final
 
 from posfet_model.calibration.calibration_file import save_calibration
 from posfet_model.calibration.least_squares_fit import fit
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.command_line import positive
 from posfet_model.config import ConfigError
-from posfet_model.sensor.description import DEFAULT_SENSOR, Sensor, load_sensor
+from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.calibration.bench_recording import COLUMNS, combine, read_reference, read_scans
-from posfet_sim.calibration.simulated_bench import _now, calibrate
+from posfet_sim.calibration.simulated_bench import calibrate, timestamp
+from posfet_sim.commands.options import add_error_model, add_seed, add_sensor
 from posfet_sim.contact.indenters import Sphere
-from posfet_sim.device.imperfections import load_imperfections
+from posfet_sim.device.error_model import load_error_model
 
-BAD_INPUT = 1
+BAD_INPUT: Final = 1
+"""Exit code for bad input."""
 
 
-def _at_the_bench(sensor: Sensor, options: argparse.Namespace) -> Calibration:
-    """Return the calibration of the board that was recorded."""
+def _from_recording(sensor: Sensor, options: argparse.Namespace) -> Calibration:
+    """Return the calibration of the recorded board."""
     ball = Sphere(options.ball_radius * 1e-3, options.ball_modulus * 1e6)
     recording, late = combine(sensor, read_scans(options.recording, sensor), read_reference(options.reference), ball)
-    print(f"{options.reference}: its clock is {late * 1e3:+.1f} ms late; {len(recording.time)} scans")
-    return fit(sensor, recording, _now())
+    print(f"{options.reference}: clock delay {late * 1e3:+.1f} ms; {len(recording.time)} scans")
+    return fit(sensor, recording, timestamp())
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -40,12 +43,12 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         sensor = load_sensor(options.sensor)
         if (options.recording is None) != (options.reference is None):
-            raise ConfigError("--recording and --reference go together")
+            raise ConfigError("--recording and --reference are only valid together")
         if options.recording is not None:
-            calibration = _at_the_bench(sensor, options)
+            calibration = _from_recording(sensor, options)
         else:
-            imperfections = replace(load_imperfections(options.imperfections), resets_per_hour=0.0)
-            calibration = calibrate(sensor, options.seed, imperfections)
+            error_model = replace(load_error_model(options.imperfections), resets_per_hour=0.0)
+            calibration = calibrate(sensor, options.seed, error_model)
         save_calibration(options.out, sensor, calibration)
     except (ConfigError, ValueError) as error:
         print(error, file=sys.stderr)
@@ -53,8 +56,8 @@ def main(words: Sequence[str] | None = None) -> int:
     found = calibration.residuals
     if found is not None:
         print(
-            f"{options.out}: {found.force_rms * 1e3:.2f} mN rms on what was held out, "
-            f"{found.force_rms_before * 1e3:.2f} mN by the description alone"
+            f"{options.out}: {found.force_rms * 1e3:.2f} mN RMS on the hold-out set, "
+            f"{found.force_rms_before * 1e3:.2f} mN uncalibrated"
         )
     return 0
 
@@ -62,21 +65,27 @@ def main(words: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="posfet calibrate",
-        description="Write the calibration of a board that was recorded while a test stand pressed a ball on each "
-        "taxel, or of a simulated one, which is pressed now.",
+        description="Fit the calibration of a board from a recording on a calibration rig that pressed a ball on each "
+        "taxel, or of a simulated board on a simulated rig.",
     )
     parser.add_argument("out", metavar="FILE", type=Path, help="the YAML file to write")
-    parser.add_argument("--recording", metavar="FILE", type=Path, help="of the board's frames, by posfet can record")
     parser.add_argument(
-        "--reference", metavar="FILE", type=Path, help=f"readings of the stand, CSV: {','.join(COLUMNS)}"
+        "--recording", metavar="FILE", type=Path, help="recorded frames of the board (posfet can record)"
     )
-    parser.add_argument("--ball-radius", metavar="MM", type=positive, default=2.0, help="of the stand's ball [mm]")
+    parser.add_argument("--reference", metavar="FILE", type=Path, help=f"readings of the rig, CSV: {','.join(COLUMNS)}")
     parser.add_argument(
-        "--ball-modulus", metavar="MPA", type=positive, default=4.0, help="effective, of ball and cover together [MPa]"
+        "--ball-radius", metavar="MM", type=positive, default=2.0, help="radius of the ball [mm] (default: 2)"
     )
-    parser.add_argument("--imperfections", default="default", help="none, default, or a YAML file")
-    parser.add_argument("--sensor", default=DEFAULT_SENSOR, help="sensor description: a YAML file, or a shipped one")
-    parser.add_argument("--seed", type=int, default=1, help="of the board; that of bring-up is 0")
+    parser.add_argument(
+        "--ball-modulus",
+        metavar="MPA",
+        type=positive,
+        default=4.0,
+        help="effective modulus of ball and elastomer skin [MPa] (default: 4)",
+    )
+    add_sensor(parser)
+    add_error_model(parser)
+    add_seed(parser, default=1)
     return parser
 
 

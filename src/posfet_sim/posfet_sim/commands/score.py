@@ -1,6 +1,6 @@
-"""`posfet score`: a scene through simulated board, frames and reconstruction, held against the truth.
+"""`posfet score`: simulate a scene, reconstruct it from the CAN frames, and score it against the ground truth.
 
-Unless told otherwise the board is calibrated first, as `posfet calibrate` does: so is a real one before it is used.
+By default the simulated board is calibrated first, as by `posfet calibrate`.
 """
 
 from __future__ import annotations
@@ -19,50 +19,75 @@ from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
 from posfet_model.reconstruction.reconstructor import Reconstructor
-from posfet_model.sensor.description import DEFAULT_SENSOR, Sensor, load_sensor
+from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.calibration.simulated_bench import calibrate
-from posfet_sim.device.imperfections import Imperfections, load_imperfections
-from posfet_sim.emulation.offline import wire_scans
+from posfet_sim.commands.options import add_duration, add_error_model, add_scene, add_seed, add_sensor, number_in
+from posfet_sim.device.error_model import ErrorModel, load_error_model
+from posfet_sim.emulation.offline import received_scans
 from posfet_sim.evaluation.scorer import Score, Scorer
 from posfet_sim.scene import Scene, load_scene
 
-BAD_INPUT = 1
+BAD_INPUT: Final = 1
+"""Exit code for bad input."""
 UNCALIBRATED: Final = "none"
-ENDLESS: Final = 10.0
-"""How long a scene that never changes is scored [s], unless told otherwise."""
+"""Value of --calibration for nominal parameters."""
+STATIC_DURATION: Final = 10.0
+"""Default duration of a scene that never changes [s]."""
 
-DIFFERENCES: Final = {
+DEVICE_PROPERTIES: Final = {
     "leak": "leak_time_constant",
     "d33": "piezoelectric_coefficient",
     "spread": "contact_spread",
     "lag": "thermal_time_constant",
     "pyroelectric": "pyroelectric_coefficient",
 }
-"""What of the simulated device can be told to differ from its description."""
+"""Properties of the simulated device that --device scales: field of the device description by name."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """What to score."""
+    """One run to score."""
 
     sensor: Sensor
-    """As the reconstruction knows it."""
+    """Sensor description of the reconstruction."""
     scene: Scene
+    """Scene to simulate."""
     duration: float
-    """[s]"""
+    """Duration [s]."""
     seed: int = 1
-    imperfections: Imperfections | None = None
+    """Seed of the board."""
+    error_model: ErrorModel | None = None
+    """Error model of the board; None: ideal."""
     calibration: Calibration | None = None
+    """Calibration of the reconstruction; None: nominal parameters."""
     device: Sensor | None = None
-    """As the board is; None: as described."""
+    """True properties of the board; None: as in `sensor`."""
 
 
 def run(what: Run) -> Score:
-    """Return the score of a run. Raises ConfigError when the layout does not fit the frames."""
+    """Simulate, reconstruct and score a run.
+
+    Parameters
+    ----------
+    what : Run
+        Scene, board and calibration.
+
+    Returns
+    -------
+    Score
+        Errors of the run.
+
+    Raises
+    ------
+    ConfigError
+        The layout does not fit the frames.
+    """
     reconstructor = Reconstructor(what.sensor, what.calibration)
     scorer = Scorer(what.sensor)
     spent, scans = 0, 0
-    for scan, truth in wire_scans(what.device or what.sensor, what.scene, what.duration, what.seed, what.imperfections):
+    for scan, truth in received_scans(
+        what.device or what.sensor, what.scene, what.duration, what.seed, what.error_model
+    ):
         begin = time.perf_counter_ns()
         result = reconstructor.process(scan)
         image = reconstructor.image()
@@ -73,10 +98,21 @@ def run(what: Run) -> Score:
     return scorer.score(spent / max(scans, 1) * 1e-3)
 
 
-def differing(sensor: Sensor, percent: dict[str, float]) -> Sensor:
-    """Return a sensor whose device differs by `percent` in what DIFFERENCES names."""
+def perturbed(sensor: Sensor, percent: dict[str, float]) -> Sensor:
+    """Return a sensor with scaled device properties, to simulate model mismatch.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    percent : dict of str to float
+        Change of each property in percent, by its name in `DEVICE_PROPERTIES`.
+    """
     device = sensor.device
-    changes = {DIFFERENCES[name]: getattr(device, DIFFERENCES[name]) * (1 + by / 100) for name, by in percent.items()}
+    changes = {
+        DEVICE_PROPERTIES[name]: getattr(device, DEVICE_PROPERTIES[name]) * (1 + by / 100)
+        for name, by in percent.items()
+    }
     return replace(sensor, device=replace(device, **changes))
 
 
@@ -85,19 +121,19 @@ def main(words: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(words)
     try:
         sensor = load_sensor(options.sensor)
-        device = differing(sensor, dict(options.device))
+        device = perturbed(sensor, dict(options.device))
         scene = load_scene(options.scene, device)
-        imperfections = load_imperfections(options.imperfections)
-        calibration = _calibration(options.calibration, sensor, options.seed, imperfections)
+        error_model = load_error_model(options.imperfections)
+        calibration = _calibration(options.calibration, sensor, options.seed, error_model)
         if options.mismatch:
             calibration = calibration.with_gain_error(options.mismatch / 100, np.random.default_rng(options.seed))
         score = run(
             Run(
                 sensor=sensor,
                 scene=scene,
-                duration=options.seconds or scene.duration or ENDLESS,
+                duration=options.seconds or scene.duration or STATIC_DURATION,
                 seed=options.seed,
-                imperfections=imperfections,
+                error_model=error_model,
                 calibration=calibration,
                 device=device,
             )
@@ -109,70 +145,56 @@ def main(words: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _calibration(wanted: str | None, sensor: Sensor, seed: int, imperfections: Imperfections) -> Calibration:
-    """Return the calibration of a file, that of the board by default, or what is known by the description alone."""
-    if wanted == UNCALIBRATED:
+def _calibration(name: str | None, sensor: Sensor, seed: int, error_model: ErrorModel) -> Calibration:
+    """Return the calibration of a file, by default that of the simulated board, or nominal parameters."""
+    if name == UNCALIBRATED:
         return Calibration.nominal(sensor)
-    if wanted:
-        return load_calibration(wanted, sensor)
+    if name:
+        return load_calibration(name, sensor)
     try:
-        return calibrate(sensor, seed, replace(imperfections, resets_per_hour=0.0))
+        return calibrate(sensor, seed, replace(error_model, resets_per_hour=0.0))
     except ValueError as error:
         raise ConfigError(f"calibration of the simulated board: {error}") from error
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="posfet score", description="Score the reconstruction on a scene of the simulated board; prints JSON."
+        prog="posfet score",
+        description="Score the reconstruction of a simulated scene against its ground truth; prints JSON.",
     )
-    parser.add_argument("scene", metavar="SCENE", help="a YAML file, or a shipped scene")
+    add_scene(parser)
     parser.add_argument(
         "--calibration",
         metavar="FILE",
-        help="of this sensor, or none: the description is believed; without it, the board is calibrated first",
+        help="calibration file of this sensor, or none: nominal parameters (default: calibrate the board first)",
     )
     parser.add_argument(
         "--mismatch",
-        type=lambda text: _number(text, 0, 30),
+        type=lambda text: number_in(text, 0, 30),
         default=0.0,
         metavar="P",
-        help="spread of random errors of the taxels' gains, left after calibration [%%]",
+        help="random gain errors of the taxels after calibration, standard deviation [%%] (default: 0)",
     )
-    parser.add_argument("--imperfections", default="default", help="none, default, or a YAML file")
-    parser.add_argument("--sensor", default=DEFAULT_SENSOR, help="sensor description: a YAML file, or a shipped one")
+    add_sensor(parser)
+    add_error_model(parser)
     parser.add_argument(
         "--device",
-        type=_difference,
+        type=_scaled_property,
         action="append",
         default=[],
         metavar="NAME=PERCENT",
-        help=f"let the device differ from its description: {', '.join(DIFFERENCES)}; may be repeated",
+        help=f"scale a device property by PERCENT to simulate model mismatch ({', '.join(DEVICE_PROPERTIES)})",
     )
-    parser.add_argument("--seed", type=lambda text: int(_number(text, 0, 1e9)), default=1, help="of the board")
-    parser.add_argument(
-        "--for",
-        dest="seconds",
-        type=lambda text: _number(text, 0.1, 1e6),
-        help="seconds of the scene; without it, once through",
-    )
+    add_seed(parser, default=1)
+    add_duration(parser)
     return parser
 
 
-def _number(text: str, low: float, high: float) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not low <= value <= high:
-        raise argparse.ArgumentTypeError(f"must be a number in [{low:g}, {high:g}], got '{text}'")
-    return value
-
-
-def _difference(text: str) -> tuple[str, float]:
+def _scaled_property(text: str) -> tuple[str, float]:
     name, separator, percent = text.partition("=")
-    if name not in DIFFERENCES or not separator:
-        raise argparse.ArgumentTypeError(f"must be one of {', '.join(DIFFERENCES)} =PERCENT, got '{text}'")
-    return name, _number(percent, -90, 1000)
+    if name not in DEVICE_PROPERTIES or not separator:
+        raise argparse.ArgumentTypeError(f"must be one of {', '.join(DEVICE_PROPERTIES)} =PERCENT, got '{text}'")
+    return name, number_in(percent, -90, 1000)
 
 
 if __name__ == "__main__":

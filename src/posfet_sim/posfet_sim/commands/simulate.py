@@ -1,4 +1,4 @@
-"""`posfet sim`: runs a scene faster than real time into a file."""
+"""`posfet sim`: simulate a scene faster than real time and write it to a file."""
 
 from __future__ import annotations
 
@@ -14,36 +14,46 @@ from typing import Final, Protocol
 
 from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError
-from posfet_model.sensor.description import DEFAULT_SENSOR, load_sensor
+from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
-from posfet_sim.device.imperfections import DEFAULT, load_imperfections
-from posfet_sim.device.simulated_board import SEED_MAX, SimulatedBoard
-from posfet_sim.emulation.line_faults import FaultyScans
+from posfet_sim.commands.options import add_duration, add_error_model, add_scene, add_seed, add_sensor
+from posfet_sim.device.error_model import load_error_model
+from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.emulation.faulty_scans import FaultyScans
 from posfet_sim.recording.recorders import FORMATS, make_recorder
 from posfet_sim.scene import DEFAULT_SCENE, SceneLoads, load_scene
 
-UNENDING: Final = 10.0
-"""Time that a scene in which nothing happens is run for unless told otherwise [s]."""
-LONGEST: Final = 1e6
-"""Longest run [s]."""
-CHUNK: Final = 250
-"""Scans between two steps of the progress bar."""
+STATIC_DURATION: Final = 10.0
+"""Default duration of a scene that never changes [s]."""
+PROGRESS_INTERVAL: Final = 250
+"""Number of scans between two updates of the progress bar."""
 BAD_INPUT: Final = 1
+"""Exit code for bad input."""
 INTERRUPTED: Final = 130
+"""Exit code when interrupted."""
 
 
 class Progress(Protocol):
-    """What is told how far a run is."""
+    """Callback for the progress of a run."""
 
     def __call__(self, done: int) -> None:
-        """Take the number of scans done."""
+        """Report the number of scans done."""
         ...
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run `posfet sim` and return the exit code.
+    """Run `posfet sim`.
 
-    0 after a whole run; 1, with one line on stderr, for bad input; 130 when interrupted: what was done is in the file.
+    Parameters
+    ----------
+    words : sequence of str, optional
+        Command line; default: that of the process.
+
+    Returns
+    -------
+    int
+        0 after a complete run; 1, with one line on stderr, for bad input; 130 when interrupted: the file then has the
+        scans up to there.
     """
     options = _parser().parse_args(words)
     try:
@@ -61,79 +71,79 @@ def main(words: Sequence[str] | None = None) -> int:
         f"{simulated:g} s in {outcome.seconds:.2f} s, {factor:.1f} times real time; "
         f"{board.taxel_updates} taxel updates, {work:.3f} of all"
     )
-    return 0 if outcome.done == outcome.asked else INTERRUPTED
+    return 0 if outcome.done == outcome.requested else INTERRUPTED
 
 
 @dataclass(frozen=True)
 class _Outcome:
-    """What a run came to."""
+    """Result of a run."""
 
     scans: FaultyScans
+    """The board with its link."""
     done: int
-    asked: int
-    """Scans that were computed, and that were asked for."""
+    """Number of scans computed."""
+    requested: int
+    """Number of scans requested."""
     seconds: float
-    """How long it took."""
+    """Computation time [s]."""
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="posfet sim", description="Run a scene on the simulated board, faster than real time, into a file."
+        prog="posfet sim", description="Simulate a scene faster than real time and write it to a file."
     )
-    parser.add_argument("scene", nargs="?", default=DEFAULT_SCENE, help="YAML file, or name of a shipped scene")
+    add_scene(parser, default=DEFAULT_SCENE)
     parser.add_argument("--out", type=Path, required=True, help=f"file to write: {' or '.join(FORMATS)}")
-    parser.add_argument("--sensor", default=DEFAULT_SENSOR, help="YAML file, or name of a shipped sensor")
-    parser.add_argument("--seed", type=int, default=0, help="seed of everything random (default: 0)")
-    parser.add_argument("--imperfections", default=DEFAULT, help="none, default, or a YAML file (default: default)")
-    parser.add_argument("--for", dest="seconds", type=float, help="time to simulate in s (default: that of the scene)")
+    add_sensor(parser)
+    add_error_model(parser)
+    add_seed(parser, default=0)
+    add_duration(parser)
     parser.add_argument("--namespace", default="tactile", help="namespace of the topics (default: tactile)")
     parser.add_argument("--full", action="store_true", help="compute every taxel in every scan, for comparison")
     return parser
 
 
 def _run(options: argparse.Namespace) -> _Outcome:
-    """Simulate into the file."""
+    """Simulate and write the file."""
     sensor = load_sensor(options.sensor)
     scene = load_scene(options.scene, sensor)
-    seconds = options.seconds
-    if seconds is None:
-        seconds = scene.duration or UNENDING
-    if not 0 < seconds <= LONGEST:
-        raise ConfigError(f"--for: must be in (0, {LONGEST:g}], got {seconds:g}")
-    if not 0 <= options.seed <= SEED_MAX:
-        raise ConfigError(f"--seed: must be in [0, {SEED_MAX}], got {options.seed}")
+    seconds = options.seconds or scene.duration or STATIC_DURATION
     namespace = checked_namespace(options.namespace)
     board = SimulatedBoard(
-        sensor, SceneLoads(scene, sensor), options.seed, load_imperfections(options.imperfections), full=options.full
+        sensor,
+        SceneLoads(scene, sensor),
+        options.seed,
+        load_error_model(options.imperfections),
+        compute_all=options.full,
     )
     scans = FaultyScans(board, options.seed)
-    asked = math.ceil(seconds * sensor.can.scan_rate - 1e-6)
+    requested = math.ceil(seconds * sensor.can.scan_rate - 1e-6)
     recorder = make_recorder(options.out, sensor, [item.name for item in scene.objects], namespace)
     scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
     done = 0
     begin = time.perf_counter()
     try:
-        with _progress(scene.name, asked) as progress:
-            for done in range(asked):
+        with _progress(scene.name, requested) as progress:
+            for done in range(requested):
                 for _ in range(scans.scan(done, scan)):
                     recorder.write(scan, board.truth())
-                if done % CHUNK == 0:
+                if done % PROGRESS_INTERVAL == 0:
                     progress(done)
-            done = asked
+            done = requested
     except KeyboardInterrupt:
         pass
     finally:
         recorder.close()
-    return _Outcome(scans, done, asked, time.perf_counter() - begin)
+    return _Outcome(scans, done, requested, time.perf_counter() - begin)
 
 
 @contextmanager
 def _progress(title: str, total: int) -> Iterator[Progress]:
-    """Show a bar on a terminal, and nothing elsewhere."""
+    """Show a progress bar on a terminal only."""
     if not sys.stderr.isatty():
         yield lambda done: None
         return
-    from rich.console import Console  # noqa: PLC0415  only who looks at a terminal needs it
+    from rich.console import Console  # noqa: PLC0415  only a terminal needs it
     from rich.markup import escape  # noqa: PLC0415
     from rich.progress import Progress as Bar  # noqa: PLC0415
 
@@ -143,7 +153,7 @@ def _progress(title: str, total: int) -> Iterator[Progress]:
 
 
 def _line(error: Exception, out: Path) -> str:
-    if isinstance(error, OSError):  # a full disk's names no file
+    if isinstance(error, OSError):  # without a file name when the disk is full
         return f"{error.filename or out}: cannot be written: {error.strerror}"
     return " ".join(str(error).split())
 

@@ -1,4 +1,4 @@
-"""The share of a point's force that a cell under an elastic cover collects, along one axis, as a table."""
+"""Fraction of a point force that a cell under the elastomer skin receives, along one axis, as a lookup table."""
 
 from __future__ import annotations
 
@@ -10,25 +10,22 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-NORMAL_END: Final = 6.5
-"""Reach of the Gaussian in standard deviations: 1 - Phi(6.5) = 4e-11 is set to 0, so that every force is shared out
-without rest."""
+GAUSSIAN_REACH: Final = 6.5
+"""Reach of the Gaussian in standard deviations [1]: 1 - Phi(6.5) = 4e-11 is set to 0, so that the cells receive the
+whole force."""
 
-_FINENESS: Final = 512  # steps in a standard deviation: linear interpolation is right to max|phi'|/8/512^2 = 1.2e-7
+_STEPS_PER_SPREAD: Final = 512  # linear interpolation then has an error of max|phi'|/8/512^2 = 1.2e-7
 
 
 class Workspace:
-    """Two arrays that are used again and again, as to be given new memory each time costs more than to fill it.
-
-    For one thread at a time.
-    """
+    """Two preallocated arrays, as allocating them costs more than filling them. Not thread-safe."""
 
     def __init__(self) -> None:
         self._numbers = np.empty(0, np.intp)
         self._values = np.empty(0)
 
     def arrays(self, shape: tuple[int, ...]) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-        """Return both in this shape; they hold until the next call."""
+        """Return both arrays in this shape; the next call overwrites them."""
         size = math.prod(shape)
         if size > self._values.size:
             self._numbers, self._values = np.empty(size, np.intp), np.empty(size)
@@ -37,48 +34,70 @@ class Workspace:
 
 @dataclass(frozen=True, eq=False)
 class CellTable:
-    """Shares over the place of the point, in even steps.
+    """Fraction of the force over the position of the point, in uniform steps.
 
-    The steps go a whole number of times into a cell, so that one place in the table serves a whole row of cells.
+    A cell is a whole number of steps wide, so that one interpolation serves a whole row of cells.
     """
 
     cell: int
-    """Steps in a cell."""
+    """Number of steps in a cell."""
     steps_per_metre: float
+    """Number of steps per metre [1/m]."""
     start: int
-    """Steps from the beginning of the table to the beginning of the cell."""
-    share: NDArray[np.float64]
-    """At each step."""
+    """Number of steps from the start of the table to the edge of the cell."""
+    fraction: NDArray[np.float64]
+    """Fraction of the force at each step [1]."""
     rise: NDArray[np.float64]
-    """To the next step."""
+    """Difference to the next step [1]."""
 
-    def collect(self, places: NDArray[np.float64], cells: int, work: Workspace) -> NDArray[np.float64]:
-        """Return the shares of `cells` neighbouring cells, shape [cells, ...]; places [m] from the first one's edge on.
+    def collect(self, positions: NDArray[np.float64], cells: int, work: Workspace) -> NDArray[np.float64]:
+        """Return the fractions of the force that neighbouring cells receive.
 
-        Right to 2.4e-7 of the force, exactly 0 beyond 6.5 standard deviations; all cells together collect all of it.
+        Parameters
+        ----------
+        positions : numpy.ndarray
+            Positions of the points [m] from the edge of the first cell.
+        cells : int
+            Number of cells.
+        work : Workspace
+            Memory for the computation.
+
+        Returns
+        -------
+        numpy.ndarray
+            Fractions [1], shape [cells, ...]: error up to 2.4e-7, exactly 0 beyond 6.5 standard deviations; the sum
+            over all cells is 1.
         """
-        place = places * self.steps_per_metre
-        place += self.start
-        index = place.astype(np.intp)
-        place -= index
+        position = positions * self.steps_per_metre
+        position += self.start
+        index = position.astype(np.intp)
+        position -= index
         of_cells, below = work.arrays((cells, *index.shape))
         np.subtract(index, (np.arange(cells) * self.cell).reshape(-1, *(1,) * index.ndim), out=of_cells)
-        self.share.take(of_cells, mode="clip", out=below)
-        shares: NDArray[np.float64] = self.rise.take(of_cells, mode="clip")
-        shares *= place
-        shares += below
-        return shares
+        self.fraction.take(of_cells, mode="clip", out=below)
+        fractions: NDArray[np.float64] = self.rise.take(of_cells, mode="clip")
+        fractions *= position
+        fractions += below
+        return fractions
 
 
 @lru_cache(maxsize=64)
 def cell_table(pitch: float, spread: float) -> CellTable:
-    """Return the table for cells of this pitch [m] under a Gaussian of this standard deviation [m]."""
-    cell = math.ceil(_FINENESS * pitch / spread)
+    """Return the table of a cell under a Gaussian.
+
+    Parameters
+    ----------
+    pitch : float
+        Width of a cell [m].
+    spread : float
+        Standard deviation of the Gaussian [m].
+    """
+    cell = math.ceil(_STEPS_PER_SPREAD * pitch / spread)
     per_spread = cell * spread / pitch
-    reach = math.floor(NORMAL_END * per_spread)
+    reach = math.floor(GAUSSIAN_REACH * per_spread)
     below = [0.5 * math.erfc(-step / (per_spread * math.sqrt(2))) for step in range(-reach, reach + 1)]
     below[0], below[-1] = 0.0, 1.0
     enters = np.concatenate([np.zeros(1), below, np.ones(cell + 1)])
     leaves = np.concatenate([np.zeros(cell + 1), below, np.ones(1)])
-    share = enters - leaves
-    return CellTable(cell, cell / pitch, reach + 1, share, np.append(np.diff(share), 0.0))
+    fraction = enters - leaves
+    return CellTable(cell, cell / pitch, reach + 1, fraction, np.append(np.diff(fraction), 0.0))

@@ -1,7 +1,11 @@
-"""Closed forms of contact: how wide, and how deep, for line contacts, punches and ellipses.
+"""Closed forms of contact mechanics: contact width and indentation of line contacts, flat indenters and ellipses.
 
-Lengths are in m, forces in N, the effective modulus E in Pa: 1/E = (1 - nu1^2)/E1 + (1 - nu2^2)/E2. Elastic half-space,
-without friction, adhesion and viscosity. Johnson is K. L. Johnson, Contact Mechanics, Cambridge, 1985.
+Elastic half-space without friction, adhesion and viscosity. The effective modulus E [Pa] of the two bodies is
+1/E = (1 - nu1^2)/E1 + (1 - nu2^2)/E2.
+
+References
+----------
+Johnson: K. L. Johnson, Contact Mechanics, Cambridge, 1985.
 """
 
 from __future__ import annotations
@@ -13,63 +17,123 @@ from typing import Final
 from posfet_model._lib.validation import real_number
 
 FORCE_LIMIT: Final = 1e6
-"""Largest accepted normal force [N]."""
+"""Maximum normal force [N]."""
 
 
 def cylinder_half_width(line_load: float, radius: float, effective_modulus: float) -> float:
-    """Return the half-width b [m] of a cylinder's contact under `line_load` P [N/m].
+    """Return the half-width b of the contact of a cylinder.
 
     ``b^2 = 4*P*R/(pi*E)``, with the pressure ``2*P/(pi*b)*sqrt(1 - (x/b)^2)`` (Johnson, section 4.2).
+
+    Parameters
+    ----------
+    line_load : float
+        Force per length P [N/m].
+    radius : float
+        Radius R [m].
+    effective_modulus : float
+        Effective modulus E [Pa].
+
+    Returns
+    -------
+    float
+        Half-width b [m].
     """
     return math.sqrt(4 * line_load * radius / (math.pi * effective_modulus))
 
 
 def wedge_half_width(line_load: float, slope: float, effective_modulus: float) -> float:
-    """Return the half-width b [m] of the contact of a wedge whose flanks rise by `slope` (tangent of their angle).
+    """Return the half-width b of the contact of a blunt wedge.
 
     ``b = P/(E*slope)``, with the pressure ``E*slope/pi*acosh(b/abs(x))`` (Johnson, section 5.2, slope = cot(alpha)).
-    Meant for blunt wedges.
+
+    Parameters
+    ----------
+    line_load : float
+        Force per length P [N/m].
+    slope : float
+        Tangent of the angle between flank and surface [1].
+    effective_modulus : float
+        Effective modulus E [Pa].
+
+    Returns
+    -------
+    float
+        Half-width b [m].
     """
     return line_load / (effective_modulus * slope)
 
 
 def line_stiffness(length: float, half_width: float, effective_modulus: float, profile: float) -> float:
-    """Return the line load over the indentation [N/m2] of a contact of this length, much longer than wide.
+    """Return the stiffness per length P/d of a contact that is much longer than wide.
 
-    ``P/d = pi*E/(2*ln(2*L/b) + c)``, d at the middle of the contact: the displacement under a pressure that is even
+    ``P/d = pi*E/(2*ln(2*L/b) + c)``, d at the middle of the contact: the displacement under a pressure that is uniform
     along the length, from Boussinesq's point load (Johnson, section 3.2) integrated over the strip with L >> b. The
-    number c, `profile`, is 1 for a cylinder, 2 for a wedge. The load of the ends of a stiff cylinder is left out.
+    load concentration at the ends of a stiff cylinder is neglected.
+
+    Parameters
+    ----------
+    length : float
+        Length L [m].
+    half_width : float
+        Half-width b [m].
+    effective_modulus : float
+        Effective modulus E [Pa].
+    profile : float
+        Constant c of the pressure profile across: 1 for a cylinder, 2 for a wedge.
+
+    Returns
+    -------
+    float
+        Force per length over indentation [N/m2].
     """
     return math.pi * effective_modulus / (2 * math.log(2 * length / half_width) + profile)
 
 
-def punch_indentation(force: float, radius: float, effective_modulus: float) -> float:
-    """Return the indentation ``F/(2*a*E)`` [m] of a flat round punch of radius a (Johnson, section 3.4)."""
+def flat_indentation(force: float, radius: float, effective_modulus: float) -> float:
+    """Return the indentation ``F/(2*a*E)`` [m] of a flat circular indenter of radius a [m] (Johnson, section 3.4)."""
     return force / (2 * radius * effective_modulus)
 
 
 @dataclass(frozen=True)
 class EllipseShape:
-    """The contact of two curved bodies, but for its size: what does not depend on the force.
+    """Elliptic contact of two curved bodies, scaled to a force of 1 N.
 
-    Semi-axes ``along*F^(1/3)`` and ``across*F^(1/3)``, indentation ``depth*F^(2/3)``.
+    Under a force F [N] the semi-axes are ``along*F^(1/3)`` and ``across*F^(1/3)`` [m], the indentation is
+    ``depth*F^(2/3)`` [m].
     """
 
     along: float
+    """Semi-axis along u [m/N^(1/3)]."""
     across: float
+    """Semi-axis along v [m/N^(1/3)]."""
     depth: float
+    """Indentation [m/N^(2/3)]."""
 
 
 def hertz_ellipse(along: float, across: float, effective_modulus: float) -> EllipseShape:
-    """Return the shape of a Hertz contact whose gap has the curvatures `along` and `across` [1/m], in (0, 1e7).
+    """Return the ellipse of a Hertz contact.
 
     With semi-axes a >= b, ``e^2 = 1 - (b/a)^2``, the complete elliptic integrals K and E of e, and ``D = (K - E)/e^2``:
     the curvatures' ratio is ``(K - D)/D*(a/b)^2``, ``a^3 = 3*F*D/(pi*E*low)`` with the lower curvature, and the
-    indentation ``3*F*K/(2*pi*a*E)`` (Johnson, sections 3.5 and 4.2). Right to 1e-9.
+    indentation ``3*F*K/(2*pi*a*E)`` (Johnson, sections 3.5 and 4.2). The relative error is 1e-9.
+
+    Parameters
+    ----------
+    along, across : float
+        Curvatures of the gap [1/m], in (0, 1e7); their ratio is up to 1e6.
+    effective_modulus : float
+        Effective modulus E [Pa], in [1e2, 1e13].
+
+    Returns
+    -------
+    EllipseShape
+        Semi-axes and indentation.
 
     Raises
     ------
-    ValueError : a curvature is out of range, one is above 1e6 times the other, or the modulus is not in [1e2, 1e13] Pa.
+    ValueError
+        An argument or the ratio is out of range.
     """
     along = real_number("along", along, 0, 1e7, exclusive=True)
     across = real_number("across", across, 0, 1e7, exclusive=True)
@@ -84,7 +148,7 @@ def hertz_ellipse(along: float, across: float, effective_modulus: float) -> Elli
 
 
 def _axes_ratio(curvatures: float) -> float:
-    """Return b/a in (0, 1] for the ratio of the curvatures, in [1, 1e6], by bisection."""
+    """Return b/a in (0, 1] for a ratio of the curvatures in [1, 1e6], by bisection."""
     low, high = 1e-6, 1.0
     for _ in range(60):
         middle = math.sqrt(low * high)
@@ -97,11 +161,11 @@ def _elliptic(ratio: float) -> tuple[float, float]:
     """Return K and D = (K - E)/e^2 for e^2 = 1 - ratio^2, by the arithmetic-geometric mean."""
     square = 1 - ratio**2
     mean, geometric, power = 1.0, ratio, 1.0
-    share = square / 2  # (K - E)/K is the sum of 2^(n-1)*c_n^2, c_0 = e
+    ratio_sum = square / 2  # (K - E)/K is the sum of 2^(n-1)*c_n^2, c_0 = e
     while mean - geometric > 1e-12 * mean:
         difference = (mean - geometric) / 2
         mean, geometric = (mean + geometric) / 2, math.sqrt(mean * geometric)
-        share += power * difference**2
+        ratio_sum += power * difference**2
         power *= 2
     first = math.pi / (2 * mean)
-    return first, first * share / square if square > 0 else math.pi / 4
+    return first, first * ratio_sum / square if square > 0 else math.pi / 4

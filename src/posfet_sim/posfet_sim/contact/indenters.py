@@ -1,8 +1,9 @@
-"""The objects' shapes: how deep and where each presses under a force, on a flat chip and on a bent one.
+"""Shapes of the objects: indentation and contact pressure under a force, on a flat and on a bent chip.
 
-Each shape answers in its own frame: u along it, v across, both in the chip's surface. A bent chip is a cylinder; `bend`
-holds its curvatures [1/m] along u and along v, (0, 0) for a flat one. What is approximated there is said at each shape.
-Force and indentation are those of an elastic half-space; moduli are effective ones, of object and cover together.
+Coordinates are those of the object: u along it, v across, both in the surface of the chip. A bent chip is a cylinder;
+`bend` holds its curvatures [1/m] along u and along v, (0, 0) for a flat one. Each shape documents its approximations
+there. Force and indentation are those of an elastic half-space; moduli are effective ones, of object and elastomer skin
+together.
 """
 
 from __future__ import annotations
@@ -13,114 +14,125 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar, Final, Protocol, TypeAlias
 
-from posfet_sim.contact.closed_forms import FORCE_LIMIT, EllipseShape, hertz_ellipse, punch_indentation
-from posfet_sim.contact.quadrature import DiscRule, hertz_disc, punch_disc
+from posfet_sim.contact.closed_forms import FORCE_LIMIT, EllipseShape, flat_indentation, hertz_ellipse
+from posfet_sim.contact.quadrature import DiscRule, flat_disc, hertz_disc
 from posfet_sim.contact.taxel_forces import Footprint, points_for
 
 Bend: TypeAlias = tuple[float, float]
-"""Curvatures of the chip along u and along v [1/m], at least 0: the array is on the outer side."""
+"""Curvatures of the chip along u and along v [1/m], at least 0: the array is on the convex side."""
 
 FLAT: Final[Bend] = (0.0, 0.0)
+"""Curvatures of a flat chip."""
 
 
 class Shape(Protocol):
-    """What an object presses with."""
+    """Shape of an object that presses on the array."""
 
     @property
     def height(self) -> float:
-        """Height of the object's reference point above its lowest one [m]."""
+        """Height of the reference point of the object above its lowest point [m]."""
         ...
 
     @property
-    def turns(self) -> bool:
-        """Whether its angle makes a difference to the array."""
+    def depends_on_angle(self) -> bool:
+        """Whether its angle about the normal changes the contact."""
         ...
 
     @property
-    def greatest_force(self) -> float:
-        """Force [N] up to which the theory of its contact holds."""
+    def max_force(self) -> float:
+        """Maximum force [N] for which the contact theory is valid."""
         ...
 
     def indentation(self, force: float, bend: Bend) -> float:
-        """Return how deep it is pressed in [m] by a force [N]."""
+        """Return the indentation [m] under a force [N]."""
         ...
 
     def force(self, indentation: float, bend: Bend) -> float:
-        """Return the force [N] that presses it in by `indentation` [m]; 0 when that is not above 0."""
+        """Return the force [N] for an indentation [m]; 0 unless that is positive."""
         ...
 
     def area(self, force: float, bend: Bend) -> float:
-        """Return the area of contact [m2] under a force [N] above 0."""
+        """Return the contact area [m2] under a force [N] above 0."""
         ...
 
     def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
-        """Return the pressure under a force [N] above 0, fine enough for a cover of that spread [m]."""
+        """Return the contact pressure as weighted points.
+
+        Parameters
+        ----------
+        force : float
+            Normal force [N], above 0.
+        spread : float
+            Standard deviation of the spread by the elastomer skin [m]; sets the number of points.
+        bend : tuple of float
+            Curvatures of the chip along u and v [1/m].
+        """
         ...
 
 
 @lru_cache(maxsize=64)
 def ellipse_shape(along: float, across: float, effective_modulus: float) -> EllipseShape:
-    """Return `hertz_ellipse`, remembered."""
+    """Return `hertz_ellipse`, cached."""
     return hertz_ellipse(along, across, effective_modulus)
 
 
 @dataclass(frozen=True)
 class Sphere:
-    """A ball, or a round fingertip. On a bent chip the contact is an ellipse, by Hertz exactly."""
+    """A sphere or round fingertip. On a bent chip the contact is an ellipse (exact Hertz theory)."""
 
     radius: float
-    """R [m]."""
+    """Radius R [m]."""
     effective_modulus: float
-    """E [Pa]."""
-    turns: ClassVar[bool] = False
+    """Effective modulus E [Pa]."""
+    depends_on_angle: ClassVar[bool] = False
 
     @property
     def height(self) -> float:
-        """The centre is the reference point."""
+        """Height of the centre, which is the reference point [m]."""
         return self.radius
 
     @property
-    def greatest_force(self) -> float:
-        """At it the contact on a flat chip is as wide as the sphere."""
+    def max_force(self) -> float:
+        """Force at which the contact on a flat chip is as wide as the sphere [N]."""
         return 4 / 3 * self.effective_modulus * self.radius**2
 
     def _shape(self, bend: Bend) -> EllipseShape:
         return ellipse_shape(1 / self.radius + bend[0], 1 / self.radius + bend[1], self.effective_modulus)
 
     def indentation(self, force: float, bend: Bend) -> float:
-        """Return how deep it is pressed in [m]: a^2/R on a flat chip."""
+        """Return the indentation [m]; a^2/R on a flat chip."""
         return self._shape(bend).depth * math.pow(force, 2 / 3)
 
     def force(self, indentation: float, bend: Bend) -> float:
-        """Return the force [N]: 4/3*E*sqrt(R)*d^1.5 on a flat chip."""
+        """Return the force [N]; 4/3*E*sqrt(R)*d^1.5 on a flat chip."""
         return math.pow(max(indentation, 0.0) / self._shape(bend).depth, 1.5)
 
     def area(self, force: float, bend: Bend) -> float:
-        """Return the area of the ellipse [m2]."""
+        """Return the area of the contact ellipse [m2]."""
         shape = self._shape(bend)
         return math.pi * shape.along * shape.across * math.pow(force, 2 / 3)
 
     def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
-        """Return the elliptic pressure."""
+        """Return the Hertz pressure on the ellipse."""
         shape, size = self._shape(bend), math.pow(force, 1 / 3)
         return [_disc(hertz_disc, shape.along * size, shape.across * size, spread)]
 
 
 @dataclass(frozen=True)
-class Punch:
-    """A flat, stiff, round punch with the exact pressure F/(2*pi*a*sqrt(a^2 - r^2)).
+class FlatIndenter:
+    """A rigid flat circular indenter (Johnson's flat punch), with the exact pressure F/(2*pi*a*sqrt(a^2 - r^2)).
 
-    On a bent chip its gap is taken as that of a sphere of the mean curvature whose contact cannot grow past the
-    punch's rim: the curvature's difference between along and across the bend is left out.
+    On a bent chip its gap is approximated by that of a sphere of the mean curvature, with a contact that ends at the
+    rim of the indenter: the difference of the curvatures along and across the bend is neglected.
     """
 
     radius: float
-    """a [m]."""
+    """Radius a [m]."""
     effective_modulus: float
-    """E [Pa]."""
-    turns: ClassVar[bool] = False
+    """Effective modulus E [Pa]."""
+    depends_on_angle: ClassVar[bool] = False
     height: ClassVar[float] = 0.0
-    greatest_force: ClassVar[float] = FORCE_LIMIT
+    max_force: ClassVar[float] = FORCE_LIMIT
 
     def _rounding(self, bend: Bend) -> tuple[float, float]:
         """Return the mean curvature [1/m], and the force [N] at which the contact reaches the rim."""
@@ -128,14 +140,14 @@ class Punch:
         return curvature, 4 / 3 * self.effective_modulus * self.radius**3 * curvature
 
     def indentation(self, force: float, bend: Bend) -> float:
-        """Return how deep it is pressed in [m]: F/(2*a*E) on a flat chip."""
+        """Return the indentation [m]; F/(2*a*E) on a flat chip."""
         curvature, closing = self._rounding(bend)
         if force < closing:
             return math.pow((0.75 * force / self.effective_modulus) ** 2 * curvature, 1 / 3)
-        return self.radius**2 * curvature + punch_indentation(force - closing, self.radius, self.effective_modulus)
+        return self.radius**2 * curvature + flat_indentation(force - closing, self.radius, self.effective_modulus)
 
     def force(self, indentation: float, bend: Bend) -> float:
-        """Return the force [N]: 2*a*E*d on a flat chip."""
+        """Return the force [N]; 2*a*E*d on a flat chip."""
         depth = max(indentation, 0.0)
         curvature, closing = self._rounding(bend)
         deeper = depth - self.radius**2 * curvature
@@ -144,24 +156,29 @@ class Punch:
         return closing + 2 * self.radius * self.effective_modulus * deeper
 
     def area(self, force: float, bend: Bend) -> float:
-        """Return the area of the circle that touches [m2]."""
+        """Return the area of the circular contact [m2]."""
         closing = self._rounding(bend)[1]
         return math.pi * self.radius**2 * (math.pow(force / closing, 2 / 3) if force < closing else 1.0)
 
     def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
-        """Return the punch's pressure; on a bent chip that of the rounding, and of what is left the punch's."""
+        """Return the pressure.
+
+        On a bent chip it is a Hertz pressure up to contact at the rim, and a flat one for the rest of the force.
+        """
         curvature, closing = self._rounding(bend)
         if force < closing:
             radius = (0.75 * force / self.effective_modulus / curvature) ** (1 / 3)
             return [_disc(hertz_disc, radius, radius, spread)]
-        flat = _disc(punch_disc, self.radius, self.radius, spread, 1 - closing / force)
+        flat = _disc(flat_disc, self.radius, self.radius, spread, 1 - closing / force)
         if closing == 0:
             return [flat]
         return [flat, _disc(hertz_disc, self.radius, self.radius, spread, closing / force)]
 
 
-def _disc(rule: Callable[[int], DiscRule], along: float, across: float, spread: float, share: float = 1.0) -> Footprint:
-    """Return a pressure on an ellipse of these semi-axes [m] that carries a share of the force."""
+def _disc(
+    rule: Callable[[int], DiscRule], along: float, across: float, spread: float, fraction: float = 1.0
+) -> Footprint:
+    """Return a pressure on an ellipse of these semi-axes [m] that carries a fraction of the force."""
     disc = rule(points_for(max(along, across), spread, max(along, across)))
-    weight = disc.x_weight if share == 1 else disc.x_weight * share
+    weight = disc.x_weight if fraction == 1 else disc.x_weight * fraction
     return Footprint(along, across, disc.both, weight, disc.y, disc.y_weight, True)

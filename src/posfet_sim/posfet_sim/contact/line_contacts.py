@@ -1,8 +1,8 @@
-"""Line contacts of finite length: a lying cylinder, and the edge of a wedge.
+"""Line contacts of finite length: a cylinder, and the edge of a wedge.
 
-On a flat chip the pressure is even along the length; what a stiff body's ends add is left out. On a chip bent along the
-line the load per length falls from the middle as 1 - fall*u^2, and each place has the width of its load on an endless
-line. The twist of a line that lies askew to the bend is left out.
+On a flat chip the pressure is uniform along the length; the concentration at the ends of a stiff body is neglected. On
+a chip bent along the line the force per length decreases from the middle as 1 - fall*u^2, and each position has the
+width of an infinite line with its force per length. The twist of a line that is rotated against the bend is neglected.
 """
 
 from __future__ import annotations
@@ -19,50 +19,50 @@ from posfet_sim.contact.indenters import Bend, ellipse_shape
 from posfet_sim.contact.quadrature import Line, half_ellipse, uniform_both, wedge
 from posfet_sim.contact.taxel_forces import Footprint, points_for
 
-_FLAT: Final = 1e-6  # curvature along over curvature across that counts as none
-_SAME_FORCE: Final = 1e-13
-_MOST_STEPS: Final = 60
+_FLAT: Final = 1e-6  # ratio of curvature along to across that counts as flat
+_TOLERANCE: Final = 1e-13
+_MAX_STEPS: Final = 60
 
 
 @dataclass(frozen=True)
 class LineLoad:
-    """How the load is shared out along a line."""
+    """Distribution of the force along a line."""
 
     half_length: float
-    """Of the part that touches [m]."""
+    """Half-length of the contact [m]."""
     middle: float
-    """Load per length in the middle [N/m]."""
+    """Force per length in the middle [N/m]."""
     fall: float
-    """The load per length at u is middle*(1 - fall*u^2) [1/m2]."""
+    """Curvature of the distribution [1/m2]: the force per length at u is middle*(1 - fall*u^2)."""
     indentation: float
-    """In the middle [m]."""
+    """Indentation in the middle [m]."""
 
 
 @dataclass(frozen=True)
 class LineShape(ABC):
-    """What cylinder and edge share."""
+    """Common part of cylinder and edge."""
 
     length: float
-    """L [m]."""
+    """Length L [m]."""
     effective_modulus: float
-    """E [Pa]."""
-    turns: ClassVar[bool] = True
+    """Effective modulus E [Pa]."""
+    depends_on_angle: ClassVar[bool] = True
     _profile: ClassVar[float]
-    _half_length_share: ClassVar[float] = 0.25
-    """Greatest half-width over the length: the closed form of the indentation holds for a contact longer than wide."""
+    _max_aspect: ClassVar[float] = 0.25
+    """Maximum half-width over length [1]: the closed form of the indentation is for contacts longer than wide."""
 
     @abstractmethod
     def half_width(self, line_load: float, curvature: float) -> float:
-        """Return the half-width [m] under a load per length [N/m] on a chip of that curvature across [1/m]."""
+        """Return the half-width [m] under a force per length [N/m] on a chip of this curvature across [1/m]."""
 
     @abstractmethod
     def _across(self, order: int) -> Line:
         """Return the points of the pressure across the line."""
 
     def line_load(self, force: float, bend: Bend) -> LineLoad:
-        """Return how a force [N] above 0 is shared out: in slices (assumed).
+        """Return the distribution of a force [N] above 0 along the line, by independent slices (assumed).
 
-        Each presses with k*(d - curvature*u^2/2), where that is above 0; k is the stiffness of the line on a flat chip.
+        Each slice carries k*(d - curvature*u^2/2), if positive; k is the stiffness of the line on a flat chip.
         """
         stiffness, curvature, half_length = self._stiffness(force, bend), bend[0], self.length / 2
         depth = force / (stiffness * self.length) + curvature * self.length**2 / 24
@@ -72,32 +72,32 @@ class LineShape(ABC):
         return LineLoad(half_length, stiffness * depth, curvature / (2 * depth), depth)
 
     def _stiffness(self, force: float, bend: Bend) -> float:
-        """Return the load per length over the indentation [N/m2] of the whole line on a flat chip."""
+        """Return the force per length over the indentation [N/m2] of the whole line on a flat chip."""
         half_width = self.half_width(force / self.length, bend[1])
         return line_stiffness(self.length, half_width, self.effective_modulus, self._profile)
 
     def indentation(self, force: float, bend: Bend) -> float:
-        """Return how deep the middle is pressed in [m]; on a flat chip F/(pi*L*E)*(2*ln(2*L/b) + c)."""
+        """Return the indentation of the middle [m]; on a flat chip F/(pi*L*E)*(2*ln(2*L/b) + c)."""
         return self.line_load(force, bend).indentation if force > 0 else 0.0
 
     def force(self, indentation: float, bend: Bend) -> float:
-        """Return the force [N] for an indentation [m], by the secant rule on the logarithms of both."""
+        """Return the force [N] for an indentation [m], by the secant method on the logarithms of both."""
         if indentation <= 0:
             return 0.0
-        wanted = math.log(indentation)
+        target = math.log(indentation)
         before, force = 0.5 * self.effective_modulus * self.length * indentation, 0.0
-        at_before = math.log(self.indentation(before, bend)) - wanted
+        at_before = math.log(self.indentation(before, bend)) - target
         force = before * math.exp(-at_before)
-        for _ in range(_MOST_STEPS):
-            at_force = math.log(self.indentation(force, bend)) - wanted
-            if abs(at_force) < _SAME_FORCE or at_force == at_before:
+        for _ in range(_MAX_STEPS):
+            at_force = math.log(self.indentation(force, bend)) - target
+            if abs(at_force) < _TOLERANCE or at_force == at_before:
                 break
             slope = (at_force - at_before) / math.log(force / before)
             before, at_before, force = force, at_force, force * math.exp(-at_force / slope)
         return force
 
     def area(self, force: float, bend: Bend) -> float:
-        """Return the area of contact [m2], between that of a strip and that of an ellipse."""
+        """Return the contact area [m2], between those of a strip and of an ellipse."""
         load = self.line_load(force, bend)
         roundness = load.fall * load.half_length**2  # from 0 for a strip to 1 for an ellipse
         return 4 * load.half_length * self.half_width(load.middle, bend[1]) * (1 - roundness * (1 - math.pi / 4))
@@ -112,40 +112,40 @@ class LineShape(ABC):
         across, across_weight = self._across(points_for(middle_width, spread, widest))
         v = across[None, :]
         if bend[0] > 0:
-            shares = np.maximum(1 - load.fall * load.half_length**2 * u[: order // 2] ** 2, 0.0)
-            weight = weight * shares
+            profile = np.maximum(1 - load.fall * load.half_length**2 * u[: order // 2] ** 2, 0.0)
+            weight = weight * profile
             weight *= 0.5 / weight.sum()
-            widths = [self.half_width(load.middle * share, bend[1]) / middle_width for share in shares.tolist()]
+            widths = [self.half_width(load.middle * value, bend[1]) / middle_width for value in profile.tolist()]
             v = np.multiply.outer(widths, across)
         return [Footprint(load.half_length, middle_width, u, weight, v, across_weight, True)]
 
 
 @dataclass(frozen=True)
 class Cylinder(LineShape):
-    """A lying cylinder, its axis along u: Hertz across. A chip bent across adds its curvature, exactly.
+    """A cylinder with its axis along u: Hertz theory across. A chip bent across adds its curvature (exact).
 
-    On a chip bent along the axis, length and depth of the contact are those of Hertz's ellipse until it reaches the
-    ends; what is pressed beyond that counts as even along the length (assumed). The width is at most 13 % too great,
-    where the ellipse is a circle.
+    On a chip bent along the axis, length and indentation of the contact are those of the Hertz ellipse until it reaches
+    the ends; further force is uniform along the length (assumed). The width is at most 13 % too large, where the
+    ellipse is a circle.
     """
 
     radius: float
-    """R [m]."""
+    """Radius R [m]."""
     _profile: ClassVar[float] = 1.0
 
     @property
     def height(self) -> float:
-        """The middle of the axis is the reference point."""
+        """Height of the middle of the axis, which is the reference point [m]."""
         return self.radius
 
     @property
-    def greatest_force(self) -> float:
-        """At it the contact is as wide as the cylinder, or half as wide as long."""
-        half_width = min(self.radius, self._half_length_share * self.length)
+    def max_force(self) -> float:
+        """Force at which the contact is as wide as the cylinder, or half as wide as long [N]."""
+        half_width = min(self.radius, self._max_aspect * self.length)
         return math.pi * self.effective_modulus * self.length * half_width**2 / (4 * self.radius)
 
     def line_load(self, force: float, bend: Bend) -> LineLoad:
-        """Return how a force [N] above 0 is shared out."""
+        """Return the distribution of a force [N] above 0 along the cylinder."""
         across = 1 / self.radius + bend[1]
         if bend[0] < _FLAT * across:
             return super().line_load(force, (0.0, bend[1]))
@@ -153,14 +153,15 @@ class Cylinder(LineShape):
         closing = (self.length / 2 / ellipse.along) ** 3
         rounded = min(force, closing)
         half_length = ellipse.along * math.pow(rounded, 1 / 3)
-        bulge, even = 0.75 * rounded / half_length, (force - rounded) / self.length
+        elliptic_load, uniform_load = 0.75 * rounded / half_length, (force - rounded) / self.length
         depth = ellipse.depth * math.pow(rounded, 2 / 3)
-        if even > 0:
-            depth += even / self._stiffness(force, bend)
-        return LineLoad(half_length, bulge + even, bulge / (bulge + even) / half_length**2, depth)
+        if uniform_load > 0:
+            depth += uniform_load / self._stiffness(force, bend)
+        middle = elliptic_load + uniform_load
+        return LineLoad(half_length, middle, elliptic_load / middle / half_length**2, depth)
 
     def half_width(self, line_load: float, curvature: float) -> float:
-        """Return the half-width [m] by Hertz."""
+        """Return the half-width [m] by Hertz theory."""
         return cylinder_half_width(line_load, 1 / (1 / self.radius + curvature), self.effective_modulus)
 
     def _across(self, order: int) -> Line:
@@ -169,10 +170,10 @@ class Cylinder(LineShape):
 
 @dataclass(frozen=True)
 class Edge(LineShape):
-    """A straight edge along u, with flanks that rise evenly. The chip's curvature across is left out.
+    """A straight wedge edge along u. The curvature of the chip across is neglected.
 
-    On a chip bent along the edge the slices make the contact too long: against Hertz, for a cylinder of 1 to 10 mm
-    radius on a chip bent to 10 to 100 mm, by 17 % to 108 %.
+    On a chip bent along the edge, independent slices make the contact too long: compared with Hertz theory for a
+    cylinder of 1 to 10 mm radius on a chip bent to 10 to 100 mm, by 17 % to 108 %.
     """
 
     slope: float
@@ -181,9 +182,9 @@ class Edge(LineShape):
     height: ClassVar[float] = 0.0
 
     @property
-    def greatest_force(self) -> float:
-        """At it the contact is half as wide as long."""
-        return self.effective_modulus * self.slope * self._half_length_share * self.length**2
+    def max_force(self) -> float:
+        """Force at which the contact is half as wide as long [N]."""
+        return self.effective_modulus * self.slope * self._max_aspect * self.length**2
 
     def half_width(self, line_load: float, curvature: float) -> float:
         """Return the half-width [m] of a wedge's contact."""

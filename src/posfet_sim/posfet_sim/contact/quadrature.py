@@ -1,8 +1,8 @@
-"""Contact pressures as weighted points: quadrature rules for the profiles of contact mechanics, on unit lengths.
+"""Quadrature rules for the pressure profiles of contact mechanics, on unit lengths.
 
-A rule stands for a pressure over an area: the sum of weights times a smooth function at the points is the integral of
-pressure times that function, and the weights add up to 1. The edge of each profile (a root, or a singularity) is in the
-weights, so that few points do. All rules lie within [-1, 1] and are symmetric.
+A rule represents a pressure over an area by weighted points: the sum of weights times a smooth function at the points
+is the integral of pressure times that function, and the weights sum to 1. The root or singularity at the edge of each
+profile is in the weights, so that few points suffice. All rules lie within [-1, 1] and are symmetric.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ Line: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class DiscRule:
-    """Points of a pressure on the unit disc; only those with x > 0, as the left half mirrors them."""
+    """Points of a pressure on the unit disc; only those with x > 0, as the rule is symmetric."""
 
     x: NDArray[np.float64]
-    """Shape [n/2]."""
+    """Positive coordinates, shape [n/2]."""
     both: NDArray[np.float64]
     """x, then -x, shape [n]."""
     x_weight: NDArray[np.float64]
-    """Shape [n/2]; sums to 1/2."""
+    """Weights of x, shape [n/2]; the sum is 1/2."""
     y: NDArray[np.float64]
-    """Shape [n/2, n]."""
+    """Coordinates along y for each x, shape [n/2, n]."""
     y_weight: NDArray[np.float64]
-    """Shape [n]; sums to 1."""
+    """Weights of y, shape [n]; the sum is 1."""
 
 
 @lru_cache(maxsize=128)
@@ -40,7 +40,7 @@ def hertz_disc(order: int) -> DiscRule:
     """Return `order` (even) times `order` points of the pressure sqrt(1 - x^2 - y^2), exact to degree 2*order - 1.
 
     With y = sqrt(1 - x^2)*u the weight becomes (1 - x^2)*sqrt(1 - u^2): Gauss-Jacobi (1, 1) points in x by the
-    eigenvalues of the recurrence's matrix (Golub and Welsch, Math. Comp. 23, 1969), Gauss-Chebyshev of the second kind
+    eigenvalues of the Jacobi matrix (Golub and Welsch, Math. Comp. 23, 1969), Gauss-Chebyshev of the second kind
     in u.
     """
     k = np.arange(1, order)
@@ -50,7 +50,7 @@ def hertz_disc(order: int) -> DiscRule:
 
 
 @lru_cache(maxsize=128)
-def punch_disc(order: int) -> DiscRule:
+def flat_disc(order: int) -> DiscRule:
     """Return `order` (even) times `order` points of the pressure 1/sqrt(1 - x^2 - y^2), exact to degree 2*order - 1.
 
     With y = sqrt(1 - x^2)*u the weight becomes 1/sqrt(1 - u^2): Gauss-Legendre points in x, Gauss-Chebyshev of the
@@ -72,14 +72,14 @@ def _disc(x: NDArray[np.float64], weight: NDArray[np.float64], chord: Line) -> D
 
 @lru_cache(maxsize=256)
 def uniform(order: int) -> Line:
-    """Return Gauss-Legendre points: a constant pressure."""
+    """Return Gauss-Legendre points, for a uniform pressure."""
     points, weights = np.polynomial.legendre.leggauss(order)
     return points, weights / 2
 
 
 @lru_cache(maxsize=256)
 def uniform_both(order: int) -> Line:
-    """Return the same, `order` even: the points above 0, then their mirror images; weights of the former only."""
+    """Return `uniform` for an even `order`: points above 0, then their mirror images; weights of the former only."""
     points, weights = uniform(order)
     right = slice(order // 2, None)
     return np.concatenate([points[right], -points[right]]), weights[right]
@@ -87,20 +87,20 @@ def uniform_both(order: int) -> Line:
 
 @lru_cache(maxsize=128)
 def half_ellipse(order: int) -> Line:
-    """Return Gauss-Chebyshev points of the second kind: the pressure sqrt(1 - x^2) of a cylinder."""
+    """Return Gauss-Chebyshev points of the second kind, for the pressure sqrt(1 - x^2) of a cylinder."""
     angle = np.arange(1, order + 1) * math.pi / (order + 1)
     return np.cos(angle), np.sin(angle) ** 2 * 2 / (order + 1)
 
 
 @lru_cache(maxsize=128)
 def inverse_root(order: int) -> Line:
-    """Return Gauss-Chebyshev points of the first kind: the pressure 1/sqrt(1 - x^2) under a flat punch."""
+    """Return Gauss-Chebyshev points of the first kind, for the pressure 1/sqrt(1 - x^2) of a flat indenter."""
     return np.cos((np.arange(order) + 0.5) * math.pi / order), np.full(order, 1 / order)
 
 
 @lru_cache(maxsize=128)
 def wedge(order: int) -> Line:
-    """Return points of the pressure acosh(1/|x|) under a wedge.
+    """Return points for the pressure acosh(1/|x|) of a wedge.
 
     It is the mean of 1/sqrt(r^2 - x^2)/pi over r from |x| to 1, so its points are those of `inverse_root` scaled by
     Gauss-Legendre points of [0, 1].

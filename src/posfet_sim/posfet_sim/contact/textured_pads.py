@@ -1,7 +1,7 @@
-"""Textured pads: a soft rectangle that follows the surface, with ridges or bumps that press more than what is between.
+"""Soft rectangular pads with a texture of ridges or bumps, which conform to the surface.
 
-The mean pressure is the same all over the pad (assumed, on a bent chip too, which the pad follows). How deep a pad
-sinks in has no closed form: its path gives its force.
+The mean pressure is uniform over the pad (assumed; on a bent chip, too, to which the pad conforms). The indentation has
+no closed form: the path of a pad gives its force.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from posfet_sim.contact.taxel_forces import Footprint, points_for
 
 
 @dataclass(frozen=True)
-class Pad:
-    """What all textured pads share."""
+class SoftPad:
+    """Common part of the textured pads."""
 
     length: float
-    """Along u [m]."""
+    """Length along u [m]."""
     width: float
-    """Along v [m]."""
-    turns: ClassVar[bool] = True
+    """Width along v [m]."""
+    depends_on_angle: ClassVar[bool] = True
     height: ClassVar[float] = 0.0
-    greatest_force: ClassVar[float] = FORCE_LIMIT
+    max_force: ClassVar[float] = FORCE_LIMIT
 
     def indentation(self, force: float, bend: Bend) -> float:
-        """Return 0: the pad's face is taken to lie in the surface."""
+        """Return 0: the face of the pad is assumed to lie in the surface."""
         return 0.0
 
     def area(self, force: float, bend: Bend) -> float:
@@ -41,102 +41,106 @@ class Pad:
         return self.length * self.width
 
     def force(self, indentation: float, bend: Bend) -> float:
-        """Raise ValueError: a pad's force does not follow from an indentation."""
+        """Raise ValueError: the force of a pad does not follow from an indentation."""
         raise ValueError("a textured pad must be given a force, not an indentation")
 
 
 @dataclass(frozen=True)
-class Ridges(Pad):
-    """Sinusoidal ridges across u, a whole number of them, troughs at both ends.
+class Ridges(SoftPad):
+    """Sinusoidal ridges across u, a whole number of them, with troughs at both ends.
 
     Pressure of a wavy surface (Westergaard 1939; Johnson, Contact Mechanics, 1985, section 13.2): above the mean
-    pressure ``p* = pi*E*amplitude/wavelength`` it is the mean plus ``p*`` times a cosine; below, each ridge touches
-    over the half-width a with ``sin^2(pi*a/wavelength) = mean/p*``. Each ridge is taken as one of an endless row.
+    pressure ``p* = pi*E*amplitude/wavelength`` it is the mean plus ``p*`` times a cosine (full contact); below, each
+    ridge is in contact over the half-width a with ``sin^2(pi*a/wavelength) = mean/p*``. Each ridge is approximated as
+    one of an infinite row.
     """
 
     ridges: int
+    """Number of ridges."""
     amplitude: float
-    """Height of the crests above the mean [m]."""
+    """Amplitude: height of the crests above the mean [m]."""
     effective_modulus: float
-    """E [Pa]."""
+    """Effective modulus E [Pa]."""
 
     def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
-        """Return the pressure of the ridges, and above the full contact what is even on top of it."""
+        """Return the pressure of the ridges, plus a uniform pressure beyond full contact."""
         wavelength = self.length / self.ridges
         full = math.pi * self.effective_modulus * self.amplitude / wavelength * self.length * self.width
         widest = max(self.length, self.width) / 2
         half_length, half_width = self.length / 2, self.width / 2
-        v, v_weight = _even_across(points_for(half_width, spread, widest))
+        v, v_weight = _uniform_across(points_for(half_width, spread, widest))
         order = points_for(wavelength / 2, spread, widest)
         if force < full:
             u, weight = _crests(self.ridges, order, force / full)
         else:
-            u, crests, even = _closed(self.ridges, order, points_for(half_length, spread, widest))
-            weight = crests * (full / force) + even * (1 - full / force)
+            u, crests, uniform_points = _full_contact(self.ridges, order, points_for(half_length, spread, widest))
+            weight = crests * (full / force) + uniform_points * (1 - full / force)
         return [Footprint(half_length, half_width, u, weight, v, v_weight, False)]
 
 
 @lru_cache(maxsize=64)
-def _crests(ridges: int, order: int, touching: float) -> Line:
-    """Return points of the pressure of ridges on [-1, 1], each touching over its middle part: `touching` of its load.
+def _crests(ridges: int, order: int, load: float) -> Line:
+    """Return points of the pressure of ridges on [-1, 1], each in contact over its middle part.
 
-    At `touching` 1 a ridge touches all over: its pressure is one and a cosine.
+    `load` is the force relative to that of full contact, in (0, 1]. At 1 the pressure is one plus a cosine.
     """
     chord, chord_weight = half_ellipse(order)
-    inside = 2 / math.pi * np.arcsin(math.sqrt(touching) * chord)
+    inside = 2 / math.pi * np.arcsin(math.sqrt(load) * chord)
     crests = np.arange(1 - ridges, ridges, 2)
     return np.add.outer(crests, inside).ravel() / ridges, np.tile(chord_weight, ridges) / ridges
 
 
 @lru_cache(maxsize=64)
-def _closed(
-    ridges: int, order: int, even_order: int
+def _full_contact(
+    ridges: int, order: int, uniform_order: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return points for ridges that touch all over, their weights for the ridges, and those for what is even."""
+    """Return points for full contact, their weights for the ridges, and those for the uniform pressure."""
     crests, crests_weight = _crests(ridges, order, 1.0)
-    even, even_weight = uniform(even_order)
-    weights = np.zeros((2, len(crests) + len(even)))
-    weights[0, : len(crests)], weights[1, len(crests) :] = crests_weight, even_weight
-    return np.concatenate([crests, even]), weights[0], weights[1]
+    uniform_points, uniform_weight = uniform(uniform_order)
+    weights = np.zeros((2, len(crests) + len(uniform_points)))
+    weights[0, : len(crests)], weights[1, len(crests) :] = crests_weight, uniform_weight
+    return np.concatenate([crests, uniform_points]), weights[0], weights[1]
 
 
 @lru_cache(maxsize=64)
-def _even_across(order: int) -> Line:
+def _uniform_across(order: int) -> Line:
     """Return `uniform` as a row of points."""
     points, weights = uniform(order)
     return points[None, :], weights
 
 
 @dataclass(frozen=True)
-class Roughness(Pad):
-    """Bumps at random places that carry random shares of the force, the same at every force (assumed).
+class Roughness(SoftPad):
+    """Bumps at random positions that carry random fractions of the force, the same at every force (assumed).
 
-    The shares are exponential: those of bumps of exponentially distributed height (Greenwood and Williamson, Proc. R.
-    Soc. A 295, 1966). The bumps are small against the cover's spread, and placed so that the centre of pressure is the
-    pad's.
+    The fractions are exponentially distributed, as for bumps of exponentially distributed height (Greenwood and
+    Williamson, Proc. R. Soc. A 295, 1966). The bumps are small compared with the spread of the elastomer skin, and
+    positioned so that the centre of pressure is the centre of the pad.
     """
 
     bumps: int
+    """Number of bumps."""
     seed: int
+    """Seed of positions and fractions."""
 
     @cached_property
     def _points(self) -> Footprint:
         random = np.random.default_rng(self.seed)
-        share = random.exponential(size=self.bumps)
-        share /= share.sum()
+        fraction = random.exponential(size=self.bumps)
+        fraction /= fraction.sum()
         u, v = (random.random((2, self.bumps)) - 0.5) * np.array([[self.length], [self.width]])
-        u, v = u - share @ u, v - share @ v
+        u, v = u - fraction @ u, v - fraction @ v
         half_length, half_width = (max(float(np.abs(points).max()), 1e-9) for points in (u, v))
         return Footprint(
             half_length=half_length,
             half_width=half_width,
             u=u / half_length,
-            u_weight=share,
+            u_weight=fraction,
             v=v[:, None] / half_width,
             v_weight=np.ones(1),
             mirrored=False,
         )
 
     def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
-        """Return the bumps."""
+        """Return the bumps as points."""
         return [self._points]

@@ -1,1 +1,1 @@
-"""The simulated board: charge, read-out, noise, sensor errors, ground truth. Takes its loads from outside."""
+"""The simulated board: from loads on the taxels to scans, with a sensor error model. Knows no scene."""

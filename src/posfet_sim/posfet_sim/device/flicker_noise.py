@@ -1,4 +1,4 @@
-"""Noise of the simulated read-out as endless streams: any stretch is the same whoever asks for it, and when."""
+"""1/f noise of the simulated readout as an infinite random process: any block can be generated independently."""
 
 from __future__ import annotations
 
@@ -11,46 +11,76 @@ from numpy.typing import NDArray
 from posfet_sim.device.random_streams import Stream, generator
 
 FACTOR: Final = 4
-"""Ratio of the spans of neighbouring octaves of the 1/f noise."""
+"""Ratio of the spans of neighbouring octaves of the 1/f noise [1]."""
 OCTAVES: Final = 10
-"""Spans from 4 to 4^10 scans: at 1 kHz the spectrum goes down to 1 mHz and is flat below."""
+"""Number of octaves, with spans from 4 to 4^10 scans: at 1 kHz the spectrum is 1/f down to 1 mHz, and flat below."""
 _PAGE: Final = 16  # knots drawn at once
 
 
 class FlickerNoise:
     """1/f noise of unit coefficient, density 1/f [1/Hz], on `taxels` independent channels.
 
-    A sum of octaves. Octave k has a Gaussian number every 4^k scans and between two of them, a and b, runs as
-    ``a*cos(pi*u/2) + b*sin(pi*u/2)``, u from 0 to 1, whose variance never changes; equal variances ``ln(4)`` give the
-    density 1/f with a ripple of log-period 4. Octaves longer than a block are summed at its ends and run straight
-    between. What the amplifier passes above half the scan rate is folded into the samples as white noise of the
-    variance `folded_variance`, which the reader adds to its own white noise: that leaves the spectrum within 1 dB of
-    1/f plus what is folded, from rate/4^9 to half the rate (test/simulation/test_sim_noise.py).
+    The noise is a sum of octaves. Octave k has a Gaussian knot every 4^k scans and interpolates between two knots a and
+    b as ``a*cos(pi*u/2) + b*sin(pi*u/2)``, u from 0 to 1, which has constant variance; equal variances ``ln(4)`` give
+    the density 1/f with a ripple of log-period 4. Octaves longer than a block are summed at the ends of the block and
+    interpolated linearly in between. Noise that the amplifier passes above half the scan rate is aliased (folded) into
+    the samples as white noise of the variance `folded_variance`, which the caller adds to its own white noise. The
+    spectrum is then within 1 dB of 1/f plus the folded noise, from rate/4^9 to half the rate
+    (test/sim/device/test_sim_noise.py).
     """
 
     def __init__(self, seed: int, taxels: int, block: int) -> None:
-        """Take the seed, the channels, and the scans of a block, a power of 4 in [4, 4^10]."""
+        """Create the process.
+
+        Parameters
+        ----------
+        seed : int
+            Seed of the board.
+        taxels : int
+            Number of channels.
+        block : int
+            Scans of a block, a power of 4 in [4, 4^10].
+        """
         self._seed = seed
         self._taxels = taxels
         self._block = block
         self._pages: dict[tuple[int, int], NDArray[np.float64]] = {}
         self._fast = [octave for octave in range(1, OCTAVES + 1) if FACTOR**octave <= block]
         self._slow = [octave for octave in range(1, OCTAVES + 1) if FACTOR**octave > block]
-        self._ends_at = -1  # where the slow octaves were summed last
+        self._end_index = -1  # scan at which the slow octaves were summed last
         self._end: NDArray[np.float64] = np.zeros(taxels)
         self.weights = self._weights()
-        """What each row of `rows` counts in each scan of a block, shape [block, rows]."""
+        """Weight of each row of `rows` in each scan of a block, shape [block, rows]."""
 
     @staticmethod
     def folded_variance(rate: float, bandwidth: float) -> float:
-        """Return the variance to be added as white noise, for a scan rate [Hz] and the amplifier's bandwidth [Hz].
+        """Return the variance of the folded noise, for a noise of unit coefficient.
 
-        ``ln(2*bandwidth/rate)`` from above half the rate, and ``ln(4)`` for octave 0, whose span is one scan.
+        It is ``ln(2*bandwidth/rate)`` from above half the scan rate, and ``ln(4)`` for octave 0, whose span is one
+        scan.
+
+        Parameters
+        ----------
+        rate : float
+            Scan rate [Hz].
+        bandwidth : float
+            Bandwidth of the amplifier [Hz].
+
+        Returns
+        -------
+        float
+            Variance to add as white noise [1].
         """
         return math.log(max(2 * bandwidth / rate, 1.0)) + math.log(FACTOR)
 
     def rows(self, number: int) -> NDArray[np.float64]:
-        """Return block `number`, scans number*block and on, as ``weights @ rows``; shape [rows, taxels]."""
+        """Return the factor of block `number` (from scan number*block on): the noise is ``weights @ rows``.
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape [rows, taxels].
+        """
         start = number * self._block
         rows = np.empty((self.weights.shape[1], self._taxels))
         rows[0], rows[1] = self._slow_sum(start), self._slow_sum(start + self._block)
@@ -63,32 +93,34 @@ class FlickerNoise:
         return rows
 
     def _weights(self) -> NDArray[np.float64]:
-        place = np.arange(self._block)
-        columns = [1 - place / self._block, place / self._block]  # the slow octaves run straight
+        position = np.arange(self._block)
+        columns = [1 - position / self._block, position / self._block]  # the slow octaves, linear
         for octave in self._fast:
             span = FACTOR**octave
-            angle = (place % span) / span * (math.pi / 2)
+            angle = (position % span) / span * (math.pi / 2)
             for knot in range(self._block // span + 1):
-                columns.append(np.cos(angle) * (place // span == knot) + np.sin(angle) * (place // span == knot - 1))
+                columns.append(
+                    np.cos(angle) * (position // span == knot) + np.sin(angle) * (position // span == knot - 1)
+                )
         return np.stack(columns, axis=1) * math.sqrt(math.log(FACTOR))
 
     def _slow_sum(self, index: int) -> NDArray[np.float64]:
         """Return the sum of the slow octaves at one scan, shape [taxels].
 
-        Remembers the last: a block ends as the next one begins.
+        The last result is cached, as the end of a block is the start of the next.
         """
-        if index != self._ends_at:
+        if index != self._end_index:
             total = np.zeros(self._taxels)
             for octave in self._slow:
                 knot, offset = divmod(index, FACTOR**octave)
                 angle = offset / FACTOR**octave * (math.pi / 2)
                 total += math.cos(angle) * self._knot(octave, knot)
                 total += math.sin(angle) * self._knot(octave, knot + 1)
-            self._ends_at, self._end = index, total
+            self._end_index, self._end = index, total
         return self._end
 
     def _knot(self, octave: int, knot: int) -> NDArray[np.float64]:
-        """Return one number of each channel, shape [taxels]."""
+        """Return one knot of each channel, shape [taxels]."""
         page, row = divmod(knot, _PAGE)
         numbers: NDArray[np.float64] = self._page(octave, page)[row]
         return numbers

@@ -1,4 +1,4 @@
-"""Ground truth of a simulated board: what the scene did to the sensor at the time of one scan."""
+"""Ground truth of a simulated board at the time of one scan."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ _OBJECT_COLUMNS: Final = (
 
 @dataclass(frozen=True)
 class Truth:
-    """What the scene did to the sensor at the time of one scan."""
+    """True forces, temperatures, taxel faults and objects at the time of one scan."""
 
     sequence: int
-    """Number of the scan."""
+    """Sequence of the scan."""
     time: float
-    """When the scan was taken [s] since the board started."""
+    """Sampling time [s] since the board started."""
     force: NDArray[np.float64]
     """Force on each taxel [N], shape [rows * cols], positive when pushed into the sensor."""
     chip_temperature: float
@@ -34,13 +34,21 @@ class Truth:
     film_temperature: float
     """Temperature of the film [degC]."""
     taxel_status: NDArray[np.uint8]
-    """What is wrong with each taxel, TAXEL_* of posfet_msgs/TactileImage, shape [rows * cols]."""
+    """Fault of each taxel, TAXEL_* of posfet_msgs/TactileImage, shape [rows * cols]."""
     objects: ObjectsState
-    """The objects, and what they do."""
+    """Poses and contacts of the objects."""
 
 
 def truth_columns(layout: Layout, names: Sequence[str]) -> list[str]:
-    """Return the names of the columns of `truth_row`, each with its unit, for a scene with objects of these names."""
+    """Return the column names of `truth_row`, each with its unit.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the array.
+    names : sequence of str
+        Names of the objects.
+    """
     columns = ["sequence", "time_s", "chip_temperature_degC", "film_temperature_degC"]
     for name in names:
         columns += [f"{name}.{column}" for column in _OBJECT_COLUMNS]
@@ -52,7 +60,7 @@ def truth_columns(layout: Layout, names: Sequence[str]) -> list[str]:
 def truth_row(truth: Truth) -> list[int | float]:
     """Return a ground truth as one row of numbers, in the order of `truth_columns`.
 
-    An object that does not touch has the force 0, and NaN for centre and normal of its contact.
+    An object without contact has force 0, and NaN for the centre and the normal of its contact.
     """
     objects = truth.objects
     contacts = np.full((len(objects.names), 6), math.nan)

@@ -1,4 +1,4 @@
-"""Random numbers that depend on what they are for and on nothing else, so that no order of calls changes them."""
+"""Independent random streams by purpose, so that the order of calls has no effect on the numbers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 
 class Stream(IntEnum):
-    """What random numbers are for; each has a stream of its own, so that switching one off leaves the others alone."""
+    """Purpose of random numbers. Each has its own stream, so that switching one error off leaves the others alone."""
 
     WHITE = 1
     JITTER = 2
@@ -16,14 +16,29 @@ class Stream(IntEnum):
     GAIN = 4
     AREA = 5
     OFFSET = 6
-    LEAK = 7
-    FAULTS = 8
-    LINE = 9
+    LEAKAGE = 7
+    TAXEL_FAULTS = 8
+    LINK = 9
     RESETS = 10
     FLICKER = 16
-    """Octave k of the 1/f noise has the stream FLICKER + k: nothing may follow."""
+    """Octave k of the 1/f noise has the stream FLICKER + k: no other stream may follow."""
 
 
 def generator(seed: int, stream: int, page: int = 0) -> np.random.Generator:
-    """Return the generator of one page of one stream; the same arguments give the same numbers."""
+    """Return the generator of one page of one stream.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the board.
+    stream : int
+        Purpose, one of `Stream`.
+    page : int
+        Part of the stream; the parts are independent.
+
+    Returns
+    -------
+    numpy.random.Generator
+        The same arguments give the same numbers.
+    """
     return np.random.Generator(np.random.SFC64([seed, stream, page]))

@@ -1,4 +1,4 @@
-"""When a simulated board takes its scans: its clock drifts, and each moment jitters."""
+"""Sampling times of a simulated board, with clock drift and jitter."""
 
 from __future__ import annotations
 
@@ -11,17 +11,29 @@ from numpy.typing import NDArray
 from posfet_sim.device.random_streams import Stream, generator
 
 JITTER_END: Final = 4.0
-"""Jitter is cut at this many standard deviations."""
+"""Jitter is limited to this many standard deviations [1]."""
 JITTER_SHARE: Final = 0.1
-"""Jitter is cut at this share of the scan interval, so that scans stay in order."""
+"""Jitter is limited to this fraction of the scan interval [1], so that scans stay in order."""
 _PAGE: Final = 1024
 
 
-class SimClock:
-    """Times of scans since the board started [s]: ``index/rate*(1 + drift)`` and jitter, which only ever delays."""
+class SampleClock:
+    """Sampling times since the board started [s]: ``index/rate*(1 + drift)`` plus jitter, which is never negative."""
 
     def __init__(self, rate: float, drift: float, jitter: float, seed: int) -> None:
-        """Take the nominal rate [Hz], drift [1], the jitter's standard deviation [s], and the seed."""
+        """Create the clock.
+
+        Parameters
+        ----------
+        rate : float
+            Nominal scan rate [Hz].
+        drift : float
+            Relative excess of the interval [1].
+        jitter : float
+            Standard deviation of the jitter [s].
+        seed : int
+            Seed of the board.
+        """
         self._interval = (1 + drift) / rate
         self._jitter = jitter
         self._seed = seed
@@ -35,14 +47,14 @@ class SimClock:
         return self._interval
 
     def time(self, index: int) -> float:
-        """Return the time of a scan [s]."""
+        """Return the time of scan `index` [s]."""
         if not self._jitter:
             return index * self._interval
         page, row = divmod(max(index, 0), _PAGE)
         return index * self._interval + self._offsets_of(page).item(row)
 
     def times(self, first: int, count: int) -> NDArray[np.float64]:
-        """Return the times of `count` scans from scan `first` on [s]."""
+        """Return the times of `count` scans from scan `first` on [s], shape [count]."""
         times = np.arange(first, first + count, dtype=np.float64)
         times *= self._interval
         if self._jitter:
@@ -57,32 +69,32 @@ class SimClock:
         return times
 
     def steps(self, first: int, count: int) -> NDArray[np.float64]:
-        """Return the time to each of `count` scans, the first of them scan `first`, from the one before [s]."""
+        """Return the intervals [s] that end at each of `count` scans from scan `first` on, shape [count]."""
         if not self._jitter:
             return np.full(count, self._interval)
         return np.diff(self.times(first - 1, count + 1))
 
     def between(self, first: int, last: int) -> float:
-        """Return the time from one scan to another [s]; without jitter the same for the same number of intervals."""
+        """Return the time from scan `first` to scan `last` [s]; without jitter it depends on their difference only."""
         if not self._jitter:
             return (last - first) * self._interval
         return self.time(last) - self.time(first)
 
     def spans(self, origin: int, first: int, count: int) -> NDArray[np.float64]:
-        """Return the times from scan `origin` to `count` scans from scan `first` on [s]."""
+        """Return the times from scan `origin` to each of `count` scans from scan `first` on [s], shape [count]."""
         if not self._jitter:
             return np.arange(first - origin, first - origin + count, dtype=np.float64) * self._interval
         times: NDArray[np.float64] = self.times(first, count) - self.time(origin)
         return times
 
     def last_by(self, time: float) -> int:
-        """Return a scan that is surely taken by `time` [s]: the last or, for rounding or jitter, the one before."""
+        """Return a scan that is taken by `time` [s]: the last one or, due to rounding or jitter, the one before."""
         if not math.isfinite(time):
             return 2**62
         return min(math.floor((time - 2 * self._limit) / self._interval), 2**62)
 
     def _offsets_of(self, page: int) -> NDArray[np.float64]:
-        """Return by how much each scan of a page is late [s]."""
+        """Return the jitter of each scan of a page [s]."""
         if page != self._page:
             values = generator(self._seed, Stream.JITTER, page).standard_normal(_PAGE) * self._jitter
             self._offsets = np.clip(values, -self._limit, self._limit) + self._limit

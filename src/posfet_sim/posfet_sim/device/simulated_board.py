@@ -1,4 +1,4 @@
-"""A readout board with an array on it, as a model: loads in, scans and their ground truth out."""
+"""A simulated readout board with an array: from loads to scans and their ground truth."""
 
 from __future__ import annotations
 
@@ -8,79 +8,82 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model._lib.validation import whole_number
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
+from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.ground_truth import Truth
-from posfet_sim.device.imperfections import Imperfections
 from posfet_sim.device.readout import Readout
-from posfet_sim.device.sample_clock import SimClock
+from posfet_sim.device.sample_clock import SampleClock
 from posfet_sim.device.taxel_charge import TaxelCharge
-from posfet_sim.device.taxel_variation import draw_spread
+from posfet_sim.device.taxel_variation import draw_taxel_parameters
 from posfet_sim.loads import Loads, ObjectsState
 
 SEED_MAX: Final = 1_000_000_000
+"""Maximum seed."""
 OVERTEMPERATURE: Final = 85.0
-"""Chip temperature above which the board raises its flag [degC]; assumed."""
-LEAST_FORCE: Final = 1e-9
-"""Less on a taxel is no touch [N]: the end of a path that rounding left over."""
+"""Chip temperature above which the board sets STATUS_OVERTEMPERATURE [degC]; assumed."""
+MIN_FORCE: Final = 1e-9
+"""Force on a taxel that does not count as contact [N]: the rounding error at the end of a path."""
 
-AHEAD: Final = 32
-"""Most scans that are computed at once while something touches."""
+MAX_BATCH: Final = 32
+"""Maximum number of scans computed at once while something touches."""
 
-_GAP: Final = 16_384  # taxels times scans that are computed at once where nobody reads them
-_MEMORY: Final = 30.0  # time constants after which what was is forgotten: exp(-30) = 1e-13
-_FILM_AT_REST: Final = 1e-12  # lag of the film's temperature [K] taken as none: 1e-12 N on a taxel
-_NANOSECONDS: Final = 1_000_000_000
+_SKIPPED_BATCH: Final = 16_384  # taxels times scans computed at once for scans that are not read
+_MEMORY: Final = 30.0  # time constants after which the initial state has decayed: exp(-30) = 1e-13
+_NEGLIGIBLE_LAG: Final = 1e-12  # lag of the film temperature [K] that counts as none: 1e-12 N on a taxel
 _OK: Final = int(ScanStatus.OK)
 _HOT: Final = int(ScanStatus.OVERTEMPERATURE)
 
 
-class _Run(NamedTuple):
-    """Some scans that were computed at once, one after the other."""
+class _Batch(NamedTuple):
+    """Consecutive scans that were computed at once."""
 
     first: int
-    """Number of the first one."""
+    """Index of the first one."""
     times: list[float]
-    """When each is taken [s]."""
+    """Sampling time of each [s]."""
     force: NDArray[np.float64]
     """Force on each taxel [N], shape [scans, rows * cols]."""
     chip: list[float]
     """Temperature of the chip at each [degC]."""
     film: list[float]
     """Temperature of the film at each [degC]."""
-    awake: NDArray[np.intp]
+    active: NDArray[np.intp]
     """Taxels with charge."""
     charge: NDArray[np.float64]
-    """Their charge density [C/m2], shape [1 + scans, awake], that of the scan before first."""
+    """Their charge density [C/m2], shape [1 + scans, active]; the first row is that of the previous scan."""
     outputs: NDArray[np.float64]
-    """What `Readout.outputs` made of it, shape [scans, awake]."""
+    """Result of `Readout.outputs` [LSB], shape [scans, active]."""
 
     @property
     def last(self) -> int:
-        """Number of the last one."""
+        """Index of the last one."""
         return self.first + len(self.times) - 1
 
 
 class SimulatedBoard:
-    """Computes the scans of a board from a scene; the same seed gives the same bytes.
+    """Computes the scans of a board from loads; the same seed gives the same bytes.
 
-    Noise depends on seed and scan number alone. Between two scans forces and temperature move in a straight line, and
-    the leak is exact for that. The film's temperature follows the chip's with the sensor's thermal time constant,
-    exactly for a straight line too; both temperature sensors read the chip's. What is faster than the scans - lag and
-    slew of the followers, their noise above half the scan rate - is folded into them in closed form.
+    Noise depends on the seed and the index of the scan only. Force and temperature are piecewise linear between scans
+    (first-order hold); charge leakage and the first-order lag of the film temperature behind the chip temperature, with
+    the thermal time constant of the sensor, are exact for that. Both temperature sensors measure the chip. Effects
+    faster than the scan rate - lag and slew of the followers, their noise above half the scan rate - are in closed
+    form.
 
-    Only what the scene needs is computed. Taxels without charge sleep and cost nothing but their conversion; while the
-    scene rests, the charge is moved on by one jump when it is next read, and once it has leaked out (30 time constants)
-    not at all. Scans that are read one after the other are computed ahead, up to 32 at once (64 of a small array at
-    rest), in arrays: the first one of them takes the time, or `prepare` before it.
+    Only what the loads require is computed. Taxels without charge are inactive and cost only their conversion. While
+    the loads are constant, the charge is advanced in one step when it is next read, and after its decay (30 time
+    constants) not at all. Consecutive scans are computed ahead in batches of up to 32 (64 of a small array under
+    constant loads): the first one of a batch takes the time, or `prepare` before it.
 
-    Not simulated: tangential force as a signal, friction and viscosity of the cover, error of the temperature sensors,
-    gradients of temperature over the chip, change of the piezoelectric coefficient with temperature and age, field
-    dependence of the permittivity, crosstalk beyond the four neighbours, an anti-aliasing filter, the time the
-    converter takes from taxel to taxel, its nonlinearity, supply faults, electromagnetic disturbance other than mains
-    hum, a taxel that fails while the board runs, and a clock whose drift changes. Lost, torn and repeated frames and
-    resets are put in behind the board, by `sim_faults`.
+    Link faults and resets are applied outside the board, by `posfet_sim.emulation.link_faults`.
+
+    Not simulated: tangential force as a signal, friction and viscosity of the elastomer skin, errors of the temperature
+    sensors, temperature gradients over the chip, change of the piezoelectric coefficient with temperature and age,
+    field dependence of the permittivity, crosstalk beyond the four neighbours, an anti-aliasing filter, the delay of
+    the ADC from taxel to taxel, its nonlinearity, supply faults, electromagnetic interference other than mains hum,
+    taxels that fail during operation, and a changing clock drift.
     """
 
     def __init__(
@@ -88,160 +91,191 @@ class SimulatedBoard:
         sensor: Sensor,
         loads: Loads,
         seed: int,
-        imperfections: Imperfections | None = None,
+        error_model: ErrorModel | None = None,
         *,
-        full: bool = False,
-        narrow: bool = False,
+        compute_all: bool = False,
+        single_precision: bool = False,
     ) -> None:
-        """Put a fresh board at the beginning of its `loads`, those of a scene (`SceneLoads`) or any other.
+        """Create a board at the beginning of its loads.
 
-        Without `imperfections` it has none. For comparison, `full` computes every taxel in every scan, and `narrow`
-        computes charge and read-out in float32. Raises ValueError for a seed outside [0, 1e9].
+        Parameters
+        ----------
+        sensor : Sensor
+            Sensor description.
+        loads : Loads
+            Forces and chip temperature over time: those of a scene (`SceneLoads`) or any other.
+        seed : int
+            Seed of everything random, in [0, 1e9].
+        error_model : ErrorModel, optional
+            Non-idealities; default: an ideal board.
+        compute_all : bool
+            Whether to compute every taxel in every scan, for comparison.
+        single_precision : bool
+            Whether to compute charge and readout in float32, for comparison.
+
+        Raises
+        ------
+        ValueError
+            The seed is out of range.
         """
         seed = whole_number("seed", seed, 0, SEED_MAX)
         self.sensor = sensor
         self.loads = loads
-        self.imperfections = imperfections or Imperfections.none()
-        self.clock = SimClock(
-            sensor.can.scan_rate, self.imperfections.clock_drift, self.imperfections.clock_jitter, seed
+        self.error_model = error_model or ErrorModel.none()
+        self.clock = SampleClock(
+            sensor.can.scan_rate, self.error_model.clock_drift, self.error_model.clock_jitter, seed
         )
-        """When the scans are taken."""
-        spread = draw_spread(sensor, self.imperfections, seed)
-        self._spread = spread.narrow() if narrow else spread
-        self._charge = TaxelCharge(sensor, self._spread, self.imperfections.hysteresis, full)
-        self._readout = Readout(sensor, self.imperfections, self._spread, self.clock, seed)
-        self._readout.wake(self._charge.awake)
-        self._full = full
+        """Sampling times."""
+        taxels = draw_taxel_parameters(sensor, self.error_model, seed)
+        self._taxels = taxels.single_precision() if single_precision else taxels
+        self._charge = TaxelCharge(sensor, self._taxels, self.error_model.hysteresis, compute_all)
+        self._readout = Readout(sensor, self.error_model, self._taxels, self.clock, seed)
+        self._readout.activate(self._charge.active)
+        self._compute_all = compute_all
         self._start_temperature = self._chip = self.loads.temperatures([0.0])[0]
         self._film_lag = 0.0
         self._force = np.zeros(sensor.layout.taxels)
         self._memory = math.ceil(
             _MEMORY
-            * max(self._spread.leak_time_constant.max(), sensor.device.thermal_time_constant)
+            * max(self._taxels.leak_time_constant.max(), sensor.device.thermal_time_constant)
             / self.clock.interval
         )
-        self._end = -1  # last scan that scene, film and charge were moved on to
-        self._rest_end = -1  # scan up to which nothing changes
-        self._ahead = 1  # scans that are computed at once
-        self._gap = max(_GAP // sensor.layout.taxels, AHEAD)  # the same where nobody reads them
-        nothing, charge = np.zeros((1, sensor.layout.taxels)), np.zeros((2, self._charge.awake.size))
+        self._end = -1  # last scan that loads, film and charge were advanced to
+        self._constant_end = -1  # scan up to which nothing changes
+        self._batch = 1  # scans computed at once
+        self._skipped_batch = max(_SKIPPED_BATCH // sensor.layout.taxels, MAX_BATCH)  # the same for scans not read
+        nothing, charge = np.zeros((1, sensor.layout.taxels)), np.zeros((2, self._charge.active.size))
         chip = [self._chip]
-        start = _Run(-1, [self.clock.time(0)], nothing, chip, chip, self._charge.awake, charge, charge)
-        self._next = self._read_out(start, self.clock.steps(-1, 1))
+        start = _Batch(-1, [self.clock.time(0)], nothing, chip, chip, self._charge.active, charge, charge)
+        self._next = self._with_outputs(start, self.clock.steps(-1, 1))
         self._counts = self._readout.counts(0, self._next.outputs)  # of `_next`
-        self._now = self._next, -1  # the run of the last scan, and its number
+        self._now = self._next, -1  # the batch of the last scan, and its index
 
     @property
     def taxel_updates(self) -> int:
-        """How many times a taxel's charge was moved on so far: the work done, to be held against taxels times scans."""
+        """Number of updates of the charge of one taxel so far; at most taxels times scans."""
         return self._charge.updates
 
     @property
     def index(self) -> int:
-        """Number of the last scan; -1 before the first."""
+        """Index of the last scan; -1 before the first."""
         return self._now[1]
 
     @property
     def time(self) -> float:
-        """When the last scan was taken [s] since the board started. Another thread may ask, too."""
-        run, index = self._now
-        return run.times[index - run.first]
+        """Sampling time of the last scan [s] since the board started. Thread-safe."""
+        batch, index = self._now
+        return batch.times[index - batch.first]
 
     @property
-    def touched(self) -> bool:
-        """Whether an object pressed on a taxel in the last scan."""
-        run, index = self._now
-        return bool(run.force[index - run.first].max() > LEAST_FORCE)
+    def in_contact(self) -> bool:
+        """Whether there was a force on a taxel in the last scan."""
+        batch, index = self._now
+        return bool(batch.force[index - batch.first].max() > MIN_FORCE)
 
     @property
     def taxel_status(self) -> NDArray[np.uint8]:
-        """What is wrong with each taxel (TaxelStatus), shape [rows * cols]."""
-        return self._spread.status
+        """Fault of each taxel (TaxelStatus), shape [rows * cols]."""
+        return self._taxels.status
 
     def scan(self, index: int, out: Scan) -> None:
-        """Compute scan number `index` into `out`; its stamp counts from the start of the board.
+        """Compute one scan.
 
-        After a gap the state is the one that every scan in between would have led to, to 1e-12 of full scale; only
-        the film's hysteresis forgets what was more than 30 time constants before. Raises ValueError unless `index` is
-        above the last one.
+        After a gap the state is the one that the skipped scans would have led to, within 1e-12 of full scale; only the
+        hysteresis of the film has no memory of more than 30 time constants before.
+
+        Parameters
+        ----------
+        index : int
+            Index of the scan, above the last one.
+        out : Scan
+            Receives the scan; its stamp counts from the start of the board.
+
+        Raises
+        ------
+        ValueError
+            `index` is not above the last one.
         """
         self.prepare(index)
-        run = self._next
-        self._now = run, index
-        row = index - run.first
+        batch = self._next
+        self._now = batch, index
+        row = index - batch.first
         out.counts[:] = self._counts[row]
-        out.stamp = round(run.times[row] * _NANOSECONDS)
+        out.stamp = round(batch.times[row] * NANOSECONDS)
         out.layout_id = self.sensor.layout.id
         out.sequence = index
         out.device_time = round(index / self.sensor.can.scan_rate * 1e6)
-        out.temperatures[:] = run.chip[row]
-        out.status = _HOT if run.chip[row] > OVERTEMPERATURE else _OK
+        out.temperatures[:] = batch.chip[row]
+        out.status = _HOT if batch.chip[row] > OVERTEMPERATURE else _OK
 
     def prepare(self, index: int) -> None:
-        """Compute what scan number `index` needs, while there is time. Truth and state stay those of the last scan.
+        """Compute scan `index` in advance. Ground truth and state stay those of the last scan.
 
-        Raises ValueError as `scan` does.
+        Raises
+        ------
+        ValueError
+            `index` is not above the last one.
         """
         if index <= self._now[1]:
             raise ValueError(f"index must be above {self._now[1]}, the last scan, got {index}")
         if index > self._next.last:
             self._next = self._compute(index)
             self._counts = self._readout.counts(index, self._next.outputs)
-            self._charge.sleep()
+            self._charge.deactivate_discharged()
 
     def truth(self) -> Truth:
-        """Return the ground truth of the last scan. Another thread may ask, too."""
-        run, index = self._now
-        row = index - run.first
+        """Return the ground truth of the last scan. Thread-safe."""
+        batch, index = self._now
+        row = index - batch.first
         return Truth(
             sequence=index,
-            time=run.times[row],
-            force=run.force[row],
-            chip_temperature=run.chip[row],
-            film_temperature=run.film[row],
-            taxel_status=self._spread.status,
-            objects=self.loads.objects(run.times[row]),
+            time=batch.times[row],
+            force=batch.force[row],
+            chip_temperature=batch.chip[row],
+            film_temperature=batch.film[row],
+            taxel_status=self._taxels.status,
+            objects=self.loads.objects(batch.times[row]),
         )
 
     def objects(self, time: float) -> ObjectsState:
-        """Return what the objects did at a time [s] since the board started. Another thread may ask, too."""
+        """Return the objects at a time [s] since the board started. Thread-safe."""
         return self.loads.objects(time)
 
     def volts(self) -> NDArray[np.float64]:
-        """Return what the followers put out at the last scan, without noise [V], shape [rows * cols]."""
-        run, index = self._now
-        return self._readout.volts(run.awake, run.outputs[index - run.first])
+        """Return the follower outputs at the last scan without noise [V], shape [rows * cols]."""
+        batch, index = self._now
+        return self._readout.volts(batch.active, batch.outputs[index - batch.first])
 
     def charge(self) -> NDArray[np.float64]:
         """Return the charge density at each gate at the last scan [C/m2], shape [rows * cols]."""
-        run, index = self._now
+        batch, index = self._now
         charge = np.zeros(self.sensor.layout.taxels)
-        charge[run.awake] = run.charge[1 + index - run.first]
+        charge[batch.active] = batch.charge[1 + index - batch.first]
         return charge
 
-    def _compute(self, index: int) -> _Run:
-        """Move on to scan `index` and, when scans are read one after the other, to more behind it."""
-        resting, block = index <= self._rest_end, self._readout.block
-        most = AHEAD if self._charge.awake.size or not resting else block
-        self._ahead = min(2 * self._ahead, most) if index == self._next.last + 1 and not self._full else 1
-        self._move_near(index)
-        last = min(index + self._ahead, (index // block + 1) * block) - 1
-        return self._rest(index, min(last, self._rest_end)) if resting else self._advance(index, last)
+    def _compute(self, index: int) -> _Batch:
+        """Advance to scan `index` and, when scans are read consecutively, to more scans after it."""
+        constant, block = index <= self._constant_end, self._readout.block
+        limit = MAX_BATCH if self._charge.active.size or not constant else block
+        self._batch = min(2 * self._batch, limit) if index == self._next.last + 1 and not self._compute_all else 1
+        self._approach(index)
+        last = min(index + self._batch, (index // block + 1) * block) - 1
+        return self._hold(index, min(last, self._constant_end)) if constant else self._advance(index, last)
 
-    def _move_near(self, index: int) -> None:
-        """Move on to the scan before `index`, or as far as the rest that lasts until then."""
-        if index - self._end > self._memory and self._rest_end < index:
-            # Whatever was before is forgotten by then; the straight line over the jump is, too.
+    def _approach(self, index: int) -> None:
+        """Advance to the scan before `index`, or to the start of constant loads that last until then."""
+        if index - self._end > self._memory and self._constant_end < index:
+            # By then the state before has decayed, and so has the error of a linear force over the jump.
             self._advance(index - self._memory, index - self._memory)
-        while self._end < index - 1 and self._rest_end < index:
-            if self._rest_end > self._end:
-                end = min(self._rest_end, index - 1)
-                self._rest(end, end)
+        while self._end < index - 1 and self._constant_end < index:
+            if self._constant_end > self._end:
+                end = min(self._constant_end, index - 1)
+                self._hold(end, end)
             else:
-                self._advance(self._end + 1, min(self._end + self._gap, index - 1))
+                self._advance(self._end + 1, min(self._end + self._skipped_batch, index - 1))
 
-    def _advance(self, first: int, last: int) -> _Run:
-        """Move scene, film and charge on to some scans, at which forces or temperature may differ from the last."""
+    def _advance(self, first: int, last: int) -> _Batch:
+        """Advance loads, film and charge by several scans in which force or temperature may change."""
         count, layout = last - first + 1, self.sensor.layout
         times = self.clock.times(first, count).tolist()
         steps = self.clock.steps(first, count)
@@ -250,42 +284,44 @@ class SimulatedBoard:
         force = np.zeros((count, layout.rows, layout.cols))
         for patch in patches:
             force[:, patch.rows, patch.cols] += patch.force
-        force.flags.writeable = False  # a ground truth may hold it
+        force.flags.writeable = False  # a ground truth may keep it
         chip = list(self.loads.temperatures(times))
-        lag, steady = self._follow(chip, steps)
+        lag, steady = self._film_lags(chip, steps)
         film = [each - behind for each, behind in zip(chip, lag, strict=True)]
-        self._charge.wake(patches)
+        self._charge.activate(patches)
         if not steady:
-            self._charge.wake_all()
+            self._charge.activate_all()
         all_forces = force.reshape(count, -1)
         charge = self._charge.advance(all_forces, np.array(film) - self._start_temperature, steps)
         self._force, self._chip, self._film_lag, self._end = all_forces[-1], chip[-1], lag[-1], last
-        rest = self.clock.last_by(self.loads.rests_until(times[-1]))
-        if self._film_lag == 0.0 and rest > last and not self._full:
-            self._rest_end = rest
-        return self._read_out(_Run(first, times, all_forces, chip, film, self._charge.awake, charge, charge), steps)
+        constant_end = self.clock.last_by(self.loads.constant_until(times[-1]))
+        if self._film_lag == 0.0 and constant_end > last and not self._compute_all:
+            self._constant_end = constant_end
+        return self._with_outputs(
+            _Batch(first, times, all_forces, chip, film, self._charge.active, charge, charge), steps
+        )
 
-    def _rest(self, first: int, last: int) -> _Run:
-        """Move the charge on to some scans while the scene rests."""
+    def _hold(self, first: int, last: int) -> _Batch:
+        """Advance the charge by several scans under constant loads."""
         count = last - first + 1
         times = self.clock.times(first, count).tolist()
         force = np.broadcast_to(self._force, (count, self._force.size))
         chip = [self._chip] * count
-        charge = self._charge.rest(self.clock.spans(self._end, first - 1, count + 1))
+        charge = self._charge.decay(self.clock.spans(self._end, first - 1, count + 1))
         self._end = last
-        run = _Run(first, times, force, chip, chip, self._charge.awake, charge, charge)
-        return self._read_out(run, self.clock.steps(first, count))
+        batch = _Batch(first, times, force, chip, chip, self._charge.active, charge, charge)
+        return self._with_outputs(batch, self.clock.steps(first, count))
 
-    def _read_out(self, run: _Run, steps: NDArray[np.float64]) -> _Run:
-        """Return the run with the followers' outputs."""
-        if self._readout.awake is not run.awake:
-            self._readout.wake(run.awake)
-        return run._replace(outputs=self._readout.outputs(run.charge, steps))
+    def _with_outputs(self, batch: _Batch, steps: NDArray[np.float64]) -> _Batch:
+        """Return the batch with the outputs of the followers."""
+        if self._readout.active is not batch.active:
+            self._readout.activate(batch.active)
+        return batch._replace(outputs=self._readout.outputs(batch.charge, steps))
 
-    def _follow(self, chip: list[float], steps: NDArray[np.float64]) -> tuple[list[float], bool]:
-        """Return the lag of the film's temperature behind the chip's [K], and whether that is steady.
+    def _film_lags(self, chip: list[float], steps: NDArray[np.float64]) -> tuple[list[float], bool]:
+        """Return the lag of the film temperature behind the chip temperature [K], and whether the latter is constant.
 
-        The chip's [degC] moves in straight lines over `steps` [s]. The lag l of a first-order follower is exact for
+        The chip temperature [degC] is linear over each of `steps` [s]. The lag l of a first-order system is exact for
         that: ``l1 = l0 + (slope*tau - l0)*(1 - exp(-h/tau))``.
         """
         time_constant = self.sensor.device.thermal_time_constant
@@ -296,7 +332,7 @@ class SimulatedBoard:
         lag = []
         for each, step in zip(chip, steps.tolist(), strict=True):
             behind -= math.expm1(-step / time_constant) * ((each - before) * time_constant / step - behind)
-            if abs(behind) < _FILM_AT_REST:
+            if abs(behind) < _NEGLIGIBLE_LAG:
                 behind = 0.0
             lag.append(behind)
             before = each

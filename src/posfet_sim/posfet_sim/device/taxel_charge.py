@@ -1,10 +1,10 @@
-"""Charge at the gates of the simulated taxels, moved on only where there is any.
+"""Charge at the gates of the simulated taxels, integrated only where there is any.
 
-From scan to scan force and temperature move in a straight line, and the leak is exact for that, whatever the step:
-``sigma1 = sigma0*exp(-h/tau) + (q1 - q0)*(1 - exp(-h/tau))/(h/tau)`` with ``q = force*d33/A + p*dT``
-(`posfet_model.device.charge`, first-order hold), each taxel with its own coefficients. Taxels that were never loaded,
-and those whose charge has leaked out, are *asleep*: they keep their state and cost nothing. The awake ones are kept
-side by side in small arrays, and moved on over several scans in one call.
+Force and temperature are piecewise linear between scans (first-order hold), for which the charge leakage is integrated
+exactly, whatever the step h: ``sigma1 = sigma0*exp(-h/tau) + (q1 - q0)*(1 - exp(-h/tau))/(h/tau)`` with
+``q = force*d33/A + p*dT`` (`posfet_model.device.charge`), each taxel with its own coefficients. Taxels that were never
+loaded, and those whose charge has decayed, are *inactive*: they keep their state and cost nothing. The active ones are
+stored in compact arrays, and several scans are computed in one call.
 """
 
 from __future__ import annotations
@@ -15,163 +15,201 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model._lib.types import Array
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.grid import EDGE_NEIGHBOURS, dilate, neighbour_table
-from posfet_sim.device.taxel_variation import TaxelSpread
+from posfet_sim.device.taxel_variation import TaxelParameters
 from posfet_sim.loads import Patch
 
-LEAKED_OUT: Final = 1e-13
-"""Charge taken as none, as a share of that of the greatest force."""
-BEDTIME: Final = 256
-"""Every so many steps, taxels whose charge has leaked out fall asleep."""
-PLAY_WIDTHS: Final = (0.05, 0.10, 0.20)
-"""Half widths of the film's elementary loops, as shares of the greatest force; assumed."""
-
-Float64Array = NDArray[np.float64]
+NEGLIGIBLE_CHARGE: Final = 1e-13
+"""Charge that counts as none, relative to that of the full-scale force [1]."""
+DEACTIVATE_INTERVAL: Final = 256
+"""Number of steps after which taxels without charge are deactivated."""
+PLAY_HALF_WIDTHS: Final = (0.05, 0.10, 0.20)
+"""Half-widths of the play operators of the film, relative to the full-scale force [1]; assumed."""
 
 
 class TaxelCharge:
-    """Charge of each taxel from forces and film temperature; starts without either, all charge leaked.
+    """Charge of each taxel from forces and film temperature; starts without force and charge.
 
-    Hysteresis follows Prandtl and Ishlinskii (A. Visintin, Differential Models of Hysteresis, 1994, ch. III): the force
-    counts as ``F - w*sum(F - p_k)``, where the play p_k is dragged along at the distance r_k at most. It knows no rate,
-    so a force at rest changes nothing. With r_k as in `PLAY_WIDTHS`, w is 1/0.7 of the loop's width as a share of the
-    greatest force; as in Rayleigh's law small changes of force count less than great ones, by up to 3*w.
+    Hysteresis is a Prandtl-Ishlinskii model (A. Visintin, Differential Models of Hysteresis, 1994, ch. III): the
+    effective force is ``F - w*sum(F - p_k)``, where p_k is the output of a play operator of half-width r_k. The model
+    is rate-independent, so a constant force changes nothing. With r_k as in `PLAY_HALF_WIDTHS`, w is the loop width
+    over the full-scale force divided by 0.7. As in Rayleigh's law, small changes of force have less effect than large
+    ones, by up to 3*w.
     """
 
-    def __init__(self, sensor: Sensor, spread: TaxelSpread, hysteresis: float, full: bool) -> None:
-        """Take the taxels and the width of the film's loop [1]; with `full` no taxel ever sleeps.
+    def __init__(self, sensor: Sensor, parameters: TaxelParameters, hysteresis: float, compute_all: bool) -> None:
+        """Create taxels without charge.
 
-        The float width of `spread` is what is computed in.
+        Parameters
+        ----------
+        sensor : Sensor
+            Sensor description.
+        parameters : TaxelParameters
+            Properties of each taxel; their dtype is that of the computation.
+        hysteresis : float
+            Width of the hysteresis loop relative to the full-scale force [1].
+        compute_all : bool
+            Whether to keep every taxel active.
         """
-        layout, kind = sensor.layout, spread.charge_per_newton.dtype
+        layout, dtype = sensor.layout, parameters.charge_per_newton.dtype
         self.updates = 0
-        """How many times a taxel's charge was moved on so far."""
-        self.awake = np.arange(layout.taxels if full else 0)
-        """Numbers of the taxels that are awake, ascending."""
-        self.charge: Float64Array = np.zeros(0, kind)
-        """Charge density [C/m2] of those that are awake."""
-        self._spread = spread
-        self._full = full
-        self._least = LEAKED_OUT * sensor.device.force_max * float(np.abs(spread.charge_per_newton).max(initial=0.0))
+        """Number of updates of the charge of one taxel so far."""
+        self.active = np.arange(layout.taxels if compute_all else 0)
+        """Indices of the active taxels, ascending."""
+        self.charge: Array = np.zeros(0, dtype)
+        """Charge density of the active taxels [C/m2]."""
+        self._parameters = parameters
+        self._compute_all = compute_all
+        largest = float(np.abs(parameters.charge_per_newton).max(initial=0.0))
+        self._negligible = NEGLIGIBLE_CHARGE * sensor.device.force_max * largest
         self._patches: tuple[Patch, ...] = ()
-        self._is_awake = np.zeros((layout.rows, layout.cols), np.bool_)
+        self._is_active = np.zeros((layout.rows, layout.cols), np.bool_)
         self._neighbours = neighbour_table(layout, EDGE_NEIGHBOURS)
-        self._weight = hysteresis / (2 * sum(PLAY_WIDTHS))
-        reach = np.array(PLAY_WIDTHS if hysteresis else (), kind)[:, None]
-        self._reach: Float64Array = reach * sensor.device.force_max
-        self._all_charge: Float64Array = np.zeros(layout.taxels, kind)
-        self._all_source = np.zeros(layout.taxels, kind)
-        self._all_plays = np.zeros((len(self._reach), layout.taxels), kind)
+        self._weight = hysteresis / (2 * sum(PLAY_HALF_WIDTHS))
+        half_widths = np.array(PLAY_HALF_WIDTHS if hysteresis else (), dtype)[:, None]
+        self._half_widths: Array = half_widths * sensor.device.force_max
+        self._all_charge: Array = np.zeros(layout.taxels, dtype)
+        self._all_source = np.zeros(layout.taxels, dtype)
+        self._all_plays = np.zeros((len(self._half_widths), layout.taxels), dtype)
         self._steps = 0
-        # Of those awake: source and play so far, and coefficients.
-        self._source: Float64Array
-        self._plays: Float64Array
-        self._rate: Float64Array
-        self._wake_up(np.full((layout.rows, layout.cols), full, np.bool_))
+        # Of the active taxels: source and play outputs of the last scan, and coefficients.
+        self._source: Array
+        self._plays: Array
+        self._rate: Array
+        self._set_active(np.full((layout.rows, layout.cols), compute_all, np.bool_))
 
-    def wake(self, patches: Sequence[Patch]) -> None:
-        """Wake the taxels that something is about to press on, or did until now, and their neighbours."""
+    def activate(self, patches: Sequence[Patch]) -> None:
+        """Activate the taxels under these forces and under those of the previous call, and their neighbours."""
         changed, self._patches = (*self._patches, *patches), tuple(patches)
-        if self.awake.size == self._is_awake.size or all(
-            self._is_awake[patch.rows, patch.cols].all() for patch in changed
+        if self.active.size == self._is_active.size or all(
+            self._is_active[patch.rows, patch.cols].all() for patch in changed
         ):
             return
-        wake = self._is_awake.copy()
+        active = self._is_active.copy()
         for patch in changed:
-            wake[_with_neighbours(patch.rows, wake.shape[0]), _with_neighbours(patch.cols, wake.shape[1])] = True
-        self._wake_up(wake)
+            active[_with_neighbours(patch.rows, active.shape[0]), _with_neighbours(patch.cols, active.shape[1])] = True
+        self._set_active(active)
 
-    def wake_all(self) -> None:
-        """Wake every taxel that temperature charges: all or none of them."""
-        if self.awake.size < self._is_awake.size and self._spread.charge_per_kelvin.any():
-            self._wake_up(np.ones_like(self._is_awake))
+    def activate_all(self) -> None:
+        """Activate every taxel, if the film is pyroelectric."""
+        if self.active.size < self._is_active.size and self._parameters.charge_per_kelvin.any():
+            self._set_active(np.ones_like(self._is_active))
 
-    def advance(self, force: Float64Array, warmth: Float64Array, steps: Float64Array) -> Float64Array:
-        """Move on by some scans and return the charge before them and at each, shape [scans + 1, awake].
+    def advance(self, force: Array, temperature_rise: Array, steps: Array) -> Array:
+        """Advance by several scans.
 
-        Takes the force on every taxel [N], shape [scans, rows * cols], the film's temperature above that at the start
-        [K] and the time [s] from the scan before, both of shape [scans].
+        Parameters
+        ----------
+        force : numpy.ndarray
+            Force on every taxel [N], shape [scans, rows * cols].
+        temperature_rise : numpy.ndarray
+            Film temperature above that at the start [K], shape [scans].
+        steps : numpy.ndarray
+            Interval since the previous scan [s], shape [scans].
+
+        Returns
+        -------
+        numpy.ndarray
+            Charge density before the first scan and at each scan [C/m2], shape [scans + 1, active].
         """
-        if force.shape[1] > self.awake.size:
-            force = force[:, self.awake]
-        kind = self.charge.dtype
-        force, steps = force.astype(kind, copy=False), steps.astype(kind, copy=False)
-        sources = np.empty((len(steps) + 1, self.awake.size), kind)
+        if force.shape[1] > self.active.size:
+            force = force[:, self.active]
+        dtype = self.charge.dtype
+        force, steps = force.astype(dtype, copy=False), steps.astype(dtype, copy=False)
+        sources = np.empty((len(steps) + 1, self.active.size), dtype)
         sources[0] = self._source
-        sources[1:] = self._counted(force)
+        sources[1:] = self._effective_force(force)
         sources[1:] *= self._per_newton
-        if warmth.any():
-            sources[1:] += np.multiply.outer(warmth.astype(kind, copy=False), self._per_kelvin)
-        same = steps.min() == steps.max()
-        exponent = np.multiply.outer(steps[:1] if same else steps, self._rate)
+        if temperature_rise.any():
+            sources[1:] += np.multiply.outer(temperature_rise.astype(dtype, copy=False), self._per_kelvin)
+        uniform = steps.min() == steps.max()
+        exponent = np.multiply.outer(steps[:1] if uniform else steps, self._rate)
         lost = np.expm1(exponent)
-        decay = np.broadcast_to(1 + lost, (len(steps), self.awake.size))
+        decay = np.broadcast_to(1 + lost, (len(steps), self.active.size))
         charge = np.empty_like(sources)
         charge[0] = self.charge
         np.multiply(lost / exponent, np.diff(sources, axis=0), out=charge[1:])
         for before, after, left in zip(charge[:-1], charge[1:], decay, strict=True):
             np.add(after, before * left, out=after)
         self._source = sources[-1]
-        return self._end_at(charge)
+        return self._store(charge)
 
-    def rest(self, times: Float64Array) -> Float64Array:
-        """Move on while nothing changes: return the charge some times [s] after the last scan, shape [times, awake]."""
+    def decay(self, times: Array) -> Array:
+        """Advance while force and temperature are constant.
+
+        Parameters
+        ----------
+        times : numpy.ndarray
+            Times since the last scan [s], shape [times].
+
+        Returns
+        -------
+        numpy.ndarray
+            Charge density [C/m2], shape [times, active].
+        """
         times = times.astype(self.charge.dtype, copy=False)
-        return self._end_at(np.exp(np.multiply.outer(times, self._rate)) * self.charge)
+        return self._store(np.exp(np.multiply.outer(times, self._rate)) * self.charge)
 
-    def sleep(self) -> bool:
-        """Let those sleep that have no charge and no neighbour with any, now and then; return whether there was one."""
-        if self._full or self._steps < BEDTIME:
+    def deactivate_discharged(self) -> bool:
+        """Every `DEACTIVATE_INTERVAL` steps, deactivate taxels without charge whose neighbours have none, too.
+
+        Returns
+        -------
+        bool
+            Whether there was one.
+        """
+        if self._compute_all or self._steps < DEACTIVATE_INTERVAL:
             return False
         self._steps = 0
-        return self._go_to_sleep()
+        return self._deactivate()
 
-    def _end_at(self, charge: Float64Array) -> Float64Array:
+    def _store(self, charge: Array) -> Array:
         self.charge = charge[-1]
-        self.updates += (len(charge) - 1) * self.awake.size
+        self.updates += (len(charge) - 1) * self.active.size
         self._steps += len(charge) - 1
         return charge
 
-    def _counted(self, force: Float64Array) -> Float64Array:
-        """Return what forces [N] count as behind the film's hysteresis, shape [scans, awake]."""
-        if not self._reach.size:
+    def _effective_force(self, force: Array) -> Array:
+        """Return the effective forces [N] after the hysteresis of the film, shape [scans, active]."""
+        if not self._half_widths.size:
             return force
-        least, most = force[:, None] - self._reach, force[:, None] + self._reach
-        plays = np.empty_like(least)
+        lower, upper = force[:, None] - self._half_widths, force[:, None] + self._half_widths
+        plays = np.empty_like(lower)
         before = self._plays
-        for low, high, after in zip(least, most, plays, strict=True):
+        for low, high, after in zip(lower, upper, plays, strict=True):
             np.maximum(before, low, out=after)
             np.minimum(after, high, out=after)
             before = after
         self._plays = plays[-1]
-        counted: Float64Array = force * (1 - self._weight * len(self._reach))
-        counted += self._weight * plays.sum(axis=1)
-        return counted
+        effective: Array = force * (1 - self._weight * len(self._half_widths))
+        effective += self._weight * plays.sum(axis=1)
+        return effective
 
-    def _wake_up(self, wake: NDArray[np.bool_]) -> None:
-        """Let those and no others be awake."""
+    def _set_active(self, active: NDArray[np.bool_]) -> None:
+        """Make these taxels the active ones."""
         if self.charge.size:
-            self._all_charge[self.awake] = self.charge
-            self._all_source[self.awake] = self._source
-            self._all_plays[:, self.awake] = self._plays
-        self._is_awake = wake
-        self.awake = np.flatnonzero(wake)
-        self.charge = self._all_charge[self.awake]
-        self._source = self._all_source[self.awake]
-        self._plays = self._all_plays[:, self.awake]
-        self._per_newton = self._spread.charge_per_newton[self.awake]
-        self._per_kelvin = self._spread.charge_per_kelvin[self.awake]
-        self._rate = -1 / self._spread.leak_time_constant[self.awake]
+            self._all_charge[self.active] = self.charge
+            self._all_source[self.active] = self._source
+            self._all_plays[:, self.active] = self._plays
+        self._is_active = active
+        self.active = np.flatnonzero(active)
+        self.charge = self._all_charge[self.active]
+        self._source = self._all_source[self.active]
+        self._plays = self._all_plays[:, self.active]
+        self._per_newton = self._parameters.charge_per_newton[self.active]
+        self._per_kelvin = self._parameters.charge_per_kelvin[self.active]
+        self._rate = -1 / self._parameters.leak_time_constant[self.active]
 
-    def _go_to_sleep(self) -> bool:
-        """Let those sleep that have no charge and no neighbour with any; return whether there was one."""
-        charged = np.zeros_like(self._is_awake)
-        charged.flat[self.awake] = np.abs(self.charge) > self._least
-        near = dilate(charged.ravel(), self._neighbours).reshape(charged.shape) & self._is_awake
-        if near.sum() > 3 * self.awake.size // 4:  # not worth the while
+    def _deactivate(self) -> bool:
+        """Deactivate taxels without charge whose neighbours have none, too; return whether there was one."""
+        charged = np.zeros_like(self._is_active)
+        charged.flat[self.active] = np.abs(self.charge) > self._negligible
+        near = dilate(charged.ravel(), self._neighbours).reshape(charged.shape) & self._is_active
+        if near.sum() > 3 * self.active.size // 4:  # would save too little
             return False
-        self._wake_up(near)
+        self._set_active(near)
         self._all_charge[~near.ravel()] = 0.0
         return True
 

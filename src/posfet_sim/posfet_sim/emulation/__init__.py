@@ -1,1 +1,1 @@
-"""The simulated board as a participant of a bus, in real time or offline, with link faults."""
+"""The simulated board as a node on a CAN bus, in real time or offline, with faults of its link."""

@@ -1,4 +1,4 @@
-"""One emulated adapter at a path, whatever process it is in."""
+"""Lock that allows one emulated adapter at a path, across processes."""
 
 from __future__ import annotations
 
@@ -19,9 +19,24 @@ def is_served(link: Path | str) -> bool:
 
 
 def lock(link: Path) -> int:
-    """Return the descriptor of a lock beside a link; it ends with this process, even when that is killed.
+    """Lock a path; the lock ends when its descriptor is closed or this process ends, even when it is killed.
 
-    Raises BlockingIOError when somebody has it.
+    Parameters
+    ----------
+    link : Path
+        Path of the adapter; the lock file `.<name>.lock` is beside it.
+
+    Returns
+    -------
+    int
+        File descriptor of the lock.
+
+    Raises
+    ------
+    BlockingIOError
+        Another process or adapter has the lock.
+    OSError
+        The lock file cannot be created.
     """
     link.parent.mkdir(parents=True, exist_ok=True)
     descriptor = os.open(link.with_name(f".{link.name}.lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)

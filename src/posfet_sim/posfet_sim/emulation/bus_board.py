@@ -1,49 +1,62 @@
-"""The simulated board as a node on a CAN bus, with the faults of its line."""
+"""The simulated board as a node on a CAN bus, with the faults of its link."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Final
 
 from posfet_driver.bus.frame import CLASSIC, FD, Frame
 from posfet_driver.protocol.messages import CLASSIC_BLOCK_OFFSET, COMMAND_OFFSET, FD_BLOCK_OFFSET, Command, Request
 from posfet_driver.protocol.scan_codec import CLASSIC_LENGTH, FD_LENGTH
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.scan import Scan
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.emulation.firmware import BoardFirmware
-from posfet_sim.emulation.line_faults import Fate, Fates, Resets
-
-_NANOSECONDS: Final = 1_000_000_000
+from posfet_sim.emulation.link_faults import LinkFaults, TransmissionOutcome
 
 
-class WireNode:
-    """A board's firmware with the clock, the line and the resets of its imperfections.
+class BusBoard:
+    """Firmware of a board with clock drift, link faults and resets.
 
-    Frames that carry scans are lost, cut short (half the data, which CAN FD and classic CAN can carry), or come twice.
-    A reset ends the scans: after its silence a fresh firmware runs, and waits to be started.
+    Frames that carry scans are dropped, truncated to half their data (a length that CAN FD and classic CAN can carry),
+    or duplicated. A reset stops the scans: after its silence a fresh firmware runs and waits for the start command.
     """
 
-    def __init__(self, board: SimulatedBoard, seed: int, now: int) -> None:
-        """Switch the board on at `now` [ns], monotonic.
+    def __init__(self, board: SimulatedBoard, seed: int, now: int, counters: dict[str, int] | None = None) -> None:
+        """Switch the board on.
 
-        Raises ConfigError when the layout does not fit the frames.
+        Parameters
+        ----------
+        board : SimulatedBoard
+            Source of the scans; its error model has the drift of the clock and the faults of the link.
+        seed : int
+            Seed that the faults are drawn from.
+        now : int
+            Monotonic time [ns].
+        counters : dict of str to int, optional
+            Fault counters of a previous run, to continue.
+
+        Raises
+        ------
+        ConfigError
+            The layout does not fit the frames.
         """
         self.on_scan: Callable[[Scan], None] | None = None
-        """Called with each scan that is sent, before the line has its way with it."""
-        self.counters = {fate.name.lower(): 0 for fate in Fate if fate} | {"resets": 0}
-        """Frames of scans by what became of them, and resets."""
-        self._board = board
+        """Called with each scan that is sent, before link faults are applied."""
         self.switched_on = now
-        """Time 0 of the board [ns]: when it was switched on, then when it was first started: no scene runs unseen."""
-        self._slow = 1 + board.imperfections.clock_drift
-        self._begun = False
-        self._fates = Fates(board.imperfections, seed)
+        """Time 0 of the board [ns]: when it was switched on, then when it was first started, so that no part of the
+        scene passes before the first scan."""
+        self._board = board
+        self._slow = 1 + board.error_model.clock_drift
+        self._started = False
+        self._faults = LinkFaults(board.error_model, seed, counters)
         self._frames = 0
-        self._resets = Resets(board.imperfections, seed)
-        self._alive_since = 0.0
-        self._reset_at = self._resets.next_after(0.0)
         self._firmware: BoardFirmware | None = self._switch_on(0.0)
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """Frames of scans by outcome other than delivered, and resets."""
+        return self._faults.counters
 
     @property
     def running(self) -> bool:
@@ -51,29 +64,30 @@ class WireNode:
         return self._firmware is not None and self._firmware.running
 
     def next_due(self) -> int:
-        """Return when the next frame is due, or the board resets or comes back [ns].
+        """Return when the next frame is due, or the board resets or restarts [ns].
 
-        Whoever asks is about to wait: what the next scan needs is computed before.
+        The caller is about to wait, so the next scan is computed here.
         """
         if self._firmware is None:
-            return self._at(self._alive_since)
+            return self._at(self._faults.running_since)
         if self._firmware.running:
             self._board.prepare(self._board.index + 1)
         due = self.switched_on + math.ceil((self._firmware.next_due() - self.switched_on) * self._slow) + 1
-        return min(due, self._at(self._reset_at)) if math.isfinite(self._reset_at) else due
+        reset = self._faults.next_reset
+        return min(due, self._at(reset)) if math.isfinite(reset) else due
 
     def due(self, now: int) -> list[Frame]:
         """Return the frames that are due at `now` [ns]."""
-        self._live(now)
+        self._update(now)
         if self._firmware is None:
             return []
         return [sent for frame in self._firmware.due(self._own_time(now)) for sent in self._send(frame)]
 
     def receive(self, frame: Frame, now: int) -> list[Frame]:
-        """Take a frame from the bus and return the frames that answer it."""
-        self._live(now)
-        if self._firmware and not self._begun and self._is_start(frame):
-            self._begun, self.switched_on = True, now
+        """Process a frame from the bus at `now` [ns] and return the frames that answer it."""
+        self._update(now)
+        if self._firmware and not self._started and self._is_start(frame):
+            self._started, self.switched_on = True, now
             self._firmware.begin(now)
         return [] if self._firmware is None else self._firmware.receive(frame, self._own_time(now))
 
@@ -83,23 +97,20 @@ class WireNode:
         to_board = identifier == self._board.sensor.can.base_id + COMMAND_OFFSET
         return to_board and request is not None and request.command == Command.START
 
-    def _live(self, now: int) -> None:
-        """Reset when it is time, and come back."""
-        time = (now - self.switched_on) / _NANOSECONDS
-        if time >= self._reset_at:
-            self._alive_since = self._resets.alive_since(time)
-            self._reset_at = self._resets.next_after(time)
+    def _update(self, now: int) -> None:
+        """Reset when it is time, and restart after the silence."""
+        time = (now - self.switched_on) / NANOSECONDS
+        if self._faults.reset_due(time):
             self._firmware = None
-            self.counters["resets"] += 1
-        if self._firmware is None and time >= self._alive_since:
-            self._firmware = self._switch_on(self._alive_since)
+        if self._firmware is None and time >= self._faults.running_since:
+            self._firmware = self._switch_on(self._faults.running_since)
 
     def _switch_on(self, time: float) -> BoardFirmware:
         """Return fresh firmware of a board that starts `time` [s] after the first."""
         rate = self._board.sensor.can.scan_rate
         offset = math.ceil(time / self._slow * rate)
-        scans = _Later(self._board, offset) if offset else self._board
-        start = self.switched_on + round(offset / rate * _NANOSECONDS)
+        scans = _ShiftedScans(self._board, offset) if offset else self._board
+        start = self.switched_on + round(offset / rate * NANOSECONDS)
         firmware = BoardFirmware(self._board.sensor, scans, start)
         firmware.on_scan = self._sent
         return firmware
@@ -109,31 +120,28 @@ class WireNode:
             self.on_scan(scan)
 
     def _send(self, frame: Frame) -> list[Frame]:
-        """Return what of a frame comes out at the far end of the line."""
+        """Return what arrives of a frame at the far end of the link."""
         identifier, kind, data = frame
         offset = identifier - self._board.sensor.can.base_id
         if offset < (FD_BLOCK_OFFSET if kind & FD else CLASSIC_BLOCK_OFFSET):
             return [frame]
-        fate = self._fates.at(self._frames)
+        outcome = self._faults.outcome(self._frames)
         self._frames += 1
-        if fate == Fate.WHOLE:
-            return [frame]
-        self.counters[Fate(fate).name.lower()] += 1
-        if fate == Fate.DROPPED:
+        if outcome == TransmissionOutcome.DROPPED:
             return []
-        if fate == Fate.TORN:
+        if outcome == TransmissionOutcome.TRUNCATED:
             return [(identifier, kind, data[: (FD_LENGTH if kind & FD else CLASSIC_LENGTH) // 2])]
-        return [frame, frame]
+        return [frame, frame] if outcome == TransmissionOutcome.DUPLICATED else [frame]
 
     def _own_time(self, now: int) -> int:
         return self.switched_on + math.floor((now - self.switched_on) / self._slow)
 
     def _at(self, time: float) -> int:
-        return self.switched_on + math.ceil(time * _NANOSECONDS)
+        return self.switched_on + math.ceil(time * NANOSECONDS)
 
 
-class _Later:
-    """The scans of a board from one of them on, with number and clock from 0."""
+class _ShiftedScans:
+    """The scans of a board from index `offset` on, with sequence and device time from 0."""
 
     def __init__(self, board: SimulatedBoard, offset: int) -> None:
         self._board = board

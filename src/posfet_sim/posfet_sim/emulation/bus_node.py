@@ -1,4 +1,4 @@
-"""What an emulated adapter or bus serves."""
+"""Interface of a node that an emulated adapter or a bus server connects to the bus."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from posfet_driver.bus.frame import Frame
 
 
 class Node(Protocol):
-    """What is on the bus behind the adapter, such as a BoardFirmware. Times are monotonic [ns]."""
+    """A node on the bus behind the adapter, such as a `BoardFirmware`. Times are monotonic [ns]."""
 
     def next_due(self) -> int:
-        """Return when the next frame is due."""
+        """Return when the next frame is due [ns]."""
         ...
 
     def due(self, now: int) -> list[Frame]:
-        """Return the frames that are due."""
+        """Return the frames that are due at `now` [ns]."""
         ...
 
     def receive(self, frame: Frame, now: int) -> list[Frame]:
-        """Take a frame and return those that answer it."""
+        """Process a frame from the bus at `now` [ns] and return the frames that answer it."""
         ...

@@ -1,4 +1,4 @@
-"""A simulated board on any bus that python-can opens, in a thread of its own."""
+"""Connects a simulated board to any bus of python-can, in a thread of its own."""
 
 from __future__ import annotations
 
@@ -12,57 +12,75 @@ from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.open_bus import BusSettings, one_line, open_bus
 from posfet_driver.clock import Clock, SystemClock
+from posfet_model._lib.units import NANOSECONDS
 from posfet_sim.emulation.bus_node import Node
 
-_NANOSECONDS: Final = 1_000_000_000
 IDLE: Final = 0.1
-"""Longest wait for frames [s]."""
+"""Maximum wait for frames [s]."""
 
 
 class BusServer:
-    """Puts a node on any python-can bus, in a thread of its own, from `open` to `close`."""
+    """Connects a node to any python-can bus, in a thread of its own, from `open` to `close`."""
 
     def __init__(self, settings: BusSettings, node: Node, clock: Clock | None = None) -> None:
-        """Take the bus to open, the node, and the clock (that of this machine by default)."""
+        """Create the server; `open` starts it.
+
+        Parameters
+        ----------
+        settings : BusSettings
+            Bus to open.
+        node : Node
+            Node to connect.
+        clock : Clock, optional
+            Default: the clock of this machine.
+        """
         self.frames_sent = 0
-        """Frames given to the bus."""
+        """Frames sent to the bus."""
         self.frames_dropped = 0
-        """Frames that the bus did not take."""
+        """Frames that the bus did not accept."""
         self._settings = settings
         self._node = node
         self._clock = clock or SystemClock()
         self._bus: FrameBus | None = None
         self._thread: threading.Thread | None = None
-        self._ended = threading.Event()
-        self.gone = ""
-        """Why the bus was given up; '' while it works."""
+        self._stop = threading.Event()
+        self.failure = ""
+        """Why the bus is no longer served; '' while it works."""
 
     def open(self) -> None:
-        """Open the bus and serve it. Raises SourceError when it cannot be opened, ConfigError when it never can."""
+        """Open the bus and serve it.
+
+        Raises
+        ------
+        SourceError
+            The bus cannot be opened now.
+        ConfigError
+            The settings are invalid.
+        """
         try:
             self._bus = open_bus(self._settings)
         except can.CanError as error:
             raise SourceError(one_line(error)) from error
-        self._ended.clear()
+        self._stop.clear()
         self._thread = threading.Thread(target=self._run, args=(self._bus,), name="simulated board", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """End the thread and close the bus; may be called twice."""
+        """Stop the thread and close the bus; may be called twice."""
         if self._thread is None or self._bus is None:
             return
-        self._ended.set()
+        self._stop.set()
         self._thread.join()
         self._bus.shutdown()
         self._thread = self._bus = None
 
     def _run(self, bus: FrameBus) -> None:
-        while not self._ended.is_set():
-            wait = (self._node.next_due() - self._clock.monotonic()) / _NANOSECONDS
+        while not self._stop.is_set():
+            wait = (self._node.next_due() - self._clock.monotonic()) / NANOSECONDS
             try:
                 received = bus.read_frames(min(max(wait, 0.0), IDLE))
             except can.CanError as error:
-                self.gone = one_line(error)
+                self.failure = one_line(error)
                 return
             now = self._clock.monotonic()
             due = self._node.due(now)  # a board has sent it when a command comes that it answers

@@ -1,4 +1,4 @@
-"""The board's side of the protocol: when it sends what, and how it answers. Knows no transport."""
+"""The board's side of the protocol: which frames it sends when, and how it answers. Knows no transport."""
 
 from __future__ import annotations
 
@@ -20,23 +20,22 @@ from posfet_driver.protocol.messages import (
     Status,
 )
 from posfet_driver.protocol.scan_codec import make_codec
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 
 FIRMWARE_VERSION: Final = 0x0001
 """Version of the simulated firmware: major in the high byte, minor in the low."""
 SUPPLY: Final = 5.0
-"""Supply of the simulated board [V]; assumed."""
+"""Supply voltage of the simulated board [V]; assumed."""
 SUPPLY_LIMIT: Final = 4.5
-"""Supply below which the board raises its flag [V]; assumed."""
+"""Supply voltage below which the board sets SUPPLY_LOW [V]; assumed."""
 LONGEST_PERIOD: Final = 10_000_000
-"""Longest time between two scans that a board can be set to [us]."""
-
-_NANOSECONDS: Final = 1_000_000_000
+"""Maximum scan period that a board accepts [us]."""
 
 
 class ScanMaker(Protocol):
-    """What computes the scans, such as a SimulatedBoard."""
+    """Source of the scans, such as a `SimulatedBoard`."""
 
     def scan(self, index: int, out: Scan) -> None:
         """Compute the scan at time index / scan rate; indices ascend, gaps are allowed."""
@@ -44,23 +43,37 @@ class ScanMaker(Protocol):
 
 
 class BoardFirmware:
-    """A board that was switched on when it was made. It sends status frames at once and scans when it is told to.
+    """Firmware of a board, running from its construction on.
 
-    The number of a scan equals its index in `board` as long as the rate is the nominal one.
+    It sends status frames at once, and scans after the start command. The sequence of a scan equals its index in
+    `board` as long as the rate is the nominal one.
     """
 
     def __init__(self, sensor: Sensor, board: ScanMaker, now: int) -> None:
-        """Switch on at `now` [ns].
+        """Switch on.
 
-        Raises ConfigError when the layout does not fit the frames.
+        Parameters
+        ----------
+        sensor : Sensor
+            Sensor description.
+        board : ScanMaker
+            Source of the scans.
+        now : int
+            Monotonic time [ns].
+
+        Raises
+        ------
+        ConfigError
+            The layout does not fit the frames.
         """
         self.on_scan: Callable[[Scan], None] | None = None
         """Called with each scan that is sent."""
         self.running = False
+        """Whether the board sends scans."""
         self.supply = SUPPLY
-        """Supply of the board [V]."""
+        """Supply voltage of the board [V]."""
         self.firmware = FIRMWARE_VERSION
-        """Version that the board tells."""
+        """Firmware version that the board reports."""
         self._fresh = True  # not started since it was switched on
         self._board = board
         self._codec = make_codec(sensor)
@@ -74,17 +87,17 @@ class BoardFirmware:
         self._status_sent = 0
         self._step = 1.0  # scan indices from one scan to the next
         self._position = 0.0  # index of the next scan, before rounding
-        self._sequence = 0  # number of the next scan
+        self._sequence = 0  # of the next scan
         self._first = True
 
     @property
     def blocks(self) -> int:
-        """Frames of a scan."""
+        """Number of frames of a scan."""
         return self._codec.blocks
 
     def next_due(self) -> int:
         """Return when the next frame is due [ns]."""
-        status = self.switched_on + round(self._status_sent * STATUS_PERIOD * _NANOSECONDS)
+        status = self.switched_on + round(self._status_sent * STATUS_PERIOD * NANOSECONDS)
         return min(status, self._scan_due()) if self.running else status
 
     def due(self, now: int) -> list[Frame]:
@@ -98,7 +111,7 @@ class BoardFirmware:
         return frames
 
     def receive(self, frame: Frame, now: int) -> list[Frame]:
-        """Take a frame from the bus and return the frames that answer it."""
+        """Process a frame from the bus at `now` [ns] and return the frames that answer it."""
         identifier, kind, data = frame
         if identifier != self._base + COMMAND_OFFSET or kind != CLASSIC:
             return []
@@ -106,15 +119,15 @@ class BoardFirmware:
         if request is None:
             return []
         fresh = self._fresh
-        result, value = self._obey(request, now)
+        result, value = self._execute(request, now)
         answer = Response(request.command, request.tag, result, value, fresh)
         return [(self._base + RESPONSE_OFFSET, CLASSIC, answer.pack())]
 
     def begin(self, now: int) -> None:
-        """Take `now` [ns] for the time at which the board was switched on."""
+        """Set the time at which the board was switched on to `now` [ns]."""
         self.switched_on, self._status_sent = now, 0
 
-    def _obey(self, request: Request, now: int) -> tuple[Result, int]:
+    def _execute(self, request: Request, now: int) -> tuple[Result, int]:
         match request.command:
             case Command.START:
                 answer = self._start(now)
@@ -134,7 +147,7 @@ class BoardFirmware:
 
     def _start(self, now: int) -> tuple[Result, int]:
         if not self.running:
-            index = math.ceil((now - self.switched_on) / _NANOSECONDS * self._rate)
+            index = math.ceil((now - self.switched_on) / NANOSECONDS * self._rate)
             self._position = float(max(index, math.ceil(self._position)))
             self._sequence = max(self._sequence, int(self._position))
             self.running = True
@@ -148,7 +161,7 @@ class BoardFirmware:
         return Result.OK, period
 
     def _scan_due(self) -> int:
-        return self.switched_on + round(round(self._position) / self._rate * _NANOSECONDS)
+        return self.switched_on + round(round(self._position) / self._rate * NANOSECONDS)
 
     def _scan_frames(self) -> list[Frame]:
         scan = self._scan

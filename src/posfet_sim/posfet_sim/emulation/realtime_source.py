@@ -1,4 +1,4 @@
-"""Scans of a simulated board in real time, as a driver would hand them on."""
+"""Scans of a simulated board in real time, as a driver delivers them."""
 
 from __future__ import annotations
 
@@ -6,24 +6,24 @@ from typing import Final
 
 from posfet_driver.board.scan_source import Health, SourceReport
 from posfet_driver.clock import Clock, SystemClock
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
-from posfet_sim.device.imperfections import Imperfections
+from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import SimulatedBoard
-from posfet_sim.emulation.line_faults import FaultyScans
+from posfet_sim.emulation.faulty_scans import FaultyScans
 from posfet_sim.scene import Scene, SceneLoads
 
-_NANOSECONDS: Final = 1_000_000_000
 LATE: Final = 0.1
-"""Delay [s] from which a source says that the machine cannot keep up."""
+"""Delay [s] from which the report says that the machine is too slow."""
 
 
 class SimulationSource:
-    """Hands on each scan of a board when the board takes it.
+    """Delivers each scan of a board at its sampling time.
 
-    What a scan needs is computed while it is waited for. A reader that comes late gets every scan that is due, one
-    after the other: none is skipped, and the stamps keep the board's rhythm. Scans that the board's line loses are
-    missing, those it repeats come twice (`FaultyScans`). After a `close` the next `open` starts a fresh board.
+    The next scan is computed while the reader waits for it. A late reader gets every scan that is due, one after the
+    other: none is skipped, and the stamps are the sampling times. Scans that the board's link loses are missing,
+    duplicates come twice (`FaultyScans`). Each `open` starts a fresh board.
     """
 
     def __init__(
@@ -32,18 +32,34 @@ class SimulationSource:
         scene: Scene,
         seed: int,
         clock: Clock | None = None,
-        imperfections: Imperfections | None = None,
+        error_model: ErrorModel | None = None,
     ) -> None:
-        """Take what the board is made of (see `SimulatedBoard`), and the clock (that of this machine by default).
+        """Create the source.
 
-        Raises ValueError for a seed outside [0, 1e9].
+        Parameters
+        ----------
+        sensor : Sensor
+            Sensor description.
+        scene : Scene
+            Scene that the board simulates.
+        seed : int
+            Seed of everything random, in [0, 1e9].
+        clock : Clock, optional
+            Default: the clock of this machine.
+        error_model : ErrorModel, optional
+            Default: an ideal board.
+
+        Raises
+        ------
+        ValueError
+            The seed is out of range.
         """
         self.scene = scene
-        """The scene that the next `open` begins with."""
-        self.board = SimulatedBoard(sensor, SceneLoads(scene, sensor), seed, imperfections)
-        """The board that the scans come from, for its ground truth; another one after each `open`."""
+        """Scene of the next `open`."""
+        self.board = SimulatedBoard(sensor, SceneLoads(scene, sensor), seed, error_model)
+        """The simulated board, for its ground truth; each `open` makes another one."""
         self._scans = FaultyScans(self.board, seed)
-        self._again = False  # whether the last scan is to be handed on once more
+        self._repeat = False  # whether the last scan is delivered once more
         self._seed = seed
         self._clock = clock or SystemClock()
         self._scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
@@ -60,45 +76,43 @@ class SimulationSource:
         return True
 
     def open(self) -> None:
-        """Put a fresh board at the beginning of `scene`, which the first `read` starts."""
+        """Create a fresh board at the beginning of `scene`, which the first `read` starts."""
         board = self.board
-        self.board = SimulatedBoard(board.sensor, SceneLoads(self.scene, board.sensor), self._seed, board.imperfections)
-        counters = self._scans.counters  # go on counting
-        self._scans = FaultyScans(self.board, self._seed)
-        self._scans.counters = counters
-        self._again = False
+        self.board = SimulatedBoard(board.sensor, SceneLoads(self.scene, board.sensor), self._seed, board.error_model)
+        self._scans = FaultyScans(self.board, self._seed, self._scans.counters)
+        self._repeat = False
         self._next = 0
         self._delay = 0.0
         self._running = True
 
     def read(self, timeout: float) -> Scan | None:
-        """Return the next scan when it is due within `timeout` [s], else None after that time.
+        """Return the next scan if it is due within `timeout` [s], else None after that time.
 
-        The first call starts the scene: scan 0 is due at once.
+        The first call starts the scene: scan 0 is due at once. The next call overwrites the scan.
         """
         if self._next == 0:
             self._start = self._clock.monotonic()
             self._epoch = self._clock.wall()
-        if self._again:
-            self._again = False
+        if self._repeat:
+            self._repeat = False
             self._delivered += 1
             return self._scan
-        end = self._clock.monotonic() + round(timeout * _NANOSECONDS)
+        end = self._clock.monotonic() + round(timeout * NANOSECONDS)
         while True:
-            due = self._start + round(self.board.clock.time(self._next) * _NANOSECONDS)
+            due = self._start + round(self.board.clock.time(self._next) * NANOSECONDS)
             now = self._clock.monotonic()
             if due > now:
                 self.board.prepare(self._next)
                 now = self._clock.monotonic()
-                self._clock.sleep(max(min(due, end) - now, 0) / _NANOSECONDS)
+                self._clock.sleep(max(min(due, end) - now, 0) / NANOSECONDS)
                 if due > end:
                     return None
-            self._delay = max(now - due, 0) / _NANOSECONDS
+            self._delay = max(now - due, 0) / NANOSECONDS
             times = self._scans.scan(self._next, self._scan)
             self._next += 1
             if times:
                 self._scan.stamp += self._epoch
-                self._again = times > 1
+                self._repeat = times > 1
                 self._delivered += 1
                 return self._scan
 
@@ -111,9 +125,9 @@ class SimulationSource:
         if not self._running:
             health, state = Health.STALE, "simulation stopped"
         elif self._next == 0:
-            health, state = Health.OK, f"scene '{self.board.loads.name}' waits for its first listener"
+            health, state = Health.OK, f"scene '{self.board.loads.name}' waiting for the first subscriber"
         elif self._delay > LATE:
-            health, state = Health.WARN, "simulation late: this machine cannot keep up with the scan rate"
+            health, state = Health.WARN, "simulation late: this machine is too slow for the scan rate"
         else:
             health, state = Health.OK, f"simulating scene '{self.board.loads.name}'"
         return SourceReport(

@@ -1,4 +1,4 @@
-"""An emulated slcan adapter on a pseudo-terminal, with a board behind it: the wire path without any hardware."""
+"""An emulated slcan adapter on a pseudo-terminal, with a simulated board behind it."""
 
 from __future__ import annotations
 
@@ -25,35 +25,46 @@ from posfet_sim.emulation.adapter_lock import lock
 from posfet_sim.emulation.bus_node import Node
 
 OUTPUT_LIMIT: Final = 1 << 20
-"""Bytes that wait for a reader; what comes when they are there already is lost, as on a wire nobody reads.
+"""Size of the output buffer [byte]; frames that exceed it are lost, as on a bus that nobody reads.
 
-Room for 8 s of a 5 x 5 array at 1 kHz: a machine that holds up this thread for a second makes it send a thousand scans
-at once, and a board would not have lost them.
+8 s of a 5 x 5 array at 1 kHz: after a delay of this thread by a second, a thousand scans are sent at once, and a real
+board would not lose them.
 """
 READ_SIZE: Final = 4096
 IDLE: Final = 0.5
-"""Longest wait for commands [s]."""
+"""Maximum wait for commands [s]."""
 
 
 class EmulatedAdapter:
     """Serves one pseudo-terminal in a thread of its own, from `open` to `close`, at the stable path `link`.
 
     Commands as in LAWICEL's manual and CANable's firmware: O L C (open, listen only, close), S Y (bitrates), V N F
-    (version, serial number, status), and frames t T r R d D b B. Commands that set what an emulation does not have are
-    accepted. Not emulated: the time a bus takes, arbitration, bus errors, other nodes, and the time stamps of command
-    Z, which is refused.
+    (version, serial number, status), and frames t T r R d D b B. Settings without a meaning for an emulation are
+    accepted. Not emulated: transmission time on the bus, arbitration, bus errors, other nodes, and the time stamps of
+    command Z, which is refused.
     """
 
     def __init__(self, link: Path | str, node: Node, clock: Clock | None = None) -> None:
+        """Create the adapter; `open` starts it.
+
+        Parameters
+        ----------
+        link : Path or str
+            Path at which the terminal appears.
+        node : Node
+            Node behind the adapter.
+        clock : Clock, optional
+            Default: the clock of this machine.
+        """
         self.link = Path(link)
         self.frames_sent = 0
         """Frames written to the terminal."""
         self.frames_dropped = 0
         """Frames lost because nobody read the terminal."""
         self.flags = 0
-        """Status flags of the adapter (FLAG_* of slcan_lines), told in answer to F."""
+        """Status flags of the adapter (FLAG_* of slcan_codec), the answer to F."""
         self.speeds: tuple[bytes, ...] = ()
-        """Commands that set the bus's bitrates, such as (S8, Y5): without all of them nothing can be read or sent."""
+        """Commands that set the bitrates of the bus, such as (S8, Y5): without all of them no frame passes."""
         self._set_speeds: set[bytes] = set()
         self._node = node
         self._clock = clock or SystemClock()
@@ -67,9 +78,12 @@ class EmulatedAdapter:
         self._lock: int | None = None
 
     def open(self) -> None:
-        """Make the terminal, link it, and serve it.
+        """Create the terminal, link it, and serve it.
 
-        Raises SourceError when the link cannot be made, or something else or a running adapter is at its path.
+        Raises
+        ------
+        SourceError
+            The link cannot be created, or another file or a running adapter is at its path.
         """
         try:
             self._lock = lock(self.link)
@@ -91,7 +105,7 @@ class EmulatedAdapter:
         self._thread.start()
 
     def close(self) -> None:
-        """End the thread and take the terminal away, as when the adapter is unplugged; may be called twice."""
+        """Stop the thread and remove the terminal, as when the adapter is unplugged; may be called twice."""
         if not self._thread:
             return
         os.write(self._wake[1], b"x")
@@ -133,11 +147,11 @@ class EmulatedAdapter:
                 self._send(frame)
             if master in readable:
                 for line in self._reader.lines(os.read(master, READ_SIZE)):
-                    self._obey(line, now)
+                    self._execute(line, now)
             self._flush(master)
 
-    def _obey(self, line: bytes, now: int) -> None:
-        """Carry out one line, which came at `now` [ns], and reply to it."""
+    def _execute(self, line: bytes, now: int) -> None:
+        """Execute one line received at `now` [ns] and reply to it."""
         letter = line[:1]
         if letter in {b"O", b"L"}:
             self._reply(REFUSED if self._channel_open else END)

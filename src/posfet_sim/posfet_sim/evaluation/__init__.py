@@ -1,1 +1,1 @@
-"""Scores of reconstructed forces, contacts and slips against the ground truth."""
+"""Scores of reconstructed forces, contacts and slip against the ground truth."""

@@ -1,4 +1,4 @@
-"""How near a reconstruction comes to the truth of a simulated board, scan by scan."""
+"""Errors of a reconstruction against the ground truth of a simulated board, scan by scan."""
 
 from __future__ import annotations
 
@@ -15,84 +15,95 @@ from posfet_model.reconstruction.force_image import ForceImage
 from posfet_model.reconstruction.reconstructor import Reconstruction
 from posfet_model.sensor.description import Sensor
 from posfet_sim.device.ground_truth import Truth
-from posfet_sim.evaluation.slip_scorer import Slips
+from posfet_sim.evaluation.slip_scorer import SlipScorer
 
 MATCH: Final = 1.5
-"""A contact is that of an object when their centres of pressure are at most this far apart [pitch]."""
+"""Maximum distance of the centres of pressure of a contact and its object [pitch]."""
 
-COMPARED: Final = 0.1
-"""Objects that press with less [N], or so widely that no taxel truly carries the threshold of contacts, need not be
-found, and are not compared."""
+MIN_FORCE: Final = 0.1
+"""Minimum force of an object [N] to be compared. An object whose pressure is so wide that no taxel reaches the contact
+threshold is not compared either."""
 
 LONG_HOLD: Final = 5.0
-"""A force that rests for at least this long is held [s]."""
+"""Minimum duration of a constant force to count as held [s]."""
 
 HOLD_MEAN: Final = 0.1
-"""Time over which the error of a held force is averaged, so that noise is not taken for drift [s]."""
+"""Averaging time of the error of a held force [s], so that noise does not count as drift."""
 
 HOLD_BEGINS: Final = 0.2
-"""How long after a force came to rest its drift begins to count [s]."""
+"""Time from the start of a constant force to the start of its drift [s]."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """Errors of one run. None: the scene has nothing to judge it by."""
+    """Errors of one run; None: not defined for the scene."""
 
     force_rmse_pct: float | None
-    """Root mean square error of a taxel's force while something touches (else: always) [% of full scale]."""
+    """RMS error of the force of a taxel during contact (without contact: always) [% of full scale]."""
     total_force_error_pct: float | None
-    """Mean magnitude of the error of the sum of all taxels, over the mean true sum, while something touches [%]."""
+    """Mean absolute error of the total force over the mean true total force, during contact [%]."""
     cop_error_mm: dict[str, float | None]
-    """Distance of centres of pressure from the true ones, `mean` and `p95` [mm]."""
+    """Distance of the centres of pressure from the true ones: `mean` and 95th percentile `p95` [mm]."""
     contact_precision: float | None
-    """Share of the contacts reported that are true [1]."""
+    """Fraction of the reported contacts that are true [1]."""
     contact_recall: float | None
-    """Share of the true contacts that are reported [1]."""
+    """Fraction of the true contacts that are reported [1]."""
     id_switches: int
-    """How often a contact got another id while it lasted."""
+    """Number of changes of the track id of a contact."""
     detection_latency_scans: int | None
-    """Scans from the first in which a taxel truly carries the threshold of contacts to the report; the longest."""
+    """Maximum number of scans from the first one in which a taxel reaches the contact threshold to the detection."""
     held_force_drift_pct: float | None
-    """Greatest change of the error of the total force while it is held for 5 s or longer [% of the force]."""
+    """Maximum change of the error of the total force while it is held for 5 s or longer [% of the force]."""
     false_contacts_per_hour: float
-    """Contacts that were never near a true one."""
+    """Rate of contacts that never match a true one [1/h]."""
     slip_onset_delay_ms: dict[str, float | None]
-    """From the scan in which an object's centre truly slips to the one that says so, `mean` and `max` [ms]."""
+    """Delay from the onset of a true slip to its detection, `mean` and `max` [ms]."""
     slip_recall: float | None
-    """Share of the slips that were said to be within `SLIP_LATE` [1]."""
+    """Fraction of the true slips that are detected within `SLIP_LATE` [1]."""
     false_slips_per_hour: float
-    """Slips that were told of an object at rest, or of none."""
+    """Rate of slips detected without a true one [1/h]."""
     us_per_scan: float
-    """Time of the reconstruction, image included [us]."""
+    """Computation time of the reconstruction including the force image [us]."""
 
 
 class Scorer:
-    """Compares scan by scan; `score` sums up."""
+    """Accumulates errors scan by scan; `score` returns the result."""
 
     def __init__(self, sensor: Sensor) -> None:
+        """Create a scorer for reconstructions of this sensor."""
         layout = sensor.layout
         self._sensor = sensor
         self._reach = MATCH * max(layout.pitch_x, layout.pitch_y)
         self._half = (0.5 * layout.cols * layout.pitch_x, 0.5 * layout.rows * layout.pitch_y)
         self._positions = layout.positions
-        self._square = [0.0, 0.0]  # of errors: of all scans, of touched ones
+        self._square = [0.0, 0.0]  # sum of squared errors: of all scans, of those with contact
         self._taxels = [0, 0]
         self._total_error: list[float] = []
         self._total_true: list[float] = []
         self._distances: list[float] = []
         self._reported = self._right = self._true = self._found = 0
-        self._ids: dict[int, int] = {}  # id that an object had last
+        self._ids: dict[int, int] = {}  # last track id of each object
         self._switches = 0
-        self._waiting: dict[int, int] = {}  # scans for which an object has carried the threshold, not found yet
+        self._waiting: dict[int, int] = {}  # scans since each object reached the threshold without detection
         self._latencies: list[int] = []
         self._matched: set[int] = set()
         self._seen: set[int] = set()
         self._held = _Hold()
-        self._slips = Slips()
+        self._slips = SlipScorer()
         self._seconds = 0.0
 
     def add(self, result: Reconstruction, image: ForceImage, truth: Truth) -> None:
-        """Take one scan; scans that are not valid count for contacts alone."""
+        """Add one scan; scans that are not valid only count for contacts.
+
+        Parameters
+        ----------
+        result : Reconstruction
+            Contacts and their motion.
+        image : ForceImage
+            Reconstructed forces.
+        truth : Truth
+            Ground truth of the scan.
+        """
         self._seconds = truth.time
         touched = bool(truth.force.any())
         if result.valid:
@@ -116,7 +127,7 @@ class Scorer:
         self._held.add(truth.time, truth.force, float(error.sum()), true)
 
     def _add_contacts(self, live: Sequence[Contact], truth: Truth) -> dict[int, int]:
-        """Compare contacts with true ones; return the id of that of each object that is found."""
+        """Compare contacts with true ones; return the track id of the contact of each detected object."""
         objects = truth.objects
         numbers = [int(number) for number in objects.contact_objects]
         centres = [tuple(centre) for centre in objects.contact_centres.tolist()]
@@ -133,33 +144,33 @@ class Scorer:
         for index, number in enumerate(numbers):
             partner = partners.get(index)
             near = np.hypot(*(self._positions - centres[index]).T) <= self._reach
-            felt, limits = float(truth.force[near].max(initial=0.0)), self._sensor.contact
-            carried = felt >= limits.threshold
-            if partner is None and felt < limits.threshold - limits.deadband:
-                self._lift(number)  # it still grazes, but its contact has rightly ended
+            peak, limits = float(truth.force[near].max(initial=0.0)), self._sensor.contact
+            detectable = peak >= limits.threshold
+            if partner is None and peak < limits.threshold - limits.deadband:
+                self._end_contact(number)  # still in contact, but below the release threshold
             self._follow_id(number, partner)
-            self._wait_for(number, partner, carried)
-            if objects.contact_forces[index] >= COMPARED and on_chip[index] and (carried or partner):
+            self._measure_latency(number, partner, detectable)
+            if objects.contact_forces[index] >= MIN_FORCE and on_chip[index] and (detectable or partner):
                 self._true += 1
                 if partner:
                     self._found += 1
                     self._distances.append(math.dist(partner.region.centre_of_pressure, centres[index]))
         for gone in (self._ids.keys() | self._waiting.keys()) - set(numbers):
-            self._lift(gone)
+            self._end_contact(gone)
         return {numbers[index]: contact.id for index, contact in partners.items()}
 
-    def _lift(self, number: int) -> None:
-        """Take note that an object presses no more: when it does again, that is another contact."""
+    def _end_contact(self, number: int) -> None:
+        """End the contact of an object: when it presses again, that is another contact."""
         self._ids.pop(number, None)
         waited = self._waiting.pop(number, 0)
         if waited > 0:
-            self._latencies.append(waited)  # it was never found
+            self._latencies.append(waited)  # never detected
 
     def _on_chip(self, centre: Sequence[float]) -> bool:
         return abs(centre[0]) <= self._half[0] and abs(centre[1]) <= self._half[1]
 
     def _pairs(self, live: Sequence[Contact], centres: Sequence[Sequence[float]]) -> list[tuple[Contact, int]]:
-        """Return contacts with the true one each belongs to, nearest first."""
+        """Return contacts with the true contact of each, nearest first."""
         distances = sorted(
             (distance, contact.id, contact_index, index)
             for contact_index, contact in enumerate(live)
@@ -180,24 +191,30 @@ class Scorer:
             return
         last = self._ids.get(number, partner.id)
         if last in partner.merged_ids:
-            return  # it goes on in that one, and comes back when they part
+            return  # merged into that track; the id returns when they separate
         self._switches += last != partner.id
         self._ids[number] = partner.id
 
-    def _wait_for(self, number: int, partner: Contact | None, carried: bool) -> None:
-        """Count the scans until an object that begins to press is found, from the first in which a taxel feels it."""
+    def _measure_latency(self, number: int, partner: Contact | None, detectable: bool) -> None:
+        """Count the scans from the first one in which an object is detectable to its detection."""
         waited = self._waiting.get(number, 0)
         if waited < 0:
             return
         if partner is not None:
             self._latencies.append(waited)
-            self._waiting[number] = -1  # found: waits no more until it lifts
+            self._waiting[number] = -1  # detected, until the contact ends
             return
-        if waited or carried:
+        if waited or detectable:
             self._waiting[number] = waited + 1
 
     def score(self, us_per_scan: float) -> Score:
-        """Return the errors so far."""
+        """Return the errors so far.
+
+        Parameters
+        ----------
+        us_per_scan : float
+            Computation time of the reconstruction [us].
+        """
         touched = 1 if self._taxels[1] else 0
         full_scale = self._sensor.device.force_max
         rmse = math.sqrt(self._square[touched] / self._taxels[touched]) if self._taxels[touched] else None
@@ -216,7 +233,7 @@ class Scorer:
             contact_recall=self._found / self._true if self._true else None,
             id_switches=self._switches,
             detection_latency_scans=max(self._latencies + late, default=None),
-            held_force_drift_pct=self._held.greatest(),
+            held_force_drift_pct=self._held.maximum(),
             false_contacts_per_hour=len(self._seen - self._matched) * 3600 / self._seconds if self._seconds else 0.0,
             slip_onset_delay_ms=self._slips.delay(),
             slip_recall=self._slips.recall(),
@@ -226,7 +243,7 @@ class Scorer:
 
 
 class _Hold:
-    """Drift of the error, in means over `HOLD_MEAN`, while the true forces rest."""
+    """Drift of the error, in means over `HOLD_MEAN`, while the true forces are constant."""
 
     def __init__(self) -> None:
         self._force: NDArray[np.float64] | None = None
@@ -237,10 +254,10 @@ class _Hold:
         self._drifts: list[float] = []
 
     def add(self, time: float, force: NDArray[np.float64], error: float, total: float) -> None:
-        """Take the time [s], true forces, and the error of their sum [N]."""
-        resting = self._force is not None and total > COMPARED and bool(np.array_equal(force, self._force))
+        """Add a scan: time [s], true forces [N], error of their sum [N], and true sum [N]."""
+        constant = self._force is not None and total > MIN_FORCE and bool(np.array_equal(force, self._force))
         self._force = force
-        if not resting:
+        if not constant:
             self._end()
             self._since, self._total = time, total
         elif time - self._since >= HOLD_BEGINS:
@@ -255,7 +272,7 @@ class _Hold:
             self._drifts.append(100 * float(np.abs(means - means[0]).max()) / self._total)
         self._times, self._errors = [], []
 
-    def greatest(self) -> float | None:
-        """Return the greatest drift [%] of all holds; None when there was none."""
+    def maximum(self) -> float | None:
+        """Return the maximum drift [%] of all held forces; None when there was none."""
         self._end()
         return max(self._drifts, default=None)

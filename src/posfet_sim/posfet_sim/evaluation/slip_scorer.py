@@ -1,4 +1,4 @@
-"""True slips of a scene's objects, and how soon they were told."""
+"""Detection of the true slips of objects in a scene: delay, recall and false detections."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from posfet_model.contacts.slip import SLIP_END_SPEED, SLIP_SPEED
 from posfet_sim.device.ground_truth import Truth
 
 SLIP_LATE: Final = 0.05
-"""A slip that is told later than this is not found [s]."""
+"""Maximum delay of a detection [s]; later ones do not count."""
 
-APART: Final = 0.02
-"""An object that rested for less than this goes on slipping [s]."""
+MIN_REST: Final = 0.02
+"""Minimum time without motion between two slips of an object [s]."""
 
-LARGEST_STEP: Final = 0.005
-"""Longest time between two scans over which a speed is taken [s]."""
+MAX_STEP: Final = 0.005
+"""Maximum interval between two scans for the computation of a speed [s]."""
 
-PRESSING: Final = 0.1
-"""Objects that press with less [N] are not said to slip."""
+MIN_FORCE: Final = 0.1
+"""Minimum force of an object to slip [N]."""
 
 
 @dataclass
@@ -28,29 +28,40 @@ class _Object:
     time: float
     slips: bool = False
     slipped: float = -math.inf
-    """When it last was faster than `SLIP_END_SPEED` [s]."""
+    """Last time at which it was faster than `SLIP_END_SPEED` [s]."""
     waiting: float = math.nan
-    """Onset of a slip not told yet [s]."""
+    """Onset of a slip that is not detected yet [s]; NaN for none."""
 
 
-class Slips:
-    """Compares scan by scan."""
+class SlipScorer:
+    """Compares detected with true slips, scan by scan."""
 
     def __init__(self) -> None:
+        """Create an empty scorer."""
         self._objects: dict[int, _Object] = {}
-        self._told: set[int] = set()
+        self._detected: set[int] = set()
         self._delays: list[float] = []
         self._missed = 0
         self.false = 0
-        """Slips told that were none."""
+        """Number of false detections."""
 
     def add(self, truth: Truth, partners: dict[int, int], slipping: set[int]) -> None:
-        """Take a scan: the id of the contact of each object that was found, and the ids that are said to slip."""
+        """Add one scan.
+
+        Parameters
+        ----------
+        truth : Truth
+            Ground truth of the scan.
+        partners : dict of int to int
+            Track id of the contact of each detected object, by its index.
+        slipping : set of int
+            Track ids that are detected as slipping.
+        """
         objects, time = truth.objects, truth.time
         moving: set[int] = set()
         present = {}
         for index, number in enumerate(objects.contact_objects.tolist()):
-            if objects.contact_forces[index] < PRESSING:
+            if objects.contact_forces[index] < MIN_FORCE:
                 continue
             x, y = objects.contact_centres[index].tolist()
             known = self._objects.get(number) or _Object((x, y), time)
@@ -64,18 +75,18 @@ class Slips:
         for number, known in self._objects.items():
             self._missed += number not in present and not math.isnan(known.waiting)
         self._objects = present
-        self.false += len(slipping - self._told - moving)
-        self._told = slipping
+        self.false += len(slipping - self._detected - moving)
+        self._detected = slipping
 
     def _move(self, known: _Object, centre: tuple[float, float], time: float) -> None:
         step = time - known.time
-        if 0.0 < step <= LARGEST_STEP:
+        if 0.0 < step <= MAX_STEP:
             speed = math.dist(centre, known.centre) / step
             if speed >= SLIP_SPEED and not known.slips:
                 known.slips, known.waiting = True, time
             if speed >= SLIP_END_SPEED:
                 known.slipped = time
-            elif time - known.slipped > APART:
+            elif time - known.slipped > MIN_REST:
                 known.slips = False
         if time - known.waiting > SLIP_LATE:
             self._missed += 1
@@ -83,12 +94,12 @@ class Slips:
         known.centre, known.time = centre, time
 
     def delay(self) -> dict[str, float | None]:
-        """Return mean and greatest delay [ms] of the slips that were found."""
+        """Return mean and maximum delay of the detected slips [ms]; None when there was none."""
         if not self._delays:
             return {"mean": None, "max": None}
         return {"mean": 1e3 * sum(self._delays) / len(self._delays), "max": 1e3 * max(self._delays)}
 
     def recall(self) -> float | None:
-        """Return the share of the slips that were found; None when there was none."""
+        """Return the fraction of the slips that were detected [1]; None when there was none."""
         slips = len(self._delays) + self._missed
         return len(self._delays) / slips if slips else None

@@ -1,7 +1,7 @@
-"""ROS messages as bytes without ROS: little-endian CDR as Fast DDS writes it.
+"""Serialisation of ROS messages without ROS: little-endian CDR as Fast DDS writes it.
 
-Alignment counts from behind the four bytes that tell the encoding; sequences and strings begin with their length; a
-string ends with a zero byte that its length counts (OMG, DDS-XTypes 1.3, section 7.4.3, encoding version 1).
+Alignment counts from after the four bytes of the encoding header; sequences and strings start with their length; a
+string ends with a zero byte that its length includes (OMG, DDS-XTypes 1.3, section 7.4.3, encoding version 1).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from posfet_sim.recording.message_definitions import Field, message_fields
 
 ENCODING: Final = b"\x00\x01\x00\x00"
-"""What every message begins with: plain CDR, little-endian."""
+"""Header of every message: plain CDR, little-endian."""
 
 _TYPES: Final = {
     "bool": "?", "byte": "B", "char": "B", "int8": "b", "uint8": "B", "int16": "<i2", "uint16": "<u2", "int32": "<i4",
@@ -31,11 +31,27 @@ _LENGTH: Final = struct.Struct("<I")
 
 
 def serialise(name: str, values: Mapping[str, Any]) -> bytes:
-    """Return a message, package/Name, as bytes.
+    """Serialise a message.
 
-    `values` has every field and no other: numbers, text, mappings for messages, sequences of those; a sequence of
-    numbers may be an array of any shape. Raises ValueError naming a field that is missing or unknown, and struct.error
-    for a number that does not fit.
+    Parameters
+    ----------
+    name : str
+        Type of the message, package/Name.
+    values : mapping of str to Any
+        Every field and no other: numbers, text, mappings for messages, sequences of those; a sequence of numbers may
+        be an array of any shape.
+
+    Returns
+    -------
+    bytes
+        The message with its encoding header.
+
+    Raises
+    ------
+    ValueError
+        A field is missing or unknown.
+    struct.error
+        A number is out of the range of its type.
     """
     buffer = bytearray()
     _write_message(buffer, name, values)

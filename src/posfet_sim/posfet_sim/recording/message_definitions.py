@@ -1,4 +1,4 @@
-"""Definitions of the ROS messages that are written to files without ROS: their text, and their fields."""
+"""Definitions of the ROS messages that are written to files without ROS: their text and their fields."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import Final
 from posfet_model.config import ConfigError
 
 OWN_PACKAGE: Final = "posfet_msgs"
+"""Package whose definitions are also found in the source tree."""
 _SOURCE_TREE: Final = Path(__file__).parents[3] / OWN_PACKAGE / "msg"
 _RULE: Final = "=" * 80
 
@@ -23,7 +24,7 @@ STANDARD: Final = {
     "geometry_msgs/Quaternion": "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1",
     "geometry_msgs/Pose": "Point position\nQuaternion orientation",
 }
-"""Definitions of the common interfaces of ROS 2 that ours are made of; their comments are left out."""
+"""Definitions of the common ROS 2 interfaces in the messages of `OWN_PACKAGE`, without their comments."""
 
 _FIELD: Final = re.compile(r"^([\w/]+)(\[\])?\s+(\w+)(?:\s+[^=\s].*)?$")
 _PRIMITIVES: Final = frozenset({
@@ -37,18 +38,27 @@ class Field:
     """One field of a message."""
 
     name: str
+    """Name of the field."""
     type: str
-    """A primitive, or package/Name."""
+    """Primitive type, or package/Name."""
     many: bool
-    """Whether it is a sequence without bound."""
+    """Whether it is an unbounded sequence."""
 
 
 @lru_cache
 def definition(name: str) -> str:
-    """Return the text of a definition, package/Name.
+    """Return the text of a message definition.
 
-    Ours are read from the installed package (AMENT_PREFIX_PATH), else from the source tree. Raises ConfigError when
-    there is none.
+    Parameters
+    ----------
+    name : str
+        Type of the message, package/Name. It is read from the installed package (AMENT_PREFIX_PATH), else from the
+        source tree.
+
+    Raises
+    ------
+    ConfigError
+        There is no such definition.
     """
     if name in STANDARD:
         return STANDARD[name]
@@ -64,9 +74,17 @@ def definition(name: str) -> str:
 
 @lru_cache
 def message_fields(name: str) -> tuple[Field, ...]:
-    """Return the fields of a message, package/Name, in their order; constants are none.
+    """Return the fields of a message in their order, without constants.
 
-    Raises ConfigError as `definition` does, and for a line that is not a field of a kind used here.
+    Parameters
+    ----------
+    name : str
+        Type of the message, package/Name.
+
+    Raises
+    ------
+    ConfigError
+        There is no such definition, or a field has an unsupported type.
     """
     result = []
     for line in definition(name).splitlines():
@@ -75,7 +93,7 @@ def message_fields(name: str) -> tuple[Field, ...]:
             continue
         match = _FIELD.match(text)
         if not match:
-            raise ConfigError(f"{name}: field '{text}' is of a kind that is not written here")
+            raise ConfigError(f"{name}: field '{text}' has an unsupported type")
         kind, many, field = match.groups()
         if kind not in _PRIMITIVES and "/" not in kind:
             kind = f"{name.partition('/')[0]}/{kind}"
@@ -84,10 +102,10 @@ def message_fields(name: str) -> tuple[Field, ...]:
 
 
 def schema_text(name: str) -> str:
-    """Return the definition of a message with all that it is made of behind it, as MCAP's encoding `ros2msg` has it."""
+    """Return the definition of a message, package/Name, and of all types in it, in the MCAP encoding `ros2msg`."""
     names = [name]
     for known in names:
         for field in message_fields(known):
             if field.type not in _PRIMITIVES and field.type not in names:
-                names.append(field.type)  # the loop goes on to it
+                names.append(field.type)  # the loop reaches it, too
     return f"\n{_RULE}\n".join([definition(name), *(f"MSG: {other}\n{definition(other)}" for other in names[1:])])

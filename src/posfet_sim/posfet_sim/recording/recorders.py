@@ -1,4 +1,4 @@
-"""Files that a simulated run is written to: MCAP with ROS messages, or CSV."""
+"""File formats of a simulated run: MCAP with ROS messages, or CSV."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import TEMPERATURE_SENSORS, Scan
@@ -15,33 +16,52 @@ from posfet_sim.recording.cdr import serialise
 from posfet_sim.recording.message_definitions import schema_text
 
 FRAME_ID: Final = "posfet_array"
+"""Frame of the messages."""
 RAW: Final = "posfet_msgs/TactileRaw"
+"""Type of the scans."""
 TRUTH: Final = "posfet_msgs/TactileTruth"
-_NANOSECONDS: Final = 1_000_000_000
+"""Type of the ground truth."""
 
 
 class Recorder(Protocol):
-    """Takes scans and what truly was, and writes them to a file."""
+    """Writes scans and their ground truth to a file."""
 
     def write(self, scan: Scan, truth: Truth) -> None:
         """Write one scan and its ground truth."""
         ...
 
     def close(self) -> None:
-        """Finish the file; what was written until then can be read."""
+        """Finish the file, so that it can be read up to here."""
         ...
 
 
 class McapRecorder:
-    """MCAP of profile ros2: topics `raw` and `truth` of a namespace, CDR with ros2msg schemas.
+    """MCAP with the profile ros2: topics `raw` and `truth` in a namespace, CDR messages with ros2msg schemas.
 
     rosbag2 (storage mcap), Foxglove and PlotJuggler read it. Times are those of the stamps.
     """
 
     def __init__(self, path: Path, sensor: Sensor, namespace: str) -> None:
-        """Make the file. Raises ConfigError when the package mcap is missing, or the messages' definitions are."""
+        """Create the file.
+
+        Parameters
+        ----------
+        path : Path
+            Path of the file.
+        sensor : Sensor
+            Sensor description.
+        namespace : str
+            Namespace of the topics, without slashes around it.
+
+        Raises
+        ------
+        ConfigError
+            The package mcap or a message definition is missing.
+        OSError
+            The file cannot be created.
+        """
         try:
-            from mcap.writer import Writer  # noqa: PLC0415  # only who writes such a file needs the package
+            from mcap.writer import Writer  # noqa: PLC0415  # only MCAP files need the package
         except ImportError as error:
             raise ConfigError(f"{path}: needs the package mcap (pip install mcap), unlike a .csv file") from error
         schemas = {name: schema_text(name).encode() for name in (RAW, TRUTH)}
@@ -81,10 +101,20 @@ class McapRecorder:
 
 
 class CsvRecorder:
-    """CSV, one line a scan: time, number, status, temperatures, counts, and the columns of the ground truth."""
+    """CSV with one line per scan: stamp, sequence, device time, status, temperatures, counts, and the ground truth."""
 
     def __init__(self, path: Path, sensor: Sensor, objects: Sequence[str]) -> None:
-        """Make the file; `objects` are the names of the scene's."""
+        """Create the file.
+
+        Parameters
+        ----------
+        path : Path
+            Path of the file.
+        sensor : Sensor
+            Sensor description.
+        objects : sequence of str
+            Names of the objects in the scene.
+        """
         layout = sensor.layout
         self._stream = path.open("w", newline="", encoding="utf-8")
         self._writer = csv.writer(self._stream, lineterminator="\n")
@@ -97,7 +127,7 @@ class CsvRecorder:
 
     def write(self, scan: Scan, truth: Truth) -> None:
         """Write one scan and its ground truth."""
-        stamp = f"{scan.stamp // _NANOSECONDS}.{scan.stamp % _NANOSECONDS:09}"
+        stamp = f"{scan.stamp // NANOSECONDS}.{scan.stamp % NANOSECONDS:09}"
         head = [stamp, scan.sequence, scan.device_time, int(scan.status)]
         self._writer.writerow(head + scan.temperatures.tolist() + scan.counts.tolist() + truth_row(truth))
 
@@ -123,7 +153,7 @@ def raw_values(scan: Scan, rows: int, cols: int) -> dict[str, Any]:
 
 
 def truth_values(truth: Truth, scan: Scan, rows: int, cols: int) -> dict[str, Any]:
-    """Return the fields of TactileTruth for the scan it belongs to."""
+    """Return the fields of TactileTruth for a scan and its ground truth."""
     objects = truth.objects
     return {
         "header": _header(scan.stamp),
@@ -148,7 +178,7 @@ def truth_values(truth: Truth, scan: Scan, rows: int, cols: int) -> dict[str, An
 
 
 def _header(stamp: int) -> dict[str, Any]:
-    seconds, nanoseconds = divmod(stamp, _NANOSECONDS)
+    seconds, nanoseconds = divmod(stamp, NANOSECONDS)
     return {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": FRAME_ID}
 
 
@@ -157,13 +187,34 @@ def _named(names: str, values: Any) -> dict[str, float]:
 
 
 FORMATS: Final = (".mcap", ".csv")
-"""Suffixes that a file may have."""
+"""Supported suffixes."""
 
 
 def make_recorder(path: Path, sensor: Sensor, objects: Sequence[str], namespace: str) -> Recorder:
-    """Return what writes the file that `path` means by its suffix.
+    """Create the recorder for a file, by its suffix.
 
-    Raises ConfigError for another suffix and as `McapRecorder` does, OSError when the file cannot be made.
+    Parameters
+    ----------
+    path : Path
+        Path of the file, with a suffix of `FORMATS`.
+    sensor : Sensor
+        Sensor description.
+    objects : sequence of str
+        Names of the objects in the scene.
+    namespace : str
+        Namespace of the topics in an MCAP file.
+
+    Returns
+    -------
+    Recorder
+        The recorder; its file is open.
+
+    Raises
+    ------
+    ConfigError
+        The suffix is unknown, or the package mcap or a message definition is missing.
+    OSError
+        The file cannot be created.
     """
     if path.suffix == ".csv":
         return CsvRecorder(path, sensor, objects)

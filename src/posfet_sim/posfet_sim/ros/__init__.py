@@ -1,1 +1,1 @@
-"""The node of the simulated board."""
+"""ROS node of the simulated board."""

@@ -1,4 +1,4 @@
-"""Node of the simulated board: publishes its scans as `raw`, or speaks as a CAN adapter; and the ground truth."""
+"""Node of the simulated board: publishes its scans as `raw` or sends them over CAN, and publishes the ground truth."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
-from posfet_driver.board.scan_source import ScanSource, SourceError
+from posfet_driver.board.scan_source import ManagedDevice, SourceError
 from posfet_driver.clock import Clock
-from posfet_driver.ros.conversions import NANOSECONDS
 from posfet_driver.ros.scan_source_node import ScanSourceNode
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model.config import ConfigError
 from posfet_model.ros.ros_parameters import Parameter
 from posfet_model.ros.run_node import run_node
@@ -24,40 +24,50 @@ from posfet_model.sensor.description import Layout, Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileTruth
 from posfet_msgs.srv import LoadScene
+from posfet_sim.device.error_model import DEFAULT, load_error_model
 from posfet_sim.device.ground_truth import Truth
-from posfet_sim.device.imperfections import DEFAULT, load_imperfections
 from posfet_sim.device.simulated_board import SEED_MAX
 from posfet_sim.emulation.realtime_source import SimulationSource
 from posfet_sim.loads import ObjectsState
 from posfet_sim.scene import DEFAULT_SCENE, load_scene
 
 if TYPE_CHECKING:
-    from posfet_sim.emulation.emulated_source import AdapterSource
+    from posfet_sim.emulation.bus_peer import SimulatedBusPeer
 
 PARAMETERS = (
     Parameter("scene", DEFAULT_SCENE, "Scene: path of a YAML file, or name of a shipped one"),
-    Parameter("seed", 0, "Seed of the noise: the same seed gives the same counts", 0, SEED_MAX),
-    Parameter(
-        "adapter_link", "", "Path at which to appear as a CAN adapter (slcan) instead of publishing raw; '': none"
-    ),
-    Parameter("bus_interface", "", "python-can interface on which to appear as a board instead; '': none"),
-    Parameter("bus_channel", "", "Channel of that interface"),
-    Parameter("imperfections", DEFAULT, "Imperfections of the board: none, default, or the path of a YAML file"),
+    Parameter("seed", 0, "Seed of everything random: the same seed gives the same counts", 0, SEED_MAX),
+    Parameter("adapter_link", "", "Path of an emulated CAN adapter (slcan) instead of publishing raw; '': none"),
+    Parameter("bus_interface", "", "python-can interface of a CAN bus to join instead of publishing raw; '': none"),
+    Parameter("bus_channel", "", "Channel of bus_interface"),
+    Parameter("imperfections", DEFAULT, "Error model of the board: none, default, or the path of a YAML file"),
 )
 TRUTH_DEPTH = 10
-REMEMBERED = 2000
-"""Scans of which it is known when the board took them."""
+"""Queue depth of the topic `truth`."""
+SCAN_TIMES_KEPT = 2000
+"""Number of the latest scans whose sampling times are kept."""
 
 
 class TruthMessage:
-    """One TactileTruth that is filled again and again."""
+    """A TactileTruth message that is reused for every scan."""
 
     def __init__(self, layout: Layout, frame_id: str) -> None:
+        """Create the message for an array and a frame."""
         self._message = TactileTruth(layout_id=layout.id, rows=layout.rows, cols=layout.cols)
         self._message.header.frame_id = frame_id
 
     def fill(self, truth: Truth, sequence: int, stamp: int) -> TactileTruth:
-        """Return the message of `truth` for the scan of that number and stamp [ns]; the next call overwrites it."""
+        """Return the message for a ground truth; the next call overwrites it.
+
+        Parameters
+        ----------
+        truth : Truth
+            Ground truth of the scan.
+        sequence : int
+            Sequence of the scan.
+        stamp : int
+            Stamp of the scan [ns] since the Unix epoch.
+        """
         message = self._message
         message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, NANOSECONDS)
         message.sequence = sequence
@@ -67,8 +77,10 @@ class TruthMessage:
         message.chip_temperature = truth.chip_temperature
         objects = truth.objects
         message.objects = list(objects.names)
-        places = zip(objects.positions.tolist(), objects.orientations.tolist(), strict=True)
-        message.poses = [Pose(position=_point(*place), orientation=_quaternion(*turn)) for place, turn in places]
+        poses = zip(objects.positions.tolist(), objects.orientations.tolist(), strict=True)
+        message.poses = [
+            Pose(position=_point(*position), orientation=_quaternion(*orientation)) for position, orientation in poses
+        ]
         message.contact_objects = array("H", objects.contact_objects.tolist())
         message.contact_centres = [_point(x, y, 0.0) for x, y in objects.contact_centres.tolist()]
         message.contact_normals = [Vector3(x=x, y=y, z=z) for x, y, z in objects.contact_normals.tolist()]
@@ -77,13 +89,14 @@ class TruthMessage:
 
 
 class SimBoardNode(ScanSourceNode):
-    """The simulated board as a node; what `ScanSourceNode` says of life and end holds here.
+    """The simulated board as a lifecycle node; see `ScanSourceNode` for the transitions.
 
-    `truth` is computed and published only when somebody subscribes. Raises ConfigError at construction for a
-    parameter, sensor or scene that cannot be used.
+    It delivers scans itself (`SimulationSource`), or is a peer on a CAN bus whose scans a driver receives
+    (`SimulatedBusPeer`). `truth` is computed and published only for subscribers. The constructor raises ConfigError for
+    an invalid parameter, sensor or scene.
     """
 
-    source: SimulationSource | AdapterSource
+    source: SimulationSource | SimulatedBusPeer
 
     def __init__(self, node_name: str = "sim_board_node", clock: Clock | None = None, **node_arguments: Any) -> None:
         super().__init__(node_name, PARAMETERS, clock, **node_arguments)
@@ -91,66 +104,68 @@ class SimBoardNode(ScanSourceNode):
         self._truth = self.create_publisher(TactileTruth, "truth", TRUTH_DEPTH)
         self._truth_listeners = Listeners(self._truth)
         self.create_service(LoadScene, "scene/load", self._load_scene)
-        self._taken: deque[tuple[int, float]] = deque(maxlen=REMEMBERED)  # numbers and times [s] of the newest scans
+        self._taken: deque[tuple[int, float]] = deque(
+            maxlen=SCAN_TIMES_KEPT
+        )  # sequence and time [s] of the latest scans
 
-    def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ScanSource:
-        """Return the simulated board in real time: bare, behind an adapter, or on a bus."""
+    def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ManagedDevice:
+        """Return the simulated board in real time: direct, behind an adapter, or on a bus."""
         scene = load_scene(parameters["scene"], sensor)
-        imperfections = load_imperfections(parameters["imperfections"])
+        error_model = load_error_model(parameters["imperfections"])
         link = parameters["adapter_link"]
         if not link and not parameters["bus_interface"]:
-            return SimulationSource(sensor, scene, parameters["seed"], self.clock, imperfections)
+            return SimulationSource(sensor, scene, parameters["seed"], self.clock, error_model)
         from posfet_driver.bus.open_bus import bus_settings  # noqa: PLC0415
-        from posfet_sim.emulation.emulated_source import AdapterSource  # noqa: PLC0415  # python-can takes 0.1 s to load
+        from posfet_sim.emulation.bus_peer import SimulatedBusPeer  # noqa: PLC0415  # python-can takes 0.1 s to load
 
         if parameters["bus_interface"]:
             link = bus_settings(parameters["bus_interface"], parameters["bus_channel"], sensor.can)
-        source = AdapterSource(sensor, scene, parameters["seed"], link, self.clock, imperfections)
-        source.on_scan = self._scan_sent
-        return source
+        peer = SimulatedBusPeer(sensor, scene, parameters["seed"], link, self.clock, error_model)
+        peer.on_scan = self._scan_sent
+        return peer
 
     def wanted(self, now: int) -> bool:
-        """Return whether the scene may begin; on a bus that is for the driver to say."""
+        """Return whether the scene may begin; on a bus the driver decides that."""
         return not isinstance(self.source, SimulationSource) or super().wanted(now)
 
     def objects_in(self, sequence: int) -> ObjectsState | None:
-        """Return what the objects did in the newest scan of that number, None when that is long ago. For any thread."""
-        times = [time for number, time in self._taken.copy() if number == sequence]
+        """Return the objects at the latest scan of a sequence; None when it is too old. Thread-safe."""
+        times = [time for taken, time in self._taken.copy() if taken == sequence]
         return self.source.board.objects(times[-1]) if times else None
 
     def deliver(self, scan: Scan, now: int) -> None:
-        """Hand on one scan, then what truly was."""
+        """Deliver one scan, then its ground truth."""
         super().deliver(scan, now)
-        self._tell_truth(scan.sequence, scan.stamp, now)
+        self._publish_truth(scan.sequence, scan.stamp, now)
 
     def _load_scene(self, request: LoadScene.Request, response: LoadScene.Response) -> LoadScene.Response:
-        """Switch the board off, and on again with another scene."""
+        """Restart the board with another scene."""
         try:
             self.source.scene = load_scene(request.scene, self.sensor)
             self.restart()
         except (ConfigError, SourceError) as error:
             response.success, response.message = False, str(error)
             return response
-        response.success, response.message = True, f"scene '{self.source.scene.name}' from its beginning"
+        response.success, response.message = True, f"scene '{self.source.scene.name}' from its start"
         return response
 
     def _scan_sent(self, scan: Scan, stamp: int) -> None:
-        """Tell what truly was in a scan that went out on the adapter, in whose thread this is."""
+        """Publish the ground truth of a scan that was sent on the bus; runs in the thread of the bus."""
         try:
             if self._active:
-                self._tell_truth(scan.sequence, stamp, time.monotonic_ns())
+                self._publish_truth(scan.sequence, stamp, time.monotonic_ns())
         except rclpy_implementation.RCLError:
-            if self.context.ok():  # else the process is being ended
+            if self.context.ok():  # else the process is shutting down
                 raise
 
-    def _tell_truth(self, sequence: int, stamp: int, now: int) -> None:
+    def _publish_truth(self, sequence: int, stamp: int, now: int) -> None:
         self._taken.append((sequence, self.source.board.time))
         if self._truth_listeners.any(now):
             self._truth.publish(self._truth_message.fill(self.source.board.truth(), sequence, stamp))
 
 
 def _floats(values: np.ndarray[Any, Any]) -> array[float]:
-    """Return values as float32, in the form that rclpy takes without looking at each one."""
+    """Return values as a float32 array, which rclpy takes without a check of each element."""
     return array("f", values.astype(np.float32).tobytes())
 
 
@@ -163,12 +178,12 @@ def _quaternion(x: float, y: float, z: float, w: float) -> Quaternion:
 
 
 def make_node() -> SimBoardNode:
-    """Return the node, started unless its parameter autostart says otherwise."""
+    """Return the node, started unless its parameter autostart is false."""
     node = SimBoardNode()
     node.start()
     return node
 
 
 def main() -> None:
-    """Run the simulated board until it is interrupted."""
+    """Run the node until it is interrupted."""
     raise SystemExit(run_node(make_node))

@@ -1,18 +1,18 @@
-"""Scenes: what touches a simulated board over time (docs/scenes.md)."""
+"""Scenes: objects that touch a simulated board over time (docs/scenes.md)."""
 
 from posfet_sim.scene.scene import ChipBend, ObjectState, Scene, SceneObject
 from posfet_sim.scene.scene_file import DEFAULT_SCENE, SCENE_FOLDER, load_scene
 from posfet_sim.scene.scene_loads import SceneLoads
-from posfet_sim.scene.trajectories import Track
+from posfet_sim.scene.trajectories import Keyframes
 
 __all__ = [
     "DEFAULT_SCENE",
     "SCENE_FOLDER",
     "ChipBend",
+    "Keyframes",
     "ObjectState",
     "Scene",
     "SceneLoads",
     "SceneObject",
-    "Track",
     "load_scene",
 ]

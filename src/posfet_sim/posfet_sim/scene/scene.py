@@ -1,4 +1,4 @@
-"""What a scene is made of."""
+"""Objects and temperature of a scene over time."""
 
 from __future__ import annotations
 
@@ -10,44 +10,48 @@ from functools import cached_property
 from typing import NamedTuple
 
 from posfet_sim.contact.indenters import FLAT, Bend, Shape
-from posfet_sim.scene.trajectories import Path, Pose, Span, Track
+from posfet_sim.scene.trajectories import Keyframes, Path, Pose, Span
 
 
 class ObjectState(NamedTuple):
     """One object at one time."""
 
     x: float
-    """Along the surface [m]."""
+    """Position along the columns, on the surface [m]."""
     y: float
+    """Position along the rows, on the surface [m]."""
     angle: float
-    """About the surface's normal [rad]."""
+    """Rotation about the surface normal [rad]."""
     force: float
-    """[N]; 0 without touch."""
+    """Normal force [N]; 0 without contact."""
     indentation: float
-    """How deep it is pressed in [m]; below 0: how high it is above the surface."""
+    """Indentation [m]; below 0: height above the surface."""
 
 
 @dataclass(frozen=True)
 class SceneObject:
-    """One object."""
+    """One object of a scene."""
 
     name: str
+    """Name, unique in the scene."""
     shape: Shape
+    """Shape of its contact."""
     path: Path
+    """Position, angle and load over time."""
     by_indentation: bool = False
-    """Whether the path's load is an indentation [m] instead of a force [N]."""
+    """Whether the load of the path is an indentation [m] instead of a force [N]."""
     temperature: float | None = None
-    """[degC]; None: it conducts no heat."""
+    """Temperature [degC]; None: no heat transfer."""
 
 
 @dataclass(frozen=True)
 class ChipBend:
-    """A chip bent to a cylinder, the array on its outer side."""
+    """A chip bent to a cylinder, the array on its convex side."""
 
     radius: float
-    """[m]."""
+    """Radius of the cylinder [m]."""
     axis_x: bool
-    """Whether the cylinder's axis lies along x, so that the columns are bent; else along y."""
+    """Whether the axis of the cylinder is along x, so that the columns are bent; else along y."""
 
     def along(self, angle: float) -> Bend:
         """Return the curvatures [1/m] along and across a direction at an angle [rad] from x."""
@@ -56,10 +60,18 @@ class ChipBend:
             bent, straight = straight, bent
         return (bent / self.radius, straight / self.radius)
 
-    def place(self, x: float, y: float) -> tuple[tuple[float, float, float], float]:
-        """Return the point of the surface [m] that lies x, y [m] along it, and the angle [rad] it is tilted by.
+    def surface_point(self, x: float, y: float) -> tuple[tuple[float, float, float], float]:
+        """Return the point of the bent surface at the surface coordinates x, y.
 
-        The middle of the array stays at the origin. The tilt turns the normal from z towards the side of the point.
+        Parameters
+        ----------
+        x, y : float
+            Coordinates along the surface [m]; the middle of the array is the origin.
+
+        Returns
+        -------
+        tuple of (tuple of float, float)
+            Position (x, y, z) [m], and the tilt of the normal from z towards the side of the point [rad].
         """
         along = y if self.axis_x else x
         tilt = along / self.radius
@@ -68,24 +80,24 @@ class ChipBend:
 
 
 @dataclass(frozen=True)
-class Warming:
-    """By how much the objects warm the chip, in straight lines over even steps."""
+class TemperatureRise:
+    """Temperature rise of the chip caused by the objects, piecewise linear in uniform steps."""
 
     step: float
-    """[s]."""
+    """Length of a step [s]."""
     values: tuple[float, ...]
-    """At the start of the scene and after each step [K]; the last one holds."""
+    """Rise at the start of the scene and after each step [K]; constant after the last one."""
 
     def at(self, time: float) -> float:
-        """Return the warming [K] at a time [s] of the scene."""
-        place = time / self.step
-        index = int(place)
+        """Return the temperature rise [K] at a time [s] of the scene."""
+        position = time / self.step
+        index = int(position)
         if index >= len(self.values) - 1:
             return self.values[-1]
-        return self.values[index] + (self.values[index + 1] - self.values[index]) * (place - index)
+        return self.values[index] + (self.values[index + 1] - self.values[index]) * (position - index)
 
     def changes(self) -> list[Span]:
-        """Return the times [s] in which it changes."""
+        """Return the intervals [s] in which it changes."""
         return [
             (index * self.step, (index + 1) * self.step)
             for index in range(len(self.values) - 1)
@@ -95,25 +107,28 @@ class Warming:
 
 @dataclass(frozen=True)
 class Scene:
-    """Objects and temperature over time; after `period` it begins anew."""
+    """Objects and temperature over time; repeats after `period`."""
 
     name: str
+    """Name of the scene."""
     description: str
+    """One line on what happens."""
     period: float
     """Time after which the scene repeats [s]; infinite when it plays once."""
     objects: tuple[SceneObject, ...]
-    temperature: Track
-    """Temperature of the chip [degC], but for what objects warm it by."""
+    """Objects that may touch the array."""
+    temperature: Keyframes
+    """Temperature of the chip without heat from objects [degC]."""
     bend: ChipBend | None = None
-    """None: the chip is flat."""
-    cover_thickness: float | None = None
-    """Thickness of the elastic cover [m]; None: its spread is the sensor file's."""
-    warming: Warming | None = None
-    """None: no object conducts heat."""
+    """Bend of the chip; None: flat."""
+    skin_thickness: float | None = None
+    """Thickness of the elastomer skin [m]; None: the spread is that of the sensor file."""
+    temperature_rise: TemperatureRise | None = None
+    """Temperature rise caused by the objects; None: no heat transfer."""
 
     @property
     def duration(self) -> float:
-        """How long it plays until it repeats, or until nothing changes any more [s]."""
+        """Duration until the scene repeats, or until nothing changes any more [s]."""
         if math.isfinite(self.period):
             return self.period
         ends = self._changes[1]
@@ -124,17 +139,17 @@ class Scene:
         return math.fmod(time, self.period)
 
     def chip_temperature(self, time: float) -> float:
-        """Return the chip's temperature [degC] at a time [s] since the start."""
+        """Return the chip temperature [degC] at a time [s] since the start."""
         local = self.local_time(time)
         (own,) = self.temperature.at(local)
-        return own if self.warming is None else own + self.warming.at(local)
+        return own if self.temperature_rise is None else own + self.temperature_rise.at(local)
 
     def bend_along(self, item: SceneObject, angle: float) -> Bend:
-        """Return the chip's curvatures [1/m] along and across an object at that angle [rad]."""
-        return FLAT if self.bend is None else self.bend.along(angle if item.shape.turns else 0.0)
+        """Return the curvatures of the chip [1/m] along and across an object at an angle [rad]."""
+        return FLAT if self.bend is None else self.bend.along(angle if item.shape.depends_on_angle else 0.0)
 
-    def presses(self, item: SceneObject, times: Sequence[float]) -> list[Pose]:
-        """Return place and force [N] of an object at each time [s] since the start."""
+    def loaded_poses(self, item: SceneObject, times: Sequence[float]) -> list[Pose]:
+        """Return position [m], angle [rad] and force [N] of an object at each time [s] since the start."""
         poses = [item.path.at(self.local_time(time)) for time in times]
         if not item.by_indentation:
             return poses
@@ -142,7 +157,7 @@ class Scene:
         return [(x, y, angle, shape.force(load, self.bend_along(item, angle))) for x, y, angle, load in poses]
 
     def states(self, time: float) -> list[ObjectState]:
-        """Return each object at a time [s] since the start."""
+        """Return the state of each object at a time [s] since the start."""
         local = self.local_time(time)
         return [self._state(item, local) for item in self.objects]
 
@@ -153,10 +168,11 @@ class Scene:
             return ObjectState(x, y, angle, item.shape.force(load, bend), load)
         return ObjectState(x, y, angle, load, item.shape.indentation(load, bend))
 
-    def rests_until(self, time: float) -> float:
-        """Return the time [s] up to which, from `time` on, no force and no temperature changes; `time` when one does.
+    def constant_until(self, time: float) -> float:
+        """Return the time [s] up to which, from `time` [s] on, neither forces nor temperature change.
 
-        An object that moves without touching is at rest. Infinite when nothing will ever change again.
+        It is `time` itself while one of them changes, and infinite when nothing changes any more. Motion without
+        contact does not count.
         """
         local = self.local_time(time)
         starts, ends = self._changes
@@ -167,12 +183,12 @@ class Scene:
 
     @cached_property
     def _changes(self) -> tuple[Sequence[float], Sequence[float]]:
-        """Starts and ends of the times of the scene [s] in which a force or the temperature changes, disjoint."""
+        """Starts and ends of the disjoint intervals [s] of the scene in which a force or the temperature changes."""
         spans = self.temperature.changing(lambda a, b: a == b)
         for item in self.objects:
             spans += item.path.changes()
-        if self.warming is not None:
-            spans += self.warming.changes()
+        if self.temperature_rise is not None:
+            spans += self.temperature_rise.changes()
         starts: list[float] = []
         ends: list[float] = []
         for start, end in sorted(spans):

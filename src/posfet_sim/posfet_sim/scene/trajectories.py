@@ -1,10 +1,10 @@
-"""How the objects of a scene move: position, angle and load over time.
+"""Paths of the objects of a scene: position, angle and load over time.
 
-Between two keyframes every value moves as ``v0 + (v1 - v0)*(10*u^3 - 15*u^4 + 6*u^5)``, u from 0 to 1: the path of
-least jerk from rest to rest (Flash and Hogan, J. Neurosci. 5(7), 1985, eq. 1). It never overshoots, and velocity and
-acceleration are 0 at each keyframe. Before the first keyframe its values hold, after the last one the last values.
+Keyframes are connected by minimum-jerk trajectories: ``v0 + (v1 - v0)*(10*u^3 - 15*u^4 + 6*u^5)``, u from 0 to 1, from
+rest to rest (Flash and Hogan, J. Neurosci. 5(7), 1985, eq. 1). There is no overshoot, and velocity and acceleration are
+0 at each keyframe. Values are constant before the first and after the last keyframe.
 
-Every other path presses and lifts along the same curve, and has no load before its start and after its end.
+Every other path applies and releases its load along the same curve, and has no load before its start and after its end.
 """
 
 from __future__ import annotations
@@ -22,36 +22,40 @@ Pose: TypeAlias = tuple[float, ...]
 """x, y [m], angle about z [rad], and load: force [N] or indentation [m]."""
 
 Span: TypeAlias = tuple[float, float]
-"""Start and end of a time [s]."""
+"""Start and end of an interval [s]."""
 
 WAVES: Final = 8
-"""Sines in each coordinate of a random path; its values then stay within its amplitude, at a quarter of it RMS."""
+"""Number of sines in each coordinate of a random path; with it the RMS value is a quarter of the amplitude."""
 
 
 class Path(Protocol):
-    """Where an object is and how hard it presses."""
+    """Position, angle and load of an object over time."""
 
     def at(self, time: float) -> Pose:
         """Return the pose at a time [s] of the scene."""
         ...
 
     def changes(self) -> list[Span]:
-        """Return the times [s] in which what the object does to the array changes."""
+        """Return the intervals [s] in which the effect of the object on the array changes."""
         ...
 
-    def top_load(self) -> float:
-        """Return the greatest load: force [N] or indentation [m]."""
+    def max_load(self) -> float:
+        """Return the maximum load: force [N] or indentation [m]."""
         ...
 
 
-def least_jerk(u: float) -> float:
-    """Return the share of the way done after the share u, in [0, 1], of the time."""
-    return min(u * u * u * (10 + u * (6 * u - 15)), 1.0)  # rounding may carry it past 1, and a force below 0
+def minimum_jerk(u: float) -> float:
+    """Return the minimum-jerk position in [0, 1] at the normalised time u.
+
+    >>> minimum_jerk(0.25)
+    0.103515625
+    """
+    return min(u * u * u * (10 + u * (6 * u - 15)), 1.0)  # rounding may exceed 1, and make a force negative
 
 
 @dataclass(frozen=True)
-class Track:
-    """Values over time through keyframes."""
+class Keyframes:
+    """Values over time, with minimum-jerk trajectories between keyframes."""
 
     times: tuple[float, ...]
     """Times of the keyframes [s], ascending, at least one."""
@@ -69,118 +73,126 @@ class Track:
         end = self.values[index + 1]
         if start == end:
             return start
-        share = least_jerk((time - self.times[index]) / (self.times[index + 1] - self.times[index]))
-        return tuple([a + (b - a) * share for a, b in zip(start, end, strict=True)])
+        fraction = minimum_jerk((time - self.times[index]) / (self.times[index + 1] - self.times[index]))
+        return tuple([a + (b - a) * fraction for a, b in zip(start, end, strict=True)])
 
-    def changing(self, rests: Callable[[tuple[float, ...], tuple[float, ...]], bool]) -> list[Span]:
-        """Return the parts over which `rests` (values at the start, values at the end) is not true."""
+    def changing(self, constant: Callable[[tuple[float, ...], tuple[float, ...]], bool]) -> list[Span]:
+        """Return the intervals [s] for which `constant` (values at the start, values at the end) is false."""
         return [
             (self.times[index], self.times[index + 1])
             for index in range(len(self.times) - 1)
-            if not rests(self.values[index], self.values[index + 1])
+            if not constant(self.values[index], self.values[index + 1])
         ]
 
     def changes(self) -> list[Span]:
-        """Return the times in which the last value, the load, is above 0 and something changes."""
+        """Return the intervals [s] in which the last value, the load, is above 0 and a value changes."""
         return self.changing(lambda a, b: a == b or (a[-1] <= 0 and b[-1] <= 0))
 
-    def top_load(self) -> float:
-        """Return the greatest last value."""
+    def max_load(self) -> float:
+        """Return the maximum of the last value, the load."""
         return max(values[-1] for values in self.values)
 
 
 @dataclass(frozen=True)
-class Touch:
-    """Press on, hold, lift; the other paths do something while they hold."""
+class PressRelease:
+    """Press, hold and release; the derived paths move or vibrate while they hold."""
 
     start: float
     """Time at which the load begins [s]."""
     end: float
-    """Time at which it is 0 again [s]."""
+    """Time at which the load is 0 again [s]."""
     rise: float
-    """Time of the press, and of the lift [s]; at most half of the whole."""
+    """Duration of the press, and of the release [s]; at most half of the total."""
     x: float
+    """Position along the columns [m]."""
     y: float
+    """Position along the rows [m]."""
     angle: float
+    """Angle about z [rad]."""
     load: float
+    """Load while it holds: force [N] or indentation [m]."""
 
-    def share(self, time: float) -> float:
-        """Return the share of the load at a time [s], in [0, 1]."""
+    def relative_load(self, time: float) -> float:
+        """Return the load at a time [s] relative to the full load, in [0, 1]."""
         edge = min(time - self.start, self.end - time)
         if edge <= 0:
             return 0.0
-        return 1.0 if edge >= self.rise else least_jerk(edge / self.rise)
+        return 1.0 if edge >= self.rise else minimum_jerk(edge / self.rise)
 
     def at(self, time: float) -> Pose:
         """Return the pose at a time [s] of the scene."""
-        return (self.x, self.y, self.angle, self.load * self.share(time))
+        return (self.x, self.y, self.angle, self.load * self.relative_load(time))
 
     def changes(self) -> list[Span]:
-        """Return the whole of the touch."""
+        """Return the interval from start to end [s]."""
         return [(self.start, self.end)]
 
-    def top_load(self) -> float:
-        """Return the greatest load."""
+    def max_load(self) -> float:
+        """Return the load while it holds."""
         return self.load
 
 
 @dataclass(frozen=True)
-class Vibration(Touch):
-    """A sine on top of the load, of one frequency or swept evenly from one to another."""
+class Vibration(PressRelease):
+    """A sine added to the load, of constant or linearly swept frequency."""
 
     amplitude: float
-    """In the unit of the load; at most the load."""
+    """Amplitude in the unit of the load; at most the load."""
     frequency: float
-    """At the start [Hz]."""
+    """Frequency at the start [Hz]."""
     end_frequency: float
-    """At the end [Hz]."""
+    """Frequency at the end [Hz]."""
 
     def at(self, time: float) -> Pose:
         """Return the pose at a time [s] of the scene."""
         since = time - self.start
         slope = (self.end_frequency - self.frequency) / (self.end - self.start)
         wave = math.sin(2 * math.pi * since * (self.frequency + slope * since / 2))
-        return (self.x, self.y, self.angle, (self.load + self.amplitude * wave) * self.share(time))
+        return (self.x, self.y, self.angle, (self.load + self.amplitude * wave) * self.relative_load(time))
 
-    def top_load(self) -> float:
-        """Return load and amplitude."""
+    def max_load(self) -> float:
+        """Return the sum of load and amplitude."""
         return self.load + self.amplitude
 
 
 @dataclass(frozen=True)
-class Stroke(Touch):
-    """To another place or angle and back, at constant speed, while the load is held: slide and twist."""
+class Stroke(PressRelease):
+    """Slide and twist: to another position or angle and back, at constant speed, while the load is held."""
 
     to_x: float
+    """Other position along the columns [m]."""
     to_y: float
+    """Other position along the rows [m]."""
     to_angle: float
+    """Other angle [rad]."""
     strokes: int
-    """How many times it goes the way, there and back again counting as two."""
+    """Number of strokes; forth and back are two."""
 
     def at(self, time: float) -> Pose:
         """Return the pose at a time [s] of the scene."""
-        way = self.strokes * (time - self.start - self.rise) / (self.end - self.start - 2 * self.rise)
-        way = min(max(way, 0.0), float(self.strokes)) % 2 if way < self.strokes else self.strokes % 2
-        share = way if way <= 1 else 2 - way
+        travelled = self.strokes * (time - self.start - self.rise) / (self.end - self.start - 2 * self.rise)
+        travelled = min(max(travelled, 0.0), float(self.strokes)) % 2 if travelled < self.strokes else self.strokes % 2
+        fraction = travelled if travelled <= 1 else 2 - travelled
         return (
-            self.x + (self.to_x - self.x) * share,
-            self.y + (self.to_y - self.y) * share,
-            self.angle + (self.to_angle - self.angle) * share,
-            self.load * self.share(time),
+            self.x + (self.to_x - self.x) * fraction,
+            self.y + (self.to_y - self.y) * fraction,
+            self.angle + (self.to_angle - self.angle) * fraction,
+            self.load * self.relative_load(time),
         )
 
 
 @dataclass(frozen=True)
-class Wander(Touch):
-    """Load and place wander at random, each as a sum of sines drawn with a seed."""
+class RandomMotion(PressRelease):
+    """Random load and position, each a sum of sines of random frequency and phase."""
 
     amplitude: float
-    """Of the load, in its unit; at most the load."""
+    """Amplitude of the load, in its unit; at most the load."""
     reach: float
-    """Of x and of y [m]."""
+    """Amplitude of x and of y [m]."""
     bandwidth: float
-    """Highest frequency [Hz]."""
+    """Maximum frequency [Hz]."""
     seed: int
+    """Seed of frequencies and phases."""
 
     @cached_property
     def _waves(self) -> list[list[tuple[float, float]]]:
@@ -194,53 +206,57 @@ class Wander(Touch):
 
     def at(self, time: float) -> Pose:
         """Return the pose at a time [s] of the scene."""
-        share = self.share(time)
-        if share == 0:
+        fraction = self.relative_load(time)
+        if fraction == 0:
             return (self.x, self.y, self.angle, 0.0)
         load, x, y = (sum(math.sin(rate * time + phase) for rate, phase in waves) / WAVES for waves in self._waves)
         return (
             self.x + self.reach * x,
             self.y + self.reach * y,
             self.angle,
-            (self.load + self.amplitude * load) * share,
+            (self.load + self.amplitude * load) * fraction,
         )
 
-    def top_load(self) -> float:
-        """Return load and amplitude."""
+    def max_load(self) -> float:
+        """Return the sum of load and amplitude."""
         return self.load + self.amplitude
 
 
 @dataclass(frozen=True)
 class Taps:
-    """Short touches at regular times."""
+    """Short contacts at regular intervals."""
 
     start: float
-    """Time of the first touch [s]."""
+    """Start of the first contact [s]."""
     contact: float
-    """How long each lasts [s]; at most the interval."""
+    """Duration of each contact [s]; at most the interval."""
     interval: float
-    """From touch to touch [s]."""
+    """Time from contact to contact [s]."""
     count: int
+    """Number of contacts."""
     x: float
+    """Position along the columns [m]."""
     y: float
+    """Position along the rows [m]."""
     angle: float
+    """Angle about z [rad]."""
     load: float
-    """At the height of a touch."""
+    """Peak load: force [N] or indentation [m]."""
 
     def at(self, time: float) -> Pose:
         """Return the pose at a time [s] of the scene."""
         number = math.floor((time - self.start) / self.interval)
-        share = 0.0
+        fraction = 0.0
         if 0 <= number < self.count:
             u = 2 * (time - self.start - number * self.interval) / self.contact
-            share = least_jerk(max(min(u, 2 - u), 0.0))
-        return (self.x, self.y, self.angle, self.load * share)
+            fraction = minimum_jerk(max(min(u, 2 - u), 0.0))
+        return (self.x, self.y, self.angle, self.load * fraction)
 
     def changes(self) -> list[Span]:
-        """Return the times of the touches."""
+        """Return the intervals of the contacts [s]."""
         starts = [self.start + number * self.interval for number in range(self.count)]
         return [(start, start + self.contact) for start in starts]
 
-    def top_load(self) -> float:
-        """Return the load at the height of a touch."""
+    def max_load(self) -> float:
+        """Return the peak load."""
         return self.load

@@ -1,4 +1,4 @@
-"""The paths of a scene's objects from YAML."""
+"""Paths of the objects of a scene from YAML."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from posfet_model.config import Section
-from posfet_sim.scene.trajectories import Path, Pose, Stroke, Taps, Track, Vibration, Wander
+from posfet_sim.scene.trajectories import Keyframes, Path, Pose, RandomMotion, Stroke, Taps, Vibration
 
 TIME_MAX: Final = 1e6
-"""Longest scene [s]."""
+"""Maximum duration of a scene [s]."""
 
 FREQUENCY_RANGE: Final = (1e-3, 1e4)
-"""Accepted frequencies [Hz]."""
+"""Allowed frequencies [Hz]."""
 
-HIGHEST: Final = 10e-3
-"""How high an object may be above the surface when its path gives indentations [m]."""
+MAX_HEIGHT: Final = 10e-3
+"""Maximum height of an object above the surface when its path gives indentations [m]."""
 
 ANGLE_RANGE: Final = (-3600.0, 3600.0)
-"""Accepted angles [deg]: ten turns."""
+"""Allowed angles [deg]: ten turns."""
 
 _COUNT_MAX: Final = 100_000
 _SEED_MAX: Final = 1_000_000_000
@@ -28,26 +28,45 @@ _SEED_MAX: Final = 1_000_000_000
 
 @dataclass(frozen=True)
 class Limits:
-    """What a path must stay within."""
+    """Limits of a path."""
 
     half_x: float
-    """Half the width of the array's cells [m]."""
+    """Half the extent of the cells along x [m]."""
     half_y: float
+    """Half the extent of the cells along y [m]."""
     force: float
-    """Greatest force [N]."""
+    """Maximum force [N]."""
     indentation: float | None
-    """Indentation at that force [m]; None when the object cannot be driven by one."""
+    """Indentation at the maximum force [m]; None when the object needs a force."""
     period: float
-    """[s]; infinite without one."""
+    """Period of the scene [s]; infinite without one."""
 
-    def place(self, section: Section, prefix: str = "", margin: float = 0.0) -> tuple[float, float]:
-        """Read x and y [m] of a place at least `margin` [m] within the array's cells."""
+    def read_position(self, section: Section, prefix: str = "", margin: float = 0.0) -> tuple[float, float]:
+        """Read a position x, y [m] that is at least `margin` [m] inside the cells of the array."""
         x, y = ((half - margin) * 1e3 for half in (self.half_x, self.half_y))
         return section.number(f"{prefix}x_mm", -x, x) * 1e-3, section.number(f"{prefix}y_mm", -y, y) * 1e-3
 
 
 def read_path(section: Section, limits: Limits) -> tuple[Path, bool]:
-    """Take the path of an object: `keyframes` or `path`; return whether its load is an indentation, too."""
+    """Read the path of an object, from `keyframes` or `path`.
+
+    Parameters
+    ----------
+    section : Section
+        Section of the object.
+    limits : Limits
+        Limits of position, load and time.
+
+    Returns
+    -------
+    tuple of (Path, bool)
+        The path, and whether its load is an indentation instead of a force.
+
+    Raises
+    ------
+    ConfigError
+        A key is missing, unknown or out of range.
+    """
     if "path" not in section:
         return _keyframe_path(section, limits)
     if "keyframes" in section:
@@ -61,7 +80,7 @@ def read_path(section: Section, limits: Limits) -> tuple[Path, bool]:
 
 
 def keyframes(section: Section, name: str) -> list[Section]:
-    """Take a list of at least one keyframe."""
+    """Read a list of at least one keyframe."""
     sections = section.sections(name)
     if not sections:
         raise section.error(name, "must hold at least one keyframe, got none")
@@ -69,7 +88,7 @@ def keyframes(section: Section, name: str) -> list[Section]:
 
 
 def keyframe_time(keyframe: Section, before: Sequence[float], period: float) -> float:
-    """Take the time [s] of a keyframe, which must be after the one before and within the period."""
+    """Read the time [s] of a keyframe, which must be after the previous one and within the period."""
     time = keyframe.number("time_s", 0, min(period, TIME_MAX))
     if before and time <= before[-1]:
         raise keyframe.error("time_s", f"must be after {before[-1]:g}, the keyframe before, got {time:g}")
@@ -83,17 +102,17 @@ def _keyframe_path(section: Section, limits: Limits) -> tuple[Path, bool]:
     values: list[Pose] = []
     for keyframe in sections:
         times.append(keyframe_time(keyframe, times, limits.period))
-        x, y = limits.place(keyframe)
+        x, y = limits.read_position(keyframe)
         angle = _angle(keyframe, "angle_deg", 0.0)
-        values.append((x, y, angle, _load(keyframe, limits, by_indentation, -HIGHEST if by_indentation else 0.0)))
+        values.append((x, y, angle, _load(keyframe, limits, by_indentation, -MAX_HEIGHT if by_indentation else 0.0)))
         keyframe.end()
     first, last = values[0], values[-1]
     if math.isfinite(limits.period) and first != last and (first[-1] > 0 or last[-1] > 0):
         raise sections[-1].error(
             _load_key(by_indentation),
-            "a scene with a period_s must end as it begins: without touch, or at the first keyframe's values",
+            "a scene with a period_s must end without contact, or with the values of the first keyframe",
         )
-    return Track(tuple(times), tuple(values)), by_indentation
+    return Keyframes(tuple(times), tuple(values)), by_indentation
 
 
 def _load_key(by_indentation: bool) -> str:
@@ -101,7 +120,7 @@ def _load_key(by_indentation: bool) -> str:
 
 
 def _load(section: Section, limits: Limits, by_indentation: bool, low: float = 0.0) -> float:
-    """Take the load: force [N] or indentation [m]."""
+    """Read the load: force [N] or indentation [m]."""
     if not by_indentation:
         return section.number("force_N", low, limits.force)
     if limits.indentation is None:
@@ -110,7 +129,7 @@ def _load(section: Section, limits: Limits, by_indentation: bool, low: float = 0
 
 
 def _amplitude(section: Section, limits: Limits, by_indentation: bool, load: float) -> float:
-    """Take the amplitude of a load: it must neither lift the object nor press it above the limit."""
+    """Read the amplitude of a load, for which the load stays between 0 and its limit."""
     highest = min(load, (limits.indentation or 0.0 if by_indentation else limits.force) - load)
     if by_indentation:
         return section.number("amplitude_mm", 0, highest * 1e3) * 1e-3
@@ -121,14 +140,14 @@ def _angle(section: Section, name: str, default: float) -> float:
     return math.radians(section.number(name, *ANGLE_RANGE, default=default))
 
 
-def _touch(section: Section, limits: Limits, by_indentation: bool, margin: float = 0.0) -> dict[str, Any]:
-    """Take what every touch has: its times, its place, and its load."""
+def _press_release(section: Section, limits: Limits, by_indentation: bool, margin: float = 0.0) -> dict[str, Any]:
+    """Read the common keys of the paths: times, position and load."""
     start = section.number("start_s", 0, min(limits.period, TIME_MAX))
     end = section.number("end_s", 0, min(limits.period, TIME_MAX))
     if end <= start:
         raise section.error("end_s", f"must be after start_s = {start:g}, got {end:g}")
     rise = section.number("rise_s", 0, (end - start) / 2, exclusive=True)
-    x, y = limits.place(section, margin=margin)
+    x, y = limits.read_position(section, margin=margin)
     return {
         "start": start,
         "end": end,
@@ -141,42 +160,42 @@ def _touch(section: Section, limits: Limits, by_indentation: bool, margin: float
 
 
 def _sine(section: Section, limits: Limits, by_indentation: bool) -> Path:
-    touch = _touch(section, limits, by_indentation)
+    common = _press_release(section, limits, by_indentation)
     frequency = section.number("frequency_Hz", *FREQUENCY_RANGE)
-    amplitude = _amplitude(section, limits, by_indentation, touch["load"])
-    return Vibration(**touch, amplitude=amplitude, frequency=frequency, end_frequency=frequency)
+    amplitude = _amplitude(section, limits, by_indentation, common["load"])
+    return Vibration(**common, amplitude=amplitude, frequency=frequency, end_frequency=frequency)
 
 
 def _sweep(section: Section, limits: Limits, by_indentation: bool) -> Path:
-    touch = _touch(section, limits, by_indentation)
+    common = _press_release(section, limits, by_indentation)
     return Vibration(
-        **touch,
-        amplitude=_amplitude(section, limits, by_indentation, touch["load"]),
+        **common,
+        amplitude=_amplitude(section, limits, by_indentation, common["load"]),
         frequency=section.number("frequency_Hz", *FREQUENCY_RANGE),
         end_frequency=section.number("end_frequency_Hz", *FREQUENCY_RANGE),
     )
 
 
 def _slide(section: Section, limits: Limits, by_indentation: bool) -> Path:
-    touch = _touch(section, limits, by_indentation)
-    to_x, to_y = limits.place(section, "to_")
+    common = _press_release(section, limits, by_indentation)
+    to_x, to_y = limits.read_position(section, "to_")
     strokes = section.whole("strokes", 1, _COUNT_MAX, default=1)
-    return Stroke(**touch, to_x=to_x, to_y=to_y, to_angle=touch["angle"], strokes=strokes)
+    return Stroke(**common, to_x=to_x, to_y=to_y, to_angle=common["angle"], strokes=strokes)
 
 
 def _twist(section: Section, limits: Limits, by_indentation: bool) -> Path:
-    touch = _touch(section, limits, by_indentation)
+    common = _press_release(section, limits, by_indentation)
     to_angle = math.radians(section.number("to_angle_deg", *ANGLE_RANGE))
     strokes = section.whole("strokes", 1, _COUNT_MAX, default=1)
-    return Stroke(**touch, to_x=touch["x"], to_y=touch["y"], to_angle=to_angle, strokes=strokes)
+    return Stroke(**common, to_x=common["x"], to_y=common["y"], to_angle=to_angle, strokes=strokes)
 
 
 def _random(section: Section, limits: Limits, by_indentation: bool) -> Path:
     reach = section.number("reach_mm", 0, min(limits.half_x, limits.half_y) * 1e3, default=0.0) * 1e-3
-    touch = _touch(section, limits, by_indentation, margin=reach)
-    return Wander(
-        **touch,
-        amplitude=_amplitude(section, limits, by_indentation, touch["load"]),
+    common = _press_release(section, limits, by_indentation, margin=reach)
+    return RandomMotion(
+        **common,
+        amplitude=_amplitude(section, limits, by_indentation, common["load"]),
         reach=reach,
         bandwidth=section.number("bandwidth_Hz", *FREQUENCY_RANGE),
         seed=section.whole("seed", 0, _SEED_MAX),
@@ -192,7 +211,7 @@ def _tap(section: Section, limits: Limits, by_indentation: bool) -> Path:
     if end > min(limits.period, TIME_MAX):
         highest = math.floor((min(limits.period, TIME_MAX) - start - contact) / interval) + 1
         raise section.error("count", f"must be in [1, {highest}] to end in time, got {count}")
-    x, y = limits.place(section)
+    x, y = limits.read_position(section)
     load = _load(section, limits, by_indentation)
     return Taps(start, contact, interval, count, x, y, _angle(section, "angle_deg", 0.0), load)
 

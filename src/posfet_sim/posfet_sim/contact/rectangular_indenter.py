@@ -1,10 +1,10 @@
-"""A flat, stiff, rectangular punch: its exact pressure has no closed form, so it is solved for, once for each shape.
+"""A rigid flat rectangular indenter: the pressure has no closed form and is solved for numerically, once per shape.
 
-The pressure is that of a product of strips, ``1/(pi^2*a*b*sqrt(1 - u^2)*sqrt(1 - v^2))`` with u and v in half sides,
-times a sum of ``c_ij*T_2i(u)*T_2j(v)``, T_n Chebyshev's polynomials. The c_ij are those of least energy (Galerkin) for
-a surface that sinks in evenly: the pressure counts as even over small rectangles, finer towards the sides, and sinks by
-Love's closed form (Phil. Trans. R. Soc. A 228, 1929; Johnson, Contact Mechanics, 1985, section 3.2). The stiffness of a
-square punch comes out 0.1 % too low.
+The pressure is the product of two strip pressures, ``1/(pi^2*a*b*sqrt(1 - u^2)*sqrt(1 - v^2))`` with u and v in half
+sides, times a sum of ``c_ij*T_2i(u)*T_2j(v)``, T_n the Chebyshev polynomials. The c_ij minimise the energy (Galerkin)
+for a uniform displacement of the surface: the pressure is uniform over small rectangles, finer towards the sides, with
+the displacement of Love's closed form (Phil. Trans. R. Soc. A 228, 1929; Johnson, Contact Mechanics, 1985, section
+3.2). The stiffness of a square indenter is 0.1 % too low.
 """
 
 from __future__ import annotations
@@ -15,34 +15,32 @@ from functools import lru_cache
 from typing import ClassVar, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from posfet_model._lib.types import Array
 from posfet_sim.contact.closed_forms import FORCE_LIMIT
 from posfet_sim.contact.indenters import Bend
 from posfet_sim.contact.taxel_forces import Footprint, points_for
 
-LONGEST: Final = 20.0
-"""Greatest ratio of the sides that is solved for."""
+MAX_ASPECT_RATIO: Final = 20.0
+"""Maximum ratio of the sides [1]."""
 
-_TERMS: Final = 4  # even polynomials along each axis; six move a taxel's share by less than 3e-4
+_TERMS: Final = 4  # even polynomials along each axis; six change the fraction of a taxel by less than 3e-4
 _PARTS: Final = 16  # small rectangles along half a side
-
-Float64Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class RectangularPunch:
-    """A flat, stiff, rectangular punch, on a flat chip. A taxel's force is right to 3e-4 of the punch's."""
+class RectangularIndenter:
+    """A rigid flat rectangular indenter on a flat chip. The error of the force of a taxel is 3e-4 of the total."""
 
     length: float
-    """Along u [m]."""
+    """Length along u [m]."""
     width: float
-    """Along v [m]; the sides' ratio is in [1/20, 20]."""
+    """Width along v [m]; the ratio of the sides is in [1/20, 20]."""
     effective_modulus: float
-    """E [Pa]."""
-    turns: ClassVar[bool] = True
+    """Effective modulus E [Pa]."""
+    depends_on_angle: ClassVar[bool] = True
     height: ClassVar[float] = 0.0
-    greatest_force: ClassVar[float] = FORCE_LIMIT
+    max_force: ClassVar[float] = FORCE_LIMIT
 
     @property
     def _stiffness(self) -> float:
@@ -50,11 +48,11 @@ class RectangularPunch:
         return self.effective_modulus * self.width / 2 * _solution(self.length / self.width)[1]
 
     def indentation(self, force: float, bend: Bend) -> float:
-        """Return how deep it is pressed in [m]."""
+        """Return the indentation [m]."""
         return force / self._stiffness
 
     def force(self, indentation: float, bend: Bend) -> float:
-        """Return the force [N]."""
+        """Return the force [N] for an indentation [m]."""
         return max(indentation, 0.0) * self._stiffness
 
     def area(self, force: float, bend: Bend) -> float:
@@ -62,7 +60,7 @@ class RectangularPunch:
         return self.length * self.width
 
     def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
-        """Return the pressure, one part for each polynomial across."""
+        """Return the pressure, one part per polynomial across."""
         half_length, half_width = self.length / 2, self.width / 2
         widest = max(half_length, half_width)
         orders = points_for(half_length, spread, widest), points_for(half_width, spread, widest)
@@ -71,10 +69,8 @@ class RectangularPunch:
 
 
 @lru_cache(maxsize=64)
-def _points(
-    ratio: float, order_u: int, order_v: int
-) -> list[tuple[Float64Array, Float64Array, Float64Array, Float64Array]]:
-    """Return points and weights along u and v, those above 0 and their mirror images along u, of each part."""
+def _points(ratio: float, order_u: int, order_v: int) -> list[tuple[Array, Array, Array, Array]]:
+    """Return points and weights of each part along u (points above 0, then their mirror images) and along v."""
     coefficients, _ = _solution(ratio)
     angle = (np.arange(order_u // 2) + 0.5) * math.pi / order_u
     u = np.concatenate([np.cos(angle), -np.cos(angle)])
@@ -86,32 +82,32 @@ def _points(
 
 
 @lru_cache(maxsize=64)
-def _solution(ratio: float) -> tuple[Float64Array, float]:
-    """Return c_ij, c_00 = 1, and force over indentation, in units of E times half the width, for length over width."""
+def _solution(ratio: float) -> tuple[Array, float]:
+    """Return c_ij with c_00 = 1, and the stiffness in units of E times half the width, for length over width."""
     angles = np.linspace(math.pi / 2, 0, _PARTS + 1)
     edges = np.cos(angles)
     middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
-    part = np.empty((_PARTS, _TERMS))  # force of each polynomial on each part of half a side
+    part = np.empty((_PARTS, _TERMS))  # force of each polynomial on each rectangle of half a side
     part[:, 0] = -np.diff(angles) / math.pi
     for term in range(1, _TERMS):
         part[:, term] = -np.diff(np.sin(2 * term * angles)) / (2 * term * math.pi)
     x, y = (each.ravel() for each in np.meshgrid(middle * ratio, middle, indexing="ij"))
     half_x, half_y = (each.ravel() for each in np.meshgrid(half * ratio, half, indexing="ij"))
-    sunk = sum(
+    displacement = sum(
         _love(x[:, None] - side * x, y[:, None] - other * y, half_x, half_y) for side in (1, -1) for other in (1, -1)
     )
-    sunk /= 4 * math.pi * half_x * half_y
+    displacement /= 4 * math.pi * half_x * half_y
     forces = np.einsum("ik,jl->ijkl", part, part).reshape(_PARTS**2, _TERMS**2)
     whole = 4 * forces.sum(axis=0)
-    found = np.linalg.solve(4 * forces.T @ sunk @ forces, whole)
-    return found.reshape(_TERMS, _TERMS) / found[0], float(whole @ found)
+    solution = np.linalg.solve(4 * forces.T @ displacement @ forces, whole)
+    return solution.reshape(_TERMS, _TERMS) / solution[0], float(whole @ solution)
 
 
-def _love(x: Float64Array, y: Float64Array, half_x: Float64Array, half_y: Float64Array) -> Float64Array:
-    """Return pi*E times the displacement at (x, y) from the middle of a rectangle under a pressure of 1."""
+def _love(x: Array, y: Array, half_x: Array, half_y: Array) -> Array:
+    """Return pi*E times the displacement at (x, y) from the middle of a rectangle under unit pressure."""
 
-    def part(along: Float64Array, across: Float64Array) -> Float64Array:
-        product: Float64Array = along * np.arcsinh(across / np.abs(along))
+    def part(along: Array, across: Array) -> Array:
+        product: Array = along * np.arcsinh(across / np.abs(along))
         return product
 
     right, left, top, bottom = x + half_x, x - half_x, y + half_y, y - half_y

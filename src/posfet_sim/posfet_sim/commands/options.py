@@ -1,0 +1,88 @@
+"""Command-line options that several commands share: one definition of each."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Final
+
+from posfet_model.sensor.description import DEFAULT_SENSOR
+from posfet_sim.device.error_model import DEFAULT
+from posfet_sim.device.simulated_board import SEED_MAX
+
+MAX_DURATION: Final = 1e6
+"""Maximum duration of a run [s]."""
+
+
+def add_scene(parser: argparse.ArgumentParser, default: str | None = None) -> None:
+    """Add the positional argument for the scene; it is required without a default."""
+    if default is None:
+        parser.add_argument("scene", metavar="SCENE", help="YAML file, or name of a shipped scene")
+        return
+    described = f"YAML file, or name of a shipped scene (default: {default})"
+    parser.add_argument("scene", metavar="SCENE", nargs="?", default=default, help=described)
+
+
+def add_sensor(parser: argparse.ArgumentParser) -> None:
+    """Add `--sensor`, the sensor description."""
+    described = f"sensor description: YAML file, or name of a shipped one (default: {DEFAULT_SENSOR})"
+    parser.add_argument("--sensor", metavar="SENSOR", default=DEFAULT_SENSOR, help=described)
+
+
+def add_error_model(parser: argparse.ArgumentParser) -> None:
+    """Add `--imperfections`, the error model of the simulated board."""
+    described = f"error model of the simulated board: none, default, or a YAML file (default: {DEFAULT})"
+    parser.add_argument("--imperfections", metavar="MODEL", default=DEFAULT, help=described)
+
+
+def add_seed(parser: argparse.ArgumentParser, default: int) -> None:
+    """Add `--seed`, the seed of everything random on the simulated board."""
+    described = f"seed of everything random on the simulated board (default: {default})"
+    parser.add_argument("--seed", metavar="SEED", type=seed, default=default, help=described)
+
+
+def add_duration(parser: argparse.ArgumentParser) -> None:
+    """Add `--for`, the simulated duration [s]; None without it."""
+    described = "simulated duration [s] (default: once through the scene)"
+    parser.add_argument("--for", metavar="SECONDS", dest="seconds", type=duration, help=described)
+
+
+def seed(text: str) -> int:
+    """Return a seed.
+
+    >>> seed("7")
+    7
+    """
+    if not text.isdecimal() or int(text) > SEED_MAX:
+        raise argparse.ArgumentTypeError(f"must be a whole number in [0, {SEED_MAX}], got '{text}'")
+    return int(text)
+
+
+def duration(text: str) -> float:
+    """Return a duration [s] in (0, `MAX_DURATION`].
+
+    >>> duration("0.5")
+    0.5
+    """
+    value = _number(text)
+    if not 0 < value <= MAX_DURATION:
+        raise argparse.ArgumentTypeError(f"must be a number in (0, {MAX_DURATION:g}], got '{text}'")
+    return value
+
+
+def number_in(text: str, low: float, high: float) -> float:
+    """Return a number in [low, high].
+
+    >>> number_in("20", -90, 1000)
+    20.0
+    """
+    value = _number(text)
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"must be a number in [{low:g}, {high:g}], got '{text}'")
+    return value
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")

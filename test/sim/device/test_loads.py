@@ -1,0 +1,90 @@
+"""A board driven by loads of the user's own, without a scene."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.scan import Scan
+from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.loads import Loads, ObjectsState, Patch
+from posfet_sim.scene import SceneLoads, load_scene
+
+SENSOR = load_sensor()
+TAXELS = SENSOR.layout.taxels
+NO_OBJECTS = ObjectsState(
+    names=(),
+    positions=np.zeros((0, 3)),
+    orientations=np.zeros((0, 4)),
+    contact_objects=np.zeros(0, np.intp),
+    contact_centres=np.zeros((0, 2)),
+    contact_normals=np.zeros((0, 3)),
+    contact_forces=np.zeros(0),
+)
+
+
+class Ramp:
+    """Two overlapping patches whose force grows by 1 N/s for 0.2 s and then stays; the chip warms by 10 K/s."""
+
+    name = "ramp"
+    end = 0.2
+
+    def forces(self, times: Sequence[float]) -> list[Patch]:
+        force = np.minimum(np.array(times), self.end)[:, None, None]
+        return [
+            Patch(slice(1, 3), slice(1, 3), np.broadcast_to(force, (len(times), 2, 2))),
+            Patch(slice(2, 4), slice(2, 3), np.broadcast_to(force, (len(times), 2, 1))),
+        ]
+
+    def temperatures(self, times: Sequence[float]) -> list[float]:
+        return [25.0 + 10 * min(time, self.end) for time in times]
+
+    def constant_until(self, time: float) -> float:
+        return time if time < self.end else math.inf
+
+    def objects(self, time: float) -> ObjectsState:
+        return NO_OBJECTS
+
+
+def test_the_board_simulates_any_loads() -> None:
+    loads: Loads = Ramp()
+    board, every = SimulatedBoard(SENSOR, loads, 0), SimulatedBoard(SENSOR, loads, 0, compute_all=True)
+    scan, other = Scan.empty(SENSOR.layout.id, TAXELS), Scan.empty(SENSOR.layout.id, TAXELS)
+    expected = np.zeros((5, 5))
+    expected[1:3, 1:3] += 1.0
+    expected[2:4, 2:3] += 1.0
+    for index in range(400):
+        board.scan(index, scan)
+        every.scan(index, other)
+        np.testing.assert_array_equal(scan.counts, other.counts)
+        truth = board.truth()
+        np.testing.assert_allclose(truth.force.reshape(5, 5), expected * min(index * 1e-3, 0.2), rtol=0, atol=1e-12)
+        assert truth.chip_temperature == pytest.approx(25.0 + 10 * min(index * 1e-3, 0.2))
+    assert truth.objects is NO_OBJECTS
+    assert board.in_contact
+
+
+def test_forces_of_a_scene_replayed_as_own_loads_give_the_same_scans() -> None:
+    scene_loads = SceneLoads(load_scene("two_fingers", SENSOR), SENSOR)
+
+    class Replay(Ramp):
+        def forces(self, times: Sequence[float]) -> list[Patch]:
+            whole = np.zeros((len(times), 5, 5))
+            for patch in scene_loads.forces(times):
+                whole[:, patch.rows, patch.cols] += patch.force
+            return [Patch(slice(0, 5), slice(0, 5), whole)]
+
+        def temperatures(self, times: Sequence[float]) -> list[float]:
+            return list(scene_loads.temperatures(times))
+
+        def constant_until(self, time: float) -> float:
+            return time
+
+    boards = [SimulatedBoard(SENSOR, loads, 3) for loads in (scene_loads, Replay())]
+    scans = [Scan.empty(SENSOR.layout.id, TAXELS) for _ in boards]
+    for index in range(1500):
+        for board, scan in zip(boards, scans, strict=True):
+            board.scan(index, scan)
+        np.testing.assert_array_equal(scans[0].counts, scans[1].counts)
