@@ -91,7 +91,7 @@ def test_three_boards_on_one_bus_and_two_more_on_buses_of_their_own(tmp_path: Pa
         for _ in range(10):
             for board in boards:
                 check_run(board, 5)
-        foreign = [board.receiver.traffic.foreign > 0 for board in boards]
+        foreign = [board.decoder.traffic.unrelated > 0 for board in boards]
         assert foreign == [True] * 3 + [False] * 2
 
 
@@ -108,7 +108,7 @@ def test_a_bus_full_of_foreign_frames_costs_no_scan(tmp_path: Path, fd: bool) ->
         stack.callback(board.close)
         board.open()
         check_run(board, 2000)
-        assert board.receiver.traffic.foreign > 8 * 2000
+        assert board.decoder.traffic.unrelated > 8 * 2000
         assert adapter.frames_dropped == 0
 
 

@@ -108,9 +108,9 @@ class SimBoardNode(ScanSourceNode):
         source.on_scan = self._scan_sent
         return source
 
-    def wanted(self, now: int) -> bool:
+    def reading_wanted(self, now: int) -> bool:
         """Return whether the scene may begin; on a bus that is for the driver to say."""
-        return not isinstance(self.source, SimulationSource) or super().wanted(now)
+        return not isinstance(self.source, SimulationSource) or super().reading_wanted(now)
 
     def objects_in(self, sequence: int) -> ObjectsState | None:
         """Return what the objects did in the newest scan of that number, None when that is long ago. For any thread."""
