@@ -69,7 +69,8 @@ class ClockSync:
             if difference <= followed:
                 followed, self._undelayed = difference, arrival
             self._offset = followed
-            self._window_minimum = min(self._window_minimum, difference)
+            if difference < self._window_minimum:  # noqa: PLR1730  # faster than min() for every scan
+                self._window_minimum = difference
             if arrival >= self._window_end:
                 self._end_window(difference, arrival)
         else:

@@ -98,6 +98,8 @@ class Decoder:
     def __init__(self, sensor: Sensor) -> None:
         codec: ScanCodec = make_codec(sensor)
         self.assembler = Assembler(codec)
+        self.statistics: ScanStatistics = self.assembler.statistics
+        """Frames and scans that were lost or rejected, by cause."""
         self.traffic = Traffic()
         self.scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
         """The newest complete scan; overwritten by the next one."""
@@ -135,11 +137,6 @@ class Decoder:
         return self.assembler.codec.blocks
 
     @property
-    def statistics(self) -> ScanStatistics:
-        """Frames and scans that were lost or rejected, by cause."""
-        return self.assembler.statistics
-
-    @property
     def sequence(self) -> int:
         """Sequence of the scan that was begun last; -1 before the first."""
         return self._tracker.sequence
@@ -147,7 +144,7 @@ class Decoder:
     @property
     def frames_lost(self) -> int:
         """Frames of the board that did not arrive or could not be used."""
-        statistics = self.assembler.statistics
+        statistics = self.statistics
         unusable = statistics.malformed + statistics.frozen_counter + self.traffic.malformed
         return statistics.missing_frames + unusable
 
@@ -264,8 +261,8 @@ class Decoder:
 
     def _stamp(self) -> None:
         """Complete the scan: sequence, time and status."""
-        scan, assembler, sequence = self.scan, self.assembler, self._tracker.sequence
-        scan.sequence = sequence
+        scan, assembler = self.scan, self.assembler
+        sequence = scan.sequence = self._tracker.sequence
         scan.frames_lost = self.frames_lost
         if self._fd:
             board_time = scan.device_time = assembler.device_time

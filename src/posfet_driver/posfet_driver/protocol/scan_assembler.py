@@ -74,6 +74,8 @@ class Assembler:
         """Device time of the current scan as sent, modulo 2^32 [us]."""
         self.device_time = 0
         """Device time of the current scan, unwrapped [us]."""
+        self.clock_frozen = False
+        """Whether the board's clock is frozen while its scans go on."""
         self.status = 0
         """Status of the current scan, from the block that arrived last."""
         length = codec.block_length
@@ -84,11 +86,6 @@ class Assembler:
         self._abandoned = True  # no scan is being collected
         self._clock_known = False  # `device_time` belongs to the current run of the board's clock
         self._frozen_scans = 0  # consecutive scans with the same device time
-
-    @property
-    def clock_frozen(self) -> bool:
-        """Whether the board's clock is frozen while its scans go on."""
-        return self._frozen_scans >= FROZEN_CLOCK_SCANS
 
     @property
     def complete(self) -> bool:
@@ -105,15 +102,19 @@ class Assembler:
         """
         if self._received != self._all_blocks:
             self._give_up()
-        known = self._clock_known
-        if known and wire_time == self.wire_time and self.codec.fd:
-            self._frozen_scans += 1
+        if not self._clock_known:
+            self._clock_known = True
+            self.device_time = self.wire_time = wire_time
+            self._frozen_scans, self.clock_frozen = 0, False
+        elif wire_time != self.wire_time:
+            self.device_time += (wire_time - self.wire_time) & FD_CLOCK
+            self.wire_time = wire_time
+            if self._frozen_scans:
+                self._frozen_scans, self.clock_frozen = 0, False
+        elif self.codec.fd:
             self.statistics.frozen_clock += 1
-        else:
-            self._frozen_scans = 0
-        self.device_time = self.device_time + ((wire_time - self.wire_time) & FD_CLOCK) if known else wire_time
-        self._clock_known = True
-        self.wire_time = wire_time
+            self._frozen_scans += 1
+            self.clock_frozen = self._frozen_scans >= FROZEN_CLOCK_SCANS
         self._received = 0
         self._abandoned = False
 

@@ -117,13 +117,21 @@ class SequenceTracker:
             return False
         wire_time, counter, block, status = header
         assembler = self.assembler
-        same = counter == self._counter and wire_time == assembler.wire_time
-        if not (same or (self._announced and self._is_unexpected(counter)) or self._begin(counter, wire_time)):
-            return False
+        if counter != self._counter or wire_time != assembler.wire_time:
+            if self._announced and self._is_unexpected(counter):
+                pass
+            elif self._known and counter == (self._counter + 1) & self._mask:
+                assembler.begin(wire_time)
+                self._counter = counter
+                self.sequence += 1
+            elif not self._begin(counter, wire_time):
+                return False
         outcome = assembler.add(block, status, data)
+        if outcome is _COMPLETE:
+            return True
         if outcome is _CONFLICT:
             self.counter_frozen = True
-        return outcome is _COMPLETE
+        return False
 
     def resync(self, next_scan: int, count_gap: bool = True, reset: bool = False) -> bool:
         """Set the sequence of the next scan, as the board announces it.
