@@ -165,7 +165,10 @@ def test_selftest_names_what_failed(tmp_path: Path, capsys: pytest.CaptureFixtur
         (["command", "stop", "-i", "virtual", "-o", "nonsense=1"], "has no option 'nonsense', known are"),
         (["command", "stop", "-i", "virtual", "-s", "nosuch"], "nosuch: no such sensor"),
         (["command", "stop", "-i", "slcan", "-c", "/nowhere"], "slcan:/nowhere: No such file or directory"),
-        (["command", "stop", "-i", "virtual", "-c", "empty"], "STOP: no response within 0.5 s at base identifier 0x100"),
+        (
+            ["command", "stop", "-i", "virtual", "-c", "empty"],
+            "STOP: no response within 0.5 s at base identifier 0x100",
+        ),
         (["command", "stop", "-i", "virtual", "-o", "loud"], "CAN option must be 'key=value', got 'loud'"),
         (["list", "-i", "slcam"], "CAN interface must be one of"),
         (["list", "-i", "slcan"], "CAN interface 'slcan' needs a channel"),

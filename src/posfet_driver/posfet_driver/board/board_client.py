@@ -39,7 +39,7 @@ from posfet_model.sensor.scan import Scan, ScanStatus
 RESPONSE_TIMEOUT: Final = 0.2
 """Time within which a board has to respond [s]; then the command is repeated."""
 REFUSED_PERIOD: Final = 1.0
-"""Period at which a board that cannot be used is identified again [s]."""
+"""Period at which an unsuitable board is identified again [s]."""
 SCAN_TIMEOUT: Final = 0.3
 """Time without a scan [s] after which a board that should send is identified and restarted."""
 SCAN_TIMEOUT_SCANS: Final = 10
@@ -51,7 +51,7 @@ LOW_SUPPLY_MEMORY: Final = 2.0
 _NANOSECONDS: Final = 1_000_000_000
 _STARTING: Final = {ConnectionState.START, ConnectionState.SCANS}
 _READY: Final = {ConnectionState.SCANS, ConnectionState.STOPPED, ConnectionState.REFUSED}
-"""States in which the board takes a command of the user."""
+"""States in which the board accepts a command of the user."""
 
 
 def scan_transit_time(link: CanLink, blocks: int) -> float:
@@ -241,12 +241,12 @@ class Board:
         CommandError
             When the bus is not open, no response arrives in time, or the board refuses.
         """
-        answer = self.submit(command, argument, timeout)
+        pending = self.submit(command, argument, timeout)
         if self._state == ConnectionState.CLOSED:
             self._commands.fail(self._reason)
-        while not answer.done():
+        while not pending.done():
             self.read(min(timeout, RESPONSE_TIMEOUT))
-        return answer.result()
+        return pending.result()
 
     def report(self) -> SourceReport:
         """Return the state for diagnostics; may be called from any thread."""
@@ -378,7 +378,7 @@ class Board:
         self._send_own(Command.IDENTIFY)
 
     def _handle_response(self, response: Response) -> None:
-        if self._commands.take(response) is not None:
+        if self._commands.complete(response) is not None:
             if response.result == Result.OK:
                 self._command_completed(response)
             return

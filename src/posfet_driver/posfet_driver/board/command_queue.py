@@ -28,7 +28,7 @@ class PendingCommand:
     """Monotonic time at which it expires [ns]."""
     tag: int | None = None
     """Tag with which it was sent; None: not sent yet."""
-    answer: Future[Response] = field(default_factory=Future)
+    response: Future[Response] = field(default_factory=Future)
 
 
 class CommandQueue:
@@ -59,7 +59,7 @@ class CommandQueue:
         """
         pending = PendingCommand(command, argument, timeout, now + round(timeout * _NANOSECONDS))
         self._waiting.append(pending)
-        return pending.answer
+        return pending.response
 
     def next(self) -> PendingCommand | None:
         """Return the command to be sent now, or None."""
@@ -72,14 +72,14 @@ class CommandQueue:
         """Return whether a command is queued or waits for its response."""
         return self._current is not None or bool(self._waiting)
 
-    def take(self, response: Response) -> PendingCommand | None:
+    def complete(self, response: Response) -> PendingCommand | None:
         """Complete the command that `response` belongs to and return it; None when it belongs to none."""
         pending = self._current
         if pending is None or response.tag != pending.tag or response.command != pending.command:
             return None
         self._current = None
         if response.result == Result.OK:
-            pending.answer.set_result(response)
+            pending.response.set_result(response)
         else:
             _fail(pending, f"refused by the board: {response.reason}")
         return pending
@@ -103,4 +103,4 @@ class CommandQueue:
 
 
 def _fail(pending: PendingCommand, reason: str) -> None:
-    pending.answer.set_exception(CommandError(f"{pending.command.name}: {reason}"))
+    pending.response.set_exception(CommandError(f"{pending.command.name}: {reason}"))

@@ -160,7 +160,7 @@ class Decoder:
 
     @property
     def resync_requests(self) -> int:
-        """Number of times a running board was asked for its sequence, because a classic counter was ambiguous."""
+        """Number of times START was sent to a running board, because a classic counter was ambiguous."""
         return self._recovery.resync_requests
 
     def set_period(self, period: float) -> None:

@@ -232,6 +232,8 @@ def check_identifiers(base: int, classic_blocks: int) -> None:
 def version(firmware: int) -> str:
     """Return a firmware version as "major.minor".
 
+    Examples
+    --------
     >>> version(0x0203)
     '2.3'
     """

@@ -164,7 +164,7 @@ class Assembler:
         self._received = 0
 
     def forget_clock(self) -> None:
-        """Take the next device time as it is sent: the board's clock has restarted."""
+        """Stop unwrapping the device time: the board's clock has restarted."""
         self._clock_known = False
 
     def count_lost(self, scans: int) -> None:

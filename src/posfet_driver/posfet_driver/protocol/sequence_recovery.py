@@ -27,7 +27,7 @@ MAX_MISSING: Final = float(CLASSIC_WRAP - CLASSIC_LATE - 1)
 TRUST_AFTER: Final = 2 * MAX_MISSING + 1
 """Scans that a counter that was frozen must count correctly before it is trusted: it cannot do so by chance."""
 EARLY_REQUEST: Final = MAX_MISSING / 2
-"""Scans that may be missing from which on the board is asked while frames still pass: clocks differ."""
+"""Number of possibly missing scans from which on START is sent while frames still arrive: clocks differ."""
 REQUEST_INTERVAL: Final = 1_000_000_000
 """Shortest time between two such requests [ns]."""
 RESPONSE_TIME: Final = 200_000_000
@@ -46,16 +46,16 @@ def unwrap(reference: int, low: int, modulus: int) -> int:
     Parameters
     ----------
     reference : int
-        Number close to the wanted one.
+        A number close to the result.
     low : int
-        Wanted number modulo `modulus`.
+        The result modulo `modulus`.
     modulus : int
         Modulus, an even number.
 
     Returns
     -------
     int
-        The wanted number.
+        The unwrapped number.
 
     Examples
     --------
@@ -66,7 +66,7 @@ def unwrap(reference: int, low: int, modulus: int) -> int:
 
 
 class SequenceTracker:
-    """Extends the scan counter of the frames to the full sequence and hands each block to its scan.
+    """Extends the scan counter of the frames to the full sequence and assigns each block to its scan.
 
     Blocks of one scan share its counter and, with CAN FD, its device time. A classic counter has 4 bits: the caller
     ensures that fewer than 13 scans are missing between two classic frames, or sets the sequence (`SequenceRecovery`).
@@ -168,7 +168,7 @@ class SequenceTracker:
         """Correct the sequence by that of the newest scan, which boards send between two scans.
 
         A classic counter does not show that a multiple of 16 scans was lost; this does. What the counter does show is
-        left to it. A sequence below the current one takes back what was counted as lost.
+        left to it. A sequence below the current one corrects the count of lost scans.
 
         Parameters
         ----------
@@ -182,7 +182,7 @@ class SequenceTracker:
             self.skip(ahead)
 
     def skip(self, scans: int) -> None:
-        """Advance the sequence by scans that are lost; a negative number takes back lost scans."""
+        """Advance the sequence by scans that are lost; a negative number corrects the count of lost scans."""
         self.assembler.abandon()
         if self._known:
             self.assembler.count_lost(scans)
@@ -194,7 +194,7 @@ class SequenceTracker:
         self.counter_frozen = True
 
     def trust_counter(self) -> None:
-        """Note that the counter, once frozen, counts again."""
+        """Note that a counter that was frozen counts again."""
         self.counter_frozen = False
 
     def _set(self, sequence: int, announced: bool) -> None:
@@ -214,7 +214,7 @@ class SequenceTracker:
         return self._announced
 
     def _begin(self, counter: int, wire_time: int) -> bool:
-        """Begin the scan of a block; return False when the block is of no use."""
+        """Begin the scan of a block; return False when the block is late or ambiguous."""
         ahead = (counter - self._counter) & self._mask
         if not self._known:
             self.sequence, ahead = counter - 1, 1
@@ -245,10 +245,10 @@ class SequenceRecovery:
     the newest counter received, the counter is unambiguous, whatever was lost or late.
 
     When it is not, because the cable was unplugged or a host or an adapter was delayed, frames are held. They are
-    released when the missing ones arrive, so that a pause in which nothing was lost loses nothing. Otherwise the board
-    is asked (`resync_needed`). Its response has its position among the scans, as has a status with the sequence of the
-    newest scan: when as many scans were counted up to there as it states, the held ones are correct, else they are
-    dropped and counted as lost.
+    released when the missing ones arrive, so that a pause in which nothing was lost loses nothing. Otherwise START has
+    to be sent again (`resync_needed`). The response has its position among the scans, as has a status with the sequence
+    of the newest scan: when as many scans were counted up to there as it states, the held ones are correct, else they
+    are dropped and counted as lost.
 
     While a counter is frozen (`SequenceTracker.counter_frozen`) no scan is released, until it has been seen to count.
 
@@ -265,7 +265,7 @@ class SequenceRecovery:
 
     def __init__(self, base: int, tracker: SequenceTracker) -> None:
         self.resync_requests = 0
-        """Number of times a running board was asked for its sequence."""
+        """Number of times START was sent to a running board to learn its sequence."""
         self._tracker = tracker
         self._first_block = base + CLASSIC_BLOCK_OFFSET
         self._last_block = self._first_block + tracker.assembler.codec.blocks - 1
@@ -333,12 +333,12 @@ class SequenceRecovery:
         period : float
             Scan period [ns].
         receiving : bool
-            Whether scans are of use; otherwise nothing is held.
+            Whether scans are received; otherwise nothing is held.
 
         Returns
         -------
         bool
-            Whether all frames of the batch can be decoded at once; if not, they have to go through `sort_out`.
+            Whether all frames of the batch can be decoded immediately; if not, they have to pass `sort_out`.
         """
         tracker = self._tracker
         self._bound += (arrival - self._arrival) / period * (1.0 + MAX_DRIFT)
@@ -384,7 +384,7 @@ class SequenceRecovery:
         return trusted and 0.0 <= self._bound - self._newest < MAX_MISSING
 
     def _assume_undelayed(self) -> None:
-        """Take the bound from the scans themselves."""
+        """Set the bound by the scans themselves."""
         newest = float(self._tracker.sequence)
         self._bound = max(self._bound, newest + 1) if self._bound_known else newest + 1
         self._bound_known = True
@@ -458,7 +458,7 @@ class SequenceRecovery:
                 return None
             newest = unwrap(self._newest, message.value, STATUS_WRAP)
             if self._tag is not None and self._arrival - (self._sent or 0) > RESPONSE_TIME:
-                self._bound, self._bound_known = newest + 1.0, True  # in place of the response, which does not come
+                self._bound, self._bound_known = newest + 1.0, True  # in place of the response, which does not arrive
             return newest
         if message.command != Command.START or message.result != Result.OK:
             return None

@@ -66,8 +66,8 @@ class DriverNode(ScanSourceNode):
         try:
             if not self.reading:
                 raise CommandError("the driver is not configured")
-            answer = self._board.submit(Command(request.command), request.argument, RESPONSE_TIMEOUT)
-            response.value = answer.result(2 * RESPONSE_TIMEOUT).value
+            pending = self._board.submit(Command(request.command), request.argument, RESPONSE_TIMEOUT)
+            response.value = pending.result(2 * RESPONSE_TIMEOUT).value
             response.success = True
         except ValueError:
             known = ", ".join(f"{command} {command.name}" for command in Command)

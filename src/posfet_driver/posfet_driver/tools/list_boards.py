@@ -45,7 +45,7 @@ class DetectedBoard:
     page: int | None = None
     """Page of the newest frame."""
 
-    def take(self, status: Status) -> None:
+    def process(self, status: Status) -> None:
         """Process a frame that may be a status: the pages of a board come in turn, other data do not."""
         follows = self.page is None or status.page == (self.page + 1) % len(Page)
         self.in_order = self.in_order + 1 if follows else 0
@@ -72,7 +72,7 @@ def boards(frames: Iterable[Frame]) -> list[DetectedBoard]:
         status = Status.unpack(data) if kind == CLASSIC else None
         if status is not None and status.page in Page.__members__.values():
             base = identifier - STATUS_OFFSET
-            detected.setdefault(base, DetectedBoard(base)).take(status)
+            detected.setdefault(base, DetectedBoard(base)).process(status)
         elif status is not None:
             detected.pop(identifier - STATUS_OFFSET, None)
     return [detected[base] for base in sorted(detected) if base >= 0 and detected[base].in_order >= PAGES_NEEDED]

@@ -58,7 +58,7 @@ class Monitor:
         self._scans = 0
         self._time = time.monotonic()
 
-    def take(self, frames: list[Frame]) -> None:
+    def process(self, frames: list[Frame]) -> None:
         """Process the frames of one read."""
         now = time.monotonic_ns()
         self.load.add(frames, now)
@@ -155,7 +155,7 @@ def _ticks(bus: FrameBus, monitor: Monitor, seconds: float) -> Iterator[None]:
     end = time.monotonic() + seconds
     due = time.monotonic() + PERIOD
     while (now := time.monotonic()) < end:
-        monitor.take(bus.read_frames(max(min(due, end) - now, 0.0)))
+        monitor.process(bus.read_frames(max(min(due, end) - now, 0.0)))
         if time.monotonic() >= due:
             due += PERIOD
             monitor.tick()
