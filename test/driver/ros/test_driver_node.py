@@ -343,7 +343,7 @@ def test_commands_reach_the_board_while_it_scans(bench: Bench, adapter: Emulated
     assert bench.watcher.raw[-1].frames_lost == 0
     adapter.close()
     bench.wait(lambda: bench.watcher.diagnostics[-1].level == DiagnosticStatus.ERROR)
-    assert call(BoardCommand.Request.IDENTIFY).message.startswith("IDENTIFY: the bus is not there, trying again")
+    assert call(BoardCommand.Request.IDENTIFY).message.startswith("IDENTIFY: CAN bus unavailable, retrying")
 
 
 def test_a_driver_that_is_not_configured_takes_no_command(bench: Bench, link: Path) -> None:
