@@ -12,7 +12,7 @@ from cantools.database.can import Message
 from benchmarks.outcome import Cell, Outcome, Table
 from benchmarks.timing import microseconds
 from posfet_driver.bus.frame import Frame
-from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.scan_codec import FD_TAXELS, make_codec
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan
@@ -33,16 +33,16 @@ def frames_of(sensor: Sensor) -> tuple[list[Frame], np.ndarray]:
 def compare(sensor: Sensor, block: Message) -> tuple[int, float, float, int]:
     """Return the frames of a scan, what it takes the receiver and cantools [us], and counts that came out wrong."""
     frames, counts = frames_of(sensor)
-    receiver, numbers = Receiver(sensor), count()
-    receiver.resync(0, count_gap=False)
+    decoder, numbers = Decoder(sensor), count()
+    decoder.resync(0, count_gap=False)
     theirs = np.zeros(len(frames) * FD_TAXELS, np.uint16)
 
-    def with_receiver() -> None:
+    def with_decoder() -> None:
         number = next(numbers)
         header = (1000 * number % (1 << 32)).to_bytes(4, "little") + (number % SCANS).to_bytes(2, "little")
         batch = [(identifier, kind, header + data[6:]) for identifier, kind, data in frames]
-        for frame in receiver.begin_batch(batch, 1_000_000 * number, 0):
-            receiver.feed(frame)
+        for _ in decoder.decode(batch, 1_000_000 * number, 0):
+            pass
 
     def with_cantools() -> None:
         for _, _, data in frames:
@@ -50,9 +50,9 @@ def compare(sensor: Sensor, block: Message) -> tuple[int, float, float, int]:
             first = signals["BlockIndex"] * FD_TAXELS
             theirs[first : first + FD_TAXELS] = [signals[name] for name in COUNTS]
 
-    taken = microseconds(with_receiver), microseconds(with_cantools)
-    wrong = np.count_nonzero(receiver.scan.counts != counts) + np.count_nonzero(theirs[: len(counts)] != counts)
-    return len(frames), *taken, int(wrong) + receiver.frames_lost
+    taken = microseconds(with_decoder), microseconds(with_cantools)
+    wrong = np.count_nonzero(decoder.scan.counts != counts) + np.count_nonzero(theirs[: len(counts)] != counts)
+    return len(frames), *taken, int(wrong) + decoder.frames_lost
 
 
 def measure(full: bool) -> Outcome:

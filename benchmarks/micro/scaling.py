@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.outcome import Chart, Outcome, Point, Table
 from benchmarks.timing import scan_microseconds
-from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.decoder import Decoder, ScanReady
 from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import Sensor, load_sensor
@@ -87,8 +87,8 @@ class Wired:
 
     def __init__(self, sensor: Sensor, seed: int) -> None:
         self.player = Player(sensor, 1, seed)
-        self.receiver = Receiver(sensor)
-        self.receiver.resync(0, count_gap=False)
+        self.decoder = Decoder(sensor)
+        self.decoder.resync(0, count_gap=False)
         codec = make_codec(sensor)
         self.frames = []
         for index, counts in enumerate(self.player.counts):
@@ -97,10 +97,9 @@ class Wired:
 
     def play(self, index: int) -> None:
         """Take the frames of one scan."""
-        batch = self.receiver.begin_batch(self.frames[index], index * 1_000_000, 0)
-        for frame in batch:
-            if self.receiver.feed(frame):
-                self.player.take(self.receiver.scan.counts)
+        for decoded in self.decoder.decode(self.frames[index], index * 1_000_000, 0):
+            if isinstance(decoded, ScanReady):
+                self.player.take(decoded.scan.counts)
 
 
 def boards_cost(sensors: Sequence[Sensor]) -> float:

@@ -14,7 +14,7 @@ import time
 
 from posfet_driver.board.board_client import Board
 from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE, Frame
-from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.decoder import Decoder
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.clocks import SteppedClock
@@ -65,13 +65,13 @@ def scans_under_faults(scans: int, fd: bool, seed: int, faults: tuple[InjectedFa
             last, resets = scan.sequence, board.resets
         sent = clock.now // 1_000_000
     _settle(board)
-    losses = board.receiver.assembler.losses
+    statistics = board.decoder.statistics
     return {
-        "sent": board.receiver.assembler.sequence + 1 - first,
-        "published": board.receiver.scans,
-        "torn": losses.torn_scans,
-        "lost": losses.lost_scans,
-        "reopened": board.link.opened - 1,
+        "sent": board.decoder.sequence + 1 - first,
+        "published": board.decoder.scans,
+        "torn": statistics.incomplete_scans,
+        "lost": statistics.lost_scans,
+        "reopened": board.bus.opened - 1,
         "restarted": board.restarted,
         "resets": board.resets,
     }
@@ -79,10 +79,10 @@ def scans_under_faults(scans: int, fd: bool, seed: int, faults: tuple[InjectedFa
 
 def _settle(board: Board) -> None:
     """Read without faults until complete scans and status frames account for every scan sent."""
-    before = board.receiver.scans
-    while board.receiver.scans < before + 1000:
+    before = board.decoder.scans
+    while board.decoder.scans < before + 1000:
         board.read(0.01)
-    while not board.receiver.assembler.whole:
+    while not board.decoder.assembler.complete:
         board.read(0.001)
 
 
@@ -99,12 +99,12 @@ def any_frame(noise: random.Random, real: list[Frame]) -> Frame:
 
 
 def fuzz(frames: int, fd: bool, seed: int) -> tuple[int, int]:
-    """Feed random and mutated frames to a receiver; return their number, and the growth of memory [byte]."""
+    """Feed random and mutated frames to a decoder; return their number, and the growth of memory [byte]."""
     noise = random.Random(seed)
     firmware = BoardFirmware(with_fd(SENSOR, fd), FakeBoard(SENSOR), 0)
     firmware.running = True
-    receiver = Receiver(with_fd(SENSOR, fd))
-    receiver.resync(0, count_gap=False)
+    decoder = Decoder(with_fd(SENSOR, fd))
+    decoder.resync(0, count_gap=False)
     taken, now, growth_from = 0, 50_000_000, 0
     while taken < frames:
         real = firmware.due(now)[-50:]
@@ -115,8 +115,8 @@ def fuzz(frames: int, fd: bool, seed: int) -> tuple[int, int]:
                 size = noise.randrange(1, 400)
                 batch, batches = batches[:size], batches[size:]
                 now += round(noise.expovariate(1e-6))
-                for frame in receiver.begin_batch(batch, now, 0):
-                    receiver.feed(frame)
+                for _ in decoder.decode(batch, now, 0):
+                    pass
             taken += len(pool)
         if not growth_from and taken >= frames // 4:
             growth_from = Usage.now().memory

@@ -17,7 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 import numpy as np
 
 from posfet_driver.bus.frame import Frame
-from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.decoder import Decoder, ScanReady
 from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
@@ -61,15 +61,15 @@ def fixed_work() -> float:
 
 def player(touched: bool) -> Callable[[int], None]:
     """Return what takes the scan of a number; in touch from the scan `REST` on."""
-    receiver, model = Receiver(SENSOR), Reconstructor(SENSOR)
-    receiver.resync(0, count_gap=False)
-    receiver.scan.temperatures[:] = 25.0
+    decoder, model = Decoder(SENSOR), Reconstructor(SENSOR)
+    decoder.resync(0, count_gap=False)
+    decoder.scan.temperatures[:] = 25.0
     frames = frames_of(touched)
 
     def take(index: int) -> None:
-        for frame in receiver.begin_batch(frames[index], index * 1_000_000, 0):
-            if receiver.feed(frame):
-                model.process(receiver.scan)
+        for decoded in decoder.decode(frames[index], index * 1_000_000, 0):
+            if isinstance(decoded, ScanReady):
+                model.process(decoded.scan)
 
     return take
 

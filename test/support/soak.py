@@ -218,9 +218,9 @@ class Soak:
         self.verdict.wrong += not np.array_equal(scan.counts, marked(scan.sequence, len(scan.counts)))
 
     def _line(self) -> str:
-        usage, losses = Usage.now(), self._board.receiver.assembler.losses
+        usage, losses = Usage.now(), self._board.decoder.statistics
         return (
-            f"{self.verdict.scans} scans, {sum(self.verdict.faults.values())} faults, torn {losses.torn_scans}, "
+            f"{self.verdict.scans} scans, {sum(self.verdict.faults.values())} faults, torn {losses.incomplete_scans}, "
             f"lost {losses.lost_scans}, {usage.memory / 1e6:.1f} MB, {usage.threads} threads, "
             f"{usage.descriptors} descriptors"
         )

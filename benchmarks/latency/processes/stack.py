@@ -45,7 +45,8 @@ def main() -> None:
         print("ready", flush=True)
         spin(list(graph.nodes.values()))
         report = graph._source.source.report()
-        print(json.dumps({"scans": report.scans, "lost": report.frames_lost, **report.counters}), flush=True)
+        counts = {kind.label: count for kind, count in report.fault_counts.items()} | dict(report.counters)
+        print(json.dumps({"scans": report.scans, "lost": report.frames_lost, **counts}), flush=True)
     moments.write(Path(options["out"]))
 
 

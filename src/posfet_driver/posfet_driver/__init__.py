@@ -1,1 +1,1 @@
-"""POSFET readout boards: CAN protocol, drivers and the simulated board. Needs python-can and NumPy, not ROS."""
+"""Driver of POSFET readout boards: CAN buses, protocol, connection. Needs python-can and NumPy; ROS only in `ros`."""

@@ -1,4 +1,4 @@
-"""Time as everything here sees it, so that a test can put its own clock in the place of the system's."""
+"""Source of time, which tests replace by their own."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """Time as the sources see it, so that a test can put its own in the place."""
+    """Source of time."""
 
     def monotonic(self) -> int:
-        """Time that never jumps [ns], from an arbitrary start."""
+        """Return monotonic time [ns], from an arbitrary origin."""
         ...
 
     def wall(self) -> int:
-        """Time since the Unix epoch [ns]; jumps when somebody sets it."""
+        """Return the time since the Unix epoch [ns]; jumps when it is set."""
         ...
 
     def sleep(self, seconds: float) -> None:
-        """Let `seconds` [s] pass."""
+        """Wait for `seconds` [s]."""
         ...
 
 
 class SystemClock:
-    """The clock of this machine; called several times a scan, so without anything in between."""
+    """Clock of this machine. Called several times per scan, therefore without wrappers."""
 
     monotonic = staticmethod(time.monotonic_ns)
     wall = staticmethod(time.time_ns)

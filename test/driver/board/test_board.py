@@ -10,7 +10,7 @@ import can
 import pytest
 
 from posfet_driver.board.board_client import Board
-from posfet_driver.board.scan_source import Health
+from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.bus.frame import CLASSIC
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.open_bus import bus_settings, open_bus
@@ -74,7 +74,7 @@ def test_two_boards_share_a_bus(sensor: Sensor, virtual: can.BusABC, channel: st
                     for scan in read_scans(board, 20):
                         assert_marked(scan)
                     assert board.report().frames_lost == 0
-                    assert board.report().counters["foreign frames"] > 0
+                    assert board.report().counters["unrelated frames"] > 0
             finally:
                 for board in boards:
                     board.close()
@@ -96,7 +96,7 @@ def test_the_pause_between_attempts_grows_from_a_tenth_to_five_seconds(sensor: S
     assert pauses == pytest.approx([0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 5.0, 5.0, 5.0], abs=1e-6)
     assert max(pauses) == BACK_OFF_LAST
     assert board.report().health == Health.ERROR
-    assert board.report().state == "the bus is not there, trying again: no such device"
+    assert board.report().state == "CAN bus unavailable, retrying: no such device"
 
 
 def test_data_flows_within_half_a_second_of_the_bus_being_back(sensor: Sensor) -> None:
@@ -120,9 +120,9 @@ def test_data_flows_within_half_a_second_of_the_bus_being_back(sensor: Sensor) -
         assert clock.now - back < 500_000_000
         assert len(buses) == fault + 2
         assert buses[-2].closed
-    losses = board.receiver.assembler.losses
-    assert board.receiver.scans + losses.lost_scans + losses.torn_scans == scan.sequence + 1
-    assert board.report().counters["bus opened anew"] == 5
+    losses = board.decoder.statistics
+    assert board.decoder.scans + losses.lost_scans + losses.incomplete_scans == scan.sequence + 1
+    assert board.report().counters["bus reopened"] == 5
     board.close()
     assert buses[-1].closed
     assert not firmware.running
@@ -141,8 +141,9 @@ def test_a_reset_board_is_noticed_and_named(sensor: Sensor) -> None:
     assert scan.status & ScanStatus.BOARD_RESET
     assert abs(scan.stamp - clock.now) < 2_000_000
     assert not next(read_scans(board, 1)).status & ScanStatus.BOARD_RESET
-    counters = board.report().counters
-    assert (counters["board resets"], counters["brown-outs"], counters["board started anew"]) == (1, 0, 0)
+    report = board.report()
+    resets, brown_outs = (report.fault_counts[kind] for kind in (FaultKind.BOARD_RESETS, FaultKind.BROWN_OUTS))
+    assert (resets, brown_outs, report.counters["board restarts"]) == (1, 0, 0)
 
 
 def test_a_board_whose_scans_never_come_whole_is_not_called_well(sensor: Sensor) -> None:
@@ -154,8 +155,8 @@ def test_a_board_whose_scans_never_come_whole_is_not_called_well(sensor: Sensor)
     while board.restarted < 5:
         assert board.read(0.05) is None
         assert board.report().health != Health.OK
-    assert board.report().state == "the board sends no whole scans: it is being started again"
-    assert board.report().counters["torn scans"] > 1000
+    assert board.report().state == "the board sends no complete scans: restarting it"
+    assert board.report().fault_counts[FaultKind.INCOMPLETE_SCANS] > 1000
 
 
 def test_a_reader_that_was_held_up_loses_nothing(sensor: Sensor) -> None:
@@ -191,7 +192,7 @@ def test_a_pause_in_which_nothing_was_lost_loses_nothing(sensor: Sensor, length:
             for scan in read_scans(board, scans):
                 assert_marked(scan)
         assert scan.frames_lost == 0
-        assert board.receiver.scans == scan.sequence + 1
+        assert board.decoder.scans == scan.sequence + 1
 
 
 def test_scans_that_come_after_a_pause_are_not_lost_by_asking_what_is_wrong(sensor: Sensor) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from posfet_driver.board.board_client import Board
-from posfet_driver.board.faults import FAULTS, HOLD, FaultWatch, changes, worst
-from posfet_driver.board.scan_source import Health
+from posfet_driver.board.fault_monitor import HOLD, FaultMonitor, changes, worst
+from posfet_driver.board.faults import FaultKind, Health
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import ScanStatus
 from posfet_sim.emulation.firmware import BoardFirmware
@@ -30,25 +30,25 @@ BACK = 500_000_000
 """Data flows this soon [ns] once the bus is back."""
 
 EXPECTED = {
-    InjectedFault.LOST: {"lost scans"},
-    InjectedFault.INCOMPLETE: {"torn scans"},
-    InjectedFault.DUPLICATE: {"repeated frames"},
-    InjectedFault.LATE: {"late frames"},
-    InjectedFault.REORDERED: {"reordered frames"},
-    InjectedFault.MALFORMED: {"malformed frames"},
-    InjectedFault.FROZEN_COUNTER: {"stuck counter"},
-    InjectedFault.FROZEN_TIMESTAMP: {"stuck clock"},
-    InjectedFault.UNRELATED: {"bus full"},
-    InjectedFault.ERRORS: {"error frames"},
-    InjectedFault.UNACKNOWLEDGED: {"unacknowledged", "bus silent"},
-    InjectedFault.OVERFLOW: {"receive overflows"},
-    InjectedFault.UNREADABLE: {"bus unreadable"},
-    InjectedFault.BUS_OFF: {"bus off"},
-    InjectedFault.CABLE_UNPLUGGED: {"bus silent"},
-    InjectedFault.BOARD_UNPLUGGED: {"board missing"},
+    InjectedFault.LOST: {FaultKind.LOST_SCANS},
+    InjectedFault.INCOMPLETE: {FaultKind.INCOMPLETE_SCANS},
+    InjectedFault.DUPLICATE: {FaultKind.DUPLICATE_FRAMES},
+    InjectedFault.LATE: {FaultKind.LATE_FRAMES},
+    InjectedFault.REORDERED: {FaultKind.REORDERED_FRAMES},
+    InjectedFault.MALFORMED: {FaultKind.MALFORMED_FRAMES},
+    InjectedFault.FROZEN_COUNTER: {FaultKind.FROZEN_COUNTER},
+    InjectedFault.FROZEN_TIMESTAMP: {FaultKind.FROZEN_TIMESTAMP},
+    InjectedFault.UNRELATED: {FaultKind.HIGH_BUS_LOAD},
+    InjectedFault.ERRORS: {FaultKind.ERROR_FRAMES},
+    InjectedFault.UNACKNOWLEDGED: {FaultKind.UNACKNOWLEDGED, FaultKind.NO_TRAFFIC},
+    InjectedFault.OVERFLOW: {FaultKind.RECEIVE_OVERFLOWS},
+    InjectedFault.UNREADABLE: {FaultKind.BUS_ERRORS},
+    InjectedFault.BUS_OFF: {FaultKind.BUS_OFF},
+    InjectedFault.CABLE_UNPLUGGED: {FaultKind.NO_TRAFFIC},
+    InjectedFault.BOARD_UNPLUGGED: {FaultKind.BOARD_NOT_DETECTED},
     InjectedFault.NO_RESPONSE: set(),
-    InjectedFault.RESET: {"board resets"},
-    InjectedFault.BROWN_OUT: {"brown-outs", "supply low"},
+    InjectedFault.RESET: {FaultKind.BOARD_RESETS},
+    InjectedFault.BROWN_OUT: {FaultKind.BROWN_OUTS, FaultKind.SUPPLY_LOW},
 }
 """What is said of each trouble, at least."""
 ALONE = {
@@ -69,8 +69,8 @@ class Bench:
         sensor = with_fd(SENSORS[fd], fd)
         self.clock = SteppedClock()
         self.injector = FaultInjector(lambda now: BoardFirmware(sensor, FakeBoard(sensor), now), 0x100, 0)
-        self.watch = FaultWatch()
-        self.faults: list[str] = []
+        self.watch = FaultMonitor()
+        self.faults: list[FaultKind] = []
         self.said: list[str] = []
         self.health = Health.OK
         self.first = -1
@@ -96,9 +96,9 @@ class Bench:
         self._reported = self.clock.now
         report = self.board.report()
         faults = self.watch.present(report, self.clock.now)
-        come, gone = changes([FAULTS[name] for name in self.faults], faults)
-        self.said += [f"+{fault.name}" for fault in come] + [f"-{fault.name}" for fault in gone]
-        self.faults = [fault.name for fault in faults]
+        come, gone = changes(self.faults, faults)
+        self.said += [f"+{fault.label}" for fault in come] + [f"-{fault.label}" for fault in gone]
+        self.faults = faults
         self.health = worst(faults, report.health)
 
 
@@ -119,23 +119,23 @@ def test_each_fault_is_named_and_survived(trouble: InjectedFault, fd: bool) -> N
     if trouble in ALONE:
         assert set(bench.faults) == expected
     if bench.faults:
-        assert bench.health == max(FAULTS[name].health for name in bench.faults)
+        assert bench.health == max(fault.health for fault in bench.faults)
     bench.injector.fault = InjectedFault.NONE
     bench.injector.firmware.supply = 5.0
     bench.run(6)  # longer than the longest back-off
-    before = bench.board.receiver.frames_lost
+    before = bench.board.decoder.frames_lost
     assert bench.run(HOLD / SECOND + 2) > 6.9 * RATE
-    assert bench.board.receiver.frames_lost == before
+    assert bench.board.decoder.frames_lost == before
     assert (bench.faults, bench.health) == ([], Health.OK)
     assert all(bench.said.count(word) == 1 for word in bench.said), bench.said  # once each, not once a frame
-    losses, board = bench.board.receiver.assembler.losses, bench.board
+    losses, board = bench.board.decoder.statistics, bench.board
     if trouble not in {
         InjectedFault.RESET,
         InjectedFault.BROWN_OUT,
         InjectedFault.FROZEN_COUNTER,
     }:  # these begin new numbers
-        sent = board.receiver.assembler.sequence + 1 - bench.first
-        assert board.receiver.scans + losses.torn_scans + losses.lost_scans == sent
+        sent = board.decoder.sequence + 1 - bench.first
+        assert board.decoder.scans + losses.incomplete_scans + losses.lost_scans == sent
 
 
 @BOTH
@@ -170,7 +170,7 @@ def test_a_deaf_board_is_told_from_a_silent_one(fd: bool) -> None:
     bench.injector.fault = InjectedFault.NO_RESPONSE
     bench.injector.firmware.running = False
     bench.run(3)
-    assert "board deaf" in bench.faults
+    assert FaultKind.NOT_RESPONDING in bench.faults
     bench.injector.fault = InjectedFault.NONE
     assert bench.run(3) > 2 * RATE
 
@@ -186,19 +186,19 @@ def test_foreign_frames_that_fill_the_bus_do_not_hide_a_silent_board(fd: bool) -
 
 
 @pytest.mark.parametrize(
-    ("flag", "name"),
+    ("flag", "fault"),
     [
-        (ScanStatus.ADC_FAULT, "ADC fault"),
-        (ScanStatus.OVERTEMPERATURE, "overtemperature"),
-        (ScanStatus.SCAN_OVERRUN, "scan overrun"),
+        (ScanStatus.ADC_FAULT, FaultKind.ADC_FAULT),
+        (ScanStatus.OVERTEMPERATURE, FaultKind.OVERTEMPERATURE),
+        (ScanStatus.SCAN_OVERRUN, FaultKind.SCAN_OVERRUN),
     ],
 )
-def test_flags_of_the_board_are_named(flag: ScanStatus, name: str) -> None:
+def test_flags_of_the_board_are_named(flag: ScanStatus, fault: FaultKind) -> None:
     bench = Bench(True)
     bench.run(1)
     bench.injector.firmware._board.status = flag
     bench.run(2)
-    assert bench.faults == [name]
+    assert bench.faults == [fault]
 
 
 @BOTH
@@ -208,13 +208,13 @@ def test_another_firmware_and_another_layout_are_refused_and_named(fd: bool) -> 
     bench.injector.firmware.firmware = 0x0203
     bench.injector.firmware.running = False
     bench.run(2)
-    assert bench.faults == ["wrong firmware"]
-    assert bench.board.report().state == "the board has firmware 2.3, this driver speaks the protocol of 0.x"
+    assert bench.faults == [FaultKind.WRONG_FIRMWARE]
+    assert bench.board.report().state == "the board has firmware 2.3, this driver needs 0.x"
     bench.injector.firmware.firmware = 0x0001
     bench.run(2)
     bench.injector.firmware._layout = 9  # another board was plugged in, and sends
     bench.run(2)
-    assert "wrong layout" in bench.faults
+    assert FaultKind.WRONG_LAYOUT in bench.faults
     bench.injector.firmware._layout = SENSORS[fd].layout.id
     assert bench.run(3) > RATE
 
@@ -247,5 +247,5 @@ def test_stamps_go_on_while_the_boards_clock_stands() -> None:
 
 def test_every_fault_is_documented() -> None:
     text = (DOCS / "faults.md").read_text(encoding="utf-8")
-    for fault in FAULTS.values():
-        assert f"| {fault.name} | {fault.health.name.lower()} | {fault.meaning} | {fault.remedy} |" in text
+    for fault in FaultKind:
+        assert f"| {fault.label} | {fault.health.name.lower()} | {fault.meaning} | {fault.remedy} |" in text

@@ -26,7 +26,7 @@ import pytest
 
 from posfet_driver.board.board_client import Board
 from posfet_driver.board.command_queue import CommandError
-from posfet_driver.board.scan_source import Health
+from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.bus.open_bus import bus_settings, open_can_bus
 from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.clock import Clock, SystemClock
@@ -142,7 +142,7 @@ def test_stamps_go_on_evenly(bench: Bench) -> None:
     stamps = [scan.stamp for scan in bench.scans(50)]
     assert stamps == sorted(stamps)
     assert abs(stamps[-1] - bench.clock.wall()) < PATIENCE * 1e9
-    assert bench.board.receiver.stamp_uncertainty < 0.01
+    assert bench.board.stamp_uncertainty < 0.01
 
 
 def test_the_board_identifies_itself(bench: Bench) -> None:
@@ -172,7 +172,7 @@ def test_the_board_stops_and_starts(bench: Bench) -> None:
 def test_the_bus_is_opened_anew_after_a_failure(bench: Bench) -> None:
     list(bench.scans(5))
     bench.board._fail(can.CanOperationError("pulled"))
-    assert bench.board.report().conditions == ("bus gone",)
+    assert bench.board.report().conditions == (FaultKind.ADAPTER_DISCONNECTED,)
     list(bench.scans(5))
-    assert bench.board.link.failed == 1
+    assert bench.board.bus.failed == 1
     assert bench.board.report().health == Health.OK

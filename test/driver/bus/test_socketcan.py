@@ -13,6 +13,7 @@ import pytest
 from can.interfaces.socketcan.socketcan import build_can_frame
 
 from posfet_driver.board.board_client import Board
+from posfet_driver.board.faults import FaultKind
 from posfet_driver.bus.error_frame import BUS_OFF, CONTROLLER, NO_ACKNOWLEDGE, OVERFLOW, error_frame
 from posfet_driver.bus.frame import CLASSIC, ERROR, Frame
 from posfet_driver.bus.frame_bus import FrameBus
@@ -163,9 +164,9 @@ def test_a_cable_that_is_out_is_not_taken_for_a_bus_that_is_gone(device: Device)
     bench.board.open()
     bench.scans()
     device.queue_full = True
-    read_until(bench.board, lambda: bench.board.report().counters["unacknowledged"] > 3)
-    assert bench.board.report().conditions == ("bus silent",)
-    assert bench.board.link.failed == 0
+    read_until(bench.board, lambda: bench.board.report().fault_counts[FaultKind.UNACKNOWLEDGED] > 3)
+    assert bench.board.report().conditions == (FaultKind.NO_TRAFFIC,)
+    assert bench.board.bus.failed == 0
     device.queue_full = False
     bench.scans()
     bench.board.close()
@@ -176,8 +177,8 @@ def test_a_controller_that_stays_off_the_bus_is_called_so_until_it_is_back(devic
     bench.board.open()
     bench.scans()
     device.carrier(False)
-    read_until(bench.board, lambda: bench.board.report().counters["bus off"] > 2)
-    assert bench.board.report().conditions == ("bus off",)
+    read_until(bench.board, lambda: bench.board.report().fault_counts[FaultKind.BUS_OFF] > 2)
+    assert bench.board.report().conditions == (FaultKind.BUS_OFF,)
     device.carrier(True)
     bench.scans()
     assert bench.board.report().conditions == ()
@@ -191,7 +192,7 @@ def test_a_device_that_is_not_there_yet_is_found_when_it_comes(
     bench = Bench(SETTINGS)
     bench.board.open()
     assert capsys.readouterr().err == ""
-    assert bench.board.report().conditions == ("bus gone",)
+    assert bench.board.report().conditions == (FaultKind.ADAPTER_DISCONNECTED,)
     assert "No such device" in bench.board.report().state
     kernel.add("can0")
     bench.scans()

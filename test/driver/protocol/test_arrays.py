@@ -96,7 +96,7 @@ def test_three_boards_on_one_bus_and_two_more_on_buses_of_their_own(tmp_path: Pa
         for _ in range(10):
             for board in boards:
                 check_run(board, 5)
-        foreign = [board.receiver.traffic.foreign > 0 for board in boards]
+        foreign = [board.decoder.traffic.unrelated > 0 for board in boards]
         assert foreign == [True] * 3 + [False] * 2
 
 
@@ -113,7 +113,7 @@ def test_a_bus_full_of_foreign_frames_costs_no_scan(tmp_path: Path, clock: Paced
         stack.callback(board.close)
         board.open()
         check_run(board, 2000)
-        assert board.receiver.traffic.foreign > 8 * 2000
+        assert board.decoder.traffic.unrelated > 8 * 2000
         assert adapter.frames_dropped == 0
 
 
@@ -141,7 +141,7 @@ def test_can_fd_at_the_limit_of_the_wire_is_followed_in_real_time(tmp_path: Path
         for scan in read_scans(board, 80_000):
             assert_marked(scan)
         seconds = (clock.monotonic() - begin) / 1e9
-        losses = board.receiver.assembler.losses
-        assert board.receiver.scans + losses.lost_scans == scan.sequence - first + 1
+        losses = board.decoder.statistics
+        assert board.decoder.scans + losses.lost_scans == scan.sequence - first + 1
         assert losses.lost_scans <= adapter.frames_dropped
         assert (scan.sequence - first) / seconds > 0.99 * LIMIT.can.scan_rate

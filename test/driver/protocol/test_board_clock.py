@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from posfet_driver.protocol.clock_sync import STEP_LIMIT, BoardClock
+from posfet_driver.protocol.clock_sync import STEP_LIMIT, ClockSync
 
 MILLISECOND = 1_000_000
 
 
-def stamps(clock: BoardClock, device_times: np.ndarray, arrivals: np.ndarray) -> np.ndarray:
+def stamps(clock: ClockSync, device_times: np.ndarray, arrivals: np.ndarray) -> np.ndarray:
     """Return the mapped times [ns] of frames with device times [us] and arrivals [ns]."""
     pairs = zip(device_times.tolist(), arrivals.tolist(), strict=True)
     return np.array([clock.to_monotonic(device, arrival) for device, arrival in pairs])
@@ -25,7 +25,7 @@ def delayed(scans: int, mean_delay: float, seed: int = 1) -> tuple[np.ndarray, n
 
 def test_jitter_and_bursts_are_taken_out() -> None:
     device, arrivals = delayed(20_000, 0.3 * MILLISECOND)
-    mapped = stamps(BoardClock(), device, arrivals)
+    mapped = stamps(ClockSync(), device, arrivals)
     assert (np.diff(mapped[1000:]) > 0).all()
     assert np.abs(mapped[1000:] - device[1000:] * 1000).max() < 0.05 * MILLISECOND
 
@@ -34,21 +34,21 @@ def test_jitter_and_bursts_are_taken_out() -> None:
 def test_drift_is_followed(drift: float) -> None:
     device, arrivals = delayed(60_000, 0.3 * MILLISECOND)
     arrivals = (arrivals * (1 + drift)).astype(np.int64)
-    mapped = stamps(BoardClock(), device, arrivals)
+    mapped = stamps(ClockSync(), device, arrivals)
     assert np.abs(mapped - device * 1000 * (1 + drift))[1000:].max() < 0.2 * MILLISECOND
 
 
 def test_a_reader_that_was_held_up_keeps_the_stamps() -> None:
     device, arrivals = delayed(10_000, 0.1 * MILLISECOND)
     arrivals = np.where((device > 4_000_000) & (device < 7_000_000), 7_000 * MILLISECOND, arrivals)
-    mapped = stamps(BoardClock(), device, np.maximum.accumulate(arrivals))
+    mapped = stamps(ClockSync(), device, np.maximum.accumulate(arrivals))
     assert np.abs(mapped[1000:] - device[1000:] * 1000).max() < 0.35 * MILLISECOND
 
 
 def test_a_board_whose_time_fell_back_is_mapped_anew() -> None:
     device, arrivals = delayed(10_000, 0.1 * MILLISECOND)
     fallen = np.where(device > 5_000_000, device - 16_000, device)  # 16 scans went unnoticed
-    mapped = stamps(BoardClock(), fallen, arrivals)
+    mapped = stamps(ClockSync(), fallen, arrivals)
     late = device * 1000 - mapped
     assert late[5001:5500].min() > STEP_LIMIT  # not known yet
     assert np.abs(late[7001:]).max() < 0.05 * MILLISECOND

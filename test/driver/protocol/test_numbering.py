@@ -8,7 +8,7 @@ from collections import deque
 import pytest
 
 from posfet_driver.bus.frame import CLASSIC, Frame
-from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.decoder import Decoder, ResponseReceived, ScanReady
 from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Page, Request, Status
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
@@ -26,7 +26,7 @@ class Line:
 
     def __init__(self, speed: float = 1.0, way: int = 0) -> None:
         self.firmware = BoardFirmware(with_fd(SENSOR, False), FakeBoard(SENSOR), 0)
-        self.receiver = Receiver(with_fd(SENSOR, False))
+        self.decoder = Decoder(with_fd(SENSOR, False))
         self.now = 0
         self.cut = False
         self.held_up = False
@@ -53,12 +53,13 @@ class Line:
         frames = []
         while self._queue and self._queue[0][0] <= self.now:
             frames.append(self._queue.popleft()[1])
-        for frame in self.receiver.begin_batch(frames, self.now, 0):
-            if self.receiver.feed(frame):
-                assert_marked(self.receiver.scan)
-                self.published.append(self.receiver.scan.sequence)
-            self._take_answer()
-        if self.receiver.question_due():
+        for decoded in self.decoder.decode(frames, self.now, 0):
+            if isinstance(decoded, ScanReady):
+                assert_marked(decoded.scan)
+                self.published.append(decoded.scan.sequence)
+            elif isinstance(decoded, ResponseReceived):
+                assert not self.decoder.resync(decoded.response.value, count_gap=True)
+        if self.decoder.resync_needed():
             self._ask()
 
     def run(self, periods: int) -> None:
@@ -67,17 +68,12 @@ class Line:
 
     def account(self) -> int:
         """Scans that are accounted for."""
-        losses = self.receiver.assembler.losses
-        return self.published[0] + len(self.published) + losses.torn_scans + losses.lost_scans
-
-    def _take_answer(self) -> None:
-        response, self.receiver.response = self.receiver.response, None
-        if response is not None:
-            assert not self.receiver.resync(response.value, count_gap=True)
+        losses = self.decoder.statistics
+        return self.published[0] + len(self.published) + losses.incomplete_scans + losses.lost_scans
 
     def _ask(self) -> None:
         self.questions += 1
-        self.receiver.asked(self.questions & 0xFF, self.now)
+        self.decoder.note_start_sent(self.questions & 0xFF, self.now)
         if not (self.cut or self.deaf):
             request = Request(Command.START, self.questions & 0xFF).pack()
             self._commands.append((self.now + self._way, (BASE + COMMAND_OFFSET, CLASSIC, request)))
@@ -106,7 +102,7 @@ def test_after_a_silence_of_any_length_numbers_are_right(scans: int, way: int) -
     assert line.account() == line.published[-1] + 1
     again = 200 if way > PERIOD * 6 else 0  # then a question is always under way: one is lost, and asked again
     few = 5 * (scans + 2 + 4 * way // PERIOD + again)
-    assert line.receiver.assembler.losses.lost_scans <= few
+    assert line.decoder.statistics.lost_scans <= few
 
 
 @pytest.mark.parametrize("way", [0, PERIOD, 20 * PERIOD])
@@ -135,7 +131,7 @@ def test_scans_lost_while_the_rest_is_late_are_not_mistaken() -> None:
     line.held_up = False
     line.run(400)
     assert line.account() == line.published[-1] + 1
-    assert line.receiver.assembler.losses.lost_scans >= 16
+    assert line.decoder.statistics.lost_scans >= 16
 
 
 @pytest.mark.parametrize("speed", [1 - 5e-3, 1 - 50e-6, 1.0, 1 + 50e-6, 1 + 5e-3])
@@ -145,7 +141,7 @@ def test_a_board_whose_clock_runs_at_another_speed_loses_nothing(speed: float) -
     assert line.published == list(range(line.published[0], line.published[-1] + 1))
     assert line.published[-1] > line.now * speed / PERIOD - 20
     assert line.questions <= (30 if abs(speed - 1) > 1e-3 else 1)
-    assert line.receiver.questions == line.questions - 1  # the first one starts the board
+    assert line.decoder.resync_requests == line.questions - 1  # the first one starts the board
 
 
 def test_a_deaf_board_is_numbered_by_its_status() -> None:
@@ -156,23 +152,23 @@ def test_a_deaf_board_is_numbered_by_its_status() -> None:
     line.run(700)
     assert line.account() == line.published[-1] + 1
     assert line.published[-1] >= line.now // PERIOD - 2
-    assert line.receiver.assembler.losses.lost_scans < 16 + 310  # at most until the next status
+    assert line.decoder.statistics.lost_scans < 16 + 310  # at most until the next status
 
 
 def test_one_who_only_listens_takes_numbers_from_the_status() -> None:
     line = Line()
     line.run(25)
     frames = [line.firmware.due(index * PERIOD) for index in range(line.published[-1] + 1, 3000)]
-    receiver = Receiver(with_fd(SENSOR, False))
-    receiver.listening = True
+    decoder = Decoder(with_fd(SENSOR, False))
+    decoder.receiving = True
     numbers = []
     for index, batch in enumerate(frames):
         if not 1500 <= index < 1548:
-            for frame in receiver.begin_batch(batch, index * PERIOD, 0):
-                if receiver.feed(frame):
-                    numbers.append(receiver.scan.sequence)
-                    if receiver.scan.sequence > 1000:
-                        assert_marked(receiver.scan)
+            for decoded in decoder.decode(batch, index * PERIOD, 0):
+                if isinstance(decoded, ScanReady):
+                    numbers.append(decoder.scan.sequence)
+                    if decoder.scan.sequence > 1000:
+                        assert_marked(decoder.scan)
     assert numbers[-1] == 2999
     assert len(numbers) > 2900 - 350
 
@@ -183,8 +179,8 @@ def test_frames_that_never_become_certain_are_given_up_and_take_no_room() -> Non
     blocks = [frame for frame in line.firmware.due(line.now + 20 * PERIOD) if frame[0] in BLOCKS]
     held = 0
     for turn in range(1000):  # the board's clock stands: it sends the same scans for ever, and no status
-        line.receiver.begin_batch(blocks, line.now + turn * 20 * PERIOD, 0)
-        held = max(held, len(line.receiver._numbering._held))
+        line.decoder.decode(blocks, line.now + turn * 20 * PERIOD, 0)
+        held = max(held, len(line.decoder._recovery._held))
     assert 0 < held < 9000
 
 
@@ -215,6 +211,6 @@ def test_a_status_that_was_queued_before_the_scan_it_came_after_changes_nothing(
     line.run(100)
     newest = line.published[-1]
     status = Status((20.0, 20.0), 5.0, 0, Page.SCAN, newest - 1).pack()
-    line.receiver.feed((BASE + 2, CLASSIC, status))
+    list(line.decoder.decode([(BASE + 2, CLASSIC, status)], line.now, 0))
     line.run(10)
     assert line.published == list(range(line.published[0], line.published[-1] + 1))

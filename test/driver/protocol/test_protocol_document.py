@@ -12,7 +12,7 @@ from posfet_driver.bus.frame import CLASSIC as CLASSIC_KIND
 from posfet_driver.bus.frame import FD as FD_KIND
 from posfet_driver.bus.frame_timing import BusTime, classic_time, fd_time
 from posfet_driver.protocol import messages, scan_codec
-from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.decoder import Decoder, ResponseReceived, ScanReady, StatusReceived
 from posfet_model.sensor.description import load_sensor
 from support.paths import DOCS
 
@@ -104,22 +104,22 @@ def test_examples_are_what_cantools_decodes_and_encodes(name: str) -> None:
 
 
 def test_examples_are_what_the_driver_reads() -> None:
-    receiver = Receiver(load_sensor())
-    receiver.resync(1234, count_gap=False)
+    decoder = Decoder(load_sensor())
+    decoder.resync(1234, count_gap=False)
     answers, temperatures = [], []
     for identifier, data, signals in examples().values():
         scan = "Count0" in signals
         frame = (identifier, FD_KIND, data.ljust(64, b"\0")) if scan else (identifier, CLASSIC_KIND, data)
-        if receiver.feed(frame):
-            assert receiver.scan.device_time == 1234567
-            assert receiver.scan.counts[:4].tolist() == [32768, 65535, 4660, 0]
-        if receiver.response:
-            answers.append((receiver.response.result, receiver.response.value, receiver.response.reset))
-            receiver.response = None
-        if receiver.news:
-            temperatures.append((*receiver.status.temperatures, receiver.status.supply, receiver.status.flags))
-            receiver.news = False
-    assert receiver.scans == 1
+        for decoded in decoder.decode([frame], 0, 0):
+            if isinstance(decoded, ScanReady):
+                assert decoded.scan.device_time == 1234567
+                assert decoded.scan.counts[:4].tolist() == [32768, 65535, 4660, 0]
+            elif isinstance(decoded, ResponseReceived):
+                answers.append((decoded.response.result, decoded.response.value, decoded.response.reset))
+            elif isinstance(decoded, StatusReceived):
+                status = decoded.status
+                temperatures.append((*status.temperatures, status.supply, status.flags))
+    assert decoder.scans == 1
     assert answers == [(0, 2000, False), (0, 0, True), (4, 2, False)]
     assert temperatures[0] == pytest.approx((25.5, math.nan, 5.0, 1), nan_ok=True)
     assert temperatures[1] == (-1.5, -1.5, 5.0, 0)

@@ -12,8 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from posfet_driver.bus.error_frame import ErrorCounts
 from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE, Frame
-from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.decoder import Decoder, ScanReady, StatusReceived
 from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Page, Request, Status
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
@@ -32,49 +33,52 @@ ANY_FRAME = st.tuples(
 ).flatmap(lambda item: st.tuples(st.just(item[0]), st.just(item[1]), st.binary(min_size=item[2], max_size=item[2])))
 
 
-def ask(receiver: Receiver, firmware: BoardFirmware, now: int) -> list[Frame]:
+def ask(decoder: Decoder, firmware: BoardFirmware, now: int) -> list[Frame]:
     """The answer of a board that is asked for the number of its next scan when there is doubt."""
-    if not receiver.question_due():
+    if not decoder.resync_needed():
         return []
-    receiver.asked(9, now)
+    decoder.note_start_sent(9, now)
     return firmware.receive((BASE + COMMAND_OFFSET, CLASSIC, Request(Command.START, 9).pack()), now)
 
 
-def receive(receiver: Receiver, frames: list[Frame], arrival: int, held_up: int = 0) -> list[Scan]:
+def receive(decoder: Decoder, frames: list[Frame], arrival: int, held_up: int = 0) -> list[Scan]:
     """Feed one batch, read `held_up` [ns] too late; return copies of what came out, held to what was sent."""
     scans = []
-    for frame in receiver.begin_batch(frames, arrival, WALL_OFFSET + held_up):
-        if receiver.feed(frame):
-            assert_marked(receiver.scan)
-            scans.append(make_scan(SENSOR, receiver.scan.sequence))
-            scans[-1].stamp, scans[-1].status = receiver.scan.stamp, receiver.scan.status
+    for decoded in decoder.decode(frames, arrival, WALL_OFFSET + held_up):
+        if isinstance(decoded, ScanReady):
+            assert_marked(decoder.scan)
+            scans.append(make_scan(SENSOR, decoder.scan.sequence))
+            scans[-1].stamp, scans[-1].status = decoder.scan.stamp, decoder.scan.status
     return scans
 
 
-def started(fd: bool) -> tuple[BoardFirmware, Receiver]:
-    """A running board and a receiver that knows its next scan."""
+def started(fd: bool) -> tuple[BoardFirmware, Decoder]:
+    """A running board and a decoder that knows its next scan."""
     firmware = BoardFirmware(with_fd(SENSOR, fd), FakeBoard(SENSOR), 0)
-    receiver = Receiver(with_fd(SENSOR, fd))
-    receiver.asked(1, 0)
-    receive(receiver, firmware.receive((BASE + COMMAND_OFFSET, CLASSIC, Request(Command.START, 1).pack()), 0), 0)
-    receiver.resync(0, count_gap=False)
-    return firmware, receiver
+    decoder = Decoder(with_fd(SENSOR, fd))
+    decoder.note_start_sent(1, 0)
+    receive(decoder, firmware.receive((BASE + COMMAND_OFFSET, CLASSIC, Request(Command.START, 1).pack()), 0), 0)
+    decoder.resync(0, count_gap=False)
+    return firmware, decoder
 
 
 @given(frames=st.lists(ANY_FRAME, max_size=60), fd=st.booleans())
 def test_any_frame_is_taken_and_accounted_for(frames: list[Frame], fd: bool) -> None:
-    receiver = Receiver(with_fd(SENSOR, fd))
-    receiver.resync(0, count_gap=False)
-    scans = sum(receiver.feed(frame) for frame in receiver.begin_batch(frames, 0, 0))
-    assert receiver.scans == scans
+    decoder = Decoder(with_fd(SENSOR, fd))
+    decoder.resync(0, count_gap=False)
+    scans = sum(isinstance(decoded, ScanReady) for decoded in decoder.decode(frames, 0, 0))
+    assert decoder.scans == scans
     foreign = [f for f in frames if not BASE <= f[0] < BASE + 13 and not f[1] & ERROR]
-    assert receiver.traffic.foreign >= len(foreign)
-    assert receiver.errors.frames == sum(1 for f in frames if f[1] & ERROR)
+    assert decoder.traffic.unrelated >= len(foreign)
+    errors = ErrorCounts()
+    errors.count(frames)
+    assert errors.frames == sum(1 for f in frames if f[1] & ERROR)
+    assert decoder.traffic.frames == len(frames)
 
 
 @BOTH
 def test_foreign_traffic_changes_nothing(fd: bool) -> None:
-    firmware, receiver = started(fd)
+    firmware, decoder = started(fd)
     noise = random.Random(1)
     scans = 0
     for index in range(200):
@@ -82,25 +86,25 @@ def test_foreign_traffic_changes_nothing(fd: bool) -> None:
         for _ in range(40):
             identifier = noise.choice([noise.randrange(0, BASE), noise.randrange(BASE + 13, 0x800)])
             frames.insert(noise.randrange(len(frames) + 1), (identifier, CLASSIC, noise.randbytes(8)))
-        scans += len(receive(receiver, frames, index * PERIOD))
+        scans += len(receive(decoder, frames, index * PERIOD))
     assert scans == 200
-    assert receiver.traffic.foreign == 8000
-    assert receiver.frames_lost == 0
+    assert decoder.traffic.unrelated == 8000
+    assert decoder.frames_lost == 0
 
 
 @BOTH
 def test_a_process_that_is_held_up_between_two_clocks_moves_no_stamp(fd: bool) -> None:
-    firmware, receiver = started(fd)
+    firmware, decoder = started(fd)
     scans = []
     for index in range(50):
         frames = firmware.due(index * PERIOD)
-        scans += receive(receiver, frames, index * PERIOD, held_up=5_000_000 if index % 7 == 3 else 0)
+        scans += receive(decoder, frames, index * PERIOD, held_up=5_000_000 if index % 7 == 3 else 0)
     assert {later.stamp - scan.stamp for scan, later in pairwise(scans)} == {PERIOD}
     hour = 3_600_000_000_000
     for index in range(50, 53):  # the wall clock is set
-        [scan] = receive(receiver, firmware.due(index * PERIOD), index * PERIOD, held_up=hour)
+        [scan] = receive(decoder, firmware.due(index * PERIOD), index * PERIOD, held_up=hour)
     assert scan.stamp - scans[-1].stamp == hour + 3 * PERIOD
-    [scan] = receive(receiver, firmware.due(53 * PERIOD), 53 * PERIOD)
+    [scan] = receive(decoder, firmware.due(53 * PERIOD), 53 * PERIOD)
     assert scan.stamp - scans[-1].stamp == 4 * PERIOD
 
 
@@ -129,7 +133,7 @@ def mutate(noise: random.Random, frames: list[Frame]) -> list[Frame]:
 def test_under_faults_of_every_kind_the_sum_is_right(fd: bool, seed: int) -> None:
     """Single faults, bursts of any length, and a host that is held up: what comes out was sent, the rest is counted."""
     noise = random.Random(seed)
-    firmware, receiver = started(fd)
+    firmware, decoder = started(fd)
     sequences: list[int] = []
     now, waiting, count = 0, [], 4000
     while now < count * PERIOD:
@@ -146,27 +150,27 @@ def test_under_faults_of_every_kind_the_sum_is_right(fd: bool, seed: int) -> Non
             frames = mutate(noise, frames)
         waiting += frames
         if noise.random() < 0.95:  # else the host comes late
-            sequences += [scan.sequence for scan in receive(receiver, waiting, now + 100_000)]
-            waiting = ask(receiver, firmware, now + 100_000)
+            sequences += [scan.sequence for scan in receive(decoder, waiting, now + 100_000)]
+            waiting = ask(decoder, firmware, now + 100_000)
         now += PERIOD
     for _ in range(400):  # all is well again: the account is closed by whole scans and status frames
-        sequences += [scan.sequence for scan in receive(receiver, waiting + firmware.due(now), now)]
+        sequences += [scan.sequence for scan in receive(decoder, waiting + firmware.due(now), now)]
         waiting = []
         now += PERIOD
-    losses = receiver.assembler.losses
+    losses = decoder.statistics
     sent = now // PERIOD
     assert sequences == sorted(set(sequences))
     assert sequences[-1] == sent - 1
     assert len(sequences) > count / 2
-    assert losses.torn_scans > 0 or fd  # a scan of one block cannot be torn
+    assert losses.incomplete_scans > 0 or fd  # a scan of one block cannot be torn
     assert losses.lost_scans > 0
-    assert len(sequences) + losses.torn_scans + losses.lost_scans == sent
+    assert len(sequences) + losses.incomplete_scans + losses.lost_scans == sent
 
 
 @BOTH
 def test_garbage_takes_no_memory(fd: bool) -> None:
-    receiver = Receiver(with_fd(SENSOR, fd))
-    receiver.resync(0, count_gap=False)
+    decoder = Decoder(with_fd(SENSOR, fd))
+    decoder.resync(0, count_gap=False)
     noise = random.Random(3)
     frames = [
         (BASE + noise.randrange(-2, 15), noise.choice([CLASSIC, FD, EXTENDED]), noise.randbytes(noise.choice([8, 64])))
@@ -175,8 +179,8 @@ def test_garbage_takes_no_memory(fd: bool) -> None:
 
     def pour() -> None:
         for _ in range(5):
-            for frame in receiver.begin_batch(frames, 0, 0):
-                receiver.feed(frame)
+            for _ in decoder.decode(frames, 0, 0):
+                pass
 
     pour()
     tracemalloc.start()
@@ -192,7 +196,7 @@ def test_garbage_takes_no_memory(fd: bool) -> None:
 @pytest.mark.parametrize("pieces", [1, 2, 5])
 def test_a_sender_that_was_held_up_loses_nothing(fd: bool, pause: int, pieces: int) -> None:
     """What was held up comes at once, but is read in pieces that end amid scans; the numbers stay right."""
-    firmware, receiver = started(fd)
+    firmware, decoder = started(fd)
     noise = random.Random(pause)
     sequences: list[int] = []
     now = 0
@@ -206,56 +210,56 @@ def test_a_sender_that_was_held_up_loses_nothing(fd: bool, pause: int, pieces: i
         )
         for low, high in pairwise([0, *cuts, len(frames)]):
             now += 10_000
-            sequences += [scan.sequence for scan in receive(receiver, frames[low:high], now)]
+            sequences += [scan.sequence for scan in receive(decoder, frames[low:high], now)]
     assert sequences == list(range(len(sequences)))
     assert len(sequences) == now // PERIOD + 1 - (1 if firmware.due(now) else 0)
-    assert receiver.frames_lost == 0
+    assert decoder.frames_lost == 0
 
 
 def test_status_frames_are_taken(sensor: Sensor) -> None:
-    receiver = Receiver(sensor)
-    assert np.isnan(receiver.scan.temperatures).all()
+    decoder = Decoder(sensor)
+    assert np.isnan(decoder.scan.temperatures).all()
     for page, value in ((Page.LAYOUT, 7), (Page.FIRMWARE, 0x0203)):
         status = Status((20.5, math.nan), 4.9, ScanStatus.SUPPLY_LOW, page, value)
-        assert not receiver.feed((BASE + 2, CLASSIC, status.pack()))
-    np.testing.assert_array_equal(receiver.scan.temperatures, [20.5, math.nan])
-    assert (receiver.layout_id, receiver.firmware) == (7, 0x0203)
-    assert receiver.status.flags == ScanStatus.SUPPLY_LOW
+        assert list(decoder.decode([(BASE + 2, CLASSIC, status.pack())], 0, 0)) == [StatusReceived(status)]
+    np.testing.assert_array_equal(decoder.scan.temperatures, [20.5, math.nan])
+    assert (decoder.layout_id, decoder.firmware) == (7, 0x0203)
+    assert decoder.status.flags == ScanStatus.SUPPLY_LOW
 
 
 def test_classic_scans_carry_the_flags_of_the_last_status() -> None:
-    firmware, receiver = started(fd=False)
+    firmware, decoder = started(fd=False)
     status = Status((20.0, 20.0), 5.0, ScanStatus.ADC_FAULT, Page.LAYOUT, 1)
-    receiver.feed((BASE + 2, CLASSIC, status.pack()))
+    list(decoder.decode([(BASE + 2, CLASSIC, status.pack())], 0, 0))
     frames = [frame for frame in firmware.due(0) if frame[0] != BASE + 2]
-    (scan,) = receive(receiver, frames, 0)
+    (scan,) = receive(decoder, frames, 0)
     assert scan.status == ScanStatus.ADC_FAULT | ScanStatus.TIME_ESTIMATED
 
 
 def test_stamps_of_fd_scans_are_those_of_acquisition() -> None:
     """Delays on the way of up to 20 ms, a clock 40 ppm slow: stamps are off by less than 0.1 ms."""
-    firmware, receiver = started(fd=True)
+    firmware, decoder = started(fd=True)
     noise = random.Random(4)
     errors = []
     least = 150_000  # undelayed way [ns]
     for index in range(5000):
         acquired = round(index * PERIOD * (1 + 40e-6))
         delay = least + round(noise.choice([0, 0, 0, 1e5, 1e6, 2e7]) * noise.random())
-        for scan in receive(receiver, firmware.due(index * PERIOD), acquired + delay):
+        for scan in receive(decoder, firmware.due(index * PERIOD), acquired + delay):
             errors.append(scan.stamp - WALL_OFFSET - acquired - least)
     assert len(errors) == 5000
     assert np.abs(errors[10:]).max() < 20_000
 
 
 def test_after_a_reset_numbers_and_stamps_begin_anew() -> None:
-    firmware, receiver = started(fd=True)
+    firmware, decoder = started(fd=True)
     for index in range(100):
-        receive(receiver, firmware.due(index * PERIOD), index * PERIOD)
+        receive(decoder, firmware.due(index * PERIOD), index * PERIOD)
     again = BoardFirmware(SENSOR, FakeBoard(SENSOR), 200 * PERIOD)
     again.receive((BASE + COMMAND_OFFSET, CLASSIC, Request(Command.START, 2).pack()), 200 * PERIOD)
-    receiver.resync(0, count_gap=True)
-    (scan,) = receive(receiver, again.due(200 * PERIOD), 200 * PERIOD)
+    decoder.resync(0, count_gap=True)
+    (scan,) = receive(decoder, again.due(200 * PERIOD), 200 * PERIOD)
     assert scan.status & ScanStatus.BOARD_RESET
     assert scan.stamp == WALL_OFFSET + 200 * PERIOD
-    assert receiver.scan.sequence == 0
-    assert receiver.frames_lost == 0
+    assert decoder.scan.sequence == 0
+    assert decoder.frames_lost == 0

@@ -10,10 +10,11 @@ import can
 import pytest
 
 from posfet import can as posfet_can
+from posfet_driver.bus.error_frame import ErrorCounts
 from posfet_driver.bus.frame import CLASSIC
 from posfet_driver.bus.message_conversion import frame_of
 from posfet_driver.bus.recording import messages
-from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import Page, Status
 from posfet_driver.tools import list_boards
 from posfet_driver.tools.record_replay import decode
@@ -123,7 +124,7 @@ def test_monitor_of_a_board_that_stands_still_shows_no_scan(
 ) -> None:
     assert main(["monitor", "--for", "0.3", *virtual], clock) == 0
     out = capsys.readouterr().out
-    assert "no whole scan yet" in out
+    assert "no complete scan yet" in out
     assert "newest scan" not in out
 
 
@@ -140,7 +141,7 @@ def test_what_is_recorded_can_be_decoded_and_replayed(
     file = tmp_path / f"bus.{suffix}"
     assert main(["record", str(file), "--start", "--for", "0.3", *EMULATOR, "--fd", fd]) == 0
     assert main(["replay", str(file), "--decode", "--fd", fd]) == 0
-    assert "whole scans" in capsys.readouterr().out
+    assert "complete scans" in capsys.readouterr().out
     sent = [frame_of(message) for message in messages(file)]
     assert len(sent) > 100
     channel = uuid.uuid4().hex
@@ -153,10 +154,10 @@ def test_what_is_recorded_can_be_decoded_and_replayed(
 def test_a_recording_decodes_to_whole_scans(tmp_path: Path) -> None:
     file = tmp_path / "bus.log"
     assert main(["record", str(file), "--start", "--for", "0.3", *EMULATOR]) == 0
-    receiver = Receiver(SENSOR)
-    decode(file, receiver)
-    assert receiver.scans > 200
-    assert receiver.frames_lost == 0
+    decoder = Decoder(SENSOR)
+    decode(file, decoder, ErrorCounts())
+    assert decoder.scans > 200
+    assert decoder.frames_lost == 0
 
 
 def test_selftest_passes_on_the_emulated_board(capsys: pytest.CaptureFixture[str]) -> None:
@@ -178,7 +179,10 @@ def test_selftest_names_what_failed(tmp_path: Path, capsys: pytest.CaptureFixtur
         (["command", "stop", "-i", "virtual", "-o", "nonsense=1"], "has no option 'nonsense', known are"),
         (["command", "stop", "-i", "virtual", "-s", "nosuch"], "nosuch: no such sensor"),
         (["command", "stop", "-i", "slcan", "-c", "/nowhere"], "slcan:/nowhere: No such file or directory"),
-        (["command", "stop", "-i", "virtual", "-c", "empty"], "STOP: no answer within 0.5 s at base identifier 0x100"),
+        (
+            ["command", "stop", "-i", "virtual", "-c", "empty"],
+            "STOP: no response within 0.5 s at base identifier 0x100",
+        ),
         (["command", "stop", "-i", "virtual", "-o", "loud"], "CAN option must be 'key=value', got 'loud'"),
         (["list", "-i", "slcam"], "CAN interface must be one of"),
         (["list", "-i", "slcan"], "CAN interface 'slcan' needs a channel"),
@@ -228,7 +232,7 @@ def test_an_empty_recording_is_no_recording(tmp_path: Path, suffix: str, capsys:
     file.touch()
     for words in ([], ["--decode"]):
         assert main(["replay", str(file), *words]) == 1
-        assert capsys.readouterr().err == f"posfet can replay: {file}: no frame is in it\n"
+        assert capsys.readouterr().err == f"posfet can replay: {file}: contains no frame\n"
 
 
 def test_frames_that_no_bus_can_carry_and_times_that_cannot_be_are_told_in_one_line(

@@ -18,7 +18,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
 
-from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.decoder import Decoder, ScanReady
 from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.ros.contacts_cdr import ContactsBytes
@@ -159,8 +159,8 @@ def count_messages(publisher: Any, counts: dict[str, int]) -> None:
 @pytest.mark.parametrize("touched", [False, True], ids=["idle", "touched"])
 def test_a_scan_leaves_no_memory_behind(touched: bool) -> None:
     """From frames to the bytes of the contacts, nothing is left to the garbage collector, and nothing grows."""
-    receiver, model = Receiver(SENSOR), Reconstructor(SENSOR)
-    receiver.resync(0, count_gap=False)
+    decoder, model = Decoder(SENSOR), Reconstructor(SENSOR)
+    decoder.resync(0, count_gap=False)
     writer, codec, scan = ContactsBytes(SENSOR, "finger"), make_codec(SENSOR), Scan.empty(1, 25)
     frames = []
     for index, counts in enumerate(played(touched)):
@@ -168,9 +168,9 @@ def test_a_scan_leaves_no_memory_behind(touched: bool) -> None:
         frames.append(codec.encode(scan, SENSOR.can.base_id))
 
     def take(index: int) -> None:
-        for frame in receiver.begin_batch(frames[index], index * 1_000_000, 0):
-            if receiver.feed(frame):
-                writer.fill(model.process(receiver.scan))
+        for decoded in decoder.decode(frames[index], index * 1_000_000, 0):
+            if isinstance(decoded, ScanReady):
+                writer.fill(model.process(decoded.scan))
 
     for index in range(STEADY.start):
         take(index)

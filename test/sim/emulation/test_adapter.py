@@ -14,7 +14,8 @@ import pytest
 
 from posfet_driver.board.board_client import Board
 from posfet_driver.board.command_queue import CommandError
-from posfet_driver.board.scan_source import Health, SourceError
+from posfet_driver.board.faults import FaultKind, Health
+from posfet_driver.board.scan_source import SourceError
 from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.message_conversion import frame_of, message_of
 from posfet_driver.bus.open_bus import bus_settings, open_bus
@@ -100,10 +101,11 @@ def test_scans_arrive_whole_in_order_and_none_is_lost(sensor: Sensor, link: Path
             expected = scan.sequence + 1
             assert scan.frames_lost == 0
             assert scan.device_time == (round(scan.sequence * 1e6 / sensor.can.scan_rate) if fd else 0)
-        np.testing.assert_array_equal(board.receiver.scan.temperatures, [23.5, 23.5])
+        np.testing.assert_array_equal(board.decoder.scan.temperatures, [23.5, 23.5])
         report = board.report()
         assert report.health == Health.OK
         assert report.values["firmware"] == "0.1"
+        assert not any(report.fault_counts.values())
         assert not any(report.counters.values())
         assert adapter.frames_dropped == 0
     finally:
@@ -147,8 +149,8 @@ def test_the_board_survives_an_adapter_that_goes_and_comes_back(sensor: Sensor, 
                 assert scan.sequence < 20_000  # each board counts from its own start
             adapter.close()
             read_until(board, lambda: board.report().health == Health.ERROR)
-            assert board.link.failed == round_trip + 1
-            assert board.report().conditions == ("bus gone",)
+            assert board.bus.failed == round_trip + 1
+            assert board.report().conditions == (FaultKind.ADAPTER_DISCONNECTED,)
     finally:
         board.close()
         for adapter in adapters:
@@ -167,7 +169,7 @@ def test_a_board_that_falls_silent_is_started_again(sensor: Sensor, link: Path, 
         read_until(board, lambda: board.restarted > 0)
         for scan in read_scans(board, 3):
             assert_marked(scan)
-        assert board.report().counters["lost scans"] > 0
+        assert board.report().fault_counts[FaultKind.LOST_SCANS] > 0
     finally:
         board.close()
         adapter.close()
@@ -211,7 +213,7 @@ def test_a_command_without_an_answer_times_out(sensor: Sensor, echo: EmulatedAda
     try:
         with pytest.raises(CommandError, match=r"STOP: the board was not ready within 0\.05 s: looking for the board"):
             board.request(Command.STOP, timeout=0.05)
-        read_until(board, lambda: "no board answers at base identifier 0x100" in board.report().state)
+        read_until(board, lambda: "no board responds at base identifier 0x100" in board.report().state)
     finally:
         board.close()
 
@@ -330,14 +332,14 @@ def test_a_reader_that_sleeps_costs_frames_not_memory(sensor: Sensor, link: Path
     try:
         first = next(read_scans(board, 1)).sequence
         clock.jump(10.0)  # 10 s of scans at once: more than the adapter has room for
-        read_until(board, lambda: adapter.frames_dropped > 0 and board.receiver.assembler.losses.lost_scans > 0)
+        read_until(board, lambda: adapter.frames_dropped > 0 and board.decoder.statistics.lost_scans > 0)
         last = next(read_scans(board, 1)).sequence
-        losses = board.receiver.assembler.losses
-        assert board.receiver.scans + losses.lost_scans == last - first + 1
-        assert OUTPUT_LIMIT / 200 < board.receiver.scans < 10_000
+        losses = board.decoder.statistics
+        assert board.decoder.scans + losses.lost_scans == last - first + 1
+        assert OUTPUT_LIMIT / 200 < board.decoder.scans < 10_000
         statuses = 10.0 / STATUS_PERIOD
         assert adapter.frames_dropped - statuses <= losses.lost_scans <= adapter.frames_dropped
-        assert board.report().counters["lost scans"] == losses.lost_scans
+        assert board.report().fault_counts[FaultKind.LOST_SCANS] == losses.lost_scans
     finally:
         board.close()
         adapter.close()

@@ -13,11 +13,12 @@ import pytest
 
 from posfet_driver.board.board_client import Board
 from posfet_driver.board.command_queue import CommandError
-from posfet_driver.board.faults import FaultWatch
+from posfet_driver.board.fault_monitor import FaultMonitor
+from posfet_driver.board.faults import FaultKind
 from posfet_driver.board.scan_source import SourceError
 from posfet_driver.bus.open_bus import bus_settings
 from posfet_driver.bus.port_search import BusOpener
-from posfet_driver.bus.python_can_bus import MessageFrames
+from posfet_driver.bus.python_can_bus import PythonCanFrameBus
 from posfet_driver.bus.slcan_codec import FLAG_OVERFLOW, FLAG_PASSIVE
 from posfet_driver.clock import Clock
 from posfet_driver.protocol.messages import Command
@@ -67,20 +68,19 @@ def test_a_port_that_speaks_no_slcan_is_told(clock: PacedClock) -> None:
     board.open()
     try:
         os.write(master, b"$GPGGA,123519,4807.038,N\r\n" * 20)
-        read_until(board, lambda: board.report().counters["malformed lines"] == 20)
-        told = [fault.name for fault in FaultWatch().present(board.report(), 0)]
-        assert "malformed lines" in told
+        read_until(board, lambda: board.report().fault_counts[FaultKind.MALFORMED_LINES] == 20)
+        assert FaultKind.MALFORMED_LINES in FaultMonitor().present(board.report(), 0)
     finally:
         board.close()
         os.close(master)
         os.close(slave)
-    assert board.report().counters["malformed lines"] == 20  # though the port is closed
+    assert board.report().fault_counts[FaultKind.MALFORMED_LINES] == 20  # though the port is closed
 
 
 def test_an_adapter_that_comes_back_under_another_name_is_found(tmp_path: Path, clock: PacedClock) -> None:
     board, opener = make_board(tmp_path / "can*", clock)
     board.open()
-    assert board.report().state == f"the bus is not there, trying again: slcan: no port matches {tmp_path}/can*"
+    assert board.report().state == f"CAN bus unavailable, retrying: slcan: no port matches {tmp_path}/can*"
     try:
         for name in ("can0", "can3", "can1"):
             adapter = make_adapter(tmp_path / name, clock)
@@ -90,8 +90,8 @@ def test_an_adapter_that_comes_back_under_another_name_is_found(tmp_path: Path, 
                 assert opener.channel == str(tmp_path / name)
             finally:
                 adapter.close()
-            read_until(board, lambda: board.report().conditions == ("bus gone",))
-        assert board.link.failed == 3
+            read_until(board, lambda: board.report().conditions == (FaultKind.ADAPTER_DISCONNECTED,))
+        assert board.bus.failed == 3
     finally:
         board.close()
 
@@ -119,11 +119,11 @@ def test_a_wrong_bitrate_is_named(tmp_path: Path, clock: PacedClock) -> None:
     board, _ = make_board(tmp_path / "can0", clock)
     board.open()
     try:
-        read_until(board, lambda: board.report().conditions == ("bus unreadable",))
-        assert board.report().counters["unreadable"] > 0
+        read_until(board, lambda: board.report().conditions == (FaultKind.BUS_ERRORS,))
+        assert board.report().counters["bit errors"] > 0
         adapter.speeds = (b"S8", b"Y5")
         assert_marked(next(read_scans(board, 1)))
-        assert "bus unreadable" not in board.report().conditions
+        assert FaultKind.BUS_ERRORS not in board.report().conditions
     finally:
         board.close()
         adapter.close()
@@ -138,8 +138,8 @@ def test_flags_of_the_adapter_are_counted(tmp_path: Path, clock: PacedClock) -> 
     try:
         next(read_scans(board, 1))
         bus.ask_state()
-        read_until(board, lambda: board.receiver.errors.frames == 1)
-        assert (board.receiver.errors.overflow, board.receiver.errors.passive) == (1, 1)
+        read_until(board, lambda: board.bus.errors.frames == 1)
+        assert (board.bus.errors.overflow, board.bus.errors.passive) == (1, 1)
     finally:
         board.close()
         adapter.close()
@@ -166,7 +166,7 @@ def test_commands_from_another_thread_cost_no_scan(tmp_path: Path, clock: PacedC
                 assert scan.sequence == last + 1
                 last = scan.sequence
         assert len(answers) == 20
-        assert board.restarted == board.receiver.frames_lost == 0
+        assert board.restarted == board.decoder.frames_lost == 0
     finally:
         asking.join()
         board.close()
@@ -181,12 +181,12 @@ def test_commands_end_with_the_bus(tmp_path: Path, clock: PacedClock) -> None:
         next(read_scans(board, 1))
         adapter._node.receive = lambda frame, now: []
         orders = [board.submit(Command.IDENTIFY, timeout=PATIENCE) for _ in range(3)]
-        read_until(board, lambda: not board._orders._waiting or board._orders._current is not None)
+        read_until(board, lambda: not board._commands._waiting or board._commands._current is not None)
         adapter.close()
         read_until(board, lambda: all(order.done() for order in orders))
         assert not wait(orders, 0).not_done
         for order in orders:
-            with pytest.raises(CommandError, match="IDENTIFY: the bus is not there, trying again"):
+            with pytest.raises(CommandError, match="IDENTIFY: CAN bus unavailable, retrying"):
                 order.result()
     finally:
         board.close()
@@ -216,7 +216,7 @@ class PassiveBus(can.BusABC):
 def test_the_state_that_python_can_tells_is_read_as_an_error_frame() -> None:
 
     for state, frames in ((can.BusState.ACTIVE, 0), (can.BusState.PASSIVE, 1), (can.BusState.ERROR, 1)):
-        bus = MessageFrames(PassiveBus(state))
+        bus = PythonCanFrameBus(PassiveBus(state))
         bus.ask_state()
         assert len(bus.read_frames(0)) == frames
         bus.shutdown()

@@ -6,7 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from posfet_driver.board.scan_source import Health, ManagedDevice, ScanSource, SourceError
+from posfet_driver.board.faults import Health
+from posfet_driver.board.scan_source import ManagedDevice, ScanSource, SourceError
 from posfet_driver.bus.frame import CLASSIC
 from posfet_driver.bus.slcan_codec import LineReader, encode_line
 from posfet_driver.protocol.messages import COMMAND_OFFSET, FD_BLOCK_OFFSET, Command, Request

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from posfet_driver.board.board_client import Board
-from posfet_driver.board.scan_source import Health
+from posfet_driver.board.faults import Health
 from posfet_driver.bus.frame import CLASSIC, FD
 from posfet_driver.bus.open_bus import bus_settings, open_bus
 from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Command, Request

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from posfet_driver.board.scan_source import Health, ScanSource
+from posfet_driver.board.faults import Health
+from posfet_driver.board.scan_source import ScanSource
 from posfet_driver.clock import Clock
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan

@@ -1,1 +1,1 @@
-"""The connection to one board: its client, state, commands, faults and report."""
+"""Connection to one board: client, state, commands, faults and report."""

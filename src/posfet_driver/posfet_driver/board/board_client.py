@@ -1,4 +1,4 @@
-"""A board on a CAN bus as a source of scans: found, told to send, kept going, and found again after every fault."""
+"""A board on a CAN bus as a source of scans: identified, started, supervised, and restarted after every fault."""
 
 from __future__ import annotations
 
@@ -8,18 +8,20 @@ from typing import Final
 
 import can
 
-from posfet_driver.board.board_report import board_report
+from posfet_driver.board.board_report import Connection, board_report
 from posfet_driver.board.command_queue import CommandQueue
-from posfet_driver.board.connection_state import DEAF, HEALTH, Phase
-from posfet_driver.board.no_response import Silence
-from posfet_driver.board.scan_source import Health, SourceReport
+from posfet_driver.board.connection_state import HEALTH, NOT_RECEIVING, ConnectionState
+from posfet_driver.board.faults import FaultKind, Health
+from posfet_driver.board.no_response import NoResponseMonitor
+from posfet_driver.board.scan_source import SourceReport
 from posfet_driver.bus.bus_load import BusLoad
 from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.frame_bus import FrameBus
+from posfet_driver.bus.frame_timing import classic_time, fd_time
 from posfet_driver.bus.open_bus import one_line
-from posfet_driver.bus.reconnecting_bus import PRESENCE_PERIOD, BusLink
+from posfet_driver.bus.reconnecting_bus import PRESENCE_PERIOD, ReconnectingBus
 from posfet_driver.clock import Clock, SystemClock
-from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.decoder import Decoded, Decoder, ResponseReceived, ScanReady
 from posfet_driver.protocol.messages import (
     COMMAND_OFFSET,
     PROTOCOL_VERSION,
@@ -29,30 +31,72 @@ from posfet_driver.protocol.messages import (
     Result,
     version,
 )
+from posfet_driver.protocol.scan_codec import CLASSIC_LENGTH, FD_LENGTH
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.config import ConfigError
-from posfet_model.sensor.description import Sensor
+from posfet_model.sensor.description import CanLink, Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 
-ANSWER_TIMEOUT: Final = 0.2
-"""Time a board has to answer [s]; then it is asked again."""
+RESPONSE_TIMEOUT: Final = 0.2
+"""Time within which a board has to respond [s]; then the command is repeated."""
 REFUSED_PERIOD: Final = 1.0
-"""Time after which a board that cannot be used is asked again [s]."""
-SILENCE: Final = 0.3
-"""Time without any scan [s] after which a board that should send is asked what it is."""
-SILENT_SCANS: Final = 10
-"""The same in scans, where they come slower."""
+"""Period at which an unsuitable board is identified again [s]."""
+SCAN_TIMEOUT: Final = 0.3
+"""Time without a scan [s] after which a board that should send is identified and restarted."""
+SCAN_TIMEOUT_SCANS: Final = 10
+"""The same in scan periods, for low scan rates."""
 NEVER: Final = 1 << 63
 LOW_SUPPLY_MEMORY: Final = 2.0
-"""Time after a low supply was told [s] in which a reset is called a brown-out."""
+"""Time after a low supply was reported [s] within which a reset counts as a brown-out."""
+
+_STARTING: Final = {ConnectionState.START, ConnectionState.SCANS}
+_READY: Final = {ConnectionState.SCANS, ConnectionState.STOPPED, ConnectionState.REFUSED}
+"""States in which the board accepts a command of the user."""
+
+
+def scan_transit_time(link: CanLink, blocks: int) -> float:
+    """Return the longest time that the frames of one scan occupy the bus [s].
+
+    Parameters
+    ----------
+    link : CanLink
+        Frame format and bit rates.
+    blocks : int
+        Number of scan frames of a scan.
+
+    Returns
+    -------
+    float
+        Transit time with as many stuff bits as there can be [s].
+    """
+    frame = (
+        fd_time(FD_LENGTH, link.bitrate, link.data_bitrate) if link.fd else classic_time(CLASSIC_LENGTH, link.bitrate)
+    )
+    return blocks * frame.most
 
 
 class Board:
     """One board on a bus. Used by one thread, but for `submit` and `report`.
 
-    The bus is opened again, with a growing pause, whenever it cannot be opened, fails, or stays without an answer; a
-    board that does not answer or falls silent is identified and started again. Nothing of that raises: `report` tells
-    what is missing and why.
+    The bus is reopened, with exponential back-off, whenever it cannot be opened, fails, or stays without a response; a
+    board that does not respond or stops sending is identified and restarted. None of this raises: `report` states what
+    is missing and why.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The array and its frames.
+    open_bus : callable
+        Opens the bus; raises can.CanError or ConfigError.
+    clock : Clock, optional
+        Source of time; by default that of this machine.
+    presence : callable, optional
+        Returns a value that changes when the adapter is connected again: then the bus is opened without further delay.
+
+    Raises
+    ------
+    ConfigError
+        When the layout does not fit the frames.
     """
 
     simulated = False
@@ -64,198 +108,254 @@ class Board:
         clock: Clock | None = None,
         presence: Callable[[], object] | None = None,
     ) -> None:
-        """Take the sensor, with its frames, and what opens the bus.
-
-        `presence` returns something that differs when an adapter came back: then it is tried without further pause.
-        Raises ConfigError when the layout does not fit the frames.
-        """
-        self.receiver = Receiver(sensor)
+        self.decoder = Decoder(sensor)
         self.load = BusLoad(sensor.can.bitrate, sensor.can.data_bitrate)
         self.restarted = 0
-        """How often a silent board was started anew."""
+        """Number of times a silent board was restarted."""
         self.resets = 0
-        """How often the board was reset between two scans."""
+        """Number of times the board was reset between two scans."""
         self.brown_outs = 0
-        """Resets around which the supply was low."""
+        """Resets around which the supply voltage was low."""
         self._sensor = sensor
         self._clock = clock or SystemClock()
-        self.link = BusLink(open_bus, presence, self._clock)
-        self._hush = Silence(self.receiver)
+        self.bus = ReconnectingBus(open_bus, presence, self._clock)
+        self._no_response = NoResponseMonitor(self.decoder.traffic, self.bus.errors)
+        self._transit_time = scan_transit_time(sensor.can, self.decoder.blocks)
         self._batch: list[Frame] = []
-        self._frames: Iterator[Frame] = iter(())
-        self._orders = CommandQueue()
-        self._phase = Phase.CLOSED
+        self._decoded: Iterator[Decoded] = iter(())
+        self._status_received = False  # in the current batch
+        self._commands = CommandQueue()
+        self._state = ConnectionState.CLOSED
         self._reason = "closed"
-        self._diagnosis = ""
+        self._fault: FaultKind | None = None
         self._arrival = 0  # of the newest batch of frames
         self._deadline = NEVER
-        self._looked_for = -1  # deadline after which the bus was read once more
+        self._checked = -1  # deadline after which the bus was read once more
         self._tag = 0
-        self._own_tag = -1  # of the command that was sent to find and start the board
+        self._own_tag = -1  # of the command that was sent to identify and start the board
         self._bus_offs = 0
-        self._low_supply = -round(LOW_SUPPLY_MEMORY * NANOSECONDS)  # when it was told last
-        self._stopped = True  # nothing is lost that a board does not send because it was told so
-        self._flowing = False  # a scan came since the board was started
-        self._counters_hide = not sensor.can.fd  # numbers of scans, as they have few bits
+        self._low_supply = -round(LOW_SUPPLY_MEMORY * NANOSECONDS)  # time of the newest report
+        self._stopped = True  # a board that was stopped on request loses nothing
+        self._flowing = False  # a scan arrived since the board was started
+        self._counter_ambiguous = not sensor.can.fd  # classic counters have few bits
         self._period = 0
-        self._silence = 0
-        self._take_period(round(1e6 / sensor.can.scan_rate))
+        self._scan_timeout = 0
+        self._set_period(round(1e6 / sensor.can.scan_rate))
+
+    @property
+    def stamp_uncertainty(self) -> float:
+        """Largest delay of a stamp after the acquisition [s]: transit time of a scan plus `clock_uncertainty`."""
+        return self._transit_time + self.decoder.clock_uncertainty
 
     def open(self) -> None:
-        """Begin to look for the board; a bus that cannot be opened yet is tried again by `read`.
+        """Begin to look for the board; a bus that cannot be opened yet is retried by `read`.
 
-        Raises ConfigError when the bus can never be opened with these arguments.
+        Raises
+        ------
+        ConfigError
+            When the bus can never be opened with these arguments.
         """
-        if self._phase == Phase.CLOSED:
-            self.link.settle()
-            self._enter(Phase.BUS, "the bus is being opened", 0.0)
+        if self._state == ConnectionState.CLOSED:
+            self.bus.reset_backoff()
+            self._enter(ConnectionState.BUS, "opening the bus", 0.0)
             self._connect()
 
     def close(self) -> None:
-        """Tell the board to stop and close the bus; may be called twice."""
-        if self._phase in {Phase.START, Phase.SCANS}:
+        """Stop the board and close the bus; may be called twice."""
+        if self._state in _STARTING:
             self._send(Command.STOP)
         self._stopped = True
-        self._diagnosis = ""
-        self.link.drop()
-        self._frames = iter(())
-        self._enter(Phase.CLOSED, "closed", 0.0)
-        self._orders.fail(self._reason)
+        self._fault = None
+        self.bus.close()
+        self._decoded = iter(())
+        self._enter(ConnectionState.CLOSED, "closed", 0.0)
+        self._commands.fail(self._reason)
 
     def read(self, timeout: float) -> Scan | None:
-        """Return the next whole scan, or None when there was none within `timeout` [s]."""
+        """Return the next complete scan.
+
+        Parameters
+        ----------
+        timeout : float
+            Longest time to wait [s].
+
+        Returns
+        -------
+        Scan or None
+            Overwritten by the next call: copy what is to be kept. None when no scan arrived in time.
+        """
         wait, end = round(timeout * NANOSECONDS), 0
         while not self._next_scan():
-            # While scans flow the time of the newest batch will do, and nothing is due before the next one.
-            steady = self._phase is Phase.SCANS and self._arrival + wait < self._deadline
+            # While scans arrive the time of the newest batch suffices, and nothing is due before the next one.
+            steady = self._state is ConnectionState.SCANS and self._arrival + wait < self._deadline
             now = self._arrival if steady else self._clock.monotonic()
             end = end or now + wait
             if now >= end:
                 return None
-            if steady and not self._orders.pending():
+            if steady and not self._commands.pending():
                 self._read_frames(end - now)
             else:
                 self._wait(now, end)
-        return self.receiver.scan
+        return self.decoder.scan
 
     def submit(self, command: Command, argument: int = 0, timeout: float = 0.5) -> Future[Response]:
         """Send a command, from any thread, while another one reads; scans go on meanwhile.
 
-        After STOP the board is left alone until START. The future raises CommandError when the bus is not open, no
-        answer comes within `timeout` [s], or the board refuses.
+        After STOP the board is left alone until START.
+
+        Parameters
+        ----------
+        command : Command
+            The command.
+        argument : int, default 0
+            Its argument.
+        timeout : float, default 0.5
+            Time in which the response has to arrive [s].
+
+        Returns
+        -------
+        Future of Response
+            Raises CommandError when the bus is not open, no response arrives in time, or the board refuses.
         """
-        return self._orders.put(command, argument, timeout, self._clock.monotonic())
+        return self._commands.put(command, argument, timeout, self._clock.monotonic())
 
     def request(self, command: Command, argument: int = 0, timeout: float = 0.5) -> Response:
-        """Send a command and return the answer, by the thread that reads; scans that come meanwhile are dropped.
+        """Send a command from the thread that reads and return the response; scans that arrive meanwhile are dropped.
 
-        Raises CommandError as the future of `submit` does.
+        Parameters
+        ----------
+        command : Command
+            The command.
+        argument : int, default 0
+            Its argument.
+        timeout : float, default 0.5
+            Time in which the response has to arrive [s].
+
+        Returns
+        -------
+        Response
+            The board's response.
+
+        Raises
+        ------
+        CommandError
+            When the bus is not open, no response arrives in time, or the board refuses.
         """
-        answer = self.submit(command, argument, timeout)
-        if self._phase == Phase.CLOSED:
-            self._orders.fail(self._reason)
-        while not answer.done():
-            self.read(min(timeout, ANSWER_TIMEOUT))
-        return answer.result()
+        pending = self.submit(command, argument, timeout)
+        if self._state == ConnectionState.CLOSED:
+            self._commands.fail(self._reason)
+        while not pending.done():
+            self.read(min(timeout, RESPONSE_TIMEOUT))
+        return pending.result()
 
     def report(self) -> SourceReport:
         """Return the state for diagnostics; may be called from any thread."""
-        health = HEALTH[self._phase] if self._flowing or self._phase != Phase.SCANS else Health.WARN
-        return board_report(self, health, self._reason, self._diagnosis)
+        waiting = self._state == ConnectionState.SCANS and not self._flowing
+        connection = Connection(
+            health=Health.WARN if waiting else HEALTH[self._state],
+            state=self._reason,
+            fault=self._fault,
+            restarts=self.restarted,
+            resets=self.resets,
+            brown_outs=self.brown_outs,
+            stamp_uncertainty=self.stamp_uncertainty,
+        )
+        return board_report(connection, self.decoder, self.bus, self.load)
 
     def _next_scan(self) -> bool:
-        """Feed the frames at hand until one makes a scan whole that may be handed on."""
-        receiver = self.receiver
-        for frame in self._frames:
-            if receiver.feed(frame):
+        """Process the frames at hand up to the next complete scan; return whether there is one."""
+        for decoded in self._decoded:
+            if isinstance(decoded, ScanReady):
                 if self._flowing:
-                    self._deadline = self._arrival + self._silence
-                else:  # started, or back before it was started again
+                    self._deadline = self._arrival + self._scan_timeout
+                else:  # started, or sending again before it was restarted
                     self._flowing = True
-                    self._diagnosis = ""
-                    self._enter(Phase.SCANS, "receiving scans", self._silence / NANOSECONDS)
+                    self._fault = None
+                    self._enter(ConnectionState.SCANS, "receiving scans", self._scan_timeout / NANOSECONDS)
                 return True
-            if receiver.response is not None:
-                self._take(receiver.response)
-                receiver.response = None
-        if receiver.news or receiver.errors.bus_off != self._bus_offs:
-            self._look()
+            if isinstance(decoded, ResponseReceived):
+                self._handle_response(decoded.response)
+            else:
+                self._status_received = True
+        if self._status_received or self.bus.errors.bus_off != self._bus_offs:
+            self._check_bus_and_status()
         return False
 
-    def _look(self) -> None:
-        """Act on what a batch of frames told of bus and board."""
-        receiver = self.receiver
-        if receiver.errors.bus_off != self._bus_offs:
-            self._bus_offs = receiver.errors.bus_off
-            self._fail(can.CanOperationError("the controller has taken itself off the bus"), "bus off")
-        else:
-            receiver.news = False
-            if receiver.status.flags & ScanStatus.SUPPLY_LOW:
-                self._low_supply = self._clock.monotonic()
-            if self._phase != Phase.SCANS:
-                return
-            if receiver.layout_id not in {None, self._sensor.layout.id}:
-                self._identify()
-            elif receiver.status.flags & ScanStatus.BOARD_RESET:
-                self._reason = "the board was reset: it is being started again"
-                self._flowing = False
-                self._identify()
+    def _check_bus_and_status(self) -> None:
+        """Act on the errors and the status of a batch of frames."""
+        decoder, bus_offs = self.decoder, self.bus.errors.bus_off
+        if bus_offs != self._bus_offs:
+            self._bus_offs = bus_offs
+            self._fail(can.CanOperationError("the controller is bus-off"), FaultKind.BUS_OFF)
+            return
+        self._status_received = False
+        flags = decoder.status.flags
+        if flags & ScanStatus.SUPPLY_LOW:
+            self._low_supply = self._clock.monotonic()
+        if self._state != ConnectionState.SCANS:
+            return
+        if decoder.layout_id not in {None, self._sensor.layout.id}:
+            self._identify()
+        elif flags & ScanStatus.BOARD_RESET:
+            self._reason = "the board was reset: restarting it"
+            self._flowing = False
+            self._identify()
 
     def _wait(self, now: int, end: int) -> None:
-        """Let something happen: read frames, or do what is due when there are none."""
-        if pending := self._orders.pending():
-            self._carry_orders(now)
+        """Read frames, or do what is due when there are none."""
+        if pending := self._commands.pending():
+            self._process_commands(now)
         late = now >= self._deadline
-        if late and (not self.link.is_open or self._looked_for == self._deadline):
-            self._overdue()
+        if late and (not self.bus.is_open or self._checked == self._deadline):
+            self._handle_timeout()
             return
         due = min(end, self._deadline)
         if pending:
             due = min(due, now + round(PRESENCE_PERIOD * NANOSECONDS))
         left = max(due - now, 0)
-        if self.link.is_open:
+        if self.bus.is_open:
             deadline = self._deadline
             arrived = self._read_frames(left)
             if late or (not arrived and self._clock.monotonic() >= deadline):
-                self._looked_for = deadline  # nothing that came in time is waiting any more
-        elif self._phase != Phase.BUS:
+                self._checked = deadline  # no frame that arrived in time is left
+        elif self._state != ConnectionState.BUS:
             self._clock.sleep(left / NANOSECONDS)
-        elif self.link.rest(left):
+        elif self.bus.wait_for_device(left):
             self._deadline = self._clock.monotonic()
 
-    def _overdue(self) -> None:
-        """Do what a deadline stands for in each phase."""
-        if self._phase == Phase.BUS:
-            self._try_bus()
+    def _handle_timeout(self) -> None:
+        """Act on the deadline of the current state."""
+        if self._state == ConnectionState.BUS:
+            self._reconnect()
             return
-        if self._phase == Phase.SCANS:
+        if self._state == ConnectionState.SCANS:
             self.restarted += 1
             self._flowing = False
-            self._reason = "the board sends no whole scans: it is being started again"
-            self._diagnosis = "no scans"
+            self._reason = "the board sends no complete scans: restarting it"
+            self._fault = FaultKind.NO_SCANS
             self._ask_adapter()
-        elif self._phase == Phase.IDENTITY:
-            self._unanswered()
-            if self._phase != Phase.IDENTITY:
+        elif self._state == ConnectionState.IDENTITY:
+            self._diagnose_no_response()
+            if self._state != ConnectionState.IDENTITY:
                 return
-        elif self._phase in {Phase.RATE, Phase.START}:
-            self._reason = "the board answers, but does not start"
-            self._diagnosis = "no start"
+        elif self._state in {ConnectionState.RATE, ConnectionState.START}:
+            self._reason = "the board responds, but does not start"
+            self._fault = FaultKind.START_FAILED
         self._identify()
 
-    def _unanswered(self) -> None:
-        """Tell why a board may not answer; now and then open the bus anew."""
+    def _diagnose_no_response(self) -> None:
+        """Find out why the board does not respond; reopen the bus from time to time."""
         base = self._sensor.can.base_id
-        self._reason = f"no board answers at base identifier 0x{base:X}: check power, cable, bitrate and base_id"
-        self._diagnosis = self._hush.cause()
+        self._reason = f"no board responds at base identifier 0x{base:X}: check power, cable, bit rate and base_id"
+        self._fault = self._no_response.cause()
         self._ask_adapter()
-        if self.link.is_open and self._hush.too_long(self._clock.monotonic()):
-            self.link.drop()
-            self._frames = iter(())
-            self._enter(Phase.BUS, self._reason, 0.0)
-            self._try_bus()
+        if self.bus.is_open and self._no_response.reopen_due(self._clock.monotonic()):
+            self.bus.close()
+            self._decoded = iter(())
+            self._enter(ConnectionState.BUS, self._reason, 0.0)
+            self._reconnect()
 
-    def _try_bus(self) -> None:
+    def _reconnect(self) -> None:
         try:
             self._connect()
         except ConfigError as error:
@@ -263,109 +363,105 @@ class Board:
 
     def _connect(self) -> None:
         try:
-            self.link.connect()
+            self.bus.connect()
         except can.CanError as error:
             self._fail(error)
             return
-        if self._diagnosis in {"", "bus gone"}:
+        if self._fault in {None, FaultKind.ADAPTER_DISCONNECTED}:
             self._reason = "looking for the board"
-        self._identify(anew=True)
+        self._identify(first=True)
 
-    def _identify(self, anew: bool = False) -> None:
-        if anew or self._phase != Phase.IDENTITY:
-            self._hush.begin(self._clock.monotonic())
-        self._enter(Phase.IDENTITY, self._reason, ANSWER_TIMEOUT)
+    def _identify(self, first: bool = False) -> None:
+        if first or self._state != ConnectionState.IDENTITY:
+            self._no_response.begin(self._clock.monotonic())
+        self._enter(ConnectionState.IDENTITY, self._reason, RESPONSE_TIMEOUT)
         self._send_own(Command.IDENTIFY)
 
-    def _take(self, response: Response) -> None:
-        """Act on an answer."""
-        order = self._orders.take(response)
-        if order is not None:
+    def _handle_response(self, response: Response) -> None:
+        if self._commands.complete(response) is not None:
             if response.result == Result.OK:
-                self._carried_out(response)
+                self._command_completed(response)
             return
         if response.tag != self._own_tag:
             return
-        if self._phase == Phase.IDENTITY and response.command == Command.IDENTIFY:
-            self._take_identity(response.value)
-        elif self._phase == Phase.RATE and response.command == Command.SET_RATE:
+        if self._state == ConnectionState.IDENTITY and response.command == Command.IDENTIFY:
+            self._check_identity(response.value)
+        elif self._state == ConnectionState.RATE and response.command == Command.SET_RATE:
             if response.result != Result.OK:
                 reason = f"the board refuses a scan period of {self._period} us: {response.reason}"
-                self._refuse("rate refused", reason)
+                self._refuse(FaultKind.RATE_REFUSED, reason)
                 return
-            self._take_period(response.value)
-            self._enter(Phase.START, self._reason, ANSWER_TIMEOUT)
+            self._set_period(response.value)
+            self._enter(ConnectionState.START, self._reason, RESPONSE_TIMEOUT)
             self._send_own(Command.START)
-        elif self._phase in {Phase.START, Phase.SCANS} and response.command == Command.START and not response.result:
+        elif response.command == Command.START and response.result == Result.OK and self._state in _STARTING:
             self._started(response)
 
-    def _take_identity(self, value: int) -> None:
+    def _check_identity(self, value: int) -> None:
         layout, firmware = value & 0xFFFF, value >> 16
-        if layout != self._sensor.layout.id:
-            wanted = self._sensor.layout.id
-            self._refuse("wrong layout", f"the board has layout {layout}, the sensor file {wanted}")
+        wanted = self._sensor.layout.id
+        if layout != wanted:
+            self._refuse(FaultKind.WRONG_LAYOUT, f"the board has layout {layout}, the sensor file {wanted}")
         elif firmware >> 8 != PROTOCOL_VERSION:
-            speaks = (
-                f"the board has firmware {version(firmware)}, this driver speaks the protocol of {PROTOCOL_VERSION}.x"
-            )
-            self._refuse("wrong firmware", speaks)
+            reason = f"the board has firmware {version(firmware)}, this driver needs {PROTOCOL_VERSION}.x"
+            self._refuse(FaultKind.WRONG_FIRMWARE, reason)
         else:
-            self._enter(Phase.RATE, self._reason, ANSWER_TIMEOUT)
+            self._enter(ConnectionState.RATE, self._reason, RESPONSE_TIMEOUT)
             self._send_own(Command.SET_RATE, self._period)
 
-    def _refuse(self, diagnosis: str, reason: str) -> None:
-        self._diagnosis, self._flowing = diagnosis, False
-        self._enter(Phase.REFUSED, reason, REFUSED_PERIOD)
+    def _refuse(self, fault: FaultKind, reason: str) -> None:
+        self._fault, self._flowing = fault, False
+        self._enter(ConnectionState.REFUSED, reason, REFUSED_PERIOD)
 
     def _started(self, response: Response) -> None:
-        if self.receiver.resync(response.value, count_gap=not self._stopped, reset=response.reset):
+        if self.decoder.resync(response.value, count_gap=not self._stopped, reset=response.reset):
             self.resets += 1
             recent = self._clock.monotonic() - self._low_supply < LOW_SUPPLY_MEMORY * NANOSECONDS
             self.brown_outs += recent
-        if self._phase == Phase.SCANS:  # it was only asked for the number of the next scan
+        if self._state == ConnectionState.SCANS:  # the request was for the sequence only
             return
         self._stopped = False
-        self.link.settle()
-        self._hush.broken()
+        self.bus.reset_backoff()
+        self._no_response.board_responded()
         self._flowing = False
-        self._enter(Phase.SCANS, self._reason, self._silence / NANOSECONDS)
+        self._enter(ConnectionState.SCANS, self._reason, self._scan_timeout / NANOSECONDS)
 
-    def _carried_out(self, response: Response) -> None:
-        """Go on after an order was carried out."""
+    def _command_completed(self, response: Response) -> None:
+        """Update the connection after a command of the user."""
         if response.command == Command.SET_RATE:
-            self._take_period(response.value)
+            self._set_period(response.value)
         elif response.command == Command.STOP:
-            self._stopped, self._flowing, self._diagnosis = True, False, ""
-            self._enter(Phase.STOPPED, "stopped on request", 0.0)
-        elif response.command == Command.START and self._phase != Phase.SCANS:
+            self._stopped, self._flowing, self._fault = True, False, None
+            self._enter(ConnectionState.STOPPED, "stopped on request", 0.0)
+        elif response.command == Command.START and self._state != ConnectionState.SCANS:
             self._started(response)
 
-    def _carry_orders(self, now: int) -> None:
-        """Send the next order when the board is ready for it, and give up those that take too long."""
-        if not self.link.is_open:
-            self._orders.fail(self._reason)
-        elif self._phase in {Phase.SCANS, Phase.STOPPED, Phase.REFUSED} and (order := self._orders.next()):
-            order.tag = self._send(order.command, order.argument)
-        self._orders.expire(now, self._reason)
+    def _process_commands(self, now: int) -> None:
+        """Send the next command when the board is ready for it, and fail those that have expired."""
+        if not self.bus.is_open:
+            self._commands.fail(self._reason)
+        elif self._state in _READY and (pending := self._commands.next()):
+            pending.tag = self._send(pending.command, pending.argument)
+        self._commands.expire(now, self._reason)
 
-    def _take_period(self, period: int) -> None:
-        """Note the time from scan to scan [us] that the board has set; it is set again when the board is started."""
+    def _set_period(self, period: int) -> None:
+        """Store the scan period [us] that the board confirmed; it is set again when the board is restarted."""
         self._period = period
-        self.receiver.set_period(period * 1e3)
-        self._silence = max(round(SILENCE * NANOSECONDS), SILENT_SCANS * period * 1000)
+        self.decoder.set_period(period * 1e3)
+        self._scan_timeout = max(round(SCAN_TIMEOUT * NANOSECONDS), SCAN_TIMEOUT_SCANS * period * 1000)
 
     def _read_frames(self, timeout: int) -> bool:
-        """Read what is there or comes within `timeout` [ns]; return whether anything happened."""
-        self.load.add(self._batch, self._arrival)  # of the read before: scans were handed on first
+        """Read the frames that are waiting or arrive within `timeout` [ns]; return whether anything happened."""
+        self.load.add(self._batch, self._arrival)  # of the previous read: scans were delivered first
         self._batch = []
         try:
-            frames = self._batch = self.link.read(timeout / NANOSECONDS)
+            frames = self._batch = self.bus.read(timeout / NANOSECONDS)
         except (can.CanError, OSError) as error:
             self._fail(error)
             return True
         arrival = self._arrival = self._clock.monotonic()
-        self._frames = iter(self.receiver.begin_batch(frames, arrival, self._clock.wall() - arrival))
-        if self._counters_hide and self._phase == Phase.SCANS and self.receiver.question_due():
+        self._decoded = self.decoder.decode(frames, arrival, self._clock.wall() - arrival)
+        if self._counter_ambiguous and self._state == ConnectionState.SCANS and self.decoder.resync_needed():
             self._send_own(Command.START)
         return bool(frames)
 
@@ -377,30 +473,30 @@ class Board:
         self._tag = (self._tag + 1) & 0xFF
         request = Request(command, self._tag, argument)
         if command == Command.START:
-            self.receiver.asked(self._tag, self._clock.monotonic())
+            self.decoder.note_start_sent(self._tag, self._clock.monotonic())
         try:
-            self.link.write((self._sensor.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()))
+            self.bus.write((self._sensor.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()))
         except (can.CanError, OSError) as error:
             self._fail(error)
         return self._tag
 
     def _ask_adapter(self) -> None:
         try:
-            self.link.ask_state()
+            self.bus.ask_state()
         except (can.CanError, OSError) as error:
             self._fail(error)
 
-    def _fail(self, error: Exception, diagnosis: str = "bus gone") -> None:
-        """Give the bus up and try again later."""
-        self._diagnosis = diagnosis
-        self._frames = iter(())
-        self._enter(Phase.BUS, f"the bus is not there, trying again: {one_line(error)}", self.link.fail())
-        self._orders.fail(self._reason)
+    def _fail(self, error: Exception, fault: FaultKind = FaultKind.ADAPTER_DISCONNECTED) -> None:
+        """Close the bus and retry later."""
+        self._fault = fault
+        self._decoded = iter(())
+        self._enter(ConnectionState.BUS, f"CAN bus unavailable, retrying: {one_line(error)}", self.bus.fail())
+        self._commands.fail(self._reason)
 
-    def _enter(self, phase: Phase, reason: str, timeout: float) -> None:
-        self._phase = phase
-        if phase in DEAF:
-            self.receiver.listening = False
+    def _enter(self, state: ConnectionState, reason: str, timeout: float) -> None:
+        self._state = state
+        if state in NOT_RECEIVING:
+            self.decoder.receiving = False
         self._reason = reason
-        timed = phase not in {Phase.CLOSED, Phase.STOPPED}
+        timed = state not in {ConnectionState.CLOSED, ConnectionState.STOPPED}
         self._deadline = self._clock.monotonic() + round(timeout * NANOSECONDS) if timed else NEVER

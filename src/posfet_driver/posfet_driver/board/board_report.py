@@ -1,82 +1,120 @@
-"""What a board on a bus tells of itself: counters by cause, the faults that hold, and values for people."""
+"""Report of a board: faults, counters and values to display."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from dataclasses import dataclass
+from typing import Final
 
-from posfet_driver.board.scan_source import Health, SourceReport
+from posfet_driver.board.faults import FaultKind, Health
+from posfet_driver.board.scan_source import SourceReport
+from posfet_driver.bus.bus_load import BusLoad
+from posfet_driver.bus.reconnecting_bus import ReconnectingBus
+from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import version
 from posfet_model.sensor.scan import ScanStatus
 
-if TYPE_CHECKING:
-    from posfet_driver.board.board_client import Board
-
-FULL_LOAD: Final = 0.9
-"""Share of the bus in use from which it is called full; assumed."""
-UNCERTAIN: Final = 1e-3
-"""Drift of the map of clocks [s] from which stamps are called uncertain: 10 s without an undelayed frame."""
+HIGH_LOAD: Final = 0.9
+"""Bus load from which on it is reported as high [1]; assumed."""
+MAX_CLOCK_UNCERTAINTY: Final = 1e-3
+"""Uncertainty of the clock offset [s] from which on clock sync is degraded: 10 s without an undelayed frame."""
 
 _FLAGS: Final = {
-    ScanStatus.SUPPLY_LOW: "supply low",
-    ScanStatus.ADC_FAULT: "ADC fault",
-    ScanStatus.OVERTEMPERATURE: "overtemperature",
-    ScanStatus.SCAN_OVERRUN: "scan overrun",
+    ScanStatus.SUPPLY_LOW: FaultKind.SUPPLY_LOW,
+    ScanStatus.ADC_FAULT: FaultKind.ADC_FAULT,
+    ScanStatus.OVERTEMPERATURE: FaultKind.OVERTEMPERATURE,
+    ScanStatus.SCAN_OVERRUN: FaultKind.SCAN_OVERRUN,
 }
 
 
-def board_report(board: Board, health: Health, state: str, diagnosis: str) -> SourceReport:
-    """Return the report of `board`; `diagnosis` is the fault that keeps scans from coming, '' when none does."""
-    receiver = board.receiver
-    status, firmware = receiver.status, receiver.firmware
-    conditions = [diagnosis] if diagnosis else []
-    conditions += [name for flag, name in _FLAGS.items() if status.flags & flag]
-    if board.load.load > FULL_LOAD:
-        conditions.append("bus full")
-    if receiver.clock_drift > UNCERTAIN:
-        conditions.append("stamps uncertain")
+@dataclass(frozen=True)
+class Connection:
+    """State of the connection to a board."""
+
+    health: Health
+    state: str
+    """One line: the state and its reason."""
+    fault: FaultKind | None
+    """The fault that prevents scans; None when there is none."""
+    restarts: int
+    """Number of times a silent board was restarted."""
+    resets: int
+    """Number of times the board was reset between two scans."""
+    brown_outs: int
+    """Resets around which the supply voltage was low."""
+    stamp_uncertainty: float
+    """Largest delay of a stamp after the acquisition [s]."""
+
+
+def board_report(connection: Connection, decoder: Decoder, bus: ReconnectingBus, load: BusLoad) -> SourceReport:
+    """Return the report of a board.
+
+    Parameters
+    ----------
+    connection : Connection
+        State of the connection.
+    decoder : Decoder
+        Source of the counters of scans and frames, and of the board's status.
+    bus : ReconnectingBus
+        Source of the counters of failures and error frames.
+    load : BusLoad
+        Source of the bus load.
+
+    Returns
+    -------
+    SourceReport
+        The state of now.
+    """
+    status, firmware = decoder.status, decoder.firmware
+    conditions = [connection.fault] if connection.fault else []
+    conditions += [fault for flag, fault in _FLAGS.items() if status.flags & flag]
+    if load.load > HIGH_LOAD:
+        conditions.append(FaultKind.HIGH_BUS_LOAD)
+    if decoder.clock_uncertainty > MAX_CLOCK_UNCERTAINTY:
+        conditions.append(FaultKind.CLOCK_SYNC_DEGRADED)
     return SourceReport(
-        health=health,
-        state=state,
-        scans=receiver.scans,
-        frames_lost=receiver.frames_lost,
-        counters=_counters(board),
+        health=connection.health,
+        state=connection.state,
+        scans=decoder.scans,
+        frames_lost=decoder.frames_lost,
+        fault_counts=_fault_counts(connection, decoder, bus),
+        counters={
+            "unrelated frames": decoder.traffic.unrelated,
+            "error passive": bus.errors.passive,
+            "bit errors": bus.errors.bit_errors,
+            "bus failures": bus.failed,
+            "bus reopened": max(bus.opened - 1, 0),
+            "board restarts": connection.restarts,
+            "sequence requests": decoder.resync_requests,
+        },
         conditions=tuple(conditions),
         values={
             "temperature 1 [degC]": f"{status.temperatures[0]:.2f}",
             "temperature 2 [degC]": f"{status.temperatures[1]:.2f}",
             "supply [V]": f"{status.supply:.2f}",
             "board flags": str(status.flags),
-            "firmware": "not known" if firmware is None else version(firmware),
-            "bus load [%]": f"{100 * board.load.load:.1f}",
-            "stamps after acquisition by at most [ms]": f"{1e3 * receiver.stamp_uncertainty:.3f}",
+            "firmware": "unknown" if firmware is None else version(firmware),
+            "bus load [%]": f"{100 * load.load:.1f}",
+            "maximum stamp delay [ms]": f"{1e3 * connection.stamp_uncertainty:.3f}",
         },
     )
 
 
-def _counters(board: Board) -> dict[str, int]:
-    receiver = board.receiver
-    losses, traffic, errors = receiver.assembler.losses, receiver.traffic, receiver.errors
+def _fault_counts(connection: Connection, decoder: Decoder, bus: ReconnectingBus) -> dict[FaultKind, int]:
+    statistics, errors = decoder.statistics, bus.errors
     return {
-        "torn scans": losses.torn_scans,
-        "lost scans": losses.lost_scans,
-        "repeated frames": losses.repeated,
-        "late frames": losses.late,
-        "reordered frames": losses.reordered,
-        "stuck counter": losses.stuck,
-        "stuck clock": losses.clock_stuck,
-        "malformed frames": losses.malformed + traffic.malformed,
-        "foreign frames": traffic.foreign,
-        "error frames": errors.frames,
-        "bus off": errors.bus_off,
-        "error passive": errors.passive,
-        "unreadable": errors.unreadable,
-        "unacknowledged": errors.unacknowledged,
-        "receive overflows": errors.overflow,
-        "board resets": board.resets,
-        "brown-outs": board.brown_outs,
-        "malformed lines": board.link.malformed_lines,
-        "bus lost": board.link.failed,
-        "bus opened anew": max(board.link.opened - 1, 0),
-        "board started anew": board.restarted,
-        "numbers asked for": receiver.questions,
+        FaultKind.INCOMPLETE_SCANS: statistics.incomplete_scans,
+        FaultKind.LOST_SCANS: statistics.lost_scans,
+        FaultKind.DUPLICATE_FRAMES: statistics.duplicate,
+        FaultKind.LATE_FRAMES: statistics.late,
+        FaultKind.REORDERED_FRAMES: statistics.reordered,
+        FaultKind.FROZEN_COUNTER: statistics.frozen_counter,
+        FaultKind.FROZEN_TIMESTAMP: statistics.frozen_clock,
+        FaultKind.MALFORMED_FRAMES: statistics.malformed + decoder.traffic.malformed,
+        FaultKind.ERROR_FRAMES: errors.frames,
+        FaultKind.BUS_OFF: errors.bus_off,
+        FaultKind.UNACKNOWLEDGED: errors.unacknowledged,
+        FaultKind.RECEIVE_OVERFLOWS: errors.overflow,
+        FaultKind.BOARD_RESETS: connection.resets,
+        FaultKind.BROWN_OUTS: connection.brown_outs,
+        FaultKind.MALFORMED_LINES: bus.malformed_lines,
     }

@@ -1,4 +1,4 @@
-"""Commands to a board from any thread, carried by the thread that reads the bus."""
+"""Commands to a board: queued by any thread, sent by the thread that reads the bus."""
 
 from __future__ import annotations
 
@@ -11,78 +11,94 @@ from posfet_model._lib.units import NANOSECONDS
 
 
 class CommandError(Exception):
-    """A board does not do what it was told; the message is one line with its reason."""
+    """A board did not execute a command; the message is one line with the reason."""
 
 
 @dataclass(slots=True)
-class Order:
-    """One command on its way."""
+class PendingCommand:
+    """A command without a response."""
 
     command: Command
     argument: int
     timeout: float
-    """Time in which the answer has to be there [s]."""
+    """Time in which the response has to arrive [s]."""
     deadline: int
-    """The same on the clock [ns]."""
+    """Monotonic time at which it expires [ns]."""
     tag: int | None = None
     """Tag with which it was sent; None: not sent yet."""
-    answer: Future[Response] = field(default_factory=Future)
+    response: Future[Response] = field(default_factory=Future)
 
 
 class CommandQueue:
-    """Orders in the order in which they came; one is under way at a time."""
+    """Commands in the order of their submission; one at a time waits for its response."""
 
     def __init__(self) -> None:
-        self._waiting: deque[Order] = deque()
-        self._current: Order | None = None
+        self._waiting: deque[PendingCommand] = deque()
+        self._current: PendingCommand | None = None
 
     def put(self, command: Command, argument: int, timeout: float, now: int) -> Future[Response]:
-        """Add an order at time `now` [ns], from any thread; its future tells the answer or raises CommandError."""
-        order = Order(command, argument, timeout, now + round(timeout * NANOSECONDS))
-        self._waiting.append(order)
-        return order.answer
+        """Add a command; may be called from any thread.
 
-    def next(self) -> Order | None:
-        """Return the order that has to be sent now, or None."""
+        Parameters
+        ----------
+        command : Command
+            The command.
+        argument : int
+            Its argument.
+        timeout : float
+            Time in which the response has to arrive [s].
+        now : int
+            Monotonic time [ns].
+
+        Returns
+        -------
+        Future of Response
+            Raises CommandError when the command fails.
+        """
+        pending = PendingCommand(command, argument, timeout, now + round(timeout * NANOSECONDS))
+        self._waiting.append(pending)
+        return pending.response
+
+    def next(self) -> PendingCommand | None:
+        """Return the command to be sent now, or None."""
         if self._current is None and self._waiting:
             self._current = self._waiting.popleft()
             return self._current
         return None
 
     def pending(self) -> bool:
-        """Return whether an order waits or is under way."""
+        """Return whether a command is queued or waits for its response."""
         return self._current is not None or bool(self._waiting)
 
-    def take(self, response: Response) -> Order | None:
-        """Settle the order that `response` answers and return it, or None when it answers none."""
-        order = self._current
-        if order is None or response.tag != order.tag or response.command != order.command:
+    def complete(self, response: Response) -> PendingCommand | None:
+        """Complete the command that `response` belongs to and return it; None when it belongs to none."""
+        pending = self._current
+        if pending is None or response.tag != pending.tag or response.command != pending.command:
             return None
         self._current = None
         if response.result == Result.OK:
-            order.answer.set_result(response)
+            pending.response.set_result(response)
         else:
-            reason = f"refused by the board: {response.reason}"
-            order.answer.set_exception(CommandError(f"{order.command.name}: {reason}"))
-        return order
+            _fail(pending, f"refused by the board: {response.reason}")
+        return pending
 
     def expire(self, now: int, reason: str) -> None:
-        """Give up what took too long; `reason` is why orders could not even be sent."""
+        """Fail the commands whose deadline has passed at `now` [ns]; `reason` is why they could not be sent."""
         if self._current is not None and now >= self._current.deadline:
-            order, self._current = self._current, None
-            _fail(order, f"no answer within {order.timeout:g} s")
+            pending, self._current = self._current, None
+            _fail(pending, f"no response within {pending.timeout:g} s")
         while self._waiting and now >= self._waiting[0].deadline:
-            order = self._waiting.popleft()
-            _fail(order, f"the board was not ready within {order.timeout:g} s: {reason}")
+            pending = self._waiting.popleft()
+            _fail(pending, f"the board was not ready within {pending.timeout:g} s: {reason}")
 
     def fail(self, reason: str) -> None:
-        """Give up every order."""
+        """Fail all commands."""
         if self._current is not None:
-            order, self._current = self._current, None
-            _fail(order, reason)
+            pending, self._current = self._current, None
+            _fail(pending, reason)
         while self._waiting:
             _fail(self._waiting.popleft(), reason)
 
 
-def _fail(order: Order, reason: str) -> None:
-    order.answer.set_exception(CommandError(f"{order.command.name}: {reason}"))
+def _fail(pending: PendingCommand, reason: str) -> None:
+    pending.response.set_exception(CommandError(f"{pending.command.name}: {reason}"))

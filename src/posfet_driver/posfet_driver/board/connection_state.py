@@ -1,38 +1,47 @@
-"""The phases in which a driver may be with its board."""
+"""States of the connection between the driver and a board."""
 
 from __future__ import annotations
 
 from enum import Enum
 from typing import Final
 
-from posfet_driver.board.scan_source import Health
+from posfet_driver.board.faults import Health
 
 
-class Phase(Enum):
-    """What a board is waiting for."""
+class ConnectionState(Enum):
+    """What the driver is waiting for."""
 
     CLOSED = "closed"
     BUS = "bus"
+    """The bus is not open."""
     IDENTITY = "identity"
+    """IDENTIFY was sent."""
     REFUSED = "refused"
-    """Not the board that the sensor file describes."""
+    """The board is not the one that the sensor file describes."""
     RATE = "rate"
+    """SET_RATE was sent."""
     START = "start"
+    """START was sent."""
     SCANS = "scans"
     STOPPED = "stopped"
-    """On request."""
+    """Stopped on request."""
 
 
-DEAF: Final = {Phase.CLOSED, Phase.BUS, Phase.REFUSED, Phase.STOPPED}
-"""Phases after which the number of the next scan has to be asked again."""
+NOT_RECEIVING: Final = {
+    ConnectionState.CLOSED,
+    ConnectionState.BUS,
+    ConnectionState.REFUSED,
+    ConnectionState.STOPPED,
+}
+"""States after which the sequence of the next scan is unknown."""
 
 HEALTH: Final = {
-    Phase.CLOSED: Health.STALE,
-    Phase.BUS: Health.ERROR,
-    Phase.IDENTITY: Health.WARN,
-    Phase.REFUSED: Health.ERROR,
-    Phase.RATE: Health.WARN,
-    Phase.START: Health.WARN,
-    Phase.SCANS: Health.OK,
-    Phase.STOPPED: Health.OK,
+    ConnectionState.CLOSED: Health.STALE,
+    ConnectionState.BUS: Health.ERROR,
+    ConnectionState.IDENTITY: Health.WARN,
+    ConnectionState.REFUSED: Health.ERROR,
+    ConnectionState.RATE: Health.WARN,
+    ConnectionState.START: Health.WARN,
+    ConnectionState.SCANS: Health.OK,
+    ConnectionState.STOPPED: Health.OK,
 }

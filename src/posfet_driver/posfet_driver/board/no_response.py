@@ -1,52 +1,63 @@
-"""Why a board may not answer, from what else is heard."""
+"""Diagnosis of a board that does not respond, from the other traffic on the bus."""
 
 from __future__ import annotations
 
 from typing import Final
 
-from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.board.faults import FaultKind
+from posfet_driver.bus.error_frame import ErrorCounts
+from posfet_driver.protocol.decoder import Traffic
 from posfet_model._lib.units import NANOSECONDS
 
 REOPEN_FIRST: Final = 1.0
 REOPEN_LAST: Final = 5.0
-"""Time [s] without an answer after which the bus is opened anew: doubled from the first to the last."""
+"""Time without a response after which the bus is reopened [s]: doubled from the first to the last."""
 
 
-class Silence:
-    """What was heard since a board was first asked in vain."""
+class NoResponseMonitor:
+    """Compares the traffic since the first unanswered command with the time before.
 
-    def __init__(self, receiver: Receiver) -> None:
-        self._receiver = receiver
-        self._patience = REOPEN_FIRST
+    Parameters
+    ----------
+    traffic : Traffic
+        Frames that the decoder counts.
+    errors : ErrorCounts
+        Error frames that the bus counts.
+    """
+
+    def __init__(self, traffic: Traffic, errors: ErrorCounts) -> None:
+        self._traffic = traffic
+        self._errors = errors
+        self._reopen_after = REOPEN_FIRST
         self._since = 0
         self._before = self._totals()
 
     def begin(self, now: int) -> None:
-        """Begin to listen at `now` [ns]: the board is being asked, or the bus was opened anew."""
+        """Begin to observe at `now` [ns]: a command was sent, or the bus was reopened."""
         self._since = now
         self._before = self._totals()
 
-    def broken(self) -> None:
-        """Take note that the board answered."""
-        self._patience = REOPEN_FIRST
+    def board_responded(self) -> None:
+        """Reset the time after which the bus is reopened."""
+        self._reopen_after = REOPEN_FIRST
 
-    def cause(self) -> str:
-        """Return the name of the fault that fits what was heard."""
-        heard, foreign, unreadable = (now - then for now, then in zip(self._totals(), self._before, strict=True))
-        if heard > foreign:
-            return "board deaf"
-        if foreign:
-            return "board missing"
-        return "bus unreadable" if unreadable else "bus silent"
+    def cause(self) -> FaultKind:
+        """Return the fault that fits the traffic."""
+        received, unrelated, errors = (now - before for now, before in zip(self._totals(), self._before, strict=True))
+        if received > unrelated:
+            return FaultKind.NOT_RESPONDING
+        if unrelated:
+            return FaultKind.BOARD_NOT_DETECTED
+        return FaultKind.BUS_ERRORS if errors else FaultKind.NO_TRAFFIC
 
-    def too_long(self, now: int) -> bool:
-        """Return whether to open the bus anew at `now` [ns]; the next time it takes twice as long."""
-        if now - self._since < self._patience * NANOSECONDS:
+    def reopen_due(self, now: int) -> bool:
+        """Return whether to reopen the bus at `now` [ns]; the next time it takes twice as long."""
+        if now - self._since < self._reopen_after * NANOSECONDS:
             return False
-        self._patience = min(2 * self._patience, REOPEN_LAST)
+        self._reopen_after = min(2 * self._reopen_after, REOPEN_LAST)
         return True
 
     def _totals(self) -> tuple[int, int, int]:
-        """Return frames heard, those of others, and errors of bits and form."""
-        traffic, errors = self._receiver.traffic, self._receiver.errors
-        return traffic.frames - errors.frames, traffic.foreign, errors.unreadable
+        """Return frames received, those of other nodes, and bit and format errors."""
+        traffic, errors = self._traffic, self._errors
+        return traffic.frames - errors.frames, traffic.unrelated, errors.bit_errors

@@ -1,1 +1,1 @@
-"""Frames of any CAN adapter: slcan, SocketCAN, python-can. Knows no board and no protocol."""
+"""CAN frames from any adapter: slcan, SocketCAN, python-can. Knows no board and no protocol."""

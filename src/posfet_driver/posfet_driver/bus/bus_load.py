@@ -1,4 +1,4 @@
-"""How much of a bus is in use, reckoned from the frames that are heard."""
+"""Bus load, computed from the frames received."""
 
 from __future__ import annotations
 
@@ -10,20 +10,27 @@ from posfet_driver.bus.frame import ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE, Fr
 from posfet_driver.bus.frame_timing import classic_time, fd_time
 
 PERIOD: Final = 1_000_000_000
-"""Time over which the load is taken [ns]."""
+"""Time over which the load is averaged [ns]."""
 EXTENDED_BITS: Final = 20
 """Bits that an identifier of 29 bits adds, before stuffing."""
 ERROR_BITS: Final = 20
-"""Bits of an error frame with the error delimiter, at the least."""
+"""Smallest number of bits of an error frame with the error delimiter."""
 
 
 class BusLoad:
-    """Adds up the time that frames take, with half of the stuff bits that there can be."""
+    """Sums the time that frames occupy the bus, with half of the possible stuff bits.
+
+    Parameters
+    ----------
+    bitrate : int
+        Nominal bit rate [bit/s].
+    data_bitrate : int
+        Bit rate of the CAN FD data phase [bit/s].
+    """
 
     def __init__(self, bitrate: int, data_bitrate: int) -> None:
-        """Take the bitrates of the bus [bit/s]."""
         self.load = math.nan
-        """Share of the last whole period in which the bus was in use; 1 is full; NaN before the first."""
+        """Share of the last complete period in which the bus was in use, in [0, 1]; NaN before the first."""
         self._bitrate = bitrate
         self._data_bitrate = data_bitrate
         self._times: dict[tuple[int, int], float] = {}
@@ -31,7 +38,7 @@ class BusLoad:
         self._busy = 0.0
 
     def add(self, frames: Iterable[Frame], now: int) -> None:
-        """Take the frames that were read at `now` [ns]."""
+        """Add the frames that were read at `now` [ns]."""
         times, busy = self._times, 0.0
         for _, kind, data in frames:
             try:
@@ -40,7 +47,7 @@ class BusLoad:
                 busy += times.setdefault((kind, len(data)), self._time(kind, len(data)))
         self._busy += busy
         if now - self._begin >= PERIOD:
-            # After a pause of the reader the frames of the pause come at once: their time is the whole of it.
+            # After a pause of the reader all frames of the pause arrive at once: the period is the whole pause.
             self.load = self._busy * 1e9 / (now - self._begin) if self._begin else math.nan
             self._begin, self._busy = now, 0.0
 

@@ -1,10 +1,11 @@
-"""What error frames say, in the layout of SocketCAN (linux/can/error.h), which other adapters are brought to.
+"""Error frames in the layout of SocketCAN (linux/can/error.h), to which other adapters are converted.
 
-The identifier has one bit for each class of error; byte 1 of the data tells more of the controller.
+The identifier has one bit for each error class; byte 1 of the data holds the state of the controller.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -15,7 +16,7 @@ PROTOCOL: Final = 0x008
 NO_ACKNOWLEDGE: Final = 0x020
 BUS_OFF: Final = 0x040
 BUS_ERROR: Final = 0x080
-"""Classes of errors: bits of the identifier."""
+"""Error classes: bits of the identifier."""
 
 OVERFLOW: Final = 0x01 | 0x02
 WARNING: Final = 0x04 | 0x08
@@ -27,32 +28,50 @@ _LENGTH = 8
 
 @dataclass(slots=True)
 class ErrorCounts:
-    """Error frames by cause; one frame may have several. Never falls."""
+    """Error frames by cause; one frame may have several. Counters never fall."""
 
     frames: int = 0
-    """Error frames, whatever they say."""
+    """Error frames of any cause."""
     bus_off: int = 0
-    """The controller has taken itself off the bus."""
+    """The controller went bus-off."""
     passive: int = 0
-    """The controller has seen so many errors that it no longer objects to any."""
-    unreadable: int = 0
-    """Bits or forms on the bus that are no CAN at this bitrate."""
+    """The controller is error-passive: after many errors it no longer signals any."""
+    bit_errors: int = 0
+    """Bits or frame formats on the bus that are no CAN at this bit rate."""
     unacknowledged: int = 0
-    """A frame was sent and nobody received it."""
+    """A frame was sent and no node acknowledged it."""
     overflow: int = 0
     """The adapter had no room for a frame."""
 
-    def take(self, identifier: int, data: bytes) -> None:
-        """Count one error frame."""
+    def count(self, frames: Iterable[Frame]) -> None:
+        """Count the error frames among `frames`."""
+        for identifier, kind, data in frames:
+            if kind & ERROR:
+                self._count(identifier, data)
+
+    def _count(self, identifier: int, data: bytes) -> None:
         self.frames += 1
         controller = data[1] if identifier & CONTROLLER and len(data) > 1 else 0
         self.bus_off += bool(identifier & BUS_OFF)
         self.passive += bool(controller & PASSIVE)
-        self.unreadable += bool(identifier & (PROTOCOL | BUS_ERROR))
+        self.bit_errors += bool(identifier & (PROTOCOL | BUS_ERROR))
         self.unacknowledged += bool(identifier & NO_ACKNOWLEDGE)
         self.overflow += bool(controller & OVERFLOW)
 
 
 def error_frame(classes: int, controller: int = 0) -> Frame:
-    """Return the error frame of some classes and, with CONTROLLER among them, the controller's bits."""
+    """Return an error frame.
+
+    Parameters
+    ----------
+    classes : int
+        Sum of error classes.
+    controller : int, default 0
+        State of the controller, when CONTROLLER is among the classes.
+
+    Returns
+    -------
+    Frame
+        The error frame, with 8 bytes of data.
+    """
     return classes, ERROR, bytes([0, controller]).ljust(_LENGTH, b"\0")

@@ -1,21 +1,21 @@
-"""CAN frames as plain tuples, which cost a tenth of a can.Message."""
+"""CAN frames as plain tuples, at a tenth of the cost of a can.Message."""
 
 from __future__ import annotations
 
 from typing import Final, TypeAlias
 
 Frame: TypeAlias = tuple[int, int, bytes]
-"""Identifier, kind (sum of the constants below), data; a remote frame carries as many zero bytes as it asks for."""
+"""Identifier, kind (sum of the constants below), data; a remote frame holds as many zero bytes as it requests."""
 
 CLASSIC: Final = 0
 """Kind of a data frame with an 11-bit identifier and up to 8 bytes."""
 EXTENDED: Final = 1
 """The identifier has 29 bits."""
 REMOTE: Final = 2
-"""The frame asks for data instead of carrying it."""
+"""Remote frame: requests data instead of carrying it."""
 ERROR: Final = 4
-"""The frame reports an error on the bus."""
+"""Error frame: reports an error on the bus."""
 FD: Final = 8
 """CAN FD: up to 64 bytes."""
 RATE_SWITCH: Final = 16
-"""CAN FD with the data phase at its own bitrate."""
+"""CAN FD with the data phase at its own bit rate."""

@@ -1,4 +1,4 @@
-"""What every kind of bus offers: many frames at once."""
+"""Interface of every bus: reads many frames at once."""
 
 from __future__ import annotations
 
@@ -8,15 +8,26 @@ from posfet_driver.bus.frame import Frame
 
 
 class FrameBus(Protocol):
-    """A bus that reads many frames at once. Every method raises can.CanError when the bus is gone."""
+    """A bus that reads many frames at once. Every method raises can.CanError when the bus has failed."""
 
     @property
     def malformed_lines(self) -> int:
-        """Lines of a serial adapter that were no frame and no reply; 0 where there are no lines."""
+        """Lines of a serial adapter that are no frame and no reply; 0 where there are no lines."""
         ...
 
     def read_frames(self, timeout: float) -> list[Frame]:
-        """Return the frames that are there; when none is, wait up to `timeout` [s] for the first."""
+        """Return the frames that are waiting; when there is none, wait for the first.
+
+        Parameters
+        ----------
+        timeout : float
+            Longest time to wait [s].
+
+        Returns
+        -------
+        list of Frame
+            Frames and error frames in the order of their arrival; empty after the timeout.
+        """
         ...
 
     def write_frame(self, frame: Frame) -> None:
@@ -24,7 +35,7 @@ class FrameBus(Protocol):
         ...
 
     def ask_state(self) -> None:
-        """Ask the adapter for errors on the bus; what it tells is read as error frames, if it tells anything."""
+        """Request the adapter's error state, which is read as error frames if the adapter reports any."""
         ...
 
     def shutdown(self) -> None:

@@ -1,7 +1,7 @@
-"""Time that frames take on the bus, from the frame formats of ISO 11898-1:2015 with 11-bit identifiers.
+"""Duration of frames on the bus, from the frame formats of ISO 11898-1:2015 with 11-bit identifiers.
 
-Each length holds from no stuff bit at all to as many as there can be: one bit after the first five alike, then one for
-each four bits.
+Durations range from no stuff bit to the largest possible number: one after the first five equal bits, then one for
+every four bits.
 """
 
 from __future__ import annotations
@@ -23,17 +23,31 @@ _FD_SHORT: Final = 16
 
 @dataclass(frozen=True)
 class BusTime:
-    """Time that a frame occupies the bus [s], the intermission after it included."""
+    """Duration of a frame on the bus [s], including the intermission after it."""
 
     least: float
     """Without stuff bits."""
     most: float
-    """With as many stuff bits as there can be."""
+    """With the largest possible number of stuff bits."""
 
 
 def classic_time(length: int, bitrate: float) -> BusTime:
-    """Return the time of a classic frame with `length` bytes in [0, 8] at `bitrate` [bit/s].
+    """Return the duration of a classic frame.
 
+    Parameters
+    ----------
+    length : int
+        Data length [byte], in [0, 8].
+    bitrate : float
+        Bit rate [bit/s], above 0.
+
+    Returns
+    -------
+    BusTime
+        Smallest and largest duration [s].
+
+    Examples
+    --------
     >>> round(classic_time(8, 1e6).most * 1e6, 1)
     135.0
     """
@@ -45,10 +59,26 @@ def classic_time(length: int, bitrate: float) -> BusTime:
 
 
 def fd_time(length: int, bitrate: float, data_bitrate: float) -> BusTime:
-    """Return the time of a CAN FD frame with rate switch, `length` bytes in [0, 64].
+    """Return the duration of a CAN FD frame with rate switch.
 
-    `bitrate` and `data_bitrate` [bit/s]. The bits in which the rate changes are counted as nominal: exact to one bit.
+    The bits in which the rate changes are counted at the nominal rate: exact to one bit.
 
+    Parameters
+    ----------
+    length : int
+        Data length [byte], in [0, 64].
+    bitrate : float
+        Nominal bit rate [bit/s], above 0.
+    data_bitrate : float
+        Bit rate of the data phase [bit/s], above 0.
+
+    Returns
+    -------
+    BusTime
+        Smallest and largest duration [s].
+
+    Examples
+    --------
     >>> round(fd_time(64, 1e6, 5e6).most * 1e6, 1)
     169.6
     """

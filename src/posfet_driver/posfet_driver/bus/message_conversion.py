@@ -1,4 +1,4 @@
-"""Frames to and from python-can's messages."""
+"""Conversion between frames and python-can's messages."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def frame_of(message: can.Message) -> Frame:
 
 
 def message_of(frame: Frame, timestamp: float = 0.0) -> can.Message:
-    """Return a frame as a python-can message; `timestamp` [s] since the epoch."""
+    """Return a frame as a python-can message; `timestamp` in [s] since the Unix epoch."""
     identifier, kind, data = frame
     remote = bool(kind & REMOTE)
     return can.Message(

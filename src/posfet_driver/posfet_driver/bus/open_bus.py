@@ -1,4 +1,4 @@
-"""Opening of a CAN bus from plain parameters, with every mistake in them told in one line."""
+"""Opens a CAN bus from plain parameters; every error in them is reported in one line."""
 
 from __future__ import annotations
 
@@ -15,38 +15,41 @@ import can
 from can.interfaces import BACKENDS
 
 from posfet_driver.bus.frame_bus import FrameBus
-from posfet_driver.bus.python_can_bus import MessageFrames
+from posfet_driver.bus.python_can_bus import PythonCanFrameBus
 from posfet_driver.bus.slcan_bus import SlcanBus
-from posfet_driver.bus.socketcan_bus import SocketcanFrames
+from posfet_driver.bus.socketcan_bus import SocketcanFrameBus
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import CanLink
 
 SOCKETCAN: Final = "socketcan"
 SLCAN: Final = "slcan"
-"""The interface that is our own buffered reader."""
+"""Interface of the buffered reader of this package."""
 PLAIN_SLCAN: Final = "slcan-python-can"
-"""The interface that is python-can's slcan."""
-logging.getLogger("can").addHandler(logging.NullHandler())  # errors are raised; else stderr has each attempt's, too
+"""Interface of python-can's own slcan."""
+logging.getLogger("can").addHandler(logging.NullHandler())  # errors are raised; python-can would log each attempt, too
 _DOCUMENTED: Final = re.compile(r"^\s*:param (?:[^:\n]* )?(\w+):", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class BusSettings:
-    """What is needed to open a bus."""
+    """Settings of a bus."""
 
     interface: str
+    """Interface of python-can, or one of this package."""
     channel: str
+    """Channel of the interface, such as can0 or /dev/ttyACM0."""
     bitrate: int
-    """Nominal bitrate [bit/s]."""
+    """Nominal bit rate [bit/s]."""
     data_bitrate: int
-    """Bitrate of the data phase of CAN FD [bit/s]."""
+    """Bit rate of the CAN FD data phase [bit/s]."""
     fd: bool
+    """Whether the bus carries CAN FD."""
     options: Mapping[str, Any] = field(default_factory=dict)
     """Further arguments of the interface."""
 
     @property
     def name(self) -> str:
-        """The bus in one word."""
+        """Interface and channel in one word."""
         return f"{self.interface}:{self.channel}" if self.channel else self.interface
 
 
@@ -59,9 +62,32 @@ def bus_settings(
     data_bitrate: int = 0,
     options: Sequence[str] = (),
 ) -> BusSettings:
-    """Return checked settings; a bitrate of 0, and the frames, are taken from `link`, options are texts 'key=value'.
+    """Return checked settings.
 
-    Raises ConfigError, one line, for an interface or an option that does not exist, naming those that do.
+    Parameters
+    ----------
+    interface : str
+        Name of the interface.
+    channel : str
+        Its channel; empty for interfaces without one.
+    link : CanLink
+        Source of the frame format, and of bit rates that are 0 here.
+    bitrate : int, default 0
+        Nominal bit rate [bit/s].
+    data_bitrate : int, default 0
+        Bit rate of the CAN FD data phase [bit/s].
+    options : sequence of str, optional
+        Further arguments of the interface, each as "key=value".
+
+    Returns
+    -------
+    BusSettings
+        The settings.
+
+    Raises
+    ------
+    ConfigError
+        For an unknown interface or option; one line that lists the known ones.
     """
     settings = BusSettings(
         interface=interface,
@@ -81,17 +107,31 @@ def bus_settings(
 def open_bus(settings: BusSettings) -> FrameBus:
     """Open the bus.
 
-    Raises can.CanError with the reason in one line when it cannot be opened now; ConfigError when an argument can never
-    work.
+    Parameters
+    ----------
+    settings : BusSettings
+        The bus.
+
+    Returns
+    -------
+    FrameBus
+        The open bus.
+
+    Raises
+    ------
+    can.CanError
+        When it cannot be opened now; the reason in one line.
+    ConfigError
+        When it can never be opened with these arguments.
     """
     bus = open_can_bus(settings)
     if settings.interface == SOCKETCAN:
-        return SocketcanFrames(bus)
-    return bus if isinstance(bus, SlcanBus) else MessageFrames(bus)
+        return SocketcanFrameBus(bus)
+    return bus if isinstance(bus, SlcanBus) else PythonCanFrameBus(bus)
 
 
 def open_can_bus(settings: BusSettings) -> can.BusABC:
-    """Open the bus as python-can has it; raises as `open_bus` does."""
+    """Open the bus as an object of python-can. Raises as `open_bus` does."""
     bus_class = _bus_class(settings.interface)
     accepted = _accepted(bus_class)
     offered: dict[str, Any] = {"bitrate": settings.bitrate, "fd": settings.fd}
@@ -114,12 +154,12 @@ def open_can_bus(settings: BusSettings) -> can.BusABC:
 
 
 def one_line(error: BaseException) -> str:
-    """Return what an exception says, on one line; its kind when it says nothing."""
+    """Return the text of an exception on one line; its type when the text is empty."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
 def interfaces() -> list[str]:
-    """Return the names of the interfaces there are."""
+    """Return the names of the known interfaces."""
     return sorted({*BACKENDS, PLAIN_SLCAN})
 
 
@@ -132,13 +172,13 @@ def _bus_class(interface: str) -> type[Any]:
     module, name = module_and_name
     try:
         bus_class: type[Any] = getattr(importlib.import_module(module), name)
-    except (ImportError, OSError, AttributeError, can.CanError) as error:  # makers' modules fail in many ways
+    except (ImportError, OSError, AttributeError, can.CanError) as error:  # vendors' modules fail in many ways
         raise ConfigError(f"CAN interface '{interface}' cannot be used here: {one_line(error)}") from error
     return bus_class
 
 
 def _accepted(bus_class: type[Any]) -> set[str]:
-    """Return the names of the arguments that a bus takes, those that it hands to its base classes included."""
+    """Return the names of the arguments that a bus accepts, including those that it passes to its base classes."""
     return set(_parameters(bus_class)) - {"self", "args", "kwargs"}
 
 
@@ -156,7 +196,7 @@ def _parameters(bus_class: type[Any]) -> Iterator[str]:
         yield from (item.name for item in parameters if item.kind not in {item.VAR_POSITIONAL, item.VAR_KEYWORD})
         if part is can.BusABC or not any(item.kind is item.VAR_KEYWORD for item in parameters):
             return
-        # Some take what they need out of **kwargs, such as Kvaser's even the bitrate: only their documentation tells.
+        # Some read arguments from **kwargs, Kvaser's even the bit rate: only their documentation names them.
         yield from _DOCUMENTED.findall(constructor.__doc__ or "")
 
 

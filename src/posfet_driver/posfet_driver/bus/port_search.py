@@ -1,4 +1,4 @@
-"""Finds the adapter: a channel may be a pattern, and an adapter that comes back is noticed before the next attempt."""
+"""Finds the adapter: the channel may be a pattern, and a reconnected adapter is detected before the next attempt."""
 
 from __future__ import annotations
 
@@ -18,25 +18,40 @@ _SERIAL: Final = {SLCAN, PLAIN_SLCAN}
 
 
 class BusOpener:
-    """Opens the bus that settings describe; with wildcards in the channel, the ports that match, one after the other.
+    """Opens a bus; with wildcards in the channel, the next of the ports that match.
 
-    An adapter that is unplugged and comes back often has another name: `/dev/ttyACM*` finds it again.
+    An adapter that is unplugged and reconnected often has another name: `/dev/ttyACM*` finds it again.
+
+    Parameters
+    ----------
+    settings : BusSettings
+        The bus.
     """
 
     def __init__(self, settings: BusSettings) -> None:
         self.settings = settings
         self.channel = settings.channel
-        """The channel that was opened last."""
+        """Channel that was opened last."""
 
     def __call__(self) -> FrameBus:
         """Open the next port that can be opened.
 
-        Raises can.CanError, one line, when none can be opened now; ConfigError when none ever can.
+        Returns
+        -------
+        FrameBus
+            The open bus.
+
+        Raises
+        ------
+        can.CanError
+            When none can be opened now; one line.
+        ConfigError
+            When none can ever be opened.
         """
         ports = self.ports()
         if not ports:
             raise can.CanInitializationError(f"{self.settings.interface}: no port matches {self.settings.channel}")
-        # The one after the last first: the board did not answer there, or it is gone.
+        # Begin after the last one: the board did not respond there, or the adapter was disconnected.
         start = ports.index(self.channel) + 1 if self.channel in ports else 0
         reasons = []
         for port in ports[start:] + ports[:start]:
@@ -50,14 +65,14 @@ class BusOpener:
         raise can.CanInitializationError("; ".join(reasons))
 
     def ports(self) -> list[str]:
-        """Return the channels that the settings name now."""
+        """Return the channels that match the settings now."""
         channel = self.settings.channel
         if self.settings.interface in _SERIAL and any(letter in channel for letter in WILDCARDS):
             return sorted(glob.glob(channel))
         return [channel]
 
     def presence(self) -> object:
-        """Return something that differs when an adapter came, went or was switched: reason to try at once."""
+        """Return a value that changes when an adapter is connected, removed or switched: a reason to retry at once."""
         if self.settings.interface in _SERIAL:
             return tuple(_identity(port) for port in self.ports())
         return socketcan_bus.presence(self.settings.channel)

@@ -1,4 +1,4 @@
-"""Any python-can bus as one that reads many frames at once."""
+"""Adapts any python-can bus to read many frames at once."""
 
 from __future__ import annotations
 
@@ -12,11 +12,17 @@ from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.message_conversion import frame_of, message_of
 
 READ_LIMIT: Final = 1024
-"""Most frames taken from a python-can bus at once."""
+"""Largest number of frames read at once."""
 
 
-class MessageFrames:
-    """Any python-can bus as a FrameBus."""
+class PythonCanFrameBus:
+    """Adapts any python-can bus to the interface FrameBus.
+
+    Parameters
+    ----------
+    bus : can.BusABC
+        The open bus.
+    """
 
     malformed_lines = 0
 
@@ -25,7 +31,7 @@ class MessageFrames:
         self._waiting: list[Frame] = []
 
     def read_frames(self, timeout: float) -> list[Frame]:
-        """Return the frames that are there; when none is, wait up to `timeout` [s] for the first."""
+        """Return the frames that are waiting; when there is none, wait up to `timeout` [s] for the first."""
         frames, self._waiting = self._waiting, []
         message = self._bus.recv(0 if frames else timeout)
         while message is not None and len(frames) < READ_LIMIT:
@@ -40,7 +46,7 @@ class MessageFrames:
         self._bus.send(message_of(frame), timeout=0.1)
 
     def ask_state(self) -> None:
-        """Read the state of the controller, which some adapters know, as an error frame."""
+        """Queue the state of the controller as an error frame, where the adapter reports it."""
         with contextlib.suppress(NotImplementedError):
             frame = _STATES.get(self._bus.state)
             if frame is not None:

@@ -1,4 +1,4 @@
-"""A bus that comes and goes: opened with a growing pause, given up when it fails, opened at once when it is back."""
+"""A bus that reconnects with exponential back-off."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Final
 
 import can
 
+from posfet_driver.bus.error_frame import ErrorCounts
 from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.clock import Clock
@@ -15,48 +16,67 @@ from posfet_model._lib.units import NANOSECONDS
 
 BACK_OFF_FIRST: Final = 0.1
 BACK_OFF_LAST: Final = 5.0
-"""Time between two attempts to open the bus [s]: doubled from the first to the last."""
+"""Delay between two attempts to open the bus [s]: doubled from the first to the last."""
 PRESENCE_PERIOD: Final = 0.1
-"""Time between two looks whether an adapter has come back [s]."""
+"""Period at which the presence of the adapter is checked [s]."""
 
 
-class BusLink:
-    """Holds the bus while it is open."""
+class ReconnectingBus:
+    """Holds the bus while it is open and counts its failures and error frames.
+
+    Parameters
+    ----------
+    open_bus : callable
+        Opens the bus; raises can.CanError or ConfigError.
+    presence : callable or None
+        Returns a value that changes when the adapter is connected again: then the bus is opened without further delay.
+    clock : Clock
+        Source of time.
+    """
 
     def __init__(self, open_bus: Callable[[], FrameBus], presence: Callable[[], object] | None, clock: Clock) -> None:
-        """Take what opens the bus, and what returns something else when an adapter came back."""
         self.opened = 0
-        """How often the bus was opened."""
+        """Number of times the bus was opened."""
         self.failed = 0
-        """How often an open bus failed."""
+        """Number of times an open bus failed."""
+        self.errors = ErrorCounts()
+        """Error frames received."""
         self._open_bus = open_bus
         self._presence = presence
         self._clock = clock
         self._bus: FrameBus | None = None
-        self._seen: object = None
-        self._pause = BACK_OFF_FIRST
-        self._malformed_before = 0
+        self._last_presence: object = None
+        self._delay = BACK_OFF_FIRST
+        self._malformed_before = 0  # of buses that are closed
 
     @property
     def malformed_lines(self) -> int:
-        """What adapters sent that was no frame and no reply, also by those that are gone."""
+        """Lines from serial adapters that are no frame and no reply, those of closed adapters included."""
         bus = self._bus
         return self._malformed_before + (bus.malformed_lines if bus else 0)
 
     @property
     def is_open(self) -> bool:
-        """Whether there is a bus to read."""
+        """Whether the bus is open."""
         return self._bus is not None
 
     def connect(self) -> None:
-        """Open the bus. Raises can.CanError when that cannot be now, ConfigError when never."""
+        """Open the bus.
+
+        Raises
+        ------
+        can.CanError
+            When it cannot be opened now.
+        ConfigError
+            When it can never be opened with these arguments.
+        """
         if self._presence is not None:
-            self._seen = self._presence()
+            self._last_presence = self._presence()
         self._bus = self._open_bus()
         self.opened += 1
 
-    def drop(self) -> None:
-        """Close the bus, which may not work any more."""
+    def close(self) -> None:
+        """Close the bus, even if it has failed."""
         bus, self._bus = self._bus, None
         if bus:
             self._malformed_before += bus.malformed_lines
@@ -64,31 +84,51 @@ class BusLink:
                 bus.shutdown()
 
     def fail(self) -> float:
-        """Give the bus up; return how long to wait [s] until the next attempt."""
+        """Close a bus that has failed; return the delay until the next attempt [s]."""
         self.failed += self.is_open
-        self.drop()
-        pause, self._pause = self._pause, min(2 * self._pause, BACK_OFF_LAST)
-        return pause
+        self.close()
+        delay, self._delay = self._delay, min(2 * self._delay, BACK_OFF_LAST)
+        return delay
 
-    def settle(self) -> None:
-        """Take note that all is well: the next pause is the shortest again."""
-        self._pause = BACK_OFF_FIRST
+    def reset_backoff(self) -> None:
+        """Reset the back-off."""
+        self._delay = BACK_OFF_FIRST
 
-    def rest(self, duration: int) -> bool:
-        """Let up to `duration` [ns] pass without a bus; return True when an adapter came or went meanwhile."""
+    def wait_for_device(self, duration: int) -> bool:
+        """Wait up to `duration` [ns] without a bus; return True when an adapter was connected or removed meanwhile."""
         seconds = duration / NANOSECONDS
         if self._presence is None:
             self._clock.sleep(seconds)
             return False
         self._clock.sleep(min(seconds, PRESENCE_PERIOD))
-        if self._presence() == self._seen:
+        if self._presence() == self._last_presence:
             return False
-        self.settle()
+        self.reset_backoff()
         return True
 
     def read(self, timeout: float) -> list[Frame]:
-        """Return the frames that are there or come within `timeout` [s]. Raises can.CanError or OSError."""
-        return self._bus.read_frames(timeout) if self._bus else []
+        """Return the frames that are waiting or arrive within `timeout` [s]; error frames among them are counted.
+
+        Parameters
+        ----------
+        timeout : float
+            Longest time to wait for the first frame [s].
+
+        Returns
+        -------
+        list of Frame
+            Frames, error frames included; none when the bus is not open.
+
+        Raises
+        ------
+        can.CanError or OSError
+            When the bus fails.
+        """
+        if self._bus is None:
+            return []
+        frames = self._bus.read_frames(timeout)
+        self.errors.count(frames)
+        return frames
 
     def write(self, frame: Frame) -> None:
         """Send a frame, or nothing when the bus is not open. Raises can.CanError or OSError."""
@@ -96,6 +136,6 @@ class BusLink:
             self._bus.write_frame(frame)
 
     def ask_state(self) -> None:
-        """Ask the adapter what it knows of errors, as error frames to be read. Raises can.CanError or OSError."""
+        """Request the adapter's error state, which arrives as error frames. Raises can.CanError or OSError."""
         if self._bus:
             self._bus.ask_state()

@@ -1,4 +1,4 @@
-"""Recordings of a bus, in every format that python-can writes and reads."""
+"""Recordings of a bus in the formats of python-can."""
 
 from __future__ import annotations
 
@@ -16,10 +16,9 @@ from posfet_driver.bus.open_bus import one_line
 from posfet_model.config import ConfigError
 
 FORMATS: Final = (".log", ".asc", ".blf")
-"""candump, Vector's text, Vector's binary."""
+"""candump, Vector ASC (text), Vector BLF (binary)."""
 
-
-_BROKEN: Final = (
+_DAMAGED: Final = (
     ValueError,
     LookupError,
     ArithmeticError,
@@ -30,41 +29,72 @@ _BROKEN: Final = (
     struct.error,
     zlib.error,
 )
-"""What python-can's readers let out when a file is not what it seems."""
-
+"""Exceptions that python-can's readers raise for a damaged file."""
 
 _BLF: Final = b"LOGG"
-
+"""First bytes of a BLF file."""
 
 LATEST: Final = 1e11
-"""Latest time of a frame [s], after 1970 or after the begin of the recording."""
+"""Latest time of a frame [s], since 1970 or since the beginning of the recording."""
 
 
 def check_name(file: Path) -> None:
-    """Raise ConfigError, one line, for a file whose name tells no format that can be used."""
+    """Raise ConfigError, one line, for a file whose suffix names no known format."""
     if file.suffix.lower() not in FORMATS:
         raise ConfigError(f"{file}: must end with one of {', '.join(FORMATS)}")
 
 
 @contextlib.contextmanager
 def recording(file: Path) -> Iterator[Callable[[can.Message], None]]:
-    """Yield what writes a frame. Raises ConfigError, one line, for a file that cannot be written, or no longer."""
+    """Open a file for recording.
+
+    Parameters
+    ----------
+    file : Path
+        File to be written; its suffix selects the format.
+
+    Yields
+    ------
+    callable
+        Writes a message.
+
+    Raises
+    ------
+    ConfigError
+        When the file cannot be written; one line.
+    """
     try:
         log = can.Logger(str(file))
         try:
             with log:
                 yield log
         finally:
-            log.file.close()  # python-can's writers leave it open when they cannot finish it
+            log.file.close()  # python-can's writers leave it open when they fail
     except OSError as error:
         raise ConfigError(f"{file}: cannot be written: {error.strerror or one_line(error)}") from error
 
 
 def messages(file: Path) -> Iterator[can.Message]:
-    """Yield what was recorded. Raises ConfigError, one line, for a file that cannot be read."""
+    """Read a recording.
+
+    Parameters
+    ----------
+    file : Path
+        The recording; its suffix names the format.
+
+    Yields
+    ------
+    can.Message
+        The recorded messages, in order.
+
+    Raises
+    ------
+    ConfigError
+        For a file that cannot be read or is damaged; one line.
+    """
     check_name(file)
     try:
-        if file.suffix.lower() == ".blf":  # python-can's reader would leave another file open
+        if file.suffix.lower() == ".blf":  # python-can's reader would leave a file of another format open
             with file.open("rb") as start:
                 if start.read(len(_BLF)) != _BLF:
                     raise ConfigError(f"{file}: not a recording of its format")
@@ -73,12 +103,12 @@ def messages(file: Path) -> Iterator[can.Message]:
                 if not 0 <= message.timestamp <= LATEST:
                     raise ConfigError(f"{file}: times must be in [0, {LATEST:g}] s, got {message.timestamp:g}")
                 yield message
-            wanted = getattr(reader, "file_size", 0)  # what a BLF file says of itself
+            wanted = getattr(reader, "file_size", 0)  # stated in a BLF file
             if file.stat().st_size < wanted:
                 raise ConfigError(f"{file}: cut off after {file.stat().st_size} of {wanted} bytes")
     except OSError as error:
         raise ConfigError(f"{file}: {error.strerror or one_line(error)}") from error
     except ConfigError:
         raise
-    except _BROKEN as error:
+    except _DAMAGED as error:
         raise ConfigError(f"{file}: not a recording of its format: {one_line(error)}") from error

@@ -1,4 +1,4 @@
-"""A buffered slcan bus for python-can: reads all that is there at once and takes many lines apart in one go."""
+"""A buffered slcan bus for python-can: reads all waiting bytes at once and parses many lines in one pass."""
 
 from __future__ import annotations
 
@@ -40,21 +40,46 @@ BITRATES: Final = {
     1_000_000: b"S8",
     83_300: b"S9",
 }
-"""Command that sets each nominal bitrate [bit/s]."""
+"""Command for each nominal bit rate [bit/s]."""
 
 DATA_BITRATES: Final = {2_000_000: b"Y2", 5_000_000: b"Y5"}
-"""Command that sets each bitrate of the data phase [bit/s]."""
+"""Command for each bit rate of the data phase [bit/s]."""
 
 READ_SIZE: Final = 1 << 16
+"""Largest number of bytes read at once."""
 REPLY_TIMEOUT: Final = 0.1
-"""How long an adapter may take to reply [s]; some never do."""
+"""Time within which an adapter replies [s]; some never do."""
 
 
 class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked here
     """A serial-line CAN adapter (slcan), classic and FD.
 
-    Not done: setting bit-timing registers, the adapter's own time stamps, and waiting for the acknowledgement of a sent
-    frame. A serial port is needed; a socket will not do.
+    Not supported: bit-timing registers, the adapter's own time stamps, and waiting for the acknowledgement of a sent
+    frame. It needs a serial port; a socket does not work.
+
+    Parameters
+    ----------
+    channel : str
+        Serial port.
+    bitrate : int, optional
+        Nominal bit rate [bit/s]; None leaves it as the adapter has it.
+    data_bitrate : int, optional
+        Bit rate of the CAN FD data phase [bit/s]; None leaves it as the adapter has it.
+    fd : bool, default False
+        Whether the bus carries CAN FD.
+    tty_baudrate : int, default 115200
+        Speed of the serial port [bit/s].
+    listen_only : bool, default False
+        Whether the adapter only listens.
+    can_filters : optional
+        Filters of python-can; `read_frames` ignores them.
+
+    Raises
+    ------
+    ValueError
+        For a bit rate that slcan has no command for.
+    can.CanInitializationError
+        When the port cannot be opened, is in use, or the adapter refuses.
     """
 
     def __init__(
@@ -67,11 +92,6 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
         listen_only: bool = False,
         can_filters: Any = None,
     ) -> None:
-        """Open the adapter at the serial port `channel`; None leaves a bitrate [bit/s] as the adapter has it.
-
-        Raises ValueError for a bitrate that slcan has no command for; can.CanInitializationError when the port cannot
-        be opened, is in use, or the adapter refuses.
-        """
         commands = [b"C"]
         if bitrate is not None:
             commands.append(_command("bitrate", bitrate, BITRATES))
@@ -99,13 +119,26 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
 
     @property
     def malformed_lines(self) -> int:
-        """Lines that were no frame and no reply."""
+        """Number of lines that are no frame and no reply."""
         return self._reader.malformed
 
     def read_frames(self, timeout: float) -> list[Frame]:
-        """Return the frames that are there; when none is, wait up to `timeout` [s] for the first.
+        """Return the frames that are waiting; when there is none, wait for the first.
 
-        Filters are not applied. Raises can.CanOperationError when the adapter is gone.
+        Parameters
+        ----------
+        timeout : float
+            Longest time to wait [s].
+
+        Returns
+        -------
+        list of Frame
+            Frames and error frames, not filtered; empty after the timeout.
+
+        Raises
+        ------
+        can.CanOperationError
+            When the adapter is disconnected.
         """
         frames = self._reader.frames(self._read(timeout))
         if self._reader.flags is not None:
@@ -117,11 +150,11 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
         return frames
 
     def write_frame(self, frame: Frame) -> None:
-        """Send one frame. Raises can.CanOperationError when the adapter is gone or takes nothing for 0.1 s."""
+        """Send one frame. Raises can.CanOperationError when the adapter is disconnected or blocks for 0.1 s."""
         self._write(encode_line(frame), REPLY_TIMEOUT)
 
     def ask_state(self) -> None:
-        """Ask the adapter for its status flags, which are read as an error frame; adapters without any refuse."""
+        """Request the adapter's status flags, which are read as an error frame; adapters without flags refuse."""
         self._write(b"F" + END, REPLY_TIMEOUT)
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
@@ -149,7 +182,7 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
         """Close the adapter's channel and the port; may be called twice."""
         super().shutdown()
         if self._open:
-            with contextlib.suppress(can.CanOperationError):  # an adapter that is gone is closed
+            with contextlib.suppress(can.CanOperationError):  # a disconnected adapter is closed
                 self._write(b"C\r", REPLY_TIMEOUT)
             self._release()
 
@@ -158,7 +191,7 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
         os.close(self._fd)
 
     def _configure(self, command: bytes) -> None:
-        """Send a command and wait for the reply. Silence is taken as yes, and so is any reply to closing."""
+        """Send a command and wait for the reply. No reply counts as success, and so does any reply to closing."""
         self._write(command + END, REPLY_TIMEOUT)
         end = time.monotonic() + REPLY_TIMEOUT
         while (left := end - time.monotonic()) > 0:
@@ -169,7 +202,7 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
                     return
 
     def _read(self, timeout: float | None) -> bytes:
-        """Return what is there, after at most `timeout` [s]."""
+        """Return the waiting bytes; wait up to `timeout` [s] for the first."""
         if not self._open:
             raise can.CanOperationError("the bus is closed")
         if not self._poll.poll(None if timeout is None else timeout * 1000):
@@ -179,13 +212,13 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
         except BlockingIOError:
             return b""
         except OSError as error:
-            raise can.CanOperationError(f"the adapter is gone: {error.strerror}") from error
+            raise can.CanOperationError(f"adapter disconnected: {error.strerror}") from error
         if not data:
-            raise can.CanOperationError("the adapter is gone: end of file")
+            raise can.CanOperationError("adapter disconnected: end of file")
         return data
 
     def _write(self, line: bytes, timeout: float | None) -> None:
-        """Write all of `line` within `timeout` [s]; an adapter that takes only a part of it is taken as gone."""
+        """Write all of `line` within `timeout` [s]; a partial write counts as a failure of the adapter."""
         if not self._open:
             raise can.CanOperationError("the bus is closed")
         end = None if timeout is None else time.monotonic() + timeout
@@ -195,14 +228,14 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
             except BlockingIOError:
                 left = None if end is None else end - time.monotonic()
                 if left is not None and left <= 0:
-                    raise can.CanOperationError("the adapter takes no more data") from None
+                    raise can.CanOperationError("the adapter accepts no more data") from None
                 select.select([], [self._fd], [], left)
             except OSError as error:
-                raise can.CanOperationError(f"the adapter is gone: {error.strerror}") from error
+                raise can.CanOperationError(f"adapter disconnected: {error.strerror}") from error
 
 
 def _errors(flags: int) -> list[Frame]:
-    """Return what an adapter's status flags say as an error frame, or nothing when they say nothing."""
+    """Return an adapter's status flags as an error frame; no frame when no error flag is set."""
     controller = (
         PASSIVE * bool(flags & FLAG_PASSIVE) | 0x01 * bool(flags & FLAG_OVERFLOW) | WARNING * bool(flags & FLAG_WARNING)
     )
@@ -217,7 +250,7 @@ def _command(name: str, value: int, commands: dict[int, bytes]) -> bytes:
 
 
 def _open_port(channel: str, speed: int) -> int:
-    """Return the descriptor of a serial port in raw mode, its buffers empty, locked against a second driver."""
+    """Return the descriptor of a serial port in raw mode, with empty buffers, locked against a second driver."""
     try:
         port = os.open(channel, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError as error:

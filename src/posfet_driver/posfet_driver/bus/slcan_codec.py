@@ -1,7 +1,7 @@
-r"""Lines of the slcan protocol: CAN frames in hexadecimal ASCII, as LAWICEL's CAN232 manual and CANable's firmware have
-them. A line is a letter, the identifier (3 or 8 digits), the length code, and the data; it ends with \r.
+r"""Lines of the slcan protocol: CAN frames in hexadecimal ASCII, as in LAWICEL's CAN232 manual and CANable's firmware.
 
-t T: data frame with 11 and 29 bits of identifier; r R: remote frame; d D: CAN FD; b B: CAN FD with rate switch.
+A line is a letter, the identifier (3 or 8 digits), the length code, and the data; it ends with \r. Letters: t T: data
+frame with an 11-bit or 29-bit identifier; r R: remote frame; d D: CAN FD; b B: CAN FD with rate switch.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from posfet_driver.bus.frame import EXTENDED, FD, RATE_SWITCH, REMOTE, Frame
 
 END: Final = b"\r"
 REFUSED: Final = b"\a"
-"""Reply of an adapter to a line that it does not accept; ends a line like END."""
+"""Reply of an adapter that rejects a line; ends a line like END."""
 
 FLAG_OVERFLOW: Final = 0x09
 FLAG_WARNING: Final = 0x04
 FLAG_PASSIVE: Final = 0x20
 FLAG_BUS_ERROR: Final = 0x80
-"""Bits of the answer to the command F: receive queue full or data overrun, error warning, error passive, bus error."""
+"""Bits of the reply to the command F: receive queue full or data overrun, error warning, error passive, bus error."""
 _FLAGS_LENGTH: Final = 3
 
 FD_LENGTHS: Final = (0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64)
@@ -33,11 +33,11 @@ _STANDARD_HEADER: Final = 5
 _EXTENDED_HEADER: Final = 10
 _TIMESTAMP: Final = 4
 _LONGEST: Final = _EXTENDED_HEADER + 2 * FD_LENGTHS[-1] + _TIMESTAMP
-_HEADER_MEMORY: Final = 4096
+_HEADER_CACHE: Final = 4096
 
 
 def encode_line(frame: Frame) -> bytes:
-    """Return the line of a frame, with its end. ValueError when slcan cannot carry it."""
+    """Return the line of a frame, with its end. Raises ValueError when slcan cannot carry the frame."""
     identifier, kind, data = frame
     letter = _LETTERS.get(kind & ~EXTENDED)
     code = _CODES.get(len(data))
@@ -49,27 +49,27 @@ def encode_line(frame: Frame) -> bytes:
 
 
 class LineReader:
-    """Cuts a stream into lines and makes frames of them. Bytes may come in any pieces.
+    """Splits a stream of bytes into lines and parses them into frames. Bytes may arrive in any pieces.
 
-    Each header (letter, identifier, length code) is interpreted once and remembered, up to 4096 of them.
+    Each header (letter, identifier, length code) is parsed once and cached, up to 4096 of them.
     """
 
     def __init__(self) -> None:
         self.malformed = 0
-        """Lines that are no frame, no reply and no acknowledgement."""
+        """Number of lines that are no frame, no reply and no acknowledgement."""
         self.refusals = 0
-        """Refusals by the adapter."""
+        """Number of lines that the adapter rejected."""
         self.flags: int | None = None
-        """The newest answer to the command F, bits of FLAG_*, until somebody takes it."""
+        """Newest reply to the command F, bits of FLAG_*; the reader sets it back to None."""
         self._rest = b""
         self._headers: dict[bytes, tuple[int, int, int]] = {}
 
     def clear(self) -> None:
-        """Forget an unfinished line."""
+        """Discard an unfinished line."""
         self._rest = b""
 
     def lines(self, data: bytes) -> list[bytes]:
-        """Return the lines that are finished with `data`, without their ends; a refusal is the line REFUSED."""
+        """Return the lines that `data` completes, without their ends; a rejection is the line REFUSED."""
         data = self._rest + data
         if REFUSED in data:
             data = data.replace(REFUSED, REFUSED + END)
@@ -77,17 +77,17 @@ class LineReader:
         self._rest = lines.pop()
         if len(self._rest) > _LONGEST:
             self.malformed += 1
-            self._rest = b"?"  # spoils what is to come of this line
+            self._rest = b"?"  # invalidates the rest of this line
         return lines
 
     def frames(self, data: bytes) -> list[Frame]:
-        """Return the frames of the lines that are finished with `data`."""
+        """Return the frames of the lines that `data` completes."""
         frames: list[Frame] = []
         headers = self._headers
         for line in self.lines(data):
             header = headers.get(line[:_STANDARD_HEADER])
             if header is None:
-                self._rare(line, frames)
+                self._parse_uncached(line, frames)
                 continue
             identifier, kind, end = header
             try:
@@ -101,15 +101,15 @@ class LineReader:
                 self.malformed += 1
         return frames
 
-    def _rare(self, line: bytes, frames: list[Frame]) -> None:
-        """Interpret a line whose header is not remembered."""
+    def _parse_uncached(self, line: bytes, frames: list[Frame]) -> None:
+        """Parse a line whose header is not cached."""
         if line in _ACKNOWLEDGEMENTS:
             return
         if line == REFUSED:
             self.refusals += 1
             return
         if line[:1] == b"F" and len(line) == _FLAGS_LENGTH:
-            self._take_flags(line)
+            self._parse_flags(line)
             return
         frame = parse_line(line)
         if frame is None:
@@ -118,11 +118,11 @@ class LineReader:
         frames.append(frame)
         identifier, kind, data = frame
         if not kind & (EXTENDED | REMOTE):
-            if len(self._headers) >= _HEADER_MEMORY:
+            if len(self._headers) >= _HEADER_CACHE:
                 self._headers.clear()
             self._headers[line[:_STANDARD_HEADER]] = identifier, kind, _STANDARD_HEADER + 2 * len(data)
 
-    def _take_flags(self, line: bytes) -> None:
+    def _parse_flags(self, line: bytes) -> None:
         try:
             self.flags = unhexlify(line[1:])[0]
         except HexError:
@@ -133,7 +133,7 @@ _ACKNOWLEDGEMENTS: Final = (b"", b"z", b"Z")
 
 
 def parse_line(line: bytes) -> Frame | None:
-    """Return the frame of one line without its end, or None when it is none. A time stamp at its end is dropped."""
+    """Return the frame of one line without its end, or None for another line. A trailing time stamp is dropped."""
     if not line:
         return None
     extended = line[0] < ord("a")
@@ -142,7 +142,7 @@ def parse_line(line: bytes) -> Frame | None:
     if kind is None or len(line) < header:
         return None
     try:
-        # An odd number of digits is filled up: int() would accept signs and underscores.
+        # Padded to an even number of digits; int() would accept signs and underscores.
         identifier = int.from_bytes(unhexlify(line[1 : header - 1].zfill(8)), "big")
         code = unhexlify(b"0" + line[header - 1 : header])[0]
         length = FD_LENGTHS[code]

@@ -1,4 +1,4 @@
-"""SocketCAN as a bus that reads many frames at once, and that tells what only the kernel knows."""
+"""SocketCAN bus that reads many frames at once and reports errors that only the kernel knows."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 NETWORK_DEVICES: Final = Path("/sys/class/net")
 READ_LIMIT: Final = 1024
-"""Most frames taken at once."""
+"""Largest number of frames read at once."""
 SEND_TIMEOUT: Final = 0.1
-"""How long a frame may wait for room in the socket [s]."""
-ROOM: Final = 4 << 20
-"""Wanted size of the socket's receive buffer [byte]; a frame takes near 1 kB of it. Without the right to more
-(CAP_NET_ADMIN) the kernel gives twice net.core.rmem_max at most."""
+"""Longest time that a frame waits for room in the socket [s]."""
+RECEIVE_BUFFER: Final = 4 << 20
+"""Requested size of the socket's receive buffer [byte]; a frame takes nearly 1 kB of it. Without CAP_NET_ADMIN the
+kernel limits it to twice net.core.rmem_max."""
 
 _FRAME: Final = struct.Struct("=IBB2x")
 """Head of struct can_frame and canfd_frame (linux/can.h): identifier with flags, length, flags of CAN FD."""
@@ -36,16 +36,21 @@ _EXTENDED, _REMOTE, _ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
 _SO_RCVBUFFORCE: Final = 33
 _SO_MEMINFO: Final = 55
 _MEMINFO: Final = struct.Struct("=9I")
-"""What SO_MEMINFO tells (linux/sock_diag.h); the last number is that of frames dropped for want of room."""
+"""Result of SO_MEMINFO (linux/sock_diag.h); the last number counts the frames dropped for lack of room."""
 
 
-class SocketcanFrames:
-    """A python-can SocketcanBus as a FrameBus: frames come from its socket, without a can.Message each.
+class SocketcanFrameBus:
+    """Adapts python-can's SocketcanBus to FrameBus: reads its socket directly, without a can.Message per frame.
 
-    Frames that the kernel dropped because nobody read them in time, and a controller that is off the bus, are told as
-    the error frames that other adapters send. A command that finds the send queue full is dropped and told as not
-    acknowledged: while the cable is out nothing leaves that queue, and it outlives the socket, so that opening the bus
-    anew would not help.
+    Frames that the kernel dropped because they were not read in time, and a bus-off controller, are reported as the
+    error frames that other adapters send. A command that finds the send queue full is dropped and reported as
+    unacknowledged: while the cable is unplugged nothing leaves that queue, and it outlives the socket, so that
+    reopening the bus would not help.
+
+    Parameters
+    ----------
+    bus : can.interfaces.socketcan.SocketcanBus
+        The open bus.
     """
 
     malformed_lines = 0
@@ -59,14 +64,27 @@ class SocketcanFrames:
         self._poll = select.poll()
         self._poll.register(self._socket, select.POLLIN)
         try:
-            self._socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, ROOM)
+            self._socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER)
         except PermissionError:
-            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
 
     def read_frames(self, timeout: float) -> list[Frame]:
-        """Return the frames that are there; when none is, wait up to `timeout` [s] for the first.
+        """Return the frames that are waiting; when there is none, wait for the first.
 
-        Raises can.CanOperationError when the device is gone or down.
+        Parameters
+        ----------
+        timeout : float
+            Longest time to wait [s].
+
+        Returns
+        -------
+        list of Frame
+            Frames and error frames; empty after the timeout.
+
+        Raises
+        ------
+        can.CanOperationError
+            When the network device is down or has been removed.
         """
         frames, self._waiting = self._waiting, []
         if not self._poll.poll(0 if frames else timeout * 1000):
@@ -86,7 +104,7 @@ class SocketcanFrames:
         return frames
 
     def write_frame(self, frame: Frame) -> None:
-        """Send one frame. Raises can.CanOperationError when the device is gone or down."""
+        """Send one frame. Raises can.CanOperationError when the network device is down or has been removed."""
         try:
             self._bus.send(message_of(frame), timeout=SEND_TIMEOUT)
         except can.CanOperationError as error:
@@ -95,7 +113,7 @@ class SocketcanFrames:
             self._waiting.append(error_frame(NO_ACKNOWLEDGE))
 
     def ask_state(self) -> None:
-        """See whether the controller is off the bus: the kernel then takes the carrier away, and tells it only once."""
+        """Queue an error frame when the controller is bus-off (no carrier): the kernel reports that only once."""
         if self._device and _content(self._device / "carrier") == "0":
             self._waiting.append(error_frame(BUS_OFF))
 
@@ -105,12 +123,12 @@ class SocketcanFrames:
 
 
 def presence(channel: str) -> object:
-    """Return something that differs when the network device came, went, or was switched."""
+    """Return a value that changes when the network device is added, removed or switched."""
     return tuple(_content(NETWORK_DEVICES / channel / name) for name in ("ifindex", "flags", "operstate"))
 
 
 def _frame(data: bytes) -> Frame:
-    """Return what the kernel hands over as one frame."""
+    """Return a frame from the bytes of the kernel."""
     identifier, length, flags = _FRAME.unpack_from(data)
     kind = 0
     if len(data) == _FD_SIZE:

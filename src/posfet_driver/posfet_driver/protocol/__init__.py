@@ -1,1 +1,1 @@
-"""Bytes to scans and back. Imports no bus but `bus.frame`, no thread, no clock."""
+"""Encoding and decoding of scans and messages. Imports of the buses only `bus.frame`; no thread, no clock."""

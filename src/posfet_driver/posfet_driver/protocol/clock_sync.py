@@ -1,31 +1,30 @@
-"""A board's clock on the time of this machine."""
+"""Synchronisation of a board's clock with the clock of this machine."""
 
 from __future__ import annotations
 
 import math
 from typing import Final
 
-DRIFT: Final = 100e-6
-"""Greatest difference in speed between the two clocks [s/s] that is followed: two crystals of 50 ppm each; assumed."""
-
+MAX_DRIFT: Final = 100e-6
+"""Greatest relative drift of the two clocks that is followed [s/s]: two crystals of 50 ppm each; assumed."""
 
 WINDOW: Final = 1_000_000_000
-"""Time [ns] within which one frame has to come undelayed."""
+"""Time within which one frame has to arrive undelayed [ns]."""
 
 STEP_LIMIT: Final = 5_000_000.0
-"""Delay [ns] of every frame of a window that is taken for a step of the clock, unnoticed until then; assumed."""
+"""Delay of every frame of a window that is interpreted as a step of the board's clock [ns]; assumed."""
 
 
-class BoardClock:
-    """Maps device time to the machine's monotonic time by the frames that were on their way for the shortest time.
+class ClockSync:
+    """Maps device time to this machine's monotonic time, using the frames with the shortest transit time.
 
-    The difference of arrival and device time is the clocks' offset plus the time on the way, which is never below that
-    of an undelayed frame. The least difference is kept and raised by `DRIFT` a second, so that a board that runs slow
-    is followed; one that runs fast shows lower differences by itself. The error is the least delay on the way (0.2 ms
-    of frame and adapter), plus 0.1 ms for each second without any undelayed frame. When every frame of a second is late
-    by more than 5 ms, the board's clock has been set back, and the map begins anew.
+    Arrival time minus device time is the clock offset plus the transit time, and the transit time is never below that
+    of an undelayed frame. The minimum of this difference is the estimated offset. It is raised by `MAX_DRIFT` per
+    second, so that a slow board clock is followed; a fast one lowers the minimum by itself. The error is the minimum
+    transit time (0.2 ms of frame and adapter), plus 0.1 ms for each second without an undelayed frame. When every frame
+    of one second is late by more than 5 ms, the board's clock has been set back, and the offset is re-estimated.
 
-    A board that sends no time is mapped in the same way by the number of its scan: it scans evenly.
+    A board that sends no time is mapped in the same manner by the sequence number of its scans, which are equidistant.
     """
 
     def __init__(self) -> None:
@@ -33,34 +32,45 @@ class BoardClock:
         self._last = 0
         self._known = False
         self._window_end = 0
-        self._window_least = 0.0
+        self._window_minimum = 0.0
         self._undelayed = 0
 
     @property
     def uncertainty(self) -> float:
-        """How far the map may have run ahead since the last undelayed frame [ns]; NaN before the first frame.
+        """Possible drift of the offset since the last undelayed frame [ns]; NaN before the first frame.
 
-        To this comes the least delay on the way, which no map can see.
+        The minimum transit time adds to it: no mapping of this kind can observe it.
         """
-        return (self._last - self._undelayed) * DRIFT if self._known else math.nan
+        return (self._last - self._undelayed) * MAX_DRIFT if self._known else math.nan
 
     def reset(self) -> None:
-        """Forget the offset: the board's clock began anew."""
+        """Discard the offset: the board's clock has restarted."""
         self._known = False
 
     def to_monotonic(self, device_time: int, arrival: int) -> int:
-        """Return the monotonic time [ns] of `device_time` [us], wraps undone, for a frame that came at `arrival` [ns].
+        """Return the monotonic time that corresponds to a device time.
 
-        Never after `arrival`.
+        Parameters
+        ----------
+        device_time : int
+            Time of acquisition on the board's clock, unwrapped [us].
+        arrival : int
+            Monotonic time at which the frame arrived [ns].
+
+        Returns
+        -------
+        int
+            Monotonic time of acquisition [ns]; never after `arrival`.
         """
         difference = float(arrival - device_time * 1000)
         if self._known:
             elapsed = arrival - self._last
-            followed = self._offset + elapsed * DRIFT if elapsed > 0 else self._offset
+            followed = self._offset + elapsed * MAX_DRIFT if elapsed > 0 else self._offset
             if difference <= followed:
                 followed, self._undelayed = difference, arrival
             self._offset = followed
-            self._window_least = min(self._window_least, difference)
+            if difference < self._window_minimum:  # noqa: PLR1730  # faster than min() for every scan
+                self._window_minimum = difference
             if arrival >= self._window_end:
                 self._end_window(difference, arrival)
         else:
@@ -72,12 +82,12 @@ class BoardClock:
         return device_time * 1000 + round(self._offset)
 
     def _end_window(self, difference: float, arrival: int) -> None:
-        """Begin anew when no frame of a window came undelayed."""
-        if self._window_least > self._offset + STEP_LIMIT:
-            self._offset = self._window_least
+        """Re-estimate the offset when no frame of the window arrived undelayed."""
+        if self._window_minimum > self._offset + STEP_LIMIT:
+            self._offset = self._window_minimum
             self._undelayed = arrival
         self._begin_window(difference, arrival)
 
     def _begin_window(self, difference: float, arrival: int) -> None:
         self._window_end = arrival + WINDOW
-        self._window_least = difference
+        self._window_minimum = difference

@@ -1,4 +1,4 @@
-"""The short messages of the protocol: commands, answers, status, and the identifiers of all (docs/protocol.md)."""
+"""Short messages of the protocol (commands, responses, status) and all CAN identifiers; see docs/protocol.md."""
 
 from __future__ import annotations
 
@@ -6,27 +6,25 @@ import math
 import struct
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Final
+from typing import Final, TypeAlias
 
+from posfet_driver.bus.frame import CLASSIC
 from posfet_model.config import ConfigError
 from posfet_model.sensor.scan import ScanStatus
-
-if TYPE_CHECKING:
-    pass
 
 COMMAND_OFFSET: Final = 0
 RESPONSE_OFFSET: Final = 1
 STATUS_OFFSET: Final = 2
 FD_BLOCK_OFFSET: Final = 3
 CLASSIC_BLOCK_OFFSET: Final = 8
-"""Identifier of each frame less the board's base identifier; classic block k follows k places later."""
+"""Identifier of each frame less the board's base identifier; classic block k has this offset plus k."""
 
 HIGHEST_IDENTIFIER: Final = 0x7FF
 SHORT_LENGTH: Final = 8
-"""Length of commands, answers and status [byte]."""
+"""Length of commands, responses and status [byte]."""
 
 PROTOCOL_VERSION: Final = 0
-"""Major version of the firmware that speaks this protocol."""
+"""Major firmware version that implements this protocol."""
 STATUS_PERIOD: Final = 0.1
 """Time between two status frames [s]."""
 
@@ -35,7 +33,7 @@ _RESPONSE = struct.Struct("<BBBBI")
 _STATUS = struct.Struct("<hhBBH")
 _KELVIN_STEPS: Final = 256
 _TEMPERATURE_UNKNOWN: Final = -0x8000
-_SUPPLY_STEPS: Final = 20  # a volt: 0.05 V each
+_SUPPLY_STEPS: Final = 20  # per volt: 0.05 V each
 _SUPPLY_UNKNOWN: Final = 0xFF
 _PAGE_SHIFT: Final = 6
 _FLAGS: Final = (
@@ -49,22 +47,22 @@ _RESET: Final = 1
 
 
 class Command(IntEnum):
-    """What a board can be told."""
+    """Commands of a board."""
 
     START = 1
-    """Send scans; the answer's value is the number of the first, low 32 bits."""
+    """Send scans; the response holds the sequence of the first one, low 32 bits."""
     STOP = 2
     """Send no more scans."""
     SET_RATE = 3
-    """Argument: time between two scans [us]; the answer's value is the time set [us]."""
+    """Argument: scan period [us]; the response holds the period that was set [us]."""
     IDENTIFY = 4
-    """The answer's value: layout id in the low 16 bits, firmware version in the high 16."""
+    """The response holds the layout id in the low 16 bits and the firmware version in the high 16."""
     SELF_TEST = 5
-    """The answer's value: the flags of ScanStatus that were found; 0 when all is well."""
+    """The response holds the flags of ScanStatus that were found; 0 when the board is healthy."""
 
 
 class Result(IntEnum):
-    """How a board answers a command."""
+    """Results of a command."""
 
     OK = 0
     UNKNOWN_COMMAND = 1
@@ -74,21 +72,21 @@ class Result(IntEnum):
 
 
 class Page(IntEnum):
-    """What the value of a status frame means; boards send the pages in turn."""
+    """Meaning of the value in a status frame; boards send the pages in turn."""
 
     LAYOUT = 0
     FIRMWARE = 1
     SCAN = 2
-    """Number of the newest scan, low 16 bits."""
+    """Sequence of the newest scan, low 16 bits."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """A command to a board."""
+    """Command to a board."""
 
     command: int
     tag: int
-    """Number in [0, 255] that the answer repeats."""
+    """Number in [0, 255] that the response repeats."""
     argument: int = 0
 
     def pack(self) -> bytes:
@@ -103,14 +101,14 @@ class Request:
 
 @dataclass(frozen=True)
 class Response:
-    """A board's answer to a command."""
+    """Response of a board to a command."""
 
     command: int
     tag: int
     result: int
     value: int = 0
     reset: bool = False
-    """Whether the board was switched on and not started since, or by this very command for the first time."""
+    """Whether the board was powered on and not started since, or started by this very command for the first time."""
 
     def pack(self) -> bytes:
         """Return the data of the frame."""
@@ -118,7 +116,7 @@ class Response:
 
     @classmethod
     def unpack(cls, data: bytes) -> Response | None:
-        """Return the answer, or None when the length is wrong."""
+        """Return the response, or None when the length is wrong."""
         if len(data) != SHORT_LENGTH:
             return None
         command, tag, result, flags, value = _RESPONSE.unpack(data)
@@ -126,7 +124,7 @@ class Response:
 
     @property
     def reason(self) -> str:
-        """The result in words, with the value that explains it where there is one."""
+        """Result in words, with the value that explains it where there is one."""
         known = self.result in Result.__members__.values()
         words = Result(self.result).name.lower().replace("_", " ") if known else f"result {self.result}"
         return f"{words} (value {self.value})" if self.value else words
@@ -134,20 +132,20 @@ class Response:
 
 @dataclass(frozen=True)
 class Status:
-    """State of a board, sent ten times a second."""
+    """State of a board, sent ten times per second."""
 
     temperatures: tuple[float, float]
-    """Temperature sensors of the chip [degC], in [-127.99, 127.99]; NaN: not known."""
+    """Temperature sensors of the chip [degC], in [-127.99, 127.99]; NaN: unknown."""
     supply: float
-    """Supply of the board [V], in [0, 12.7]; NaN: not known."""
+    """Supply voltage of the board [V], in [0, 12.7]; NaN: unknown."""
     flags: int
-    """Bits of ScanStatus; the reset stands for a board that was switched on and not started since."""
+    """Bits of ScanStatus; BOARD_RESET means that the board was powered on and not started since."""
     page: int
-    """What `value` is: one of Page."""
+    """Meaning of `value`: one of Page."""
     value: int
 
     def pack(self) -> bytes:
-        """Return the data of the frame; a temperature or a supply out of range is sent as its nearest end."""
+        """Return the data of the frame; a temperature or a supply voltage out of range is clipped."""
         first, second = (_temperature_code(temperature) for temperature in self.temperatures)
         supply = _SUPPLY_UNKNOWN
         if not math.isnan(self.supply):
@@ -169,6 +167,34 @@ class Status:
         )
 
 
+Message: TypeAlias = Status | Response
+"""What a board sends besides scans."""
+
+
+def parse_message(offset: int, kind: int, data: bytes) -> Message | None:
+    """Parse a short message of a board.
+
+    Parameters
+    ----------
+    offset : int
+        Identifier less the board's base identifier.
+    kind : int
+        Kind of the frame.
+    data : bytes
+        Data of the frame.
+
+    Returns
+    -------
+    Status or Response or None
+        None for another identifier, and for a frame of the wrong kind or length.
+    """
+    if kind != CLASSIC:
+        return None
+    if offset == STATUS_OFFSET:
+        return Status.unpack(data)
+    return Response.unpack(data) if offset == RESPONSE_OFFSET else None
+
+
 def _temperature_code(temperature: float) -> int:
     if math.isnan(temperature):
         return _TEMPERATURE_UNKNOWN
@@ -180,7 +206,20 @@ def _temperature(code: int) -> float:
 
 
 def check_identifiers(base: int, classic_blocks: int) -> None:
-    """Raise ConfigError when the classic blocks of a board with this base identifier do not fit 11 bits."""
+    """Check that the identifiers of a board's classic blocks fit 11 bits.
+
+    Parameters
+    ----------
+    base : int
+        The board's base identifier.
+    classic_blocks : int
+        Number of classic blocks of a scan.
+
+    Raises
+    ------
+    ConfigError
+        When they do not fit.
+    """
     highest = base + CLASSIC_BLOCK_OFFSET + classic_blocks - 1
     if highest > HIGHEST_IDENTIFIER:
         last = HIGHEST_IDENTIFIER - CLASSIC_BLOCK_OFFSET - classic_blocks + 1
@@ -191,5 +230,11 @@ def check_identifiers(base: int, classic_blocks: int) -> None:
 
 
 def version(firmware: int) -> str:
-    """Return a firmware version as people write it."""
+    """Return a firmware version as "major.minor".
+
+    Examples
+    --------
+    >>> version(0x0203)
+    '2.3'
+    """
     return f"{firmware >> 8}.{firmware & 0xFF}"

@@ -1,4 +1,4 @@
-"""Scans as CAN frames and back: five taxels of 12 bits in a classic frame, 28 of 16 bits in an FD frame."""
+"""Encoding of scans as CAN frames: five taxels of 12 bits in a classic frame, 28 of 16 bits in a CAN FD frame."""
 
 from __future__ import annotations
 
@@ -36,10 +36,20 @@ _FD_BLOCK: Final = np.dtype([("header", "V8"), ("counts", "<u2", FD_TAXELS)])
 
 
 class ScanCodec(ABC):
-    """One layout's scans in one frame format. `wire` collects the data of the blocks of a scan, `block_length` each."""
+    """Encodes and decodes the scans of one layout in one frame format.
+
+    `wire` holds the data of all blocks of a scan, `block_length` bytes each.
+
+    Parameters
+    ----------
+    taxels : int
+        Number of taxels, in [1, 7168].
+    """
 
     fd: bool
+    """Whether frames are CAN FD."""
     block_length: int
+    """Data length of a frame [byte]."""
     taxels_per_block: int
     counter_mask: int
     """The scan counter counts modulo this plus one."""
@@ -55,7 +65,7 @@ class ScanCodec(ABC):
 
     @abstractmethod
     def header(self, offset: int, kind: int, data: bytes) -> Header | None:
-        """Return what a block says of itself, or None when it cannot be one of this layout."""
+        """Return the header of a block, or None when the frame is no block of this layout."""
 
     @abstractmethod
     def decode(self, out: Counts) -> None:
@@ -63,7 +73,7 @@ class ScanCodec(ABC):
 
     @abstractmethod
     def encode(self, scan: Scan, base: int) -> list[Frame]:
-        """Return the frames of a scan, in the order in which they are sent."""
+        """Return the frames of a scan in the order of transmission; `base` is the board's base identifier."""
 
 
 class FdCodec(ScanCodec):
@@ -86,7 +96,7 @@ class FdCodec(ScanCodec):
         return FD_BLOCK_OFFSET
 
     def header(self, offset: int, kind: int, data: bytes) -> Header | None:
-        """Return what a block says of itself, or None when it cannot be one of this layout."""
+        """Return the header of a block, or None when the frame is no block of this layout."""
         if len(data) != FD_LENGTH or offset != FD_BLOCK_OFFSET or kind & ~RATE_SWITCH != FD:
             return None
         header: Header = _FD_HEADER.unpack_from(data)
@@ -101,7 +111,7 @@ class FdCodec(ScanCodec):
         out[:] = self._counts
 
     def encode(self, scan: Scan, base: int) -> list[Frame]:
-        """Return the frames of a scan, in the order in which they are sent."""
+        """Return the frames of a scan in the order of transmission; `base` is the board's base identifier."""
         self._counts[:] = scan.counts
         data = self._padded.astype("<u2", copy=False).tobytes()
         size = 2 * FD_TAXELS
@@ -117,10 +127,10 @@ class FdCodec(ScanCodec):
 
 
 class ClassicCodec(ScanCodec):
-    """Classic CAN: one 64-bit little-endian number a block: counter in bits 0-3, taxel i of five in bits 4 + 12 i on.
+    """Classic CAN: one 64-bit little-endian number per block: counter in bits 0-3, taxel i of five from bit 4 + 12 i.
 
-    The 12 bits are the high ones of a count. Back on 16 bits the high four are repeated below them, so that both ends
-    of the scale stay where they are.
+    The 12 bits are the high ones of a count. On extension to 16 bits the high four are repeated below them, so that
+    both ends of the scale are preserved.
     """
 
     fd = False
@@ -141,7 +151,7 @@ class ClassicCodec(ScanCodec):
         return CLASSIC_BLOCK_OFFSET + block
 
     def header(self, offset: int, kind: int, data: bytes) -> Header | None:
-        """Return what a block says of itself, or None when it cannot be one of this layout."""
+        """Return the header of a block, or None when the frame is no block of this layout."""
         block = offset - CLASSIC_BLOCK_OFFSET
         if len(data) != CLASSIC_LENGTH or kind != CLASSIC or not 0 <= block < self.blocks:
             return None
@@ -157,7 +167,7 @@ class ClassicCodec(ScanCodec):
         out[:] = self._counts
 
     def encode(self, scan: Scan, base: int) -> list[Frame]:
-        """Return the frames of a scan, in the order in which they are sent."""
+        """Return the frames of a scan in the order of transmission; `base` is the board's base identifier."""
         self._counts[:] = scan.counts
         words = ((self._padded >> 4).astype(np.uint64) << self._shifts).sum(axis=1, dtype=np.uint64)
         words |= np.uint64(scan.sequence & CLASSIC_COUNTER)
@@ -167,9 +177,22 @@ class ClassicCodec(ScanCodec):
 
 
 def make_codec(sensor: Sensor) -> ScanCodec:
-    """Return the codec of a sensor's layout and frames.
+    """Return the codec for a sensor.
 
-    Raises ConfigError when the layout has too many taxels for the blocks that the frames can number.
+    Parameters
+    ----------
+    sensor : Sensor
+        Layout, frame format and base identifier.
+
+    Returns
+    -------
+    ScanCodec
+        The codec.
+
+    Raises
+    ------
+    ConfigError
+        When the layout has more taxels than the frames can address.
     """
     limit = MAX_BLOCKS * FD_TAXELS
     if sensor.layout.taxels > limit:

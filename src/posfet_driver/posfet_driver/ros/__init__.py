@@ -1,1 +1,1 @@
-"""The driver node and everything else that needs ROS."""
+"""Driver node, and everything else that needs ROS."""

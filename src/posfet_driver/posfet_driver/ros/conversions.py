@@ -1,22 +1,32 @@
-"""Scans and reports as ROS messages."""
+"""Conversion of scans and reports to ROS messages."""
 
 from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 
-from posfet_driver.board.faults import Fault, worst
+from posfet_driver.board.fault_monitor import worst
+from posfet_driver.board.faults import FaultKind
 from posfet_driver.board.scan_source import SourceReport
 from posfet_model._lib.units import NANOSECONDS
+from posfet_model.ros.diagnostic_array import diagnostic_array
 from posfet_model.sensor.description import Layout
 from posfet_model.sensor.scan import TEMPERATURE_SENSORS, Scan
 from posfet_msgs.msg import TactileRaw
 
 
 class RawMessage:
-    """One TactileRaw that is filled again and again, so that a scan costs no new message."""
+    """One TactileRaw that is reused for every scan.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the array.
+    frame_id : str
+        Coordinate frame of the array.
+    """
 
     def __init__(self, layout: Layout, frame_id: str) -> None:
         self._message = TactileRaw(rows=layout.rows, cols=layout.cols)
@@ -41,28 +51,39 @@ class RawMessage:
         return message
 
 
-def diagnostic_array(
-    report: SourceReport, name: str, hardware_id: str, scan_rate: float, stamp: int, faults: Sequence[Fault] = ()
+def report_diagnostics(
+    report: SourceReport, name: str, hardware_id: str, scan_rate: float, stamp: int, faults: Sequence[FaultKind] = ()
 ) -> DiagnosticArray:
-    """Return `report` as it is published on /diagnostics, with the faults that are present, the worst first.
+    """Return the message for /diagnostics.
 
-    `scan_rate` [Hz] is the rate of whole scans since the last report, `stamp` [ns] the time since the epoch.
+    Parameters
+    ----------
+    report : SourceReport
+        State of the source.
+    name : str
+        Name of the status.
+    hardware_id : str
+        Serial number or name of the array.
+    scan_rate : float
+        Rate of complete scans since the previous report [Hz].
+    stamp : int
+        Time since the Unix epoch [ns].
+    faults : sequence of FaultKind, optional
+        Faults that are present, the most severe first.
+
+    Returns
+    -------
+    DiagnosticArray
+        One status with state, counters, values, and a remedy for each fault.
     """
     values = {
         "scans": str(report.scans),
         "scan rate [Hz]": f"{scan_rate:.1f}",
         "frames lost": str(report.frames_lost),
-        **{key: str(count) for key, count in report.counters.items()},
+        **{kind.label: str(count) for kind, count in report.fault_counts.items()},
+        **{event: str(count) for event, count in report.counters.items()},
         **report.values,
-        **{f"fault: {fault.name}": f"{fault.meaning}; {fault.remedy}" for fault in faults},
+        **{f"fault: {fault.label}": f"{fault.meaning}; {fault.remedy}" for fault in faults},
     }
-    status = DiagnosticStatus(
-        level=bytes([worst(faults, report.health)]),
-        name=name,
-        message="; ".join([report.state, *(fault.name for fault in faults)]),
-        hardware_id=hardware_id,
-        values=[KeyValue(key=key, value=value) for key, value in values.items()],
-    )
-    message = DiagnosticArray(status=[status])
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, NANOSECONDS)
-    return message
+    text = "; ".join([report.state, *(fault.label for fault in faults)])
+    return diagnostic_array(worst(faults, report.health), name, text, hardware_id, values, stamp)

@@ -1,4 +1,4 @@
-"""The node that reads one board from a CAN bus."""
+"""Node that reads one board on a CAN bus."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from posfet_model.ros.run_node import run_node
 from posfet_model.sensor.description import Sensor
 from posfet_msgs.srv import BoardCommand
 
-ANSWER_TIMEOUT = 0.5
-"""Time in which a board has to answer a command [s]."""
+RESPONSE_TIMEOUT = 0.5
+"""Time within which a board has to respond to a command [s]."""
 
-LISTENER_PATIENCE = 2_000_000_000
-"""Time [ns] after which the board is started although nobody listens: its faults are told, and commands are carried."""
+SUBSCRIBER_TIMEOUT = 2_000_000_000
+"""Time after which the board is started without a subscriber, for its diagnostics and commands [ns]."""
 
 PARAMETERS = (
     Parameter("can_interface", "socketcan", "Interface of python-can; slcan is the buffered reader of this package"),
@@ -39,11 +39,11 @@ class DriverNode(ScanSourceNode):
 
     def __init__(self, clock: Clock | None = None, **node_arguments: Any) -> None:
         super().__init__("driver_node", PARAMETERS, clock, **node_arguments)
-        self._patience_ends = 0
+        self._start_at = 0
         self._commands = self.create_service(BoardCommand, "command", self._command)
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> Board:
-        """Return the board on the bus that the parameters name. Raises ConfigError for what cannot work."""
+        """Return the board on the bus of the parameters. Raises ConfigError when it can never be opened."""
         settings = bus_settings(
             parameters["can_interface"],
             parameters["can_channel"],
@@ -57,24 +57,24 @@ class DriverNode(ScanSourceNode):
         self._board = Board(replace(sensor, can=link), opener, self.clock, opener.presence)
         return self._board
 
-    def wanted(self, now: int) -> bool:
-        """Return whether to read the board already: once somebody listens, or nobody did for a while."""
-        self._patience_ends = self._patience_ends or now + LISTENER_PATIENCE
-        return super().wanted(now) or now >= self._patience_ends
+    def reading_wanted(self, now: int) -> bool:
+        """Return whether to read the board at the monotonic time `now` [ns]: with a subscriber, or after 2 s."""
+        self._start_at = self._start_at or now + SUBSCRIBER_TIMEOUT
+        return super().reading_wanted(now) or now >= self._start_at
 
     def _command(self, request: BoardCommand.Request, response: BoardCommand.Response) -> BoardCommand.Response:
-        """Have the data thread send a command, and wait for the board's answer."""
+        """Send a command through the data thread and wait for the board's response."""
         try:
             if not self.reading:
                 raise CommandError("the driver is not configured")
-            answer = self._board.submit(Command(request.command), request.argument, ANSWER_TIMEOUT)
-            response.value = answer.result(2 * ANSWER_TIMEOUT).value
+            pending = self._board.submit(Command(request.command), request.argument, RESPONSE_TIMEOUT)
+            response.value = pending.result(2 * RESPONSE_TIMEOUT).value
             response.success = True
         except ValueError:
             known = ", ".join(f"{command} {command.name}" for command in Command)
             response.message = f"command must be one of {known}, got {request.command}"
         except (CommandError, TimeoutError, futures.TimeoutError) as error:
-            response.message = str(error) or "no answer: the data thread is busy"
+            response.message = str(error) or "no response: the data thread is busy"
         return response
 
 
@@ -86,7 +86,7 @@ def make_node() -> DriverNode:
 
 
 def main() -> None:
-    """Run the node until it is told to end."""
+    """Run the node until it is shut down."""
     raise SystemExit(run_node(make_node))
 
 

@@ -1,4 +1,4 @@
-"""The lifecycle node around a source of scans: what the driver and the simulated board have in common."""
+"""Lifecycle node around a source of scans: common base of the driver and the simulated board."""
 
 from __future__ import annotations
 
@@ -12,10 +12,11 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 
-from posfet_driver.board.faults import Fault, FaultWatch, changes
-from posfet_driver.board.scan_source import Health, ManagedDevice, ScanSource, SourceError, SourceReport
+from posfet_driver.board.fault_monitor import FaultMonitor, changes
+from posfet_driver.board.faults import FaultKind, Health
+from posfet_driver.board.scan_source import ManagedDevice, ScanSource, SourceError, SourceReport
 from posfet_driver.clock import Clock, SystemClock
-from posfet_driver.ros.conversions import RawMessage, diagnostic_array
+from posfet_driver.ros.conversions import RawMessage, report_diagnostics
 from posfet_model.config import ConfigError
 from posfet_model.ros.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_frame, declared_sensor
 from posfet_model.ros.subscriptions import Listeners
@@ -25,22 +26,22 @@ from posfet_msgs.msg import TactileRaw
 
 AUTOSTART = Parameter("autostart", True, "Configure and activate at start-up; false: wait for lifecycle transitions")
 RAW_DEPTH = 1000
-"""Scans that wait for a process that is held up: one second of them."""
+"""Depth of the publisher's queue: one second of scans for a delayed subscriber."""
 READ_TIMEOUT = 0.1
-"""Longest wait of the data thread [s]: bounds the time that an end takes."""
-WANTED_PERIOD = 0.01
-"""Time between two questions whether the source is wanted [s]."""
+"""Longest wait of the data thread [s]: bounds the time that a shutdown takes."""
+SUBSCRIBER_CHECK_PERIOD = 0.01
+"""Period at which the data thread checks for the first subscriber [s]."""
 REPORT_PERIOD = 1.0
-"""Time between two diagnostics [s]."""
+"""Period of the diagnostics [s]."""
 
 
 def _refusing(change_state: Callable[..., Any]) -> Callable[..., Any]:
-    """Return rclpy's service of transitions, with an answer where it would end the process: no such transition now."""
+    """Return rclpy's transition service, which refuses an invalid transition instead of ending the process."""
 
     def change(request: Any, response: Any) -> Any:
         try:
             return change_state(request, response)
-        except rclpy_implementation.RCLError:  # which rcl has logged
+        except rclpy_implementation.RCLError:  # rcl has logged it
             response.success = False
             return response
 
@@ -50,13 +51,26 @@ def _refusing(change_state: Callable[..., Any]) -> Callable[..., Any]:
 class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     """Publishes the scans of a source.
 
-    configure opens the source and starts the one data thread, which reads once `wanted`; activate lets
-    scans out, to `sink` and, when somebody subscribes, to `raw`; deactivate holds them back, while the source is still
-    read so that nothing old is waiting; cleanup closes the source. Raises ConfigError at construction for a parameter
-    or file that cannot be used.
+    configure opens the source and starts the one data thread, which reads once `reading_wanted`; activate passes
+    scans to `sink` and, when there is a subscriber, publishes them on `raw`; deactivate discards them, while the source
+    is still read so that no old scan is waiting; cleanup closes the source. A device that is no `ScanSource`, such as
+    a simulated board on a bus, is opened, reported on and closed in the same way; it has no data thread.
 
-    A device that is no `ScanSource`, such as a simulated board on a bus, is opened, reported on and closed alike;
-    there is no data thread.
+    Parameters
+    ----------
+    node_name : str
+        Name of the node.
+    parameters : sequence of Parameter, optional
+        Parameters besides those of every source.
+    clock : Clock, optional
+        Clock of the source; by default the system's. Diagnostics always use the system's.
+    **node_arguments
+        Arguments of rclpy's LifecycleNode.
+
+    Raises
+    ------
+    ConfigError
+        When a parameter or file cannot be used.
     """
 
     source: ManagedDevice
@@ -64,13 +78,12 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     def __init__(
         self, node_name: str, parameters: Sequence[Parameter] = (), clock: Clock | None = None, **node_arguments: Any
     ) -> None:
-        """Take the source's clock (that of this machine by default); diagnostics keep the machine's."""
         super().__init__(node_name, **node_arguments)
         self.clock = clock or SystemClock()
-        """The clock of the source."""
+        """Clock of the source."""
         self._service_change_state.callback = _refusing(self._service_change_state.callback)
         self.sink: Callable[[Scan], None] | None = None
-        """Called with every scan in the data thread, before anything is published; set it while not active."""
+        """Called with every scan in the data thread, before anything is published; set it while inactive."""
         try:
             self.parameters = declare(self, (*SENSOR, FRAME_ID, AUTOSTART, *parameters))
             self.sensor = declared_sensor(self.parameters)
@@ -88,22 +101,25 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         self._open = False
         self._stop = threading.Event()
         self._active = False
-        self._begun = False
+        self._subscribed = False
         self._starting = False
         self._failure = ""
-        self._said = ""
-        self._watch = FaultWatch()
-        self._faults: list[Fault] = []
-        self._reported = (0, 0)
+        self._logged_state = ""
+        self._monitor = FaultMonitor()
+        self._faults: list[FaultKind] = []
+        self._reported = (0, 0)  # scans and time [ns] of the newest report
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ManagedDevice:
-        """Return the source, not opened yet. Raises ConfigError for what cannot work."""
+        """Return the source, not opened yet. Raises ConfigError when it can never be opened."""
         raise NotImplementedError
 
     def start(self) -> None:
         """Configure and activate, unless the parameter autostart is false.
 
-        Raises ConfigError, one line, when the source cannot be opened.
+        Raises
+        ------
+        ConfigError
+            When the source cannot be opened; one line.
         """
         if not self.parameters["autostart"]:
             return
@@ -119,14 +135,14 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         """Whether the source is open: between configure and cleanup."""
         return self._open
 
-    def wanted(self, now: int) -> bool:
-        """Return whether to read the source already: once its scans are listened to; `now` is a monotonic time [ns]."""
-        if not self._begun:
-            self._begun = bool(self.sink) or self._raw_listeners.any(now)
-        return self._begun
+    def reading_wanted(self, now: int) -> bool:
+        """Return whether to read the source at the monotonic time `now` [ns]: from the first subscriber on."""
+        if not self._subscribed:
+            self._subscribed = bool(self.sink) or self._raw_listeners.any(now)
+        return self._subscribed
 
     def deliver(self, scan: Scan, now: int) -> None:
-        """Hand on one scan in the data thread; `now` is a monotonic time [ns]."""
+        """Deliver one scan in the data thread; `now` is a monotonic time [ns]."""
         if self.sink:
             self.sink(scan)
         if self._raw_listeners.any(now):
@@ -138,13 +154,13 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
             self._begin()
         except (ConfigError, SourceError) as error:
             self._failure = str(error)
-            if not self._starting:  # else the caller of `start` is told
+            if not self._starting:  # else `start` raises it
                 self.get_logger().error(self._failure)
             return TransitionCallbackReturn.FAILURE
         return super().on_configure(state)
 
     def restart(self) -> None:
-        """Close the source and open it again, if it is being read; raises ConfigError or SourceError as `open` does."""
+        """Close and reopen the source, if it is being read. Raises ConfigError or SourceError as `open` does."""
         active = self._active
         if self.reading:
             self._end()
@@ -157,21 +173,20 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         self._reported = (self.source.report().scans, time.monotonic_ns())
         self._stop.clear()
         if isinstance(self.source, ScanSource):
-            arguments = (self.source,)
             self._thread = threading.Thread(
-                target=self._run, args=arguments, name=f"{self.get_name()} data", daemon=True
+                target=self._run, args=(self.source,), name=f"{self.get_name()} data", daemon=True
             )
             self._thread.start()
         self._report_timer.reset()
-        self._say(self.source.report())
+        self._log_state(self.source.report())
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let scans out."""
+        """Deliver scans."""
         self._active = True
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Hold scans back."""
+        """Discard scans."""
         self._active = False
         return super().on_deactivate(state)
 
@@ -186,7 +201,7 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         return super().on_shutdown(state)
 
     def destroy_node(self) -> None:
-        """End the data thread, close the source, then give back what the node holds."""
+        """Stop the data thread, close the source, and destroy the node."""
         if hasattr(self, "_stop"):
             self._end()
         super().destroy_node()
@@ -205,19 +220,19 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     def _run(self, source: ScanSource) -> None:
         read = source.read
         try:
-            while not self.wanted(time.monotonic_ns()) and not self._stop.wait(WANTED_PERIOD):
+            while not self.reading_wanted(time.monotonic_ns()) and not self._stop.wait(SUBSCRIBER_CHECK_PERIOD):
                 pass
             while not self._stop.is_set():
                 scan = read(READ_TIMEOUT)
                 if scan is not None and self._active:
                     self.deliver(scan, time.monotonic_ns())
         except rclpy_implementation.RCLError:
-            if self.context.ok():  # else the process is being ended, which nobody tells this thread first
+            if self.context.ok():  # else the process is shutting down
                 raise
 
     def _report(self) -> None:
         if self._thread and not self._thread.is_alive():
-            raise RuntimeError("the data thread has ended on the error above")  # better gone than silent
+            raise RuntimeError("the data thread has ended on the error above")  # no silent failure
         report = self.source.report()
         now = time.monotonic_ns()
         scans, before = self._reported
@@ -225,28 +240,28 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         scan_rate = (report.scans - scans) * 1e9 / max(now - before, 1)
         name = f"{self.get_fully_qualified_name()}: board"
         hardware_id = self.sensor.serial or self.sensor.name
-        faults = self._watch.present(report, now)
-        self._diagnostics.publish(diagnostic_array(report, name, hardware_id, scan_rate, time.time_ns(), faults))
-        self._say(report)
-        self._say_faults(faults)
+        faults = self._monitor.present(report, now)
+        self._diagnostics.publish(report_diagnostics(report, name, hardware_id, scan_rate, time.time_ns(), faults))
+        self._log_state(report)
+        self._log_faults(faults)
 
-    def _say_faults(self, faults: list[Fault]) -> None:
-        """Log each fault once when it comes and once when it is over."""
-        come, gone = changes(self._faults, faults)
+    def _log_faults(self, faults: list[FaultKind]) -> None:
+        """Log each fault once when it appears and once when it clears."""
+        appeared, cleared = changes(self._faults, faults)
         self._faults = faults
-        for fault in come:
+        for fault in appeared:
             if fault.health >= Health.ERROR:
                 self.get_logger().error(fault.text)
             else:
                 self.get_logger().warning(fault.text)
-        for fault in gone:
-            self.get_logger().info(f"{fault.name}: over")
+        for fault in cleared:
+            self.get_logger().info(f"{fault.label}: cleared")
 
-    def _say(self, report: SourceReport) -> None:
-        """Log the state once a change, however often it is reported."""
-        if report.state == self._said:
+    def _log_state(self, report: SourceReport) -> None:
+        """Log the state when it changes."""
+        if report.state == self._logged_state:
             return
-        self._said = report.state
+        self._logged_state = report.state
         if report.health == Health.OK:
             self.get_logger().info(report.state)
         elif report.health == Health.WARN:

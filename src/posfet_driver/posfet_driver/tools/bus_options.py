@@ -1,4 +1,4 @@
-"""Which sensor and bus the options of `posfet can` name."""
+"""Sensor and bus from the options of `posfet can`."""
 
 from __future__ import annotations
 
@@ -15,22 +15,35 @@ from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor, load_sensor, with_frames
 
 EMULATOR: Final = "emulator"
-"""The interface that is a simulated board behind an emulated adapter, started for the time of one command."""
+"""Interface of a simulated board behind an emulated adapter, which runs for the duration of one command."""
 
 Emulator: TypeAlias = Callable[[Sensor, str, Clock], AbstractContextManager[None]]
-"""Serves a simulated board of a sensor behind an emulated slcan adapter at a path, by a clock, while its block runs."""
+"""Serves a simulated board of a sensor behind an emulated slcan adapter at a path, in the time of a clock."""
 
 
 def sensor_of(options: argparse.Namespace) -> Sensor:
-    """Return the sensor that the options name. Raises ConfigError, one line, for a bad file."""
+    """Return the sensor of the options. Raises ConfigError, one line, for an invalid file."""
     return with_frames(load_sensor(options.sensor), options.fd)
 
 
 @contextmanager
 def bus_of(options: argparse.Namespace) -> Iterator[tuple[Sensor, BusSettings]]:
-    """Yield sensor and bus settings that the options name; an emulated board lives as long as the block.
+    """Yield sensor and bus settings of the options; an emulated board runs while the block does.
 
-    Raises ConfigError, one line, for what cannot be used.
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Options of `posfet can`.
+
+    Yields
+    ------
+    tuple of Sensor and BusSettings
+        The sensor and its bus.
+
+    Raises
+    ------
+    ConfigError
+        For an option or file that cannot be used; one line.
     """
     sensor = sensor_of(options)
     if options.interface != EMULATOR:
@@ -38,7 +51,7 @@ def bus_of(options: argparse.Namespace) -> Iterator[tuple[Sensor, BusSettings]]:
         yield sensor, _settings(options, sensor, options.interface, channel)
         return
     if options.emulator is None:
-        raise ConfigError(f"{EMULATOR}: there is no simulated board here: use `posfet can`, which has one")
+        raise ConfigError(f"{EMULATOR}: no simulated board is available here: use `posfet can`")
     with tempfile.TemporaryDirectory(prefix="posfet-") as folder:
         channel = str(Path(folder) / "can0")
         with options.emulator(sensor, channel, options.clock):

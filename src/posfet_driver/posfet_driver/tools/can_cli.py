@@ -1,4 +1,4 @@
-"""`posfet can`: adapters and boards at the bench, from the command line."""
+"""`posfet can`: CAN adapters and boards from the command line."""
 
 from __future__ import annotations
 
@@ -24,50 +24,57 @@ from posfet_model.sensor.description import DEFAULT_SENSOR, FRAME_CHOICES
 
 FAILED: Final = 1
 INTERRUPTED: Final = 130
-"""As shells tell it; monitor and record are meant to be interrupted, and end well."""
+"""Exit code 128 + SIGINT, as of a shell; monitor and record end normally when they are interrupted."""
 
 ACTIONS: Final = {
-    "list": ("list_boards", "adapters of this machine, and the boards that are heard on them"),
-    "monitor": ("monitor", "what is on the bus: identifiers, rates, load, scans, faults"),
-    "command": ("command", "send a command to the board and show its answer"),
-    "record": ("record_replay", "record the bus: .log (candump), .asc or .blf by the name of the file"),
-    "replay": ("record_replay", "send a recording to the bus, or with --decode only tell what is in it"),
-    "selftest": ("self_test", "check adapter and board, one thing after the other"),
+    "list": ("list_boards", "list the adapters of this machine and the boards detected on them"),
+    "monitor": ("monitor", "display the bus: identifiers, rates, load, scans, faults"),
+    "command": ("command", "send a command to the board and print its response"),
+    "record": ("record_replay", "record the bus; the file suffix selects the format: .log (candump), .asc or .blf"),
+    "replay": ("record_replay", "send a recording to the bus, or with --decode only summarise it"),
+    "selftest": ("self_test", "check adapter and board step by step"),
 }
-"""Module in which `run_<action>` is, and what it does."""
+"""Module of `run_<action>` and its description."""
 
 
 def make_parser() -> argparse.ArgumentParser:
-    """Return the parser of all actions."""
-    parser = argparse.ArgumentParser(prog="posfet can", description="Adapters and boards at the bench.")
+    """Return the parser for all actions."""
+    parser = argparse.ArgumentParser(prog="posfet can", description="CAN adapters and boards.")
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     parsers = {}
     for name, (_, purpose) in ACTIONS.items():
         parsers[name] = actions.add_parser(name, help=purpose, description=purpose)
         _add_bus(parsers[name], "" if name == "list" else "socketcan")
-    parsers["list"].add_argument("--for", dest="seconds", type=positive, default=0.5, help="how long to listen [s]")
+    parsers["list"].add_argument("--for", dest="seconds", type=positive, default=0.5, help="listening time [s]")
     for name in ("monitor", "record"):
-        parsers[name].add_argument("--for", dest="seconds", type=positive, default=math.inf, help="how long [s]")
+        parsers[name].add_argument("--for", dest="seconds", type=positive, default=math.inf, help="duration [s]")
         parsers[name].add_argument("--start", action="store_true", help="start the board, and stop it at the end")
-    parsers["selftest"].add_argument("--for", dest="seconds", type=positive, default=2.0, help="time of scans [s]")
+    parsers["selftest"].add_argument(
+        "--for", dest="seconds", type=positive, default=2.0, help="duration of the scans [s]"
+    )
     names = [command.name.lower() for command in Command]
     parsers["command"].add_argument("name", choices=names, help="the command")
     parsers["command"].add_argument("argument", nargs="?", type=_word, help="set_rate: scan period [us]")
     for name in ("record", "replay"):
         parsers[name].add_argument("file", type=Path)
-    parsers["replay"].add_argument("--decode", action="store_true", help="only tell what is in it; needs no bus")
-    parsers["replay"].add_argument("--speed", type=positive, default=1.0, help="times as fast as it was recorded")
+    parsers["replay"].add_argument("--decode", action="store_true", help="only summarise the recording; needs no bus")
+    parsers["replay"].add_argument("--speed", type=positive, default=1.0, help="playback speed factor")
     return parser
 
 
 def _add_bus(parser: argparse.ArgumentParser, interface: str) -> None:
-    described = f"python-can interface, or {EMULATOR}: a simulated board (default: {interface or 'all there are'})"
+    described = f"python-can interface, or {EMULATOR}: a simulated board (default: {interface or 'all'})"
     parser.add_argument("-i", "--interface", default=interface, help=described)
     parser.add_argument("-c", "--channel", default="", help="can0, /dev/ttyACM0, ... (default: can0 with socketcan)")
     parser.add_argument("-s", "--sensor", default=DEFAULT_SENSOR, help=f"sensor file (default: {DEFAULT_SENSOR})")
     parser.add_argument("--fd", choices=FRAME_CHOICES, default="auto", help="frames (default: as in the sensor file)")
-    parser.add_argument("--bitrate", type=_word, default=0, help="nominal bitrate (default: as in the sensor file)")
-    parser.add_argument("--data-bitrate", type=_word, default=0, help="bitrate of FD data (default: as in the file)")
+    parser.add_argument("--bitrate", type=_word, default=0, help="nominal bit rate (default: as in the sensor file)")
+    parser.add_argument(
+        "--data-bitrate",
+        type=_word,
+        default=0,
+        help="CAN FD data bit rate (default: as in the file)",
+    )
     parser.add_argument("-o", "--option", action="append", default=[], help="key=value for the interface")
 
 
@@ -82,10 +89,21 @@ def _word(text: str) -> int:
 
 
 def main(words: Sequence[str] | None = None, emulator: Emulator | None = None, clock: Clock | None = None) -> int:
-    """Run one action; return the exit code: 0, 1 with one line on stderr, or 130 when it was interrupted.
+    """Run one action.
 
-    `emulator` serves the simulated board of `-i emulator`; without one that interface is refused. Times are those of
-    `clock` (that of this machine by default).
+    Parameters
+    ----------
+    words : sequence of str, optional
+        Arguments of the command line; by default those of this process.
+    emulator : Emulator, optional
+        Serves the simulated board of `-i emulator`; without one that interface is refused.
+    clock : Clock, optional
+        Clock of all time-outs and durations; by default the system's.
+
+    Returns
+    -------
+    int
+        Exit code: 0, 1 with one line on stderr, or 130 when it was interrupted.
     """
     options = make_parser().parse_args(words)
     options.emulator = emulator

@@ -1,4 +1,4 @@
-"""Which adapters there are and which boards are heard on them: `posfet can list`. Sends nothing."""
+"""Lists the adapters and the boards detected on them: `posfet can list`. Sends nothing."""
 
 from __future__ import annotations
 
@@ -25,22 +25,28 @@ SERIAL_PORTS: Final = ("/dev/ttyACM*", "/dev/ttyUSB*")
 CAN_DEVICE: Final = "280"
 """Type of a CAN device in sysfs (ARPHRD_CAN)."""
 PAGES_NEEDED: Final = 3
-"""Status frames in the right order after which an identifier is taken for a board's."""
+"""Consecutive status pages in the right order that identify a board."""
 
 
 @dataclass
-class HeardBoard:
-    """A board that was heard by its status frames."""
+class DetectedBoard:
+    """A board detected by its status frames."""
 
     base: int
+    """Base identifier."""
     layout: int | None = None
+    """Layout id; None: unknown."""
     firmware: int | None = None
+    """Firmware version; None: unknown."""
     supply: float = 0.0
+    """Supply voltage [V]."""
     in_order: int = 0
+    """Consecutive pages in the right order."""
     page: int | None = None
+    """Page of the newest frame."""
 
-    def take(self, status: Status) -> None:
-        """Take a frame that may be a status: pages of a board come in turn, those of anything else do not."""
+    def process(self, status: Status) -> None:
+        """Process a frame that may be a status: the pages of a board come in turn, other data do not."""
         follows = self.page is None or status.page == (self.page + 1) % len(Page)
         self.in_order = self.in_order + 1 if follows else 0
         self.page = status.page
@@ -52,28 +58,28 @@ class HeardBoard:
 
 
 def adapters() -> list[tuple[str, str]]:
-    """Return interface and channel of every adapter that the system knows."""
+    """Return interface and channel of every adapter of this machine."""
     devices = sorted(NETWORK_DEVICES.glob("*/type")) if NETWORK_DEVICES.is_dir() else []
     network = [path.parent.name for path in devices if path.read_text(encoding="ascii").strip() == CAN_DEVICE]
     ports = sorted(port for pattern in SERIAL_PORTS for port in glob.glob(pattern))
     return [("socketcan", name) for name in network] + [("slcan", port) for port in ports]
 
 
-def boards(frames: Iterable[Frame]) -> list[HeardBoard]:
-    """Return the boards whose status is among `frames`, by base identifier."""
-    heard: dict[int, HeardBoard] = {}
+def boards(frames: Iterable[Frame]) -> list[DetectedBoard]:
+    """Return the boards whose status is among `frames`, sorted by base identifier."""
+    detected: dict[int, DetectedBoard] = {}
     for identifier, kind, data in frames:
         status = Status.unpack(data) if kind == CLASSIC else None
         if status is not None and status.page in Page.__members__.values():
             base = identifier - STATUS_OFFSET
-            heard.setdefault(base, HeardBoard(base)).take(status)
+            detected.setdefault(base, DetectedBoard(base)).process(status)
         elif status is not None:
-            heard.pop(identifier - STATUS_OFFSET, None)
-    return [heard[base] for base in sorted(heard) if base >= 0 and heard[base].in_order >= PAGES_NEEDED]
+            detected.pop(identifier - STATUS_OFFSET, None)
+    return [detected[base] for base in sorted(detected) if base >= 0 and detected[base].in_order >= PAGES_NEEDED]
 
 
 def listen(bus: FrameBus, seconds: float, clock: Clock) -> list[Frame]:
-    """Return the frames that come within `seconds` [s]."""
+    """Return the frames that arrive within `seconds` [s]."""
     end = clock.monotonic() + round(seconds * 1e9)
     frames: list[Frame] = []
     while (left := end - clock.monotonic()) > 0:
@@ -82,15 +88,15 @@ def listen(bus: FrameBus, seconds: float, clock: Clock) -> list[Frame]:
 
 
 def run_list(options: argparse.Namespace) -> int:
-    """Run the action; return the exit code. Raises what is wrong with an adapter that was asked for by name."""
+    """Run `posfet can list`; return the exit code. Raises the error of an adapter that the options name."""
     named = bool(options.interface)
-    places = [(options.interface, options.channel)] if named else adapters()
+    listed = [(options.interface, options.channel)] if named else adapters()
     table = Table("interface", "channel", "state", "base id", "layout", "firmware", "supply [V]", title="adapters")
-    for interface, channel in places:
+    for interface, channel in listed:
         options.interface, options.channel = interface, channel
         shown = channel or ("a simulated board" if interface == EMULATOR else "")
         try:
-            rows = _look(options)
+            rows = _rows(options)
         except (can.CanError, ConfigError, OSError) as error:
             if named:
                 raise
@@ -105,8 +111,8 @@ def run_list(options: argparse.Namespace) -> int:
     return 0
 
 
-def _look(options: argparse.Namespace) -> list[list[str]]:
-    """Return the cells of an adapter's rows, one row a board."""
+def _rows(options: argparse.Namespace) -> list[list[str]]:
+    """Return the table rows of an adapter, one per board."""
     with bus_of(options) as (_, settings):
         bus = open_bus(settings)
         try:

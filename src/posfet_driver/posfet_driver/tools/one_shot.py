@@ -1,4 +1,4 @@
-"""A board spoken to without a driver: one command and its answer, and scanning for the length of a block."""
+"""Access to a board without the driver node: one command and its response, and scanning while a block runs."""
 
 from __future__ import annotations
 
@@ -15,47 +15,74 @@ from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Com
 from posfet_driver.tools.bus_options import EMULATOR
 from posfet_model.sensor.description import Sensor
 
-ANSWER_TIMEOUT: Final = 0.5
-"""Time in which a board has to answer [s]."""
+RESPONSE_TIMEOUT: Final = 0.5
+"""Time within which a board has to respond [s]."""
 
 
-def ask(
-    bus: FrameBus, base: int, clock: Clock, command: Command, argument: int = 0, heard: list[Frame] | None = None
+def request(
+    bus: FrameBus, base: int, clock: Clock, command: Command, argument: int = 0, others: list[Frame] | None = None
 ) -> Response:
-    """Send a command and return the board's answer; other frames that come meanwhile are added to `heard`.
+    """Send a command and return the board's response.
 
-    Raises CommandError, one line, when the board refuses or does not answer, and can.CanError when the bus is gone.
+    Parameters
+    ----------
+    bus : FrameBus
+        The bus.
+    base : int
+        The board's base identifier.
+    clock : Clock
+        Clock of the time-out.
+    command : Command
+        The command.
+    argument : int, default 0
+        Its argument.
+    others : list of Frame, optional
+        Receives the other frames that arrive meanwhile.
+
+    Returns
+    -------
+    Response
+        The response, with the result OK.
+
+    Raises
+    ------
+    CommandError
+        When the board refuses or does not respond; one line.
+    can.CanError
+        When the bus fails.
     """
     tag = clock.monotonic() & 0xFF
     bus.write_frame((base + COMMAND_OFFSET, CLASSIC, Request(command, tag, argument).pack()))
-    end = clock.monotonic() + round(ANSWER_TIMEOUT * 1e9)
-    answer: Response | None = None
-    while answer is None:
+    end = clock.monotonic() + round(RESPONSE_TIMEOUT * 1e9)
+    matching: Response | None = None
+    while matching is None:
         left = (end - clock.monotonic()) / 1e9
         frames = bus.read_frames(max(left, 0.0))
-        if left <= 0 and not frames:  # what came while this process was held up has been read
-            raise CommandError(f"{command.name}: no answer within {ANSWER_TIMEOUT:g} s at base identifier 0x{base:X}")
+        if left <= 0 and not frames:  # frames that arrived while this process was suspended have been read
+            raise CommandError(
+                f"{command.name}: no response within {RESPONSE_TIMEOUT:g} s at base identifier 0x{base:X}"
+            )
         for frame in frames:
             response = Response.unpack(frame[2]) if frame[:2] == (base + RESPONSE_OFFSET, CLASSIC) else None
             if response and (response.command, response.tag) == (command, tag):
-                answer = response
-            elif heard is not None:
-                heard.append(frame)
-    if answer.result != Result.OK:
-        raise CommandError(f"{command.name}: refused by the board: {answer.reason}")
-    return answer
+                matching = response
+            elif others is not None:
+                others.append(frame)
+    if matching.result != Result.OK:
+        raise CommandError(f"{command.name}: refused by the board: {matching.reason}")
+    return matching
 
 
 @contextlib.contextmanager
 def started(bus: FrameBus, sensor: Sensor, options: argparse.Namespace) -> Iterator[None]:
-    """Have the board scan for the time of the block, when that is wanted; an emulated one nobody else could start."""
+    """Start the board for the duration of the block if the options say so; an emulated board always."""
     base = sensor.can.base_id
     wanted = options.start or options.interface == EMULATOR
     if wanted:
-        ask(bus, base, options.clock, Command.SET_RATE, round(1e6 / sensor.can.scan_rate))
-        ask(bus, base, options.clock, Command.START)
+        request(bus, base, options.clock, Command.SET_RATE, round(1e6 / sensor.can.scan_rate))
+        request(bus, base, options.clock, Command.START)
     try:
         yield
     finally:
         if wanted:
-            ask(bus, base, options.clock, Command.STOP)
+            request(bus, base, options.clock, Command.STOP)

@@ -1,4 +1,4 @@
-"""Recordings of a bus, in every format that python-can writes and reads: `posfet can record` and `replay`."""
+"""Records and replays the traffic of a bus in the formats of python-can: `posfet can record` and `replay`."""
 
 from __future__ import annotations
 
@@ -12,11 +12,13 @@ import can
 from rich.console import Console
 from rich.table import Table
 
+from posfet_driver.board.faults import FaultKind
+from posfet_driver.bus.error_frame import ErrorCounts
 from posfet_driver.bus.message_conversion import frame_of
 from posfet_driver.bus.open_bus import one_line, open_can_bus
-from posfet_driver.bus.python_can_bus import MessageFrames
+from posfet_driver.bus.python_can_bus import PythonCanFrameBus
 from posfet_driver.bus.recording import check_name, messages, recording
-from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.tools.bus_options import bus_of, sensor_of
 from posfet_driver.tools.one_shot import started
 from posfet_model.config import ConfigError
@@ -26,13 +28,13 @@ POLL: Final = 0.1
 
 
 def run_record(options: argparse.Namespace) -> int:
-    """Run the action; return the exit code: 0 when any frame was recorded."""
+    """Run `posfet can record`; return the exit code: 0 when any frame was recorded."""
     check_name(options.file)
     frames = 0
     with bus_of(options) as (sensor, settings):
         bus = open_can_bus(settings)
         try:
-            with recording(options.file) as log, started(MessageFrames(bus), sensor, options):
+            with recording(options.file) as log, started(PythonCanFrameBus(bus), sensor, options):
                 clock = options.clock
                 end = clock.monotonic() / 1e9 + options.seconds
                 with contextlib.suppress(KeyboardInterrupt):
@@ -47,33 +49,50 @@ def run_record(options: argparse.Namespace) -> int:
     return 0 if frames else 1
 
 
-def decode(file: Path, receiver: Receiver) -> None:
-    """Have `receiver` take a recording as if it had just been heard; what is before a broken place is taken, too."""
-    receiver.listening = True
+def decode(file: Path, decoder: Decoder, errors: ErrorCounts) -> None:
+    """Decode a recording; when it is damaged, up to the damage.
+
+    Parameters
+    ----------
+    file : Path
+        The recording.
+    decoder : Decoder
+        Receives its frames.
+    errors : ErrorCounts
+        Counts its error frames.
+
+    Raises
+    ------
+    ConfigError
+        For a file that is damaged or without frames; one line.
+    """
+    decoder.receiving = True
     for message in messages(file):
-        for frame in receiver.begin_batch([frame_of(message)], round(message.timestamp * 1e9), 0):
-            receiver.feed(frame)
-    if not receiver.traffic.frames:
-        raise ConfigError(f"{file}: no frame is in it")
+        frames = [frame_of(message)]
+        errors.count(frames)
+        for _ in decoder.decode(frames, round(message.timestamp * 1e9), 0):
+            pass
+    if not decoder.traffic.frames:
+        raise ConfigError(f"{file}: contains no frame")
 
 
 def run_replay(options: argparse.Namespace) -> int:
-    """Run the action; return the exit code."""
+    """Run `posfet can replay`; return the exit code."""
     console = Console(highlight=False, markup=False)
     if options.decode:
-        receiver = Receiver(sensor_of(options))
+        decoder, errors = Decoder(sensor_of(options)), ErrorCounts()
         try:
-            decode(options.file, receiver)
+            decode(options.file, decoder, errors)
         finally:
-            if receiver.traffic.frames:
-                console.print(_table(options.file, receiver))
-        if not receiver.scans:
-            console.print("no scan is in it: compare --sensor and --fd with the board's", soft_wrap=True)
+            if decoder.traffic.frames:
+                console.print(_table(options.file, decoder, errors))
+        if not decoder.scans:
+            console.print("it contains no scan: compare --sensor and --fd with the board's", soft_wrap=True)
         return 0
     recorded = messages(options.file)
     first = next(recorded, None)
     if first is None:
-        raise ConfigError(f"{options.file}: no frame is in it")
+        raise ConfigError(f"{options.file}: contains no frame")
     frames = 0
     with bus_of(options) as (_, settings):
         bus = open_can_bus(settings)
@@ -94,7 +113,7 @@ def run_replay(options: argparse.Namespace) -> int:
 
 
 def _send(bus: can.BusABC, message: can.Message) -> None:
-    """Send a frame. Raises can.CanError, one line, for one that the bus cannot carry, too."""
+    """Send a frame. Raises can.CanError, one line, also for a frame that the bus cannot carry."""
     try:
         bus.send(message, timeout=POLL)
     except ValueError as error:
@@ -106,20 +125,20 @@ def _all(first: can.Message, rest: Iterator[can.Message]) -> Iterator[Any]:
     yield from rest
 
 
-def _table(file: Path, receiver: Receiver) -> Table:
-    losses, traffic = receiver.assembler.losses, receiver.traffic
-    table = Table("what", "number", title=str(file))
+def _table(file: Path, decoder: Decoder, errors: ErrorCounts) -> Table:
+    statistics, traffic = decoder.statistics, decoder.traffic
+    table = Table("item", "count", title=str(file))
     for name, number in (
         ("frames", traffic.frames),
-        ("whole scans", receiver.scans),
-        ("torn scans", losses.torn_scans),
-        ("lost scans", losses.lost_scans),
-        ("repeated frames", losses.repeated),
-        ("late frames", losses.late),
-        ("reordered frames", losses.reordered),
-        ("malformed frames", losses.malformed + traffic.malformed),
-        ("foreign frames", traffic.foreign),
-        ("error frames", receiver.errors.frames),
+        ("complete scans", decoder.scans),
+        (FaultKind.INCOMPLETE_SCANS.label, statistics.incomplete_scans),
+        (FaultKind.LOST_SCANS.label, statistics.lost_scans),
+        (FaultKind.DUPLICATE_FRAMES.label, statistics.duplicate),
+        (FaultKind.LATE_FRAMES.label, statistics.late),
+        (FaultKind.REORDERED_FRAMES.label, statistics.reordered),
+        (FaultKind.MALFORMED_FRAMES.label, statistics.malformed + traffic.malformed),
+        ("unrelated frames", traffic.unrelated),
+        (FaultKind.ERROR_FRAMES.label, errors.frames),
     ):
         table.add_row(name, str(number))
     return table

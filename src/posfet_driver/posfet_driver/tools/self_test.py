@@ -1,4 +1,4 @@
-"""Adapter and board checked one thing after the other: `posfet can selftest`."""
+"""Checks adapter and board step by step: `posfet can selftest`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from rich.text import Text
 
 from posfet_driver.board.board_client import Board
 from posfet_driver.board.command_queue import CommandError
-from posfet_driver.board.faults import FaultWatch
+from posfet_driver.board.fault_monitor import FaultMonitor
+from posfet_driver.board.faults import FaultKind
 from posfet_driver.bus.open_bus import BusSettings
 from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.clock import Clock
@@ -22,18 +23,29 @@ from posfet_driver.tools.bus_options import bus_of
 from posfet_model.sensor.description import Sensor
 
 FIRST_SCAN: Final = 3.0
-"""Time in which the first scan has to come [s]."""
+"""Time within which the first scan has to arrive [s]."""
 RATE_TOLERANCE: Final = 0.05
-"""Greatest difference of the measured rate from the nominal one, as a share of it."""
+"""Greatest relative difference of the measured rate from the nominal one [1]."""
 POLL: Final = 0.1
+"""Longest wait for a scan [s]."""
 
 
 class CheckFailed(Exception):
-    """A check did not pass; the message is one line with the reason."""
+    """A check failed; the message is one line with the reason."""
 
 
 class SelfTest:
-    """The checks of one board, in order; each returns what it found or raises CheckFailed, CommandError or CanError."""
+    """The checks of one board, in order. Each returns its finding or raises CheckFailed, CommandError or CanError.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The array and its frames.
+    settings : BusSettings
+        The bus.
+    seconds : float
+        Duration for which scans are checked [s].
+    """
 
     def __init__(self, sensor: Sensor, settings: BusSettings, seconds: float, clock: Clock) -> None:
         self._sensor = sensor
@@ -48,11 +60,11 @@ class SelfTest:
             ("adapter opens", self._open),
             ("board sends scans", self._first_scan),
             ("board identifies itself", self._identify),
-            ("board's own test", lambda: self._ask(Command.SELF_TEST, "no fault found")),
-            ("scans come whole and in time", self._scans),
+            ("board's self-test", lambda: self._request(Command.SELF_TEST, "no fault found")),
+            ("scans are complete and in time", self._scans),
             ("a command is refused with a reason", self._refuse),
             ("board stops and starts", self._stop_and_start),
-            ("no fault is left", self._faults),
+            ("no fault is present", self._faults),
         ]
 
     def _time(self) -> float:
@@ -65,7 +77,7 @@ class SelfTest:
 
     def _open(self) -> str:
         self._board.open()
-        if self._board.report().conditions == ("bus gone",):
+        if self._board.report().conditions == (FaultKind.ADAPTER_DISCONNECTED,):
             raise CheckFailed(self._board.report().state)
         return self._opener.channel or self._opener.settings.name
 
@@ -80,22 +92,22 @@ class SelfTest:
         value = self._board.request(Command.IDENTIFY).value
         return f"layout {value & 0xFFFF}, firmware {version(value >> 16)}"
 
-    def _ask(self, command: Command, found: str) -> str:
+    def _request(self, command: Command, finding: str) -> str:
         self._board.request(command)
-        return found
+        return finding
 
     def _scans(self) -> str:
         board = self._board
         self._first_scan()
-        begin, scans, lost = self._time(), board.receiver.scans, board.receiver.frames_lost
+        begin, scans, lost = self._time(), board.decoder.scans, board.decoder.frames_lost
         while self._time() - begin < self._seconds:
             board.read(POLL)
-        rate = (board.receiver.scans - scans) / (self._time() - begin)
-        lost = board.receiver.frames_lost - lost
-        late = 1e3 * board.receiver.stamp_uncertainty
+        rate = (board.decoder.scans - scans) / (self._time() - begin)
+        lost = board.decoder.frames_lost - lost
+        late = 1e3 * board.stamp_uncertainty
         text = f"{rate:.1f} scans/s, {lost} frames lost, stamps at most {late:.2f} ms late"
         if lost or abs(rate / self._sensor.can.scan_rate - 1) > RATE_TOLERANCE:
-            raise CheckFailed(f"{text}; {self._sensor.can.scan_rate:g} scans/s are wanted")
+            raise CheckFailed(f"{text}; {self._sensor.can.scan_rate:g} scans/s are expected")
         return text
 
     def _refuse(self) -> str:
@@ -108,27 +120,27 @@ class SelfTest:
     def _stop_and_start(self) -> str:
         self._board.request(Command.STOP)
         if self._board.read(2 * POLL) is not None:
-            raise CheckFailed("scans come after STOP")
+            raise CheckFailed("scans arrive after STOP")
         self._board.request(Command.START)
         return self._first_scan()
 
     def _faults(self) -> str:
-        faults = FaultWatch().present(self._board.report(), self._clock.monotonic())
+        faults = FaultMonitor().present(self._board.report(), self._clock.monotonic())
         if faults:
             raise CheckFailed("; ".join(fault.text for fault in faults))
         return "none"
 
 
 def run_selftest(options: argparse.Namespace) -> int:
-    """Run the action; return the exit code: 0 when all checks passed."""
-    table = Table("check", "result", "found")
+    """Run `posfet can selftest`; return the exit code: 0 when all checks passed."""
+    table = Table("check", "result", "finding")
     with bus_of(options) as (sensor, settings):
         test = SelfTest(sensor, settings, options.seconds, options.clock)
         passed = False
         try:
             for name, check in test.checks():
-                passed, found = _try(check)
-                table.add_row(name, Text("ok", "green") if passed else Text("failed", "red"), found)
+                passed, finding = _try(check)
+                table.add_row(name, Text("ok", "green") if passed else Text("failed", "red"), finding)
                 if not passed:
                     break
         finally:

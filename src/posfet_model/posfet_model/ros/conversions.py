@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Pose, WrenchStamped
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
@@ -363,19 +362,3 @@ def _taxel_pose(surface: Surface, x: float, y: float) -> Pose:
     turned = pose.orientation
     turned.x, turned.y, turned.z, turned.w = surface.orientation(x, y)
     return pose
-
-
-def diagnostic_array(
-    level: int, name: str, text: str, hardware_id: str, values: Mapping[str, str], stamp: int
-) -> DiagnosticArray:
-    """Return one status of /diagnostics at `stamp` [ns since the epoch]; `level` is that of DiagnosticStatus."""
-    status = DiagnosticStatus(
-        level=bytes([level]),
-        name=name,
-        message=text,
-        hardware_id=hardware_id,
-        values=[KeyValue(key=key, value=value) for key, value in values.items()],
-    )
-    message = DiagnosticArray(status=[status])
-    set_stamp(message.header.stamp, stamp)
-    return message

@@ -37,9 +37,9 @@ from posfet_model.ros.conversions import (
     VibrationMessage,
     WrenchMessage,
     contacts_writer,
-    diagnostic_array,
     info_message,
 )
+from posfet_model.ros.diagnostic_array import diagnostic_array
 from posfet_model.ros.mount_node import MOUNT, broadcast_mount
 from posfet_model.ros.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_frame, declared_sensor
 from posfet_model.ros.run_node import run_node

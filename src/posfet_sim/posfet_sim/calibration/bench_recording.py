@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from posfet_driver.bus.message_conversion import frame_of
 from posfet_driver.bus.recording import messages
-from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.decoder import Decoder, ScanReady
 from posfet_model._lib.types import Array
 from posfet_model.calibration.least_squares_fit import Recording
 from posfet_model.config import ConfigError
@@ -106,15 +106,15 @@ def read_scans(file: Path, sensor: Sensor) -> Scans:
     ConfigError
         There is no scan or no temperature in it, or the board was reset. The message is one line.
     """
-    receiver = Receiver(sensor)
-    receiver.listening = True
+    decoder = Decoder(sensor)
+    decoder.receiving = True
     stamps: list[int] = []
     counts, temperatures = [], []
     for message in messages(file):
-        for frame in receiver.begin_batch([frame_of(message)], round(message.timestamp * 1e9), 0):
-            if not receiver.feed(frame):
+        for decoded in decoder.decode([frame_of(message)], round(message.timestamp * 1e9), 0):
+            if not isinstance(decoded, ScanReady):
                 continue
-            scan = receiver.scan
+            scan = decoded.scan
             if stamps and (scan.status & (ScanStatus.BOARD_RESET | ScanStatus.ADC_FAULT) or scan.stamp <= stamps[-1]):
                 raise ConfigError(f"{file}: the board was reset or its ADC failed after {len(stamps)} scans")
             stamps.append(scan.stamp)

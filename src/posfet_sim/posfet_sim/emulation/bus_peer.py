@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from posfet_driver.board.scan_source import Health, SourceReport
+from posfet_driver.board.faults import Health
+from posfet_driver.board.scan_source import SourceReport
 from posfet_driver.bus.open_bus import BusSettings
 from posfet_driver.clock import Clock, SystemClock
 from posfet_model.sensor.description import Sensor

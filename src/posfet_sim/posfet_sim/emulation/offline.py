@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from posfet_driver.bus.frame import CLASSIC
-from posfet_driver.protocol.decoder import Receiver
+from posfet_driver.protocol.decoder import Decoder, ResponseReceived, ScanReady
 from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Request
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
@@ -51,27 +51,25 @@ def received_scans(
     """
     board = SimulatedBoard(sensor, SceneLoads(scene, sensor), seed, error_model)
     node = BusBoard(board, seed, 0)
-    receiver = Receiver(sensor)
+    decoder = Decoder(sensor)
     sent: list[tuple[int, Truth]] = []
     node.on_scan = lambda scan: sent.append((scan.sequence, board.truth()))
     now = node.next_due()
     while now < duration * NANOSECONDS:
-        for frame in receiver.begin_batch(node.due(now), now, 0):
-            if receiver.feed(frame) and sent and sent[-1][0] == receiver.scan.sequence:
-                yield receiver.scan, sent[-1][1]
+        for decoded in decoder.decode(node.due(now), now, 0):
+            if isinstance(decoded, ScanReady) and sent and sent[-1][0] == decoded.scan.sequence:
+                yield decoded.scan, sent[-1][1]
         sent.clear()
-        if not node.running or receiver.question_due():
-            _start(node, receiver, sensor, now)
+        if not node.running or decoder.resync_needed():
+            _start(node, decoder, sensor, now)
         now = node.next_due()
 
 
-def _start(node: BusBoard, receiver: Receiver, sensor: Sensor, now: int) -> None:
+def _start(node: BusBoard, decoder: Decoder, sensor: Sensor, now: int) -> None:
     """Send the start command, or ask a running board for its next sequence."""
     request = Request(Command.START, 0)
-    receiver.asked(request.tag, now)
+    decoder.note_start_sent(request.tag, now)
     answers = node.receive((sensor.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()), now)
-    for answer in receiver.begin_batch(answers, now, 0):
-        receiver.feed(answer)
-    if receiver.response is not None:
-        receiver.resync(receiver.response.value, count_gap=True)
-        receiver.response = None
+    responses = [found.response for found in decoder.decode(answers, now, 0) if isinstance(found, ResponseReceived)]
+    if responses:
+        decoder.resync(responses[-1].value, count_gap=True)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from posfet_driver.board.scan_source import Health, SourceReport
+from posfet_driver.board.faults import Health
+from posfet_driver.board.scan_source import SourceReport
 from posfet_driver.clock import Clock, SystemClock
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor

@@ -124,9 +124,9 @@ class SimBoardNode(ScanSourceNode):
         peer.on_scan = self._scan_sent
         return peer
 
-    def wanted(self, now: int) -> bool:
+    def reading_wanted(self, now: int) -> bool:
         """Return whether the scene may begin; on a bus the driver decides that."""
-        return not isinstance(self.source, SimulationSource) or super().wanted(now)
+        return not isinstance(self.source, SimulationSource) or super().reading_wanted(now)
 
     def objects_in(self, sequence: int) -> ObjectsState | None:
         """Return the objects at the latest scan of a sequence; None when it is too old. Thread-safe."""
