@@ -36,7 +36,7 @@ def bent_file(folder: Path, radius: object, axis: str = "y") -> Path:
 
 @given(surfaces, lengths, lengths)
 def test_it_is_the_surface_of_the_scenes(surface: Surface, x: float, y: float) -> None:
-    point, tilt = ChipBend(surface.radius, surface.axis_x).place(x, y)
+    point, tilt = ChipBend(surface.radius, surface.axis_x).surface_point(x, y)
     np.testing.assert_allclose(surface.point(x, y), point, rtol=0, atol=1e-15)
     assert surface.tilt(x, y) == tilt
     assert math.hypot(*surface.normal(x, y)) == pytest.approx(1.0, abs=1e-12)

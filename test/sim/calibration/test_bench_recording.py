@@ -89,7 +89,7 @@ def test_a_board_on_a_stand_is_calibrated_as_it_was_drawn(
         ("HEAD\n1,0,0,0\n2,0,0,nan\n", "line 3: force_N must be a number in"),
         ("HEAD\n1,0,0,0\n2,0,zero,1\n", "line 3: y_mm must be a number in"),
         ("HEAD\n2,0,0,0\n1,0,0,0\n", "reading 2: time_s must be after"),
-        ("\udcff", "not a text of comma-separated values"),
+        ("\udcff", "not a CSV text file"),
     ],
 )
 def test_a_bad_file_of_a_stand_is_refused_in_one_line(tmp_path: Path, text: str, reason: str) -> None:

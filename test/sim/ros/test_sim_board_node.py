@@ -323,6 +323,6 @@ def test_the_scene_begins_with_its_first_listener(spin) -> None:
     node = make_board(spin, scene="press_slide_lift")
     node.start()
     assert node.source.report().scans == 0
-    assert "waits for its first listener" in node.source.report().state
+    assert "waiting for the first subscriber" in node.source.report().state
     first = Listener(spin, ("raw", TactileRaw)).wait("raw", 1)[0]
     assert first.sequence < 300  # the scene touches at 0.3 s: nobody comes in the middle of it

@@ -167,7 +167,7 @@ def read_reference(file: Path) -> Reference:
         with file.open(newline="", encoding="utf-8") as stream:
             rows = list(csv.reader(stream))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not a text of comma-separated values"
+        reason = error.strerror if isinstance(error, OSError) else "not a CSV text file"
         raise ConfigError(f"{file}: {reason}") from error
     if not rows or [name.strip() for name in rows[0]] != list(COLUMNS):
         raise ConfigError(f"{file}: line 1: must be '{','.join(COLUMNS)}'")
@@ -176,7 +176,7 @@ def read_reference(file: Path) -> Reference:
         raise ConfigError(f"{file}: must have two readings or more, got {len(values)}")
     late = np.flatnonzero(np.diff(values[:, 0]) <= 0)
     if len(late):
-        raise ConfigError(f"{file}: reading {late[0] + 2}: time_s must be after that of the reading before")
+        raise ConfigError(f"{file}: reading {late[0] + 2}: time_s must be after that of the previous reading")
     x, y = values[:, 1:3].T * 1e-3
     return Reference(values[:, 0], np.stack([x, y, np.maximum(values[:, 3], 0.0)]))
 
@@ -232,9 +232,9 @@ def combine(sensor: Sensor, scans: Scans, reference: Reference, ball: Sphere) ->
             f"got {reference.times[0]:.1f} to {reference.times[-1]:.1f} s"
         )
     late = _delay(sensor, scans, reference)
-    mine = reference.shifted(-late - begin)
+    aligned = reference.shifted(-late - begin)
     time = scans.time - begin
-    return Recording(time, scans.counts, scans.temperature, _forces(sensor, time, mine, ball)), late
+    return Recording(time, scans.counts, scans.temperature, _forces(sensor, time, aligned, ball)), late
 
 
 def _delay(sensor: Sensor, scans: Scans, reference: Reference) -> float:
@@ -255,7 +255,7 @@ def _delay(sensor: Sensor, scans: Scans, reference: Reference) -> float:
     correlation = np.roll(np.fft.irfft(product, size), max_lag + 1)[: 2 * max_lag + 3]
     best = int(correlation[1:-1].argmax()) + 1
     if not correlation[best] > MIN_CORRELATION * np.linalg.norm(measured) * np.linalg.norm(reference_rate):
-        raise ValueError(f"the reference does not follow what was recorded within {MAX_DELAY:g} s: compare the clocks")
+        raise ValueError(f"the reference does not match the recording within {MAX_DELAY:g} s: compare the clocks")
     before, here, after = correlation[best - 1 : best + 2]
     return step * float(best - max_lag - 1 + 0.5 * (before - after) / (before - 2.0 * here + after))
 
