@@ -15,6 +15,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := bringup
 .PHONY: bringup test check soak bench accuracy stability figures setup build clean distclean
 
+PACKAGES := src/posfet_model:src/posfet_driver:src/posfet_sim:src/posfet
 IN_ENVIRONMENT := source tools/environment.sh;
 SOURCES := $(shell find src launch -type f -not -name '*.pyc' -not -path '*.egg-info*')
 BUILT := install/.built
@@ -50,7 +51,7 @@ test: $(BUILT)
 	exec python3 -m pytest "$${workers[@]}" $(ARGS)
 
 check: $(BUILT)
-	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy && lint-imports
+	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy && PYTHONPATH="$(PACKAGES):$$PYTHONPATH" lint-imports
 
 soak: $(BUILT)
 	@$(IN_ENVIRONMENT) python3 -m pytest -m slow && cd test && exec python3 -m support.soak --for $(or $(FOR),1800) $(ARGS)
