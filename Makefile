@@ -8,12 +8,13 @@
 #   make stability          every follower for 1e8 steps, half an hour of it     STEPS=1e6
 #   make accuracy           how near forces come to the truth; writes docs/accuracy.md    FULL=1
 #   make figures            the figures of docs/
+#   make parameters         the tables of docs/parameters.md
 #   make clean              removes what was built; make distclean the .venv as well
 
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c
 .DEFAULT_GOAL := bringup
-.PHONY: bringup test check soak bench accuracy stability figures setup build clean distclean
+.PHONY: bringup test check soak bench accuracy stability figures parameters setup build clean distclean
 
 IN_ENVIRONMENT := source tools/environment.sh;
 SOURCES := $(shell find src launch -type f -not -name '*.pyc' -not -path '*.egg-info*')
@@ -70,6 +71,9 @@ accuracy: $(BUILT)
 
 figures: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet_model.figures $(ARGS)
+
+parameters: $(BUILT)
+	@$(IN_ENVIRONMENT) exec python3 -m posfet.parameters_document $(ARGS)
 
 clean:
 	rm -rf build install log

@@ -14,15 +14,16 @@ from rclpy.qos import QoSProfile
 
 from posfet_driver.board.faults import Fault, FaultWatch, changes
 from posfet_driver.board.scan_source import Health, ScanSource, SourceError, SourceReport
+from posfet_driver.parameters import SCAN_SOURCE_NODE
 from posfet_driver.ros.conversions import RawMessage, diagnostic_array
 from posfet_model.config import ConfigError
-from posfet_model.ros.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_frame, declared_sensor
+from posfet_model.parameters import Parameter
+from posfet_model.ros.ros_parameters import declare, declared_frame, declared_sensor
 from posfet_model.ros.subscriptions import Listeners
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileRaw
 
-AUTOSTART = Parameter("autostart", True, "Configure and activate at start-up; false: wait for lifecycle transitions")
 RAW_DEPTH = 1000
 """Scans that wait for a process that is held up: one second of them."""
 READ_TIMEOUT = 0.1
@@ -55,13 +56,15 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     or file that cannot be used.
     """
 
-    def __init__(self, node_name: str, parameters: Sequence[Parameter] = (), **node_arguments: Any) -> None:
+    def __init__(
+        self, node_name: str, parameters: Sequence[Parameter] = SCAN_SOURCE_NODE, **node_arguments: Any
+    ) -> None:
         super().__init__(node_name, **node_arguments)
         self._service_change_state.callback = _refusing(self._service_change_state.callback)
         self.sink: Callable[[Scan], None] | None = None
         """Called with every scan in the data thread, before anything is published; set it while not active."""
         try:
-            self.parameters = declare(self, (*SENSOR, FRAME_ID, AUTOSTART, *parameters))
+            self.parameters = declare(self, parameters)
             self.sensor = declared_sensor(self.parameters)
             self.source = self.make_source(self.sensor, self.parameters)
         except ConfigError:

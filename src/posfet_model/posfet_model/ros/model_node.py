@@ -22,6 +22,7 @@ from visualization_msgs.msg import MarkerArray
 from posfet_model.calibration.calibration_file import load_calibration, save_calibration
 from posfet_model.config import ConfigError
 from posfet_model.contacts.tracker import Contact
+from posfet_model.parameters import MODEL_NODE
 from posfet_model.reconstruction.diagnostics import Period, judge
 from posfet_model.reconstruction.force_image import ForceImage
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
@@ -40,8 +41,8 @@ from posfet_model.ros.conversions import (
     diagnostic_array,
     info_message,
 )
-from posfet_model.ros.mount_node import MOUNT, broadcast_mount
-from posfet_model.ros.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_frame, declared_sensor
+from posfet_model.ros.mount_node import broadcast_mount
+from posfet_model.ros.ros_parameters import declare, declared_frame, declared_sensor
 from posfet_model.ros.run_node import run_node
 from posfet_model.ros.subscriptions import Listeners
 from posfet_model.sensor.scan import Scan
@@ -49,19 +50,6 @@ from posfet_msgs.msg import TactileContacts, TactileImage, TactileInfo, TactileR
 from posfet_msgs.srv import CalibrationFile
 from posfet_msgs.srv import Tare as TareService
 
-PARAMETERS = (
-    *SENSOR,
-    FRAME_ID,
-    *MOUNT,
-    Parameter(
-        "calibration_file", "", "Calibration of this very sensor: a YAML file; empty: the description is believed"
-    ),
-    Parameter("simulated", False, "Told to others in `info`: the signals come from a model, not from a device"),
-    Parameter(
-        "contacts_as_bytes", True, "Contacts are serialised here, which is faster; false: left to the middleware"
-    ),
-    Parameter("direct", False, "Scans are handed over in the process; true: do not subscribe to `raw`"),
-)
 OUTPUT_DEPTH = 10
 RAW_DEPTH = 1000
 """Scans that wait for a process that is held up: one second of them."""
@@ -103,7 +91,7 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
     def __init__(self, **node_arguments: Any) -> None:
         super().__init__("model_node", **node_arguments)
         try:
-            parameters = declare(self, PARAMETERS)
+            parameters = declare(self, MODEL_NODE)
             self.sensor = declared_sensor(parameters)
             path = parameters["calibration_file"]
             calibration = load_calibration(path, self.sensor) if path else None

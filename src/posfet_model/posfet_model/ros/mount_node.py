@@ -13,12 +13,6 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from posfet_model.config import ConfigError
 from posfet_model.ros.mount import parse_mount
-from posfet_model.ros.ros_parameters import Parameter
-
-MOUNT = (
-    Parameter("parent_frame", "", "Frame that the array is mounted on; empty: no transform is broadcast"),
-    Parameter("mount", "0 0 0 0 0 0", "Pose of the array in parent_frame: x y z [m] roll pitch yaw [rad]"),
-)
 
 
 def broadcast_mount(node: Node, frame_id: str, parameters: Mapping[str, Any]) -> Publisher | None:

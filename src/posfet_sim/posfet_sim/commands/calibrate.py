@@ -17,11 +17,13 @@ from posfet_model.calibration.least_squares_fit import fit
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.command_line import positive
 from posfet_model.config import ConfigError
-from posfet_model.sensor.description import DEFAULT_SENSOR, Sensor, load_sensor
+from posfet_model.parameters import SENSOR_FILE
+from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.calibration.bench_recording import COLUMNS, combine, read_reference, read_scans
 from posfet_sim.calibration.simulated_bench import _now, calibrate
 from posfet_sim.contact.indenters import Sphere
 from posfet_sim.device.imperfections import load_imperfections
+from posfet_sim.parameters import IMPERFECTIONS, SEED
 
 BAD_INPUT = 1
 
@@ -74,9 +76,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--ball-modulus", metavar="MPA", type=positive, default=4.0, help="effective, of ball and cover together [MPa]"
     )
-    parser.add_argument("--imperfections", default="default", help="none, default, or a YAML file")
-    parser.add_argument("--sensor", default=DEFAULT_SENSOR, help="sensor description: a YAML file, or a shipped one")
-    parser.add_argument("--seed", type=int, default=1, help="of the board; that of bring-up is 0")
+    parser.add_argument("--imperfections", default=IMPERFECTIONS.default, help=IMPERFECTIONS.help)
+    parser.add_argument("--sensor", default=SENSOR_FILE.default, help=SENSOR_FILE.help)
+    parser.add_argument(
+        "--seed", type=int, default=1, help=f"{SEED.description}; bring-up uses {SEED.default} (default: 1)"
+    )
     return parser
 
 

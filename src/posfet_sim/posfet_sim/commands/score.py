@@ -18,12 +18,14 @@ import numpy as np
 from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
+from posfet_model.parameters import SENSOR_FILE
 from posfet_model.reconstruction.reconstructor import Reconstructor
-from posfet_model.sensor.description import DEFAULT_SENSOR, Sensor, load_sensor
+from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.calibration.simulated_bench import calibrate
 from posfet_sim.device.imperfections import Imperfections, load_imperfections
 from posfet_sim.emulation.offline import wire_scans
 from posfet_sim.evaluation.scorer import Score, Scorer
+from posfet_sim.parameters import IMPERFECTIONS, SCENE, SEED
 from posfet_sim.scene import Scene, load_scene
 
 BAD_INPUT = 1
@@ -125,7 +127,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="posfet score", description="Score the reconstruction on a scene of the simulated board; prints JSON."
     )
-    parser.add_argument("scene", metavar="SCENE", help="a YAML file, or a shipped scene")
+    parser.add_argument("scene", metavar="SCENE", help=SCENE.description)
     parser.add_argument(
         "--calibration",
         metavar="FILE",
@@ -138,8 +140,8 @@ def _parser() -> argparse.ArgumentParser:
         metavar="P",
         help="spread of random errors of the taxels' gains, left after calibration [%%]",
     )
-    parser.add_argument("--imperfections", default="default", help="none, default, or a YAML file")
-    parser.add_argument("--sensor", default=DEFAULT_SENSOR, help="sensor description: a YAML file, or a shipped one")
+    parser.add_argument("--imperfections", default=IMPERFECTIONS.default, help=IMPERFECTIONS.help)
+    parser.add_argument("--sensor", default=SENSOR_FILE.default, help=SENSOR_FILE.help)
     parser.add_argument(
         "--device",
         type=_difference,
@@ -148,7 +150,12 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME=PERCENT",
         help=f"let the device differ from its description: {', '.join(DIFFERENCES)}; may be repeated",
     )
-    parser.add_argument("--seed", type=lambda text: int(_number(text, 0, 1e9)), default=1, help="of the board")
+    parser.add_argument(
+        "--seed",
+        type=lambda text: int(_number(text, SEED.low, SEED.high)),
+        default=1,
+        help=f"{SEED.description} (default: 1)",
+    )
     parser.add_argument(
         "--for",
         dest="seconds",

@@ -14,13 +14,15 @@ from typing import Final, Protocol
 
 from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError
-from posfet_model.sensor.description import DEFAULT_SENSOR, load_sensor
+from posfet_model.parameters import SENSOR_FILE
+from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
-from posfet_sim.device.imperfections import DEFAULT, load_imperfections
+from posfet_sim.device.imperfections import load_imperfections
 from posfet_sim.device.simulated_board import SEED_MAX, SimulatedBoard
 from posfet_sim.emulation.line_faults import FaultyScans
+from posfet_sim.parameters import IMPERFECTIONS, SCENE, SEED
 from posfet_sim.recording.recorders import FORMATS, make_recorder
-from posfet_sim.scene import DEFAULT_SCENE, SceneLoads, load_scene
+from posfet_sim.scene import SceneLoads, load_scene
 
 UNENDING: Final = 10.0
 """Time that a scene in which nothing happens is run for unless told otherwise [s]."""
@@ -80,11 +82,11 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="posfet sim", description="Run a scene on the simulated board, faster than real time, into a file."
     )
-    parser.add_argument("scene", nargs="?", default=DEFAULT_SCENE, help="YAML file, or name of a shipped scene")
+    parser.add_argument("scene", nargs="?", default=SCENE.default, help=SCENE.help)
     parser.add_argument("--out", type=Path, required=True, help=f"file to write: {' or '.join(FORMATS)}")
-    parser.add_argument("--sensor", default=DEFAULT_SENSOR, help="YAML file, or name of a shipped sensor")
-    parser.add_argument("--seed", type=int, default=0, help="seed of everything random (default: 0)")
-    parser.add_argument("--imperfections", default=DEFAULT, help="none, default, or a YAML file (default: default)")
+    parser.add_argument("--sensor", default=SENSOR_FILE.default, help=SENSOR_FILE.help)
+    parser.add_argument("--seed", type=int, default=SEED.default, help=SEED.help)
+    parser.add_argument("--imperfections", default=IMPERFECTIONS.default, help=IMPERFECTIONS.help)
     parser.add_argument("--for", dest="seconds", type=float, help="time to simulate in s (default: that of the scene)")
     parser.add_argument("--namespace", default="tactile", help="namespace of the topics (default: tactile)")
     parser.add_argument("--full", action="store_true", help="compute every taxel in every scan, for comparison")

@@ -16,7 +16,6 @@ from posfet_driver.board.scan_source import ScanSource, SourceError
 from posfet_driver.ros.conversions import NANOSECONDS
 from posfet_driver.ros.scan_source_node import ScanSourceNode
 from posfet_model.config import ConfigError
-from posfet_model.ros.ros_parameters import Parameter
 from posfet_model.ros.run_node import run_node
 from posfet_model.ros.subscriptions import Listeners
 from posfet_model.sensor.description import Layout, Sensor
@@ -24,25 +23,15 @@ from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileTruth
 from posfet_msgs.srv import LoadScene
 from posfet_sim.device.ground_truth import Truth
-from posfet_sim.device.imperfections import DEFAULT, load_imperfections
-from posfet_sim.device.simulated_board import SEED_MAX
+from posfet_sim.device.imperfections import load_imperfections
 from posfet_sim.emulation.realtime_source import SimulationSource
 from posfet_sim.loads import ObjectsState
-from posfet_sim.scene import DEFAULT_SCENE, load_scene
+from posfet_sim.parameters import SIM_BOARD_NODE
+from posfet_sim.scene import load_scene
 
 if TYPE_CHECKING:
     from posfet_sim.emulation.emulated_source import AdapterSource
 
-PARAMETERS = (
-    Parameter("scene", DEFAULT_SCENE, "Scene: path of a YAML file, or name of a shipped one"),
-    Parameter("seed", 0, "Seed of the noise: the same seed gives the same counts", 0, SEED_MAX),
-    Parameter(
-        "adapter_link", "", "Path at which to appear as a CAN adapter (slcan) instead of publishing raw; '': none"
-    ),
-    Parameter("bus_interface", "", "python-can interface on which to appear as a board instead; '': none"),
-    Parameter("bus_channel", "", "Channel of that interface"),
-    Parameter("imperfections", DEFAULT, "Imperfections of the board: none, default, or the path of a YAML file"),
-)
 TRUTH_DEPTH = 10
 REMEMBERED = 2000
 """Scans of which it is known when the board took them."""
@@ -85,7 +74,7 @@ class SimBoardNode(ScanSourceNode):
     source: SimulationSource | AdapterSource
 
     def __init__(self, node_name: str = "sim_board_node", **node_arguments: Any) -> None:
-        super().__init__(node_name, PARAMETERS, **node_arguments)
+        super().__init__(node_name, SIM_BOARD_NODE, **node_arguments)
         self._truth_message = TruthMessage(self.sensor.layout, self.frame_id)
         self._truth = self.create_publisher(TactileTruth, "truth", TRUTH_DEPTH)
         self._truth_listeners = Listeners(self._truth)
