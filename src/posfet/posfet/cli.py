@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Final
 
-from posfet_model.command_line import until_reader_goes
-from posfet_model.ros.start import end_in_order
+from posfet_model.command_line import ignoring_broken_pipe
+from posfet_model.ros.start import interrupt_on_signal
 
 COMMANDS: Final = {
     "bringup": ("posfet.bringup", "start the stack: board or simulated board, driver, model"),
@@ -50,7 +50,7 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         run = import_module(module).main
         if words[0] not in NODES:
-            end_in_order()
-        return until_reader_goes(lambda: int(run(words[1:])))
+            interrupt_on_signal()
+        return ignoring_broken_pipe(lambda: int(run(words[1:])))
     except KeyboardInterrupt:
         return INTERRUPTED

@@ -19,7 +19,7 @@ from posfet_driver.ros.conversions import RawMessage, diagnostic_array
 from posfet_model.config import ConfigError
 from posfet_model.parameters import Parameter
 from posfet_model.ros.ros_parameters import declare, declared_frame, declared_sensor
-from posfet_model.ros.subscriptions import Listeners
+from posfet_model.ros.subscriptions import SubscriptionCache
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileRaw
@@ -73,7 +73,7 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         self.frame_id = declared_frame(self, self.parameters)
         self._raw_message = RawMessage(self.sensor.layout, self.frame_id)
         self._raw = self.create_publisher(TactileRaw, "raw", RAW_DEPTH)
-        self._raw_listeners = Listeners(self._raw)
+        self._raw_listeners = SubscriptionCache(self._raw)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         self._report_timer = self.create_timer(REPORT_PERIOD, self._report, autostart=False)
         self._thread: threading.Thread | None = None

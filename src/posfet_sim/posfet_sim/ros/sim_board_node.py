@@ -17,7 +17,7 @@ from posfet_driver.ros.conversions import NANOSECONDS
 from posfet_driver.ros.scan_source_node import ScanSourceNode
 from posfet_model.config import ConfigError
 from posfet_model.ros.run_node import run_node
-from posfet_model.ros.subscriptions import Listeners
+from posfet_model.ros.subscriptions import SubscriptionCache
 from posfet_model.sensor.description import Layout, Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileTruth
@@ -77,7 +77,7 @@ class SimBoardNode(ScanSourceNode):
         super().__init__(node_name, SIM_BOARD_NODE, **node_arguments)
         self._truth_message = TruthMessage(self.sensor.layout, self.frame_id)
         self._truth = self.create_publisher(TactileTruth, "truth", TRUTH_DEPTH)
-        self._truth_listeners = Listeners(self._truth)
+        self._truth_listeners = SubscriptionCache(self._truth)
         self.create_service(LoadScene, "scene/load", self._load_scene)
         self._taken: deque[tuple[int, float]] = deque(maxlen=REMEMBERED)  # numbers and times [s] of the newest scans
 
