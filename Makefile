@@ -1,15 +1,15 @@
-# Sets up and calls; everything else lives in the packages. A sourced ROS 2 is used where there is one, .venv otherwise.
+# Set-up, build, and shortcuts to the commands of the packages. Uses a sourced ROS 2 if there is one, .venv otherwise.
 #
-#   make bringup            the stack with the simulated board     FOR=5  SOURCE=sim|emulator|can  SCENE=name|file  ARGS=...
-#   make test               every test                             ARGS="-k name" goes to pytest
-#   make check              ruff, mypy, and the imports that rooms may have
-#   make soak               the driver under a fault every few seconds, half an hour of it     FOR=60
-#   make bench              measure the speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
-#   make stability          every follower for 1e8 steps, half an hour of it     STEPS=1e6
-#   make accuracy           how near forces come to the truth; writes docs/accuracy.md    FULL=1
-#   make figures            the figures of docs/
-#   make parameters         the tables of docs/parameters.md
-#   make clean              removes what was built; make distclean the .venv as well
+#   make bringup            run the stack with the simulated board     FOR=5  SOURCE=sim|emulator|can  SCENE=name|file  ARGS=...
+#   make test               run every test                             ARGS="-k name" goes to pytest
+#   make check              run ruff, mypy and import-linter
+#   make soak               run the driver for half an hour with a fault injected every few seconds     FOR=60
+#   make bench              measure speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
+#   make stability          run every follower model for 1e8 steps, half an hour     STEPS=1e6
+#   make accuracy           measure the accuracy of forces and contacts; writes docs/accuracy.md    FULL=1
+#   make figures            draw the figures of docs/
+#   make parameters         write the tables of docs/parameters.md
+#   make clean              remove what was built; make distclean removes .venv as well
 
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c
@@ -56,7 +56,7 @@ soak: $(BUILT)
 bench: $(BUILT) benchmarks/.ready
 	@$(IN_ENVIRONMENT) exec python3 -m benchmarks $(if $(FULL),--full) $(if $(ONLY),--only $(ONLY)) $(ARGS)
 
-# What only the benchmarks need. On a sourced ROS 2: apt install python3-scipy python3-cantools python3-matplotlib
+# Packages of the benchmarks only. With a sourced ROS 2: apt install python3-scipy python3-cantools python3-matplotlib
 benchmarks/.ready: benchmarks/requirements.txt | $(READY)
 ifndef ROS_DISTRO
 	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement $<
