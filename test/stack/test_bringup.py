@@ -42,14 +42,14 @@ def test_stack_finds_what_the_scene_does(arguments: Sequence[str]) -> None:
 def test_classic_frames_become_contacts() -> None:
     result = bringup("--for", "4", "source:=emulator", "can_fd:=false")
     assert result.returncode == 0, result.stderr
-    assert re.search(r"posfet: .*, [1-9]\d* contacts?, centre of pressure off", result.stdout), result.stdout
+    assert re.search(r"posfet: .*, [1-9]\d* contacts?, centre-of-pressure error [\d.]+ mm", result.stdout), result.stdout
 
 
 @pytest.mark.parametrize("source", ["sim", "emulator"])
 def test_a_board_that_is_not_ideal_is_read_all_the_same(source: str) -> None:
     result = bringup("--for", "5", f"source:={source}")
     assert result.returncode == 0, result.stderr
-    summary = re.search(r"posfet: .*, 0 frames lost, .* contacts?, .* by ([\d.]+) mm \(median\)", result.stdout)
+    summary = re.search(r"posfet: .*, 0 frames lost, .* contacts?, .* error ([\d.]+) mm \(median\)", result.stdout)
     assert summary, result.stdout
     assert 0.0 < float(summary[1]) < 0.1
 
@@ -191,7 +191,7 @@ def test_a_second_emulator_in_a_namespace_is_refused_in_one_line() -> None:
 def test_ros_arguments_are_refused_unless_empty() -> None:
     result = bringup("--ros-args", "--log-level", "debug")
     assert result.returncode == 2
-    expected = "error: ROS arguments are not taken, got '--ros-args --log-level debug': use name:=value (--show-args)"
+    expected = "error: ROS arguments are not supported, got '--ros-args --log-level debug': use name:=value (--show-args)"
     assert result.stderr.splitlines()[-1].endswith(expected)
     assert bringup("--show-args", "--ros-args").returncode == 0
 

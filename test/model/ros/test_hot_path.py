@@ -112,8 +112,8 @@ def test_what_can_wait_is_done_after_the_contacts_are_out() -> None:
     node = ModelNode(context=context)
     try:
         observer, due = node._reconstructor._observer, []
-        node._listeners._heard.add(node._contacts)
-        node._listeners._next = time.monotonic_ns() + round(DEADLINE * 1e9)
+        node._subscription_cache._subscribed.add(node._contacts)
+        node._subscription_cache._next_refresh = time.monotonic_ns() + round(DEADLINE * 1e9)
         node._contacts.publish = lambda _: due.append(observer.block_due)
         scan = Scan.empty(1, 25)
         for index, counts in enumerate(played(touched=False, count=101)):

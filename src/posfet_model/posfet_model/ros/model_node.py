@@ -128,7 +128,7 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._vibration_message = VibrationMessage(layout, frame_id)
         self._vibration = self.create_publisher(TactileVibration, "vibration", OUTPUT_DEPTH)
         maps = (publisher for publisher, _ in self._maps)
-        self._subscriptions = SubscriptionCache(self._contacts, self._markers, self._vibration, *maps)
+        self._subscription_cache = SubscriptionCache(self._contacts, self._markers, self._vibration, *maps)
         self._only_contacts = {self._contacts}
         self._next_markers = 0
         transient_local = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -150,7 +150,7 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         """
         with self._lock:
             now = time.monotonic_ns()
-            subscribed = self._subscriptions.subscribed(now)
+            subscribed = self._subscription_cache.subscribed(now)
             self._reconstructor.vibration_wanted = self._vibration in subscribed
             result = self._reconstructor.process(scan)
             if result.accepted:
