@@ -71,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             gain_bandwidth=options.gain_bandwidth,
             overdrive=options.overdrive,
             overdrive_from=options.overdrive_from,
-            tell=_note,
+            report=_note,
         )
         text = json.dumps(result, indent=2, allow_nan=False)
     except (RunFileError, UsageError) as error:
@@ -92,7 +92,7 @@ def compare(
     gain_bandwidth: float | None = None,
     overdrive: float | None = None,
     overdrive_from: Path | None = None,
-    tell: Callable[[str], None] = lambda text: None,
+    report: Callable[[str], None] = lambda text: None,
 ) -> dict[str, dict[str, dict[str, float]]]:
     """Return the deviations in percent, by model and by "blind" or "calibrated".
 
@@ -110,7 +110,7 @@ def compare(
         Overdrive of the differential pair [V].
     overdrive_from : Path, optional
         Another run of the same circuit, to measure the overdrive on.
-    tell : callable
+    report : callable
         Called with each remark on the interpretation of the options, one line of text.
 
     Returns
@@ -132,8 +132,8 @@ def compare(
     results = {"blind": deviations(run, blind_models())}
     if loop is not None:
         if gain is not None and LIKE_DECIBELS[0] <= gain <= LIKE_DECIBELS[1]:
-            tell(f"--gain {gain:g} is read as an open-loop gain in V/V, not dB: a follower of {loop.gain:.6g} V/V")
-        slewing = _slewing(loop, gain_bandwidth, _Overdrive(overdrive, overdrive_from), run, tell)
+            report(f"--gain {gain:g} is read as an open-loop gain in V/V, not dB: a follower of {loop.gain:.6g} V/V")
+        slewing = _slewing(loop, gain_bandwidth, _Overdrive(overdrive, overdrive_from), run, report)
         results["calibrated"] = deviations(run, calibrated_models(loop, slewing))
     return {
         name: {
@@ -157,7 +157,7 @@ def _slewing(
     gain_bandwidth: float | None,
     overdrive: _Overdrive,
     run: FollowerRun,
-    tell: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> SquareLawFollower:
     """Return the calibrated slewing model; `run` is only used to reject it as its own reference."""
     if gain_bandwidth is not None:
@@ -176,7 +176,7 @@ def _slewing(
         if not slews(other, loop):
             raise UsageError(f"--overdrive-from must be a run that slews, {overdrive.other} does not")
         value, how = fit_overdrive(other, model), f"measured on {overdrive.other.name}"
-    tell(f"square_law_slew, calibrated: {model.amplifier}; overdrive {value:.4g} V, {how}")
+    report(f"square_law_slew, calibrated: {model.amplifier}; overdrive {value:.4g} V, {how}")
     return model.follower(value)
 
 

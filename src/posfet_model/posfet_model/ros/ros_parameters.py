@@ -72,7 +72,7 @@ def declare(node: Node, table: Sequence[Parameter]) -> Mapping[str, Any]:
         except ParameterException as error:
             found = getattr(given.get(parameter.name), "value", None)
             raise ConfigError(f"{name}: {parameter.name}: must be {parameter.allowed}, got {found!r}") from error
-        # rclpy checks neither texts nor the items of lists, and not every version refuses NaN.
+        # rclpy checks neither texts nor the items of lists, and not every version rejects NaN.
         reason = parameter.check(value)
         if reason:
             raise ConfigError(f"{name}: {parameter.name}: {reason}")
@@ -84,7 +84,7 @@ def declare(node: Node, table: Sequence[Parameter]) -> Mapping[str, Any]:
 
 
 def _checking(writable: Mapping[str, Parameter]) -> Callable[[Sequence[Any]], SetParametersResult]:
-    """Return the callback that refuses values that are not allowed when parameters are set while the node runs."""
+    """Return the callback that rejects values that are not allowed when parameters are set while the node runs."""
 
     def check(changes: Sequence[Any]) -> SetParametersResult:
         reasons = [
