@@ -1,19 +1,20 @@
-# Sets up and calls; everything else lives in the packages. A sourced ROS 2 is used where there is one, .venv otherwise.
+# Set-up, build, and shortcuts to the commands of the packages. Uses a sourced ROS 2 if there is one, .venv otherwise.
 #
-#   make bringup            the stack with the simulated board     FOR=5  SOURCE=sim|emulator|can  SCENE=name|file  ARGS=...
-#   make test               every test but those against the wall clock     ARGS="-k name" goes to pytest
-#   make check              ruff, mypy, and the imports that rooms may have
-#   make soak               the tests against the wall clock, then half an hour of faults for the driver     FOR=60
-#   make bench              measure the speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
-#   make stability          every follower for 1e8 steps, half an hour of it     STEPS=1e6
-#   make accuracy           how near forces come to the truth; writes docs/accuracy.md    FULL=1
-#   make figures            the figures of docs/
-#   make clean              removes what was built; make distclean the .venv as well
+#   make bringup            run the stack with the simulated board     FOR=5  SOURCE=sim|emulator|can  SCENE=name|file  ARGS=...
+#   make test               run every test but those against the wall clock     ARGS="-k name" goes to pytest
+#   make check              run ruff, mypy and import-linter
+#   make soak               run the tests against the wall clock, then the driver under faults for half an hour     FOR=60
+#   make bench              measure speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
+#   make stability          run every follower model for 1e8 steps, half an hour     STEPS=1e6
+#   make accuracy           measure the accuracy of forces and contacts; writes docs/accuracy.md    FULL=1
+#   make figures            draw the figures of docs/
+#   make parameters         write the tables of docs/parameters.md
+#   make clean              remove what was built; make distclean removes .venv as well
 
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c
 .DEFAULT_GOAL := bringup
-.PHONY: bringup test check soak bench accuracy stability figures setup build clean distclean
+.PHONY: bringup test check soak bench accuracy stability figures parameters setup build clean distclean
 
 PACKAGES := src/posfet_model:src/posfet_driver:src/posfet_sim:src/posfet
 IN_ENVIRONMENT := source tools/environment.sh;
@@ -59,7 +60,7 @@ soak: $(BUILT)
 bench: $(BUILT) benchmarks/.ready
 	@$(IN_ENVIRONMENT) PYTHONPATH="$$PWD/test:$$PYTHONPATH" exec python3 -m benchmarks $(if $(FULL),--full) $(if $(ONLY),--only $(ONLY)) $(ARGS)
 
-# What only the benchmarks need. On a sourced ROS 2: apt install python3-scipy python3-cantools python3-matplotlib
+# Packages of the benchmarks only. With a sourced ROS 2: apt install python3-scipy python3-cantools python3-matplotlib
 benchmarks/.ready: benchmarks/requirements.txt | $(READY)
 ifndef ROS_DISTRO
 	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement $<
@@ -74,6 +75,9 @@ accuracy: $(BUILT)
 
 figures: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet_model.figures $(ARGS)
+
+parameters: $(BUILT)
+	@$(IN_ENVIRONMENT) exec python3 -m posfet.parameters_document $(ARGS)
 
 clean:
 	rm -rf build install log

@@ -1,23 +1,29 @@
-"""Starts the POSFET tactile stack: `ros2 launch posfet bringup.launch.py -s` lists the arguments."""
+"""Start the POSFET tactile stack: `ros2 launch posfet bringup.launch.py -s` lists the arguments."""
 
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
 from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from posfet.arguments import ARGUMENTS, check
+from posfet.arguments import ARGUMENTS, check, choices, description
 from posfet.bringup import default_params_file
 from posfet.graph import graph
 
 
+def stop(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """Shut down when a process has ended; raise for a process that failed, so that `ros2 launch` returns 1."""
+    if event.returncode > 0 and not context.is_shutdown:
+        raise RuntimeError(f"{event.process_name} failed with exit code {event.returncode}")
+    return [Shutdown()]
+
+
 def start_nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Return one process with every node, or one for each with composed:=false."""
+    """Return one process with all nodes, which computes the graph itself, or one for each with composed:=false."""
     arguments = check({argument.name: LaunchConfiguration(argument.name).perform(context) for argument in ARGUMENTS})
-    params_file = arguments["params_file"] or default_params_file()
-    specs = graph(arguments, params_file)
     if arguments["composed"] == "true":
         words = [f"{name}:={value}" for name, value in arguments.items()]
-        return [Node(package="posfet", executable="bringup", arguments=words, output="screen", on_exit=Shutdown())]
+        return [Node(package="posfet", executable="bringup", arguments=words, output="screen", on_exit=stop)]
     return [
         Node(
             package=spec.package,
@@ -27,20 +33,20 @@ def start_nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             parameters=[spec.params_file, dict(spec.parameters)],
             ros_arguments=["--log-level", spec.log_level],
             output="screen",
-            on_exit=Shutdown(),
+            on_exit=stop,
         )
-        for spec in specs
+        for spec in graph(arguments, arguments["params_file"] or default_params_file())
     ]
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Declare every argument and start the graph."""
+    """Return the arguments and the action that starts the nodes."""
     declared = [
         DeclareLaunchArgument(
             argument.name,
-            default_value=argument.default,
-            description=argument.description,
-            choices=argument.choices or None,
+            default_value=argument.default_text,
+            description=description(argument),
+            choices=choices(argument) or None,
         )
         for argument in ARGUMENTS
     ]

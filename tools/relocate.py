@@ -1,7 +1,7 @@
-"""Make the ROS 2 wheels of this virtual environment buildable against.
+"""Let colcon build against the ROS 2 wheels of this virtual environment.
 
-Their CMake exports and parent_prefix_path entries name the Python of the machine they were built on; this writes the
-virtual environment's own paths in their place. Running it again changes nothing.
+Their CMake exports and parent_prefix_path entries have the paths of the Python that built them; this replaces these
+paths with those of the virtual environment. Running it twice changes nothing more.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ BUILD_PREFIX = r"/opt/python/cp3\d+-cp3\d+"
 
 
 def main() -> int:
-    """Rewrite the files below sys.prefix/share and print how many were changed."""
+    """Rewrite the files below sys.prefix/share and print the number of changed files."""
     prefix = Path(sys.prefix)
     replacements = [
         (rf"{BUILD_PREFIX}/include/python3\.\d+", sysconfig.get_path("include")),

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Prepares what the stack is built and run with. With a ROS 2 sourced: checks that its packages are there.
-# Without one: makes .venv with ROS 2 Jazzy, NumPy, python-can and colcon, pinned in tools/requirements.txt.
+# Prepares the environment in which the stack is built and run. With a sourced ROS 2: checks that its packages are
+# installed. Without one: makes .venv with ROS 2 Jazzy, NumPy, python-can and colcon, pinned in tools/requirements.txt.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -61,7 +61,7 @@ setup_venv() {
     rm -rf .venv
     "$python" -m venv .venv
     echo "posfet: [2/3] packages of tools/requirements.txt (about 250 MB, once)"
-    # The wheels' start-up hook would start every pip process twice.
+    # Without this the start-up hook of the wheels would start every pip process twice.
     export _ROS_WHEELS_BOOTSTRAP_COMPLETE=1
     .venv/bin/python -m pip install --disable-pip-version-check --progress-bar off --requirement tools/requirements.txt |
         awk '/^Collecting/ { printf "      %s\n", $2; fflush() } /^Installing/ { print "      installing"; fflush() }'

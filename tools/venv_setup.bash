@@ -1,6 +1,6 @@
 # shellcheck shell=bash
-# Copied to .venv/local_setup.bash, where colcon and install/setup.bash look for it: makes .venv stand in for
-# /opt/ros/jazzy. The ROS 2 wheels keep libraries in several folders, which the loader has to be told.
+# Copied to .venv/local_setup.bash, where colcon and install/setup.bash look for it, so that .venv takes the place of
+# /opt/ros/jazzy. The ROS 2 wheels have libraries in several folders, which go into the loader's path.
 _posfet_venv=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 if [[ "${VIRTUAL_ENV:-}" != "$_posfet_venv" || -z "${_ROS_WHEELS_BOOTSTRAP_COMPLETE:-}" ]]; then
     export VIRTUAL_ENV="$_posfet_venv"
@@ -12,7 +12,7 @@ if [[ "${VIRTUAL_ENV:-}" != "$_posfet_venv" || -z "${_ROS_WHEELS_BOOTSTRAP_COMPL
         _posfet_libraries+=":$_posfet_folder"
     done
     export LD_LIBRARY_PATH="$_posfet_libraries${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}"
-    export _ROS_WHEELS_BOOTSTRAP_COMPLETE=1 # the paths are set: the wheels need not start each Python twice
+    export _ROS_WHEELS_BOOTSTRAP_COMPLETE=1 # paths are set: no second start of each Python by the wheels
     unset PYTHONHOME _posfet_folder _posfet_libraries
 fi
 unset _posfet_venv

@@ -54,13 +54,13 @@ def run_until_touched(*arguments: str) -> str:
 
 def test_classic_frames_become_contacts() -> None:
     output = run_until_touched("source:=emulator", "can_fd:=false")
-    assert re.search(r"posfet: .*, [1-9]\d* contacts?, centre of pressure off", output), output
+    assert re.search(r"posfet: .*, [1-9]\d* contacts?, centre-of-pressure error", output), output
 
 
 @pytest.mark.parametrize("source", ["sim", "emulator"])
 def test_a_board_that_is_not_ideal_is_read_all_the_same(source: str) -> None:
     output = run_until_touched(f"source:={source}")
-    summary = re.search(r"posfet: .*, \d+ frames lost, .* contacts?, .* by ([\d.]+) mm \(median\)", output)
+    summary = re.search(r"posfet: .*, \d+ frames lost, .* contacts?, .* error ([\d.]+) mm \(median\)", output)
     assert summary, output
     assert 0.0 < float(summary[1]) < 0.1
 
@@ -206,7 +206,7 @@ def test_a_second_emulator_in_a_namespace_is_refused_in_one_line() -> None:
 def test_ros_arguments_are_refused_unless_empty() -> None:
     result = bringup("--ros-args", "--log-level", "debug")
     assert result.returncode == 2
-    expected = "error: ROS arguments are not taken, got '--ros-args --log-level debug': use name:=value (--show-args)"
+    expected = "ROS arguments are not supported, got '--ros-args --log-level debug': use name:=value (--show-args)"
     assert result.stderr.splitlines()[-1].endswith(expected)
     assert bringup("--show-args", "--ros-args").returncode == 0
 

@@ -24,7 +24,7 @@ README = Path(__file__).parents[2] / "README.md"
 
 
 def test_subscriber_prints_contacts() -> None:
-    [program] = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    program, _ = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
     assert len(program.splitlines()) == 15
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}
     with running("source:=sim"):

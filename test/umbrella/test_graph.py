@@ -133,7 +133,7 @@ def test_bad_namespaces_are_refused(params_file: str, namespace: str) -> None:
     [
         (
             "/tactile/driver_nodee:\n  ros__parameters: {}\n",
-            "driver_nodee: no such node, there are model_node",
+            "driver_nodee: no such node, known are model_node",
         ),
         ("/**:\n  ros__parameter: {}\n", "ros__parameters: missing"),
         ("root:x:0:0\n", "must be a mapping"),

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from posfet.picture import render
+from posfet.live_display import render
 from posfet.screen import Screen
 from posfet.snapshot import ContactView, Record, Snapshot, TrueContact, line
 
@@ -41,7 +41,7 @@ def test_record_counts_and_compares_with_the_scene() -> None:
     assert record.add(replace(SNAPSHOT, time=12.0, scans=3000)) == pytest.approx(1000.0)
     assert record.summary() == (
         "posfet: 2.0 s, 3000 scans, 1000 scans/s, 0 frames lost, 0 scans missing, 1 contact, "
-        "centre of pressure off the scene's by 0.050 mm (median), 0.050 mm (95 %)"
+        "centre-of-pressure error 0.050 mm (median), 0.050 mm (95 %)"
     )
 
 
@@ -70,7 +70,7 @@ def test_line_names_force_place_and_loss() -> None:
 
 def test_picture_shows_forces_in_numbers_and_unknown_as_unknown() -> None:
     text = shown(SNAPSHOT)
-    for expected in ("1150", "100", "?", "held", "+1.00", "-0.50", "1.250 ± 0.004", "0.05 mm off the scene's"):
+    for expected in ("1150", "100", "?", "held", "+1.00", "-0.50", "1.250 ± 0.004", "ground truth: 0.05 mm max"):
         assert expected in text
     assert text.index("?") < text.index("1150")  # y points up: row 1 stands above row 0
 

@@ -1,1 +1,1 @@
-"""The whole POSFET stack: what is started together, and what a person sees of it."""
+"""The command `posfet`: bring-up of the whole POSFET stack, and its live display."""

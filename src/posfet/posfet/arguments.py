@@ -1,71 +1,78 @@
-"""The arguments of the bring-up: one table for the launch file and for the `bringup` executable."""
+"""The arguments of the launch file and of the `bringup` executable, as one table."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Final
 
+from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE
+from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError
+from posfet_model.parameters import CALIBRATION_FILE, CAN_FD, MOUNT_POSE, PARENT_FRAME, SENSOR_FILE, Parameter, Scalar
+from posfet_sim.parameters import BUS_CHANNEL, BUS_INTERFACE, IMPERFECTIONS, SCENE
 
 
-@dataclass(frozen=True)
-class Argument:
-    """One launch argument, given as `name:=value`."""
-
-    name: str
-    default: str
-    description: str
-    choices: tuple[str, ...] = ()
+def _for(source: str, parameter: Parameter) -> Parameter:
+    """Return a node's parameter as an argument that counts for one source only."""
+    return replace(parameter, description=f"With source:={source}: {parameter.description}")
 
 
-BOOLEAN: Final = ("true", "false")
-HIGHEST_BITRATE: Final = 1_000_000
+def _optional(parameter: Parameter) -> Parameter:
+    """Return a node's parameter as an argument that leaves the parameter file its value when it is not given."""
+    return replace(parameter, empty=f"as in params_file, otherwise {parameter.empty}")
+
+
+NAMESPACE: Final = Parameter("namespace", "tactile", "Namespace of nodes and topics, one for each sensor")
 LOG_LEVELS: Final = ("debug", "info", "warn", "error", "fatal")
 
 ARGUMENTS: Final = (
-    Argument(
+    Parameter(
         "source",
         "sim",
-        "Where scans come from: sim (simulated board), can (a board on a CAN bus), emulator (simulated board behind an "
-        "emulated slcan adapter: the whole wire path)",
-        ("sim", "can", "emulator"),
+        "Source of scans: sim (simulated board), can (board on a CAN bus), emulator (simulated board behind an "
+        "emulated slcan adapter, so that the whole communication link is used)",
+        choices=("sim", "can", "emulator"),
     ),
-    Argument("can_interface", "socketcan", "python-can interface of source:=can: socketcan, slcan, pcan, kvaser, ..."),
-    Argument("can_channel", "can0", "Channel of that interface: can0, /dev/ttyACM0, PCAN_USBBUS1, ..."),
-    Argument("can_bitrate", "0", "Nominal bitrate in bit/s; 0: as in the sensor file"),
-    Argument("can_fd", "auto", "CAN FD or classic CAN; auto: as in the sensor file", ("auto", *BOOLEAN)),
-    Argument("namespace", "tactile", "Namespace of nodes and topics, one for each sensor"),
-    Argument("sensor_file", "posfet_5x5", "Sensor description: a YAML file, or the name of a shipped one"),
-    Argument(
-        "calibration_file", "", "Calibration of this very sensor: a YAML file; empty: as params_file has it, or none"
-    ),
-    Argument("parent_frame", "", "TF frame that the array is mounted on; empty: no transform is broadcast"),
-    Argument("mount", "0 0 0 0 0 0", "Pose of the array in parent_frame: x y z [m] roll pitch yaw [rad]"),
-    Argument("params_file", "", "YAML file with node parameters; empty: config/parameters.yaml of this package"),
-    Argument("scene", "press_slide_lift", "What happens to the simulated board: a YAML file, or a shipped scene"),
-    Argument("imperfections", "default", "What the simulated board lacks of an ideal one: none, default, a YAML file"),
-    Argument(
-        "bus_interface",
-        "",
-        "python-can interface on which board and driver of source:=emulator meet: socketcan, udp_multicast, ...; "
-        "virtual needs composed:=true; empty: the emulated slcan adapter",
-    ),
-    Argument("bus_channel", "", "Channel of that interface"),
-    Argument("composed", "true", "All nodes in one process, the fastest way; false: a process for each", BOOLEAN),
-    Argument("log_level", "info", "Least severe log messages that are shown", LOG_LEVELS),
+    _for("can", CAN_INTERFACE),
+    _for("can", CAN_CHANNEL),
+    CAN_BITRATE,
+    CAN_FD,
+    NAMESPACE,
+    SENSOR_FILE,
+    _optional(CALIBRATION_FILE),
+    _optional(PARENT_FRAME),
+    MOUNT_POSE,
+    Parameter("params_file", "", "YAML file with node parameters", empty="config/parameters.yaml of package posfet"),
+    SCENE,
+    IMPERFECTIONS,
+    _for("emulator", BUS_INTERFACE),
+    _for("emulator", BUS_CHANNEL),
+    Parameter("composed", True, "Run all nodes in one process, which is fastest; false: one process for each node"),
+    Parameter("log_level", "info", "Lowest severity of the log messages shown", choices=LOG_LEVELS),
 )
 
 
+def choices(argument: Parameter) -> tuple[str, ...]:
+    """Return the texts allowed for an argument, empty for any text."""
+    return ("true", "false") if isinstance(argument.default, bool) else argument.choices
+
+
+def description(argument: Parameter) -> str:
+    """Return the description of an argument, with its range and unit if it has them."""
+    bounds = f", {argument.allowed}" if argument.bounded else ""
+    return f"{argument.summary}{bounds}"
+
+
 def defaults() -> dict[str, str]:
-    """Return every argument with its default."""
-    return {argument.name: argument.default for argument in ARGUMENTS}
+    """Return every argument with its default, as text."""
+    return {argument.name: argument.default_text for argument in ARGUMENTS}
 
 
 def parse(words: Sequence[str]) -> dict[str, str]:
     """Return every argument by name, from words `name:=value` and the defaults.
 
-    Raises ConfigError, one line, for an unknown argument, one given twice, or a value that is not a choice.
+    Raises ConfigError, one line, for an unknown argument, one given twice, or a value that is not allowed.
     """
     given: dict[str, str] = {}
     for word in words:
@@ -79,24 +86,32 @@ def parse(words: Sequence[str]) -> dict[str, str]:
 
 
 def check(values: dict[str, str]) -> dict[str, str]:
-    """Return `values` when each is an argument with an allowed value; raise ConfigError, one line, when not."""
+    """Return `values` if each is an argument with an allowed value; otherwise raise ConfigError, one line."""
     known = {argument.name: argument for argument in ARGUMENTS}
     for name, value in values.items():
         if name not in known:
             raise ConfigError(f"{name}: unknown argument, known are {', '.join(known)}")
-        choices = known[name].choices
-        if choices and value not in choices:
-            raise ConfigError(f"{name}: must be one of {', '.join(choices)}, got '{value}'")
-    bitrate = values["can_bitrate"]
-    if not bitrate.isdecimal() or int(bitrate) > HIGHEST_BITRATE:
-        raise ConfigError(f"can_bitrate: must be a whole number in [0, {HIGHEST_BITRATE}] bit/s, got '{bitrate}'")
+        if name == NAMESPACE.name:
+            checked_namespace(value)
+            continue
+        try:
+            known[name].parse(value)
+        except ValueError as error:
+            raise ConfigError(f"{name}: {error}") from error
     return values
+
+
+def node_parameters(values: Mapping[str, str], *arguments: Parameter) -> dict[str, Scalar]:
+    """Return `arguments` as node parameters: by name, with values of the parameter's type."""
+    return {argument.name: argument.parse(values[argument.name]) for argument in arguments}
 
 
 def describe() -> str:
     """Return every argument with its description, as `--show-args` prints it."""
     lines = ["Arguments (pass them as name:=value):"]
     for argument in ARGUMENTS:
-        choices = f" One of {', '.join(argument.choices)}." if argument.choices else ""
-        lines += ["", f"  {argument.name}", f"      {argument.description}.{choices} (default: '{argument.default}')"]
+        allowed = choices(argument)
+        options = f" One of {', '.join(allowed)}." if allowed else ""
+        lines += ["", f"  {argument.name}", f"      {description(argument)}.{options}"]
+        lines[-1] += f" (default: '{argument.default_text}')"
     return "\n".join(lines)

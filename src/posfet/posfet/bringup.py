@@ -1,4 +1,4 @@
-"""Starts the whole stack and shows it: `posfet bringup`, `ros2 run posfet bringup`, and the launch file's default."""
+"""Start the whole stack and display it: `posfet bringup`, `ros2 run posfet bringup`, default of the launch file."""
 
 from __future__ import annotations
 
@@ -17,30 +17,38 @@ from posfet_model.command_line import positive
 from posfet_model.config import ConfigError
 
 RUNNERS: Final = {"true": "posfet.composed_node", "false": "posfet.separate_node"}
-"""Module that runs the graph, by the argument `composed`; loaded late, so that bad arguments are answered at once."""
+"""Module that runs the graph, by the argument `composed`; imported late, so that bad arguments are reported at once."""
 BAD_INPUT = 1
 
 
 def default_params_file() -> str:
-    """Return the parameter file that is shipped."""
+    """Return the path of the shipped parameter file."""
     return f"{get_package_share_directory('posfet')}/config/parameters.yaml"
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run the stack until Ctrl-C or for the time asked for; return the exit code.
+    """Run the stack until Ctrl-C or for the time given, and return the exit code.
 
-    0 after a clean end; 1, with one line on stderr, for bad input, or when no scan arrived in the time asked for.
+    Parameters
+    ----------
+    words : sequence of str, optional
+        Command line without the program; that of the process by default.
+
+    Returns
+    -------
+    int
+        0 after a clean end; 1, with one line on stderr, for bad input, or if no scan arrived in the time given.
     """
     words = list(sys.argv[1:] if words is None else words)
-    if words[-1:] == ["--ros-args"]:  # launch adds it
+    if words[-1:] == ["--ros-args"]:  # added by launch
         words.pop()
     parser = argparse.ArgumentParser(prog="posfet bringup", description="Start the POSFET tactile stack.")
     parser.add_argument("arguments", nargs="*", metavar="name:=value", help="see --show-args")
     parser.add_argument("--for", dest="seconds", type=positive, default=math.inf, help="stop after this many seconds")
-    parser.add_argument("-s", "--show-args", action="store_true", help="print every argument and stop")
+    parser.add_argument("-s", "--show-args", action="store_true", help="print every argument and exit")
     if "--ros-args" in words:
         place = words.index("--ros-args")
-        parser.error(f"ROS arguments are not taken, got '{' '.join(words[place:])}': use name:=value (--show-args)")
+        parser.error(f"ROS arguments are not supported, got '{' '.join(words[place:])}': use name:=value (--show-args)")
     options = parser.parse_args(words)
     if options.show_args:
         print(describe())

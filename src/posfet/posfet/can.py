@@ -1,4 +1,4 @@
-"""`posfet can` with the simulated board as one of its interfaces (`-i emulator`)."""
+"""`posfet can`, with the simulated board as an additional interface (`-i emulator`)."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from posfet_model.sensor.description import Sensor
 
 @contextmanager
 def emulator(sensor: Sensor, channel: str, clock: Clock) -> Iterator[None]:
-    """Serve a simulated board with the default scene behind an emulated slcan adapter at the path `channel`."""
-    from posfet_sim.emulation.bus_peer import SimulatedBusPeer  # noqa: PLC0415  # only an emulation needs these
+    """Serve a simulated board with the default scene on an emulated slcan adapter at the path `channel`."""
+    from posfet_sim.emulation.bus_peer import SimulatedBusPeer  # noqa: PLC0415  # needed by the emulation only
     from posfet_sim.scene import DEFAULT_SCENE, load_scene  # noqa: PLC0415
 
     source = SimulatedBusPeer(sensor, load_scene(DEFAULT_SCENE, sensor), 0, channel, clock)

@@ -1,4 +1,4 @@
-"""The command `posfet`: finds the subcommand and loads nothing else."""
+"""The command `posfet`: imports and runs one subcommand."""
 
 from __future__ import annotations
 
@@ -7,38 +7,38 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Final
 
-from posfet_model.command_line import until_reader_goes
-from posfet_model.ros.start import end_in_order
+from posfet_model.command_line import ignoring_broken_pipe
+from posfet_model.ros.start import interrupt_on_signal
 
 COMMANDS: Final = {
-    "bringup": ("posfet.bringup", "start the stack: board or simulated board, driver, model"),
-    "sim": ("posfet_sim.commands.simulate", "run a scene on the simulated board, faster than real time, into a file"),
+    "bringup": ("posfet.bringup", "start the stack: real or simulated board, driver, model"),
+    "sim": ("posfet_sim.commands.simulate", "simulate a scene faster than real time and write it to a file"),
     "can": (
         "posfet.can",
-        "adapters and boards at the bench: list, monitor, command, record, replay, test",
+        "adapters and boards without a driver: list, monitor, command, record, replay, selftest",
     ),
     "calibrate": (
         "posfet_sim.commands.calibrate",
-        "press the simulated board taxel by taxel and write its calibration",
+        "fit a calibration from a recording, or for the simulated board, and write it to a file",
     ),
-    "score": ("posfet_sim.commands.score", "score the reconstruction on a scene of the simulated board"),
+    "score": ("posfet_sim.commands.score", "score the reconstruction against the ground truth of a simulated scene"),
     "view": ("posfet.view_node", "show the live force map and the contacts of a running stack"),
 }
-"""Subcommands: module whose `main` takes the remaining words and returns the exit code, and what it does."""
+"""Subcommands: the module whose `main` takes the remaining arguments and returns the exit code, and the purpose."""
 NODES: Final = {"bringup", "view"}
-"""Subcommands that ROS ends in order."""
+"""Subcommands with signal handling of their own."""
 INTERRUPTED: Final = 130
-"""Exit code after Ctrl-C or SIGTERM, as shells tell it."""
+"""Exit code after Ctrl-C or SIGTERM, by the convention of shells."""
 
 
 def usage() -> str:
     """Return the help text."""
     rows = [f"  {name:10}{purpose}" for name, (_, purpose) in COMMANDS.items()]
-    return "\n".join(["usage: posfet COMMAND [...]", "", *rows, "", "posfet COMMAND --help tells more."])
+    return "\n".join(["usage: posfet COMMAND [...]", "", *rows, "", "posfet COMMAND --help prints its options."])
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run one subcommand and return its exit code: 2, with one line, for no such command; 130 when interrupted."""
+    """Run one subcommand and return its exit code: 2, with one line, for an unknown command; 130 when interrupted."""
     words = sys.argv[1:] if words is None else words
     if not words or words[0] in {"-h", "--help"}:
         print(usage())
@@ -50,7 +50,7 @@ def main(words: Sequence[str] | None = None) -> int:
     try:
         run = import_module(module).main
         if words[0] not in NODES:
-            end_in_order()
-        return until_reader_goes(lambda: int(run(words[1:])))
+            interrupt_on_signal()
+        return ignoring_broken_pipe(lambda: int(run(words[1:])))
     except KeyboardInterrupt:
         return INTERRUPTED

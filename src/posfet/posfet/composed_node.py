@@ -1,4 +1,4 @@
-"""The whole graph in one process: the source of scans calls the model directly, no message in between."""
+"""The graph in one process: the source of scans calls the model directly, without a message in between."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from typing import Any, Final
 
 from rclpy.node import Node
 
+from posfet.display_loop import show
 from posfet.graph import NodeSpec
 from posfet.screen import Screen
-from posfet.show_node import show
 from posfet.snapshot import ContactView, Snapshot, TrueContact
 from posfet_driver.ros.scan_source_node import ScanSourceNode
 from posfet_model.contacts.tracker import Contact, ContactState
@@ -19,11 +19,17 @@ from posfet_model.ros.model_node import ModelNode
 from posfet_model.ros.run_node import ros
 
 CLASSES: Final = {"model_node": "ModelNode", "sim_board_node": "SimBoardNode", "driver_node": "DriverNode"}
-"""Class of each node, in the module that is named as its executable; what a graph does not need is not loaded."""
+"""Class of each node, in the module with the name of its executable; only the nodes of the graph are imported."""
 
 
 class Graph:
-    """The nodes of one graph, joined in this process. Raises ConfigError for a parameter or file of no use."""
+    """The nodes of one graph, connected within this process.
+
+    Raises
+    ------
+    ConfigError
+        If a parameter or file cannot be used.
+    """
 
     def __init__(self, specs: Sequence[NodeSpec]) -> None:
         self.nodes: dict[str, Node] = {}
@@ -44,13 +50,13 @@ class Graph:
         self._source.sink = self._model.process
 
     def start(self) -> None:
-        """Let scans flow; raises ConfigError when a source cannot be opened and trying again would not help."""
+        """Start the source of scans; raise ConfigError if it cannot be opened and a retry would not help."""
         for node in self.nodes.values():
             if isinstance(node, ScanSourceNode):
                 node.start()
 
     def destroy(self) -> None:
-        """End the sources, then the rest."""
+        """Destroy the sources first, then the other nodes."""
         for node in reversed(self.nodes.values()):
             node.destroy_node()
 
@@ -77,11 +83,11 @@ class Graph:
         )
 
     def state(self) -> str:
-        """Return what the source of scans says of itself."""
+        """Return the state of the source of scans, in one line."""
         return self._source.source.report().state
 
     def _truth(self, sequence: int) -> tuple[TrueContact, ...]:
-        """Where the scene touched in that scan: behind a bus, the model is some scans behind the board."""
+        """Return the true contacts of a scan; with a bus in between, the model is some scans behind the board."""
         objects = None if self._simulation is None else self._simulation.objects_in(sequence)
         if objects is None:
             return ()
@@ -105,9 +111,9 @@ def _view(contact: Contact) -> ContactView:
 
 
 def run(specs: Sequence[NodeSpec], seconds: float) -> int:
-    """Run the graph and show it for `seconds` [s] or until Ctrl-C; return the exit code.
+    """Run the graph and display it for `seconds` [s] or until Ctrl-C, and return the exit code.
 
-    Raises ConfigError, one line, for a parameter or file of no use.
+    Raises ConfigError, one line, if a parameter or file cannot be used.
     """
     with ros(["--ros-args", "--log-level", specs[0].log_level]) as stack:
         graph = Graph(specs)

@@ -1,4 +1,4 @@
-"""Which nodes run, with which parameters: one description for the launch file and for the `bringup` executable."""
+"""The nodes of a bring-up and their parameters, as data for the launch file and for the `bringup` executable."""
 
 from __future__ import annotations
 
@@ -9,19 +9,21 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from posfet.arguments import defaults
+from posfet.arguments import node_parameters
+from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE, DRIVER_NODE
 from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError, read_yaml
+from posfet_model.parameters import CALIBRATION_FILE, MODEL_NODE, MOUNT, MOUNT_POSE, SENSOR, Scalar
 from posfet_model.ros.mount import parse_mount
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.device.error_model import load_error_model
 from posfet_sim.emulation.adapter_lock import is_served
+from posfet_sim.parameters import ADAPTER_LINK, BUS_CHANNEL, BUS_INTERFACE, IMPERFECTIONS, SCENE, SIM_BOARD_NODE
 from posfet_sim.scene import load_scene
 
-Value = bool | int | float | str
-
-NODES: Final = ("model_node", "sim_board_node", "driver_node")
+NODES: Final = {"model_node": MODEL_NODE, "sim_board_node": SIM_BOARD_NODE, "driver_node": DRIVER_NODE}
+"""Parameters of each node, by the name of the node."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +36,12 @@ class NodeSpec:
     namespace: str
     params_file: str
     log_level: str
-    parameters: Mapping[str, Value] = field(default_factory=dict)
-    """Parameters of this start; they win over those of the file."""
+    parameters: Mapping[str, Scalar] = field(default_factory=dict)
+    """Parameters that override those of `params_file`."""
 
     @property
     def arguments(self) -> list[str]:
-        """Arguments of the ROS command line that start this node as described."""
+        """The node as arguments of the ROS command line."""
         words = ["--ros-args", "-r", f"__node:={self.executable}", "-r", f"__ns:=/{self.namespace}"]
         words += ["--log-level", self.log_level, "--params-file", self.params_file]
         for name, value in self.parameters.items():
@@ -47,7 +49,7 @@ class NodeSpec:
         return words
 
 
-def _yaml(value: Value) -> str:
+def _yaml(value: Scalar) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
@@ -56,14 +58,14 @@ def _yaml(value: Value) -> str:
 
 
 def check_params_file(path: str) -> None:
-    """Raise ConfigError, one line, unless `path` holds parameters of nodes of this stack; their values they check."""
+    """Raise ConfigError, one line, unless `path` holds parameters for nodes of this stack; nodes check the values."""
     if not Path(path).is_file():
         raise ConfigError(f"params_file: no such file: {path}")
     top = read_yaml(path)
     for name in top.names():
         node = name.rsplit("/", 1)[-1]
         if node not in {*NODES, "*", "**"}:
-            raise top.error(name, f"no such node, there are {', '.join(NODES)}")
+            raise top.error(name, f"no such node, known are {', '.join(NODES)}")
         section = top.section(name)
         section.section("ros__parameters")
         section.end()
@@ -77,67 +79,79 @@ def emulated_adapter(namespace: str) -> Path:
     return Path(folder) / name
 
 
-def _place(arguments: Mapping[str, str]) -> dict[str, Value]:
-    """Return where the array is mounted, nothing without a parent: then the parameter file may say so."""
-    parse_mount(arguments["mount"])
-    if arguments["parent_frame"]:
-        return {name: arguments[name] for name in ("parent_frame", "mount")}
-    if arguments["mount"] != defaults()["mount"]:
+def _mount(arguments: Mapping[str, str]) -> dict[str, Scalar]:
+    """Return the parameters of the mount, none without a parent frame: then the parameter file may give them."""
+    parse_mount(arguments[MOUNT_POSE.name])
+    mount = node_parameters(arguments, *MOUNT)
+    if mount["parent_frame"]:
+        return mount
+    if mount[MOUNT_POSE.name] != MOUNT_POSE.default:
         raise ConfigError("mount: needs parent_frame:=<frame that the array is mounted on>")
     return {}
 
 
-def _calibration(arguments: Mapping[str, str], sensor: Sensor) -> dict[str, Value]:
-    """Return which calibration the model uses, nothing without one: then the parameter file may say so."""
-    path = arguments["calibration_file"]
+def _calibration(arguments: Mapping[str, str], sensor: Sensor) -> dict[str, Scalar]:
+    """Return the parameter of the calibration, none without one: then the parameter file may give it."""
+    path = arguments[CALIBRATION_FILE.name]
     if not path:
         return {}
     load_calibration(path, sensor)
-    return {"calibration_file": path}
+    return {CALIBRATION_FILE.name: path}
 
 
-def _bus(arguments: Mapping[str, str], namespace: str) -> tuple[dict[str, Value], dict[str, Value]]:
-    """Return the bus as the driver is told of it, and as the simulated board is."""
-    interface, channel = arguments["bus_interface"], arguments["bus_channel"]
+def _bus(arguments: Mapping[str, str], namespace: str) -> tuple[dict[str, Scalar], dict[str, Scalar]]:
+    """Return the parameters of the bus for the driver and for the simulated board."""
+    interface, channel = arguments[BUS_INTERFACE.name], arguments[BUS_CHANNEL.name]
     if arguments["source"] != "emulator":
         if interface or channel:
             raise ConfigError("bus_interface: needs source:=emulator, the simulated board on a bus")
-        return {name: arguments[name] for name in ("can_interface", "can_channel")}, {"adapter_link": ""}
+        return node_parameters(arguments, CAN_INTERFACE, CAN_CHANNEL), {ADAPTER_LINK.name: ""}
     if interface:
-        board: dict[str, Value] = {"bus_interface": interface, "bus_channel": channel}
-        return {"can_interface": interface, "can_channel": channel}, {"adapter_link": "", **board}
+        board = node_parameters(arguments, BUS_INTERFACE, BUS_CHANNEL)
+        return {CAN_INTERFACE.name: interface, CAN_CHANNEL.name: channel}, {ADAPTER_LINK.name: "", **board}
     if channel:
         raise ConfigError("bus_channel: needs a bus_interface")
     adapter = str(emulated_adapter(namespace))
     if is_served(adapter):
         raise ConfigError(f"{adapter}: an emulated adapter is running here already; use another namespace")
-    return {"can_interface": "slcan", "can_channel": adapter}, {"adapter_link": adapter}
+    return {CAN_INTERFACE.name: "slcan", CAN_CHANNEL.name: adapter}, {ADAPTER_LINK.name: adapter}
 
 
 def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
-    """Return the nodes for bring-up `arguments`, the source of scans last, so that nobody misses its first one.
+    """Return the nodes for checked bring-up arguments.
 
-    Raises ConfigError when the namespace or a file cannot be used: said once here, not by every node.
+    The source of scans is last, so that its subscribers exist before its first scan.
+
+    Parameters
+    ----------
+    arguments : mapping of str to str
+        Every argument by name, as `posfet.arguments.parse` returns them.
+    params_file : str
+        Path of a YAML file with node parameters.
+
+    Raises
+    ------
+    ConfigError
+        If the namespace or a file cannot be used: one line here instead of one from every node.
     """
     namespace = checked_namespace(arguments["namespace"])
     check_params_file(params_file)
     source = arguments["source"]
-    described = load_sensor(arguments["sensor_file"])
+    sensor = load_sensor(arguments["sensor_file"])
     if source != "can":
-        load_scene(arguments["scene"], described)
-        load_error_model(arguments["imperfections"])
-    sensor: dict[str, Value] = {name: arguments[name] for name in ("sensor_file", "can_fd")}
-    bus, board = _bus(arguments, namespace)
+        load_scene(arguments[SCENE.name], sensor)
+        load_error_model(arguments[IMPERFECTIONS.name])
+    shared = node_parameters(arguments, *SENSOR)
+    driver_bus, board_bus = _bus(arguments, namespace)
 
-    def node(package: str, executable: str, parameters: Mapping[str, Value]) -> NodeSpec:
-        own = {**sensor, **parameters}
-        return NodeSpec(package, executable, namespace, params_file, arguments["log_level"], own)
+    def node(package: str, executable: str, parameters: Mapping[str, Scalar]) -> NodeSpec:
+        return NodeSpec(package, executable, namespace, params_file, arguments["log_level"], {**shared, **parameters})
 
-    known = {**_place(arguments), **_calibration(arguments, described)}
-    nodes = [node("posfet_model", "model_node", {"simulated": source != "can", **known})]
+    model = {"simulated": source != "can", **_mount(arguments), **_calibration(arguments, sensor)}
+    nodes = [node("posfet_model", "model_node", model)]
     if source != "can":
-        simulated = {name: arguments[name] for name in ("scene", "imperfections")}
-        nodes.append(node("posfet_sim", "sim_board_node", {**simulated, **board}))
+        board = node_parameters(arguments, SCENE, IMPERFECTIONS)
+        nodes.append(node("posfet_sim", "sim_board_node", {**board, **board_bus}))
     if source != "sim":
-        nodes.append(node("posfet_driver", "driver_node", {**bus, "can_bitrate": int(arguments["can_bitrate"])}))
+        nodes.append(node("posfet_driver", "driver_node", {**driver_bus, **node_parameters(arguments, CAN_BITRATE)}))
     return nodes

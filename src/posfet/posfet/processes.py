@@ -1,4 +1,4 @@
-"""The graph as one process per node."""
+"""One process for each node of the graph."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from posfet_model.config import ConfigError
 from posfet_model.ros.start import PARENT
 
 STOP_TIMEOUT = 5.0
-"""Time that the nodes are given to end before they are killed [s]."""
+"""Time for the nodes to shut down before they are killed [s]."""
 
 
 def executable(spec: NodeSpec) -> Path:
-    """Return the installed executable of a node; raise ConfigError when there is none."""
+    """Return the installed executable of a node; raise ConfigError if there is none."""
     try:
         path = Path(get_package_prefix(spec.package)) / "lib" / spec.package / spec.executable
     except PackageNotFoundError as error:
@@ -31,7 +31,7 @@ def executable(spec: NodeSpec) -> Path:
 
 
 class Processes:
-    """Starts the nodes when entered, and has ended every one of them when left."""
+    """Context manager that starts the nodes, and stops all of them at its end."""
 
     def __init__(self, specs: Sequence[NodeSpec]) -> None:
         self._commands = [[str(executable(spec)), *spec.arguments] for spec in specs]
@@ -40,7 +40,7 @@ class Processes:
     def __enter__(self) -> Processes:
         environment = {**os.environ, PARENT: str(os.getpid())}
         for command in self._commands:
-            # A session of its own: the terminal's Ctrl-C comes here alone, and the nodes end in order.
+            # A separate session: Ctrl-C in the terminal reaches this process only, which then stops the nodes.
             self._running.append(subprocess.Popen(command, start_new_session=True, env=environment))
         return self
 
@@ -57,9 +57,9 @@ class Processes:
                 process.wait()
 
     def ended(self) -> bool:
-        """Tell whether a node has ended by itself."""
+        """Return whether a node has ended by itself."""
         return any(process.poll() is not None for process in self._running)
 
     def failed(self) -> bool:
-        """Tell whether a node has ended with an exit code other than 0."""
+        """Return whether a node has ended with an exit code other than 0."""
         return any(process.returncode not in {None, 0} for process in self._running)

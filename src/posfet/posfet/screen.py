@@ -1,4 +1,4 @@
-"""Shows snapshots as they come: a picture where there is a terminal, one line a second elsewhere."""
+"""Display snapshots: a live display in a terminal, one line per second elsewhere."""
 
 from __future__ import annotations
 
@@ -11,19 +11,21 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from posfet.picture import render
+from posfet.live_display import render
 from posfet.snapshot import Record, SnapshotSource, line
 
-PICTURE_PERIOD = 0.1
+DISPLAY_PERIOD = 0.1
+"""Period of the live display [s]."""
 LINE_PERIOD = 1.0
+"""Period of the lines [s]."""
 RATE_WINDOW = 10
-"""Pictures over which the shown scan rate is taken."""
-FULL_SCALE_FLOOR = 0.2
-"""Least force [N] of the strongest colour, so that noise stays dark."""
+"""Number of snapshots over which the displayed scan rate is averaged."""
+MIN_FULL_SCALE = 0.2
+"""Smallest full scale of the colours [N], so that noise stays dark."""
 
 
 class Screen:
-    """A picture or lines, called again and again; a context manager that gives the terminal back."""
+    """Live display or lines; a context manager that restores the terminal."""
 
     def __init__(self, source: SnapshotSource, console: Console | None = None) -> None:
         self._source = source
@@ -33,7 +35,7 @@ class Screen:
         self._next = 0.0
         self._next_line = LINE_PERIOD
         self._rates: list[float] = []
-        self._full_scale = FULL_SCALE_FLOOR
+        self._full_scale = MIN_FULL_SCALE
         self.record = Record()
 
     def __enter__(self) -> Screen:
@@ -47,17 +49,17 @@ class Screen:
         self.close()
 
     def close(self) -> None:
-        """Give the terminal back; may be called twice."""
+        """Restore the terminal; may be called twice."""
         self._stack.close()
         self._live = None
         sys.stdout.flush()
 
     def update(self, now: float | None = None) -> None:
-        """Look at the source when it is time to; `now` is a monotonic time [s]. Cheap to call often."""
+        """Update the display if it is due; `now` is a monotonic time [s]. Cheap to call often."""
         now = time.monotonic() if now is None else now
         if now < self._next:
             return
-        self._next = now + PICTURE_PERIOD
+        self._next = now + DISPLAY_PERIOD
         snapshot = self._source.snapshot()
         if snapshot is None:
             return

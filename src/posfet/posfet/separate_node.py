@@ -1,13 +1,13 @@
-"""The graph as one process per node, shown from its topics."""
+"""The graph with one process for each node, displayed from its topics."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+from posfet.display_loop import show
 from posfet.graph import NodeSpec
 from posfet.processes import Processes
 from posfet.screen import Screen
-from posfet.show_node import show
 from posfet.view_node import ViewNode
 from posfet_model.ros.run_node import ros
 
@@ -15,9 +15,10 @@ FAILED = 1
 
 
 def run(specs: Sequence[NodeSpec], seconds: float) -> int:
-    """Run the nodes and show them for `seconds` [s], until Ctrl-C, or until one of them ends; return the exit code.
+    """Run the nodes and display them for `seconds` [s], until Ctrl-C, or until one ends, and return the exit code.
 
-    1 when a node failed, which has then said why. Raises ConfigError when an executable is not installed.
+    The exit code is 1 if a node failed, which then has printed the reason. Raises ConfigError if an executable is not
+    installed.
     """
     with ros([]) as stack:
         node = ViewNode(specs[0].namespace)

@@ -1,4 +1,4 @@
-"""What a person sees of the stack at one moment, and what is left to say at the end."""
+"""State of the stack at one time for display, and the summary of a run."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class ContactView:
-    """One contact as it is shown."""
+    """One contact for display."""
 
     id: int
     state: str
@@ -20,84 +20,85 @@ class ContactView:
     """Centre of pressure [m]."""
     y: float
     force: float
-    """Normal force [N], positive when pushed."""
+    """Normal force [N], positive for a push."""
     standard_deviation: float
-    """Of the force [N]."""
+    """Standard deviation of the force [N]."""
     area: float
-    """[m2]."""
+    """Contact area [m2]."""
     age: float
-    """[s]."""
+    """Time since the onset of the contact [s]."""
 
 
 @dataclass(frozen=True)
 class TrueContact:
-    """Where the scene touches the simulated sensor."""
+    """Ground truth of one contact on the simulated sensor."""
 
     x: float
-    """[m]"""
+    """Centre of pressure [m]."""
     y: float
     force: float
-    """[N]"""
+    """Normal force [N]."""
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The stack at one moment."""
+    """State of the stack at one time."""
 
     time: float
     """Monotonic time [s]."""
     scans: int
-    """Whole scans the model has worked on."""
+    """Scans processed by the model."""
     frames_lost: int
     """CAN frames lost; 0 without a bus."""
     scans_lost: int
-    """Scans that never reached the model."""
+    """Scans that did not reach the model."""
     rows: int
     cols: int
     force: NDArray[np.floating]
-    """Force on each taxel [N], shape [rows * cols]; NaN where not known."""
+    """Force on each taxel [N], shape [rows * cols]; NaN where unknown."""
     total_force: float
-    """[N]"""
+    """Sum of the forces [N]."""
     data_valid: bool
     contacts: tuple[ContactView, ...] = ()
     truth: tuple[TrueContact, ...] = ()
     state: str = ""
-    """What the source of scans says of itself."""
+    """State of the source of scans, in one line."""
 
 
 class SnapshotSource(Protocol):
-    """Something that can be asked for the newest snapshot."""
+    """Something that has a newest snapshot."""
 
     def snapshot(self) -> Snapshot | None:
         """Return the newest snapshot, or None before the first scan."""
         ...
 
 
-FORCE_COMPARED = 0.1
-"""True contacts below this force [N] are not compared: the first and last moments of a touch."""
+MIN_COMPARED_FORCE = 0.1
+"""Smallest true force of a contact whose position is compared [N]; excludes onset and release."""
 
 
 @dataclass
 class Record:
-    """What has been seen from the first snapshot on."""
+    """Statistics from the first snapshot on."""
 
     first: Snapshot | None = None
     last: Snapshot | None = None
     ids: set[int] = field(default_factory=set)
     errors: list[float] = field(default_factory=list)
-    """Distance of each true contact from the nearest reported one [m], sampled; infinite when there was none."""
+    """Centre-of-pressure error of each true contact in each snapshot [m]; infinite if no contact was reported."""
 
     def add(self, snapshot: Snapshot) -> float:
-        """Take in one snapshot and return the rate of scans since the one before [Hz], NaN for the first."""
+        """Add one snapshot and return the scan rate since the previous one [Hz], NaN for the first."""
         before, self.last = self.last, snapshot
         self.first = self.first or snapshot
         self.ids.update(contact.id for contact in snapshot.contacts)
         if snapshot.data_valid:
-            self.errors += [off_scene(snapshot, true) for true in snapshot.truth if true.force >= FORCE_COMPARED]
+            compared = [true for true in snapshot.truth if true.force >= MIN_COMPARED_FORCE]
+            self.errors += [position_error(snapshot, true) for true in compared]
         return rate(before, snapshot) if before else math.nan
 
     def summary(self) -> str:
-        """Return the closing line."""
+        """Return the summary in one line."""
         if self.first is None or self.last is None:
             return "posfet: no scan arrived"
         words = [
@@ -110,24 +111,34 @@ class Record:
         ]
         if self.errors:
             median, high = np.quantile(self.errors, [0.5, 0.95], method="nearest") * 1e3
-            words.append(f"centre of pressure off the scene's by {median:.3f} mm (median), {high:.3f} mm (95 %)")
+            words.append(f"centre-of-pressure error {median:.3f} mm (median), {high:.3f} mm (95 %)")
         return f"posfet: {', '.join(words)}"
 
 
 def rate(before: Snapshot, after: Snapshot) -> float:
-    """Return the rate of scans between two snapshots [Hz]."""
+    """Return the scan rate between two snapshots [Hz]."""
     elapsed = after.time - before.time
     return (after.scans - before.scans) / elapsed if elapsed > 0 else math.nan
 
 
-def off_scene(snapshot: Snapshot, true: TrueContact) -> float:
-    """Return the distance of a true contact from the nearest reported one [m], infinite when there is none."""
+def position_error(snapshot: Snapshot, true: TrueContact) -> float:
+    """Return the distance of a true contact from the nearest reported one [m], infinite if there is none."""
     distances = [math.hypot(contact.x - true.x, contact.y - true.y) for contact in snapshot.contacts]
     return min(distances, default=math.inf)
 
 
 def line(snapshot: Snapshot, elapsed: float, scan_rate: float) -> str:
-    """Return one line for people who watch without a terminal; times [s], rates [Hz]."""
+    """Return the snapshot in one line, for output that is no terminal.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+        What to print.
+    elapsed : float
+        Time since the start [s].
+    scan_rate : float
+        Scan rate [Hz].
+    """
     contacts = [
         f"#{contact.id} {contact.state} {contact.force:.2f} N at ({contact.x * 1e3:+.2f}, {contact.y * 1e3:+.2f}) mm"
         for contact in snapshot.contacts

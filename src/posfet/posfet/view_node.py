@@ -1,4 +1,4 @@
-"""Shows a running stack from its topics: `posfet view`."""
+"""Display a running stack from its topics: `posfet view`."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
 
+from posfet.display_loop import show
 from posfet.screen import Screen
-from posfet.show_node import show
 from posfet.snapshot import ContactView, Snapshot, TrueContact
 from posfet_model.command_line import checked_namespace, positive
 from posfet_model.config import ConfigError
@@ -23,14 +23,14 @@ from posfet_model.ros.run_node import ros
 from posfet_msgs.msg import TactileContacts, TactileImage, TactileTruth
 
 FAILED = 1
-KEPT = 100
-"""Messages of a topic that wait for those of the same scan on others."""
+HISTORY = 100
+"""Messages kept per topic, until those of the same scan arrive on the other topics."""
 
 
 class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
-    """Keeps the newest messages of one stack; they are looked at only when a snapshot is asked for.
+    """Keeps the newest messages of one stack, and converts them only when a snapshot is requested.
 
-    What was lost is taken from the diagnostics: messages that this node itself misses are none of the stack's.
+    Losses are read from the diagnostics: a message that this node misses is not a loss of the stack.
     """
 
     def __init__(self, namespace: str) -> None:
@@ -72,11 +72,11 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
         )
 
     def state(self) -> str:
-        """Return what the source of scans says of itself."""
+        """Return the state of the source of scans, in one line."""
         return self._state or f"nothing on {self.get_namespace()}/image and {self.get_namespace()}/contacts"
 
     def _take_image(self, message: TactileImage) -> None:
-        if self._image is None or message.sequence <= self._image.sequence:  # the first, or the board started anew
+        if self._image is None or message.sequence <= self._image.sequence:  # the first image, or the board restarted
             self._first_sequence = int(message.sequence)
             self._contacts.clear()
             self._truth.clear()
@@ -95,16 +95,16 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
                 continue
             if "frames lost" in values:
                 self._state = status.message
-                # The simulated board reports 0 beside the driver of an emulated adapter: the greater one counts.
+                # With an emulated adapter the simulated board reports 0 and the driver the losses: keep the larger.
                 self._frames_lost = max(self._frames_lost, int(values["frames lost"]))
             if "missed" in values:
                 self._scans_lost = int(values["missed"])
 
 
 def _keep(messages: dict[int, Any], message: Any) -> None:
-    """Keep the newest messages by sequence, so that those of one scan find each other."""
+    """Keep the newest messages by sequence, to match those of one scan."""
     messages[message.sequence] = message
-    if len(messages) > KEPT:
+    if len(messages) > HISTORY:
         del messages[next(iter(messages))]
 
 

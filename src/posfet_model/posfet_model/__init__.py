@@ -1,12 +1,26 @@
-"""POSFET tactile sensing: device physics, force estimation, contacts. Needs NumPy and PyYAML, not ROS.
+"""POSFET tactile sensing: device physics, force estimation and contact tracking. Needs NumPy and PyYAML, not ROS.
 
-What a program needs most stands here, and is loaded when it is first used; the rooms are subpackages:
+The names that most programs need are attributes of this package, and each subject is a subpackage. Both are imported on
+first use, so that ``import posfet_model`` itself loads nothing else.
+
+Examples
+--------
+Read the sensor description of a shipped array, and a property of the device:
 
 >>> import posfet_model
->>> posfet_model.load_sensor().layout.taxels
+>>> sensor = posfet_model.load_sensor()
+>>> sensor.layout.taxels
 25
 >>> print(f"{posfet_model.device.taxel.Taxel().volts_per_newton:.3f} V/N")
 0.894 V/N
+
+Feed scans to a reconstructor. It reuses its results; `snapshot` returns a copy that the next scan does not overwrite:
+
+>>> reconstructor = posfet_model.Reconstructor(sensor)
+>>> scan = posfet_model.Scan.empty(sensor.layout.id, sensor.layout.taxels)
+>>> result = reconstructor.process(scan).snapshot()
+>>> result.valid, len(result.contacts)
+(False, 0)
 """
 
 from __future__ import annotations
@@ -43,6 +57,7 @@ __all__ = [
     "Reconstructor",
     "Scan",
     "TaxelStatus",
+    "__version__",
     "amplifier",
     "calibration",
     "contacts",
@@ -68,7 +83,7 @@ _HOME: Final = {
 
 
 def __getattr__(name: str) -> Any:
-    """Load a name or a subpackage when it is first used; AttributeError for any other name."""
+    """Import a name or a subpackage on first use. Raises AttributeError for any other name."""
     if name in _HOME:
         return getattr(importlib.import_module(f"{__name__}.{_HOME[name]}"), name)
     if name in __all__:

@@ -1,4 +1,4 @@
-"""Words of a command line, checked; and a command whose reader may go."""
+"""Checks of command-line arguments, and a command whose output pipe may be closed."""
 
 from __future__ import annotations
 
@@ -13,23 +13,25 @@ from typing import Final
 from posfet_model.config import ConfigError
 
 _NAMESPACE: Final = re.compile(r"(?!.*__)[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
-"""Namespaces that ROS takes, and that start with no number."""
+"""Valid ROS namespaces."""
 
 
-def until_reader_goes(run: Callable[[], int]) -> int:
-    """Run a command and return its exit code: 1, without a word, when whoever reads its output has gone (`| head`)."""
+def ignoring_broken_pipe(run: Callable[[], int]) -> int:
+    """Run a command and return its exit code: 1, without a message, if its output pipe is closed (``| head``)."""
     try:
         code = run()
         sys.stdout.flush()
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python complains at its end
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # else Python reports it again at exit
         return 1
     return code
 
 
 def positive(text: str) -> float:
-    """Return a finite number above 0, such as a time [s]; argparse tells what is wrong with a bad one.
+    """Return a finite number above 0, such as a time [s], as an argparse type.
 
+    Examples
+    --------
     >>> positive("2.5")
     2.5
     """
@@ -43,7 +45,7 @@ def positive(text: str) -> float:
 
 
 def checked_namespace(given: str) -> str:
-    """Return a namespace without slashes around it; raise ConfigError when ROS would not take it."""
+    """Return a namespace without leading and trailing slashes; raise ConfigError if it is not valid in ROS."""
     namespace = given.strip("/")
     if not _NAMESPACE.fullmatch(namespace):
         raise ConfigError(f"namespace: must be names of a-z, A-Z, 0-9 and single _ joined by '/', got '{given}'")

@@ -1,4 +1,4 @@
-"""Reading of YAML files: every key is taken, checked and named, or the file is refused in one line."""
+"""YAML files with checked keys: a missing, unknown or invalid key gives an error of one line that names it."""
 
 from __future__ import annotations
 
@@ -14,15 +14,18 @@ from posfet_model._lib.validation import interval
 
 
 class ConfigError(ValueError):
-    """A file or parameter cannot be used; the message is one line: source, key, what is allowed, what was found."""
+    """Raised for a file or parameter that cannot be used.
+
+    The message is one line with the source, the key, what is allowed and what was found.
+    """
 
 
-# The parser in C takes a tenth of the time, 20 ms of a start; a PyYAML built without it has the other one only.
+# The parser in C takes a tenth of the time, which saves 20 ms at start-up; not every build of PyYAML has it.
 _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
-class _UniqueKeyLoader(_SafeLoader):  # type: ignore[misc]  # which of the two is known at run time only
-    """SafeLoader that refuses a key given twice instead of keeping the last one."""
+class _UniqueKeyLoader(_SafeLoader):  # type: ignore[misc]  # known at run time only
+    """SafeLoader that raises an error for a repeated key instead of keeping the last value."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         seen: set[object] = set()
@@ -43,7 +46,22 @@ _REQUIRED: Final = object()
 class Section:
     """One mapping of a YAML file, read key by key.
 
-    Each reader takes its key out; `end` then refuses what is left. `source` names the file in messages.
+    Each method removes its key; `end` then raises an error if a key is left.
+
+    Parameters
+    ----------
+    source : str
+        File name for error messages.
+    key : str
+        Path of the mapping in the file, '' for the top level.
+    value : object
+        The mapping as YAML gives it.
+
+    Raises
+    ------
+    ConfigError
+        If `value` is not a mapping. Every method raises it for a missing key without a default, and for a value that is
+        not allowed.
     """
 
     def __init__(self, source: str, key: str, value: object) -> None:
@@ -55,7 +73,7 @@ class Section:
         self._known: dict[str, None] = {}  # in order
 
     def error(self, name: str, reason: str) -> ConfigError:
-        """Return the error for key `name` of this section ('' for the section itself)."""
+        """Return the error for the key `name` of this section, '' for the section itself."""
         path = ".".join(part for part in (self.key, name) if part)
         return ConfigError(f"{self.source}: {path}: {reason}" if path else f"{self.source}: {reason}")
 
@@ -64,7 +82,7 @@ class Section:
         return name in self._values
 
     def names(self) -> list[str]:
-        """Return the keys that nobody has taken yet."""
+        """Return the keys that have not been read yet."""
         return list(self._values)
 
     def _take(self, name: str, default: object, expected: str) -> object:
@@ -84,12 +102,12 @@ class Section:
         exclusive: bool = False,
         default: object = _REQUIRED,
     ) -> float:
-        """Take a finite number in [low, high], or in (low, high) with `exclusive`."""
+        """Return a finite number in [low, high], or in (low, high) with `exclusive`."""
         expected = f"a number in {interval(low, high, exclusive)}"
         return self._checked_number(name, self._take(name, default, expected), low, high, exclusive, expected)
 
     def numbers(self, name: str, count: int, low: float = -math.inf, high: float = math.inf) -> tuple[float, ...]:
-        """Take a list of `count` finite numbers, each in [low, high]."""
+        """Return a list of `count` finite numbers, each in [low, high]."""
         expected = f"a list of {count} numbers in {interval(low, high)}"
         value = self._take(name, _REQUIRED, expected)
         if not isinstance(value, list) or len(value) != count:
@@ -108,7 +126,7 @@ class Section:
         return float(value)
 
     def whole(self, name: str, low: int, high: int, *, default: object = _REQUIRED) -> int:
-        """Take a whole number in [low, high]."""
+        """Return a whole number in [low, high]."""
         expected = f"a whole number in [{low}, {high}]"
         value = self._take(name, default, expected)
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
@@ -116,7 +134,7 @@ class Section:
         return value
 
     def wholes(self, name: str, low: int, high: int) -> list[int]:
-        """Take a list of any number of whole numbers, each in [low, high]."""
+        """Return a list of any length of whole numbers, each in [low, high]."""
         expected = f"a list of whole numbers in {interval(low, high)}"
         value = self._take(name, _REQUIRED, expected)
         if not isinstance(value, list) or any(
@@ -126,14 +144,14 @@ class Section:
         return list(value)
 
     def flag(self, name: str, *, default: object = _REQUIRED) -> bool:
-        """Take true or false."""
+        """Return true or false."""
         value = self._take(name, default, "true or false")
         if not isinstance(value, bool):
             raise self.error(name, f"must be true or false, got {_shown(value)}")
         return value
 
     def text(self, name: str, choices: Sequence[str] = (), *, default: object = _REQUIRED) -> str:
-        """Take a text of one line, without the spaces around it; one of `choices` when any are given."""
+        """Return a text of one line without surrounding spaces; one of `choices` if any are given."""
         expected = f"one of {', '.join(choices)}" if choices else "text"
         value = self._take(name, default, expected)
         if not isinstance(value, str) or (choices and value not in choices):
@@ -143,12 +161,12 @@ class Section:
         return value.strip()
 
     def section(self, name: str) -> Section:
-        """Take a mapping."""
+        """Return a mapping."""
         value = self._take(name, _REQUIRED, "a mapping of keys to values")
         return Section(self.source, ".".join(part for part in (self.key, name) if part), value)
 
     def sections(self, name: str) -> list[Section]:
-        """Take a list of mappings."""
+        """Return a list of mappings."""
         value = self._take(name, _REQUIRED, "a list of mappings")
         if not isinstance(value, list):
             raise self.error(name, f"must be a list of mappings, got {_shown(value)}")
@@ -156,7 +174,7 @@ class Section:
         return [Section(self.source, f"{prefix}{name}[{index}]", item) for index, item in enumerate(value)]
 
     def end(self) -> None:
-        """Refuse the keys that nobody took."""
+        """Raise ConfigError if a key has not been read."""
         if self._values:
             name = sorted(self._values)[0]
             raise self.error(name, f"unknown key, known here are {', '.join(self._known)}")
@@ -176,11 +194,14 @@ def _reads_as_number(text: str) -> bool:
 
 
 def read_yaml(path: str | Path) -> Section:
-    """Return the top mapping of a YAML file.
+    """Return the top-level mapping of a YAML file.
 
-    Raises ConfigError, one line, when the file cannot be read, is not YAML, or repeats a key.
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, is not valid YAML, or has a repeated key.
     """
-    if Path(path).is_char_device() or Path(path).is_fifo():  # which may have no end
+    if Path(path).is_char_device() or Path(path).is_fifo():  # reading these may never end
         raise ConfigError(f"{path}: cannot be read: not a regular file")
     try:
         text = Path(path).read_text(encoding="utf-8")
@@ -193,15 +214,27 @@ def read_yaml(path: str | Path) -> Section:
         mark = error.problem_mark
         place = f" (line {mark.line + 1}, column {mark.column + 1})" if mark else ""
         raise ConfigError(f"{path}: is not valid YAML: {error.problem}{place}") from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # an impossible date, a bad tag, endless nesting
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # an impossible date, a bad tag, recursive nesting
         raise ConfigError(f"{path}: is not valid YAML: {' '.join(str(error).split())}") from error
     return Section(str(path), "", value)
 
 
 def find_file(name: str, folder: Path, kind: str) -> Path:
-    """Return the path of a shipped file given by its bare name, or `name` itself when it is a path.
+    """Return the path of a YAML file.
 
-    Raises ConfigError naming the shipped ones when there is no such file.
+    Parameters
+    ----------
+    name : str
+        Path of a file, or bare name of a shipped one.
+    folder : Path
+        Folder of the shipped files.
+    kind : str
+        What the file describes, for the error message.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such file; the message lists the shipped ones.
     """
     path = Path(name).expanduser()
     if path.suffix or path.parent != Path():

@@ -380,7 +380,7 @@ def test_a_driver_that_is_not_configured_takes_no_command(bench: Bench, link: Pa
         ({"can_interface": "slcam"}, "CAN interface must be one of .*, got 'slcam'"),
         ({"can_options": ["nonsense=1"]}, "interface 'slcan' has no option 'nonsense', known are .*listen_only"),
         ({"can_fd": "perhaps"}, "can_fd: must be one of auto, true, false, got 'perhaps'"),
-        ({"can_bitrate": -1}, r"can_bitrate: must be a whole number in \[0, 1e\+06\], got -1"),
+        ({"can_bitrate": -1}, r"can_bitrate: must be a whole number in \[0, 1000000\] bit/s, got -1"),
         ({"sensor_file": "nosuch"}, "nosuch: no such sensor"),
     ],
 )

@@ -24,7 +24,7 @@ from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.ros.contacts_cdr import ContactsBytes
 from posfet_model.ros.conversions import ContactsMessage, contacts_writer
 from posfet_model.ros.model_node import ModelNode
-from posfet_model.ros.subscriptions import Listeners
+from posfet_model.ros.subscriptions import SubscriptionCache
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import ForwardSignalChain
@@ -112,8 +112,8 @@ def test_what_can_wait_is_done_after_the_contacts_are_out() -> None:
     node = ModelNode(context=context)
     try:
         observer, due = node._reconstructor._observer, []
-        node._listeners._heard.add(node._contacts)
-        node._listeners._next = time.monotonic_ns() + round(DEADLINE * 1e9)
+        node._subscription_cache._subscribed.add(node._contacts)
+        node._subscription_cache._next_refresh = time.monotonic_ns() + round(DEADLINE * 1e9)
         node._contacts.publish = lambda _: due.append(observer.block_due)
         scan = Scan.empty(1, 25)
         for index, counts in enumerate(played(touched=False, count=101)):
@@ -135,12 +135,12 @@ def test_subscribers_are_looked_up_one_publisher_at_a_time() -> None:
             return self.looked_up % 2
 
     publishers = [Counted() for _ in range(5)]
-    listeners = Listeners(*publishers)
+    listeners = SubscriptionCache(*publishers)
     start = 10**12
-    assert listeners.at(start) == set(publishers), "all of them before the first message"
+    assert listeners.subscribed(start) == set(publishers), "all of them before the first message"
     for now in range(start + 1_000_000, start + 1_000_000_000, 1_000_000):
         before = sum(one.looked_up for one in publishers)
-        heard = listeners.at(now)
+        heard = listeners.subscribed(now)
         assert sum(one.looked_up for one in publishers) - before <= 1
         assert heard == {one for one in publishers if one.looked_up % 2}
     assert all(10 <= one.looked_up <= 11 for one in publishers)

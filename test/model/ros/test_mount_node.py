@@ -17,7 +17,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from posfet_model.config import ConfigError
-from posfet_model.ros.mount_node import MOUNT, broadcast_mount
+from posfet_model.parameters import MOUNT
+from posfet_model.ros.mount_node import broadcast_mount
 from posfet_model.ros.ros_parameters import declare
 
 pytestmark = pytest.mark.ros

@@ -119,7 +119,7 @@ def test_a_gain_that_looks_like_decibels_is_noted_beside_the_json(capsys, gain: 
     assert err.count("\n") == 1 + noted
     if noted:
         a0 = float(gain)
-        assert f"--gain {a0:g} is taken for an open-loop gain in V/V, not dB" in err
+        assert f"--gain {a0:g} is read as an open-loop gain in V/V, not dB" in err
         assert f"{a0 / (1 + a0):.6g} V/V" in err
 
 
@@ -171,7 +171,7 @@ def test_the_overdrive_can_be_measured_on_another_run(tmp_path: Path, capsys) ->
     assert (code, "measured on other.csv" in err) == (0, True)
     assert json.loads(out)["square_law_slew"]["calibrated"]["max_pct"] <= 0.05
     for other, reason in (
-        (files[0], "another run than the one that is judged"),
+        (files[0], "another run than the one that is compared"),
         (path("opamp_b", "press"), "must be a run that slews"),
         (tmp_path / "none.csv", "cannot be read"),
     ):
@@ -244,8 +244,8 @@ def test_a_file_that_cannot_be_read_is_one_line(tmp_path: Path, capsys) -> None:
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
-        (["--gain", "0.99"], "belong together"),
-        (["--bandwidth", "1e6"], "belong together"),
+        (["--gain", "0.99"], "must be given together"),
+        (["--bandwidth", "1e6"], "must be given together"),
         (["--gain", "3", "--bandwidth", "1e6"], "--gain must be in"),
         (["--gain", "0", "--bandwidth", "1e6"], "--gain must be in"),
         (["--gain=-1", "--bandwidth", "1e6"], "--gain must be in"),
@@ -260,7 +260,7 @@ def test_a_file_that_cannot_be_read_is_one_line(tmp_path: Path, capsys) -> None:
         (["--gain", "0.99", "--bandwidth", "1e6", "--gain-bandwidth", "0"], "--gain-bandwidth must be in"),
         (
             ["--gain", "0.99", "--bandwidth", "1e6", "--overdrive", "1", "--overdrive-from", "x.csv"],
-            "exclude each other",
+            "cannot be combined",
         ),
         (["--gain", "0.99", "--bandwidth", "1e6", "--overdrive", "0"], "--overdrive must be in"),
     ],
@@ -284,7 +284,7 @@ def test_help_says_what_gain_and_bandwidth_are(capsys) -> None:
         spice_compare.main(["--help"])
     assert left.value.code == 0
     text = " ".join(capsys.readouterr().out.split())
-    for words in ("starts at rest", "gain of the follower at low frequency", "3 dB below", "peak-to-peak"):
+    for words in ("steady state", "gain of the follower at low frequency", "-3 dB bandwidth", "peak-to-peak"):
         assert words in text
 
 

@@ -12,9 +12,9 @@ from posfet_driver.board.command_queue import CommandError
 from posfet_driver.bus.open_bus import bus_settings
 from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.clock import Clock
+from posfet_driver.parameters import DRIVER_NODE
 from posfet_driver.protocol.messages import Command
 from posfet_driver.ros.scan_source_node import ScanSourceNode
-from posfet_model.ros.ros_parameters import Parameter
 from posfet_model.ros.run_node import run_node
 from posfet_model.sensor.description import Sensor
 from posfet_msgs.srv import BoardCommand
@@ -25,20 +25,12 @@ RESPONSE_TIMEOUT = 0.5
 SUBSCRIBER_TIMEOUT = 2_000_000_000
 """Time after which the board is started without a subscriber, for its diagnostics and commands [ns]."""
 
-PARAMETERS = (
-    Parameter("can_interface", "socketcan", "Interface of python-can; slcan is the buffered reader of this package"),
-    Parameter("can_channel", "can0", "Channel: can0, /dev/ttyACM0, ...; a serial port may be a pattern: /dev/ttyACM*"),
-    Parameter("can_bitrate", 0, "Nominal bitrate [bit/s]; 0: as in the sensor file", 0, 1_000_000),
-    Parameter("can_data_bitrate", 0, "Bitrate of the data phase of CAN FD [bit/s]; 0: as in the file", 0, 8_000_000),
-    Parameter("can_options", [""], "Further options of the interface, each as key=value"),
-)
-
 
 class DriverNode(ScanSourceNode):
     """Publishes the scans of a board on a CAN bus."""
 
     def __init__(self, clock: Clock | None = None, **node_arguments: Any) -> None:
-        super().__init__("driver_node", PARAMETERS, clock, **node_arguments)
+        super().__init__("driver_node", DRIVER_NODE, clock, **node_arguments)
         self._start_at = 0
         self._commands = self.create_service(BoardCommand, "command", self._command)
 

@@ -16,15 +16,16 @@ from posfet_driver.board.fault_monitor import FaultMonitor, changes
 from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.board.scan_source import ManagedDevice, ScanSource, SourceError, SourceReport
 from posfet_driver.clock import Clock, SystemClock
+from posfet_driver.parameters import SCAN_SOURCE_NODE
 from posfet_driver.ros.conversions import RawMessage, report_diagnostics
 from posfet_model.config import ConfigError
-from posfet_model.ros.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_frame, declared_sensor
-from posfet_model.ros.subscriptions import Listeners
+from posfet_model.parameters import Parameter
+from posfet_model.ros.ros_parameters import declare, declared_frame, declared_sensor
+from posfet_model.ros.subscriptions import SubscriptionCache
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileRaw
 
-AUTOSTART = Parameter("autostart", True, "Configure and activate at start-up; false: wait for lifecycle transitions")
 RAW_DEPTH = 1000
 """Depth of the publisher's queue: one second of scans for a delayed subscriber."""
 READ_TIMEOUT = 0.1
@@ -76,7 +77,11 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     source: ManagedDevice
 
     def __init__(
-        self, node_name: str, parameters: Sequence[Parameter] = (), clock: Clock | None = None, **node_arguments: Any
+        self,
+        node_name: str,
+        parameters: Sequence[Parameter] = SCAN_SOURCE_NODE,
+        clock: Clock | None = None,
+        **node_arguments: Any,
     ) -> None:
         super().__init__(node_name, **node_arguments)
         self.clock = clock or SystemClock()
@@ -85,7 +90,7 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         self.sink: Callable[[Scan], None] | None = None
         """Called with every scan in the data thread, before anything is published; set it while inactive."""
         try:
-            self.parameters = declare(self, (*SENSOR, FRAME_ID, AUTOSTART, *parameters))
+            self.parameters = declare(self, parameters)
             self.sensor = declared_sensor(self.parameters)
             self.source = self.make_source(self.sensor, self.parameters)
         except ConfigError:
@@ -94,7 +99,7 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         self.frame_id = declared_frame(self, self.parameters)
         self._raw_message = RawMessage(self.sensor.layout, self.frame_id)
         self._raw = self.create_publisher(TactileRaw, "raw", RAW_DEPTH)
-        self._raw_listeners = Listeners(self._raw)
+        self._raw_listeners = SubscriptionCache(self._raw)
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", QoSProfile(depth=10))
         self._report_timer = self.create_timer(REPORT_PERIOD, self._report, autostart=False)
         self._thread: threading.Thread | None = None

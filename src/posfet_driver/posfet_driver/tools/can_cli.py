@@ -16,11 +16,12 @@ from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.scan_source import SourceError
 from posfet_driver.bus.open_bus import one_line
 from posfet_driver.clock import Clock, SystemClock
+from posfet_driver.parameters import CAN_BITRATE, CAN_DATA_BITRATE, CAN_OPTIONS
 from posfet_driver.protocol.messages import Command
 from posfet_driver.tools.bus_options import EMULATOR, Emulator
 from posfet_model.command_line import positive
 from posfet_model.config import ConfigError
-from posfet_model.sensor.description import DEFAULT_SENSOR, FRAME_CHOICES
+from posfet_model.parameters import CAN_FD, SENSOR_FILE
 
 FAILED: Final = 1
 INTERRUPTED: Final = 130
@@ -66,16 +67,11 @@ def _add_bus(parser: argparse.ArgumentParser, interface: str) -> None:
     described = f"python-can interface, or {EMULATOR}: a simulated board (default: {interface or 'all'})"
     parser.add_argument("-i", "--interface", default=interface, help=described)
     parser.add_argument("-c", "--channel", default="", help="can0, /dev/ttyACM0, ... (default: can0 with socketcan)")
-    parser.add_argument("-s", "--sensor", default=DEFAULT_SENSOR, help=f"sensor file (default: {DEFAULT_SENSOR})")
-    parser.add_argument("--fd", choices=FRAME_CHOICES, default="auto", help="frames (default: as in the sensor file)")
-    parser.add_argument("--bitrate", type=_word, default=0, help="nominal bit rate (default: as in the sensor file)")
-    parser.add_argument(
-        "--data-bitrate",
-        type=_word,
-        default=0,
-        help="CAN FD data bit rate (default: as in the file)",
-    )
-    parser.add_argument("-o", "--option", action="append", default=[], help="key=value for the interface")
+    parser.add_argument("-s", "--sensor", default=SENSOR_FILE.default, help=SENSOR_FILE.help)
+    parser.add_argument("--fd", choices=CAN_FD.choices, default=CAN_FD.default, help=CAN_FD.help)
+    parser.add_argument("--bitrate", type=_word, default=CAN_BITRATE.default, help=CAN_BITRATE.help)
+    parser.add_argument("--data-bitrate", type=_word, default=CAN_DATA_BITRATE.default, help=CAN_DATA_BITRATE.help)
+    parser.add_argument("-o", "--option", action="append", default=[], help=CAN_OPTIONS.description)
 
 
 def _word(text: str) -> int:

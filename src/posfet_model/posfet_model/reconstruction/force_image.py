@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +53,10 @@ def non_negative(force: NDArray[np.float64], variance: NDArray[np.float64]) -> N
 
 @dataclass(slots=True)
 class ForceImage:
-    """Forces of all taxels, shapes [rows * cols], row by row. Reused: each update overwrites it."""
+    """Forces of all taxels, shapes [rows * cols], row by row.
+
+    A reconstructor reuses the same object for every image: `snapshot` returns a copy that stays.
+    """
 
     force: NDArray[np.float32]
     """Force [N], positive when pushed; non-negative in and around contacts; NaN: unknown."""
@@ -65,3 +68,12 @@ class ForceImage:
     """Sum of the known forces [N]; NaN: all are unknown."""
     total_standard_deviation: float
     """Standard uncertainty of the sum [N]; NaN: unknown."""
+
+    def snapshot(self) -> ForceImage:
+        """Return an independent copy, which the next image does not overwrite."""
+        return replace(
+            self,
+            force=self.force.copy(),
+            standard_deviation=self.standard_deviation.copy(),
+            status=self.status.copy(),
+        )

@@ -31,7 +31,10 @@ MOST_IMPLAUSIBLE: Final = 10
 
 @dataclass(slots=True)
 class Reconstruction:
-    """Result of the last scan. Reused: each scan overwrites it, so readers copy what they keep."""
+    """Result of the last scan.
+
+    A reconstructor reuses the same object for every scan: `snapshot` returns a copy that stays.
+    """
 
     accepted: bool
     """False: the scan was refused."""
@@ -50,6 +53,10 @@ class Reconstruction:
     """Vibration and slip of each contact that is not released, by its id."""
     saturated: int
     """Number of taxels at the end of their range."""
+
+    def snapshot(self) -> Reconstruction:
+        """Return an independent copy, which the next scan does not overwrite."""
+        return replace(self, motions={number: replace(motion) for number, motion in self.motions.items()})
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from posfet_model.sensor.description import Sensor
@@ -58,6 +58,10 @@ class ScanCounts:
     """Jumps of the board clock; the interval is taken from the sequence."""
     gaps: int = 0
     """Interruptions: intervals too long to track the force."""
+
+    def snapshot(self) -> ScanCounts:
+        """Return an independent copy, which later scans do not change."""
+        return replace(self)
 
 
 class ScanClock:

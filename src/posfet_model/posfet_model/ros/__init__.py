@@ -1,1 +1,1 @@
-"""The model node and everything else that needs ROS."""
+"""The model node, message conversion and node start-up: the only subpackage that imports ROS."""

@@ -1,8 +1,8 @@
-"""A TactileContacts as bytes: what never changes is written once, the rest is patched in place.
+"""Serialise TactileContacts: constant parts are prepared once, variable parts are written into one buffer.
 
-Little-endian CDR, encoding version 1 (OMG, DDS-XTypes 1.3, section 7.4.3), in which alignment counts from behind the
-four bytes that tell the encoding. Before it is used it is compared with what the middleware makes of the same contacts
-(`conversions.contacts_writer`).
+Little-endian CDR, encoding version 1 (OMG, DDS-XTypes 1.3, section 7.4.3), with alignment relative to the end of the
+four-byte encapsulation header. Before it is used, the result is compared with that of the middleware for the same
+contacts (`conversions.contacts_writer`).
 """
 
 from __future__ import annotations
@@ -25,27 +25,27 @@ ENCODING: Final = b"\x00\x01\x00\x00"
 _LENGTH: Final = struct.Struct("<I")
 _END: Final = struct.Struct("<ff?")
 
-_ROOM: Final = 64
-"""Bytes behind the last contact that are enough for what follows."""
+_RESERVE: Final = 64
+"""Bytes reserved after the last contact, enough for the rest of the message."""
 
 
 class ContactsBytes:
-    """Serialises the contacts of one array, again and again into the same buffer."""
+    """Serialises the contacts of one array, with one buffer for all messages."""
 
     def __init__(self, sensor: Sensor, frame_id: str) -> None:
         self._place = placement_on(Surface.of(sensor.layout))
         self._limits = sensor.contact.threshold, sensor.contact.deadband
         frame, name = _text(frame_id), _text(sensor.name)
-        # Behind the stamp 8 bytes are aligned as they are behind the encoding, so gaps are of whole groups of 8.
-        self._before_sequence = _gap(frame, 4) + _LENGTH.pack(sensor.layout.id)
+        # The stamp takes 8 bytes, so that alignment after it is the same as after the encapsulation header.
+        self._before_sequence = _padded(frame, 4) + _LENGTH.pack(sensor.layout.id)
         self._before_sequence += bytes(-len(self._before_sequence) % 8)
-        self._before_count = _gap(name, 4)
+        self._before_count = _padded(name, 4)
         begin = f"<4siI{len(self._before_sequence)}sQ{len(self._before_count)}sI"
         self._begin, self._empty = struct.Struct(begin), struct.Struct(begin + "ff?")
-        self._buffer = bytearray(self._begin.size + _ROOM)
+        self._buffer = bytearray(self._begin.size + _RESERVE)
 
     def fill(self, result: Reconstruction) -> bytes:
-        """Return the message of the contacts of a scan."""
+        """Return the serialised message for the contacts of a scan."""
         contacts, stamp = result.contacts, result.stamp
         begin = (
             ENCODING, stamp // NANOSECONDS, stamp % NANOSECONDS,
@@ -62,21 +62,21 @@ class ContactsBytes:
         return bytes(buffer[: at + _END.size])
 
     def _write(self, at: int, contact: Contact, motion: Motion) -> int:
-        """Write one contact from byte `at` on; return where it ends."""
+        """Write one contact at byte offset `at` and return the offset of its end."""
         region, buffer = contact.region, self._buffer
         taxels = region.taxels.tolist()
         merged = contact.merged_ids if contact.merged else ()
-        form = _form((at - len(ENCODING)) % 8, len(merged), len(taxels))
-        if at + form.size + _ROOM > len(buffer):
-            buffer += bytes(at + form.size + _ROOM - len(buffer))
+        layout = _layout((at - len(ENCODING)) % 8, len(merged), len(taxels))
+        if at + layout.size + _RESERVE > len(buffer):
+            buffer += bytes(at + layout.size + _RESERVE - len(buffer))
         head, tail = self._place(contact)
         age = round(contact.age * NANOSECONDS)
-        form.pack_into(
+        layout.pack_into(
             buffer, at, contact.id, contact.state, len(merged), *merged, contact.split_from,
             *head, math.sqrt(region.force_variance), region.area, region.peak_pressure, *tail,
             motion.slipping, motion.vibration, age // NANOSECONDS, age % NANOSECONDS, len(taxels), *taxels,
         )  # fmt: skip
-        return at + form.size
+        return at + layout.size
 
 
 def _text(text: str) -> bytes:
@@ -84,14 +84,14 @@ def _text(text: str) -> bytes:
     return _LENGTH.pack(len(data)) + data
 
 
-def _gap(data: bytes, alignment: int) -> bytes:
-    """Return data that begin aligned, with the zeros up to what comes next."""
+def _padded(data: bytes, alignment: int) -> bytes:
+    """Return data padded with zeros to a multiple of `alignment`."""
     return data + bytes(-len(data) % alignment)
 
 
 @lru_cache(maxsize=256)
-def _form(at: int, merged: int, taxels: int) -> struct.Struct:
-    """Return the form of a contact with so many ids merged in it and so many taxels, from byte `at` of eight on."""
+def _layout(at: int, merged: int, taxels: int) -> struct.Struct:
+    """Return the layout of a contact at byte offset `at` modulo 8, with numbers of merged ids and of taxels."""
     first = -at % 4
     second = -(at + first + 16 + 4 * merged) % 8  # the centre of pressure is aligned to 8
     return struct.Struct(f"<{first}xIB3xI{merged}II{second}x21d3f4x9d?3xfiII{taxels}H")

@@ -1,4 +1,4 @@
-"""Scans and reconstructions as ROS messages. Each message is made once and filled again and again."""
+"""Conversion between ROS messages and scans or reconstructions. Each message object is reused for every scan."""
 
 from __future__ import annotations
 
@@ -37,31 +37,29 @@ from posfet_msgs.msg import (
 )
 
 FOREIGN_LAYOUT = 0
-"""Stands for a layout that is none: those of sensors begin at 1."""
-
-"""Stands for the motion of a contact that was released."""
+"""Layout id that no sensor has: theirs begin at 1."""
 
 LARGEST_INT32 = 0x7FFF_FFFF
 
 
 def set_stamp(stamp: Time, nanoseconds: int) -> None:
-    """Set a message's time to nanoseconds since the Unix epoch."""
+    """Set the time of a message to `nanoseconds` since the Unix epoch."""
     stamp.sec, stamp.nanosec = divmod(nanoseconds, NANOSECONDS)
 
 
 class ScanReader:
-    """TactileRaw messages as scans."""
+    """Reads TactileRaw messages as scans."""
 
     def __init__(self, layout: Layout) -> None:
         self._shape = layout.rows, layout.cols
         self._scan = Scan.empty(layout.id, layout.taxels)
 
     def read(self, message: TactileRaw) -> Scan:
-        """Return the message as a scan; it holds the message's own arrays and is overwritten by the next call."""
+        """Return the message as a scan, which shares the arrays of the message and is overwritten by the next call."""
         scan = self._scan
         stamp = message.header.stamp
         scan.stamp = stamp.sec * NANOSECONDS + stamp.nanosec
-        # A scan does not say how its counts are arranged: another arrangement is another layout.
+        # A scan has no rows and columns of its own: a message with others is treated as of another layout.
         fits = (message.rows, message.cols) == self._shape
         scan.layout_id = message.layout_id if fits else FOREIGN_LAYOUT
         scan.sequence = message.sequence
@@ -74,7 +72,7 @@ class ScanReader:
 
 
 class _Floats:
-    """A float32[] of a message, filled from an array without building Python numbers."""
+    """A float32[] field, filled from an array without creating Python numbers."""
 
     def __init__(self, size: int) -> None:
         self.values = array("f", bytes(4 * size))
@@ -111,7 +109,7 @@ class ImageMessage:
 
 
 class ContactsMessage:
-    """A TactileContacts; the messages of the single contacts are kept for reuse."""
+    """A TactileContacts; the message objects of the contacts are reused as well."""
 
     def __init__(self, sensor: Sensor, frame_id: str) -> None:
         self._message = TactileContacts(layout_id=sensor.layout.id, name=sensor.name)
@@ -164,9 +162,13 @@ def _set(vector: Any, values: Sequence[float]) -> None:
 
 
 def contacts_writer(sensor: Sensor, frame_id: str) -> ContactsMessage | ContactsBytes:
-    """Return what serialises contacts fastest: bytes of our own if the middleware makes the same of an example.
+    """Return the fastest way to serialise contacts that gives the same bytes as the middleware.
 
-    The example has one, two and three taxels, so that every alignment is in it.
+    Returns
+    -------
+    ContactsMessage or ContactsBytes
+        ContactsBytes if its bytes for examples with one, two and three taxels, which cover every alignment, are those
+        of the middleware, otherwise ContactsMessage.
     """
     region = Region(1, np.arange(1), (1e-3, 2e-3), (3e-3, 4e-3), 0.5, 0.25, 5e-6, 6.0, (7e-3, 8e-3), (9e-3, 1e-2))
     first = Contact(LARGEST_INT32, ContactState.MOVING, region, (0.1, -0.2), 12.75)
@@ -178,31 +180,32 @@ def contacts_writer(sensor: Sensor, frame_id: str) -> ContactsMessage | Contacts
         valid, motions = bool(contacts), {2: Motion(power=0.25, slipping=True)}
         example = Reconstruction(True, False, 1_700_000_000_123_456_789, 1 << 40, valid, contacts, motions, 0)
         theirs, ours = serialize_message(message.fill(example)), writer.fill(example)
-        if len(theirs) != len(ours) or _read(theirs) != _read(ours):  # bytes between fields may be anything
+        if len(theirs) != len(ours) or _read(theirs) != _read(ours):  # padding bytes may differ
             return message
     return writer
 
 
 def _read(data: bytes) -> str:
-    """Return serialised contacts as text, in which NaN equals NaN."""
+    """Return serialised contacts as text, so that NaN compares equal to NaN."""
     return str(deserialize_message(data, TactileContacts))
 
 
 class WrenchMessage:
-    """The force of all taxels together, acting on the sensor, and its torque about the origin of the frame.
+    """The total force on the sensor and its torque about the origin of the frame of the array.
 
-    Of each taxel only the force along its normal is measured: what acts along the surface is left out, not zero.
+    Each taxel measures the force along its normal only: tangential forces are not included, which does not mean that
+    they are zero.
     """
 
     def __init__(self, layout: Layout, frame_id: str) -> None:
         self._message = WrenchStamped()
         self._message.header.frame_id = frame_id
         normals = taxel_normals(layout)
-        # Of a force of 1 N on each taxel: force (0, 1, 2) and torque r x F (3, 4, 5).
+        # Columns: force (rows 0 to 2) and torque r x F (rows 3 to 5) for 1 N on each taxel.
         self._per_newton = np.hstack([-normals, -np.cross(taxel_points(layout), normals)]).T.copy()
 
     def fill(self, result: Reconstruction, image: ForceImage) -> WrenchStamped:
-        """Return the message; the next call overwrites it. NaN when no force is known."""
+        """Return the message; the next call overwrites it. NaN if no force is known."""
         message = self._message
         set_stamp(message.header.stamp, result.stamp)
         known = np.nan_to_num(image.force) if math.isfinite(image.total) else image.force
@@ -232,7 +235,7 @@ class VibrationMessage:
 
 
 class ForceImageMessage:
-    """The force map [N] as sensor_msgs/Image of encoding 32FC1; the first line is the first row, at the least y."""
+    """The force map [N] as sensor_msgs/Image with encoding 32FC1; the first line is row 0, with the smallest y."""
 
     def __init__(self, layout: Layout, frame_id: str) -> None:
         self._message = Image(height=layout.rows, width=layout.cols, encoding="32FC1", step=4 * layout.cols)
@@ -240,7 +243,7 @@ class ForceImageMessage:
         self._data = array("B", bytes(4 * layout.taxels))
 
     def fill(self, result: Reconstruction, image: ForceImage) -> Image:
-        """Return the message; the next call overwrites it. NaN where the force is not known."""
+        """Return the message; the next call overwrites it. NaN where the force is unknown."""
         set_stamp(self._message.header.stamp, result.stamp)
         memoryview(self._data)[:] = image.force.data.cast("B")
         self._message.data = self._data
@@ -248,7 +251,7 @@ class ForceImageMessage:
 
 
 class PointsMessage:
-    """The taxels as PointCloud2 with fields x, y, z [m] and force [N], one row of the cloud a row of the array."""
+    """The taxels as PointCloud2 with fields x, y, z [m] and force [N]; each row of the cloud is a row of the array."""
 
     def __init__(self, layout: Layout, frame_id: str) -> None:
         fields = [
@@ -273,9 +276,9 @@ class PointsMessage:
 
 
 class MarkersMessage:
-    """Contacts to look at: a sphere of the contact's area and an arrow along the force, ids those of the contacts.
+    """Contacts for RViz: a disc with the area of the contact and an arrow along the force, with the contact's id.
 
-    Some scans may be left out: what was shown and is no longer in contact is deleted by the next message.
+    Scans may be skipped: markers of contacts that have ended since the last message are deleted by the next one.
     """
 
     ARROW_PER_NEWTON = 5e-3
@@ -287,7 +290,7 @@ class MarkersMessage:
         self._shown: set[int] = set()
 
     def fill(self, result: Reconstruction) -> MarkerArray:
-        """Return the message for the contacts of a scan."""
+        """Return the markers of the contacts of a scan."""
         live = [contact for contact in result.contacts if contact.state is not ContactState.RELEASED]
         ids = {contact.id for contact in live}
         markers = []
@@ -323,7 +326,7 @@ class MarkersMessage:
         length = self.ARROW_PER_NEWTON * contact.region.force
         point, normal = self._surface.point(x, y), self._surface.normal(x, y)
         _set(marker.pose.position, tuple(place + length * part for place, part in zip(point, normal, strict=True)))
-        # The arrow's x axis turned to the normal's other way: half a turn about the middle between the two.
+        # Turn the x axis of the arrow to the inward normal: half a turn about the bisector of the two.
         turned, side = marker.pose.orientation, math.sqrt(2.0 * max(1.0 - normal[0], 1e-12))
         turned.x, turned.y = (1.0 - normal[0]) / side, -normal[1] / side
         turned.z, turned.w = -normal[2] / side, 0.0
@@ -333,7 +336,7 @@ class MarkersMessage:
 
 
 def info_message(sensor: Sensor, frame_id: str, simulated: bool, stamp: int) -> TactileInfo:
-    """Return the description of `sensor`, valid from `stamp` [ns since the epoch]."""
+    """Return the description of `sensor`, valid from `stamp` on [ns since the Unix epoch]."""
     layout = sensor.layout
     low, high = (limit / charge_per_newton(sensor) for limit in InverseSignalChain(sensor).charge_range)
     message = TactileInfo(layout_id=layout.id, name=sensor.name, serial=sensor.serial, simulated=simulated)

@@ -1,4 +1,4 @@
-"""The model as a node: scans in, forces and contacts out, each only where somebody listens."""
+"""The model node: scans in, forces and contacts out, each message computed only if it has subscribers."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import threading
 import time
 from array import array
 from collections.abc import Callable, Set
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from visualization_msgs.msg import MarkerArray
 from posfet_model.calibration.calibration_file import load_calibration, save_calibration
 from posfet_model.config import ConfigError
 from posfet_model.contacts.tracker import Contact
+from posfet_model.parameters import MODEL_NODE
 from posfet_model.reconstruction.diagnostics import Period, judge
 from posfet_model.reconstruction.force_image import ForceImage
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
@@ -40,70 +41,60 @@ from posfet_model.ros.conversions import (
     info_message,
 )
 from posfet_model.ros.diagnostic_array import diagnostic_array
-from posfet_model.ros.mount_node import MOUNT, broadcast_mount
-from posfet_model.ros.ros_parameters import FRAME_ID, SENSOR, Parameter, declare, declared_frame, declared_sensor
+from posfet_model.ros.mount_node import broadcast_mount
+from posfet_model.ros.ros_parameters import declare, declared_frame, declared_sensor
 from posfet_model.ros.run_node import run_node
-from posfet_model.ros.subscriptions import Listeners
+from posfet_model.ros.subscriptions import SubscriptionCache
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileContacts, TactileImage, TactileInfo, TactileRaw, TactileVibration
 from posfet_msgs.srv import CalibrationFile
 from posfet_msgs.srv import Tare as TareService
 
-PARAMETERS = (
-    *SENSOR,
-    FRAME_ID,
-    *MOUNT,
-    Parameter(
-        "calibration_file", "", "Calibration of this very sensor: a YAML file; empty: the description is believed"
-    ),
-    Parameter("simulated", False, "Told to others in `info`: the signals come from a model, not from a device"),
-    Parameter(
-        "contacts_as_bytes", True, "Contacts are serialised here, which is faster; false: left to the middleware"
-    ),
-    Parameter("direct", False, "Scans are handed over in the process; true: do not subscribe to `raw`"),
-)
 OUTPUT_DEPTH = 10
 RAW_DEPTH = 1000
-"""Scans that wait for a process that is held up: one second of them."""
+"""Depth of the scan queue: one second at 1 kHz, for a process that is delayed."""
 REPORT_PERIOD = 1.0
-"""Time between two diagnostics [s]."""
+"""Period of the diagnostics [s]."""
 MARKER_PERIOD = 33_000_000
-"""Least time between two marker messages [ns]: they are for eyes."""
-TAKEN = 1e-4
-"""Time that readers of a message are given before longer work takes the processor they may have been woken on [s]."""
+"""Shortest time between two marker messages [ns]; markers are for display only."""
+READER_GRACE_PERIOD = 1e-4
+"""Pause before block maintenance [s], so that the subscribers of a message run first."""
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """The newest reconstruction, copied for a display."""
+    """Copy of the newest reconstruction, for a display."""
 
     stamp: int
     """Acquisition time [ns] since the Unix epoch."""
     sequence: int
     valid: bool
     force: NDArray[np.float32]
-    """[N], shape [rows, cols]; NaN: not known."""
+    """[N], shape [rows, cols]; NaN: unknown."""
     status: NDArray[np.uint8]
     """Values of TaxelStatus, shape [rows, cols]."""
     total: float
-    """[N]; NaN: not known."""
+    """Total force [N]; NaN: unknown."""
     contacts: tuple[Contact, ...]
     scans: int
-    """Scans taken since the start."""
+    """Scans accepted since the start."""
     missed: int
-    """Scans that never came."""
+    """Scans that were never received."""
 
 
 class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
-    """Publishes what the reconstruction finds in the scans of `raw`, or in those handed to `process`.
+    """Publishes forces and contacts, reconstructed from the scans of `raw` or from those passed to `process`.
 
-    Raises ConfigError at construction for a parameter or file that cannot be used.
+    Raises
+    ------
+    ConfigError
+        At construction, if a parameter or file cannot be used.
     """
 
     def __init__(self, **node_arguments: Any) -> None:
         super().__init__("model_node", **node_arguments)
         try:
-            parameters = declare(self, PARAMETERS)
+            parameters = declare(self, MODEL_NODE)
             self.sensor = declared_sensor(parameters)
             path = parameters["calibration_file"]
             calibration = load_calibration(path, self.sensor) if path else None
@@ -125,7 +116,7 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._markers_message = MarkersMessage(layout, frame_id)
         self._contacts = self.create_publisher(TactileContacts, "contacts", OUTPUT_DEPTH)
         if isinstance(self._contacts_message, ContactsBytes):
-            # Without what rclpy puts around it, which costs twice as much: it looks what kind of message this is.
+            # Publish without the checks of the message type in rclpy, which cost twice as much as publishing itself.
             self._contacts.publish = self._contacts.handle.publish_raw
         self._markers = self.create_publisher(MarkerArray, "markers", OUTPUT_DEPTH)
         self._maps: tuple[tuple[Publisher, Callable[[Reconstruction, ForceImage], Any]], ...] = (
@@ -137,11 +128,11 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._vibration_message = VibrationMessage(layout, frame_id)
         self._vibration = self.create_publisher(TactileVibration, "vibration", OUTPUT_DEPTH)
         maps = (publisher for publisher, _ in self._maps)
-        self._listeners = Listeners(self._contacts, self._markers, self._vibration, *maps)
+        self._subscription_cache = SubscriptionCache(self._contacts, self._markers, self._vibration, *maps)
         self._only_contacts = {self._contacts}
         self._next_markers = 0
-        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._info = self.create_publisher(TactileInfo, "info", latched)
+        transient_local = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._info = self.create_publisher(TactileInfo, "info", transient_local)
         self._info.publish(info_message(self.sensor, frame_id, parameters["simulated"], time.time_ns()))
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", OUTPUT_DEPTH)
         self._reported = ScanCounts()
@@ -153,36 +144,37 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
             self.create_subscription(TactileRaw, "raw", self._receive, RAW_DEPTH)
 
     def process(self, scan: Scan) -> None:
-        """Take one scan and publish what is subscribed, contacts first; a scan that cannot be used gives frames, too,
-        that are not valid. For one thread at a time.
+        """Process one scan and publish the messages that have subscribers, contacts first.
+
+        A scan that cannot be used also gives messages, with `data_valid` false. For one thread at a time.
         """
         with self._lock:
             now = time.monotonic_ns()
-            heard = self._listeners.at(now)
-            self._reconstructor.vibration_wanted = self._vibration in heard
+            subscribed = self._subscription_cache.subscribed(now)
+            self._reconstructor.vibration_wanted = self._vibration in subscribed
             result = self._reconstructor.process(scan)
             if result.accepted:
                 self._result = result
             elif not result.unusable:
                 return
-            if self._contacts in heard:
+            if self._contacts in subscribed:
                 self._contacts.publish(self._contacts_message.fill(result))
-            if heard != self._only_contacts:
-                self._publish_others(result, heard, now)
+            if subscribed != self._only_contacts:
+                self._publish_others(result, subscribed, now)
             if self._reconstructor.maintenance_due:
-                time.sleep(TAKEN)
+                time.sleep(READER_GRACE_PERIOD)
                 self._reconstructor.run_maintenance()
 
-    def _publish_others(self, result: Reconstruction, heard: Set[Any], now: int) -> None:
-        """Publish what of the rest is listened to."""
-        wanted = [entry for entry in self._maps if entry[0] in heard]
-        if wanted:
+    def _publish_others(self, result: Reconstruction, subscribed: Set[Any], now: int) -> None:
+        """Publish the other messages that have subscribers."""
+        maps = [entry for entry in self._maps if entry[0] in subscribed]
+        if maps:
             image = self._reconstructor.image()
-            for publisher, fill in wanted:
+            for publisher, fill in maps:
                 publisher.publish(fill(result, image))
-        if self._vibration in heard:
+        if self._vibration in subscribed:
             self._vibration.publish(self._vibration_message.fill(result, self._reconstructor.vibration()))
-        if now >= self._next_markers and self._markers in heard:
+        if now >= self._next_markers and self._markers in subscribed:
             self._next_markers = now + MARKER_PERIOD
             self._markers.publish(self._markers_message.fill(result))
 
@@ -226,7 +218,8 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
             self._result = None
             self._reported = ScanCounts()
         response.success = True
-        response.message = f"calibration of {reconstructor.calibration.date or 'no date'} in use; zeros are found anew"
+        date = reconstructor.calibration.date or "no date"
+        response.message = f"calibration of {date} in use; baselines are estimated again"
         return response
 
     def _save(self, request: Any, response: Any) -> Any:
@@ -240,7 +233,7 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def _report(self) -> None:
         with self._lock:
-            counts = replace(self._reconstructor.counts)
+            counts = self._reconstructor.counts.snapshot()
             saturated = self._result.saturated if self._result else 0
             unsettled, restarts = self._reconstructor.unsettled, self._reconstructor.restarts
             bad = self._reconstructor.faulty
@@ -249,14 +242,14 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         before, self._reported = self._reported, counts
         verdict = judge(Period.between(before, counts, unsettled, saturated, bad, temperature_known))
         values = {name.replace("_", " "): str(count) for name, count in asdict(counts).items()}
-        values["scans per second [Hz]"] = f"{(counts.accepted - before.accepted) / REPORT_PERIOD:.0f}"
-        values["rate by the board's clock [Hz]"] = f"{rate:.1f}"
-        values["taxels without a zero"] = str(unsettled)
+        values["scan rate received [Hz]"] = f"{(counts.accepted - before.accepted) / REPORT_PERIOD:.0f}"
+        values["scan rate by the board's clock [Hz]"] = f"{rate:.1f}"
+        values["taxels without a baseline"] = str(unsettled)
         values["taxels saturated"] = str(saturated)
         values["taxels dead, stuck or noisy"] = str(bad)
-        values["zeros found anew"] = str(restarts)
-        values["mains hum taken away [mN]"] = f"{hum_amplitude * 1e3:.2f}"
-        values["frequency of the mains hum [Hz]"] = f"{hum_frequency:.2f}"
+        values["baseline restarts"] = str(restarts)
+        values["mains hum removed, RMS [mN]"] = f"{hum_amplitude * 1e3:.2f}"
+        values["mains hum frequency [Hz]"] = f"{hum_frequency:.2f}"
         name = f"{self.get_fully_qualified_name()}: reconstruction"
         hardware_id = self.sensor.serial or self.sensor.name
         self._diagnostics.publish(
@@ -265,5 +258,5 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
 
 
 def main() -> None:
-    """Run the node."""
+    """Run the node until Ctrl-C or SIGTERM."""
     raise SystemExit(run_node(ModelNode))

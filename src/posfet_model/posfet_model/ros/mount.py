@@ -1,4 +1,4 @@
-"""Where the array sits on the robot: its pose in a parent frame, as an `origin` of URDF gives it."""
+"""Pose of the array on the robot, in a parent frame, with the convention of the `origin` of URDF."""
 
 from __future__ import annotations
 
@@ -19,10 +19,18 @@ class Mount:
 
 
 def parse_mount(text: str) -> Mount:
-    """Return the pose that "x y z roll pitch yaw" [m, rad] describes.
+    """Return the pose given as text.
 
-    The angles turn about the fixed x, y and z axes of the parent, in this order (URDF's `rpy`, REP 103).
-    Raises ConfigError, one line, unless `text` holds six finite numbers.
+    Parameters
+    ----------
+    text : str
+        "x y z roll pitch yaw" [m, rad]. The angles are rotations about the fixed x, y and z axes of the parent frame,
+        in this order (`rpy` of URDF, REP 103).
+
+    Raises
+    ------
+    ConfigError
+        One line, unless `text` holds six finite numbers.
     """
     try:
         values = [float(word) for word in text.split()]

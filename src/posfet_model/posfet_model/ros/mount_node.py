@@ -1,4 +1,4 @@
-"""The frame of the array in TF, below the frame that it is mounted on."""
+"""Static transform from the frame that the array is mounted on to the frame of the array."""
 
 from __future__ import annotations
 
@@ -13,19 +13,29 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from posfet_model.config import ConfigError
 from posfet_model.ros.mount import parse_mount
-from posfet_model.ros.ros_parameters import Parameter
-
-MOUNT = (
-    Parameter("parent_frame", "", "Frame that the array is mounted on; empty: no transform is broadcast"),
-    Parameter("mount", "0 0 0 0 0 0", "Pose of the array in parent_frame: x y z [m] roll pitch yaw [rad]"),
-)
 
 
 def broadcast_mount(node: Node, frame_id: str, parameters: Mapping[str, Any]) -> Publisher | None:
-    """Latch the transform from `parent_frame` to `frame_id` on /tf_static, if a parent is named.
+    """Publish the transform from `parent_frame` to `frame_id` on /tf_static (transient local), if a parent is given.
 
-    Raises ConfigError for a `mount` that is no pose, and for a frame below itself. Without tf2_msgs a warning says that
-    there is no transform.
+    Parameters
+    ----------
+    node : Node
+        Node that publishes.
+    frame_id : str
+        Frame of the array.
+    parameters : mapping
+        Values of `posfet_model.parameters.MOUNT` by name.
+
+    Returns
+    -------
+    Publisher or None
+        None without a parent frame, and, with a warning, without tf2_msgs.
+
+    Raises
+    ------
+    ConfigError
+        If `mount` is not a pose, or if the parent frame is the frame of the array.
     """
     mount = parse_mount(parameters["mount"])
     parent = parameters["parent_frame"]
@@ -34,9 +44,9 @@ def broadcast_mount(node: Node, frame_id: str, parameters: Mapping[str, Any]) ->
     if parent == frame_id:
         raise ConfigError(f"parent_frame: must not be the frame of the array itself, got '{parent}'")
     try:
-        from tf2_msgs.msg import TFMessage  # noqa: PLC0415  # not there without a full ROS
+        from tf2_msgs.msg import TFMessage  # noqa: PLC0415  # part of a full ROS only
     except ImportError:
-        node.get_logger().warning("parent_frame: no transform is broadcast, install tf2_msgs for it")
+        node.get_logger().warning("parent_frame: no transform is broadcast; install tf2_msgs")
         return None
     transform = TransformStamped(child_frame_id=frame_id)
     transform.header.frame_id = parent

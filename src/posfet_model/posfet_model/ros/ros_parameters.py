@@ -1,111 +1,109 @@
-"""Parameters of a node as one table: declared with description and range, checked, returned as plain values."""
+"""Declare the ROS parameters of a node from its table, with type, range and description, and check their values."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, TypeAlias
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 
-from posfet_model._lib.validation import interval
 from posfet_model.config import ConfigError
-from posfet_model.sensor.description import FRAME_CHOICES, Sensor, load_sensor, with_frames
-
-Value: TypeAlias = "bool | int | float | str | list[str]"
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One parameter, set at start-up and read-only from then on. The type is that of the default."""
-
-    name: str
-    default: Value
-    description: str
-    low: float = -math.inf
-    high: float = math.inf
-    choices: tuple[str, ...] = ()
-
-    @property
-    def allowed(self) -> str:
-        """What may be given, in words."""
-        if self.choices:
-            return f"one of {', '.join(self.choices)}"
-        kind = _KINDS[type(self.default)]
-        bounded = math.isfinite(self.low) or math.isfinite(self.high)
-        return f"{kind} in {interval(self.low, self.high)}" if bounded else kind
-
-    def check(self, value: object) -> str:
-        """Return '' when `value` may be given, else what may be given and what was."""
-        fits = type(value) is type(self.default) or (isinstance(self.default, float) and type(value) is int)
-        if fits and isinstance(value, (int, float)) and not isinstance(value, bool):
-            fits = math.isfinite(value) and self.low <= value <= self.high
-        if fits and isinstance(value, str):
-            fits = bool(value) or not self.default
-        if fits and isinstance(value, list):
-            fits = all(isinstance(item, str) for item in value)
-        if fits and self.choices:
-            fits = value in self.choices
-        return "" if fits else f"must be {self.allowed}, got {value!r}"
-
-
-_KINDS = {bool: "true or false", int: "a whole number", float: "a number", str: "text", list: "a list of texts"}
+from posfet_model.parameters import Parameter
+from posfet_model.sensor.description import Sensor, load_sensor, with_frames
 
 STANDARD = ("use_sim_time", "start_type_description_service", "qos_overrides.")
 """Parameters that every node has or may be given."""
 
-SENSOR_FILE = Parameter("sensor_file", "posfet_5x5", "Sensor description: a YAML file, or the name of a shipped one")
-CAN_FD = Parameter(
-    "can_fd", "auto", "Frames of the board: CAN FD or classic; auto: as in the sensor file", choices=FRAME_CHOICES
-)
-SENSOR = (SENSOR_FILE, CAN_FD)
-"""What tells a node its sensor."""
-FRAME_ID = Parameter(
-    "frame_id", "", "Frame of the array: x along columns, y along rows, z outward; empty: <namespace>_array"
-)
+
+def descriptor(parameter: Parameter) -> ParameterDescriptor:
+    """Return the ROS descriptor of a parameter, statically typed, with the range that rqt needs for a slider."""
+    unit = f" [{parameter.unit}]" if parameter.unit else ""
+    described = ParameterDescriptor(
+        description=f"{parameter.summary}{unit}",
+        additional_constraints=parameter.allowed,
+        read_only=parameter.read_only,
+    )
+    if not parameter.bounded:
+        return described
+    if parameter.type_name == "integer":
+        limit = 2**63 - 1
+        low, high = max(parameter.low, -limit), min(parameter.high, limit)
+        described.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
+    elif parameter.type_name == "double":
+        largest = sys.float_info.max
+        low, high = max(parameter.low, -largest), min(parameter.high, largest)
+        described.floating_point_range = [FloatingPointRange(from_value=low, to_value=high, step=0.0)]
+    return described
 
 
 def declare(node: Node, table: Sequence[Parameter]) -> Mapping[str, Any]:
-    """Declare the parameters of `table`, all that `node` has, and return their checked values by name.
+    """Declare all parameters of a node and return their checked values by name.
 
-    Raises ConfigError, one line naming node, parameter, what is allowed and what was given; also for a parameter that
-    the node does not know, which rclpy would ignore.
+    Parameters
+    ----------
+    node : Node
+        Node without declared parameters.
+    table : sequence of Parameter
+        All parameters of the node.
+
+    Raises
+    ------
+    ConfigError
+        For a value that is not allowed: one line with node, parameter, what is allowed and what was given. Also for a
+        parameter that the node does not have, which rclpy would ignore.
     """
     name = node.get_fully_qualified_name()
     known = [parameter.name for parameter in table]
-    for given in _given(node):
-        if given not in known and not given.startswith(STANDARD):
-            raise ConfigError(f"{name}: {given}: unknown parameter, known are {', '.join(known)}")
+    given = _given(node)
+    for key in sorted(given):
+        if key not in known and not key.startswith(STANDARD):
+            raise ConfigError(f"{name}: {key}: unknown parameter, known are {', '.join(known)}")
     if node.get_parameter("use_sim_time").value:
         raise ConfigError(
             f"{name}: use_sim_time: must be false: stamps are times of acquisition, by this machine's clock"
         )
     values: dict[str, Any] = {}
     for parameter in table:
-        # rclpy's own ranges let lists and NaN through and its types end in a traceback: all of it is checked here.
-        descriptor = ParameterDescriptor(
-            description=parameter.description,
-            additional_constraints=parameter.allowed,
-            read_only=True,
-            dynamic_typing=True,
-        )
-        value = node.declare_parameter(parameter.name, parameter.default, descriptor).value
+        try:
+            value = node.declare_parameter(parameter.name, parameter.default, descriptor(parameter)).value
+        except ParameterException as error:
+            found = getattr(given.get(parameter.name), "value", None)
+            raise ConfigError(f"{name}: {parameter.name}: must be {parameter.allowed}, got {found!r}") from error
+        # rclpy checks neither texts nor the items of lists, and not every version rejects NaN.
         reason = parameter.check(value)
         if reason:
             raise ConfigError(f"{name}: {parameter.name}: {reason}")
-        values[parameter.name] = float(value) if isinstance(parameter.default, float) else value
+        values[parameter.name] = value
+    writable = {parameter.name: parameter for parameter in table if not parameter.read_only}
+    if writable:
+        node.add_on_set_parameters_callback(_checking(writable))
     return values
 
 
-def _given(node: Node) -> list[str]:
-    """Return the names of the parameters that were given to `node`, sorted.
+def _checking(writable: Mapping[str, Parameter]) -> Callable[[Sequence[Any]], SetParametersResult]:
+    """Return the callback that rejects values that are not allowed when parameters are set while the node runs."""
 
-    rclpy has no public way to ask for those that are not declared; where the private one is gone, none are known, and
-    a misspelt name goes unnoticed.
+    def check(changes: Sequence[Any]) -> SetParametersResult:
+        reasons = [
+            f"{change.name}: {reason}"
+            for change in changes
+            if change.name in writable and (reason := writable[change.name].check(change.value))
+        ]
+        return SetParametersResult(successful=not reasons, reason="; ".join(reasons))
+
+    return check
+
+
+def _given(node: Node) -> Mapping[str, Any]:
+    """Return the rclpy parameters that were given to `node`, by name.
+
+    rclpy has no public access to those that are not declared. Where the private one is missing, none are known, and a
+    misspelt name goes unnoticed.
     """
-    return sorted(getattr(node, "_parameter_overrides", ()))
+    return getattr(node, "_parameter_overrides", {})
 
 
 def declared_sensor(values: Mapping[str, Any]) -> Sensor:
@@ -114,5 +112,5 @@ def declared_sensor(values: Mapping[str, Any]) -> Sensor:
 
 
 def declared_frame(node: Node, values: Mapping[str, Any]) -> str:
-    """Return the frame that the declared FRAME_ID names; every namespace has one of its own."""
+    """Return the frame that the declared FRAME_ID names; the default is unique for each namespace."""
     return values["frame_id"] or "_".join([*node.get_namespace().strip("/").split("/"), "array"]).lstrip("_")

@@ -1,4 +1,4 @@
-"""The main function of every node: start, spin on the fastest executor there is, end cleanly, report bad input."""
+"""The main function of every node: start, spin on the fastest executor, shut down cleanly, report bad input."""
 
 from __future__ import annotations
 
@@ -28,48 +28,49 @@ except ImportError:  # rclpy before Jazzy's
 NODE_ERROR = 1
 
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
-"""Environment variable with the settings of the middleware, Fast DDS; what a user has set stays."""
+"""Environment variable with the path of the Fast DDS settings; a value set by the user is kept."""
 MIDDLEWARE = Path(__file__).with_name("middleware.xml")
 
 POLL = 0.1
-"""Longest time that an end asked for by a signal or by `until` waits for its turn [s]."""
+"""Longest delay between a stop requested by a signal or by `until` and the end of spinning [s]."""
 
 
-class Ending:
-    """What SIGINT and SIGTERM do: before nodes spin they interrupt, from then on they ask for an orderly end.
+class SignalHandler:
+    """Handles SIGINT and SIGTERM: interrupts before nodes spin, requests a clean stop afterwards.
 
-    rclpy's own handlers would shut the context down under threads that publish, and raise in the middle of callbacks.
+    The handlers of rclpy would shut the context down while other threads publish, and raise within callbacks.
     """
 
     def __init__(self) -> None:
-        self.asked = False
-        self.orderly = False
+        self.stop_requested = False
+        self.deferred = False
+        """Whether a signal only requests a stop, instead of raising KeyboardInterrupt."""
 
     def __call__(self, _signal: int, _frame: FrameType | None) -> None:
-        """Take a signal."""
-        self.asked = True
-        if not self.orderly:
+        """Handle a signal."""
+        self.stop_requested = True
+        if not self.deferred:
             raise KeyboardInterrupt
 
 
-_ending = Ending()
+_signals = SignalHandler()
 
 
 def spin(nodes: Sequence[Node], until: Callable[[], bool] = lambda: False) -> None:
-    """Serve the callbacks of `nodes` in this thread until Ctrl-C, SIGTERM, shutdown, or until `until()` is true.
+    """Run the callbacks of `nodes` in this thread until Ctrl-C, SIGTERM, shutdown, or until `until()` is true.
 
-    `until` is asked after each callback and at least every `POLL` seconds. For the block of `ros`.
+    `until` is called after each callback and at least every `POLL` seconds. For use within `ros`.
     """
-    _ending.orderly = True
-    # What was made up to here stays: the garbage collector need not walk through it again and stop the data thread.
+    _signals.deferred = True
+    # Objects made so far live until the end: the garbage collector need not scan them and pause the data thread.
     gc.freeze()
     executor = NodeExecutor()
     for node in nodes:
         executor.add_node(node)
     try:
-        # Not executor.spin(): where its wait has no end, libstdc++ 12 computes a time-out that has passed already, and
-        # the EventsExecutor of rclpy 7.1 turns round and round with its queue locked.
-        while rclpy.ok() and not _ending.asked and not until():
+        # Not executor.spin(): for a wait without a limit libstdc++ 12 computes a time-out in the past, and the
+        # EventsExecutor of rclpy 7.1 then spins in a busy loop with its queue locked.
+        while rclpy.ok() and not _signals.stop_requested and not until():
             executor.spin_once(POLL)
     except ExternalShutdownException:
         pass
@@ -79,20 +80,32 @@ def spin(nodes: Sequence[Node], until: Callable[[], bool] = lambda: False) -> No
 
 @contextmanager
 def ros(arguments: Sequence[str] | None = None) -> Iterator[ExitStack]:
-    """Run the block with rclpy, and end cleanly on Ctrl-C and SIGTERM.
+    """Run the block with rclpy initialised, and shut down cleanly on Ctrl-C and SIGTERM.
 
-    Yields a stack for what has to be undone before rclpy shuts down, first of all `destroy_node`. Raises ConfigError
-    for a ROS command line or parameter file that cannot be read.
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        ROS command line; that of the process by default.
+
+    Yields
+    ------
+    ExitStack
+        For callbacks that must run before rclpy shuts down, such as `destroy_node`.
+
+    Raises
+    ------
+    ConfigError
+        If the ROS command line or a parameter file cannot be read.
     """
     os.environ.setdefault(PROFILES, str(MIDDLEWARE))
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except rclpy_implementation.RCLError as error:
         raise ConfigError(" ".join(str(error).split())) from error
-    _ending.asked = _ending.orderly = False
+    _signals.stop_requested = _signals.deferred = False
     with ExitStack() as stack:
         for number in (signal.SIGINT, signal.SIGTERM):
-            stack.callback(signal.signal, number, signal.signal(number, _ending))
+            stack.callback(signal.signal, number, signal.signal(number, _signals))
         stack.callback(rclpy.try_shutdown)
         try:
             yield stack
@@ -101,13 +114,23 @@ def ros(arguments: Sequence[str] | None = None) -> Iterator[ExitStack]:
         except (ParameterException, rclpy_implementation.RCLInvalidROSArgsError) as error:
             raise ConfigError(" ".join(str(error).split())) from error
         finally:
-            _ending.orderly = True  # a second Ctrl-C, as launch sends one after the terminal's, must not break the end
+            _signals.deferred = True  # a second Ctrl-C (launch sends one after the terminal) must not stop the clean-up
 
 
 def run_node(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
     """Run one node until Ctrl-C or SIGTERM and return the exit code of the process.
 
-    0 after a clean end; 1 with one line on stderr when a file or parameter cannot be used.
+    Parameters
+    ----------
+    make_node : callable
+        Returns the node; may raise ConfigError.
+    arguments : sequence of str, optional
+        ROS command line; that of the process by default.
+
+    Returns
+    -------
+    int
+        0 after a clean shutdown; 1, with one line on stderr, if a file or parameter cannot be used.
     """
     try:
         with ros(arguments) as stack:

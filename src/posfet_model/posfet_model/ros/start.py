@@ -1,4 +1,4 @@
-"""Entry points of executables: what has to be in place before anything that takes long is imported."""
+"""Entry points of executables, and the signal handling that must be in place before slow imports."""
 
 from __future__ import annotations
 
@@ -10,35 +10,35 @@ from importlib import import_module
 from typing import Final
 
 PARENT: Final = "POSFET_PARENT"
-"""Environment variable with the process without which this one must not go on."""
+"""Environment variable with the id of the process whose end also ends this one."""
 _PR_SET_PDEATHSIG: Final = 1
 
 
-def end_quietly() -> None:
-    """Let Ctrl-C and SIGTERM end the process at once, as long as there is nothing yet to end in order."""
+def exit_on_signal() -> None:
+    """Let Ctrl-C and SIGTERM end the process at once with exit code 0, as long as there is nothing to clean up."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: os._exit(0))
 
 
-def end_in_order() -> None:
-    """Let Ctrl-C and SIGTERM raise KeyboardInterrupt from here on, so that what was begun is finished."""
+def interrupt_on_signal() -> None:
+    """Let Ctrl-C and SIGTERM raise KeyboardInterrupt from here on, so that open work is cleaned up."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.default_int_handler)
 
 
-def end_with_parent() -> None:
-    """Have the kernel send Ctrl-C's signal when the process that PARENT names has ended, even if killed; Linux only."""
+def exit_with_parent() -> None:
+    """Have the kernel send SIGINT when the process named by PARENT has ended, even if it was killed; Linux only."""
     parent = os.environ.pop(PARENT, "")
     if parent and sys.platform == "linux":
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
-        if os.getppid() != int(parent):  # it was faster
+        if os.getppid() != int(parent):  # it ended before the call
             os._exit(0)
 
 
 def run(module: str) -> None:
-    """Run `main` of a module, loaded only now."""
-    end_quietly()
-    end_with_parent()
+    """Import a module and run its `main`."""
+    exit_on_signal()
+    exit_with_parent()
     import_module(module).main()
 
 

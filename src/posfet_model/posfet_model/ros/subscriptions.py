@@ -1,51 +1,56 @@
-"""Whether anybody listens to a topic: what nobody subscribes to is not computed."""
+"""Cached subscription counts, so that only messages with subscribers are computed."""
 
 from __future__ import annotations
 
 from collections.abc import Set
 from typing import Final, Protocol
 
-SUBSCRIPTIONS_AGE: Final = 100_000_000
-"""For how long a count of subscriptions is believed [ns]."""
+MAX_AGE: Final = 100_000_000
+"""Longest time for which a subscription count is used [ns]."""
 
 
 class Publisher(Protocol):
-    """What of a publisher is needed."""
+    """The part of a publisher that is used here."""
 
     def get_subscription_count(self) -> int:
-        """Return how many subscribe."""
+        """Return the number of subscriptions."""
 
 
-class Listeners:
-    """Tells which publishers have subscriptions.
+class SubscriptionCache:
+    """Knows which publishers have subscribers.
 
-    Each is looked up ten times a second, one at a time, so that no scan waits for all; all at once after a pause.
+    Each count is refreshed ten times a second, one publisher at a time, so that no scan waits for all of them; after a
+    pause all are refreshed at once.
+
+    Parameters
+    ----------
+    *publishers : Publisher
+        Publishers to look at.
     """
 
     def __init__(self, *publishers: Publisher) -> None:
         self._publishers = publishers
-        self._period = SUBSCRIPTIONS_AGE // len(publishers)
-        self._turn = 0
-        self._next = 0
-        self._heard: set[Publisher] = set()
+        self._period = MAX_AGE // len(publishers)
+        self._index = 0
+        self._next_refresh = 0
+        self._subscribed: set[Publisher] = set()
 
-    def at(self, now: int) -> Set[Publisher]:
-        """Return the publishers that somebody listened to when last looked up; `now` is a monotonic time [ns]."""
-        if now >= self._next:
-            for _ in range(len(self._publishers) if now >= self._next + SUBSCRIPTIONS_AGE else 1):
-                self._look_up()
-            self._next = now + self._period
-        return self._heard
+    def subscribed(self, now: int) -> Set[Publisher]:
+        """Return the publishers that had subscribers at their last refresh; `now` is a monotonic time [ns]."""
+        if now >= self._next_refresh:
+            for _ in range(len(self._publishers) if now >= self._next_refresh + MAX_AGE else 1):
+                self._refresh_next()
+            self._next_refresh = now + self._period
+        return self._subscribed
 
     def any(self, now: int) -> bool:
-        """Return whether anybody listened to any of them; `now` is a monotonic time [ns]."""
-        return bool(self.at(now))
+        """Return whether any publisher has subscribers; `now` is a monotonic time [ns]."""
+        return bool(self.subscribed(now))
 
-    def _look_up(self) -> None:
-        """Look up the next one."""
-        publisher = self._publishers[self._turn]
-        self._turn = (self._turn + 1) % len(self._publishers)
+    def _refresh_next(self) -> None:
+        publisher = self._publishers[self._index]
+        self._index = (self._index + 1) % len(self._publishers)
         if publisher.get_subscription_count() > 0:
-            self._heard.add(publisher)
+            self._subscribed.add(publisher)
         else:
-            self._heard.discard(publisher)
+            self._subscribed.discard(publisher)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntFlag
 
 import numpy as np
@@ -29,7 +29,7 @@ class ScanStatus(IntFlag):
 
 @dataclass(slots=True)
 class Scan:
-    """One complete scan. Mutable, because a source reuses one object for all scans; a reader copies what it keeps."""
+    """One complete scan. A source reuses the same object for every scan: `snapshot` returns a copy that stays."""
 
     stamp: int
     """Acquisition time [ns] since the Unix epoch."""
@@ -60,3 +60,7 @@ class Scan:
             status=ScanStatus.OK,
             frames_lost=0,
         )
+
+    def snapshot(self) -> Scan:
+        """Return an independent copy, which the next scan does not overwrite."""
+        return replace(self, counts=self.counts.copy(), temperatures=self.temperatures.copy())

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Final
 
-from posfet_model.sensor.description import DEFAULT_SENSOR
-from posfet_sim.device.error_model import DEFAULT
+from posfet_model.parameters import SENSOR_FILE
 from posfet_sim.device.simulated_board import SEED_MAX
+from posfet_sim.parameters import IMPERFECTIONS, SCENE, SEED
 
 MAX_DURATION: Final = 1e6
 """Maximum duration of a run [s]."""
@@ -16,27 +16,24 @@ MAX_DURATION: Final = 1e6
 def add_scene(parser: argparse.ArgumentParser, default: str | None = None) -> None:
     """Add the positional argument for the scene; it is required without a default."""
     if default is None:
-        parser.add_argument("scene", metavar="SCENE", help="YAML file, or name of a shipped scene")
+        parser.add_argument("scene", metavar="SCENE", help=SCENE.description)
         return
-    described = f"YAML file, or name of a shipped scene (default: {default})"
-    parser.add_argument("scene", metavar="SCENE", nargs="?", default=default, help=described)
+    parser.add_argument("scene", metavar="SCENE", nargs="?", default=default, help=SCENE.help)
 
 
 def add_sensor(parser: argparse.ArgumentParser) -> None:
     """Add `--sensor`, the sensor description."""
-    described = f"sensor description: YAML file, or name of a shipped one (default: {DEFAULT_SENSOR})"
-    parser.add_argument("--sensor", metavar="SENSOR", default=DEFAULT_SENSOR, help=described)
+    parser.add_argument("--sensor", metavar="SENSOR", default=SENSOR_FILE.default, help=SENSOR_FILE.help)
 
 
 def add_error_model(parser: argparse.ArgumentParser) -> None:
     """Add `--imperfections`, the error model of the simulated board."""
-    described = f"error model of the simulated board: none, default, or a YAML file (default: {DEFAULT})"
-    parser.add_argument("--imperfections", metavar="MODEL", default=DEFAULT, help=described)
+    parser.add_argument("--imperfections", metavar="MODEL", default=IMPERFECTIONS.default, help=IMPERFECTIONS.help)
 
 
 def add_seed(parser: argparse.ArgumentParser, default: int) -> None:
     """Add `--seed`, the seed of everything random on the simulated board."""
-    described = f"seed of everything random on the simulated board (default: {default})"
+    described = f"{SEED.description} (default: {default})"
     parser.add_argument("--seed", metavar="SEED", type=seed, default=default, help=described)
 
 

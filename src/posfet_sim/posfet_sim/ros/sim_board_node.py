@@ -17,31 +17,22 @@ from posfet_driver.clock import Clock
 from posfet_driver.ros.scan_source_node import ScanSourceNode
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.config import ConfigError
-from posfet_model.ros.ros_parameters import Parameter
 from posfet_model.ros.run_node import run_node
-from posfet_model.ros.subscriptions import Listeners
+from posfet_model.ros.subscriptions import SubscriptionCache
 from posfet_model.sensor.description import Layout, Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileTruth
 from posfet_msgs.srv import LoadScene
-from posfet_sim.device.error_model import DEFAULT, load_error_model
+from posfet_sim.device.error_model import load_error_model
 from posfet_sim.device.ground_truth import Truth
-from posfet_sim.device.simulated_board import SEED_MAX
 from posfet_sim.emulation.realtime_source import SimulationSource
 from posfet_sim.loads import ObjectsState
-from posfet_sim.scene import DEFAULT_SCENE, load_scene
+from posfet_sim.parameters import SIM_BOARD_NODE
+from posfet_sim.scene import load_scene
 
 if TYPE_CHECKING:
     from posfet_sim.emulation.bus_peer import SimulatedBusPeer
 
-PARAMETERS = (
-    Parameter("scene", DEFAULT_SCENE, "Scene: path of a YAML file, or name of a shipped one"),
-    Parameter("seed", 0, "Seed of everything random: the same seed gives the same counts", 0, SEED_MAX),
-    Parameter("adapter_link", "", "Path of an emulated CAN adapter (slcan) instead of publishing raw; '': none"),
-    Parameter("bus_interface", "", "python-can interface of a CAN bus to join instead of publishing raw; '': none"),
-    Parameter("bus_channel", "", "Channel of bus_interface"),
-    Parameter("imperfections", DEFAULT, "Error model of the board: none, default, or the path of a YAML file"),
-)
 TRUTH_DEPTH = 10
 """Queue depth of the topic `truth`."""
 SCAN_TIMES_KEPT = 2000
@@ -99,10 +90,10 @@ class SimBoardNode(ScanSourceNode):
     source: SimulationSource | SimulatedBusPeer
 
     def __init__(self, node_name: str = "sim_board_node", clock: Clock | None = None, **node_arguments: Any) -> None:
-        super().__init__(node_name, PARAMETERS, clock, **node_arguments)
+        super().__init__(node_name, SIM_BOARD_NODE, clock, **node_arguments)
         self._truth_message = TruthMessage(self.sensor.layout, self.frame_id)
         self._truth = self.create_publisher(TactileTruth, "truth", TRUTH_DEPTH)
-        self._truth_listeners = Listeners(self._truth)
+        self._truth_listeners = SubscriptionCache(self._truth)
         self.create_service(LoadScene, "scene/load", self._load_scene)
         self._taken: deque[tuple[int, float]] = deque(
             maxlen=SCAN_TIMES_KEPT

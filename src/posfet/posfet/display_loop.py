@@ -1,4 +1,4 @@
-"""Keeps the screen up to date while nodes run, and closes with the summary."""
+"""Run nodes, update the display meanwhile, and print the summary at the end."""
 
 from __future__ import annotations
 
@@ -21,9 +21,25 @@ def show(
     state: Callable[[], str],
     stop: Callable[[], bool] = lambda: False,
 ) -> int:
-    """Spin `nodes` and keep `screen` up to date for `seconds` [s], until Ctrl-C or `stop()`; return the exit code.
+    """Spin nodes and update the display until the time is over, Ctrl-C, or `stop()`, and return the exit code.
 
-    1 with the reason on stderr when the time is over and no scan has come.
+    Parameters
+    ----------
+    screen : Screen
+        Display to update.
+    nodes : sequence of Node
+        Nodes to spin.
+    seconds : float
+        Time to run [s]; may be infinite.
+    state : callable
+        Returns the state of the source of scans in one line, printed if no scan arrived.
+    stop : callable
+        Returns whether to stop.
+
+    Returns
+    -------
+    int
+        0; 1, with the reason on stderr, if the time is over and no scan has arrived.
     """
     end = time.monotonic() + seconds
 

@@ -1,4 +1,4 @@
-"""The live picture of the force map with the contacts beside it."""
+"""The live display: the force map with a table of contacts."""
 
 from __future__ import annotations
 
@@ -11,30 +11,40 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from posfet.snapshot import Snapshot, off_scene
+from posfet.snapshot import Snapshot, position_error
 
 SHADES = " .:-=+*#%@"
-"""From no force to full scale, so that the picture can be read without colour."""
-NUMBERED_COLUMNS = 10
-"""Widest array whose taxels are shown with their force."""
+"""Characters from no force to full scale, for terminals without colour."""
+MAX_NUMBERED_COLUMNS = 10
+"""Largest number of columns for which the force of each taxel is printed."""
 
 
 def render(snapshot: Snapshot, scan_rate: float, full_scale: float) -> RenderableType:
-    """Return the picture of `snapshot`; `scan_rate` in Hz, `full_scale` in N gives the strongest colour."""
-    map_title = r"force on each taxel \[mN]" if snapshot.cols <= NUMBERED_COLUMNS else "force"
-    picture = Panel(_force_map(snapshot, full_scale), title=map_title, expand=False)
+    """Return the display of a snapshot.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+        What to display.
+    scan_rate : float
+        Scan rate [Hz].
+    full_scale : float
+        Force with the brightest colour [N].
+    """
+    map_title = r"force on each taxel \[mN]" if snapshot.cols <= MAX_NUMBERED_COLUMNS else "force"
+    force_map = Panel(_force_map(snapshot, full_scale), title=map_title, expand=False)
     lost = "red" if snapshot.frames_lost or snapshot.scans_lost else "green"
     total = f"{snapshot.total_force:.3f} N" if snapshot.data_valid else "settling"
     head = Text.assemble(
         f"{scan_rate:6.0f} scans/s   total force {total}   ",
         (f"{snapshot.frames_lost} frames lost, {snapshot.scans_lost} scans missing", lost),
     )
-    return Group(head, Columns([picture, _contacts(snapshot)]), Text(snapshot.state, style="dim"))
+    return Group(head, Columns([force_map, _contacts(snapshot)]), Text(snapshot.state, style="dim"))
 
 
 def _force_map(snapshot: Snapshot, full_scale: float) -> Text:
-    """Return the map, highest row first, because y points up."""
-    cell = _numbered_cell if snapshot.cols <= NUMBERED_COLUMNS else _small_cell
+    """Return the force map, last row first, because y points up."""
+    cell = _numbered_cell if snapshot.cols <= MAX_NUMBERED_COLUMNS else _small_cell
     force = snapshot.force.reshape(snapshot.rows, snapshot.cols)
     lines = []
     for row in range(snapshot.rows - 1, -1, -1):
@@ -63,7 +73,7 @@ def _style(force: float, full_scale: float) -> str:
 
 
 def _numbered_cell(force: float, style: str, shade: str) -> list[tuple[str, str]]:
-    """Return the two lines of a taxel: its force, and a bar of its shade."""
+    """Return the two lines of a taxel: its force, and a bar with its shade."""
     number = "   ?   " if math.isnan(force) else f"{force * 1e3:5.0f}  "
     return [(number, style), (f" {shade * 5} ", style)]
 
@@ -86,7 +96,7 @@ def _contacts(snapshot: Snapshot) -> Table:
             f"{contact.area * 1e6:.1f}",
             f"{contact.age:.1f}",
         )
-    distances = [off_scene(snapshot, true) for true in snapshot.truth]
-    if distances and snapshot.contacts:
-        table.caption = f"at most {max(distances) * 1e3:.2f} mm off the scene's"
+    errors = [position_error(snapshot, true) for true in snapshot.truth]
+    if errors and snapshot.contacts:
+        table.caption = f"CoP error against ground truth: {max(errors) * 1e3:.2f} mm max"
     return table

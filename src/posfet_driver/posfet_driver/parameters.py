@@ -1,0 +1,45 @@
+"""Parameters of the driver node, and those that it shares with the simulated board; without ROS."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from posfet_model.parameters import FRAME_ID, SENSOR, Parameter
+
+AUTOSTART: Final = Parameter(
+    "autostart", True, "Configure and activate at start-up; false: wait for lifecycle transitions"
+)
+SCAN_SOURCE_NODE: Final = (*SENSOR, FRAME_ID, AUTOSTART)
+"""Parameters of every node that publishes scans."""
+
+CAN_INTERFACE: Final = Parameter(
+    "can_interface",
+    "socketcan",
+    "Interface of python-can: socketcan, slcan, pcan, kvaser, ...; slcan is the buffered reader of this package",
+)
+CAN_CHANNEL: Final = Parameter(
+    "can_channel",
+    "can0",
+    "Channel of the interface: can0, /dev/ttyACM0, PCAN_USBBUS1, ...; a serial port may be a pattern: /dev/ttyACM*",
+)
+CAN_BITRATE: Final = Parameter(
+    "can_bitrate", 0, "Nominal bitrate; 0: as in the sensor file", unit="bit/s", low=0, high=1_000_000
+)
+CAN_DATA_BITRATE: Final = Parameter(
+    "can_data_bitrate",
+    0,
+    "Bitrate of the data phase of CAN FD; 0: as in the sensor file",
+    unit="bit/s",
+    low=0,
+    high=8_000_000,
+)
+CAN_OPTIONS: Final = Parameter("can_options", [""], "Further options of the interface, each as key=value")
+
+DRIVER_NODE: Final = (
+    *SCAN_SOURCE_NODE,
+    CAN_INTERFACE,
+    CAN_CHANNEL,
+    CAN_BITRATE,
+    CAN_DATA_BITRATE,
+    CAN_OPTIONS,
+)

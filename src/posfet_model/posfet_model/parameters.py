@@ -1,0 +1,202 @@
+"""Parameters as data, without ROS: the type `Parameter`, and the table of the model node.
+
+From these tables come the parameters of the nodes with their ROS descriptors (`ros.ros_parameters`), the arguments of
+the launch file and of ``posfet bringup`` (`posfet.arguments`), the help of command-line options with the same meaning,
+and ``docs/parameters.md``. The driver and the simulated board have tables of their own in their packages.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final, TypeAlias
+
+from posfet_model._lib.validation import interval
+from posfet_model.sensor.description import DEFAULT_SENSOR, FRAME_CHOICES
+
+Scalar: TypeAlias = "bool | int | float | str"
+Value: TypeAlias = "Scalar | list[str]"
+
+_TYPES: Final = {bool: "bool", int: "integer", float: "double", str: "string", list: "string array"}
+_IN_WORDS: Final = {
+    bool: "true or false",
+    int: "a whole number",
+    float: "a number with a decimal point",
+    str: "text",
+    list: "a list of texts",
+}
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a node or argument of the launch file. Its type is that of its default."""
+
+    name: str
+    default: Value
+    description: str
+    unit: str = ""
+    """Empty: dimensionless, or not a number."""
+    low: float = -math.inf
+    """Smallest value allowed, in `unit`."""
+    high: float = math.inf
+    """Largest value allowed, in `unit`."""
+    choices: tuple[str, ...] = ()
+    """Texts allowed; empty: any text."""
+    empty: str = ""
+    """Meaning of the empty text, where it is the default."""
+    read_only: bool = True
+    """Whether it is set at start-up only."""
+
+    def __post_init__(self) -> None:
+        reason = self.check(self.default)
+        if reason:
+            raise ValueError(f"{self.name}: the default {reason}")
+
+    @property
+    def type_name(self) -> str:
+        """Name of the ROS parameter type."""
+        return _TYPES[type(self.default)]
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the value has a smallest or a largest value."""
+        return math.isfinite(self.low) or math.isfinite(self.high)
+
+    @property
+    def range(self) -> str:
+        """The range as an interval, '' without one."""
+        if not self.bounded:
+            return ""
+        if isinstance(self.default, int):
+            return f"[{self.low:.0f}, {self.high:.0f}]"
+        return interval(self.low, self.high)
+
+    @property
+    def summary(self) -> str:
+        """The description with the meaning of an empty text."""
+        return f"{self.description}; empty: {self.empty}" if self.empty else self.description
+
+    @property
+    def allowed(self) -> str:
+        """The allowed values in words, with their unit."""
+        if self.choices:
+            return f"one of {', '.join(self.choices)}"
+        words = _IN_WORDS[type(self.default)]
+        return f"{words} in {self.range} {self.unit}".strip() if self.bounded else words
+
+    @property
+    def default_text(self) -> str:
+        """The default as it is written in a launch argument."""
+        return _as_text(self.default)
+
+    @property
+    def help(self) -> str:
+        """Description, unit and default for argparse, which needs the percent sign doubled."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        return f"{self.summary}{unit} (default: {self.default_text or 'empty'})".replace("%", "%%")
+
+    def check(self, value: object) -> str:
+        """Return '' for an allowed `value`, otherwise what is allowed and what was given.
+
+        Examples
+        --------
+        >>> rate = Parameter("rate", 1000.0, "Scan rate", unit="Hz", low=1.0, high=4000.0)
+        >>> rate.check(500.0)
+        ''
+        >>> rate.check(float("nan"))
+        'must be a number with a decimal point in [1, 4000] Hz, got nan'
+        """
+        fits = type(value) is type(self.default)
+        if fits and isinstance(value, (int, float)) and not isinstance(value, bool):
+            fits = math.isfinite(value) and self.low <= value <= self.high
+        if fits and isinstance(value, str):
+            fits = bool(value) or not self.default
+        if fits and isinstance(value, list):
+            fits = all(isinstance(item, str) for item in value)
+        if fits and self.choices:
+            fits = value in self.choices
+        return "" if fits else f"must be {self.allowed}, got {value!r}"
+
+    def parse(self, text: str) -> Scalar:
+        """Return the value that a launch argument gives as text.
+
+        Raises
+        ------
+        ValueError
+            If the text is not an allowed value; the message says what is allowed and what was given.
+
+        Examples
+        --------
+        >>> Parameter("bitrate", 0, "Bitrate", unit="bit/s", low=0, high=1_000_000).parse("500000")
+        500000
+        """
+        value: Scalar = text
+        if isinstance(self.default, bool):
+            value = {"true": True, "false": False}.get(text, text)
+        elif isinstance(self.default, (int, float)):
+            try:
+                value = type(self.default)(text)
+            except ValueError:
+                value = text
+        if self.check(value):
+            raise ValueError(f"must be {self.allowed}, got '{text}'")
+        return value
+
+
+def _as_text(value: Value) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, list):
+        return f"[{', '.join(repr(item) for item in value)}]"
+    return str(value)
+
+
+SENSOR_FILE: Final = Parameter(
+    "sensor_file", DEFAULT_SENSOR, "Sensor description: path of a YAML file, or name of a shipped one"
+)
+CAN_FD: Final = Parameter(
+    "can_fd",
+    "auto",
+    "Frames of the board: true for CAN FD, false for classic CAN, auto as in the sensor file",
+    choices=FRAME_CHOICES,
+)
+SENSOR: Final = (SENSOR_FILE, CAN_FD)
+"""The parameters that describe the sensor to a node."""
+FRAME_ID: Final = Parameter(
+    "frame_id",
+    "",
+    "Frame of the array: x along columns, y along rows, z outward",
+    empty="<namespace>_array",
+)
+PARENT_FRAME: Final = Parameter(
+    "parent_frame", "", "TF frame that the array is mounted on", empty="no transform is broadcast"
+)
+MOUNT_POSE: Final = Parameter(
+    "mount", "0 0 0 0 0 0", "Pose of the array in parent_frame: x y z [m] roll pitch yaw [rad]"
+)
+MOUNT: Final = (PARENT_FRAME, MOUNT_POSE)
+CALIBRATION_FILE: Final = Parameter(
+    "calibration_file",
+    "",
+    "Calibration of this individual sensor: path of a YAML file",
+    empty="nominal values of the sensor file",
+)
+SIMULATED: Final = Parameter("simulated", False, "Published in `info`: the signals come from a simulated board")
+
+MODEL_NODE: Final = (
+    *SENSOR,
+    FRAME_ID,
+    *MOUNT,
+    CALIBRATION_FILE,
+    SIMULATED,
+    Parameter(
+        "contacts_as_bytes",
+        True,
+        "Serialise contacts in the node, which is faster; false: leave it to the middleware",
+    ),
+    Parameter(
+        "direct",
+        False,
+        "Receive scans within the process instead of subscribing to `raw`; set by composed bring-up",
+    ),
+)

@@ -1,0 +1,141 @@
+"""Parameters of a node as others see and set them: types, ranges, descriptions, and what is refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="needs ROS 2")
+
+from rcl_interfaces.msg import ParameterType
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from posfet_model.config import ConfigError
+from posfet_model.parameters import Parameter
+from posfet_model.ros.ros_parameters import declare
+
+pytestmark = pytest.mark.ros
+
+TABLE = (
+    Parameter("bitrate", 0, "Bitrate", unit="bit/s", low=0, high=1_000_000),
+    Parameter("rate", 1000.0, "Scan rate", unit="Hz", low=1.0, high=4000.0, read_only=False),
+    Parameter("least", 1.0, "Smallest force", unit="N", low=0.0),
+    Parameter("frames", "auto", "Frames", choices=("auto", "true"), read_only=False),
+    Parameter("on", True, "Whether it is on"),
+    Parameter("file", "", "File", empty="none"),
+    Parameter("options", [""], "Options"),
+)
+
+
+@pytest.fixture
+def context() -> Iterator[Context]:
+    made = Context()
+    rclpy.init(context=made)
+    yield made
+    rclpy.shutdown(context=made)
+
+
+def node_with(context: Context, *words: str) -> Node:
+    arguments = ["--ros-args", *(part for word in words for part in ("-p", word))] if words else []
+    return Node("probe", context=context, cli_args=arguments, use_global_arguments=False)
+
+
+def test_descriptors_have_type_range_description_and_constraints(context: Context) -> None:
+    node = node_with(context)
+    values = declare(node, TABLE)
+    assert values == {parameter.name: parameter.default for parameter in TABLE}
+    bitrate, rate, least, frames, on, file, options = (node.describe_parameter(parameter.name) for parameter in TABLE)
+    types = [descriptor.type for descriptor in (bitrate, rate, least, frames, on, file, options)]
+    assert types == [
+        ParameterType.PARAMETER_INTEGER,
+        ParameterType.PARAMETER_DOUBLE,
+        ParameterType.PARAMETER_DOUBLE,
+        ParameterType.PARAMETER_STRING,
+        ParameterType.PARAMETER_BOOL,
+        ParameterType.PARAMETER_STRING,
+        ParameterType.PARAMETER_STRING_ARRAY,
+    ]
+    assert not any(descriptor.dynamic_typing for descriptor in (bitrate, rate, frames, options))
+    [whole] = bitrate.integer_range
+    assert (whole.from_value, whole.to_value, whole.step) == (0, 1_000_000, 1)
+    [real] = rate.floating_point_range
+    assert (real.from_value, real.to_value, real.step) == (1.0, 4000.0, 0.0)
+    [half] = least.floating_point_range
+    assert half.from_value == 0.0
+    assert math.isfinite(half.to_value)
+    assert not frames.integer_range
+    assert not frames.floating_point_range
+    assert bitrate.description == "Bitrate [bit/s]"
+    assert file.description == "File; empty: none"
+    assert bitrate.additional_constraints == "a whole number in [0, 1000000] bit/s"
+    assert frames.additional_constraints == "one of auto, true"
+    assert [descriptor.read_only for descriptor in (bitrate, rate)] == [True, False]
+    node.destroy_node()
+
+
+@pytest.mark.parametrize(
+    ("word", "reason"),
+    [
+        ("bitrate:=fast", "bitrate: must be a whole number in [0, 1000000] bit/s, got 'fast'"),
+        ("bitrate:=5.0", "bitrate: must be a whole number in [0, 1000000] bit/s, got 5.0"),
+        ("bitrate:=true", "bitrate: must be a whole number in [0, 1000000] bit/s, got True"),
+        ("bitrate:=1000001", "bitrate: must be a whole number in [0, 1000000] bit/s, got 1000001"),
+        ("bitrate:=[1, 2]", "bitrate: must be a whole number in [0, 1000000] bit/s, got "),
+        ("rate:=5", "rate: must be a number with a decimal point in [1, 4000] Hz, got 5"),
+        ("rate:=.nan", "rate: must be a number with a decimal point in [1, 4000] Hz, got nan"),
+        ("rate:=.inf", "rate: must be a number with a decimal point in [1, 4000] Hz, got inf"),
+        ("frames:=classic", "frames: must be one of auto, true, got 'classic'"),
+        ("frames:=true", "frames: must be one of auto, true, got True"),
+        ("on:='no thanks'", "on: must be true or false, got 'no thanks'"),
+        ("file:=5", "file: must be text, got 5"),
+        ("options:=text", "options: must be a list of texts, got 'text'"),
+        ("options:=[1, 2]", "options: must be a list of texts, got "),
+        ("bit_rate:=5", "bit_rate: unknown parameter, known are bitrate, rate"),
+        ("use_sim_time:=true", "use_sim_time: must be false"),
+    ],
+)
+def test_what_is_not_allowed_is_refused_in_one_line(context: Context, word: str, reason: str) -> None:
+    node = node_with(context, word)
+    with pytest.raises(ConfigError) as refused:
+        declare(node, TABLE)
+    assert str(refused.value).startswith(f"/probe: {reason}")
+    assert "\n" not in str(refused.value)
+    node.destroy_node()
+
+
+def test_given_values_come_back_with_their_types(context: Context) -> None:
+    node = node_with(context, "bitrate:=500000", "rate:=50.0", "frames:='true'", "options:=[a=1, b=2]", "on:=false")
+    values = declare(node, TABLE)
+    assert (values["bitrate"], values["rate"], values["frames"], values["on"]) == (500_000, 50.0, "true", False)
+    assert list(values["options"]) == ["a=1", "b=2"]
+    node.destroy_node()
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("rate", 50.0, ""),
+        ("rate", 5000.0, "rate"),
+        ("rate", math.nan, "nan"),
+        ("rate", 5, "type"),
+        ("frames", "true", ""),
+        ("frames", "classic", "frames: must be one of auto, true, got 'classic'"),
+        ("bitrate", 5, "read-only"),
+    ],
+)
+def test_a_running_node_takes_allowed_values_of_writable_parameters_only(
+    context: Context, name: str, value: Any, reason: str
+) -> None:
+    node = node_with(context)
+    declare(node, TABLE)
+    before = node.get_parameter(name).value
+    [result] = node.set_parameters([RosParameter(name, value=value)])
+    assert result.successful == (not reason)
+    assert reason in result.reason
+    assert node.get_parameter(name).value == (before if reason else value)
+    node.destroy_node()

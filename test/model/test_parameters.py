@@ -1,0 +1,88 @@
+"""Parameters as data: what is allowed, how a text is read, what help texts say."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from typing import Any
+
+import pytest
+
+from posfet_model.parameters import MODEL_NODE, Parameter
+
+WHOLE = Parameter("bitrate", 0, "Bitrate", unit="bit/s", low=0, high=1_000_000)
+RATE = Parameter("rate", 1000.0, "Scan rate", unit="Hz", low=1.0, high=4000.0)
+SWITCH = Parameter("on", True, "Whether it is on")
+CHOICE = Parameter("frames", "auto", "Frames", choices=("auto", "true"))
+NAME = Parameter("name", "tactile", "Name")
+FILE = Parameter("file", "", "File", empty="none")
+LIST = Parameter("options", [""], "Options")
+
+
+@pytest.mark.parametrize(
+    ("parameter", "value", "reason"),
+    [
+        (WHOLE, 500_000, ""),
+        (WHOLE, 1_000_001, "must be a whole number in [0, 1000000] bit/s, got 1000001"),
+        (WHOLE, -1, "must be a whole number in [0, 1000000] bit/s, got -1"),
+        (WHOLE, 5.0, "must be a whole number in [0, 1000000] bit/s, got 5.0"),
+        (WHOLE, True, "must be a whole number in [0, 1000000] bit/s, got True"),
+        (RATE, 1.0, ""),
+        (RATE, math.nan, "must be a number with a decimal point in [1, 4000] Hz, got nan"),
+        (RATE, math.inf, "must be a number with a decimal point in [1, 4000] Hz, got inf"),
+        (RATE, 1, "must be a number with a decimal point in [1, 4000] Hz, got 1"),
+        (SWITCH, False, ""),
+        (SWITCH, 0, "must be true or false, got 0"),
+        (CHOICE, "true", ""),
+        (CHOICE, True, "must be one of auto, true, got True"),
+        (NAME, "", "must be text, got ''"),
+        (NAME, None, "must be text, got None"),
+        (FILE, "", ""),
+        (LIST, ["a=1", "b=2"], ""),
+        (LIST, ["a=1", 2], "must be a list of texts, got ['a=1', 2]"),
+    ],
+)
+def test_a_value_is_checked(parameter: Parameter, value: Any, reason: str) -> None:
+    assert parameter.check(value) == reason
+
+
+@pytest.mark.parametrize(
+    ("parameter", "text", "value"),
+    [
+        (WHOLE, "250000", 250_000),
+        (RATE, "50", 50.0),
+        (SWITCH, "false", False),
+        (CHOICE, "true", "true"),
+        (FILE, "", ""),
+    ],
+)
+def test_a_text_is_read_with_the_type_of_the_default(parameter: Parameter, text: str, value: Any) -> None:
+    parsed = parameter.parse(text)
+    assert parsed == value
+    assert type(parsed) is type(parameter.default)
+
+
+@pytest.mark.parametrize(
+    ("parameter", "text"), [(WHOLE, "1e3"), (WHOLE, ""), (RATE, "nan"), (SWITCH, "True"), (CHOICE, "no"), (LIST, "a")]
+)
+def test_a_text_that_is_not_allowed_is_refused(parameter: Parameter, text: str) -> None:
+    with pytest.raises(ValueError, match=f"^must be .*, got '{text}'$"):
+        parameter.parse(text)
+
+
+def test_a_default_that_is_not_allowed_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"^rate: the default must be a number .* in \[1, 10\], got 0.0$"):
+        Parameter("rate", 0.0, "Scan rate", low=1.0, high=10.0)
+
+
+def test_help_has_description_unit_and_default_and_argparse_prints_it() -> None:
+    assert RATE.help == "Scan rate [Hz] (default: 1000.0)"
+    assert FILE.help == "File; empty: none (default: empty)"
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--share", help=Parameter("share", 5.0, "Share in %").help)
+    assert "Share in % (default: 5.0)" in parser.format_help()
+
+
+def test_every_default_is_written_so_that_it_is_read_back() -> None:
+    for parameter in (*MODEL_NODE, WHOLE, RATE):
+        assert parameter.parse(parameter.default_text) == parameter.default
