@@ -16,7 +16,7 @@ from support.expected_time import expected, keep
 from support.worker_scope import scope
 
 OPTIONAL = {
-    "cantools": ["driver/protocol/test_codec.py", "driver/protocol/test_protocol_document.py"],
+    "cantools": ["driver/protocol/test_scan_codec.py", "driver/protocol/test_protocol_document.py"],
     "matplotlib": ["model/figures/test_figures.py", "model/figures/test_stability.py"],
 }
 """Tests that are left out where a module is missing; said in the header of the report."""

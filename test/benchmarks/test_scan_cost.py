@@ -14,7 +14,7 @@ TRIES = 4
 def test_a_scan_costs_no_more_than_the_baseline() -> None:
     """In units of a fixed piece of work, the least of many, in turn: so neither the machine nor its load matters.
 
-    Where a change is worth its cost, `python test/scan_cost.py --store` makes it the new baseline.
+    Where a change is worth its cost, `python test/support/scan_cost.py --store` makes it the new baseline.
     """
     stored = json.loads(BASELINE.read_text(encoding="ascii"))
     least = dict.fromkeys(CASES, float("inf"))

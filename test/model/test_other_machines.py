@@ -19,7 +19,7 @@ from support.paths import ROOT
 TABLES = [
     f"test/model/{room}/test_{name}.py"
     for room, names in {
-        "amplifier": ("amplifier", "differential_pair", "follower"),
+        "amplifier": ("operating_point", "differential_pair", "follower"),
         "device": ("charge", "film", "mechanics", "noise", "transistor"),
     }.items()
     for name in names

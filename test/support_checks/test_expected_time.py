@@ -54,4 +54,4 @@ def test_paths_count_by_where_they_lead() -> None:
     assert expected(config(str(HERE)))
     assert expected(config("."))
     assert not expected(config("test/model"))
-    assert not expected(config(str(HERE / Path("driver", "test_codec.py"))))
+    assert not expected(config(str(HERE / Path("driver", "test_scan_codec.py"))))

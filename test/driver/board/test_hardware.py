@@ -3,10 +3,10 @@ has it, socketcand, multicast, and real ones.
 
 udp_multicast needs msgpack (pip install msgpack); its datagrams do not leave this machine (hop_limit 0).
 
-POSFET_TEST_CAN=vcan0 python -m pytest test/driver/test_hardware.py
+POSFET_TEST_CAN=vcan0 python -m pytest test/driver/board/test_hardware.py
     also on that SocketCAN device, with an emulated board: modprobe vcan; ip link add vcan0 type vcan;
     ip link set vcan0 mtu 72 up
-POSFET_TEST_BOARD=slcan:/dev/ttyACM0 POSFET_TEST_SENSOR=my_sensor.yaml python -m pytest test/driver/test_hardware.py
+POSFET_TEST_BOARD=slcan:/dev/ttyACM0 POSFET_TEST_SENSOR=my_sensor.yaml python -m pytest test/driver/board/test_hardware.py
     also on a real board, as interface:channel
 """
 

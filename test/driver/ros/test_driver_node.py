@@ -131,7 +131,7 @@ class Bench:
 
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    monkeypatch.setattr(driver_node, "ANSWER_TIMEOUT", PATIENCE)
+    monkeypatch.setattr(driver_node, "RESPONSE_TIMEOUT", PATIENCE)
     bench = Bench()
     yield bench
     bench.close()

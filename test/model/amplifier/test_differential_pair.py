@@ -12,9 +12,9 @@ from posfet_model.amplifier.differential_pair import (
     LARGEST_PRODUCT,
     NO_LEAD,
     Lead,
+    lead_slope,
     pair_current,
     pair_transconductance,
-    stretch,
 )
 from posfet_model.amplifier.pair_settling import settle, settle_series
 from support.sweep import (
@@ -63,7 +63,7 @@ def settling_error(
             logarithms = np.abs(np.log(np.abs((p - a) / (p + a)))) / (2 * a) + share * np.abs(np.log(v))
             logarithms += np.abs(np.log(np.abs((q + b) / (q - b)))) / (2 * b)
         logarithms = np.where(below & np.isfinite(logarithms), logarithms, 0)  # at rest itself v is 0, too
-        return v, logarithms, stretch(lead.linear, lead.square * sign, f, pair_transconductance(x))
+        return v, logarithms, lead_slope(lead.linear, lead.square * sign, f, pair_transconductance(x))
 
     (v_start, logs_start, _), (v, logs, steepness) = at(start), at(end)
     time = v * (duration + logs_start + logs) + np.where(below, 0, np.abs(end - start) * (1 + share))

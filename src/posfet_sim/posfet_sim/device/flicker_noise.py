@@ -26,7 +26,7 @@ class FlickerNoise:
     interpolated linearly in between. Noise that the amplifier passes above half the scan rate is aliased (folded) into
     the samples as white noise of the variance `folded_variance`, which the caller adds to its own white noise. The
     spectrum is then within 1 dB of 1/f plus the folded noise, from rate/4^9 to half the rate
-    (test/sim/device/test_sim_noise.py).
+    (test/sim/device/test_flicker_noise.py).
     """
 
     def __init__(self, seed: int, taxels: int, block: int) -> None:

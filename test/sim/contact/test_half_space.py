@@ -1,4 +1,4 @@
-"""Every contact held to a numerical solution of the elastic half-space that knows only the gap (test/half_space.py)."""
+"""Every contact held to a numerical solution of the elastic half-space that knows only the gap (test/reference/half_space.py)."""
 
 from __future__ import annotations
 
