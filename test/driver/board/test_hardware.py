@@ -6,7 +6,7 @@ udp_multicast needs msgpack (pip install msgpack); its datagrams do not leave th
 POSFET_TEST_CAN=vcan0 python -m pytest test/driver/board/test_hardware.py
     also on that SocketCAN device, with an emulated board: modprobe vcan; ip link add vcan0 type vcan;
     ip link set vcan0 mtu 72 up
-POSFET_TEST_BOARD=slcan:/dev/ttyACM0 POSFET_TEST_SENSOR=my_sensor.yaml python -m pytest test/driver/board/test_hardware.py
+POSFET_TEST_BOARD=slcan:/dev/ttyACM0 POSFET_TEST_SENSOR=my_sensor.yaml python -m pytest (the same file)
     also on a real board, as interface:channel
 """
 

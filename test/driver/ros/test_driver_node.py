@@ -19,6 +19,7 @@ import pytest
 from support.clocks import PacedClock
 
 rclpy = pytest.importorskip("rclpy")
+pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.executors import SingleThreadedExecutor

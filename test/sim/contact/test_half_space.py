@@ -1,4 +1,4 @@
-"""Every contact held to a numerical solution of the elastic half-space that knows only the gap (test/reference/half_space.py)."""
+"""Contacts are verified against a numerical solution of the elastic half-space (test/reference/half_space.py)."""
 
 from __future__ import annotations
 

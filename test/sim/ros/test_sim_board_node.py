@@ -11,6 +11,7 @@ import pytest
 from support.clocks import PacedClock
 
 rclpy = pytest.importorskip("rclpy")
+pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState
