@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from importlib.util import find_spec
 
 import pytest
+from clocks import POLL
 from hypothesis import HealthCheck, settings
 
 from posfet_model.sensor import Sensor, load_sensor
@@ -42,6 +43,13 @@ def pytest_report_header() -> list[str]:
 
 def pytest_unconfigure() -> None:
     _isolation.close()
+
+
+@pytest.fixture(autouse=True)
+def boards_look_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Emulated boards look at their clock often, so that time that waits for them passes also when nothing is due."""
+    monkeypatch.setattr("posfet_driver.adapter.IDLE", POLL)
+    monkeypatch.setattr("posfet_driver.sim_wire.IDLE", POLL)
 
 
 @pytest.fixture(scope="session")

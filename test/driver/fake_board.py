@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import can
 import numpy as np
+from clocks import POLL
 
 from posfet_driver.board import Board
 from posfet_driver.firmware import BoardFirmware
@@ -109,7 +110,7 @@ def board_on_bus(bus: can.BusABC, firmware: BoardFirmware, clock: Clock) -> Iter
 
     def run() -> None:
         while not stop.is_set():
-            message = bus.recv(min(max((firmware.next_due() - clock.monotonic()) / 1e9, 0.0), 0.1))
+            message = bus.recv(min(max((firmware.next_due() - clock.monotonic()) / 1e9, 0.0), POLL))
             now = clock.monotonic()
             send(firmware.due(now))
             if message is not None:
