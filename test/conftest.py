@@ -12,6 +12,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from posfet_model.sensor.description import Sensor, load_sensor
+from support.clocks import POLL
 from support.expected_time import expected, keep
 from support.worker_scope import scope
 
@@ -74,6 +75,13 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
 
 def pytest_unconfigure() -> None:
     _isolation.close()
+
+
+@pytest.fixture(autouse=True)
+def boards_look_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Emulated boards look at their clock often, so that time that waits for them passes also when nothing is due."""
+    monkeypatch.setattr("posfet_sim.emulation.slcan_adapter.IDLE", POLL)
+    monkeypatch.setattr("posfet_sim.emulation.bus_server.IDLE", POLL)
 
 
 @pytest.fixture(scope="session")

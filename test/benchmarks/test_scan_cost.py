@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 
+import pytest
+
 from support.scan_cost import BASELINE, CASES, costs
 
 DEARER = 1.3
@@ -11,8 +13,9 @@ TRIES = 4
 """A machine that was disturbed all through one measurement is given another."""
 
 
+@pytest.mark.slow
 def test_a_scan_costs_no_more_than_the_baseline() -> None:
-    """In units of a fixed piece of work, the least of many, in turn: so neither the machine nor its load matters.
+    """In units of a fixed piece of work, the least of many, in turn: only a heavy load of the machine matters.
 
     Where a change is worth its cost, `python test/support/scan_cost.py --store` makes it the new baseline.
     """

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 
 STUCK = 120.0
 """Time stands still for no longer than this [s]: then a thread has stopped looking at it, and the test fails."""
+POLL = 0.005
+"""Longest wait of a thread that takes part [s]: time waits for it meanwhile."""
 EPOCH = 1_700_000_000_000_000_000
 """Wall time of a clock's zero [ns]."""
 
@@ -37,11 +39,14 @@ class PacedClock:
 
     So a board never runs away from its reader, nor a reader's time-outs from its board, however long the machine holds
     one of them up: such a test takes longer, and nothing else. A thread takes part from its first look at the clock
-    until it ends; the main thread only with `main`, or within `taking_part`.
+    until it ends; the main thread only with `main`, or within `taking_part`. Whoever takes part looks every POLL or so.
     """
 
-    def __init__(self, main: bool = True, lead: float = 0.05) -> None:
-        """Let time be at most `lead` [s] ahead of what the slowest thread has seen."""
+    def __init__(self, main: bool = True, lead: float = 0.005) -> None:
+        """Let time be at most `lead` [s] ahead of what the slowest thread has seen.
+
+        What comes in that time has to be less than a reader takes at one look: 4 KiB on a terminal.
+        """
         self._lead = round(lead * 1e9)
         self._lock = threading.Lock()
         self._seen: dict[threading.Thread, int] = {}

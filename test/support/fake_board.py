@@ -18,6 +18,7 @@ from posfet_driver.clock import Clock, SystemClock
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_sim.emulation.firmware import BoardFirmware
+from support.clocks import POLL
 
 PATIENCE = 120.0
 """How long a test waits for an event before it fails [s]: no machine is that slow."""
@@ -110,7 +111,7 @@ def board_on_bus(bus: can.BusABC, firmware: BoardFirmware, clock: Clock) -> Iter
 
     def run() -> None:
         while not stop.is_set():
-            message = bus.recv(min(max((firmware.next_due() - clock.monotonic()) / 1e9, 0.0), 0.1))
+            message = bus.recv(min(max((firmware.next_due() - clock.monotonic()) / 1e9, 0.0), POLL))
             now = clock.monotonic()
             send(firmware.due(now))
             if message is not None:

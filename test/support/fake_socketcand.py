@@ -9,6 +9,7 @@ import threading
 from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.clock import Clock
 from posfet_sim.emulation.firmware import BoardFirmware
+from support.clocks import POLL
 
 
 class FakeSocketcand:
@@ -18,7 +19,7 @@ class FakeSocketcand:
         self._firmware = firmware
         self._clock = clock
         self._listener = socket.create_server(("127.0.0.1", 0))
-        self._listener.settimeout(0.05)
+        self._listener.settimeout(POLL)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._raw = False  # the client gets frames
@@ -51,7 +52,7 @@ class FakeSocketcand:
         while not self._stop.is_set():
             wait = (self._firmware.next_due() - self._clock.monotonic()) / 1e9
             try:
-                readable = select.select([client], [], [], min(max(wait, 0.0), 0.05))[0]
+                readable = select.select([client], [], [], min(max(wait, 0.0), POLL))[0]
                 self._send(client, self._firmware.due(self._clock.monotonic()))
                 if readable:
                     received = client.recv(4096)

@@ -174,7 +174,7 @@ def test_a_reader_that_was_held_up_loses_nothing(sensor: Sensor) -> None:
 
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 @pytest.mark.parametrize("held_up", ["host", "adapter"])
-@pytest.mark.parametrize("length", [0.02, 0.1, 0.4, 0.6, 1.0])
+@pytest.mark.parametrize("length", [0.1, 0.6, 1.0])
 def test_a_pause_in_which_nothing_was_lost_loses_nothing(sensor: Sensor, length: float, held_up: str, fd: bool) -> None:
     """Whenever it comes, also while frames wait for the board to tell their numbers; then 4 KiB at a time."""
     for first in (3, 17, 40, 41, 57):
