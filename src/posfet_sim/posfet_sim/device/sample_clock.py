@@ -18,22 +18,21 @@ _PAGE: Final = 1024
 
 
 class SampleClock:
-    """Sampling times since the board started [s]: ``index/rate*(1 + drift)`` plus jitter, which is never negative."""
+    """Sampling times since the board started [s]: ``index/rate*(1 + drift)`` plus jitter, which is never negative.
+
+    Parameters
+    ----------
+    rate : float
+        Nominal scan rate [Hz].
+    drift : float
+        Relative excess of the interval [1].
+    jitter : float
+        Standard deviation of the jitter [s].
+    seed : int
+        Seed of the board.
+    """
 
     def __init__(self, rate: float, drift: float, jitter: float, seed: int) -> None:
-        """Create the clock.
-
-        Parameters
-        ----------
-        rate : float
-            Nominal scan rate [Hz].
-        drift : float
-            Relative excess of the interval [1].
-        jitter : float
-            Standard deviation of the jitter [s].
-        seed : int
-            Seed of the board.
-        """
         self._interval = (1 + drift) / rate
         self._jitter = jitter
         self._seed = seed

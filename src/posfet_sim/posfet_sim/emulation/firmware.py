@@ -47,25 +47,23 @@ class BoardFirmware:
 
     It sends status frames at once, and scans after the start command. The sequence of a scan equals its index in
     `board` as long as the rate is the nominal one.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    board : ScanMaker
+        Source of the scans.
+    now : int
+        Monotonic time [ns].
+
+    Raises
+    ------
+    ConfigError
+        The layout does not fit the frames.
     """
 
     def __init__(self, sensor: Sensor, board: ScanMaker, now: int) -> None:
-        """Switch on.
-
-        Parameters
-        ----------
-        sensor : Sensor
-            Sensor description.
-        board : ScanMaker
-            Source of the scans.
-        now : int
-            Monotonic time [ns].
-
-        Raises
-        ------
-        ConfigError
-            The layout does not fit the frames.
-        """
         self.on_scan: Callable[[Scan], None] | None = None
         """Called with each scan that is sent."""
         self.running = False

@@ -39,27 +39,25 @@ class McapRecorder:
     """MCAP with the profile ros2: topics `raw` and `truth` in a namespace, CDR messages with ros2msg schemas.
 
     rosbag2 (storage mcap), Foxglove and PlotJuggler read it. Times are those of the stamps.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the file.
+    sensor : Sensor
+        Sensor description.
+    namespace : str
+        Namespace of the topics, without slashes around it.
+
+    Raises
+    ------
+    ConfigError
+        The package mcap or a message definition is missing.
+    OSError
+        The file cannot be created.
     """
 
     def __init__(self, path: Path, sensor: Sensor, namespace: str) -> None:
-        """Create the file.
-
-        Parameters
-        ----------
-        path : Path
-            Path of the file.
-        sensor : Sensor
-            Sensor description.
-        namespace : str
-            Namespace of the topics, without slashes around it.
-
-        Raises
-        ------
-        ConfigError
-            The package mcap or a message definition is missing.
-        OSError
-            The file cannot be created.
-        """
         try:
             from mcap.writer import Writer  # noqa: PLC0415  # only MCAP files need the package
         except ImportError as error:
@@ -101,20 +99,19 @@ class McapRecorder:
 
 
 class CsvRecorder:
-    """CSV with one line per scan: stamp, sequence, device time, status, temperatures, counts, and the ground truth."""
+    """CSV with one line per scan: stamp, sequence, device time, status, temperatures, counts, and the ground truth.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the file.
+    sensor : Sensor
+        Sensor description.
+    objects : sequence of str
+        Names of the objects in the scene.
+    """
 
     def __init__(self, path: Path, sensor: Sensor, objects: Sequence[str]) -> None:
-        """Create the file.
-
-        Parameters
-        ----------
-        path : Path
-            Path of the file.
-        sensor : Sensor
-            Sensor description.
-        objects : sequence of str
-            Names of the objects in the scene.
-        """
         layout = sensor.layout
         self._stream = path.open("w", newline="", encoding="utf-8")
         self._writer = csv.writer(self._stream, lineterminator="\n")

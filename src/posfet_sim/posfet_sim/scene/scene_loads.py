@@ -16,18 +16,17 @@ from posfet_sim.scene.trajectories import Pose
 
 
 class SceneLoads:
-    """Loads of a scene on a sensor; see `Loads`. Each object affects only the taxels within its reach."""
+    """Loads of a scene on a sensor; see `Loads`. Each object affects only the taxels within its reach.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene that was loaded for this sensor.
+    sensor : Sensor
+        Sensor description.
+    """
 
     def __init__(self, scene: Scene, sensor: Sensor) -> None:
-        """Create the loads.
-
-        Parameters
-        ----------
-        scene : Scene
-            Scene that was loaded for this sensor.
-        sensor : Sensor
-            Sensor description.
-        """
         self.scene = scene
         """The scene."""
         self._objects = [_ObjectLoads(scene, item, _cells(scene, item, sensor)) for item in scene.objects]
