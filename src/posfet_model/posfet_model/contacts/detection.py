@@ -177,7 +177,15 @@ class ContactFinder:
         return self._bitmap.pack(taxels)
 
     def dilated(self, taxels: NDArray[np.bool_], distance: int) -> NDArray[np.bool_]:
-        """Return a mask, shape [rows * cols], dilated by `distance` taxels; read-only."""
+        """Return a mask, shape [rows * cols], dilated by `distance` taxels; read-only.
+
+        Parameters
+        ----------
+        taxels : ndarray of bool, shape [rows * cols]
+            Mask to dilate.
+        distance : int
+            Distance in taxels, along rows, columns and diagonals.
+        """
         return self._footprints.dilated(taxels.tobytes(), distance)
 
     def update_thresholds(

@@ -74,6 +74,11 @@ class FlickerNoise:
     def rows(self, number: int) -> NDArray[np.float64]:
         """Return the factor of block `number` (from scan number*block on): the noise is ``weights @ rows``.
 
+        Parameters
+        ----------
+        number : int
+            Number of the block.
+
         Returns
         -------
         numpy.ndarray

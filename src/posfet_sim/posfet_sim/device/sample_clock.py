@@ -53,7 +53,15 @@ class SampleClock:
         return index * self._interval + self._offsets_of(page).item(row)
 
     def times(self, first: int, count: int) -> NDArray[np.float64]:
-        """Return the times of `count` scans from scan `first` on [s], shape [count]."""
+        """Return the times of `count` scans from scan `first` on [s], shape [count].
+
+        Parameters
+        ----------
+        first : int
+            Index of the first scan.
+        count : int
+            Number of scans.
+        """
         times = np.arange(first, first + count, dtype=np.float64)
         times *= self._interval
         if self._jitter:
@@ -68,19 +76,45 @@ class SampleClock:
         return times
 
     def steps(self, first: int, count: int) -> NDArray[np.float64]:
-        """Return the intervals [s] that end at each of `count` scans from scan `first` on, shape [count]."""
+        """Return the intervals [s] that end at each of `count` scans from scan `first` on, shape [count].
+
+        Parameters
+        ----------
+        first : int
+            Index of the first scan.
+        count : int
+            Number of scans.
+        """
         if not self._jitter:
             return np.full(count, self._interval)
         return np.diff(self.times(first - 1, count + 1))
 
     def between(self, first: int, last: int) -> float:
-        """Return the time from scan `first` to scan `last` [s]; without jitter it depends on their difference only."""
+        """Return the time from scan `first` to scan `last` [s]; without jitter it depends on their difference only.
+
+        Parameters
+        ----------
+        first : int
+            Index of the earlier scan.
+        last : int
+            Index of the later scan.
+        """
         if not self._jitter:
             return (last - first) * self._interval
         return self.time(last) - self.time(first)
 
     def spans(self, origin: int, first: int, count: int) -> NDArray[np.float64]:
-        """Return the times from scan `origin` to each of `count` scans from scan `first` on [s], shape [count]."""
+        """Return the times from scan `origin` to each of `count` scans from scan `first` on [s], shape [count].
+
+        Parameters
+        ----------
+        origin : int
+            Index of the scan from which the times count.
+        first : int
+            Index of the first scan.
+        count : int
+            Number of scans.
+        """
         if not self._jitter:
             return np.arange(first - origin, first - origin + count, dtype=np.float64) * self._interval
         times: NDArray[np.float64] = self.times(first, count) - self.time(origin)

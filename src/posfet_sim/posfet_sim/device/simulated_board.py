@@ -209,6 +209,11 @@ class SimulatedBoard:
     def prepare(self, index: int) -> None:
         """Compute scan `index` in advance. Ground truth and state stay those of the last scan.
 
+        Parameters
+        ----------
+        index : int
+            Index of the scan.
+
         Raises
         ------
         ValueError

@@ -38,7 +38,15 @@ class ScanMaker(Protocol):
     """Source of the scans, such as a `SimulatedBoard`."""
 
     def scan(self, index: int, out: Scan) -> None:
-        """Compute the scan at time index / scan rate; indices ascend, gaps are allowed."""
+        """Compute the scan at time index / scan rate; indices ascend, gaps are allowed.
+
+        Parameters
+        ----------
+        index : int
+            Index of the scan.
+        out : Scan
+            Scan to fill in.
+        """
         ...
 
 

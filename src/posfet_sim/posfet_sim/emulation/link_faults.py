@@ -43,7 +43,7 @@ class LinkFaults:
     """Fault policy of one link: the outcome of each transmission, the resets of the board, and their counters.
 
     The outcome of transmission k depends on the seed and on k only, and the reset times on the seed only, whatever
-    times are asked for.
+    times are asked for. The board is switched on at time 0.
 
     Parameters
     ----------
@@ -77,6 +77,11 @@ class LinkFaults:
         """Return whether the board has reset by `time` [s], and count it; times ascend.
 
         Several resets since the last call count as one. `running_since` and `next_reset` are updated.
+
+        Parameters
+        ----------
+        time : float
+            Time since the board was switched on [s].
         """
         if time < self.next_reset:
             return False

@@ -88,6 +88,11 @@ class SimulationSource:
         """Return the next scan if it is due within `timeout` [s], else None after that time.
 
         The first call starts the scene: scan 0 is due at once. The next call overwrites the scan.
+
+        Parameters
+        ----------
+        timeout : float
+            Longest wait [s].
         """
         if self._next == 0:
             self._start = self._clock.monotonic()

@@ -27,7 +27,15 @@ class Recorder(Protocol):
     """Writes scans and their ground truth to a file."""
 
     def write(self, scan: Scan, truth: Truth) -> None:
-        """Write one scan and its ground truth."""
+        """Write one scan and its ground truth.
+
+        Parameters
+        ----------
+        scan : Scan
+            The scan.
+        truth : Truth
+            Ground truth of the scan.
+        """
         ...
 
     def close(self) -> None:
@@ -134,7 +142,17 @@ class CsvRecorder:
 
 
 def raw_values(scan: Scan, rows: int, cols: int) -> dict[str, Any]:
-    """Return the fields of TactileRaw."""
+    """Return the fields of TactileRaw.
+
+    Parameters
+    ----------
+    scan : Scan
+        The scan.
+    rows : int
+        Rows of the array.
+    cols : int
+        Columns of the array.
+    """
     return {
         "header": _header(scan.stamp),
         "layout_id": scan.layout_id,
@@ -150,7 +168,19 @@ def raw_values(scan: Scan, rows: int, cols: int) -> dict[str, Any]:
 
 
 def truth_values(truth: Truth, scan: Scan, rows: int, cols: int) -> dict[str, Any]:
-    """Return the fields of TactileTruth for a scan and its ground truth."""
+    """Return the fields of TactileTruth for a scan and its ground truth.
+
+    Parameters
+    ----------
+    truth : Truth
+        Ground truth of the scan.
+    scan : Scan
+        The scan.
+    rows : int
+        Rows of the array.
+    cols : int
+        Columns of the array.
+    """
     objects = truth.objects
     return {
         "header": _header(scan.stamp),

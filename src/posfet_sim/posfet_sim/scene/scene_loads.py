@@ -134,7 +134,15 @@ def _cells(scene: Scene, item: SceneObject, sensor: Sensor) -> Cells:
 
 
 def spread(scene: Scene, sensor: Sensor) -> float:
-    """Return the standard deviation of the spread by the elastomer skin [m]: that of the scene, else of the sensor."""
+    """Return the standard deviation of the spread by the elastomer skin [m]: that of the scene, else of the sensor.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene, whose thickness of the skin takes precedence.
+    sensor : Sensor
+        Sensor description.
+    """
     if scene.skin_thickness is None:
         return sensor.device.contact_spread
     return skin_spread(scene.skin_thickness)
