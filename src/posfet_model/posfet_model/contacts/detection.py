@@ -310,7 +310,7 @@ class ContactFinder:
         listed = region.bits & ~taxels.unlisted
         if listed or (taxels.interpolated is not None and taxels.interpolated[region.taxels].all()):
             return listed
-        # Only a noisy taxel is above the threshold: its neighbours must feel the touch, too (with hysteresis).
+        # Only a noisy taxel is above the threshold: its neighbours must respond to the touch, too (with hysteresis).
         share = NEIGHBOUR_RELEASE if any(contact.bits & region.bits for contact in before) else 1.0
         return footprint.wide & ~taxels.unlisted & self._bitmap.pack(taxels.force > share * self._floor)
 
