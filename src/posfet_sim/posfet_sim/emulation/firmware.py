@@ -1,4 +1,4 @@
-"""The board's side of the protocol: which frames it sends when, and how it answers. Knows no transport."""
+"""The board's side of the protocol: which frames it sends and when, and how it responds to commands. Knows no transport."""
 
 from __future__ import annotations
 
