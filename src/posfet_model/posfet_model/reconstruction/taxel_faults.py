@@ -324,7 +324,7 @@ class TaxelFaultDetector:
         self._responding_for[self._alive] = 0.0
 
     def _test_alone(self, force: NDArray[np.float64]) -> None:
-        """Update for how long taxels have held a force to which no neighbour responds, by the mean of the last block [N].
+        """Update how long taxels have held a force to which no neighbour responds, by the mean of the last block [N].
 
         Such taxels failed while they were pressed.
         """

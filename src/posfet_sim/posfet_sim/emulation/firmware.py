@@ -1,4 +1,4 @@
-"""The board's side of the protocol: which frames it sends and when, and how it responds to commands. Knows no transport."""
+"""The board's side of the protocol: which frames it sends and when, and its responses. Knows no transport."""
 
 from __future__ import annotations
 
