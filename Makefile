@@ -1,7 +1,7 @@
 # Set-up, build, and shortcuts to the commands of the packages. Uses a sourced ROS 2 if there is one, .venv otherwise.
 #
 #   make bringup            run the stack with the simulated board     FOR=5  SOURCE=sim|emulator|can  SCENE=name|file  ARGS=...
-#   make test               run every test but those against the wall clock     ARGS="-k name" goes to pytest
+#   make test               run all tests but the slow ones (against the wall clock)     ARGS="-k name" goes to pytest
 #   make check              run ruff, mypy, numpydoc and import-linter
 #   make soak               run the tests against the wall clock, then the driver under faults for half an hour     FOR=60
 #   make bench              measure speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
