@@ -1,8 +1,8 @@
 # Set-up, build, and shortcuts to the commands of the packages. Uses a sourced ROS 2 if there is one, .venv otherwise.
 #
 #   make bringup            run the stack with the simulated board     FOR=5  SOURCE=sim|emulator|can  SCENE=name|file  ARGS=...
-#   make test               run every test but those against the wall clock     ARGS="-k name" goes to pytest
-#   make check              run ruff, mypy and import-linter
+#   make test               run all tests but the slow ones (against the wall clock)     ARGS="-k name" goes to pytest
+#   make check              run ruff, mypy, numpydoc and import-linter
 #   make soak               run the tests against the wall clock, then the driver under faults for half an hour     FOR=60
 #   make bench              measure speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
 #   make stability          run every follower model for 1e8 steps, half an hour     STEPS=1e6
@@ -52,7 +52,8 @@ test: $(BUILT)
 	exec python3 -m pytest "$${workers[@]}" $(ARGS)
 
 check: $(BUILT)
-	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy && PYTHONPATH="$(PACKAGES):$$PYTHONPATH" lint-imports
+	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy && \
+	numpydoc lint --config . $$(find src -name '*.py' -not -name setup.py) && PYTHONPATH="$(PACKAGES):$$PYTHONPATH" lint-imports
 
 soak: $(BUILT)
 	@$(IN_ENVIRONMENT) python3 -m pytest -m slow && cd test && exec python3 -m support.soak --for $(or $(FOR),1800) $(ARGS)

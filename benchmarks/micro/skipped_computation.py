@@ -19,8 +19,9 @@ SCANS = 2500
 
 
 def labelled(scene: str) -> tuple[int, int, float, float]:
-    """Return in how many scans regions were labelled, in how many nothing touched, and the median times [us] of a scan
-    in which nothing touched and of one with a contact.
+    """Return the number of scans with labelled regions and without touch, and median times.
+
+    The median times [us] are those of a scan without touch and of one with a contact.
     """
     board, reconstructor = (
         SimulatedBoard(SENSOR, SceneLoads(load_scene(scene, SENSOR), SENSOR), 0),

@@ -55,8 +55,9 @@ def sine(instants: np.ndarray, volts: float | np.ndarray) -> np.ndarray:
 def ngspice_run(
     inputs: Sequence[float], steps: int, step: float = STEP, stop: float = 0.0
 ) -> tuple[float, ngspice.Transient]:
-    """Run ngspice with one follower for each amplitude [V]; return its processor time a time point [s], and the last
-    follower's input and output.
+    """Run ngspice with one follower for each amplitude [V].
+
+    Returns the processor time per time point [s], and input and output of the last follower.
     """
     taxels = len(inputs)
     lines = ["array", ngspice.netlist("opamp_b")]
@@ -114,8 +115,10 @@ def check_same_input(reference: ngspice.Transient, volts: float) -> None:
 
 
 def error_percent(reference: ngspice.Transient, volts: float, even: np.ndarray, v_out: np.ndarray) -> float:
-    """Return the largest error of the model's answer `v_out` [V] at the times `even` [s] to a sine of `volts`, in
-    percent of the sine's peak-to-peak, start removed. Raises RuntimeError where the reference had another input.
+    """Return the largest error of the model's response to a sine, in percent of its peak-to-peak amplitude.
+
+    `v_out` [V] is the response at the times `even` [s] to a sine of amplitude `volts` [V]; the initial value is
+    subtracted. Raises RuntimeError if the reference had another input.
     """
     check_same_input(reference, volts)
     expected = np.interp(even, reference.time, reference.v_out)

@@ -145,7 +145,7 @@ def speed(options: argparse.Namespace) -> None:
 
 
 def turned(scene: Scene, angle: float) -> Scene:
-    """The scene with its objects, which stroke, turned by an angle [rad]."""
+    """Return the scene with its objects and their trajectories rotated by an angle [rad]."""
     return replace(
         scene,
         objects=tuple(

@@ -73,6 +73,11 @@ def parse(words: Sequence[str]) -> dict[str, str]:
     """Return every argument by name, from words `name:=value` and the defaults.
 
     Raises ConfigError, one line, for an unknown argument, one given twice, or a value that is not allowed.
+
+    Parameters
+    ----------
+    words : sequence of str
+        Words of the command line.
     """
     given: dict[str, str] = {}
     for word in words:

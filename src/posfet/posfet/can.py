@@ -12,7 +12,17 @@ from posfet_model.sensor.description import Sensor
 
 @contextmanager
 def emulator(sensor: Sensor, channel: str, clock: Clock) -> Iterator[None]:
-    """Serve a simulated board with the default scene on an emulated slcan adapter at the path `channel`."""
+    """Serve a simulated board with the default scene on an emulated slcan adapter at the path `channel`.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    channel : str
+        Path at which the adapter appears.
+    clock : Clock
+        Clock of the host.
+    """
     from posfet_sim.emulation.bus_peer import SimulatedBusPeer  # noqa: PLC0415  # needed by the emulation only
     from posfet_sim.scene import DEFAULT_SCENE, load_scene  # noqa: PLC0415
 
@@ -25,5 +35,13 @@ def emulator(sensor: Sensor, channel: str, clock: Clock) -> Iterator[None]:
 
 
 def main(words: Sequence[str] | None = None, clock: Clock | None = None) -> int:
-    """Run one action of `posfet can` by a clock, that of this machine by default; return its exit code."""
+    """Run one action of `posfet can` by a clock, that of this machine by default; return its exit code.
+
+    Parameters
+    ----------
+    words : sequence of str, optional
+        Words of the command line; default: those of this process.
+    clock : Clock, optional
+        Clock; default: that of this machine.
+    """
     return can_cli.main(words, emulator, clock)

@@ -25,6 +25,11 @@ CLASSES: Final = {"model_node": "ModelNode", "sim_board_node": "SimBoardNode", "
 class Graph:
     """The nodes of one graph, connected within this process.
 
+    Parameters
+    ----------
+    specs : sequence of NodeSpec
+        Nodes; the source of scans is last.
+
     Raises
     ------
     ConfigError
@@ -114,6 +119,13 @@ def run(specs: Sequence[NodeSpec], seconds: float) -> int:
     """Run the graph and display it for `seconds` [s] or until Ctrl-C, and return the exit code.
 
     Raises ConfigError, one line, if a parameter or file cannot be used.
+
+    Parameters
+    ----------
+    specs : sequence of NodeSpec
+        Nodes; the source of scans is last.
+    seconds : float
+        Duration [s].
     """
     with ros(["--ros-args", "--log-level", specs[0].log_level]) as stack:
         graph = Graph(specs)

@@ -19,6 +19,13 @@ def run(specs: Sequence[NodeSpec], seconds: float) -> int:
 
     The exit code is 1 if a node failed, which then has printed the reason. Raises ConfigError if an executable is not
     installed.
+
+    Parameters
+    ----------
+    specs : sequence of NodeSpec
+        Nodes; the source of scans is last.
+    seconds : float
+        Duration [s].
     """
     with ros([]) as stack:
         node = ViewNode(specs[0].namespace)

@@ -116,13 +116,29 @@ class Record:
 
 
 def rate(before: Snapshot, after: Snapshot) -> float:
-    """Return the scan rate between two snapshots [Hz]."""
+    """Return the scan rate between two snapshots [Hz].
+
+    Parameters
+    ----------
+    before : Snapshot
+        Earlier snapshot.
+    after : Snapshot
+        Later snapshot.
+    """
     elapsed = after.time - before.time
     return (after.scans - before.scans) / elapsed if elapsed > 0 else math.nan
 
 
 def position_error(snapshot: Snapshot, true: TrueContact) -> float:
-    """Return the distance of a true contact from the nearest reported one [m], infinite if there is none."""
+    """Return the distance of a true contact from the nearest reported one [m], infinite if there is none.
+
+    Parameters
+    ----------
+    snapshot : Snapshot
+        Snapshot with the reported contacts.
+    true : TrueContact
+        Contact of the ground truth.
+    """
     distances = [math.hypot(contact.x - true.x, contact.y - true.y) for contact in snapshot.contacts]
     return min(distances, default=math.inf)
 

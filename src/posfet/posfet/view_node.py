@@ -31,6 +31,11 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
     """Keeps the newest messages of one stack, and converts them only when a snapshot is requested.
 
     Losses are read from the diagnostics: a message that this node misses is not a loss of the stack.
+
+    Parameters
+    ----------
+    namespace : str
+        Namespace of the stack.
     """
 
     def __init__(self, namespace: str) -> None:

@@ -30,6 +30,11 @@ def ignoring_broken_pipe(run: Callable[[], int]) -> int:
 def positive(text: str) -> float:
     """Return a finite number above 0, such as a time [s], as an argparse type.
 
+    Parameters
+    ----------
+    text : str
+        Text of the argument.
+
     Examples
     --------
     >>> positive("2.5")

@@ -73,7 +73,15 @@ class Section:
         self._known: dict[str, None] = {}  # in order
 
     def error(self, name: str, reason: str) -> ConfigError:
-        """Return the error for the key `name` of this section, '' for the section itself."""
+        """Return the error for the key `name` of this section, '' for the section itself.
+
+        Parameters
+        ----------
+        name : str
+            Key, or '' for the section itself.
+        reason : str
+            What is wrong.
+        """
         path = ".".join(part for part in (self.key, name) if part)
         return ConfigError(f"{self.source}: {path}: {reason}" if path else f"{self.source}: {reason}")
 
@@ -102,12 +110,38 @@ class Section:
         exclusive: bool = False,
         default: object = _REQUIRED,
     ) -> float:
-        """Return a finite number in [low, high], or in (low, high) with `exclusive`."""
+        """Return a finite number in [low, high], or in (low, high) with `exclusive`.
+
+        Parameters
+        ----------
+        name : str
+            Key of the section.
+        low : float, optional
+            Lower end of the range.
+        high : float, optional
+            Upper end of the range.
+        exclusive : bool, optional
+            Whether the ends are excluded.
+        default : object, optional
+            Value of a missing key; default: the key is required.
+        """
         expected = f"a number in {interval(low, high, exclusive)}"
         return self._checked_number(name, self._take(name, default, expected), low, high, exclusive, expected)
 
     def numbers(self, name: str, count: int, low: float = -math.inf, high: float = math.inf) -> tuple[float, ...]:
-        """Return a list of `count` finite numbers, each in [low, high]."""
+        """Return a list of `count` finite numbers, each in [low, high].
+
+        Parameters
+        ----------
+        name : str
+            Key of the section.
+        count : int
+            Length of the list.
+        low : float, optional
+            Lower end of the range.
+        high : float, optional
+            Upper end of the range.
+        """
         expected = f"a list of {count} numbers in {interval(low, high)}"
         value = self._take(name, _REQUIRED, expected)
         if not isinstance(value, list) or len(value) != count:
@@ -126,7 +160,19 @@ class Section:
         return float(value)
 
     def whole(self, name: str, low: int, high: int, *, default: object = _REQUIRED) -> int:
-        """Return a whole number in [low, high]."""
+        """Return a whole number in [low, high].
+
+        Parameters
+        ----------
+        name : str
+            Key of the section.
+        low : int
+            Lower end of the range.
+        high : int
+            Upper end of the range.
+        default : object, optional
+            Value of a missing key; default: the key is required.
+        """
         expected = f"a whole number in [{low}, {high}]"
         value = self._take(name, default, expected)
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
@@ -134,7 +180,17 @@ class Section:
         return value
 
     def wholes(self, name: str, low: int, high: int) -> list[int]:
-        """Return a list of any length of whole numbers, each in [low, high]."""
+        """Return a list of any length of whole numbers, each in [low, high].
+
+        Parameters
+        ----------
+        name : str
+            Key of the section.
+        low : int
+            Lower end of the range.
+        high : int
+            Upper end of the range.
+        """
         expected = f"a list of whole numbers in {interval(low, high)}"
         value = self._take(name, _REQUIRED, expected)
         if not isinstance(value, list) or any(
@@ -144,14 +200,32 @@ class Section:
         return list(value)
 
     def flag(self, name: str, *, default: object = _REQUIRED) -> bool:
-        """Return true or false."""
+        """Return true or false.
+
+        Parameters
+        ----------
+        name : str
+            Key of the section.
+        default : object, optional
+            Value of a missing key; default: the key is required.
+        """
         value = self._take(name, default, "true or false")
         if not isinstance(value, bool):
             raise self.error(name, f"must be true or false, got {_shown(value)}")
         return value
 
     def text(self, name: str, choices: Sequence[str] = (), *, default: object = _REQUIRED) -> str:
-        """Return a text of one line without surrounding spaces; one of `choices` if any are given."""
+        """Return a text of one line without surrounding spaces; one of `choices` if any are given.
+
+        Parameters
+        ----------
+        name : str
+            Key of the section.
+        choices : sequence of str, optional
+            Allowed values; none: any text.
+        default : object, optional
+            Value of a missing key; default: the key is required.
+        """
         expected = f"one of {', '.join(choices)}" if choices else "text"
         value = self._take(name, default, expected)
         if not isinstance(value, str) or (choices and value not in choices):
@@ -195,6 +269,11 @@ def _reads_as_number(text: str) -> bool:
 
 def read_yaml(path: str | Path) -> Section:
     """Return the top-level mapping of a YAML file.
+
+    Parameters
+    ----------
+    path : str or Path
+        Path of the file.
 
     Raises
     ------

@@ -98,6 +98,11 @@ class Parameter:
     def check(self, value: object) -> str:
         """Return '' for an allowed `value`, otherwise what is allowed and what was given.
 
+        Parameters
+        ----------
+        value : object
+            Value to check.
+
         Examples
         --------
         >>> rate = Parameter("rate", 1000.0, "Scan rate", unit="Hz", low=1.0, high=4000.0)
@@ -119,6 +124,11 @@ class Parameter:
 
     def parse(self, text: str) -> Scalar:
         """Return the value that a launch argument gives as text.
+
+        Parameters
+        ----------
+        text : str
+            Value as text.
 
         Raises
         ------

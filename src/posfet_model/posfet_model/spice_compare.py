@@ -184,6 +184,13 @@ def closed_loop(gain: float | None, bandwidth: float | None) -> ClosedLoop | Non
     """Return the closed loop that --gain and --bandwidth describe, None without both.
 
     Raises UsageError if only one is given, or if one is out of range.
+
+    Parameters
+    ----------
+    gain : float
+        Gain of the follower at low frequency [1], if given.
+    bandwidth : float
+        Its -3 dB frequency [Hz], if given.
     """
     if gain is None and bandwidth is None:
         return None

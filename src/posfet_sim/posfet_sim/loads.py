@@ -80,6 +80,11 @@ class Loads(Protocol):
         """Return the time [s] up to which, from `time` [s] on, neither forces nor temperature change.
 
         It is `time` itself while one of them changes, and infinite when nothing changes any more.
+
+        Parameters
+        ----------
+        time : float
+            Time since the start [s].
         """
         ...
 

@@ -286,7 +286,7 @@ class TestWithoutNgspice:
         with pytest.raises(ngspice.SpiceError, match="not on PATH"):
             ngspice.run_follower(ngspice.netlist("opamp_b"), "sin(0 1 1k)", 1e-3, 1e-6)
         assert reference_runs.main([str(tmp_path / "new")]) == 1
-        assert capsys.readouterr().err.startswith("spice_reference: ngspice is not on PATH")
+        assert capsys.readouterr().err.startswith("reference_runs: ngspice is not on PATH")
 
     @pytest.mark.parametrize(
         ("script", "reason"),

@@ -83,7 +83,15 @@ class CommandQueue:
         return pending
 
     def expire(self, now: int, reason: str) -> None:
-        """Fail the commands whose deadline has passed at `now` [ns]; `reason` is why they could not be sent."""
+        """Fail the commands whose deadline has passed at `now` [ns]; `reason` is why they could not be sent.
+
+        Parameters
+        ----------
+        now : int
+            Monotonic time [ns].
+        reason : str
+            Why waiting commands could not be sent, for their error messages.
+        """
         if self._current is not None and now >= self._current.deadline:
             pending, self._current = self._current, None
             _fail(pending, f"no response within {pending.timeout:g} s")

@@ -42,10 +42,26 @@ class FaultMonitor:
 
 
 def worst(faults: Iterable[FaultKind], health: Health) -> Health:
-    """Return the health of a source that has these faults and reports `health` itself."""
+    """Return the health of a source that has these faults and reports `health` itself.
+
+    Parameters
+    ----------
+    faults : iterable of FaultKind
+        Faults that are present.
+    health : Health
+        Health that the source itself reports.
+    """
     return max((health, *(fault.health for fault in faults)))
 
 
 def changes(before: Sequence[FaultKind], now: Sequence[FaultKind]) -> tuple[list[FaultKind], list[FaultKind]]:
-    """Return the faults that have appeared and those that have cleared."""
+    """Return the faults that have appeared and those that have cleared.
+
+    Parameters
+    ----------
+    before : sequence of FaultKind
+        Faults before.
+    now : sequence of FaultKind
+        Faults now.
+    """
     return [fault for fault in now if fault not in before], [fault for fault in before if fault not in now]

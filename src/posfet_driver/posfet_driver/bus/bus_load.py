@@ -38,7 +38,15 @@ class BusLoad:
         self._busy = 0.0
 
     def add(self, frames: Iterable[Frame], now: int) -> None:
-        """Add the frames that were read at `now` [ns]."""
+        """Add the frames that were read at `now` [ns].
+
+        Parameters
+        ----------
+        frames : iterable of Frame
+            Frames that were read.
+        now : int
+            Monotonic time [ns].
+        """
         times, busy = self._times, 0.0
         for _, kind, data in frames:
             try:

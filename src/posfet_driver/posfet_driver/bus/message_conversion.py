@@ -21,7 +21,15 @@ def frame_of(message: can.Message) -> Frame:
 
 
 def message_of(frame: Frame, timestamp: float = 0.0) -> can.Message:
-    """Return a frame as a python-can message; `timestamp` in [s] since the Unix epoch."""
+    """Return a frame as a python-can message; `timestamp` in [s] since the Unix epoch.
+
+    Parameters
+    ----------
+    frame : Frame
+        Frame of the driver.
+    timestamp : float, optional
+        Time of arrival [s] since the Unix epoch.
+    """
     identifier, kind, data = frame
     remote = bool(kind & REMOTE)
     return can.Message(

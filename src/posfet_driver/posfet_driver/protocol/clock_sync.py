@@ -36,7 +36,7 @@ class ClockSync:
         self._undelayed = 0
 
     @property
-    def uncertainty(self) -> float:
+    def uncertainty(self) -> float:  # numpydoc ignore=RT01
         """Possible drift of the offset since the last undelayed frame [ns]; NaN before the first frame.
 
         The minimum transit time adds to it: no mapping of this kind can observe it.

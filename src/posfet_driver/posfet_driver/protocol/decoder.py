@@ -200,7 +200,15 @@ class Decoder:
         return not self._fd and self._recovery.resync_needed()
 
     def note_start_sent(self, tag: int, now: int) -> None:
-        """Note that START is being sent with `tag`, at the monotonic time `now` [ns]."""
+        """Note that START is being sent with `tag`, at the monotonic time `now` [ns].
+
+        Parameters
+        ----------
+        tag : int
+            Tag of the command.
+        now : int
+            Monotonic time [ns].
+        """
         self._recovery.note_start_sent(tag, now)
 
     def decode(self, frames: list[Frame], arrival: int, wall_offset: int) -> Iterator[Decoded]:

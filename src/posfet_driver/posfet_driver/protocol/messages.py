@@ -232,6 +232,11 @@ def check_identifiers(base: int, classic_blocks: int) -> None:
 def version(firmware: int) -> str:
     """Return a firmware version as "major.minor".
 
+    Parameters
+    ----------
+    firmware : int
+        Version as in the protocol: major in the high byte, minor in the low.
+
     Examples
     --------
     >>> version(0x0203)

@@ -65,7 +65,17 @@ class ScanCodec(ABC):
 
     @abstractmethod
     def header(self, offset: int, kind: int, data: bytes) -> Header | None:
-        """Return the header of a block, or None when the frame is no block of this layout."""
+        """Return the header of a block, or None when the frame is no block of this layout.
+
+        Parameters
+        ----------
+        offset : int
+            Identifier of the frame less the board's base identifier.
+        kind : int
+            Kind of the frame, a sum of constants of `posfet_driver.bus.frame`.
+        data : bytes
+            Data of the frame.
+        """
 
     @abstractmethod
     def decode(self, out: Counts) -> None:
@@ -73,7 +83,15 @@ class ScanCodec(ABC):
 
     @abstractmethod
     def encode(self, scan: Scan, base: int) -> list[Frame]:
-        """Return the frames of a scan in the order of transmission; `base` is the board's base identifier."""
+        """Return the frames of a scan in the order of transmission; `base` is the board's base identifier.
+
+        Parameters
+        ----------
+        scan : Scan
+            Scan to encode.
+        base : int
+            Base identifier of the board.
+        """
 
 
 class FdCodec(ScanCodec):
@@ -131,6 +149,11 @@ class ClassicCodec(ScanCodec):
 
     The 12 bits are the high ones of a count. On extension to 16 bits the high four are repeated below them, so that
     both ends of the scale are preserved.
+
+    Parameters
+    ----------
+    taxels : int
+        Number of taxels of the layout.
     """
 
     fd = False

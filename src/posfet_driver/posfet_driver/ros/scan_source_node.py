@@ -115,7 +115,15 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         self._reported = (0, 0)  # scans and time [ns] of the newest report
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> ManagedDevice:
-        """Return the source, not opened yet. Raises ConfigError when it can never be opened."""
+        """Return the source, not opened yet. Raises ConfigError when it can never be opened.
+
+        Parameters
+        ----------
+        sensor : Sensor
+            Sensor description.
+        parameters : mapping of str to object
+            Checked parameters of the node by name.
+        """
         raise NotImplementedError
 
     def start(self) -> None:
@@ -147,7 +155,15 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         return self._subscribed
 
     def deliver(self, scan: Scan, now: int) -> None:
-        """Deliver one scan in the data thread; `now` is a monotonic time [ns]."""
+        """Deliver one scan in the data thread; `now` is a monotonic time [ns].
+
+        Parameters
+        ----------
+        scan : Scan
+            Scan to deliver; the source may overwrite it after this call.
+        now : int
+            Monotonic time [ns].
+        """
         if self.sink:
             self.sink(scan)
         if self._raw_listeners.any(now):

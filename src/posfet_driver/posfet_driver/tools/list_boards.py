@@ -79,7 +79,17 @@ def boards(frames: Iterable[Frame]) -> list[DetectedBoard]:
 
 
 def listen(bus: FrameBus, seconds: float, clock: Clock) -> list[Frame]:
-    """Return the frames that arrive within `seconds` [s]."""
+    """Return the frames that arrive within `seconds` [s].
+
+    Parameters
+    ----------
+    bus : FrameBus
+        Open bus.
+    seconds : float
+        Listening time [s].
+    clock : Clock
+        Clock of the host.
+    """
     end = clock.monotonic() + round(seconds * 1e9)
     frames: list[Frame] = []
     while (left := end - clock.monotonic()) > 0:

@@ -43,6 +43,8 @@ class Monitor:
     ----------
     sensor : Sensor
         Array and frames of the board.
+    clock : Clock
+        Clock of the host.
     """
 
     def __init__(self, sensor: Sensor, clock: Clock) -> None:

@@ -75,7 +75,17 @@ def request(
 
 @contextlib.contextmanager
 def started(bus: FrameBus, sensor: Sensor, options: argparse.Namespace) -> Iterator[None]:
-    """Start the board for the duration of the block if the options say so; an emulated board always."""
+    """Start the board for the duration of the block if the options say so; an emulated board always.
+
+    Parameters
+    ----------
+    bus : FrameBus
+        Open bus.
+    sensor : Sensor
+        Sensor description.
+    options : argparse.Namespace
+        Options of the command line.
+    """
     base = sensor.can.base_id
     wanted = options.start or options.interface == EMULATOR
     if wanted:

@@ -45,6 +45,8 @@ class SelfTest:
         The bus.
     seconds : float
         Duration for which scans are checked [s].
+    clock : Clock
+        Clock of the host.
     """
 
     def __init__(self, sensor: Sensor, settings: BusSettings, seconds: float, clock: Clock) -> None:

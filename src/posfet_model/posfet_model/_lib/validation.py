@@ -14,7 +14,17 @@ _Kind = TypeVar("_Kind")
 
 
 def interval(low: float, high: float, exclusive: bool = False) -> str:
-    """Return the notation of an interval: closed ends in brackets, open and infinite ends in parentheses."""
+    """Return the notation of an interval: closed ends in brackets, open and infinite ends in parentheses.
+
+    Parameters
+    ----------
+    low : float
+        Lower end of the range.
+    high : float
+        Upper end of the range.
+    exclusive : bool, optional
+        Whether the ends are excluded.
+    """
     left = "(" if exclusive or math.isinf(low) else "["
     right = ")" if exclusive or math.isinf(high) else "]"
     return f"{left}{low:g}, {high:g}{right}"
@@ -125,7 +135,17 @@ def whole_number(name: str, value: int, low: int, high: int) -> int:
 
 
 def instance(name: str, value: object, kind: type[_Kind]) -> _Kind:
-    """Return `value`; ValueError when it is not an instance of the class `kind`."""
+    """Return `value`; ValueError when it is not an instance of the class `kind`.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument, for the error message.
+    value : object
+        Value to check.
+    kind : type
+        Required class.
+    """
     if not isinstance(value, kind):
         raise ValueError(f"{name} must be a {kind.__name__}, got {value!r:.60}")
     return value

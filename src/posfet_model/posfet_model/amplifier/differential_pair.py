@@ -95,7 +95,7 @@ def lead_slope(linear: float, square: float | Array, current: Array, transconduc
 
 
 @dataclass(frozen=True)
-class Lead:
+class Lead:  # numpydoc ignore=PR02
     """Direct contribution of the pair's current to the output: ``linear*f + square*f**2`` [Vov].
 
     A resistor in series with the capacitor makes the linear part, the zero of the small-signal response. An output

@@ -74,13 +74,26 @@ class AmplifierDesign:
         return self.hole_mobility * self.stack.oxide * self.aspect(name)
 
     def gate_capacitance(self, name: str, plane: Plane = Plane.OXIDE) -> float:
-        """Return the gate-source capacitance in saturation [F], two thirds of the whole; unchecked."""
+        """Return the gate-source capacitance in saturation [F], two thirds of the whole; unchecked.
+
+        Parameters
+        ----------
+        name : str
+            Name of the transistor, as in Table II.
+        plane : Plane, optional
+            Plane at which the capacitance per area counts.
+        """
         return 2 / 3 * self.size(name).width * self.size(name).length * self.stack.drive(plane)
 
     def output_capacitance(self, load: float) -> float:
         """Return the capacitance [F] at the output of a follower: the `load` [F] and the gate of M1.
 
         Half of that gate's charge is shared with M2 through the tail. Unchecked.
+
+        Parameters
+        ----------
+        load : float
+            Load capacitance [F].
         """
         return load + 0.5 * self.gate_capacitance("M1", Plane.GATE)
 
@@ -185,7 +198,15 @@ class OperatingPoint:
     """Overdrive of M7 at that current [V]."""
 
     def output_demand(self, bias: AmplifierBias, volts: float) -> float:
-        """Return the current [A] that M7 has to carry at an output voltage: that of M8 and the load; unchecked."""
+        """Return the current [A] that M7 has to carry at an output voltage: that of M8 and the load; unchecked.
+
+        Parameters
+        ----------
+        bias : AmplifierBias
+            Bias of the op-amp.
+        volts : float
+            Output voltage [V].
+        """
         sunk = self.output * (1 + bias.modulation * volts / (1 + bias.modulation * bias.supply))
         return sunk + volts / bias.load_resistance
 

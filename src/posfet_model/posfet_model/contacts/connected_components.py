@@ -49,7 +49,15 @@ class BitMap:
         return self.pack(mask)
 
     def mask(self, bits: int, out: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return the mask of `bits` in `out`, shape [rows * cols]."""
+        """Return the mask of `bits` in `out`, shape [rows * cols].
+
+        Parameters
+        ----------
+        bits : int
+            Bits of the taxels.
+        out : ndarray of bool, shape [rows * cols]
+            Array to fill.
+        """
         out[:] = False
         out[self.taxels(bits)] = True
         return out

@@ -177,7 +177,15 @@ class ContactFinder:
         return self._bitmap.pack(taxels)
 
     def dilated(self, taxels: NDArray[np.bool_], distance: int) -> NDArray[np.bool_]:
-        """Return a mask, shape [rows * cols], dilated by `distance` taxels; read-only."""
+        """Return a mask, shape [rows * cols], dilated by `distance` taxels; read-only.
+
+        Parameters
+        ----------
+        taxels : ndarray of bool, shape [rows * cols]
+            Mask to dilate.
+        distance : int
+            Distance in taxels, along rows, columns and diagonals.
+        """
         return self._footprints.dilated(taxels.tobytes(), distance)
 
     def update_thresholds(
@@ -302,7 +310,7 @@ class ContactFinder:
         listed = region.bits & ~taxels.unlisted
         if listed or (taxels.interpolated is not None and taxels.interpolated[region.taxels].all()):
             return listed
-        # Only a noisy taxel is above the threshold: its neighbours must feel the touch, too (with hysteresis).
+        # Only a noisy taxel is above the threshold: its neighbours must respond to the touch, too (with hysteresis).
         share = NEIGHBOUR_RELEASE if any(contact.bits & region.bits for contact in before) else 1.0
         return footprint.wide & ~taxels.unlisted & self._bitmap.pack(taxels.force > share * self._floor)
 

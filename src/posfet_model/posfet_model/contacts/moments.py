@@ -202,9 +202,10 @@ def principal_axes(xx: float, yy: float, xy: float) -> tuple[Vector, Vector]:
 
     Returns
     -------
-    major, minor : tuple of float
-        Vectors (x, y) of one standard deviation [m]; the major one with x >= 0, the minor one 90 degrees
-        counter-clockwise from it.
+    major : tuple of float
+        Vector (x, y) of one standard deviation [m] along the major axis, with x >= 0.
+    minor : tuple of float
+        The same along the minor axis, 90 degrees counter-clockwise from the major one.
 
     Examples
     --------

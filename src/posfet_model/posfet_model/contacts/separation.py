@@ -1,7 +1,7 @@
 """Separation of contacts so close to each other that they form one connected region.
 
-Two fingertips two pitches apart have a saddle between them only while each is above a taxel of its own; half a pitch
-further on four taxels in a row read the same. So a region is *split* where it has peaks with a deep enough saddle
+Two fingertips two pitches apart have a saddle between them only while each is above a taxel of its own; after a move by
+half a pitch, four taxels in a row read the same. So a region is *split* where it has peaks with a deep enough saddle
 between them, and it *stays split* as long as the peaks, tracked from scan to scan, stay apart: the force of each taxel
 is divided among them by a mixture of Gaussians of the skin's width, and the centres are those of their parts
 (expectation-maximisation). Regions that merge stay split, too, until they press hard enough for a saddle to be

@@ -39,7 +39,7 @@ _NEAREST_TO_SATURATION: Final = 1e-9
 
 
 @dataclass(frozen=True)
-class Film:
+class Film:  # numpydoc ignore=PR02
     """A ferroelectric film.
 
     Parameters
@@ -88,7 +88,7 @@ class TurningPoint:
 
 
 @dataclass(frozen=True)
-class History:
+class History:  # numpydoc ignore=PR02
     """State of a film: present point, direction from which it was reached, and turning points still in memory.
 
     The turning points alternate between upper and lower and close in on the present point: the last one is where the

@@ -50,7 +50,7 @@ class Deflection:
 
 
 @dataclass(frozen=True)
-class Layer:
+class Layer:  # numpydoc ignore=PR02
     """A layer of a bent chip.
 
     Parameters

@@ -70,7 +70,7 @@ class Taxel:
         return -self.piezoelectric_coefficient / self.capacitance
 
     @property
-    def newtons_per_kelvin(self) -> float:
+    def newtons_per_kelvin(self) -> float:  # numpydoc ignore=RT01
         """-p*A/d33 [N/K]: apparent force of a sudden temperature rise, negative (a pull) where p has the sign of d33.
 
         A steady heating of g [K/s] reads as ``newtons_per_kelvin*g*leak_time_constant`` in the end.

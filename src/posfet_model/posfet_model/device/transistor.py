@@ -50,7 +50,7 @@ class Plane(enum.Enum):
 
 
 @dataclass(frozen=True)
-class Stack:
+class Stack:  # numpydoc ignore=PR02
     """Oxide and film, one above the other, as capacitances per area.
 
     Parameters

@@ -83,7 +83,15 @@ class CommonModeCorrector:
         self._leaked = leaked
 
     def compensate(self, force: Array, touched: bool) -> None:
-        """Attribute the common-mode component of the usable taxels' forces [N] in a scan to the film temperature."""
+        """Attribute the common-mode component of the usable taxels' forces [N] in a scan to the film temperature.
+
+        Parameters
+        ----------
+        force : ndarray of float64, shape [taxels]
+            Forces of the scan [N].
+        touched : bool
+            Whether something touches.
+        """
         if touched:
             self._apply_rise(self._common.update_touched(force))
         else:
@@ -147,7 +155,17 @@ class CommonModeCorrector:
         self.offset.reset()
 
     def measure(self, leaked: Array, duration: float, scans: int) -> None:
-        """Measure the common-mode signal of a block from the accumulated leakage [N], before offsets are corrected."""
+        """Measure the common-mode signal of a block from the accumulated leakage [N], before offsets are corrected.
+
+        Parameters
+        ----------
+        leaked : ndarray of float64, shape [taxels]
+            Accumulated leakage [N].
+        duration : float
+            Duration of the block [s].
+        scans : int
+            Number of scans in the block.
+        """
         if not self._count:
             return
         # The leakage over a block gives the mean of its signals.
@@ -160,6 +178,15 @@ class CommonModeCorrector:
         """Subtract the common mode from mean forces [N], in place, so that no baseline absorbs it.
 
         `observable`: the untouched taxels give the temperature.
+
+        Parameters
+        ----------
+        mean : ndarray of float64, shape [taxels]
+            Mean force over the block [N].
+        touched : ndarray of bool, shape [taxels]
+            Taxels that are touched.
+        observable : bool
+            Whether the untouched taxels give the temperature.
         """
         touches = any_true(touched)
         if not (observable if touches else self.offset.random_walk_found):
@@ -169,7 +196,17 @@ class CommonModeCorrector:
             mean[free if touches else slice(None)] -= upper_median(mean[free])
 
     def begin_touch(self, begun: Mask, blocks: NDArray[np.intp], duration: float) -> None:
-        """Correct the taxels on which a touch begins, which were rolled back by `blocks` blocks, shape [begun]."""
+        """Correct the taxels on which a touch begins, which were rolled back by `blocks` blocks, shape [begun].
+
+        Parameters
+        ----------
+        begun : ndarray of bool, shape [taxels]
+            Taxels on which a touch begins.
+        blocks : ndarray of intp, shape [begun]
+            Number of blocks by which each of these taxels was rolled back.
+        duration : float
+            Duration of the block [s].
+        """
         if not self.offset.random_walk_found:
             return
         touch = self.offset.begin_touch(self.film_rise, duration)

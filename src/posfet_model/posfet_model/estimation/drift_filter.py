@@ -116,7 +116,15 @@ class DriftFilter:
         return variance
 
     def predict(self, duration: float, squares: float) -> None:
-        """Propagate the state by `duration` [s], made of steps whose squares sum up to `squares` [s2]."""
+        """Propagate the state by `duration` [s], made of steps whose squares sum up to `squares` [s2].
+
+        Parameters
+        ----------
+        duration : float
+            Duration [s].
+        squares : float
+            Sum of the squares of the steps [s2].
+        """
         self._time += duration
         self._step = squares / duration
         white = (self.noise_variance * squares + self._fast * duration) / self.time_constant**2
@@ -159,6 +167,15 @@ class DriftFilter:
         """Update the masked taxels by their mean force [N], given the innovation variance [N2].
 
         The caller corrects the force itself, and reports that by `record_correction`.
+
+        Parameters
+        ----------
+        where : ndarray of bool, shape [taxels]
+            Taxels concerned.
+        mean : ndarray of float64, shape [taxels]
+            Mean force over the block [N].
+        expected : ndarray of float64, shape [taxels]
+            Innovation variance [N2].
         """
         gains = np.where(where, self._projection / expected, 0.0)
         components, covariance = self._now.components, self._now.covariance
@@ -172,7 +189,15 @@ class DriftFilter:
         shift += change
 
     def reset_force_error(self, where: Mask | slice, variance: Array) -> None:
-        """Set the variance of the force error of the masked taxels [N2], uncorrelated with the offset."""
+        """Set the variance of the force error of the masked taxels [N2], uncorrelated with the offset.
+
+        Parameters
+        ----------
+        where : ndarray of bool or slice
+            Taxels concerned.
+        variance : ndarray of float64
+            Variance of the force error [N2] of the taxels concerned.
+        """
         self._now.covariance[0, 1:, where] = 0.0
         self._now.covariance[0, 0, where] = variance
 
@@ -182,13 +207,29 @@ class DriftFilter:
         return 2.0 * self._decade / TIME_CONSTANTS[0]
 
     def set_mean_offset(self, usable: Mask, offset: float) -> None:
-        """Shift all offsets so that the mean of those of the usable taxels is `offset` [N]."""
+        """Shift all offsets so that the mean of those of the usable taxels is `offset` [N].
+
+        Parameters
+        ----------
+        usable : ndarray of bool, shape [taxels]
+            Taxels that work.
+        offset : float
+            Mean offset [N].
+        """
         self._now.components[:] -= self._now.components[:, usable].mean(axis=1)[:, None]
         self._now.components[0] += offset
         self._now.components.sum(axis=0, out=self.offset)
 
     def inflate_offset_variance(self, where: Mask, variance: Array | float) -> None:
-        """Increase the variance of the offsets of the masked taxels [N2]."""
+        """Increase the variance of the offsets of the masked taxels [N2].
+
+        Parameters
+        ----------
+        where : ndarray of bool, shape [taxels]
+            Taxels concerned.
+        variance : ndarray of float64 or float
+            Increase of the variance [N2].
+        """
         self._now.covariance[1, 1, where] += variance
 
     def restart(self, where: Mask, offset: Array, variance: Array, force: Array, common: Array) -> None:
@@ -226,7 +267,15 @@ class DriftFilter:
         self._filled = 0
 
     def store(self, mean: Array, noise: Array) -> None:
-        """Keep the state after a block of this mean force [N], whose noise has the variance `noise` [N2]."""
+        """Keep the state after a block of this mean force [N], whose noise has the variance `noise` [N2].
+
+        Parameters
+        ----------
+        mean : ndarray of float64, shape [taxels]
+            Mean force over the block [N].
+        noise : ndarray of float64, shape [taxels]
+            Variance of that mean by noise [N2].
+        """
         index = self._newest = (self._newest + 1) % BLOCKS
         self._past.components[index] = self._now.components
         self._past.covariance[index] = self._now.covariance

@@ -122,7 +122,15 @@ class LeakageIdentifier:
         self._touched[:] = 0
 
     def begin_touch(self, where: Mask, leaked: Array) -> None:
-        """Record that a touch begins on the masked taxels, with the accumulated leakage so far [N]."""
+        """Record that a touch begins on the masked taxels, with the accumulated leakage so far [N].
+
+        Parameters
+        ----------
+        where : ndarray of bool, shape [taxels]
+            Taxels concerned.
+        leaked : ndarray of float64, shape [taxels]
+            Accumulated leakage [N].
+        """
         self._base[where] = leaked[where]
 
     def end_touch(self) -> None:

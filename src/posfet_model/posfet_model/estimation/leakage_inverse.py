@@ -59,7 +59,21 @@ class LeakageInverse:
         self._charge[...] = charge
 
     def advance(self, charge: Array, offset: Array, step: float, out: Array) -> LeakageCoefficients:
-        """Process the charge densities [C/m2] a step [s] later; write the force increments [N] into `out`."""
+        """Process the charge densities [C/m2] a step [s] later; return the coefficients of the step.
+
+        The force increments [N] are written into `out`.
+
+        Parameters
+        ----------
+        charge : ndarray of float64, shape [taxels]
+            Charge densities [C/m2].
+        offset : ndarray of float64, shape [taxels]
+            Offsets [N].
+        step : float
+            Time since the last scan [s].
+        out : ndarray of float64, shape [taxels]
+            Force increments [N], overwritten.
+        """
         coefficients = self._cache.get(step) or self._compute(step)
         if coefficients is not self._used:
             np.multiply(offset, coefficients.ratio, out=self._offset_leakage)

@@ -67,6 +67,17 @@ class RestDetector:
         """Process the signals [N] at the end of a block of `duration` [s]; return whether the array is at rest.
 
         While the chip is `warming`, the common-mode component does not count as motion.
+
+        Parameters
+        ----------
+        signal : ndarray of float64, shape [taxels]
+            Signals at the end of the block [N].
+        ignored : ndarray of bool, shape [taxels]
+            Taxels to ignore.
+        duration : float
+            Duration of the block [s].
+        warming : bool, optional
+            Whether the chip temperature changes.
         """
         change = signal - self._signal
         if warming:

@@ -90,7 +90,7 @@ class ThermalUncertainty:
         return self.common.observable and self._calibrated
 
     @property
-    def observed_leakage(self) -> NDArray[np.float64]:
+    def observed_leakage(self) -> NDArray[np.float64]:  # numpydoc ignore=RT01
         """Leakage of the pyroelectric charge since the touch began, where the common mode was observable [N].
 
         An error of the common leakage time constant does not affect it: the other taxels would show that error.
@@ -145,6 +145,11 @@ class ThermalUncertainty:
 
     def learnt_during_warming(self, elapsed: float) -> tuple[bool, bool]:
         """Return whether offsets were estimated from a temperature change, once per block of `elapsed` [s].
+
+        Parameters
+        ----------
+        elapsed : float
+            Duration of the block [s].
 
         Returns
         -------

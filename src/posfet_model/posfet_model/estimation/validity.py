@@ -91,12 +91,28 @@ class LowerBoundMonitor:
         self._quiet = 0.0
 
     def start(self, before: Array, remaining: Array) -> None:
-        """Mark taxels after an interruption, from the forces before it and the remaining charges as forces [N]."""
+        """Mark taxels after an interruption, from the forces before it and the remaining charges as forces [N].
+
+        Parameters
+        ----------
+        before : ndarray of float64, shape [taxels]
+            Forces before the interruption [N].
+        remaining : ndarray of float64, shape [taxels]
+            Remaining charges as forces [N].
+        """
         self.mask |= ((before > self._threshold) & (remaining > -self._threshold)) | (remaining > self._threshold)
         self._quiet = 0.0
 
     def update(self, force: Array, elapsed: float) -> None:
-        """Process the mean forces [N] of a block of `elapsed` [s]."""
+        """Process the mean forces [N] of a block of `elapsed` [s].
+
+        Parameters
+        ----------
+        force : ndarray of float64, shape [taxels]
+            Mean forces of the block [N].
+        elapsed : float
+            Duration of the block [s].
+        """
         if not any_true(self.mask):
             return
         self.mask &= force > -self._threshold

@@ -1,4 +1,4 @@
-"""Command: draw all figures, or those named, as SVG and PNG. `python -m posfet_model.figures [NAME ...]`."""
+"""Draw all figures, or those named, as SVG and PNG: `python -m posfet_model.figures [NAME ...]`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Processing pipeline of one scan: counts in, force image and contacts out. Imports every room above but spice."""
+"""Processing pipeline of one scan: counts in, force image and contacts out. Imports estimation, contacts and below."""
 
 from posfet_model._lib.lazy import lazy_submodules
 

@@ -1,9 +1,9 @@
 """Detection of faulty taxels and of their recovery, at run time.
 
 - Stuck: the counts stay constant although noise must change them, or although a charge so far from zero would leak, or
-  at the end of the range while no neighbour feels anything. Or the taxel holds a force that no neighbour feels.
+  at the end of the range while no neighbour responds. Or the taxel holds a force to which no neighbour responds.
 - Noisy: the second differences of the counts far exceed the described noise, that of most taxels, and that of every
-  neighbour. A touch is felt by the neighbours too: the elastomer skin spreads it.
+  neighbour. Neighbours respond to a touch, too: the elastomer skin spreads it.
 - Dead: the taxel reads almost nothing while all taxels around it indicate a force on it.
 
 A dead taxel in a corner has one square of neighbours to indicate it, and in a single row of taxels none: there it is
@@ -33,7 +33,7 @@ PERIOD: Final = 0.055
 """Period of the tests for noise and response [s], or that number of scans: every third block of 20 ms."""
 
 LEAST_SPREAD: Final = 0.3
-"""Spread of the elastomer skin from which every touch is felt by a neighbour [pitch]."""
+"""Spread of the elastomer skin from which a neighbour responds to every touch [pitch]."""
 
 INFORMATIVE: Final = 5.0
 """Standard deviations of noise from which a force is informative about that of its neighbour [1]."""
@@ -82,7 +82,7 @@ class TaxelFaultSettings:
     neighbours: float = 20.0
     """A touch moves some neighbour by at least one part in this many [1]."""
     alone: float = 50.0
-    """A taxel holds a force alone when no neighbour feels one part in this many of it [1]."""
+    """A taxel holds a force alone when no neighbour shows one part in this many of it [1]."""
     common_touch: float = 10.0
     """A noisy taxel reads at most this many times as much as a neighbour of a touch on both [1]."""
     dead: float = 0.05
@@ -268,7 +268,7 @@ class TaxelFaultDetector:
     def _longest_saturation(self, charge: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the longest time that a working taxel may stay at the end of its range [s].
 
-        Until its charge has leaked; much less, where no neighbour feels the force that would be required.
+        Until its charge has leaked; much less, where no neighbour shows the force that would be required.
         """
         s = self._settings
         around = self.surroundings.max_neighbour(np.where(self.faulty, 0.0, np.abs(charge)))
@@ -324,7 +324,7 @@ class TaxelFaultDetector:
         self._responding_for[self._alive] = 0.0
 
     def _test_alone(self, force: NDArray[np.float64]) -> None:
-        """Update for how long taxels have held a force that no neighbour feels, by the mean of the last block [N].
+        """Update how long taxels have held a force to which no neighbour responds, by the mean of the last block [N].
 
         Such taxels failed while they were pressed.
         """

@@ -43,7 +43,15 @@ LARGEST_INT32 = 0x7FFF_FFFF
 
 
 def set_stamp(stamp: Time, nanoseconds: int) -> None:
-    """Set the time of a message to `nanoseconds` since the Unix epoch."""
+    """Set the time of a message to `nanoseconds` since the Unix epoch.
+
+    Parameters
+    ----------
+    stamp : Time
+        Field to set.
+    nanoseconds : int
+        Time since the Unix epoch [ns].
+    """
     stamp.sec, stamp.nanosec = divmod(nanoseconds, NANOSECONDS)
 
 
@@ -94,7 +102,15 @@ class ImageMessage:
         self._status = array("B", bytes(layout.taxels))
 
     def fill(self, result: Reconstruction, image: ForceImage) -> TactileImage:
-        """Return the message; the next call overwrites it."""
+        """Return the message; the next call overwrites it.
+
+        Parameters
+        ----------
+        result : Reconstruction
+            Result of the scan.
+        image : ForceImage
+            Force image of the scan.
+        """
         message = self._message
         set_stamp(message.header.stamp, result.stamp)
         message.sequence = result.sequence
@@ -164,6 +180,13 @@ def _set(vector: Any, values: Sequence[float]) -> None:
 def contacts_writer(sensor: Sensor, frame_id: str) -> ContactsMessage | ContactsBytes:
     """Return the fastest way to serialise contacts that gives the same bytes as the middleware.
 
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    frame_id : str
+        Frame of the array.
+
     Returns
     -------
     ContactsMessage or ContactsBytes
@@ -195,6 +218,13 @@ class WrenchMessage:
 
     Each taxel measures the force along its normal only: tangential forces are not included, which does not mean that
     they are zero.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the array.
+    frame_id : str
+        Frame of the array.
     """
 
     def __init__(self, layout: Layout, frame_id: str) -> None:
@@ -205,7 +235,15 @@ class WrenchMessage:
         self._per_newton = np.hstack([-normals, -np.cross(taxel_points(layout), normals)]).T.copy()
 
     def fill(self, result: Reconstruction, image: ForceImage) -> WrenchStamped:
-        """Return the message; the next call overwrites it. NaN if no force is known."""
+        """Return the message; the next call overwrites it. NaN if no force is known.
+
+        Parameters
+        ----------
+        result : Reconstruction
+            Result of the scan.
+        image : ForceImage
+            Force image of the scan.
+        """
         message = self._message
         set_stamp(message.header.stamp, result.stamp)
         known = np.nan_to_num(image.force) if math.isfinite(image.total) else image.force
@@ -225,7 +263,15 @@ class VibrationMessage:
         self._vibration = _Floats(layout.taxels)
 
     def fill(self, result: Reconstruction, vibration: NDArray[np.float32]) -> TactileVibration:
-        """Return the message; the next call overwrites it."""
+        """Return the message; the next call overwrites it.
+
+        Parameters
+        ----------
+        result : Reconstruction
+            Result of the scan.
+        vibration : ndarray of float32, shape [taxels]
+            RMS of the dynamic channel [N].
+        """
         message = self._message
         set_stamp(message.header.stamp, result.stamp)
         message.sequence = result.sequence
@@ -243,7 +289,15 @@ class ForceImageMessage:
         self._data = array("B", bytes(4 * layout.taxels))
 
     def fill(self, result: Reconstruction, image: ForceImage) -> Image:
-        """Return the message; the next call overwrites it. NaN where the force is unknown."""
+        """Return the message; the next call overwrites it. NaN where the force is unknown.
+
+        Parameters
+        ----------
+        result : Reconstruction
+            Result of the scan.
+        image : ForceImage
+            Force image of the scan.
+        """
         set_stamp(self._message.header.stamp, result.stamp)
         memoryview(self._data)[:] = image.force.data.cast("B")
         self._message.data = self._data
@@ -266,7 +320,15 @@ class PointsMessage:
         self._points[:, :3] = taxel_points(layout)
 
     def fill(self, result: Reconstruction, image: ForceImage) -> PointCloud2:
-        """Return the message; the next call overwrites it. `is_dense` is false where a force is NaN."""
+        """Return the message; the next call overwrites it. `is_dense` is false where a force is NaN.
+
+        Parameters
+        ----------
+        result : Reconstruction
+            Result of the scan.
+        image : ForceImage
+            Force image of the scan.
+        """
         message = self._message
         set_stamp(message.header.stamp, result.stamp)
         self._points[:, 3] = image.force
@@ -279,6 +341,13 @@ class MarkersMessage:
     """Contacts for RViz: a disc with the area of the contact and an arrow along the force, with the contact's id.
 
     Scans may be skipped: markers of contacts that have ended since the last message are deleted by the next one.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the array.
+    frame_id : str
+        Frame of the array.
     """
 
     ARROW_PER_NEWTON = 5e-3
@@ -336,7 +405,19 @@ class MarkersMessage:
 
 
 def info_message(sensor: Sensor, frame_id: str, simulated: bool, stamp: int) -> TactileInfo:
-    """Return the description of `sensor`, valid from `stamp` on [ns since the Unix epoch]."""
+    """Return the description of `sensor`, valid from `stamp` on [ns since the Unix epoch].
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    frame_id : str
+        Frame of the array.
+    simulated : bool
+        Whether the signals come from a simulated board.
+    stamp : int
+        Time from which the description is valid [ns] since the Unix epoch.
+    """
     layout = sensor.layout
     low, high = (limit / charge_per_newton(sensor) for limit in InverseSignalChain(sensor).charge_range)
     message = TactileInfo(layout_id=layout.id, name=sensor.name, serial=sensor.serial, simulated=simulated)

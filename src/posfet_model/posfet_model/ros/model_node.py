@@ -85,6 +85,11 @@ class Snapshot:
 class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
     """Publishes forces and contacts, reconstructed from the scans of `raw` or from those passed to `process`.
 
+    Parameters
+    ----------
+    **node_arguments : object
+        Arguments of the node, as for `rclpy.node.Node`.
+
     Raises
     ------
     ConfigError
@@ -147,6 +152,11 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         """Process one scan and publish the messages that have subscribers, contacts first.
 
         A scan that cannot be used also gives messages, with `data_valid` false. For one thread at a time.
+
+        Parameters
+        ----------
+        scan : Scan
+            The scan.
         """
         with self._lock:
             now = time.monotonic_ns()

@@ -112,5 +112,13 @@ def declared_sensor(values: Mapping[str, Any]) -> Sensor:
 
 
 def declared_frame(node: Node, values: Mapping[str, Any]) -> str:
-    """Return the frame that the declared FRAME_ID names; the default is unique for each namespace."""
+    """Return the frame that the declared FRAME_ID names; the default is unique for each namespace.
+
+    Parameters
+    ----------
+    node : Node
+        Node with its namespace.
+    values : mapping of str to object
+        Checked parameters of the node by name.
+    """
     return values["frame_id"] or "_".join([*node.get_namespace().strip("/").split("/"), "array"]).lstrip("_")

@@ -60,6 +60,13 @@ def spin(nodes: Sequence[Node], until: Callable[[], bool] = lambda: False) -> No
     """Run the callbacks of `nodes` in this thread until Ctrl-C, SIGTERM, shutdown, or until `until()` is true.
 
     `until` is called after each callback and at least every `POLL` seconds. For use within `ros`.
+
+    Parameters
+    ----------
+    nodes : sequence of Node
+        Nodes whose callbacks are run.
+    until : callable, optional
+        Condition that ends the run; default: none.
     """
     _signals.deferred = True
     # Objects made so far live until the end: the garbage collector need not scan them and pause the data thread.

@@ -8,7 +8,7 @@ no mode is amplified more than twice, which shares up to 1/8 never reach. It is 
 compensation, where it is linear whatever their sign.
 
 The inverse does not know that the forces of a contact are not negative. `reconstruction.force_image.non_negative`
-enforces it afterwards, only on the taxels of a contact, and keeps their sum. The pressure spread by the elastic cover
+enforces it afterwards, only on the taxels of a contact, and keeps their sum. The pressure spread by the elastomer skin
 is not crosstalk in this sense: it is part of the force on a taxel's cell.
 """
 

@@ -66,7 +66,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Device:
-    """The piezoelectric film on the gate, its leakage, thermal lag and elastic cover."""
+    """The piezoelectric film on the gate, its leakage, thermal lag and elastomer skin."""
 
     piezoelectric_coefficient: float
     """d33 [C/N]; negative for PVDF: compression (negative stress) gives positive charge."""
@@ -83,7 +83,7 @@ class Device:
     force_max: float
     """Maximum force on a taxel for which the sensor is specified [N]."""
     contact_spread: float
-    """Standard deviation of the Gaussian spread of pressure by the elastic cover [m]."""
+    """Standard deviation of the Gaussian spread of pressure by the elastomer skin [m]."""
 
     @property
     def film_capacitance(self) -> float:

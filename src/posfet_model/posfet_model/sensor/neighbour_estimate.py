@@ -1,6 +1,6 @@
 """Interpolation of a taxel's force from its neighbours.
 
-Pressure that has spread through an elastic cover falls off like a Gaussian. On a grid along its axes a Gaussian obeys
+Pressure that has spread through the elastomer skin falls off like a Gaussian. On a grid along its axes a Gaussian obeys
 ``f00 = f01*f10/f11`` for every 2 x 2 square of taxels. The four squares around a taxel combined (mean of the
 logarithms, weighted by the smallest force in each) come close for other contacts too.
 """

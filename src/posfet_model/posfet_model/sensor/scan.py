@@ -49,7 +49,15 @@ class Scan:
 
     @classmethod
     def empty(cls, layout_id: int, taxels: int) -> Scan:
-        """Return a scan to be filled in: counts 0, temperatures unknown (NaN)."""
+        """Return a scan to be filled in: counts 0, temperatures unknown (NaN).
+
+        Parameters
+        ----------
+        layout_id : int
+            Identifier of the layout.
+        taxels : int
+            Number of taxels.
+        """
         return cls(
             stamp=0,
             layout_id=layout_id,

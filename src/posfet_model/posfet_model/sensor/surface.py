@@ -39,11 +39,27 @@ class Surface:
         return math.isinf(self.radius)
 
     def tilt(self, x: float, y: float) -> float:
-        """Return the angle [rad] between z and the normal at (x, y) [m], with the sign of the bent coordinate."""
+        """Return the angle [rad] between z and the normal at (x, y) [m], with the sign of the bent coordinate.
+
+        Parameters
+        ----------
+        x : float
+            Coordinate along the columns [m].
+        y : float
+            Coordinate along the rows [m].
+        """
         return (y if self.axis_x else x) / self.radius
 
     def point(self, x: float, y: float) -> Vector:
-        """Return the coordinates in space [m] of the point (x, y) [m] of the surface."""
+        """Return the coordinates in space [m] of the point (x, y) [m] of the surface.
+
+        Parameters
+        ----------
+        x : float
+            Coordinate along the columns [m].
+        y : float
+            Coordinate along the rows [m].
+        """
         if self.flat:
             return x, y, 0.0
         tilt = self.tilt(x, y)
@@ -51,13 +67,31 @@ class Surface:
         return (x, out, down) if self.axis_x else (out, y, down)
 
     def normal(self, x: float, y: float) -> Vector:
-        """Return the outward unit normal at (x, y) [m]."""
+        """Return the outward unit normal at (x, y) [m].
+
+        Parameters
+        ----------
+        x : float
+            Coordinate along the columns [m].
+        y : float
+            Coordinate along the rows [m].
+        """
         tilt = self.tilt(x, y)
         sine, cosine = math.sin(tilt), math.cos(tilt)
         return (0.0, sine, cosine) if self.axis_x else (sine, 0.0, cosine)
 
     def along(self, x: float, y: float, vector: tuple[float, float]) -> Vector:
-        """Return the components in space of a vector tangent to the surface at (x, y) [m]."""
+        """Return the components in space of a vector tangent to the surface at (x, y) [m].
+
+        Parameters
+        ----------
+        x : float
+            Coordinate along the columns [m].
+        y : float
+            Coordinate along the rows [m].
+        vector : tuple of float
+            Components along x and along y of the surface.
+        """
         if self.flat:
             return (*vector, 0.0)
         tilt = self.tilt(x, y)
@@ -66,7 +100,15 @@ class Surface:
         return (u, v * cosine, -v * sine) if self.axis_x else (u * cosine, v, -u * sine)
 
     def orientation(self, x: float, y: float) -> tuple[float, float, float, float]:
-        """Return the unit quaternion (x, y, z, w) that rotates z to the normal at (x, y) [m]."""
+        """Return the unit quaternion (x, y, z, w) that rotates z to the normal at (x, y) [m].
+
+        Parameters
+        ----------
+        x : float
+            Coordinate along the columns [m].
+        y : float
+            Coordinate along the rows [m].
+        """
         half = 0.5 * self.tilt(x, y)
         return (
             (-math.sin(half), 0.0, 0.0, math.cos(half)) if self.axis_x else (0.0, math.sin(half), 0.0, math.cos(half))

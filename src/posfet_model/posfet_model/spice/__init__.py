@@ -1,4 +1,4 @@
-"""ngspice runs, their files, and the comparison of follower models with them. Imports amplifier and device."""
+"""Runs of ngspice, their files, and the comparison of follower models with them. Imports amplifier and device."""
 
 from posfet_model._lib.lazy import lazy_submodules
 

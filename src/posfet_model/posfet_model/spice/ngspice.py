@@ -39,7 +39,7 @@ _LEAST_TIME_STEPS: Final = 20
 
 
 class SpiceError(RuntimeError):
-    """ngspice is missing, rejected the circuit, did not finish, or gave a run too coarse to be a reference."""
+    """Raised when ngspice is missing, rejects the circuit, does not finish, or gives a run too coarse as reference."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Command: generate the stored ngspice runs of the tests. `python -m posfet_model.spice.reference_runs FOLDER`."""
+"""Generate the stored ngspice runs of the tests: `python -m posfet_model.spice.reference_runs FOLDER`."""
 
 from __future__ import annotations
 
@@ -64,13 +64,13 @@ def stimuli() -> dict[str, Stimulus]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write all reference files into a folder; return the exit code."""
-    parser = argparse.ArgumentParser(prog="spice_reference", description=__doc__)
+    parser = argparse.ArgumentParser(prog="reference_runs", description=__doc__)
     parser.add_argument("folder", type=Path, help="where to write, e.g. test/data/spice")
     folder = parser.parse_args(arguments).folder
     try:
         write_all(folder)
     except (ngspice.SpiceError, OSError) as error:
-        print(f"spice_reference: {error}", file=sys.stderr)
+        print(f"reference_runs: {error}", file=sys.stderr)
         return 1
     return 0
 

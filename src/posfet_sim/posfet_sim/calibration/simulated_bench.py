@@ -103,6 +103,11 @@ def calibrate(
     device : Sensor, optional
         True properties of the board; default: as in `sensor`.
 
+    Returns
+    -------
+    Calibration
+        Result of the fit.
+
     Raises
     ------
     ValueError

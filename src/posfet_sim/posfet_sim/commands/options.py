@@ -14,7 +14,15 @@ MAX_DURATION: Final = 1e6
 
 
 def add_scene(parser: argparse.ArgumentParser, default: str | None = None) -> None:
-    """Add the positional argument for the scene; it is required without a default."""
+    """Add the positional argument for the scene; it is required without a default.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Parser to extend.
+    default : str, optional
+        Scene without the argument; default: the argument is required.
+    """
     if default is None:
         parser.add_argument("scene", metavar="SCENE", help=SCENE.description)
         return
@@ -32,7 +40,15 @@ def add_error_model(parser: argparse.ArgumentParser) -> None:
 
 
 def add_seed(parser: argparse.ArgumentParser, default: int) -> None:
-    """Add `--seed`, the seed of everything random on the simulated board."""
+    """Add `--seed`, the seed of everything random on the simulated board.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Parser to extend.
+    default : int
+        Seed without the option.
+    """
     described = f"{SEED.description} (default: {default})"
     parser.add_argument("--seed", metavar="SEED", type=seed, default=default, help=described)
 
@@ -46,6 +62,13 @@ def add_duration(parser: argparse.ArgumentParser) -> None:
 def seed(text: str) -> int:
     """Return a seed.
 
+    Parameters
+    ----------
+    text : str
+        Text of the argument.
+
+    Examples
+    --------
     >>> seed("7")
     7
     """
@@ -57,6 +80,13 @@ def seed(text: str) -> int:
 def duration(text: str) -> float:
     """Return a duration [s] in (0, `MAX_DURATION`].
 
+    Parameters
+    ----------
+    text : str
+        Text of the argument.
+
+    Examples
+    --------
     >>> duration("0.5")
     0.5
     """
@@ -69,6 +99,17 @@ def duration(text: str) -> float:
 def number_in(text: str, low: float, high: float) -> float:
     """Return a number in [low, high].
 
+    Parameters
+    ----------
+    text : str
+        Text of the argument.
+    low : float
+        Lower end of the range.
+    high : float
+        Upper end of the range.
+
+    Examples
+    --------
     >>> number_in("20", -90, 1000)
     20.0
     """

@@ -91,7 +91,17 @@ def line_stiffness(length: float, half_width: float, effective_modulus: float, p
 
 
 def flat_indentation(force: float, radius: float, effective_modulus: float) -> float:
-    """Return the indentation ``F/(2*a*E)`` [m] of a flat circular indenter of radius a [m] (Johnson, section 3.4)."""
+    """Return the indentation ``F/(2*a*E)`` [m] of a flat circular indenter of radius a [m] (Johnson, section 3.4).
+
+    Parameters
+    ----------
+    force : float
+        Normal force [N].
+    radius : float
+        Radius a [m].
+    effective_modulus : float
+        Effective modulus E of object and skin [Pa].
+    """
     return force / (2 * radius * effective_modulus)
 
 

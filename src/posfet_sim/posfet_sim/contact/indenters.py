@@ -44,15 +44,39 @@ class Shape(Protocol):
         ...
 
     def indentation(self, force: float, bend: Bend) -> float:
-        """Return the indentation [m] under a force [N]."""
+        """Return the indentation [m] under a force [N].
+
+        Parameters
+        ----------
+        force : float
+            Normal force [N].
+        bend : Bend
+            Curvatures of the chip along and across the object [1/m].
+        """
         ...
 
     def force(self, indentation: float, bend: Bend) -> float:
-        """Return the force [N] for an indentation [m]; 0 unless that is positive."""
+        """Return the force [N] for an indentation [m]; 0 unless that is positive.
+
+        Parameters
+        ----------
+        indentation : float
+            Indentation [m].
+        bend : Bend
+            Curvatures of the chip along and across the object [1/m].
+        """
         ...
 
     def area(self, force: float, bend: Bend) -> float:
-        """Return the contact area [m2] under a force [N] above 0."""
+        """Return the contact area [m2] under a force [N] above 0.
+
+        Parameters
+        ----------
+        force : float
+            Normal force [N], above 0.
+        bend : Bend
+            Curvatures of the chip along and across the object [1/m].
+        """
         ...
 
     def footprints(self, force: float, spread: float, bend: Bend) -> list[Footprint]:
@@ -72,7 +96,17 @@ class Shape(Protocol):
 
 @lru_cache(maxsize=64)
 def ellipse_shape(along: float, across: float, effective_modulus: float) -> EllipseShape:
-    """Return `hertz_ellipse`, cached."""
+    """Return `hertz_ellipse`, cached.
+
+    Parameters
+    ----------
+    along : float
+        Curvature of the gap along the object [1/m].
+    across : float
+        Curvature of the gap across it [1/m].
+    effective_modulus : float
+        Effective modulus E of object and skin [Pa].
+    """
     return hertz_ellipse(along, across, effective_modulus)
 
 
@@ -164,6 +198,15 @@ class FlatIndenter:
         """Return the pressure.
 
         On a bent chip it is a Hertz pressure up to contact at the rim, and a flat one for the rest of the force.
+
+        Parameters
+        ----------
+        force : float
+            Normal force [N].
+        spread : float
+            Standard deviation of the spread by the elastomer skin [m].
+        bend : Bend
+            Curvatures of the chip along and across the object [1/m].
         """
         curvature, closing = self._rounding(bend)
         if force < closing:

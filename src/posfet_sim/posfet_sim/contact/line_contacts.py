@@ -53,7 +53,15 @@ class LineShape(ABC):
 
     @abstractmethod
     def half_width(self, line_load: float, curvature: float) -> float:
-        """Return the half-width [m] under a force per length [N/m] on a chip of this curvature across [1/m]."""
+        """Return the half-width [m] under a force per length [N/m] on a chip of this curvature across [1/m].
+
+        Parameters
+        ----------
+        line_load : float
+            Force per length [N/m].
+        curvature : float
+            Curvature of the chip across the line [1/m].
+        """
 
     @abstractmethod
     def _across(self, order: int) -> Line:
@@ -63,6 +71,13 @@ class LineShape(ABC):
         """Return the distribution of a force [N] above 0 along the line, by independent slices (assumed).
 
         Each slice carries k*(d - curvature*u^2/2), if positive; k is the stiffness of the line on a flat chip.
+
+        Parameters
+        ----------
+        force : float
+            Normal force [N], above 0.
+        bend : Bend
+            Curvatures of the chip along and across the object [1/m].
         """
         stiffness, curvature, half_length = self._stiffness(force, bend), bend[0], self.length / 2
         depth = force / (stiffness * self.length) + curvature * self.length**2 / 24
@@ -145,7 +160,15 @@ class Cylinder(LineShape):
         return math.pi * self.effective_modulus * self.length * half_width**2 / (4 * self.radius)
 
     def line_load(self, force: float, bend: Bend) -> LineLoad:
-        """Return the distribution of a force [N] above 0 along the cylinder."""
+        """Return the distribution of a force [N] above 0 along the cylinder.
+
+        Parameters
+        ----------
+        force : float
+            Normal force [N], above 0.
+        bend : Bend
+            Curvatures of the chip along and across the object [1/m].
+        """
         across = 1 / self.radius + bend[1]
         if bend[0] < _FLAT * across:
             return super().line_load(force, (0.0, bend[1]))

@@ -42,6 +42,11 @@ def hertz_disc(order: int) -> DiscRule:
     With y = sqrt(1 - x^2)*u the weight becomes (1 - x^2)*sqrt(1 - u^2): Gauss-Jacobi (1, 1) points in x by the
     eigenvalues of the Jacobi matrix (Golub and Welsch, Math. Comp. 23, 1969), Gauss-Chebyshev of the second kind
     in u.
+
+    Parameters
+    ----------
+    order : int
+        Number of points along one axis, even.
     """
     k = np.arange(1, order)
     side = np.sqrt(k * (k + 2) / ((2 * k + 1) * (2 * k + 3)))
@@ -55,6 +60,11 @@ def flat_disc(order: int) -> DiscRule:
 
     With y = sqrt(1 - x^2)*u the weight becomes 1/sqrt(1 - u^2): Gauss-Legendre points in x, Gauss-Chebyshev of the
     first kind in u.
+
+    Parameters
+    ----------
+    order : int
+        Number of points along one axis, even.
     """
     return _disc(*uniform(order), inverse_root(order))
 
@@ -104,6 +114,11 @@ def wedge(order: int) -> Line:
 
     It is the mean of 1/sqrt(r^2 - x^2)/pi over r from |x| to 1, so its points are those of `inverse_root` scaled by
     Gauss-Legendre points of [0, 1].
+
+    Parameters
+    ----------
+    order : int
+        Number of points of each of the two rules.
     """
     scale, scale_weight = uniform(order // 2)
     chord, chord_weight = inverse_root(order)

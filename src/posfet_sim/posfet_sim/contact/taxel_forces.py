@@ -1,16 +1,13 @@
 """Forces on the taxels from a contact pressure: spread by the elastomer skin, and integrated over the cells.
 
-Force on a taxel
-----------------
-The area of a taxel (1 mm2 on the shipped chip) is smaller than its cell (pitch times pitch, 2.25 mm2). The elastomer
-skin is assumed to transmit the load of the whole cell to its taxel: the *force on a taxel* is the force on its cell,
-and the forces on all taxels sum to the force on the array. Load outside the outermost cells is lost.
+**Force on a taxel.** The area of a taxel (1 mm2 on the shipped chip) is smaller than its cell (pitch times pitch,
+2.25 mm2). The elastomer skin is assumed to transmit the load of the whole cell to its taxel: the *force on a taxel* is
+the force on its cell, and the forces on all taxels sum to the force on the array. Load outside the outermost cells is
+lost.
 
-Elastomer skin
---------------
-The skin blurs the pressure with a Gaussian of standard deviation s (assumed shape), which preserves total force and
-centre of pressure. The subsurface stress of an elastic half-space (Boussinesq) has a sharper peak and wider tails;
-`skin_spread` gives the best Gaussian.
+**Elastomer skin.** The skin blurs the pressure with a Gaussian of standard deviation s (assumed shape), which preserves
+total force and centre of pressure. The subsurface stress of an elastic half-space (Boussinesq) has a sharper peak and
+wider tails; `skin_spread` gives the best Gaussian.
 """
 
 from __future__ import annotations
@@ -133,23 +130,22 @@ class Footprint(NamedTuple):
 
 
 class Cells:
-    """The cells of an array under an elastomer skin."""
+    """The cells of an array under an elastomer skin.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the array.
+    spread : float
+        Standard deviation of the spread by the skin [m], in [0, 1].
+
+    Raises
+    ------
+    ValueError
+        The spread is out of range.
+    """
 
     def __init__(self, layout: Layout, spread: float) -> None:
-        """Create the cells.
-
-        Parameters
-        ----------
-        layout : Layout
-            Layout of the array.
-        spread : float
-            Standard deviation of the spread by the skin [m], in [0, 1].
-
-        Raises
-        ------
-        ValueError
-            The spread is out of range.
-        """
         self.spread = real_number("spread", spread, 0, 1)
         """Standard deviation of the spread [m]."""
         self._counts = (layout.cols, layout.rows)

@@ -27,20 +27,18 @@ class FlickerNoise:
     the samples as white noise of the variance `folded_variance`, which the caller adds to its own white noise. The
     spectrum is then within 1 dB of 1/f plus the folded noise, from rate/4^9 to half the rate
     (test/sim/device/test_flicker_noise.py).
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the board.
+    taxels : int
+        Number of channels.
+    block : int
+        Scans of a block, a power of 4 in [4, 4^10].
     """
 
     def __init__(self, seed: int, taxels: int, block: int) -> None:
-        """Create the process.
-
-        Parameters
-        ----------
-        seed : int
-            Seed of the board.
-        taxels : int
-            Number of channels.
-        block : int
-            Scans of a block, a power of 4 in [4, 4^10].
-        """
         self._seed = seed
         self._taxels = taxels
         self._block = block
@@ -75,6 +73,11 @@ class FlickerNoise:
 
     def rows(self, number: int) -> NDArray[np.float64]:
         """Return the factor of block `number` (from scan number*block on): the noise is ``weights @ rows``.
+
+        Parameters
+        ----------
+        number : int
+            Number of the block.
 
         Returns
         -------

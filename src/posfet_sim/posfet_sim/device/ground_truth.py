@@ -61,6 +61,11 @@ def truth_row(truth: Truth) -> list[int | float]:
     """Return a ground truth as one row of numbers, in the order of `truth_columns`.
 
     An object without contact has force 0, and NaN for the centre and the normal of its contact.
+
+    Parameters
+    ----------
+    truth : Truth
+        Ground truth of the scan.
     """
     objects = truth.objects
     contacts = np.full((len(objects.names), 6), math.nan)

@@ -34,26 +34,24 @@ class Readout:
 
     Thermal noise of the amplifier is added after its rails, in one draw with the noise of the ADC, so a taxel at a rail
     keeps it. 1/f noise and hum are added before the rails.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    error_model : ErrorModel
+        Noise, hum, crosstalk, and the properties of amplifier and ADC that are on.
+    parameters : TaxelParameters
+        Properties of each taxel.
+    clock : SampleClock
+        Sampling times.
+    seed : int
+        Seed of the noise.
     """
 
     def __init__(
         self, sensor: Sensor, error_model: ErrorModel, parameters: TaxelParameters, clock: SampleClock, seed: int
     ) -> None:
-        """Create the readout of a board.
-
-        Parameters
-        ----------
-        sensor : Sensor
-            Sensor description.
-        error_model : ErrorModel
-            Noise, hum, crosstalk, and the properties of amplifier and ADC that are on.
-        parameters : TaxelParameters
-            Properties of each taxel.
-        clock : SampleClock
-            Sampling times.
-        seed : int
-            Seed of the noise.
-        """
         amplifier, converter = sensor.amplifier, sensor.adc
         taxels = sensor.layout.taxels
         self._error_model = error_model

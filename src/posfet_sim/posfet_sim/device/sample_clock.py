@@ -18,22 +18,21 @@ _PAGE: Final = 1024
 
 
 class SampleClock:
-    """Sampling times since the board started [s]: ``index/rate*(1 + drift)`` plus jitter, which is never negative."""
+    """Sampling times since the board started [s]: ``index/rate*(1 + drift)`` plus jitter, which is never negative.
+
+    Parameters
+    ----------
+    rate : float
+        Nominal scan rate [Hz].
+    drift : float
+        Relative excess of the interval [1].
+    jitter : float
+        Standard deviation of the jitter [s].
+    seed : int
+        Seed of the board.
+    """
 
     def __init__(self, rate: float, drift: float, jitter: float, seed: int) -> None:
-        """Create the clock.
-
-        Parameters
-        ----------
-        rate : float
-            Nominal scan rate [Hz].
-        drift : float
-            Relative excess of the interval [1].
-        jitter : float
-            Standard deviation of the jitter [s].
-        seed : int
-            Seed of the board.
-        """
         self._interval = (1 + drift) / rate
         self._jitter = jitter
         self._seed = seed
@@ -54,7 +53,15 @@ class SampleClock:
         return index * self._interval + self._offsets_of(page).item(row)
 
     def times(self, first: int, count: int) -> NDArray[np.float64]:
-        """Return the times of `count` scans from scan `first` on [s], shape [count]."""
+        """Return the times of `count` scans from scan `first` on [s], shape [count].
+
+        Parameters
+        ----------
+        first : int
+            Index of the first scan.
+        count : int
+            Number of scans.
+        """
         times = np.arange(first, first + count, dtype=np.float64)
         times *= self._interval
         if self._jitter:
@@ -69,19 +76,45 @@ class SampleClock:
         return times
 
     def steps(self, first: int, count: int) -> NDArray[np.float64]:
-        """Return the intervals [s] that end at each of `count` scans from scan `first` on, shape [count]."""
+        """Return the intervals [s] that end at each of `count` scans from scan `first` on, shape [count].
+
+        Parameters
+        ----------
+        first : int
+            Index of the first scan.
+        count : int
+            Number of scans.
+        """
         if not self._jitter:
             return np.full(count, self._interval)
         return np.diff(self.times(first - 1, count + 1))
 
     def between(self, first: int, last: int) -> float:
-        """Return the time from scan `first` to scan `last` [s]; without jitter it depends on their difference only."""
+        """Return the time from scan `first` to scan `last` [s]; without jitter it depends on their difference only.
+
+        Parameters
+        ----------
+        first : int
+            Index of the earlier scan.
+        last : int
+            Index of the later scan.
+        """
         if not self._jitter:
             return (last - first) * self._interval
         return self.time(last) - self.time(first)
 
     def spans(self, origin: int, first: int, count: int) -> NDArray[np.float64]:
-        """Return the times from scan `origin` to each of `count` scans from scan `first` on [s], shape [count]."""
+        """Return the times from scan `origin` to each of `count` scans from scan `first` on [s], shape [count].
+
+        Parameters
+        ----------
+        origin : int
+            Index of the scan from which the times count.
+        first : int
+            Index of the first scan.
+        count : int
+            Number of scans.
+        """
         if not self._jitter:
             return np.arange(first - origin, first - origin + count, dtype=np.float64) * self._interval
         times: NDArray[np.float64] = self.times(first, count) - self.time(origin)

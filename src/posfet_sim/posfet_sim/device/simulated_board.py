@@ -84,6 +84,26 @@ class SimulatedBoard:
     field dependence of the permittivity, crosstalk beyond the four neighbours, an anti-aliasing filter, the delay of
     the ADC from taxel to taxel, its nonlinearity, supply faults, electromagnetic interference other than mains hum,
     taxels that fail during operation, and a changing clock drift.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    loads : Loads
+        Forces and chip temperature over time: those of a scene (`SceneLoads`) or any other.
+    seed : int
+        Seed of everything random, in [0, 1e9].
+    error_model : ErrorModel, optional
+        Non-idealities; default: an ideal board.
+    compute_all : bool
+        Whether to compute every taxel in every scan, for comparison.
+    single_precision : bool
+        Whether to compute charge and readout in float32, for comparison.
+
+    Raises
+    ------
+    ValueError
+        The seed is out of range.
     """
 
     def __init__(
@@ -96,28 +116,6 @@ class SimulatedBoard:
         compute_all: bool = False,
         single_precision: bool = False,
     ) -> None:
-        """Create a board at the beginning of its loads.
-
-        Parameters
-        ----------
-        sensor : Sensor
-            Sensor description.
-        loads : Loads
-            Forces and chip temperature over time: those of a scene (`SceneLoads`) or any other.
-        seed : int
-            Seed of everything random, in [0, 1e9].
-        error_model : ErrorModel, optional
-            Non-idealities; default: an ideal board.
-        compute_all : bool
-            Whether to compute every taxel in every scan, for comparison.
-        single_precision : bool
-            Whether to compute charge and readout in float32, for comparison.
-
-        Raises
-        ------
-        ValueError
-            The seed is out of range.
-        """
         seed = whole_number("seed", seed, 0, SEED_MAX)
         self.sensor = sensor
         self.loads = loads
@@ -210,6 +208,11 @@ class SimulatedBoard:
 
     def prepare(self, index: int) -> None:
         """Compute scan `index` in advance. Ground truth and state stay those of the last scan.
+
+        Parameters
+        ----------
+        index : int
+            Index of the scan.
 
         Raises
         ------

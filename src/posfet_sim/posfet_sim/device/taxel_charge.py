@@ -37,22 +37,20 @@ class TaxelCharge:
     is rate-independent, so a constant force changes nothing. With r_k as in `PLAY_HALF_WIDTHS`, w is the loop width
     over the full-scale force divided by 0.7. As in Rayleigh's law, small changes of force have less effect than large
     ones, by up to 3*w.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    parameters : TaxelParameters
+        Properties of each taxel; their dtype is that of the computation.
+    hysteresis : float
+        Width of the hysteresis loop relative to the full-scale force [1].
+    compute_all : bool
+        Whether to keep every taxel active.
     """
 
     def __init__(self, sensor: Sensor, parameters: TaxelParameters, hysteresis: float, compute_all: bool) -> None:
-        """Create taxels without charge.
-
-        Parameters
-        ----------
-        sensor : Sensor
-            Sensor description.
-        parameters : TaxelParameters
-            Properties of each taxel; their dtype is that of the computation.
-        hysteresis : float
-            Width of the hysteresis loop relative to the full-scale force [1].
-        compute_all : bool
-            Whether to keep every taxel active.
-        """
         layout, dtype = sensor.layout, parameters.charge_per_newton.dtype
         self.updates = 0
         """Number of updates of the charge of one taxel so far."""

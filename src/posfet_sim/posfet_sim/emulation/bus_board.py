@@ -20,27 +20,25 @@ class BusBoard:
 
     Frames that carry scans are dropped, truncated to half their data (a length that CAN FD and classic CAN can carry),
     or duplicated. A reset stops the scans: after its silence a fresh firmware runs and waits for the start command.
+
+    Parameters
+    ----------
+    board : SimulatedBoard
+        Source of the scans; its error model has the drift of the clock and the faults of the link.
+    seed : int
+        Seed that the faults are drawn from.
+    now : int
+        Monotonic time [ns].
+    counters : dict of str to int, optional
+        Fault counters of a previous run, to continue.
+
+    Raises
+    ------
+    ConfigError
+        The layout does not fit the frames.
     """
 
     def __init__(self, board: SimulatedBoard, seed: int, now: int, counters: dict[str, int] | None = None) -> None:
-        """Switch the board on.
-
-        Parameters
-        ----------
-        board : SimulatedBoard
-            Source of the scans; its error model has the drift of the clock and the faults of the link.
-        seed : int
-            Seed that the faults are drawn from.
-        now : int
-            Monotonic time [ns].
-        counters : dict of str to int, optional
-            Fault counters of a previous run, to continue.
-
-        Raises
-        ------
-        ConfigError
-            The layout does not fit the frames.
-        """
         self.on_scan: Callable[[Scan], None] | None = None
         """Called with each scan that is sent, before link faults are applied."""
         self.switched_on = now

@@ -19,5 +19,13 @@ class Node(Protocol):
         ...
 
     def receive(self, frame: Frame, now: int) -> list[Frame]:
-        """Process a frame from the bus at `now` [ns] and return the frames that answer it."""
+        """Process a frame from the bus at `now` [ns] and return the frames that answer it.
+
+        Parameters
+        ----------
+        frame : Frame
+            Frame from the bus.
+        now : int
+            Monotonic time [ns].
+        """
         ...

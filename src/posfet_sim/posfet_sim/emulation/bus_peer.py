@@ -24,6 +24,26 @@ class SimulatedBusPeer:
 
     `open` switches a fresh board on. The scene and the scans start when a driver sends the start command. The peer
     sends its scans as frames; it is no source of scans itself.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    scene : Scene
+        Scene that the board simulates.
+    seed : int
+        Seed of everything random, in [0, 1e9].
+    link : Path, str or BusSettings
+        Path at which the emulated slcan adapter appears, or the settings of a bus.
+    clock : Clock, optional
+        Default: the clock of this machine.
+    error_model : ErrorModel, optional
+        Default: an ideal board.
+
+    Raises
+    ------
+    ValueError
+        The seed is out of range.
     """
 
     def __init__(
@@ -35,28 +55,6 @@ class SimulatedBusPeer:
         clock: Clock | None = None,
         error_model: ErrorModel | None = None,
     ) -> None:
-        """Create the peer, switched off.
-
-        Parameters
-        ----------
-        sensor : Sensor
-            Sensor description.
-        scene : Scene
-            Scene that the board simulates.
-        seed : int
-            Seed of everything random, in [0, 1e9].
-        link : Path, str or BusSettings
-            Path at which the emulated slcan adapter appears, or the settings of a bus.
-        clock : Clock, optional
-            Default: the clock of this machine.
-        error_model : ErrorModel, optional
-            Default: an ideal board.
-
-        Raises
-        ------
-        ValueError
-            The seed is out of range.
-        """
         self.scene = scene
         """Scene of the next `open`."""
         self.board = SimulatedBoard(sensor, SceneLoads(scene, sensor), seed, error_model)

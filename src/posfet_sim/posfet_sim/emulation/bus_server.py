@@ -20,20 +20,19 @@ IDLE: Final = 0.1
 
 
 class BusServer:
-    """Connects a node to any python-can bus, in a thread of its own, from `open` to `close`."""
+    """Connects a node to any python-can bus, in a thread of its own, from `open` to `close`.
+
+    Parameters
+    ----------
+    settings : BusSettings
+        Bus to open.
+    node : Node
+        Node to connect.
+    clock : Clock, optional
+        Default: the clock of this machine.
+    """
 
     def __init__(self, settings: BusSettings, node: Node, clock: Clock | None = None) -> None:
-        """Create the server; `open` starts it.
-
-        Parameters
-        ----------
-        settings : BusSettings
-            Bus to open.
-        node : Node
-            Node to connect.
-        clock : Clock, optional
-            Default: the clock of this machine.
-        """
         self.frames_sent = 0
         """Frames sent to the bus."""
         self.frames_dropped = 0

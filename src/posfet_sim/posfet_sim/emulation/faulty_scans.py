@@ -12,20 +12,18 @@ class FaultyScans:
 
     A truncated scan is missing, too, as a driver discards incomplete scans. After a reset, sequence and device time of
     the scans restart at 0, and the first scan has STATUS_BOARD_RESET.
+
+    Parameters
+    ----------
+    board : SimulatedBoard
+        The board; its error model has the faults of the link.
+    seed : int
+        Seed that the error model is drawn from.
+    counters : dict of str to int, optional
+        Counters of a previous run, to continue.
     """
 
     def __init__(self, board: SimulatedBoard, seed: int, counters: dict[str, int] | None = None) -> None:
-        """Connect a board.
-
-        Parameters
-        ----------
-        board : SimulatedBoard
-            The board; its error model has the faults of the link.
-        seed : int
-            Seed that the error model is drawn from.
-        counters : dict of str to int, optional
-            Counters of a previous run, to continue.
-        """
         self.board = board
         self._faults = LinkFaults(board.error_model, seed, counters)
         self._first = 0  # index of the first scan since the last reset; -1: not delivered yet

@@ -1,4 +1,4 @@
-"""The board's side of the protocol: which frames it sends when, and how it answers. Knows no transport."""
+"""The board's side of the protocol: which frames it sends and when, and its responses. Knows no transport."""
 
 from __future__ import annotations
 
@@ -38,7 +38,15 @@ class ScanMaker(Protocol):
     """Source of the scans, such as a `SimulatedBoard`."""
 
     def scan(self, index: int, out: Scan) -> None:
-        """Compute the scan at time index / scan rate; indices ascend, gaps are allowed."""
+        """Compute the scan at time index / scan rate; indices ascend, gaps are allowed.
+
+        Parameters
+        ----------
+        index : int
+            Index of the scan.
+        out : Scan
+            Scan to fill in.
+        """
         ...
 
 
@@ -47,25 +55,23 @@ class BoardFirmware:
 
     It sends status frames at once, and scans after the start command. The sequence of a scan equals its index in
     `board` as long as the rate is the nominal one.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    board : ScanMaker
+        Source of the scans.
+    now : int
+        Monotonic time [ns].
+
+    Raises
+    ------
+    ConfigError
+        The layout does not fit the frames.
     """
 
     def __init__(self, sensor: Sensor, board: ScanMaker, now: int) -> None:
-        """Switch on.
-
-        Parameters
-        ----------
-        sensor : Sensor
-            Sensor description.
-        board : ScanMaker
-            Source of the scans.
-        now : int
-            Monotonic time [ns].
-
-        Raises
-        ------
-        ConfigError
-            The layout does not fit the frames.
-        """
         self.on_scan: Callable[[Scan], None] | None = None
         """Called with each scan that is sent."""
         self.running = False

@@ -43,21 +43,19 @@ class LinkFaults:
     """Fault policy of one link: the outcome of each transmission, the resets of the board, and their counters.
 
     The outcome of transmission k depends on the seed and on k only, and the reset times on the seed only, whatever
-    times are asked for.
+    times are asked for. The board is switched on at time 0.
+
+    Parameters
+    ----------
+    error_model : ErrorModel
+        Probabilities of the outcomes [1], rate [1/h] and duration [s] of resets.
+    seed : int
+        Seed of the board.
+    counters : dict of str to int, optional
+        Counters of a previous run, to continue; by default all start at 0.
     """
 
     def __init__(self, error_model: ErrorModel, seed: int, counters: dict[str, int] | None = None) -> None:
-        """Create the policy of a board that is switched on at time 0.
-
-        Parameters
-        ----------
-        error_model : ErrorModel
-            Probabilities of the outcomes [1], rate [1/h] and duration [s] of resets.
-        seed : int
-            Seed of the board.
-        counters : dict of str to int, optional
-            Counters of a previous run, to continue; by default all start at 0.
-        """
         names = [outcome.counter for outcome in TransmissionOutcome if outcome]
         self.counters = dict.fromkeys([*names, LOST_IN_RESETS, RESETS], 0) if counters is None else counters
         """Number of transmissions by outcome other than delivered, of scans lost in resets, and of resets."""
@@ -79,6 +77,11 @@ class LinkFaults:
         """Return whether the board has reset by `time` [s], and count it; times ascend.
 
         Several resets since the last call count as one. `running_since` and `next_reset` are updated.
+
+        Parameters
+        ----------
+        time : float
+            Time since the board was switched on [s].
         """
         if time < self.next_reset:
             return False

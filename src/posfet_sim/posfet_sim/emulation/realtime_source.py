@@ -25,6 +25,24 @@ class SimulationSource:
     The next scan is computed while the reader waits for it. A late reader gets every scan that is due, one after the
     other: none is skipped, and the stamps are the sampling times. Scans that the board's link loses are missing,
     duplicates come twice (`FaultyScans`). Each `open` starts a fresh board.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    scene : Scene
+        Scene that the board simulates.
+    seed : int
+        Seed of everything random, in [0, 1e9].
+    clock : Clock, optional
+        Default: the clock of this machine.
+    error_model : ErrorModel, optional
+        Default: an ideal board.
+
+    Raises
+    ------
+    ValueError
+        The seed is out of range.
     """
 
     def __init__(
@@ -35,26 +53,6 @@ class SimulationSource:
         clock: Clock | None = None,
         error_model: ErrorModel | None = None,
     ) -> None:
-        """Create the source.
-
-        Parameters
-        ----------
-        sensor : Sensor
-            Sensor description.
-        scene : Scene
-            Scene that the board simulates.
-        seed : int
-            Seed of everything random, in [0, 1e9].
-        clock : Clock, optional
-            Default: the clock of this machine.
-        error_model : ErrorModel, optional
-            Default: an ideal board.
-
-        Raises
-        ------
-        ValueError
-            The seed is out of range.
-        """
         self.scene = scene
         """Scene of the next `open`."""
         self.board = SimulatedBoard(sensor, SceneLoads(scene, sensor), seed, error_model)
@@ -90,6 +88,11 @@ class SimulationSource:
         """Return the next scan if it is due within `timeout` [s], else None after that time.
 
         The first call starts the scene: scan 0 is due at once. The next call overwrites the scan.
+
+        Parameters
+        ----------
+        timeout : float
+            Longest wait [s].
         """
         if self._next == 0:
             self._start = self._clock.monotonic()

@@ -42,20 +42,18 @@ class EmulatedAdapter:
     (version, serial number, status), and frames t T r R d D b B. Settings without a meaning for an emulation are
     accepted. Not emulated: transmission time on the bus, arbitration, bus errors, other nodes, and the time stamps of
     command Z, which is refused.
+
+    Parameters
+    ----------
+    link : Path or str
+        Path at which the terminal appears.
+    node : Node
+        Node behind the adapter.
+    clock : Clock, optional
+        Default: the clock of this machine.
     """
 
     def __init__(self, link: Path | str, node: Node, clock: Clock | None = None) -> None:
-        """Create the adapter; `open` starts it.
-
-        Parameters
-        ----------
-        link : Path or str
-            Path at which the terminal appears.
-        node : Node
-            Node behind the adapter.
-        clock : Clock, optional
-            Default: the clock of this machine.
-        """
         self.link = Path(link)
         self.frames_sent = 0
         """Frames written to the terminal."""

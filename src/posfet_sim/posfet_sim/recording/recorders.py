@@ -27,7 +27,15 @@ class Recorder(Protocol):
     """Writes scans and their ground truth to a file."""
 
     def write(self, scan: Scan, truth: Truth) -> None:
-        """Write one scan and its ground truth."""
+        """Write one scan and its ground truth.
+
+        Parameters
+        ----------
+        scan : Scan
+            The scan.
+        truth : Truth
+            Ground truth of the scan.
+        """
         ...
 
     def close(self) -> None:
@@ -39,27 +47,25 @@ class McapRecorder:
     """MCAP with the profile ros2: topics `raw` and `truth` in a namespace, CDR messages with ros2msg schemas.
 
     rosbag2 (storage mcap), Foxglove and PlotJuggler read it. Times are those of the stamps.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the file.
+    sensor : Sensor
+        Sensor description.
+    namespace : str
+        Namespace of the topics, without slashes around it.
+
+    Raises
+    ------
+    ConfigError
+        The package mcap or a message definition is missing.
+    OSError
+        The file cannot be created.
     """
 
     def __init__(self, path: Path, sensor: Sensor, namespace: str) -> None:
-        """Create the file.
-
-        Parameters
-        ----------
-        path : Path
-            Path of the file.
-        sensor : Sensor
-            Sensor description.
-        namespace : str
-            Namespace of the topics, without slashes around it.
-
-        Raises
-        ------
-        ConfigError
-            The package mcap or a message definition is missing.
-        OSError
-            The file cannot be created.
-        """
         try:
             from mcap.writer import Writer  # noqa: PLC0415  # only MCAP files need the package
         except ImportError as error:
@@ -101,20 +107,19 @@ class McapRecorder:
 
 
 class CsvRecorder:
-    """CSV with one line per scan: stamp, sequence, device time, status, temperatures, counts, and the ground truth."""
+    """CSV with one line per scan: stamp, sequence, device time, status, temperatures, counts, and the ground truth.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the file.
+    sensor : Sensor
+        Sensor description.
+    objects : sequence of str
+        Names of the objects in the scene.
+    """
 
     def __init__(self, path: Path, sensor: Sensor, objects: Sequence[str]) -> None:
-        """Create the file.
-
-        Parameters
-        ----------
-        path : Path
-            Path of the file.
-        sensor : Sensor
-            Sensor description.
-        objects : sequence of str
-            Names of the objects in the scene.
-        """
         layout = sensor.layout
         self._stream = path.open("w", newline="", encoding="utf-8")
         self._writer = csv.writer(self._stream, lineterminator="\n")
@@ -137,7 +142,17 @@ class CsvRecorder:
 
 
 def raw_values(scan: Scan, rows: int, cols: int) -> dict[str, Any]:
-    """Return the fields of TactileRaw."""
+    """Return the fields of TactileRaw.
+
+    Parameters
+    ----------
+    scan : Scan
+        The scan.
+    rows : int
+        Rows of the array.
+    cols : int
+        Columns of the array.
+    """
     return {
         "header": _header(scan.stamp),
         "layout_id": scan.layout_id,
@@ -153,7 +168,19 @@ def raw_values(scan: Scan, rows: int, cols: int) -> dict[str, Any]:
 
 
 def truth_values(truth: Truth, scan: Scan, rows: int, cols: int) -> dict[str, Any]:
-    """Return the fields of TactileTruth for a scan and its ground truth."""
+    """Return the fields of TactileTruth for a scan and its ground truth.
+
+    Parameters
+    ----------
+    truth : Truth
+        Ground truth of the scan.
+    scan : Scan
+        The scan.
+    rows : int
+        Rows of the array.
+    cols : int
+        Columns of the array.
+    """
     objects = truth.objects
     return {
         "header": _header(scan.stamp),

@@ -85,6 +85,15 @@ class SimBoardNode(ScanSourceNode):
     It delivers scans itself (`SimulationSource`), or is a peer on a CAN bus whose scans a driver receives
     (`SimulatedBusPeer`). `truth` is computed and published only for subscribers. The constructor raises ConfigError for
     an invalid parameter, sensor or scene.
+
+    Parameters
+    ----------
+    node_name : str, optional
+        Name of the node.
+    clock : Clock, optional
+        Clock of the host.
+    **node_arguments : object
+        Further arguments of the node, as for `rclpy.node.Node`.
     """
 
     source: SimulationSource | SimulatedBusPeer

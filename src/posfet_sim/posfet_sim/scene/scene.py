@@ -145,11 +145,27 @@ class Scene:
         return own if self.temperature_rise is None else own + self.temperature_rise.at(local)
 
     def bend_along(self, item: SceneObject, angle: float) -> Bend:
-        """Return the curvatures of the chip [1/m] along and across an object at an angle [rad]."""
+        """Return the curvatures of the chip [1/m] along and across an object at an angle [rad].
+
+        Parameters
+        ----------
+        item : SceneObject
+            Object of the scene.
+        angle : float
+            Its angle about the surface normal [rad].
+        """
         return FLAT if self.bend is None else self.bend.along(angle if item.shape.depends_on_angle else 0.0)
 
     def loaded_poses(self, item: SceneObject, times: Sequence[float]) -> list[Pose]:
-        """Return position [m], angle [rad] and force [N] of an object at each time [s] since the start."""
+        """Return position [m], angle [rad] and force [N] of an object at each time [s] since the start.
+
+        Parameters
+        ----------
+        item : SceneObject
+            Object of the scene.
+        times : sequence of float
+            Times since the start [s].
+        """
         poses = [item.path.at(self.local_time(time)) for time in times]
         if not item.by_indentation:
             return poses
@@ -173,6 +189,11 @@ class Scene:
 
         It is `time` itself while one of them changes, and infinite when nothing changes any more. Motion without
         contact does not count.
+
+        Parameters
+        ----------
+        time : float
+            Time since the start [s].
         """
         local = self.local_time(time)
         starts, ends = self._changes

@@ -16,18 +16,17 @@ from posfet_sim.scene.trajectories import Pose
 
 
 class SceneLoads:
-    """Loads of a scene on a sensor; see `Loads`. Each object affects only the taxels within its reach."""
+    """Loads of a scene on a sensor; see `Loads`. Each object affects only the taxels within its reach.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene that was loaded for this sensor.
+    sensor : Sensor
+        Sensor description.
+    """
 
     def __init__(self, scene: Scene, sensor: Sensor) -> None:
-        """Create the loads.
-
-        Parameters
-        ----------
-        scene : Scene
-            Scene that was loaded for this sensor.
-        sensor : Sensor
-            Sensor description.
-        """
         self.scene = scene
         """The scene."""
         self._objects = [_ObjectLoads(scene, item, _cells(scene, item, sensor)) for item in scene.objects]
@@ -135,7 +134,15 @@ def _cells(scene: Scene, item: SceneObject, sensor: Sensor) -> Cells:
 
 
 def spread(scene: Scene, sensor: Sensor) -> float:
-    """Return the standard deviation of the spread by the elastomer skin [m]: that of the scene, else of the sensor."""
+    """Return the standard deviation of the spread by the elastomer skin [m]: that of the scene, else of the sensor.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene, whose thickness of the skin takes precedence.
+    sensor : Sensor
+        Sensor description.
+    """
     if scene.skin_thickness is None:
         return sensor.device.contact_spread
     return skin_spread(scene.skin_thickness)

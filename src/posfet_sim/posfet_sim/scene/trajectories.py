@@ -47,6 +47,13 @@ class Path(Protocol):
 def minimum_jerk(u: float) -> float:
     """Return the minimum-jerk position in [0, 1] at the normalised time u.
 
+    Parameters
+    ----------
+    u : float
+        Time since the previous keyframe over the interval [1], in [0, 1].
+
+    Examples
+    --------
     >>> minimum_jerk(0.25)
     0.103515625
     """

@@ -42,7 +42,17 @@ class Limits:
     """Period of the scene [s]; infinite without one."""
 
     def read_position(self, section: Section, prefix: str = "", margin: float = 0.0) -> tuple[float, float]:
-        """Read a position x, y [m] that is at least `margin` [m] inside the cells of the array."""
+        """Read and return a position x, y [m] that is at least `margin` [m] inside the cells of the array.
+
+        Parameters
+        ----------
+        section : Section
+            Section of the scene file.
+        prefix : str, optional
+            Beginning of the two keys.
+        margin : float, optional
+            Least distance from the edge of the cells [m].
+        """
         x, y = ((half - margin) * 1e3 for half in (self.half_x, self.half_y))
         return section.number(f"{prefix}x_mm", -x, x) * 1e-3, section.number(f"{prefix}y_mm", -y, y) * 1e-3
 
@@ -80,7 +90,15 @@ def read_path(section: Section, limits: Limits) -> tuple[Path, bool]:
 
 
 def keyframes(section: Section, name: str) -> list[Section]:
-    """Read a list of at least one keyframe."""
+    """Read and return a list of at least one keyframe.
+
+    Parameters
+    ----------
+    section : Section
+        Section of the scene file.
+    name : str
+        Key of the list.
+    """
     sections = section.sections(name)
     if not sections:
         raise section.error(name, "must hold at least one keyframe, got none")
@@ -88,7 +106,17 @@ def keyframes(section: Section, name: str) -> list[Section]:
 
 
 def keyframe_time(keyframe: Section, before: Sequence[float], period: float) -> float:
-    """Read the time [s] of a keyframe, which must be after the previous one and within the period."""
+    """Read and return the time [s] of a keyframe: after the previous one, within the period.
+
+    Parameters
+    ----------
+    keyframe : Section
+        Section of the keyframe.
+    before : sequence of float
+        Times of the previous keyframes [s].
+    period : float
+        Period of the scene [s].
+    """
     time = keyframe.number("time_s", 0, min(period, TIME_MAX))
     if before and time <= before[-1]:
         raise keyframe.error("time_s", f"must be after {before[-1]:g}, the keyframe before, got {time:g}")
