@@ -68,7 +68,7 @@ BLOCK = 0.02
 
 
 class HeldForce:
-    """A held force on every taxel, integrated with the identifier's time constants while it leaks with the true ones."""
+    """A held force that leaks with the true time constants and is integrated with those of the identifier."""
 
     def __init__(self, true: np.ndarray, force: float = 2.0) -> None:
         self.identifier = LeakageIdentifier(DESCRIBED, np.full(len(DESCRIBED), 1e-8), 0.1, 0.1)
