@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from posfet_model.estimation.leakage_identification import LeakageIdentifier
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.commands.score import perturbed
@@ -59,3 +60,75 @@ def test_what_is_reported_holds_the_error_of_a_leak_not_found_yet() -> None:
         image = reconstructor.image()
         outside += time > 0.4 and abs(image.total - 2.0) > 2.0 * image.total_standard_deviation
     assert outside == 0
+
+
+DESCRIBED = np.array([0.30, 0.31, 0.29, 0.30, 0.32, 0.28, 0.30, 0.30, 0.31])
+ALL = np.ones(len(DESCRIBED), np.bool_)
+BLOCK = 0.02
+
+
+class HeldForce:
+    """A held force that leaks with the true time constants and is integrated with those of the identifier."""
+
+    def __init__(self, true: np.ndarray, force: float = 2.0) -> None:
+        self.identifier = LeakageIdentifier(DESCRIBED, np.full(len(DESCRIBED), 1e-8), 0.1, 0.1)
+        self.true, self.time, self.leaked = true, 0.0, np.zeros(len(true))
+        self.force = self.charge = np.full(len(true), force)
+        self.identifier.begin_touch(ALL, self.leaked)
+
+    def run(self, seconds: float, trend: float = 0.0, touched: np.ndarray = ALL) -> None:
+        """Let blocks pass; the true force changes by `trend` [N] in alternate blocks, there and back."""
+        for number in range(round(seconds / BLOCK)):
+            change = trend * (1 - 2 * ((number // 7) % 2))
+            before, self.charge = self.charge, self.charge * np.exp(-BLOCK / self.true) + change
+            lost = before - self.charge + change  # the force that has leaked, which tau' turns into an increment
+            increment = lost * self.true / self.identifier.time_constant
+            mean = self.force + change - lost + increment
+            self.leaked = self.leaked + increment
+            self.identifier.add_block(BLOCK, 20, 0.5 * (self.force + mean), self.leaked, touched)
+            self.force = mean
+            corrected = self.identifier.update(touched, np.zeros(len(self.true)))
+            if corrected is not None:
+                self.force, self.leaked = self.force + corrected, self.leaked + corrected
+
+
+@pytest.mark.parametrize("factor", [0.8, 0.92, 1.0, 1.1, 1.25])
+def test_the_time_constants_of_a_held_force_are_found_and_the_force_is_mended(factor: float) -> None:
+    held = HeldForce(factor * DESCRIBED)
+    held.run(1.5)
+    assert held.identifier.time_constant == pytest.approx(factor * DESCRIBED, rel=0.02)
+    assert held.force == pytest.approx(2.0, rel=0.02)
+    assert held.identifier.standard_deviation < 0.1
+
+
+def test_what_one_taxel_shows_carries_over_to_those_that_nothing_touches() -> None:
+    held = HeldForce(1.2 * DESCRIBED)
+    touched = np.arange(len(DESCRIBED)) != 0
+    held.run(1.5, touched=touched)
+    assert held.identifier.time_constant[0] == pytest.approx(1.2 * DESCRIBED[0], rel=0.03)
+    individual = held.identifier.individual_deviation
+    assert individual[0] == pytest.approx(0.1)
+    assert (individual[1:] < 0.08).all()
+
+
+def test_an_untouched_array_and_a_changing_force_show_nothing() -> None:
+    idle, moving = HeldForce(1.2 * DESCRIBED), HeldForce(1.2 * DESCRIBED)
+    idle.run(2.0, touched=~ALL)
+    moving.run(2.0, trend=0.1)
+    for held in (idle, moving):
+        assert held.identifier.time_constant.tolist() == DESCRIBED.tolist()
+        assert held.identifier.common_deviation == 0.1
+
+
+def test_the_force_is_as_uncertain_as_what_leaked_times_the_unknown_time_constant() -> None:
+    identifier = HeldForce(DESCRIBED).identifier
+    leaked, observed = np.linspace(0.0, 2.0, len(DESCRIBED)), np.full(len(DESCRIBED), 0.5)
+    identifier.begin_touch(ALL, np.zeros(len(DESCRIBED)))
+    identifier.add_block(BLOCK, 20, leaked, leaked, ALL)
+    assert identifier.update(ALL, observed) is None
+    # 10 % in common, less what the other taxels would show, and 10 % of each taxel's own.
+    assert identifier.correlated_error == pytest.approx(0.1 * (leaked - observed))
+    assert identifier.variance == pytest.approx((0.1 * (leaked - observed)) ** 2 + (0.1 * leaked) ** 2)
+    identifier.end_touch()
+    assert not identifier.variance.any()
+    assert not identifier.correlated_error.any()

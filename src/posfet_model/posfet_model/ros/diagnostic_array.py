@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
-_NANOSECONDS = 1_000_000_000
+from posfet_model._lib.units import NANOSECONDS
 
 
 def diagnostic_array(
@@ -42,5 +42,5 @@ def diagnostic_array(
         values=[KeyValue(key=key, value=value) for key, value in values.items()],
     )
     message = DiagnosticArray(status=[status])
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, _NANOSECONDS)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, NANOSECONDS)
     return message

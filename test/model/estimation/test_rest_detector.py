@@ -1,0 +1,99 @@
+"""When signals are still for long enough that offsets may be estimated from them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from posfet_model.estimation.rest_detector import LEAKED, SINGLE_TAXEL_FACTOR, STILL, RestDetector
+
+NOISE, SPREAD, SETTLE, TAU, BLOCK = 1e-3, 0.1, 0.1, 0.3, 0.02
+STEP = STILL * NOISE
+"""A change above this is a motion [N]."""
+TAXELS = 9
+NONE = np.zeros(TAXELS, np.bool_)
+FLAT = np.linspace(-0.5, 0.5, TAXELS) * SPREAD
+"""Signals as far apart as those of untouched taxels."""
+UNEVEN = np.where(np.arange(TAXELS) == 0, 3 * SPREAD, FLAT)
+
+
+def detector(signal: np.ndarray = FLAT, taxels: int = TAXELS) -> RestDetector:
+    made = RestDetector(taxels, NOISE, SPREAD, SETTLE, TAU)
+    made.start(signal)
+    return made
+
+
+def time_to_rest(made: RestDetector, signal: np.ndarray, ignored: np.ndarray = NONE) -> float:
+    """Return how long the signals have to stand still, to half a block [s]."""
+    for number in range(1, 1000):
+        if made.update(signal, ignored, BLOCK):
+            return (number - 0.5) * BLOCK
+    return np.inf
+
+
+def test_equal_signals_are_at_rest_after_the_settle_time() -> None:
+    assert time_to_rest(detector(), FLAT) == pytest.approx(SETTLE, abs=BLOCK)
+
+
+def test_signals_that_differ_are_at_rest_only_when_a_held_force_has_leaked() -> None:
+    assert time_to_rest(detector(UNEVEN), UNEVEN) == pytest.approx(LEAKED * TAU, abs=BLOCK)
+
+
+def test_an_ignored_taxel_neither_differs_nor_moves() -> None:
+    ignored = np.arange(TAXELS) == 0
+    made = detector(UNEVEN)
+    for number in range(4):
+        moving = np.where(ignored, float(number), FLAT)
+        assert not made.update(moving, ignored, BLOCK)
+        assert not made.moved
+    assert made.update(FLAT, ignored, 2 * BLOCK)
+
+
+@pytest.mark.parametrize(
+    ("moving", "change", "moved"),
+    [
+        (2, 1.1 * STEP, True),
+        (2, -1.1 * STEP, True),
+        (2, 0.9 * STEP, False),
+        (1, 1.1 * STEP, False),  # it may be noisy
+        (1, 1.1 * SINGLE_TAXEL_FACTOR * STEP, True),
+    ],
+)
+def test_two_taxels_move_or_one_by_much(moving: int, change: float, moved: bool) -> None:
+    made = detector()
+    signal = FLAT.copy()
+    signal[:moving] += change
+    assert made.update(signal, NONE, 2 * SETTLE) is not moved
+    assert made.moved is moved
+
+
+def test_a_single_taxel_of_an_array_of_one_moves_by_the_usual_limit() -> None:
+    made = detector(np.zeros(1), 1)
+    made.update(np.array([1.1 * STEP]), np.zeros(1, np.bool_), BLOCK)
+    assert made.moved
+
+
+def test_a_motion_starts_the_time_again_from_the_new_signals() -> None:
+    made = detector()
+    for _ in range(4):
+        assert not made.update(FLAT, NONE, BLOCK)
+    assert not made.update(FLAT + 2 * STEP, NONE, BLOCK)
+    assert time_to_rest(made, FLAT + 2 * STEP) == pytest.approx(SETTLE, abs=BLOCK)
+
+
+def test_a_slow_ramp_is_a_motion_as_it_adds_up() -> None:
+    made, motions = detector(), 0
+    for number in range(1, 101):
+        assert not made.update(FLAT + 0.3 * STEP * number, NONE, BLOCK)
+        motions += made.moved
+    assert motions == 25  # each time it has gone more than one step: after four blocks
+
+
+def test_what_all_taxels_share_is_no_motion_while_the_chip_warms() -> None:
+    cold, warm = detector(), detector()
+    assert not cold.update(FLAT + 5 * STEP, NONE, 2 * SETTLE)
+    assert warm.update(FLAT + 5 * STEP, NONE, 2 * SETTLE, warming=True)
+    press = FLAT + 5 * STEP
+    press[:3] += 2 * STEP
+    assert not warm.update(press, NONE, BLOCK, warming=True)
+    assert warm.moved

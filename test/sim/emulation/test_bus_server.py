@@ -1,0 +1,201 @@
+"""A node connected to a bus of python-can: what it sends, what it answers, and what it reports when the bus fails."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from itertools import count
+
+import can
+import pytest
+
+from posfet_driver.board.scan_source import SourceError
+from posfet_driver.bus.frame import CLASSIC, FD, RATE_SWITCH, Frame
+from posfet_driver.bus.open_bus import BusSettings
+from posfet_model.config import ConfigError
+from posfet_sim.emulation import bus_server
+from posfet_sim.emulation.bus_server import BusServer
+from support.clocks import PacedClock, SteppedClock
+
+DEADLINE = 120.0
+MILLISECOND = 1_000_000
+_channels = count()
+
+
+class CountingNode:
+    """Sends a frame with its number every `interval` [ns], and answers each frame with its data reversed."""
+
+    def __init__(self, interval: int = MILLISECOND, limit: int = 1 << 30) -> None:
+        self.received: list[Frame] = []
+        self.answered = threading.Event()
+        self._interval, self._limit = interval, limit
+        self._next, self._number = 0, 0
+
+    def next_due(self) -> int:
+        return self._next
+
+    def due(self, now: int) -> list[Frame]:
+        frames: list[Frame] = []
+        while self._next <= now:
+            if self._number < self._limit:
+                frames.append((0x100, FD | RATE_SWITCH, self._number.to_bytes(4, "big") * 4))
+                self._number += 1
+            self._next = (self._next or now) + self._interval
+        return frames
+
+    def receive(self, frame: Frame, now: int) -> list[Frame]:
+        self.received.append(frame)
+        self.answered.set()
+        return [(0x200, CLASSIC, frame[2][::-1])]
+
+
+def settings() -> BusSettings:
+    return BusSettings("virtual", f"bus server {next(_channels)}", 1_000_000, 5_000_000, True)
+
+
+@pytest.fixture
+def bus() -> Iterator[tuple[BusSettings, can.BusABC]]:
+    chosen = settings()
+    other = can.Bus(interface="virtual", channel=chosen.channel)
+    yield chosen, other
+    other.shutdown()
+
+
+def messages(other: can.BusABC, identifier: int, number: int) -> list[can.Message]:
+    """Return the first messages with this identifier."""
+    found: list[can.Message] = []
+    while len(found) < number:
+        message = other.recv(DEADLINE)
+        assert message is not None, "nothing came"
+        found += [message] * (message.arbitration_id == identifier)
+    return found
+
+
+def test_what_is_due_reaches_the_bus_in_order(bus: tuple[BusSettings, can.BusABC]) -> None:
+    chosen, other = bus
+    server = BusServer(chosen, CountingNode(), PacedClock(main=False))
+    server.open()
+    try:
+        found = messages(other, 0x100, 30)
+    finally:
+        server.close()
+    assert [int.from_bytes(message.data[:4], "big") for message in found] == list(range(30))
+    assert all(message.is_fd and message.bitrate_switch and len(message.data) == 16 for message in found)
+    assert server.frames_sent >= 30
+    assert server.frames_dropped == 0
+    assert server.failure == ""
+
+
+def test_a_frame_is_answered_although_nothing_is_due_for_long(bus: tuple[BusSettings, can.BusABC]) -> None:
+    chosen, other = bus
+    node = CountingNode(interval=10**18)
+    server = BusServer(chosen, node, PacedClock(main=False))
+    server.open()
+    try:
+        for number in range(3):
+            other.send(can.Message(arbitration_id=0x101, data=[number, 7], is_extended_id=False))
+            (answer,) = messages(other, 0x200, 1)
+            assert list(answer.data) == [7, number]
+    finally:
+        server.close()
+    assert [frame for frame in node.received if frame[0] == 0x101] == [
+        (0x101, CLASSIC, bytes([number, 7])) for number in range(3)
+    ]
+
+
+def test_close_ends_the_thread_twice_and_open_serves_again(bus: tuple[BusSettings, can.BusABC]) -> None:
+    chosen, other = bus
+    before = set(threading.enumerate())
+    server = BusServer(chosen, CountingNode(limit=1), PacedClock(main=False))
+    server.close()  # nothing is open yet
+    server.open()
+    messages(other, 0x100, 1)
+    server.close()
+    server.close()
+    assert set(threading.enumerate()) <= before
+    other.send(can.Message(arbitration_id=0x101, data=[1], is_extended_id=False))
+    assert other.recv(0) is None
+    server.open()
+    other.send(can.Message(arbitration_id=0x101, data=[2], is_extended_id=False))
+    (answer,) = messages(other, 0x200, 1)
+    server.close()
+    assert list(answer.data) == [2]
+
+
+class FailingBus:
+    """A bus that accepts `room` frames and fails to read after `reads` calls."""
+
+    malformed_lines = 0
+
+    def __init__(self, clock: SteppedClock, room: int, reads: int) -> None:
+        self.failed = threading.Event()
+        self.timeouts: list[float] = []
+        self.closed = False
+        self._clock, self._room, self._reads = clock, room, reads
+
+    def read_frames(self, timeout: float) -> list[Frame]:
+        self.timeouts.append(timeout)
+        self._clock.now += round(timeout * 1e9)
+        self._reads -= 1
+        if self._reads < 0:
+            self.failed.set()
+            raise can.CanOperationError("cable\nout")
+        return []
+
+    def write_frame(self, frame: Frame) -> None:
+        self._room -= 1
+        if self._room < 0:
+            raise can.CanOperationError("no room")
+
+    def ask_state(self) -> None: ...
+
+    def shutdown(self) -> None:
+        self.closed = True
+
+
+def serve(monkeypatch: pytest.MonkeyPatch, node: CountingNode, room: int, reads: int) -> tuple[BusServer, FailingBus]:
+    """Serve a failing bus in stepped time until it has failed."""
+    clock = SteppedClock(now=1_000_000_000)
+    made = FailingBus(clock, room, reads)
+    monkeypatch.setattr(bus_server, "open_bus", lambda _: made)
+    server = BusServer(settings(), node, clock)
+    server.open()
+    assert made.failed.wait(DEADLINE)
+    server.close()
+    return server, made
+
+
+def test_frames_that_the_bus_does_not_accept_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    server, made = serve(monkeypatch, CountingNode(), room=4, reads=10)
+    # One frame is due in each of the ten rounds.
+    assert (server.frames_sent, server.frames_dropped) == (4, 6)
+    assert made.closed
+
+
+def test_a_failure_of_the_bus_ends_the_service_with_its_reason_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    server, _ = serve(monkeypatch, CountingNode(), room=100, reads=0)
+    assert server.failure == "cable out"
+    assert server.frames_sent == 0
+
+
+def test_the_bus_is_read_until_the_next_frame_is_due_but_not_for_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, often = serve(monkeypatch, CountingNode(20 * MILLISECOND), room=100, reads=5)
+    assert often.timeouts == pytest.approx([0.0] + [0.02] * 5)
+    _, seldom = serve(monkeypatch, CountingNode(250 * MILLISECOND), room=100, reads=6)
+    assert seldom.timeouts == pytest.approx([0.0, 0.1, 0.1, 0.05, 0.1, 0.1, 0.05])
+
+
+def test_a_bus_that_cannot_be_opened_now_is_an_error_of_the_source(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(_: BusSettings) -> None:
+        raise can.CanInitializationError("no such\n device")
+
+    monkeypatch.setattr(bus_server, "open_bus", fail)
+    server = BusServer(settings(), CountingNode())
+    with pytest.raises(SourceError, match=r"^no such device$"):
+        server.open()
+    server.close()
+
+
+def test_invalid_settings_are_an_error_of_the_configuration() -> None:
+    with pytest.raises(ConfigError, match="CAN interface must be one of"):
+        BusServer(BusSettings("no such interface", "0", 1, 1, True), CountingNode()).open()
