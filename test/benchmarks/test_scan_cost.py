@@ -11,7 +11,7 @@ TRIES = 4
 """A machine that was disturbed all through one measurement is given another."""
 
 
-def test_a_scan_costs_no_more_than_the_baseline() -> None:
+def test_the_cost_of_a_scan_stays_within_the_baseline() -> None:
     """In units of a fixed piece of work, the least of many, in turn: so neither the machine nor its load matters.
 
     Where a change is worth its cost, `python test/support/scan_cost.py --store` makes it the new baseline.

@@ -104,7 +104,7 @@ class Bench:
 
 @BOTH
 @pytest.mark.parametrize("trouble", EXPECTED, ids=lambda trouble: trouble.name)
-def test_each_fault_is_named_and_survived(trouble: InjectedFault, fd: bool) -> None:
+def test_each_fault_is_reported_and_recovered_from(trouble: InjectedFault, fd: bool) -> None:
     bench = Bench(fd)
     assert bench.run(3) > 2.9 * RATE
     assert (bench.faults, bench.health) == ([], Health.OK)
@@ -151,7 +151,7 @@ def test_each_fault_is_named_and_survived(trouble: InjectedFault, fd: bool) -> N
     ],
     ids=lambda trouble: trouble.name,
 )
-def test_data_flows_within_half_a_second_of_the_bus_being_back(trouble: InjectedFault, fd: bool) -> None:
+def test_data_flows_within_half_a_second_after_the_bus_returns(trouble: InjectedFault, fd: bool) -> None:
     for length in (0.4, 1.7, 12.0):
         bench = Bench(fd)
         bench.run(1)
@@ -164,7 +164,7 @@ def test_data_flows_within_half_a_second_of_the_bus_being_back(trouble: Injected
 
 
 @BOTH
-def test_a_deaf_board_is_told_from_a_silent_one(fd: bool) -> None:
+def test_a_board_ignoring_commands_is_distinguished_from_one_without_traffic(fd: bool) -> None:
     bench = Bench(fd)
     bench.run(1)
     bench.injector.fault = InjectedFault.NO_RESPONSE
@@ -176,7 +176,7 @@ def test_a_deaf_board_is_told_from_a_silent_one(fd: bool) -> None:
 
 
 @BOTH
-def test_foreign_frames_that_fill_the_bus_do_not_hide_a_silent_board(fd: bool) -> None:
+def test_high_bus_load_of_unrelated_frames_does_not_hide_a_missing_board(fd: bool) -> None:
     bench = Bench(fd)
     bench.run(1)
     bench.injector.fault = InjectedFault.UNRELATED
@@ -193,7 +193,7 @@ def test_foreign_frames_that_fill_the_bus_do_not_hide_a_silent_board(fd: bool) -
         (ScanStatus.SCAN_OVERRUN, FaultKind.SCAN_OVERRUN),
     ],
 )
-def test_flags_of_the_board_are_named(flag: ScanStatus, fault: FaultKind) -> None:
+def test_status_flags_of_the_board_are_reported(flag: ScanStatus, fault: FaultKind) -> None:
     bench = Bench(True)
     bench.run(1)
     bench.injector.firmware._board.status = flag
@@ -202,7 +202,7 @@ def test_flags_of_the_board_are_named(flag: ScanStatus, fault: FaultKind) -> Non
 
 
 @BOTH
-def test_another_firmware_and_another_layout_are_refused_and_named(fd: bool) -> None:
+def test_wrong_firmware_version_and_layout_are_rejected_and_reported(fd: bool) -> None:
     bench = Bench(fd)
     bench.run(1)
     bench.injector.firmware.firmware = 0x0203
@@ -219,7 +219,7 @@ def test_another_firmware_and_another_layout_are_refused_and_named(fd: bool) -> 
     assert bench.run(3) > RATE
 
 
-def test_a_reset_with_a_low_supply_is_a_brown_out() -> None:
+def test_a_reset_at_low_supply_voltage_is_reported_as_brown_out() -> None:
     counters = {}
     for trouble in (InjectedFault.RESET, InjectedFault.BROWN_OUT):
         bench = Bench(True)
@@ -230,7 +230,7 @@ def test_a_reset_with_a_low_supply_is_a_brown_out() -> None:
     assert counters == {InjectedFault.RESET: (1, 0), InjectedFault.BROWN_OUT: (1, 1)}
 
 
-def test_stamps_go_on_while_the_boards_clock_stands() -> None:
+def test_stamps_advance_while_the_board_clock_is_frozen() -> None:
     bench = Bench(True)
     bench.run(1)
     estimated = []

@@ -131,14 +131,14 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool, monkeypatch:
         yield Bench(board, sensor, place != "board", clock)
 
 
-def test_scans_come_whole_and_in_order(bench: Bench) -> None:
+def test_scans_are_complete_and_in_order(bench: Bench) -> None:
     sequences = [scan.sequence for scan in bench.scans(100)]
     assert sequences == list(range(sequences[0], sequences[0] + 100))
     report = bench.board.report()
     assert (report.health, report.frames_lost, report.conditions) == (Health.OK, 0, ())
 
 
-def test_stamps_go_on_evenly(bench: Bench) -> None:
+def test_stamps_are_evenly_spaced(bench: Bench) -> None:
     stamps = [scan.stamp for scan in bench.scans(50)]
     assert stamps == sorted(stamps)
     assert abs(stamps[-1] - bench.clock.wall()) < PATIENCE * 1e9
@@ -151,7 +151,7 @@ def test_the_board_identifies_itself(bench: Bench) -> None:
     assert value & 0xFFFF == bench.sensor.layout.id
 
 
-def test_a_refused_command_comes_back_with_the_reason(bench: Bench) -> None:
+def test_a_rejected_command_reports_the_reason(bench: Bench) -> None:
     list(bench.scans(1))
     with pytest.raises(CommandError, match="SET_RATE: refused by the board: bad argument"):
         bench.board.request(Command.SET_RATE, 1, timeout=PATIENCE)
@@ -169,7 +169,7 @@ def test_the_board_stops_and_starts(bench: Bench) -> None:
     assert bench.board.report().frames_lost == 0
 
 
-def test_the_bus_is_opened_anew_after_a_failure(bench: Bench) -> None:
+def test_the_bus_is_reopened_after_a_failure(bench: Bench) -> None:
     list(bench.scans(5))
     bench.board._fail(can.CanOperationError("pulled"))
     assert bench.board.report().conditions == (FaultKind.ADAPTER_DISCONNECTED,)

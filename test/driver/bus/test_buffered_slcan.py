@@ -93,7 +93,7 @@ LAST: Frame = (0x7AB, 0, b"\xab\xcd")
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_all_readers_hear_the_same_frames_among_replies(ports: dict[str, Port], seed: int) -> None:
+def test_all_readers_receive_the_same_frames_among_replies(ports: dict[str, Port], seed: int) -> None:
     noise = random.Random(seed)
     sent = [noise.choice(FRAMES) for _ in range(30)]
     lines = [encode_line(frame) for frame in sent]
@@ -104,13 +104,13 @@ def test_all_readers_hear_the_same_frames_among_replies(ports: dict[str, Port], 
         assert port.heard(stream, LAST) == sent, name
 
 
-def test_the_buffered_reader_treats_broken_lines_as_python_can_does(ports: dict[str, Port]) -> None:
+def test_the_buffered_reader_handles_malformed_lines_like_python_can(ports: dict[str, Port]) -> None:
     for line in BROKEN:
         stream = [encode_line(FRAMES[0]) + line + encode_line(FRAMES[2])]
         assert ports["buffered"].heard(stream, LAST) == ports["python-can"].heard(stream, LAST), line
 
 
-def test_our_bus_counts_broken_lines_and_goes_on(ports: dict[str, Port]) -> None:
+def test_slcan_bus_counts_malformed_lines_and_continues(ports: dict[str, Port]) -> None:
     ours = ports["ours"]
     for count, line in enumerate(BROKEN, 1):
         assert ours.heard([encode_line(FRAMES[0]) + line + encode_line(FRAMES[2])], LAST) == [FRAMES[0], FRAMES[2]]
@@ -142,7 +142,7 @@ def select_readable(descriptor: int) -> bool:
     return bool(select.select([descriptor], [], [], 0)[0])
 
 
-def test_flush_forgets_what_was_received(ports: dict[str, Port]) -> None:
+def test_flush_discards_received_frames(ports: dict[str, Port]) -> None:
     bus = ports["buffered"].bus
     os.write(ports["buffered"].master, encode_line(FRAMES[0]) * 3)
     assert bus.recv(PATIENCE) is not None

@@ -47,7 +47,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 @pytest.mark.parametrize("interface", interfaces())
-def test_an_option_that_an_interface_does_not_know_is_named_with_those_it_knows(interface: str) -> None:
+def test_an_unknown_interface_option_is_rejected_with_the_known_options(interface: str) -> None:
     with pytest.raises(ConfigError) as caught:
         bus_settings(interface, "", LINK, options=["no_such_option=1"])
     message = str(caught.value)
@@ -58,7 +58,7 @@ def test_an_option_that_an_interface_does_not_know_is_named_with_those_it_knows(
     assert interface not in EVERYWHERE or message.startswith(unknown)
 
 
-def test_socketcan_takes_its_bitrate_from_the_kernel(opened: Any) -> None:
+def test_socketcan_bitrate_is_set_by_the_kernel(opened: Any) -> None:
     options = ["receive_own_messages=true", "ignore_rx_error_frames=False", "local_loopback=0"]
     assert opened("socketcan", "can0", options=options) == {
         "channel": "can0",
@@ -70,7 +70,7 @@ def test_socketcan_takes_its_bitrate_from_the_kernel(opened: Any) -> None:
 
 
 @pytest.mark.parametrize("fd", [True, False])
-def test_kvaser_gets_what_it_takes_out_of_its_keywords(opened: Any, fd: bool) -> None:
+def test_kvaser_gets_its_keyword_arguments(opened: Any, fd: bool) -> None:
     arguments = opened("kvaser", "0", fd=fd, options=["accept_virtual=false", "sjw=4"])
     expected = {"channel": "0", "bitrate": 1_000_000, "fd": fd, "accept_virtual": False, "sjw": 4}
     assert arguments == expected | ({"data_bitrate": 5_000_000} if fd else {})

@@ -61,7 +61,7 @@ def check_run(board: Board, count: int) -> None:
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_every_shipped_array_arrives_whole(tmp_path: Path, clock: PacedClock, name: str) -> None:
+def test_scans_of_every_shipped_array_are_received_completely(tmp_path: Path, clock: PacedClock, name: str) -> None:
     sensor = load_sensor(name)
     with ExitStack() as stack:
         plugged_in(stack, tmp_path / "can0", firmware(sensor, clock.monotonic()), clock)
@@ -69,19 +69,19 @@ def test_every_shipped_array_arrives_whole(tmp_path: Path, clock: PacedClock, na
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_the_bus_carries_the_rate_of_every_shipped_array(name: str) -> None:
+def test_the_bus_load_of_every_shipped_array_is_feasible(name: str) -> None:
     sensor = load_sensor(name)
     frame = fd_time(64, sensor.can.bitrate, sensor.can.data_bitrate).most
     assert make_codec(sensor).blocks * frame * sensor.can.scan_rate < 0.95
 
 
-def test_shipped_arrays_have_layouts_of_their_own() -> None:
+def test_shipped_arrays_have_distinct_layout_ids() -> None:
     layouts = [load_sensor(name).layout for name in SHIPPED]
     assert len({layout.id for layout in layouts}) == len(SHIPPED)
     assert [(layout.rows, layout.cols) for layout in layouts] == [(5, 5), (16, 16), (32, 32)]
 
 
-def test_three_boards_on_one_bus_and_two_more_on_buses_of_their_own(tmp_path: Path, clock: PacedClock) -> None:
+def test_three_boards_share_a_bus_and_two_more_have_separate_buses(tmp_path: Path, clock: PacedClock) -> None:
     sensors = [with_layout(load_sensor(), 5, 5, scan_rate=100.0, base_id=0x100 + 0x10 * k) for k in range(3)]
     channel, now = uuid.uuid4().hex, clock.monotonic()
     with ExitStack() as stack:
@@ -101,7 +101,7 @@ def test_three_boards_on_one_bus_and_two_more_on_buses_of_their_own(tmp_path: Pa
 
 
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
-def test_a_bus_full_of_foreign_frames_costs_no_scan(tmp_path: Path, clock: PacedClock, fd: bool) -> None:
+def test_high_bus_load_of_unrelated_frames_loses_no_scans(tmp_path: Path, clock: PacedClock, fd: bool) -> None:
     """100 % of a classic bus beside 1 kHz of ours: more than any bus can carry."""
     sensor, now = with_fd(load_sensor(), fd), clock.monotonic()
     injector = FaultInjector(lambda at: BoardFirmware(sensor, FakeBoard(sensor), at), sensor.can.base_id, now)
@@ -121,7 +121,7 @@ LIMIT = with_layout(load_sensor(), 5, 5, scan_rate=8000.0)
 """5 x 5 at 8 kHz: more than the frames' time on the bus allows."""
 
 
-def test_can_fd_at_the_limit_of_the_wire_costs_no_scan(tmp_path: Path, clock: PacedClock) -> None:
+def test_can_fd_at_the_maximum_frame_rate_loses_no_scans(tmp_path: Path, clock: PacedClock) -> None:
     assert 1 / fd_time(64, LIMIT.can.bitrate, LIMIT.can.data_bitrate).least < LIMIT.can.scan_rate
     with ExitStack() as stack:
         adapter = plugged_in(stack, tmp_path / "can0", firmware(LIMIT, clock.monotonic()), clock)
@@ -130,7 +130,7 @@ def test_can_fd_at_the_limit_of_the_wire_costs_no_scan(tmp_path: Path, clock: Pa
 
 
 @pytest.mark.slow
-def test_can_fd_at_the_limit_of_the_wire_is_followed_in_real_time(tmp_path: Path) -> None:
+def test_can_fd_at_the_maximum_frame_rate_is_read_in_real_time(tmp_path: Path) -> None:
     """With reader and adapter in one process, and all that they did not manage counted."""
     clock = SystemClock()
     with ExitStack() as stack:

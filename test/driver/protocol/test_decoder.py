@@ -63,7 +63,7 @@ def started(fd: bool) -> tuple[BoardFirmware, Decoder]:
 
 
 @given(frames=st.lists(ANY_FRAME, max_size=60), fd=st.booleans())
-def test_any_frame_is_taken_and_accounted_for(frames: list[Frame], fd: bool) -> None:
+def test_arbitrary_frames_are_accepted_and_counted(frames: list[Frame], fd: bool) -> None:
     decoder = Decoder(with_fd(SENSOR, fd))
     decoder.resync(0, count_gap=False)
     scans = sum(isinstance(decoded, ScanReady) for decoded in decoder.decode(frames, 0, 0))
@@ -77,7 +77,7 @@ def test_any_frame_is_taken_and_accounted_for(frames: list[Frame], fd: bool) -> 
 
 
 @BOTH
-def test_foreign_traffic_changes_nothing(fd: bool) -> None:
+def test_unrelated_traffic_has_no_effect(fd: bool) -> None:
     firmware, decoder = started(fd)
     noise = random.Random(1)
     scans = 0
@@ -93,7 +93,7 @@ def test_foreign_traffic_changes_nothing(fd: bool) -> None:
 
 
 @BOTH
-def test_a_process_that_is_held_up_between_two_clocks_moves_no_stamp(fd: bool) -> None:
+def test_a_delay_between_two_clock_reads_does_not_shift_stamps(fd: bool) -> None:
     firmware, decoder = started(fd)
     scans = []
     for index in range(50):
@@ -130,7 +130,7 @@ def mutate(noise: random.Random, frames: list[Frame]) -> list[Frame]:
 
 @BOTH
 @pytest.mark.parametrize("seed", range(3))
-def test_under_faults_of_every_kind_the_sum_is_right(fd: bool, seed: int) -> None:
+def test_published_and_lost_scans_add_up_under_every_kind_of_fault(fd: bool, seed: int) -> None:
     """Single faults, bursts of any length, and a host that is held up: what comes out was sent, the rest is counted."""
     noise = random.Random(seed)
     firmware, decoder = started(fd)
@@ -168,7 +168,7 @@ def test_under_faults_of_every_kind_the_sum_is_right(fd: bool, seed: int) -> Non
 
 
 @BOTH
-def test_garbage_takes_no_memory(fd: bool) -> None:
+def test_garbage_uses_bounded_memory(fd: bool) -> None:
     decoder = Decoder(with_fd(SENSOR, fd))
     decoder.resync(0, count_gap=False)
     noise = random.Random(3)
@@ -194,7 +194,7 @@ def test_garbage_takes_no_memory(fd: bool) -> None:
 @BOTH
 @pytest.mark.parametrize("pause", [5, 12, 16, 17, 40, 100])
 @pytest.mark.parametrize("pieces", [1, 2, 5])
-def test_a_sender_that_was_held_up_loses_nothing(fd: bool, pause: int, pieces: int) -> None:
+def test_a_delayed_sender_loses_no_scans(fd: bool, pause: int, pieces: int) -> None:
     """What was held up comes at once, but is read in pieces that end amid scans; the numbers stay right."""
     firmware, decoder = started(fd)
     noise = random.Random(pause)
@@ -216,7 +216,7 @@ def test_a_sender_that_was_held_up_loses_nothing(fd: bool, pause: int, pieces: i
     assert decoder.frames_lost == 0
 
 
-def test_status_frames_are_taken(sensor: Sensor) -> None:
+def test_status_frames_are_decoded(sensor: Sensor) -> None:
     decoder = Decoder(sensor)
     assert np.isnan(decoder.scan.temperatures).all()
     for page, value in ((Page.LAYOUT, 7), (Page.FIRMWARE, 0x0203)):
@@ -236,7 +236,7 @@ def test_classic_scans_carry_the_flags_of_the_last_status() -> None:
     assert scan.status == ScanStatus.ADC_FAULT | ScanStatus.TIME_ESTIMATED
 
 
-def test_stamps_of_fd_scans_are_those_of_acquisition() -> None:
+def test_stamps_of_fd_scans_are_acquisition_times() -> None:
     """Delays on the way of up to 20 ms, a clock 40 ppm slow: stamps are off by less than 0.1 ms."""
     firmware, decoder = started(fd=True)
     noise = random.Random(4)
@@ -251,7 +251,7 @@ def test_stamps_of_fd_scans_are_those_of_acquisition() -> None:
     assert np.abs(errors[10:]).max() < 20_000
 
 
-def test_after_a_reset_numbers_and_stamps_begin_anew() -> None:
+def test_sequence_and_stamps_restart_after_a_reset() -> None:
     firmware, decoder = started(fd=True)
     for index in range(100):
         receive(decoder, firmware.due(index * PERIOD), index * PERIOD)

@@ -84,7 +84,7 @@ def test_classic_blocks(counts: list[int], sequence: int) -> None:
     assert max(abs(a - b) for a, b in zip(received, counts, strict=True)) <= 15
 
 
-def test_classic_keeps_both_ends_of_the_scale() -> None:
+def test_classic_blocks_preserve_both_ends_of_the_scale() -> None:
     frames = ClassicCodec(2).encode(scan_of([0, 0xFFFF]), BASE)
     assert decoded(ClassicCodec(2), [data for _, _, data in frames]) == [0, 0xFFFF]
 
@@ -125,7 +125,7 @@ def test_status(raw: tuple[int, int], supply: int, flags: int, page: Page, value
     assert Status.unpack(status.pack()) == status
 
 
-def test_status_tells_what_is_not_known() -> None:
+def test_status_marks_unknown_values() -> None:
     status = Status((math.nan, 20.0), math.nan, 0, Page.LAYOUT, 1)
     unpacked = Status.unpack(status.pack())
     assert unpacked is not None
@@ -134,7 +134,7 @@ def test_status_tells_what_is_not_known() -> None:
     assert math.isnan(unpacked.supply)
 
 
-def test_status_out_of_range_is_sent_as_the_nearest_end() -> None:
+def test_status_values_out_of_range_are_clipped() -> None:
     unpacked = Status.unpack(Status((1e9, -1e9), 1e9, 0, Page.LAYOUT, 0).pack())
     assert unpacked is not None
     assert unpacked.temperatures == (0x7FFF / 256, -0x7FFF / 256)
@@ -142,13 +142,13 @@ def test_status_out_of_range_is_sent_as_the_nearest_end() -> None:
 
 
 @pytest.mark.parametrize(("signal", "names"), [("CommandCode", Command), ("ResponseResult", Result), ("Page", Page)])
-def test_names_of_values_are_those_of_the_code(signal: str, names: type[Command]) -> None:
+def test_value_names_of_the_dbc_equal_those_of_the_code(signal: str, names: type[Command]) -> None:
     (choices,) = (s.choices for m in DATABASE.messages for s in m.signals if s.name == signal)
     assert {value: str(name) for value, name in choices.items()} == {item.value: item.name for item in names}
 
 
 @pytest.mark.parametrize("length", [0, 7, 9, 64])
-def test_a_wrong_length_is_no_message(length: int) -> None:
+def test_messages_of_wrong_length_are_rejected(length: int) -> None:
     assert [kind.unpack(bytes(length)) for kind in (Request, Response, Status)] == [None] * 3
     assert ClassicCodec(25).header(8, CLASSIC, bytes(length)) is None
     assert FdCodec(25).header(3, FD, bytes(length)[:63]) is None
@@ -166,13 +166,13 @@ def test_a_wrong_length_is_no_message(length: int) -> None:
         (FdCodec(25), 3, FD | EXTENDED),
     ],
 )
-def test_a_frame_of_another_kind_is_no_block(codec: ScanCodec, offset: int, kind: int) -> None:
+def test_frames_of_another_type_are_not_blocks(codec: ScanCodec, offset: int, kind: int) -> None:
     assert codec.header(offset, kind, bytes(codec.block_length)) is None
 
 
 @pytest.mark.parametrize(("rows", "cols"), [(1, 1), (5, 5), (4, 7), (1, 29), (16, 16), (32, 32)])
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
-def test_every_layout_comes_back(sensor: Sensor, rows: int, cols: int, fd: bool) -> None:
+def test_every_layout_survives_a_round_trip(sensor: Sensor, rows: int, cols: int, fd: bool) -> None:
     sensor = with_layout(sensor, rows, cols)
     codec = make_codec(with_fd(sensor, fd))
     scan = make_scan(sensor, 12_345)
@@ -183,7 +183,7 @@ def test_every_layout_comes_back(sensor: Sensor, rows: int, cols: int, fd: bool)
     assert decoded(codec, [data for _, _, data in frames]) == scan.counts.tolist()
 
 
-def test_a_layout_that_does_not_fit_is_refused_in_one_line() -> None:
+def test_a_layout_that_does_not_fit_is_rejected_with_a_one_line_error() -> None:
     sensor = load_sensor()
     with pytest.raises(ConfigError, match=r"rows \* cols must be in \[1, 7168\] on CAN, got 16384"):
         make_codec(with_layout(sensor, 128, 128))

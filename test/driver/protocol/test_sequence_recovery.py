@@ -91,7 +91,7 @@ class Line:
 
 @pytest.mark.parametrize("way", [0, PERIOD, 5 * PERIOD, 20 * PERIOD])
 @pytest.mark.parametrize("scans", [1, 8, 13, 15, 16, 17, 32, 100])
-def test_after_a_silence_of_any_length_numbers_are_right(scans: int, way: int) -> None:
+def test_the_sequence_is_right_after_a_pause_of_any_length(scans: int, way: int) -> None:
     line = Line(way=way)
     line.run(50)
     for _ in range(5):
@@ -107,7 +107,7 @@ def test_after_a_silence_of_any_length_numbers_are_right(scans: int, way: int) -
 
 @pytest.mark.parametrize("way", [0, PERIOD, 20 * PERIOD])
 @pytest.mark.parametrize("pause", [5, 12, 16, 17, 40, 250])
-def test_what_only_came_late_is_not_lost(pause: int, way: int) -> None:
+def test_late_scans_are_not_lost(pause: int, way: int) -> None:
     line = Line(way=way)
     line.run(50)
     for _ in range(5):
@@ -120,7 +120,7 @@ def test_what_only_came_late_is_not_lost(pause: int, way: int) -> None:
     assert line.published[-1] >= line.now // PERIOD - 4 - 3 * way // PERIOD
 
 
-def test_scans_lost_while_the_rest_is_late_are_not_mistaken() -> None:
+def test_scans_lost_among_late_ones_do_not_shift_the_sequence() -> None:
     """16 scans are lost amid frames that are late themselves: nothing in their times tells."""
     line = Line()
     line.run(100)
@@ -135,7 +135,7 @@ def test_scans_lost_while_the_rest_is_late_are_not_mistaken() -> None:
 
 
 @pytest.mark.parametrize("speed", [1 - 5e-3, 1 - 50e-6, 1.0, 1 + 50e-6, 1 + 5e-3])
-def test_a_board_whose_clock_runs_at_another_speed_loses_nothing(speed: float) -> None:
+def test_a_board_clock_with_a_rate_error_loses_no_scans(speed: float) -> None:
     line = Line(speed)
     line.run(6_000)
     assert line.published == list(range(line.published[0], line.published[-1] + 1))
@@ -144,7 +144,7 @@ def test_a_board_whose_clock_runs_at_another_speed_loses_nothing(speed: float) -
     assert line.decoder.resync_requests == line.questions - 1  # the first one starts the board
 
 
-def test_a_deaf_board_is_numbered_by_its_status() -> None:
+def test_a_board_ignoring_commands_is_numbered_by_its_status() -> None:
     line = Line()
     line.run(100)
     line.deaf = True
@@ -155,7 +155,7 @@ def test_a_deaf_board_is_numbered_by_its_status() -> None:
     assert line.decoder.statistics.lost_scans < 16 + 310  # at most until the next status
 
 
-def test_one_who_only_listens_takes_numbers_from_the_status() -> None:
+def test_a_listen_only_decoder_takes_the_sequence_from_the_status() -> None:
     line = Line()
     line.run(25)
     frames = [line.firmware.due(index * PERIOD) for index in range(line.published[-1] + 1, 3000)]
@@ -173,7 +173,7 @@ def test_one_who_only_listens_takes_numbers_from_the_status() -> None:
     assert len(numbers) > 2900 - 350
 
 
-def test_frames_that_never_become_certain_are_given_up_and_take_no_room() -> None:
+def test_frames_that_stay_ambiguous_are_discarded_and_use_bounded_memory() -> None:
     line = Line()
     line.run(25)
     blocks = [frame for frame in line.firmware.due(line.now + 20 * PERIOD) if frame[0] in BLOCKS]
@@ -185,7 +185,7 @@ def test_frames_that_never_become_certain_are_given_up_and_take_no_room() -> Non
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_whatever_is_lost_and_late_numbers_are_right_and_add_up(seed: int) -> None:
+def test_sequences_are_right_and_add_up_under_arbitrary_loss_and_delay(seed: int) -> None:
     noise = random.Random(seed)
     line = Line(1 + noise.uniform(-50e-6, 50e-6), noise.choice([0, PERIOD // 2, 3 * PERIOD]))
     for _ in range(150):
@@ -206,7 +206,7 @@ def test_whatever_is_lost_and_late_numbers_are_right_and_add_up(seed: int) -> No
     assert line.account() == line.published[-1] + 1
 
 
-def test_a_status_that_was_queued_before_the_scan_it_came_after_changes_nothing() -> None:
+def test_a_status_queued_before_the_preceding_scan_has_no_effect() -> None:
     line = Line()
     line.run(100)
     newest = line.published[-1]

@@ -212,7 +212,7 @@ def test_raw_over_a_virtual_bus(bench: Bench) -> None:
     assert_counting(bench.watcher.raw)
 
 
-def test_two_boards_on_one_bus_have_a_driver_each(bench: Bench, tmp_path: Path) -> None:
+def test_two_boards_on_one_bus_use_one_driver_each(bench: Bench, tmp_path: Path) -> None:
     """As documented: a sensor file for each, which differ in base_id, and a namespace for each."""
     channel, clock = uuid.uuid4().hex, bench.clock
     shipped = (Path(description.__file__).parent / "sensors" / "posfet_5x5.yaml").read_text(encoding="utf-8")
@@ -305,7 +305,7 @@ def test_lifecycle_transitions_in_any_order_while_the_adapter_comes_and_goes(ben
         adapter.close()
 
 
-def test_the_sink_gets_scans_that_nobody_subscribes(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
+def test_the_sink_gets_scans_without_subscribers(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
     node = bench.driver(can_channel=str(link))
     taken: list[int] = []
     node.sink = lambda scan: taken.append(scan.sequence)
@@ -314,7 +314,9 @@ def test_the_sink_gets_scans_that_nobody_subscribes(bench: Bench, adapter: Emula
     assert node._raw.get_subscription_count() == 0
 
 
-def test_a_board_is_started_and_obeys_though_nobody_listens(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
+def test_a_board_starts_and_obeys_commands_without_subscribers(
+    bench: Bench, adapter: EmulatedAdapter, link: Path
+) -> None:
     node = bench.driver(can_channel=str(link))
     node.start()
     bench.wait(lambda: bench.state() == "receiving scans")
@@ -322,7 +324,7 @@ def test_a_board_is_started_and_obeys_though_nobody_listens(bench: Bench, adapte
     assert (response.success, response.value & 0xFFFF) == (True, SENSOR.layout.id)
 
 
-def test_an_adapter_that_comes_goes_and_returns_is_told_in_diagnostics(bench: Bench, link: Path) -> None:
+def test_diagnostics_report_an_adapter_that_appears_disconnects_and_returns(bench: Bench, link: Path) -> None:
     bench.watcher.listen()
     bench.driver(can_channel=str(link)).start()
     bench.wait(lambda: "No such file or directory" in bench.state())
@@ -369,7 +371,7 @@ def test_commands_reach_the_board_while_it_scans(bench: Bench, adapter: Emulated
     assert call(BoardCommand.Request.IDENTIFY).message.startswith("IDENTIFY: CAN bus unavailable, retrying")
 
 
-def test_a_driver_that_is_not_configured_takes_no_command(bench: Bench, link: Path) -> None:
+def test_an_unconfigured_driver_rejects_commands(bench: Bench, link: Path) -> None:
     node = bench.driver(can_channel=str(link), autostart=False)
     response = node._command(BoardCommand.Request(command=4), BoardCommand.Response())
     assert (response.success, response.message) == (False, "the driver is not configured")
@@ -385,13 +387,15 @@ def test_a_driver_that_is_not_configured_takes_no_command(bench: Bench, link: Pa
         ({"sensor_file": "nosuch"}, "nosuch: no such sensor"),
     ],
 )
-def test_bad_input_is_refused_in_one_line(bench: Bench, parameters: dict[str, Any], message: str) -> None:
+def test_invalid_input_is_rejected_with_a_one_line_error(
+    bench: Bench, parameters: dict[str, Any], message: str
+) -> None:
     with pytest.raises(ConfigError, match=message) as caught:
         bench.driver(**parameters)
     assert "\n" not in str(caught.value)
 
 
-def test_a_bitrate_that_the_interface_lacks_ends_the_start(bench: Bench) -> None:
+def test_a_bitrate_unsupported_by_the_interface_aborts_the_start(bench: Bench) -> None:
     node = bench.driver(can_bitrate=123, can_channel="port")
     with pytest.raises(ConfigError, match="/tactile/driver_node: slcan:port: bitrate must be one of 10000"):
         node.start()

@@ -62,7 +62,7 @@ def words(files: Files, out: Path) -> list[str]:
     return [str(out), "--recording", str(files[0]), "--reference", str(files[1])]
 
 
-def test_a_board_on_a_stand_is_calibrated_as_it_was_drawn(
+def test_calibration_on_a_rig_recovers_the_parameters_of_the_board(
     files: Files, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "cal.yaml"
@@ -92,7 +92,7 @@ def test_a_board_on_a_stand_is_calibrated_as_it_was_drawn(
         ("\udcff", "not a CSV text file"),
     ],
 )
-def test_a_bad_file_of_a_stand_is_refused_in_one_line(tmp_path: Path, text: str, reason: str) -> None:
+def test_an_invalid_rig_file_is_rejected_with_a_one_line_error(tmp_path: Path, text: str, reason: str) -> None:
     path = tmp_path / "stand.csv"
     path.write_bytes(text.replace("HEAD", ",".join(COLUMNS)).encode("utf-8", "surrogateescape"))
     with pytest.raises(ConfigError, match=reason) as caught:
@@ -101,9 +101,7 @@ def test_a_bad_file_of_a_stand_is_refused_in_one_line(tmp_path: Path, text: str,
     assert "\n" not in str(caught.value)
 
 
-def test_files_that_do_not_belong_together_are_refused(
-    files: Files, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_mismatched_files_are_rejected(files: Files, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     times = np.arange(0.0, 40.0, 0.005)
     for begin, force, reason in (
         (0.0, 0.1 * times, "must last from"),
@@ -121,7 +119,7 @@ def test_files_that_do_not_belong_together_are_refused(
     assert "only valid together" in capsys.readouterr().err
 
 
-def test_frames_of_another_board_are_no_recording(files: Files, tmp_path: Path) -> None:
+def test_frames_of_another_board_are_rejected(files: Files, tmp_path: Path) -> None:
     other = replace(SENSOR, can=replace(SENSOR.can, base_id=0x300))
     with pytest.raises(ConfigError, match="no scan in it"):
         read_scans(files[0], other)

@@ -90,7 +90,7 @@ CASES: dict[str, tuple[Shape, Bend, Gap, float, float, float, float]] = {
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)
-def test_contact_is_that_of_the_half_space(case: tuple[Shape, Bend, Gap, float, float, float, float]) -> None:
+def test_contact_agrees_with_the_half_space_solution(case: tuple[Shape, Bend, Gap, float, float, float, float]) -> None:
     shape, bend, gap, half_x, half_y, sunk_error, force_error = case
     found = contact(gap, half_x, half_y)
     assert shape.indentation(FORCE, bend) == pytest.approx(found.indentation, rel=sunk_error)
@@ -99,7 +99,7 @@ def test_contact_is_that_of_the_half_space(case: tuple[Shape, Bend, Gap, float, 
         np.testing.assert_allclose(taxels(shape, bend, x, y, angle), expected, rtol=0, atol=force_error)
 
 
-def test_a_square_punch_is_as_stiff_as_a_square_plate_is_capacious() -> None:
+def test_square_indenter_stiffness_agrees_with_the_capacitance_of_a_square_plate() -> None:
     stiffness = math.pi * SQUARE_PLATE * 3e-3 * MODULUS
     assert FORCE / RectangularIndenter(3e-3, 3e-3, MODULUS).indentation(FORCE, FLAT) == pytest.approx(
         stiffness, rel=1.5e-3
@@ -117,7 +117,7 @@ def test_a_square_punch_is_as_stiff_as_a_square_plate_is_capacious() -> None:
     ],
     ids=["short rod", "rod", "short edge", "edge"],
 )
-def test_the_ends_of_a_stiff_line_take_as_much_from_its_middle_as_the_document_says(
+def test_end_effects_of_a_stiff_line_match_the_document(
     shape: Cylinder | Edge, gap: Gap, half_y: float, less: float, sunk: float
 ) -> None:
     found = contact(gap, shape.length / 2, half_y)

@@ -54,7 +54,7 @@ def volts(
     return board.volts()
 
 
-def test_without_imperfections_it_is_the_chain_of_the_sensor_file() -> None:
+def test_without_errors_the_board_equals_the_ideal_signal_chain() -> None:
     spread = draw_taxel_parameters(SENSOR, NONE, 0)
     assert not spread.status.any()
     for values in (spread.charge_per_newton, spread.leak_time_constant, spread.volts_per_charge, spread.offset):
@@ -64,7 +64,7 @@ def test_without_imperfections_it_is_the_chain_of_the_sensor_file() -> None:
 
 
 @pytest.mark.parametrize("key", KEYS, ids=lambda key: key.attribute)
-def test_each_one_alone_changes_the_board_and_is_off_in_none(key: object) -> None:
+def test_each_error_alone_changes_the_board_and_is_off_in_none(key: object) -> None:
     name = key.attribute  # type: ignore[attr-defined]
     only = replace(SILENT, **{name: getattr(DEFAULT, name)})
     needs = {"hum_frequency": "hum_amplitude", "noisy_factor": "adc_noise", "reset_time": "resets_per_hour"}
@@ -85,11 +85,11 @@ def test_each_one_alone_changes_the_board_and_is_off_in_none(key: object) -> Non
         ("slew_rate", 0.5),
     ],
 )  # fmt: skip
-def test_what_acts_on_the_signal_acts_alone(name: str, value: float) -> None:
+def test_each_signal_error_acts_alone(name: str, value: float) -> None:
     assert np.abs(volts(replace(SILENT, **{name: value}), 400) - volts(SILENT, 400)).max() > 1e-7
 
 
-def test_the_spreads_are_those_asked_for() -> None:
+def test_parameter_spreads_have_the_requested_standard_deviation() -> None:
     spread = draw_taxel_parameters(
         LARGE, replace(NONE, gain_spread=0.05, offset_spread=5e-3, leak_spread=0.1, area_spread=0.03), 1
     )
@@ -126,7 +126,7 @@ def test_crosstalk_reaches_the_four_neighbours() -> None:
     np.testing.assert_allclose(volts / volts[7], expected, atol=1e-12)
 
 
-def test_dead_stuck_and_noisy_taxels_do_what_their_names_say() -> None:
+def test_dead_stuck_and_noisy_taxels_behave_as_described() -> None:
     faulty = replace(NONE, dead_probability=0.2, stuck_probability=0.2, noisy_probability=0.2, noisy_factor=10.0)
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 3, faulty)
     status = board.taxel_status
@@ -143,7 +143,7 @@ def test_dead_stuck_and_noisy_taxels_do_what_their_names_say() -> None:
     assert noise[~stuck & (spread.noise_factor > 1)].min() > 5 * noise[~stuck & (spread.noise_factor == 1)].max()
 
 
-def test_hysteresis_opens_the_loop_by_its_width() -> None:
+def test_hysteresis_loop_has_the_specified_width() -> None:
     width, greatest = 0.02, SENSOR.device.force_max
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0, replace(SILENT, hysteresis=width))
     charge = board._charge
@@ -176,7 +176,7 @@ def test_mains_hum_has_its_frequency_and_amplitude() -> None:
     assert 0.1 < expected.std() / expected.mean() < 0.3
 
 
-def test_the_rails_and_the_ends_of_the_converter_hold() -> None:
+def test_output_saturates_at_the_supply_rails_and_the_adc_range() -> None:
     sensor = replace(SENSOR, amplifier=replace(SENSOR.amplifier, rail_high=0.05, rail_low=-0.01))
     assert volts(SILENT, 700, sensor).max() == pytest.approx(0.05, abs=1e-12)
     narrow = replace(SENSOR, adc=replace(SENSOR.adc, high=0.1, low=-0.1))
@@ -184,7 +184,7 @@ def test_the_rails_and_the_ends_of_the_converter_hold() -> None:
     assert counts.max() == 65535
 
 
-def test_what_the_sensor_file_gives_can_be_switched_off() -> None:
+def test_errors_of_the_sensor_file_can_be_switched_off() -> None:
     amplifier = replace(SENSOR.amplifier, rail_high=0.05, offset=3e-3, open_loop_gain=20.0)
     sensor = replace(SENSOR, amplifier=amplifier, adc=replace(SENSOR.adc, bits=8))
     rest, pressed = volts(SILENT, 10, sensor), volts(SILENT, 700, sensor)
@@ -201,7 +201,7 @@ def test_what_the_sensor_file_gives_can_be_switched_off() -> None:
     np.testing.assert_allclose(in_volts(fine[899]), exact, rtol=0, atol=half_a_step * (1 + 1e-9))
 
 
-def test_a_slow_amplifier_climbs_at_its_slew_rate() -> None:
+def test_a_slow_amplifier_rises_at_its_slew_rate() -> None:
     slew = 2.0  # [V/s]: 2 mV a scan
     board = SimulatedBoard(
         SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 3, replace(SILENT, slew_rate=slew)
@@ -223,7 +223,7 @@ def test_the_follower_lags_by_its_time_constant() -> None:
     assert (prompt - lagging)[middle] == pytest.approx(slope[middle] / (2 * math.pi * loop), rel=0.05)
 
 
-def test_a_coarse_converter_repeats_its_code_below() -> None:
+def test_a_12_bit_adc_repeats_its_high_bits_in_the_low_bits() -> None:
     sensor = replace(SENSOR, adc=replace(SENSOR.adc, bits=12))
     counts = run(NONE, 700, sensor)
     np.testing.assert_array_equal(counts & 0xF, counts >> 12)
@@ -248,7 +248,7 @@ def test_the_clock_drifts_and_jitters() -> None:
 
 
 @pytest.mark.parametrize("imperfections", [NONE, DEFAULT], ids=["none", "default"])
-def test_the_bytes_do_not_depend_on_which_scans_are_asked_for(imperfections: ErrorModel) -> None:
+def test_scans_do_not_depend_on_which_scans_are_requested(imperfections: ErrorModel) -> None:
     every = run(imperfections, 1000)
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 3, imperfections)
     scan = Scan.empty(1, TAXELS)
@@ -257,7 +257,7 @@ def test_the_bytes_do_not_depend_on_which_scans_are_asked_for(imperfections: Err
         np.testing.assert_array_equal(scan.counts, every[index])
 
 
-def test_another_seed_makes_another_board() -> None:
+def test_another_seed_gives_another_board() -> None:
     first, second = (draw_taxel_parameters(SENSOR, DEFAULT, seed) for seed in (1, 2))
     assert not np.array_equal(first.offset, second.offset)
     np.testing.assert_array_equal(first.offset, draw_taxel_parameters(SENSOR, DEFAULT, 1).offset)
@@ -273,7 +273,7 @@ def test_every_field_has_a_key_and_every_default_is_within_its_range() -> None:
             assert key.default / key.scale * (1 - 1e-12) <= key.high
 
 
-def test_a_file_says_what_it_starts_from_and_what_differs(tmp_path: Path) -> None:
+def test_a_file_gives_its_base_model_and_the_differences(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(
         "base: default\ntaxels: {gain_spread_percent: 2.5, crosstalk_percent: 0}\nfilm: {pyroelectric: false}\n"
@@ -300,7 +300,7 @@ def test_a_file_says_what_it_starts_from_and_what_differs(tmp_path: Path) -> Non
         ("base: none\nclock: 3\n", "clock: must be a mapping"),
     ],
 )
-def test_a_file_that_cannot_be_is_refused_in_one_line(tmp_path: Path, text: str, reason: str) -> None:
+def test_an_invalid_file_is_rejected_with_a_one_line_error(tmp_path: Path, text: str, reason: str) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     with pytest.raises(ConfigError) as error:
@@ -310,7 +310,7 @@ def test_a_file_that_cannot_be_is_refused_in_one_line(tmp_path: Path, text: str,
     assert "\n" not in str(error.value)
 
 
-def test_the_document_has_every_key_with_its_default_and_range() -> None:
+def test_the_document_lists_every_key_with_its_default_and_range() -> None:
     rows = {
         row.split("|")[1].strip().strip("`"): row
         for row in DOCUMENT.read_text(encoding="utf-8").splitlines()

@@ -48,7 +48,7 @@ def make_board(channel: object, clock: Clock) -> tuple[Board, BusOpener]:
     return Board(SENSOR, opener, clock, opener.presence), opener
 
 
-def test_a_second_adapter_at_a_link_is_refused_until_the_first_has_ended(tmp_path: Path, clock: PacedClock) -> None:
+def test_a_second_adapter_at_the_same_link_is_rejected_until_the_first_ends(tmp_path: Path, clock: PacedClock) -> None:
     first = make_adapter(tmp_path / "can0", clock)
     try:
         assert is_served(first.link)
@@ -61,7 +61,7 @@ def test_a_second_adapter_at_a_link_is_refused_until_the_first_has_ended(tmp_pat
     make_adapter(tmp_path / "can0", clock).close()
 
 
-def test_a_port_that_speaks_no_slcan_is_told(clock: PacedClock) -> None:
+def test_a_port_without_slcan_is_reported(clock: PacedClock) -> None:
     master, slave = os.openpty()
     tty.setraw(slave)
     board, _ = make_board(os.ttyname(slave), clock)
@@ -77,7 +77,7 @@ def test_a_port_that_speaks_no_slcan_is_told(clock: PacedClock) -> None:
     assert board.report().fault_counts[FaultKind.MALFORMED_LINES] == 20  # though the port is closed
 
 
-def test_an_adapter_that_comes_back_under_another_name_is_found(tmp_path: Path, clock: PacedClock) -> None:
+def test_an_adapter_that_returns_under_another_name_is_found(tmp_path: Path, clock: PacedClock) -> None:
     board, opener = make_board(tmp_path / "can*", clock)
     board.open()
     assert board.report().state == f"CAN bus unavailable, retrying: slcan: no port matches {tmp_path}/can*"
@@ -96,7 +96,7 @@ def test_an_adapter_that_comes_back_under_another_name_is_found(tmp_path: Path, 
         board.close()
 
 
-def test_the_port_with_the_board_is_found_among_others(tmp_path: Path, clock: PacedClock) -> None:
+def test_the_port_of_the_board_is_found_among_others(tmp_path: Path, clock: PacedClock) -> None:
     """A port in use and one without a board come first."""
     adapters = [make_adapter(tmp_path / name, clock) for name in ("can0", "can1", "can2")]
     adapters[1]._node._base = 0x300
@@ -113,7 +113,7 @@ def test_the_port_with_the_board_is_found_among_others(tmp_path: Path, clock: Pa
             adapter.close()
 
 
-def test_a_wrong_bitrate_is_named(tmp_path: Path, clock: PacedClock) -> None:
+def test_a_wrong_bitrate_is_reported(tmp_path: Path, clock: PacedClock) -> None:
     adapter = make_adapter(tmp_path / "can0", clock)
     adapter.speeds = (b"S6", b"Y5")
     board, _ = make_board(tmp_path / "can0", clock)
@@ -129,7 +129,7 @@ def test_a_wrong_bitrate_is_named(tmp_path: Path, clock: PacedClock) -> None:
         adapter.close()
 
 
-def test_flags_of_the_adapter_are_counted(tmp_path: Path, clock: PacedClock) -> None:
+def test_status_flags_of_the_adapter_are_counted(tmp_path: Path, clock: PacedClock) -> None:
     adapter = make_adapter(tmp_path / "can0", clock)
     adapter.flags = FLAG_OVERFLOW | FLAG_PASSIVE
     bus = BusOpener(bus_settings("slcan", str(tmp_path / "can0"), SENSOR.can))()
@@ -146,7 +146,7 @@ def test_flags_of_the_adapter_are_counted(tmp_path: Path, clock: PacedClock) -> 
 
 
 @pytest.mark.parametrize("command", [Command.IDENTIFY, Command.SELF_TEST, Command.SET_RATE])
-def test_commands_from_another_thread_cost_no_scan(tmp_path: Path, clock: PacedClock, command: Command) -> None:
+def test_commands_from_another_thread_lose_no_scans(tmp_path: Path, clock: PacedClock, command: Command) -> None:
     adapter = make_adapter(tmp_path / "can0", clock)
     board, _ = make_board(tmp_path / "can0", clock)
     board.open()
@@ -173,7 +173,7 @@ def test_commands_from_another_thread_cost_no_scan(tmp_path: Path, clock: PacedC
         adapter.close()
 
 
-def test_commands_end_with_the_bus(tmp_path: Path, clock: PacedClock) -> None:
+def test_pending_commands_fail_when_the_bus_disconnects(tmp_path: Path, clock: PacedClock) -> None:
     adapter = make_adapter(tmp_path / "can0", clock)
     board, _ = make_board(tmp_path / "can0", clock)
     board.open()
@@ -213,7 +213,7 @@ class PassiveBus(can.BusABC):
         return None, False
 
 
-def test_the_state_that_python_can_tells_is_read_as_an_error_frame() -> None:
+def test_the_bus_state_of_python_can_is_reported_as_an_error_frame() -> None:
 
     for state, frames in ((can.BusState.ACTIVE, 0), (can.BusState.PASSIVE, 1), (can.BusState.ERROR, 1)):
         bus = PythonCanFrameBus(PassiveBus(state))

@@ -33,7 +33,7 @@ def stop(firmware: BoardFirmware, now: int) -> None:
     assert firmware.receive((SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()), now)
 
 
-def test_scans_follow_the_time_since_the_board_began_and_go_on_through_a_stop() -> None:
+def test_scan_numbers_follow_the_time_since_power_on_also_while_stopped() -> None:
     board = Counter()
     firmware = BoardFirmware(SENSOR, board, 0)
     firmware.due(5 * SECOND)

@@ -84,7 +84,7 @@ def firmware_for(sensor: Sensor, fd: bool, clock: Clock) -> BoardFirmware:
 
 
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
-def test_scans_arrive_whole_in_order_and_none_is_lost(sensor: Sensor, link: Path, fd: bool) -> None:
+def test_scans_are_complete_in_order_and_without_loss(sensor: Sensor, link: Path, fd: bool) -> None:
     clock = PacedClock(lead=0.003)  # so few scans at once that a classic counter never leaves a doubt
     adapter = EmulatedAdapter(link, firmware_for(sensor, fd, clock), clock)
     adapter.open()
@@ -114,7 +114,7 @@ def test_scans_arrive_whole_in_order_and_none_is_lost(sensor: Sensor, link: Path
     assert not link.is_symlink()
 
 
-def test_a_large_array_arrives_whole(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+def test_scans_of_a_large_array_are_complete(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     sensor = with_layout(sensor, 32, 32, scan_rate=200.0)
     adapter = EmulatedAdapter(link, firmware_for(sensor, True, clock), clock)
     adapter.open()
@@ -132,7 +132,7 @@ def test_a_large_array_arrives_whole(sensor: Sensor, link: Path, clock: PacedClo
         adapter.close()
 
 
-def test_the_board_survives_an_adapter_that_goes_and_comes_back(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+def test_scans_resume_after_the_adapter_disconnects_and_returns(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     """Not there yet, there, pulled out, back at the same path with a board that was reset."""
     board = Board(sensor, slcan_opener(link), clock)
     board.open()
@@ -157,7 +157,7 @@ def test_the_board_survives_an_adapter_that_goes_and_comes_back(sensor: Sensor, 
             adapter.close()
 
 
-def test_a_board_that_falls_silent_is_started_again(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+def test_a_board_that_stops_sending_is_restarted(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     firmware = firmware_for(sensor, True, clock)
     adapter = EmulatedAdapter(link, firmware, clock)
     adapter.open()
@@ -175,7 +175,7 @@ def test_a_board_that_falls_silent_is_started_again(sensor: Sensor, link: Path, 
         adapter.close()
 
 
-def test_commands_are_answered_or_refused_with_a_reason(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+def test_commands_are_accepted_or_rejected_with_a_reason(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     fake = FakeBoard(sensor)
     firmware = BoardFirmware(sensor, fake, clock.monotonic())
     adapter = EmulatedAdapter(link, firmware, clock)
@@ -205,7 +205,7 @@ def test_commands_are_answered_or_refused_with_a_reason(sensor: Sensor, link: Pa
         adapter.close()
 
 
-def test_a_command_without_an_answer_times_out(sensor: Sensor, echo: EmulatedAdapter, clock: PacedClock) -> None:
+def test_a_command_without_a_response_times_out(sensor: Sensor, echo: EmulatedAdapter, clock: PacedClock) -> None:
     board = Board(sensor, slcan_opener(echo.link), clock)
     with pytest.raises(CommandError, match="STOP: closed"):
         board.request(Command.STOP)
@@ -218,7 +218,7 @@ def test_a_command_without_an_answer_times_out(sensor: Sensor, echo: EmulatedAda
         board.close()
 
 
-def test_another_board_is_named_and_not_read(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+def test_a_board_of_another_layout_is_reported_and_not_read(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     other = replace(sensor, layout=replace(sensor.layout, id=7))
     adapter = EmulatedAdapter(link, firmware_for(other, True, clock), clock)
     adapter.open()
@@ -234,7 +234,7 @@ def test_another_board_is_named_and_not_read(sensor: Sensor, link: Path, clock: 
 
 
 @pytest.mark.parametrize("frame", FRAMES, ids=str)
-def test_our_bus_sends_and_receives_every_kind_of_frame(echo: EmulatedAdapter, frame: Frame) -> None:
+def test_slcan_bus_sends_and_receives_every_frame_type(echo: EmulatedAdapter, frame: Frame) -> None:
     with SlcanBus(str(echo.link), bitrate=1_000_000, data_bitrate=5_000_000, fd=True) as bus:
         bus.send(message_of(frame))
         received = bus.recv(PATIENCE)
@@ -244,7 +244,7 @@ def test_our_bus_sends_and_receives_every_kind_of_frame(echo: EmulatedAdapter, f
         assert bus.malformed_lines == 0
 
 
-def test_both_slcan_buses_receive_the_same(echo: EmulatedAdapter) -> None:
+def test_both_slcan_buses_receive_the_same_frames(echo: EmulatedAdapter) -> None:
     """python-can's own bus on the same adapter, one after the other, at a rate that it can follow."""
     require_slcan(fd=True)
     timing = can.BitTimingFd(80_000_000, 2, 31, 8, 8, 1, 12, 3, 3)
@@ -298,7 +298,7 @@ def serial_exchange(link: Path, line: bytes, expected: bytes) -> None:
         os.close(port)
 
 
-def test_the_adapter_replies_as_its_manual_says(echo: EmulatedAdapter) -> None:
+def test_the_adapter_replies_as_documented(echo: EmulatedAdapter) -> None:
     for line, reply in [
         (b"C\r", b"\r"),
         (b"V\r", b"V1013\r"),
@@ -323,7 +323,7 @@ def test_the_adapter_replies_as_its_manual_says(echo: EmulatedAdapter) -> None:
         serial_exchange(echo.link, line, reply)
 
 
-def test_a_reader_that_sleeps_costs_frames_not_memory(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+def test_a_stalled_reader_loses_frames_and_uses_bounded_memory(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     """The adapter's output is bounded, and what did not fit is counted on both sides."""
     adapter = EmulatedAdapter(link, firmware_for(sensor, True, clock), clock)
     adapter.open()
@@ -345,7 +345,7 @@ def test_a_reader_that_sleeps_costs_frames_not_memory(sensor: Sensor, link: Path
         adapter.close()
 
 
-def test_an_adapter_that_was_held_up_loses_nothing(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+def test_a_delayed_adapter_loses_no_frames(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     adapter = EmulatedAdapter(link, firmware_for(sensor, True, clock), clock)
     adapter.open()
     board = Board(sensor, slcan_opener(link), clock)
@@ -377,7 +377,7 @@ class Recorder(Echo):
         return [frame]
 
 
-def test_what_is_due_goes_out_before_a_command_that_came_later_is_answered(link: Path, clock: PacedClock) -> None:
+def test_due_frames_are_sent_before_the_response_to_a_later_command(link: Path, clock: PacedClock) -> None:
     """As on a board, whose answer names the next scan after those that it has sent."""
     node = Recorder()
     adapter = EmulatedAdapter(link, node, clock)
@@ -398,7 +398,7 @@ def test_an_adapter_does_not_overwrite_a_file(tmp_path: Path) -> None:
     assert path.read_text() == "mine"
 
 
-def test_a_port_is_opened_by_one_driver_only(echo: EmulatedAdapter) -> None:
+def test_a_port_can_be_opened_by_only_one_driver(echo: EmulatedAdapter) -> None:
     with (
         SlcanBus(str(echo.link), bitrate=1_000_000),
         pytest.raises(can.CanInitializationError, match="in use by another process"),
@@ -406,7 +406,7 @@ def test_a_port_is_opened_by_one_driver_only(echo: EmulatedAdapter) -> None:
         SlcanBus(str(echo.link), bitrate=1_000_000)
 
 
-def test_the_bus_says_why_it_cannot_be_opened(tmp_path: Path) -> None:
+def test_opening_errors_give_the_reason(tmp_path: Path) -> None:
     with pytest.raises(can.CanInitializationError, match="none: No such file or directory"):
         SlcanBus(str(tmp_path / "none"))
     plain = tmp_path / "plain"

@@ -119,7 +119,7 @@ def test_raw_carries_the_scans_of_the_board(spin) -> None:
         assert list(message.temperatures) == [25.0, 25.0]
 
 
-def test_truth_is_that_of_the_scan_with_its_sequence(spin) -> None:
+def test_ground_truth_matches_the_scan_of_the_same_sequence(spin) -> None:
     listener = Listener(spin, ("raw", TactileRaw), ("truth", TactileTruth))
     make_board(spin, scene="two_fingers", imperfections="none").start()
     listener.wait("raw", 1)
@@ -148,7 +148,7 @@ def test_truth_is_that_of_the_scan_with_its_sequence(spin) -> None:
     np.testing.assert_array_equal(truth.contact_forces, expected.objects.contact_forces.astype(np.float32))
 
 
-def test_objects_of_a_scan_are_told_as_long_as_it_is_remembered(spin) -> None:
+def test_objects_of_a_scan_are_available_while_it_is_in_the_history(spin) -> None:
     node = make_board(spin, scene="press_slide_lift", autostart=False)
     scene = SimulatedBoard(node.sensor, SceneLoads(load_scene("press_slide_lift", node.sensor), node.sensor), 0)
     scan = Scan.empty(node.sensor.layout.id, node.sensor.layout.taxels)
@@ -166,7 +166,7 @@ def test_objects_of_a_scan_are_told_as_long_as_it_is_remembered(spin) -> None:
         assert found.contact_forces > 1.0
 
 
-def test_what_nobody_listens_to_is_not_computed(spin, monkeypatch) -> None:
+def test_topics_without_subscribers_are_not_computed(spin, monkeypatch) -> None:
     node = make_board(spin)
     asked = []
     monkeypatch.setattr(SimulatedBoard, "truth", lambda self: asked.append(1))
@@ -178,7 +178,7 @@ def test_what_nobody_listens_to_is_not_computed(spin, monkeypatch) -> None:
     assert not asked
 
 
-def test_without_autostart_it_waits_for_its_transitions(spin) -> None:
+def test_without_autostart_the_node_waits_for_its_transitions(spin) -> None:
     node = make_board(spin, autostart=False)
     listener = Listener(spin, ("raw", TactileRaw))
     node.start()
@@ -203,7 +203,7 @@ def load(spin, node: SimBoardNode, scene: str) -> LoadScene.Response:
     return future.result()
 
 
-def test_another_scene_is_loaded_while_it_runs(spin, tmp_path: Path) -> None:
+def test_another_scene_can_be_loaded_at_run_time(spin, tmp_path: Path) -> None:
     node = make_board(spin, scene="idle")
     node.start()
     listener = Listener(spin, ("raw", TactileRaw), ("truth", TactileTruth))
@@ -225,7 +225,7 @@ def test_another_scene_is_loaded_while_it_runs(spin, tmp_path: Path) -> None:
     assert listener.wait("truth", 10)[-1].objects == ["lower", "upper"]
 
 
-def test_a_board_that_is_held_back_stays_so_with_another_scene(spin) -> None:
+def test_loading_a_scene_does_not_start_an_inactive_board(spin) -> None:
     node = make_board(spin, autostart=False)
     node.start()
     assert load(spin, node, "hold").success
@@ -241,7 +241,7 @@ def test_a_board_that_is_held_back_stays_so_with_another_scene(spin) -> None:
 
 
 @pytest.mark.parametrize("transition", [Transition.TRANSITION_CLEANUP, Transition.TRANSITION_CONFIGURE, 99])
-def test_a_transition_that_is_not_there_is_refused_and_no_more(spin, transition: int) -> None:
+def test_an_invalid_transition_is_rejected_without_effect(spin, transition: int) -> None:
     node = make_board(spin)
     listener = Listener(spin, ("raw", TactileRaw))
     node.start()
@@ -255,7 +255,7 @@ def test_a_transition_that_is_not_there_is_refused_and_no_more(spin, transition:
 
 
 @pytest.mark.parametrize("fd", [False, True])
-def test_behind_an_adapter_it_speaks_frames_and_tells_the_truth(spin, tmp_path: Path, fd: bool) -> None:
+def test_behind_an_adapter_the_board_sends_frames_and_publishes_ground_truth(spin, tmp_path: Path, fd: bool) -> None:
     link = tmp_path / "board"
     listener = Listener(spin, ("raw", TactileRaw), ("truth", TactileTruth))
     node = make_board(spin, adapter_link=str(link), can_fd=str(fd).lower(), scene="hold")
@@ -284,7 +284,7 @@ def test_behind_an_adapter_it_speaks_frames_and_tells_the_truth(spin, tmp_path: 
     assert not link.exists()
 
 
-def test_an_adapter_that_cannot_be_linked_is_said_so(spin, tmp_path: Path, capfd) -> None:
+def test_an_adapter_link_failure_is_reported(spin, tmp_path: Path, capfd) -> None:
     taken = tmp_path / "file"
     taken.touch()
     node = make_board(spin, adapter_link=str(taken))
@@ -307,20 +307,20 @@ def test_an_adapter_that_cannot_be_linked_is_said_so(spin, tmp_path: Path, capfd
         ({"sensor_file": "no_such"}, "no_such: no such sensor"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(spin, parameters, reason) -> None:
+def test_invalid_input_is_rejected_with_a_one_line_error(spin, parameters, reason) -> None:
     with pytest.raises(ConfigError, match=reason) as caught:
         make_board(spin, **parameters)
     assert "\n" not in str(caught.value)
 
 
-def test_a_wrong_scene_file_is_refused_at_start(spin, tmp_path: Path) -> None:
+def test_an_invalid_scene_file_is_rejected_at_start(spin, tmp_path: Path) -> None:
     path = tmp_path / "wrong.yaml"
     path.write_text("name: wrong\ndescription: no objects\ntemperature_degC: 25\n", encoding="utf-8")
     with pytest.raises(ConfigError, match=f"{path}: objects: missing"):
         make_board(spin, scene=str(path))
 
 
-def test_the_scene_begins_with_its_first_listener(spin) -> None:
+def test_the_scene_starts_with_the_first_subscriber(spin) -> None:
     node = make_board(spin, scene="press_slide_lift")
     node.start()
     assert node.source.report().scans == 0

@@ -122,7 +122,7 @@ SCENES = st.builds(
 
 @settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(scene=SCENES, seed=st.integers(0, 9))
-def test_a_valid_scene_runs_and_its_truth_adds_up(tmp_path: Path, scene: dict[str, Any], seed: int) -> None:
+def test_a_valid_scene_runs_with_consistent_ground_truth(tmp_path: Path, scene: dict[str, Any], seed: int) -> None:
     path = tmp_path / "random.yaml"
     path.write_text(yaml.safe_dump(scene), encoding="utf-8")
     loaded = load_scene(path, SENSOR)
@@ -147,7 +147,7 @@ def test_a_valid_scene_runs_and_its_truth_adds_up(tmp_path: Path, scene: dict[st
         assert len(columns) == len(row) == len(set(columns))
 
 
-def test_a_row_says_what_the_truth_says(tmp_path: Path) -> None:
+def test_a_csv_row_agrees_with_the_ground_truth(tmp_path: Path) -> None:
     loaded = load_scene("two_fingers", SENSOR)
     board = SimulatedBoard(SENSOR, SceneLoads(loaded, SENSOR), 0)
     board.scan(600, Scan.empty(LAYOUT.id, LAYOUT.taxels))
