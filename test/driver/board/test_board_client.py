@@ -214,11 +214,10 @@ def test_querying_the_board_after_a_pause_loses_no_scans(sensor: Sensor) -> None
 def test_a_response_to_another_client_is_ignored(sensor: Sensor) -> None:
     clock = SteppedClock()
     bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0))
-    answer = Response(Command.IDENTIFY, tag=200, result=Result.OK, value=7)
-    bus.write_frame = lambda frame: None
+    response = Response(Command.IDENTIFY, tag=200, result=Result.OK, value=7)
+    bus.firmware.receive = lambda frame, now: [(sensor.can.base_id + RESPONSE_OFFSET, CLASSIC, response.pack())]
     board = Board(sensor, lambda: bus, clock=clock)
     board.open()
-    bus._answers.append((sensor.can.base_id + RESPONSE_OFFSET, CLASSIC, answer.pack()))
     assert board.read(0.1) is None
     assert board.report().state == "looking for the board"
 

@@ -68,7 +68,8 @@ class Bench:
     def __init__(self, fd: bool) -> None:
         sensor = with_fd(SENSORS[fd], fd)
         self.clock = SteppedClock()
-        self.injector = FaultInjector(lambda now: BoardFirmware(sensor, FakeBoard(sensor), now), 0x100, 0)
+        self.device = FakeBoard(sensor)
+        self.injector = FaultInjector(lambda now: BoardFirmware(sensor, self.device, now), 0x100, 0)
         self.watch = FaultMonitor()
         self.faults: list[FaultKind] = []
         self.said: list[str] = []
@@ -196,7 +197,7 @@ def test_high_bus_load_of_unrelated_frames_does_not_hide_a_missing_board(fd: boo
 def test_status_flags_of_the_board_are_reported(flag: ScanStatus, fault: FaultKind) -> None:
     bench = Bench(True)
     bench.run(1)
-    bench.injector.firmware._board.status = flag
+    bench.device.status = flag
     bench.run(2)
     assert bench.faults == [fault]
 
@@ -212,10 +213,10 @@ def test_wrong_firmware_version_and_layout_are_rejected_and_reported(fd: bool) -
     assert bench.board.report().state == "the board has firmware 2.3, this driver needs 0.x"
     bench.injector.firmware.firmware = 0x0001
     bench.run(2)
-    bench.injector.firmware._layout = 9  # another board was plugged in, and sends
+    bench.injector.firmware.layout_id = 9  # another board was plugged in, and sends
     bench.run(2)
     assert FaultKind.WRONG_LAYOUT in bench.faults
-    bench.injector.firmware._layout = SENSORS[fd].layout.id
+    bench.injector.firmware.layout_id = SENSORS[fd].layout.id
     assert bench.run(3) > RATE
 
 

@@ -27,6 +27,7 @@ import pytest
 from posfet_driver.board.board_client import Board
 from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.faults import FaultKind, Health
+from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.open_bus import bus_settings, open_can_bus
 from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.clock import Clock, SystemClock
@@ -36,7 +37,16 @@ from posfet_model.sensor.scan import Scan
 from posfet_sim.emulation.firmware import BoardFirmware
 from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
 from support.clocks import PacedClock
-from support.fake_board import PATIENCE, FakeBoard, assert_marked, board_on_bus, read_scans, with_fd, with_layout
+from support.fake_board import (
+    PATIENCE,
+    FakeBoard,
+    assert_marked,
+    board_on_bus,
+    read_scans,
+    read_until,
+    with_fd,
+    with_layout,
+)
 from support.fake_socketcan import FakeSocketcan
 from support.fake_socketcand import FakeSocketcand
 
@@ -169,10 +179,16 @@ def test_the_board_stops_and_starts(bench: Bench) -> None:
     assert bench.board.report().frames_lost == 0
 
 
-def test_the_bus_is_reopened_after_a_failure(bench: Bench) -> None:
+def test_the_bus_is_reopened_after_a_failure(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    read = bench.board.bus.read
+
+    def fail(timeout: float) -> list[Frame]:
+        monkeypatch.setattr(bench.board.bus, "read", read)
+        raise can.CanOperationError("pulled")
+
     list(bench.scans(5))
-    bench.board._fail(can.CanOperationError("pulled"))
-    assert bench.board.report().conditions == (FaultKind.ADAPTER_DISCONNECTED,)
+    monkeypatch.setattr(bench.board.bus, "read", fail)
+    read_until(bench.board, lambda: bench.board.report().conditions == (FaultKind.ADAPTER_DISCONNECTED,))
     list(bench.scans(5))
     assert bench.board.bus.failed == 1
     assert bench.board.report().health == Health.OK

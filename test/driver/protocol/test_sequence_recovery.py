@@ -178,9 +178,9 @@ def test_frames_that_stay_ambiguous_are_discarded_and_use_bounded_memory() -> No
     line.run(25)
     blocks = [frame for frame in line.firmware.due(line.now + 20 * PERIOD) if frame[0] in BLOCKS]
     held = 0
-    for turn in range(1000):  # the board's clock stands: it sends the same scans for ever, and no status
+    for turn in range(1000):  # the board clock is frozen: the same scans are sent endlessly, without status
         line.decoder.decode(blocks, line.now + turn * 20 * PERIOD, 0)
-        held = max(held, len(line.decoder._recovery._held))
+        held = max(held, line.decoder.held_frames)
     assert 0 < held < 9000
 
 

@@ -76,6 +76,7 @@ class Watcher(Node):
         self.raw: list[TactileRaw] = []
         self.diagnostics: list[DiagnosticStatus] = []
         self.create_subscription(DiagnosticArray, "/diagnostics", self._take, 10)
+        self.command = self.create_client(BoardCommand, "/tactile/command")
 
     def listen(self) -> None:
         self.create_subscription(TactileRaw, "/tactile/raw", self.raw.append, 2000)
@@ -113,6 +114,14 @@ class Bench:
                 self.executor.spin_once(timeout_sec=0.02)
                 if not self._behind():
                     self.clock.monotonic()
+
+    def call(self, command: int, argument: int = 0) -> BoardCommand.Response:
+        """Call the command service of the driver and return its response."""
+        client = self.watcher.command
+        self.wait(client.service_is_ready)
+        future = client.call_async(BoardCommand.Request(command=command, argument=argument))
+        self.wait(future.done, blocked=True)
+        return future.result()
 
     def _behind(self) -> bool:
         """Whether scans are on their way to the watcher that it should take first."""
@@ -311,7 +320,7 @@ def test_the_sink_gets_scans_without_subscribers(bench: Bench, adapter: Emulated
     node.sink = lambda scan: taken.append(scan.sequence)
     node.start()
     bench.wait(lambda: len(taken) > 100)
-    assert node._raw.get_subscription_count() == 0
+    assert node.count_subscribers("raw") == 0
 
 
 def test_a_board_starts_and_obeys_commands_without_subscribers(
@@ -320,7 +329,7 @@ def test_a_board_starts_and_obeys_commands_without_subscribers(
     node = bench.driver(can_channel=str(link))
     node.start()
     bench.wait(lambda: bench.state() == "receiving scans")
-    response = node._command(BoardCommand.Request(command=BoardCommand.Request.IDENTIFY), BoardCommand.Response())
+    response = bench.call(BoardCommand.Request.IDENTIFY)
     assert (response.success, response.value & 0xFFFF) == (True, SENSOR.layout.id)
 
 
@@ -344,14 +353,8 @@ def test_diagnostics_report_an_adapter_that_appears_disconnects_and_returns(benc
 def test_commands_reach_the_board_while_it_scans(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
     bench.watcher.listen()
     bench.driver(can_channel=str(link)).start()
-    client = bench.watcher.create_client(BoardCommand, "/tactile/command")
-    bench.wait(lambda: client.service_is_ready() and len(bench.watcher.raw) > 10)
-
-    def call(command: int, argument: int = 0) -> BoardCommand.Response:
-        future = client.call_async(BoardCommand.Request(command=command, argument=argument))
-        bench.wait(future.done, blocked=True)
-        return future.result()
-
+    bench.wait(lambda: len(bench.watcher.raw) > 10)
+    call = bench.call
     answer = call(BoardCommand.Request.IDENTIFY)
     assert (answer.success, answer.message, answer.value) == (True, "", SENSOR.layout.id | 1 << 16)
     refused = call(BoardCommand.Request.SET_RATE, 10)
@@ -372,8 +375,8 @@ def test_commands_reach_the_board_while_it_scans(bench: Bench, adapter: Emulated
 
 
 def test_an_unconfigured_driver_rejects_commands(bench: Bench, link: Path) -> None:
-    node = bench.driver(can_channel=str(link), autostart=False)
-    response = node._command(BoardCommand.Request(command=4), BoardCommand.Response())
+    bench.driver(can_channel=str(link), autostart=False)
+    response = bench.call(BoardCommand.Request.IDENTIFY)
     assert (response.success, response.message) == (False, "the driver is not configured")
 
 

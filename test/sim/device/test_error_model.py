@@ -12,8 +12,10 @@ from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import ForwardSignalChain
 from posfet_sim.device.error_model import KEYS, SENSOR_PROPERTIES, ErrorModel, load_error_model
+from posfet_sim.device.readout import Readout
 from posfet_sim.device.sample_clock import SampleClock
 from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.device.taxel_charge import TaxelCharge
 from posfet_sim.device.taxel_variation import TaxelStatus, draw_taxel_parameters
 from posfet_sim.scene import Keyframes, Scene, SceneLoads, load_scene
 from support.paths import DOCS
@@ -112,14 +114,15 @@ def test_area_acts_on_force_and_not_on_temperature() -> None:
 
 
 def test_crosstalk_reaches_the_four_neighbours() -> None:
-    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0, replace(SILENT, crosstalk=0.1))
-    readout = board._readout
-    awake = np.array([6, 7, 8, 1, 2, 3, 11, 12, 13])
-    readout.activate(awake)
+    model = replace(SILENT, crosstalk=0.1)
+    clock = SampleClock(SENSOR.can.scan_rate, 0.0, 0.0, 0)
+    readout = Readout(SENSOR, model, draw_taxel_parameters(SENSOR, model, 0), clock, 0)
+    active = np.array([6, 7, 8, 1, 2, 3, 11, 12, 13])
+    readout.activate(active)
     charge = np.zeros((2, 9))
     charge[:, 1] = 1e-6  # taxel 7, row 1, column 2
     (output,) = readout.outputs(charge, np.array([1e-3]))
-    volts = readout.volts(awake, output)
+    volts = readout.volts(active, output)
     expected = np.zeros(TAXELS)
     expected[7] = 1.0
     expected[[6, 8, 2, 12]] = 0.1
@@ -145,12 +148,13 @@ def test_dead_stuck_and_noisy_taxels_behave_as_described() -> None:
 
 def test_hysteresis_loop_has_the_specified_width() -> None:
     width, greatest = 0.02, SENSOR.device.force_max
-    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0, replace(SILENT, hysteresis=width))
-    charge = board._charge
-    charge._set_active(np.ones((5, 5), bool))
+    parameters = draw_taxel_parameters(SENSOR, SILENT, 0)
+    charge = TaxelCharge(SENSOR, parameters, width, compute_all=True)
+    instant = np.array([1e-18])  # [s], too short for any leakage
 
     def counted(force: float) -> float:
-        return float(charge._effective_force(np.full((1, TAXELS), force))[0, 0])
+        density = charge.advance(np.full((1, TAXELS), force), np.zeros(1), instant)[-1, 0]
+        return float(density / parameters.charge_per_newton[0])
 
     for force in np.linspace(0, greatest, 50):
         up = counted(force)

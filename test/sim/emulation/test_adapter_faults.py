@@ -16,14 +16,16 @@ from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.fault_monitor import FaultMonitor
 from posfet_driver.board.faults import FaultKind
 from posfet_driver.board.scan_source import SourceError
+from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.open_bus import bus_settings
 from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.bus.python_can_bus import PythonCanFrameBus
 from posfet_driver.bus.slcan_codec import FLAG_OVERFLOW, FLAG_PASSIVE
 from posfet_driver.clock import Clock
 from posfet_driver.protocol.messages import Command
-from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.emulation.adapter_lock import is_served
+from posfet_sim.emulation.bus_node import Node
 from posfet_sim.emulation.firmware import BoardFirmware
 from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
 from support.clocks import PacedClock
@@ -37,8 +39,8 @@ def clock() -> PacedClock:
     return PacedClock()
 
 
-def make_adapter(path: Path, clock: Clock) -> EmulatedAdapter:
-    adapter = EmulatedAdapter(path, BoardFirmware(SENSOR, FakeBoard(SENSOR), clock.monotonic()), clock)
+def make_adapter(path: Path, clock: Clock, sensor: Sensor = SENSOR, node: Node | None = None) -> EmulatedAdapter:
+    adapter = EmulatedAdapter(path, node or BoardFirmware(sensor, FakeBoard(sensor), clock.monotonic()), clock)
     adapter.open()
     return adapter
 
@@ -98,8 +100,8 @@ def test_an_adapter_that_returns_under_another_name_is_found(tmp_path: Path, clo
 
 def test_the_port_of_the_board_is_found_among_others(tmp_path: Path, clock: PacedClock) -> None:
     """A port in use and one without a board come first."""
-    adapters = [make_adapter(tmp_path / name, clock) for name in ("can0", "can1", "can2")]
-    adapters[1]._node._base = 0x300
+    other = with_layout(SENSOR, 5, 5, base_id=0x300)
+    adapters = [make_adapter(tmp_path / f"can{k}", clock, sensor) for k, sensor in enumerate((SENSOR, other, SENSOR))]
     blocker = BusOpener(bus_settings("slcan", str(tmp_path / "can0"), SENSOR.can))()
     board, opener = make_board(tmp_path / "can*", clock)
     board.open()
@@ -174,14 +176,21 @@ def test_commands_from_another_thread_lose_no_scans(tmp_path: Path, clock: Paced
 
 
 def test_pending_commands_fail_when_the_bus_disconnects(tmp_path: Path, clock: PacedClock) -> None:
-    adapter = make_adapter(tmp_path / "can0", clock)
+    firmware = BoardFirmware(SENSOR, FakeBoard(SENSOR), clock.monotonic())
+    adapter = make_adapter(tmp_path / "can0", clock, node=firmware)
     board, _ = make_board(tmp_path / "can0", clock)
     board.open()
+    ignored: list[Frame] = []
+
+    def ignore(frame: Frame, now: int) -> list[Frame]:
+        ignored.append(frame)
+        return []
+
     try:
         next(read_scans(board, 1))
-        adapter._node.receive = lambda frame, now: []
+        firmware.receive = ignore
         orders = [board.submit(Command.IDENTIFY, timeout=PATIENCE) for _ in range(3)]
-        read_until(board, lambda: not board._commands._waiting or board._commands._current is not None)
+        read_until(board, lambda: len(ignored) > 0)
         adapter.close()
         read_until(board, lambda: all(order.done() for order in orders))
         assert not wait(orders, 0).not_done

@@ -14,7 +14,7 @@ rclpy = pytest.importorskip("rclpy")
 pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 
 from lifecycle_msgs.msg import State, Transition
-from lifecycle_msgs.srv import ChangeState
+from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -64,6 +64,13 @@ def make_board(spin, **parameters) -> SimBoardNode:
     spin.boards.append(node)
     spin.add_node(node)
     return node
+
+
+def state_of(spin, node: SimBoardNode) -> int:
+    """Return the lifecycle state of a node, by its service."""
+    future = node.create_client(GetState, "sim_board_node/get_state").call_async(GetState.Request())
+    spin.spin_until_future_complete(future, PATIENCE)
+    return future.result().current_state.id
 
 
 class Listener(Node):
@@ -182,7 +189,7 @@ def test_without_autostart_the_node_waits_for_its_transitions(spin) -> None:
     node = make_board(spin, autostart=False)
     listener = Listener(spin, ("raw", TactileRaw))
     node.start()
-    assert node._state_machine.current_state[0] == State.PRIMARY_STATE_UNCONFIGURED
+    assert state_of(spin, node) == State.PRIMARY_STATE_UNCONFIGURED
     node.trigger_configure()
     node.trigger_activate()
     listener.wait("raw", 10)
@@ -251,7 +258,7 @@ def test_an_invalid_transition_is_rejected_without_effect(spin, transition: int)
     assert not future.result().success
     listener.messages["raw"].clear()
     listener.wait("raw", 10)
-    assert node._state_machine.current_state[0] == State.PRIMARY_STATE_ACTIVE
+    assert state_of(spin, node) == State.PRIMARY_STATE_ACTIVE
 
 
 @pytest.mark.parametrize("fd", [False, True])
