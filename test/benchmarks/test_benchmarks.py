@@ -1,4 +1,4 @@
-"""The benchmarks stay alive: what they hand back is kept, judged and written as it was."""
+"""The benchmarks run, and their results are stored, compared with targets and reported."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NEED = {"latency": "rclpy", "ordinary": "rclpy", "sustained": "rclpy", "startup"
 
 
 def test_an_outcome_survives_a_round_trip(tmp_path: Path) -> None:
-    chart = Chart("front", "Front", "time", "error", {"way": [(1.0, 2.0, "a point")]})
+    chart = Chart("front", "Front", "time", "error", {"method": [(1.0, 2.0, "a point")]})
     outcome = Outcome({"name_us": 1.25}, [Table("Title", ("a", "b"), [("x", 1)], "note")], [chart])
     outcome.write(tmp_path / "outcome.json")
     read = Outcome.read(tmp_path / "outcome.json")
@@ -66,9 +66,9 @@ def test_a_benchmark_without_its_tool_is_skipped_naming_the_package(
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(sys, "argv", ["benchmarks", "--only", "sim_vs_ngspice"])
     assert command.main() == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "skipped: ngspice is not on PATH. Install with: sudo apt-get install ngspice" in said
-    assert "s; skipped: sim_vs_ngspice; failed: none" in said
+    output = " ".join(capsys.readouterr().out.split())
+    assert "skipped: ngspice is not on PATH. Install with: sudo apt-get install ngspice" in output
+    assert "s; skipped: sim_vs_ngspice; failed: none" in output
     skipped = {"sim_vs_ngspice": follower_against_ngspice.measure(False)}
     text = report.results({}, skipped, {}, False)
     assert "| - | skipped: ngspice is not on PATH. Install with: sudo apt-get install ngspice |" in text

@@ -1,4 +1,4 @@
-"""A board on any python-can bus: end to end over `virtual`, and on buses that fail."""
+"""The board client: end to end over the virtual bus of python-can, and on buses that fail."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ def test_a_board_reset_is_detected_and_reported(sensor: Sensor) -> None:
 
 def test_a_board_that_sends_only_incomplete_scans_is_not_reported_healthy(sensor: Sensor) -> None:
     clock = SteppedClock()
-    larger = with_layout(sensor, 8, 8)  # three blocks a scan where the board sends one
+    larger = with_layout(sensor, 8, 8)  # expects three blocks per scan, the board sends one
     bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0))
     board = Board(larger, lambda: bus, clock=clock)
     board.open()
@@ -176,7 +176,7 @@ def test_a_delayed_reader_loses_no_scans(sensor: Sensor) -> None:
 @pytest.mark.parametrize("held_up", ["host", "adapter"])
 @pytest.mark.parametrize("length", [0.02, 0.1, 0.4, 0.6, 1.0])
 def test_a_pause_without_frame_loss_loses_no_scans(sensor: Sensor, length: float, held_up: str, fd: bool) -> None:
-    """Whenever it comes, also while frames wait for the board to tell their numbers; then 4 KiB at a time."""
+    """At any time, also while frames are held until their sequence is certain; afterwards in limited batches."""
     for first in (3, 17, 40, 41, 57):
         clock = SteppedClock()
         bus = SteppedBus(clock, BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), 0))

@@ -1,5 +1,5 @@
-"""One suite for every bus: virtual, the emulated adapter by either slcan, python-can's socketcan without a kernel that
-has it, socketcand, multicast, and real ones.
+"""One suite for every bus: virtual, the emulated adapter with both slcan implementations, a fake SocketCAN, socketcand,
+UDP multicast, and real buses.
 
 udp_multicast needs msgpack (pip install msgpack); its datagrams do not leave this machine (hop_limit 0).
 
@@ -67,7 +67,7 @@ PLACES = [
 
 @dataclass(frozen=True)
 class Bench:
-    """A board that can be reached, and whether it sends marked scans."""
+    """A connected board, and whether it sends marked scans."""
 
     board: Board
     sensor: Sensor
@@ -82,7 +82,7 @@ class Bench:
 
 
 def free_port() -> int:
-    """A UDP port that nobody uses."""
+    """Return an unused UDP port."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])

@@ -1,4 +1,4 @@
-"""The long runs, short."""
+"""Short versions of the long-running tests."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def test_every_scan_is_accounted_for_with_resets_and_frozen_counters(fd: bool) -
 
 @BOTH
 def test_arbitrary_frames_cause_no_failure(fd: bool) -> None:
-    taken, growth = fuzz(200_000, fd, 4)
-    assert taken >= 200_000
+    frames, growth = fuzz(200_000, fd, 4)
+    assert frames >= 200_000
     assert growth < 1 << 20
 
 

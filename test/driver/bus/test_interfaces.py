@@ -1,4 +1,4 @@
-"""Options of every interface of python-can: passed on as they are, and refused when the interface has none such."""
+"""Options of every python-can interface: passed on unchanged, and rejected when the interface does not have them."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ EVERYWHERE = {"slcan", "slcan-python-can", "socketcan", "socketcand", "udp_multi
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Takes an interface and what is asked for; returns what its constructor gets."""
+    """Return a function that opens an interface and returns the arguments of its constructor."""
 
-    def what_arrives(interface: str, channel: str, options: Sequence[str], fd: bool = True) -> dict[str, Any]:
+    def constructor_arguments(interface: str, channel: str, options: Sequence[str], fd: bool = True) -> dict[str, Any]:
         module, name = BACKENDS[interface]
         bus_class = getattr(importlib.import_module(module), name)
         arguments: dict[str, Any] = {}
@@ -43,7 +43,7 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> Any:
                 open_can_bus(bus_settings(interface, channel, replace(LINK, fd=fd), options=options))
         return arguments
 
-    return what_arrives
+    return constructor_arguments
 
 
 @pytest.mark.parametrize("interface", interfaces())

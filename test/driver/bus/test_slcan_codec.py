@@ -1,4 +1,4 @@
-"""Lines of slcan: there and back, in any pieces, and with anything between them."""
+"""Lines of slcan: round trips, arbitrary chunks, and garbage between lines."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ def test_frames_are_decoded_from_arbitrary_chunks(sent: list[Frame], cuts: list[
     assert reader.malformed == 0
 
 
-@given(sent=st.lists(frames(), min_size=1, max_size=10), junk=st.binary(max_size=300))
-def test_the_line_after_garbage_is_decoded(sent: list[Frame], junk: bytes) -> None:
+@given(sent=st.lists(frames(), min_size=1, max_size=10), garbage=st.binary(max_size=300))
+def test_the_line_after_garbage_is_decoded(sent: list[Frame], garbage: bytes) -> None:
     reader = LineReader()
-    reader.frames(junk + b"\r")
+    reader.frames(garbage + b"\r")
     assert reader.frames(b"".join(encode_line(frame) for frame in sent)) == sent
 
 

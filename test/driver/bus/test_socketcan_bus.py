@@ -1,4 +1,4 @@
-"""What the driver makes of SocketCAN: the frames that python-can makes, and what only the kernel tells."""
+"""The SocketCAN bus: the same frames as python-can, and the errors that only the kernel reports."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def device(kernel: FakeSocketcan) -> Device:
 
 
 def read(bus: FrameBus, count: int) -> list[Frame]:
-    """The next frames; they are on their way."""
+    """Return the next frames, which have been sent."""
     frames: list[Frame] = []
     while len(frames) < count:
         come = bus.read_frames(PATIENCE)
@@ -60,8 +60,8 @@ def test_frames_equal_those_read_by_python_can(device: Device) -> None:
     with theirs:
         for message in messages:
             device.deliver(build_can_frame(message))
-        heard = [theirs.recv(PATIENCE) for _ in messages]
-        assert read(bus, len(messages)) == [frame_of(message) for message in heard if message] == FRAMES
+        received = [theirs.recv(PATIENCE) for _ in messages]
+        assert read(bus, len(messages)) == [frame_of(message) for message in received if message] == FRAMES
         bus.shutdown()
 
 
@@ -70,9 +70,9 @@ def test_error_frames_equal_those_read_by_python_can(device: Device) -> None:
     bus, theirs = open_bus(SETTINGS), open_can_bus(SETTINGS)
     with theirs:
         device.deliver(struct.pack("=IB3x8s", classes | 0x2000_0000, 8, data))
-        heard = theirs.recv(PATIENCE)
-        assert heard
-        assert read(bus, 1) == [frame_of(heard)] == [(classes, ERROR, data)]
+        received = theirs.recv(PATIENCE)
+        assert received
+        assert read(bus, 1) == [frame_of(received)] == [(classes, ERROR, data)]
         bus.shutdown()
 
 
@@ -144,7 +144,7 @@ def test_a_device_failure_is_reported(device: Device, monkeypatch: pytest.Monkey
 
 
 class Bench:
-    """A driver on can0, and a board whose cable can be taken out."""
+    """A board client on can0, and a board whose cable can be unplugged."""
 
     def __init__(self, settings: BusSettings) -> None:
         opener = BusOpener(settings)
@@ -154,7 +154,7 @@ class Bench:
         self.settings = settings
 
     def scans(self) -> None:
-        """Plug the cable in and wait for scans."""
+        """Plug in the cable and wait for scans."""
         with open_can_bus(self.settings) as far_end, board_on_bus(far_end, self.firmware, self.clock):
             list(read_scans(self.board, 5))
 
@@ -188,7 +188,7 @@ def test_bus_off_is_reported_until_the_controller_recovers(device: Device) -> No
 def test_a_device_that_appears_later_is_opened(
     kernel: FakeSocketcan, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(logging.getLogger(), "handlers", [])  # as in a process of its own
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])  # as in a separate process
     bench = Bench(SETTINGS)
     bench.board.open()
     assert capsys.readouterr().err == ""

@@ -1,4 +1,4 @@
-"""The board's clock on this machine's time: jitter, bursts, drift, steps."""
+"""Mapping of the board clock to host time: jitter, bursts, drift, steps."""
 
 from __future__ import annotations
 
@@ -47,8 +47,8 @@ def test_a_delayed_reader_does_not_shift_the_stamps() -> None:
 
 def test_the_clock_offset_is_re_estimated_after_the_board_clock_steps_back() -> None:
     device, arrivals = delayed(10_000, 0.1 * MILLISECOND)
-    fallen = np.where(device > 5_000_000, device - 16_000, device)  # 16 scans went unnoticed
+    fallen = np.where(device > 5_000_000, device - 16_000, device)  # 16 scans were lost unnoticed
     mapped = stamps(ClockSync(), fallen, arrivals)
     late = device * 1000 - mapped
-    assert late[5001:5500].min() > STEP_LIMIT  # not known yet
+    assert late[5001:5500].min() > STEP_LIMIT  # not yet known
     assert np.abs(late[7001:]).max() < 0.05 * MILLISECOND

@@ -1,4 +1,4 @@
-"""docs/protocol.md says what the DBC, the code and the frame formats say."""
+"""docs/protocol.md agrees with the DBC, the code and the frame formats."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FD = fd_time(64, BITRATE, DATA_BITRATE)
 
 
 def table(first: str) -> dict[str, list[str]]:
-    """Rows of the table whose header begins with `first`, by their first cell."""
+    """Return the rows of the table whose header begins with `first`, by their first cell."""
     lines = iter(TEXT.splitlines())
     for line in lines:
         if line.startswith(f"| {first} |"):
@@ -84,7 +84,7 @@ def test_identifiers_match_the_document(name: str, offset: int) -> None:
 
 
 def examples() -> dict[str, tuple[int, bytes, dict[str, float]]]:
-    """Identifier, data and signals of each example."""
+    """Return identifier, data and signals of each example."""
     found = {}
     for name, (identifier, data, signals) in table("example").items():
         pairs = [pair.split() for pair in signals.split(", ")]
@@ -100,7 +100,7 @@ def test_examples_agree_with_cantools_in_both_directions(name: str) -> None:
     decoded = message.decode(data, decode_choices=False)
     assert {key: decoded[key] for key in signals} == signals
     assert all(value == 0 for key, value in decoded.items() if key not in signals)
-    assert message.encode({**decoded, **signals}, strict=False) == data  # -128 degC: not known
+    assert message.encode({**decoded, **signals}, strict=False) == data  # -128 degC: unknown
 
 
 def test_examples_agree_with_the_driver() -> None:
@@ -155,7 +155,7 @@ def test_bus_load_matches_the_document(layout: str, taxels: int, fd: bool) -> No
 
 
 def test_frame_times_agree_with_the_published_formula() -> None:
-    """Davis et al., Real-Time Systems 35 (2007): at most 55 + 10 s bits for s bytes, intermission included."""
+    """Davis et al., Real-Time Systems 35 (2007): at most 55 + 10 s bits for s bytes, including intermission."""
     for length in range(9):
         assert classic_time(length, 1.0).most == 55 + 10 * length
 

@@ -1,4 +1,4 @@
-"""Whole scans and nothing else: every fault is told apart, counted, and never handed on."""
+"""The assembler passes on complete scans only; every fault is classified and counted."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 
 
 class Line:
-    """A board, a wire that does as told, an assembler, and the scans that came out of it."""
+    """A board, a link with scripted faults, an assembler, and the sequences of its scans."""
 
     def __init__(self, fd: bool, first: int = 0) -> None:
         self.codec = make_codec(with_fd(SENSOR, fd))
@@ -70,9 +70,9 @@ def test_blocks_of_a_scan_may_come_in_any_order(fd: bool) -> None:
 def test_an_incomplete_scan_is_counted_and_discarded(fd: bool, missing: int) -> None:
     line = Line(fd)
     line.send(0)
-    torn = line.frames(1)
-    del torn[missing]
-    line.feed(*torn)
+    incomplete = line.frames(1)
+    del incomplete[missing]
+    line.feed(*incomplete)
     line.send(2)
     assert line.published == [0, 2]
     assert line.losses == {"incomplete_scans": 1, "missing_frames": 1}
@@ -214,7 +214,7 @@ def test_a_counter_frozen_from_the_start_yields_no_wrong_sequence(stands: int) -
                 for number, kind, data in line.frames(sequence)
             )
         )
-    assert line.published in ([], [100])  # `feed` holds the number to what was sent
+    assert line.published in ([], [100])  # `feed` compares the sequence with what was sent
     assert line.tracker.counter_frozen
     assert line.tracker.sequence in {99, 100}
 
@@ -235,13 +235,13 @@ def test_a_first_scan_other_than_the_announced_one_is_discarded() -> None:
     ),
 )
 def test_published_and_lost_scans_add_up(fd: bool, start: int, faults: list[tuple[int, str]]) -> None:
-    """Whatever single frames suffer, each scan that comes out is one that was sent, and the sum is right."""
+    """Under arbitrary faults of single frames, every scan passed on was sent, and the counts add up."""
     line = Line(fd, start)
     count = 40
     frames = [frame for sequence in range(start, start + count) for frame in line.frames(sequence)]
     blocks = line.codec.blocks
     dropped = 0
-    usable = len(frames) - blocks  # the last scan comes whole and closes the account
+    usable = len(frames) - blocks  # the last scan is complete and settles the loss count
     for place, fault in sorted({number % usable: fault for number, fault in faults}.items(), reverse=True):
         identifier, kind, data = frames[place]
         if fault == "drop":

@@ -1,4 +1,4 @@
-"""The codec held to cantools reading the DBC: every message, both ways."""
+"""The codec verified against cantools with the DBC: every message, in both directions."""
 
 from __future__ import annotations
 

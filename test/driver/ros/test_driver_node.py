@@ -1,4 +1,4 @@
-"""The driver node in process: over the emulated adapter, over a virtual bus, through its life, and with bad input."""
+"""The driver node in process: over the emulated adapter and a virtual bus, its lifecycle, and invalid input."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ TRANSITIONS = {
 
 
 class CountingBoard:
-    """Makes scans whose counts are all the low bits of their number, in steps of 16 that classic frames keep."""
+    """Makes scans whose counts encode the sequence in 12 bits, which classic frames preserve."""
 
     def scan(self, index: int, out: Scan) -> None:
         code = index % 4096
@@ -69,7 +69,7 @@ class CountingBoard:
 
 
 class Watcher(Node):
-    """Keeps what the driver publishes."""
+    """Collects what the driver publishes."""
 
     def __init__(self, context: rclpy.Context) -> None:
         super().__init__("watcher", context=context)
@@ -86,10 +86,10 @@ class Watcher(Node):
 
 
 class Bench:
-    """An executor with a watcher, and what a test adds; waits for conditions."""
+    """An executor with a watcher and the nodes of the test; waits for conditions."""
 
     def __init__(self) -> None:
-        self.clock = PacedClock(main=False)  # the nodes' threads; while the main thread waits, it is waited for
+        self.clock = PacedClock(main=False)  # of the node threads; the time stops while the main thread is busy
         self.drivers: list[DriverNode] = []
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
@@ -106,7 +106,7 @@ class Bench:
         return node
 
     def wait(self, condition: Any, blocked: bool = False) -> None:
-        """Spin until the condition holds; time waits for this thread unless a callback of it waits for another one."""
+        """Spin until the condition holds; with `blocked` the time runs on, as a callback waits for another thread."""
         end = time.monotonic() + PATIENCE
         with nullcontext() if blocked else self.clock.taking_part():
             while not condition():
@@ -124,7 +124,7 @@ class Bench:
         return future.result()
 
     def _behind(self) -> bool:
-        """Whether scans are on their way to the watcher that it should take first."""
+        """Return whether scans are queued that the watcher should receive first."""
         if not self.watcher.raw or not self.drivers:
             return False
         return self.drivers[-1].source.decoder.sequence - self.watcher.raw[-1].sequence > BACKLOG
@@ -167,7 +167,7 @@ def adapter(link: Path, bench: Bench) -> Iterator[EmulatedAdapter]:
 
 
 def assert_counting(messages: list[TactileRaw]) -> None:
-    """The counts of each message are those of its sequence."""
+    """Check that the counts of each message encode its sequence."""
     for message in messages:
         code = message.sequence % 4096
         np.testing.assert_array_equal(np.asarray(message.counts), np.full(25, code << 4 | code >> 8))
@@ -222,7 +222,7 @@ def test_raw_over_a_virtual_bus(bench: Bench) -> None:
 
 
 def test_two_boards_on_one_bus_use_one_driver_each(bench: Bench, tmp_path: Path) -> None:
-    """As documented: a sensor file for each, which differ in base_id, and a namespace for each."""
+    """As documented: one sensor file each, with different base_id, and one namespace each."""
     channel, clock = uuid.uuid4().hex, bench.clock
     shipped = (Path(description.__file__).parent / "sensors" / "posfet_5x5.yaml").read_text(encoding="utf-8")
     nodes, firmwares, taken = [], [], {}
@@ -260,7 +260,7 @@ def test_two_boards_on_one_bus_use_one_driver_each(bench: Bench, tmp_path: Path)
 
 
 def test_lifecycle(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
-    """Not started by itself; configured it reads but says nothing; active it speaks; it can be taken down and up."""
+    """Unconfigured at first; inactive it reads but does not publish; active it publishes; it can be cycled."""
     bench.watcher.listen()
     node = bench.driver(can_channel=str(link), autostart=False)
     taken: list[int] = []
@@ -280,7 +280,7 @@ def test_lifecycle(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
         assert node.trigger_cleanup() == SUCCESS
         assert node.source.report().state == "closed"
         seen = -1
-        while seen != len(bench.watcher.raw):  # what is still on its way
+        while seen != len(bench.watcher.raw):  # messages in transit
             seen = len(bench.watcher.raw)
             bench.executor.spin_once(timeout_sec=0.2)
         taken.clear()

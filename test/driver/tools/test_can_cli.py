@@ -1,4 +1,4 @@
-"""`posfet can` at the bench: every action over the emulated adapter and a virtual bus, and what is said of mistakes."""
+"""`posfet can`: every action over the emulated adapter and a virtual bus, and its error messages."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def wide_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def main(words: list[str], clock: PacedClock | None = None) -> int:
-    """Run the tool in time that waits for it and its board."""
+    """Run the tool on a clock that waits for the tool and its board."""
     return posfet_can.main(words, clock or PacedClock())
 
 
@@ -44,7 +44,7 @@ def clock() -> PacedClock:
 
 @pytest.fixture
 def virtual(clock: PacedClock) -> Iterator[list[str]]:
-    """A board on a virtual bus; the words that lead there."""
+    """A board on a virtual bus; returns the arguments that select it."""
     channel = uuid.uuid4().hex
     with (
         can.Bus(interface="virtual", channel=channel) as bus,
@@ -147,8 +147,8 @@ def test_a_recording_can_be_decoded_and_replayed(
     channel = uuid.uuid4().hex
     with can.Bus(interface="virtual", channel=channel) as bus:
         assert main(["replay", str(file), "--speed", "100", "-i", "virtual", "-c", channel, "--fd", fd]) == 0
-        heard = [frame_of(bus.recv(0)) for _ in sent]
-    assert heard == sent
+        received = [frame_of(bus.recv(0)) for _ in sent]
+    assert received == sent
 
 
 def test_a_recording_decodes_to_complete_scans(tmp_path: Path) -> None:
@@ -218,8 +218,8 @@ def test_a_truncated_recording_is_decoded_then_reported(tmp_path: Path, capsys: 
     none.write_bytes(content[:3])
     capsys.readouterr()
     assert main(["replay", str(cut), "--decode"]) == 1
-    told = capsys.readouterr()
-    assert told.err == f"posfet can replay: {cut}: cut off after {len(content) - 20} of {len(content)} bytes\n"
+    output = capsys.readouterr()
+    assert output.err == f"posfet can replay: {cut}: cut off after {len(content) - 20} of {len(content)} bytes\n"
     assert main(["replay", str(none), "--decode"]) == 1
     assert capsys.readouterr().err == f"posfet can replay: {none}: not a recording of its format\n"
 
@@ -242,9 +242,9 @@ def test_invalid_frames_and_times_give_one_line_errors(tmp_path: Path, capsys: p
     ):
         file.write_text(f"(1.0) can0 123#11\n{line}\n", encoding="ascii")
         assert main(["replay", str(file), "--speed", "100", *EMULATOR]) == 1
-        told = capsys.readouterr().err
-        assert told.startswith(f"posfet can replay: {error}")
-        assert told.count("\n") == 1
+        output = capsys.readouterr().err
+        assert output.startswith(f"posfet can replay: {error}")
+        assert output.count("\n") == 1
 
 
 def test_monitor_omits_a_table_that_does_not_fit(

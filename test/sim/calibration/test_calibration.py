@@ -1,4 +1,4 @@
-"""Calibration: held to the spread that the simulated board was drawn with, kept in files, and used."""
+"""Calibration: verified against the parameters of the simulated board, saved in files, and used."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ DEVICE = perturbed(SENSOR, {"leak": 20.0, "d33": 10.0, "lag": 30.0})
 
 @pytest.fixture(scope="module")
 def recording() -> Recording:
-    """The board of seed 4 while each taxel is pressed."""
+    """A recording of the board with seed 4 while each taxel is pressed."""
     return record(SENSOR, 4, ROUGH, DEVICE)
 
 
@@ -49,8 +49,8 @@ def test_calibration_recovers_taxel_parameters_despite_model_mismatch(found: Cal
     true = draw_taxel_parameters(DEVICE, ROUGH, 4)
     nominal = SENSOR.amplifier.follower_gain / SENSOR.device.film_capacitance
     gain = true.charge_per_newton / charge_per_newton(SENSOR) * true.volts_per_charge / nominal
-    # A press of 0.5 N is ahead of the film's plays of 0.25, 0.5 and 1 N by 0.25, 0.5 and 0.5 N, each of which counts
-    # 1 %/0.7 less: 1 - 0.0143*1.25/0.5 = 0.964.
+    # A press of 0.5 N exceeds the play operators of 0.25, 0.5 and 1 N by 0.25, 0.5 and 0.5 N, each of which reduces the
+    # effective force by 1 %/0.7: 1 - 0.0143*1.25/0.5 = 0.964.
     assert np.std(found.gain / gain) < 0.005
     assert np.mean(found.gain / gain) == pytest.approx(0.964, abs=0.005)
     np.testing.assert_allclose(found.leak_time_constant, true.leak_time_constant, rtol=0.01)
@@ -63,7 +63,7 @@ def test_calibration_recovers_taxel_parameters_despite_model_mismatch(found: Cal
 def test_calibration_does_not_depend_on_the_sign_of_the_temperature_change(
     found: Calibration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # Charge that the film's loops leave behind must not pass for leak or warmth, whose signs differ then.
+    # Residual charge from hysteresis must not be identified as leakage or temperature rise, whose signs differ then.
     monkeypatch.setattr(simulated_bench, "COOLING", -simulated_bench.COOLING)
     warmed = fit(SENSOR, record(SENSOR, 4, ROUGH, DEVICE), DATE)
     np.testing.assert_allclose(warmed.gain, found.gain, rtol=0.006)
@@ -170,7 +170,7 @@ def test_the_command_writes_a_calibration_that_the_score_reads(
     assert "hold-out set" in capsys.readouterr().out
     assert score_main(["press_slide_lift", "--calibration", str(path), "--for", "1"]) == 0
     capsys.readouterr()
-    monkeypatch.setattr(calibrate, "calibrate", lambda *_: found)  # what cannot be written need not be found again
+    monkeypatch.setattr(calibrate, "calibrate", lambda *_: found)  # rejected before it runs
     assert main([str(tmp_path / "none" / "cal.yaml")]) == 1
     assert "cannot be written" in capsys.readouterr().err
     device = tmp_path / "device"

@@ -1,4 +1,4 @@
-"""The score: an ideal board scores well, what is told wrong is found, and bad input is refused in one line."""
+"""The score: an ideal board scores well, wrong parameters show, and invalid input gives one-line errors."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ NAMES = [
 
 MEETING = """
 name: meeting
-description: two fingertips slide together until they cannot be told apart, and part again
+description: two fingertips slide together until they merge, and separate again
 temperature_degC: 25.0
 objects:
   - name: left
@@ -86,7 +86,7 @@ objects:
 
 @pytest.fixture(scope="module")
 def calibrated() -> Calibration:
-    """The board of seed 1, pressed taxel by taxel."""
+    """Calibration of the board with seed 1, pressed taxel by taxel."""
     recording = record(SENSOR, 1, ErrorModel.default())
     return fit(SENSOR, recording, "2026-01-01")
 
@@ -134,7 +134,7 @@ def test_two_contacts_that_merge_and_separate_keep_their_ids(tmp_path: Path) -> 
     path.write_text(MEETING)
     score = run(Run(SENSOR, load_scene(path, SENSOR), 4.0))
     assert (score.contact_precision, score.id_switches, score.false_contacts_per_hour) == (1.0, 0, 0.0)
-    assert score.contact_recall is not None and 0.5 < score.contact_recall < 1.0, "they were told apart all the time"
+    assert score.contact_recall is not None and 0.5 < score.contact_recall < 1.0, "the two contacts never merged"
 
 
 def test_residual_hysteresis_after_a_strong_touch_is_no_contact(tmp_path: Path) -> None:
@@ -165,11 +165,11 @@ def test_each_press_after_a_grazing_touch_is_a_new_contact(tmp_path: Path) -> No
     path.write_text(GRAZING)
     scene = load_scene(path, SENSOR)
     assert run(Run(SENSOR, scene, 1.6)).id_switches == 0
-    deaf = replace(SENSOR, contact=replace(SENSOR.contact, threshold=1.0))
-    scorer, reconstructor = Scorer(SENSOR), Reconstructor(deaf)
+    insensitive = replace(SENSOR, contact=replace(SENSOR.contact, threshold=1.0))
+    scorer, reconstructor = Scorer(SENSOR), Reconstructor(insensitive)
     for scan, truth in received_scans(SENSOR, scene, 1.6, 1):
         scorer.add(reconstructor.process(scan), reconstructor.image(), truth)
-    assert scorer.score(0.0).detection_latency_scans == pytest.approx(47, abs=3), "presses that were never found"
+    assert scorer.score(0.0).detection_latency_scans == pytest.approx(47, abs=3), "presses never detected"
 
 
 def test_strong_taps_of_100_ms_are_not_slips(tmp_path: Path, calibrated: Calibration) -> None:

@@ -1,4 +1,4 @@
-"""The command `posfet sim`: what it writes can be read by others, is the board's, and is the same again."""
+"""The command `posfet sim`: its files are readable by other tools, agree with the board, and are reproducible."""
 
 import csv
 import re
@@ -49,9 +49,9 @@ def test_csv_contains_the_counts_and_the_ground_truth(tmp_path: Path, capsys: py
     forces = [index for index, name in enumerate(names) if name.startswith("force_")]
     np.testing.assert_allclose(values[:, forces].sum(axis=1), values[:, pressed].sum(axis=1), atol=0.02)
     assert values[:, pressed].max() > 0.5
-    told = capsys.readouterr().out
-    assert "times real time" in told
-    share = float(re.search(r"(\d+) taxel updates, ([0-9.]+) of all", told)[2])
+    output = capsys.readouterr().out
+    assert "times real time" in output
+    share = float(re.search(r"(\d+) taxel updates, ([0-9.]+) of all", output)[2])
     assert 0 < share < 1
 
 
@@ -85,13 +85,13 @@ def test_an_mcap_file_describes_its_contents(tmp_path: Path) -> None:
 
 
 def by_mcap_ros2(path: Path) -> list[tuple[str, int, Any]]:
-    """Topic, time [ns] and message of each, as the MCAP project's reader for ROS 2 makes them of the schemas inside."""
+    """Topic, time [ns] and message of each record, decoded by the ROS 2 reader of the MCAP project with the schemas."""
     reader = pytest.importorskip("mcap_ros2.reader")
     return [(each.channel.topic, each.log_time_ns, each.ros_msg) for each in reader.read_ros2_messages(str(path))]
 
 
 def by_rosbags(path: Path) -> list[tuple[str, int, Any]]:
-    """The same, as rosbags does, which reads MCAP, definitions and CDR with code of its own."""
+    """The same by rosbags, an independent implementation of MCAP, message definitions and CDR."""
     highlevel = pytest.importorskip("rosbags.highlevel")
     with highlevel.AnyReader([path]) as reader:
         return [(at.topic, time, reader.deserialize(raw, at.msgtype)) for at, time, raw in reader.messages()]
@@ -134,7 +134,7 @@ def test_ros_deserializes_the_messages_of_an_mcap_file(tmp_path: Path) -> None:
             kind = getattr(messages, schema.name.rpartition("/")[2])
             read[channel.topic].append(serialization.deserialize_message(message.data, kind))
             again = serialization.serialize_message(read[channel.topic][-1])
-            assert len(again) == len(message.data)  # the bytes between differ: ROS fills gaps with what was there
+            assert len(again) == len(message.data)  # padding bytes differ: ROS leaves them uninitialised
     counts = np.array([message.counts for message in read["/tactile/raw"]])
     np.testing.assert_array_equal(counts, board_counts(700, 5, ErrorModel.none()))
     last = read["/tactile/truth"][-1]
@@ -178,9 +178,9 @@ def test_invalid_input_gives_a_one_line_error(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(words) == BAD_INPUT
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1
-    assert reason in told
+    output = capsys.readouterr().err
+    assert output.count("\n") == 1
+    assert reason in output
     assert not list(tmp_path.iterdir())
 
 

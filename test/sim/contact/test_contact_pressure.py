@@ -1,4 +1,4 @@
-"""Pressure of a sphere: against Hertz's closed forms, against dense quadrature of another kind, and adding up."""
+"""Pressure of a sphere: verified against Hertz's closed forms and an independent quadrature, and its total force."""
 
 import math
 
@@ -34,12 +34,12 @@ def forces(layout: Layout, spread: float, x: float, y: float, force: float, modu
 
 
 def contact_radius(force: float) -> float:
-    """By Hertz."""
+    """Return the Hertz contact radius [m]."""
     return (3 * force * RADIUS / (4 * MODULUS)) ** (1 / 3)
 
 
 def quadrature(layout: Layout, spread: float, x: float, y: float, force: float, radius: float, n: int) -> np.ndarray:
-    """Polar nodes (Gauss in theta with r = a*sin(theta), equal angles) and math.erfc: none of it is in the code."""
+    """Polar nodes (Gauss in theta with r = a*sin(theta), equal angles) and math.erfc, unlike the implementation."""
     nodes, weights = np.polynomial.legendre.leggauss(n)
     theta = (nodes + 1) * math.pi / 4
     weights = weights * math.pi / 4 * 3 * np.sin(theta) * np.cos(theta) ** 2  # p(r)*2*pi*r dr over F

@@ -1,4 +1,4 @@
-"""Contacts are verified against a numerical solution of the elastic half-space (test/reference/half_space.py)."""
+"""Contacts verified against a numerical solution of the elastic half-space (test/reference/half_space.py)."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Gap = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def parabola(along: float, across: float) -> Gap:
-    """The gap of a body with these curvatures [1/m]."""
+    """Return the gap function of a body with these curvatures [1/m]."""
     return lambda x, y: (along * x**2 + across * y**2) / 2
 
 
@@ -49,13 +49,13 @@ def disc(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def contact(gap: Gap, half_x: float, half_y: float) -> Contact:
-    """The contact on a grid with these half sides [m]."""
+    """Solve the contact on a grid with these half sides [m]."""
     x, y = axis(half_x, COUNT)[None], axis(half_y, COUNT)[:, None]
     return press(gap(x, y), x, y, FORCE, MODULUS)
 
 
 def on_taxels(found: Contact, x: float, y: float, angle: float) -> np.ndarray:
-    """Force on each taxel [N] when what was found lies at (x, y) [m], turned, under the Gaussian of the cover."""
+    """Return the force on each taxel [N] of a solved contact at (x, y) [m], rotated, under the Gaussian of the skin."""
     u, v = (each.ravel() for each in np.broadcast_arrays(found.x, found.y))
     edges = (np.arange(6) - 2.5) * 1.5e-3
     at_x, at_y = x + u * math.cos(angle) - v * math.sin(angle), y + u * math.sin(angle) + v * math.cos(angle)
@@ -65,7 +65,7 @@ def on_taxels(found: Contact, x: float, y: float, angle: float) -> np.ndarray:
 
 
 def taxels(shape: Shape, bend: Bend, x: float, y: float, angle: float) -> np.ndarray:
-    """The same by the simulation."""
+    """Return the same from the simulation."""
     forces = np.zeros((5, 5))
     where = [np.array([value]) for value in (x, y, angle, FORCE)]
     patch = Cells(LAYOUT, SPREAD).press([shape.footprints(FORCE, SPREAD, bend)], *where)

@@ -1,4 +1,4 @@
-"""Each shape's pressure: against dense sums of the closed-form profiles, Boussinesq's stress, and its own inverse."""
+"""Pressure of each shape: verified against dense sums of closed-form profiles and Boussinesq's stress."""
 
 import math
 from itertools import pairwise
@@ -51,7 +51,7 @@ def forces(
 
 
 def collected(points: np.ndarray, weight: np.ndarray, x: float, y: float, angle: float) -> np.ndarray:
-    """Sum of Gaussians about points (u, v), shape [n, 2], turned and moved, over the cells of LAYOUT."""
+    """Return the sum of Gaussians at points (u, v), shape [n, 2], rotated and shifted, over the cells of LAYOUT."""
     u, v = points.T
     at_x = x + u * math.cos(angle) - v * math.sin(angle)
     at_y = y + u * math.sin(angle) + v * math.cos(angle)
@@ -110,13 +110,13 @@ def test_ridges_agree_with_a_dense_grid_of_the_wavy_pressure(angle: float, share
     full = math.pi * MODULUS * 10e-6 / wavelength  # p* [Pa]
     mean = share * full
     u = middles(3e-3, 600)
-    phase = math.pi * u / wavelength  # a crest in the middle, as for any odd number of ridges
+    phase = math.pi * u / wavelength  # a crest in the centre, as for any odd number of ridges
     if share < 1:
         inside = np.maximum(share - np.sin(phase) ** 2, 0)
         pressure = 2 * mean * np.abs(np.cos(phase)) / share * np.sqrt(inside)
     else:
         pressure = mean + full * np.cos(2 * phase)
-    assert pressure.mean() == pytest.approx(mean, rel=2e-3)  # what the grid is worth at the ridges' rims
+    assert pressure.mean() == pytest.approx(mean, rel=2e-3)  # accuracy of the grid at the edges of the ridges
     force = mean * 6e-3 * 3e-3
     points, weight = dense(u, pressure, middles(1.5e-3, 40), np.ones(40))
     expected = force * collected(points, weight, 0.4e-3, 0.2e-3, angle)
@@ -164,7 +164,7 @@ def test_an_object_loads_only_the_taxels_under_it() -> None:
 @pytest.mark.parametrize("bend", [FLAT, BENT, (20.0, 30.0)])
 @pytest.mark.parametrize("name", SHAPES)
 def test_a_batch_of_samples_equals_the_samples_one_by_one(name: str, bend: Bend) -> None:
-    # Loads that need other numbers of points, and every way to lie; some moments off the array.
+    # Loads that need different numbers of points, and all orientations; in some samples off the array.
     shape, cells = SHAPES[name], Cells(WIDE, SPREAD)
     count = 23
     x, y = np.linspace(-0.07, 0.03, count), np.linspace(0.0, 0.02, count)
@@ -221,14 +221,14 @@ def test_slices_overestimate_cylinder_contact_length_on_a_bent_chip_as_documente
 
 
 def displacement(x: float, y: float, along: float, across: float, force: float) -> float:
-    """Of the surface under an elliptic Hertz pressure, by Boussinesq's point load in polar coordinates about (x, y)."""
+    """Displacement of the surface under an elliptic Hertz pressure: Boussinesq point loads, polar about (x, y)."""
     angle = (np.arange(400) + 0.5) * 2 * math.pi / 400
     cos, sin = np.cos(angle), np.sin(angle)
     a = (cos / along) ** 2 + (sin / across) ** 2
     b = x * cos / along**2 + y * sin / across**2
     c = 1 - (x / along) ** 2 - (y / across) ** 2
-    end = (-b + np.sqrt(b * b + a * c)) / a  # of the chord from (x, y) on
-    u = middles(1.0, 400)[:, None]  # r = end*(1 - s^2) takes the root at the rim away
+    end = (-b + np.sqrt(b * b + a * c)) / a  # of the chord, from (x, y)
+    u = middles(1.0, 400)[:, None]  # r = end*(1 - s^2) removes the square-root singularity at the edge
     s = (u + 1) / 2
     r = end * (1 - s**2)
     pressure = np.sqrt(np.maximum(c - 2 * b * r - a * r * r, 0)) * 2 * s * end
@@ -250,10 +250,10 @@ def test_line_indentation_agrees_with_boussinesq_point_loads() -> None:
     length, half = 8e-3, 0.4e-3
     u = middles(length / 2, 4000)
     for profile, pressure in ((1.0, lambda s: np.sqrt(1 - s * s)), (2.0, lambda s: np.arccosh(1 / s))):
-        s = (middles(0.5, 2000) + 0.5) ** 2  # dense towards the middle, where the point load is singular
+        s = (middles(0.5, 2000) + 0.5) ** 2  # dense towards the centre, where the point load is singular
         weight = pressure(s) * np.sqrt(s)
         distance = np.array([np.mean(1 / np.hypot(u, s_i * half)) for s_i in s[::20]])
-        # Analytic along the line for the rest: asinh has no singularity but the logarithm's.
+        # The rest is analytic along the line: asinh has only a logarithmic singularity.
         along = 2 * np.arcsinh(length / 2 / (s * half))
         assert np.allclose(distance[20:] * length, along[::20][20:], rtol=2e-3)
         found = float(weight @ along / weight.sum()) / (math.pi * MODULUS)  # for a load of 1 N/m
@@ -306,7 +306,7 @@ def test_the_closed_form_of_boussinesq_against_a_dense_sum() -> None:
 
 
 def mismatch(spread: float, pitch: float, points: np.ndarray) -> float:
-    """Greatest difference of a cell's share between Gaussian and Boussinesq, lengths in thicknesses of the cover."""
+    """Return the maximum difference of a cell's share between Gaussian and Boussinesq, lengths in skin thicknesses."""
     worst = 0.0
     for offset_x in (0.0, 0.25, 0.5):
         for offset_y in (0.0, 0.25, 0.5):
@@ -334,7 +334,7 @@ def test_the_deviation_of_the_gaussian_from_boussinesq_matches_the_document() ->
     assert max(worst) < max(mismatch(0.6, pitch, point) for pitch in PITCHES)
     assert max(worst) < max(mismatch(0.8, pitch, point) for pitch in PITCHES)
     theta = (np.arange(6) + 0.5) / 6 * math.pi / 2
-    radius = np.sqrt(1 - np.cos(theta) ** 2)  # an even pressure's points would do as well: as wide as thick
+    radius = np.sqrt(1 - np.cos(theta) ** 2)  # for a uniform pressure likewise: as wide as thick
     angle = np.arange(8) * math.pi / 4
     wide = np.stack([np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()], axis=1)
     assert max(mismatch(SPREAD_PER_THICKNESS, pitch, 1.5 * wide) for pitch in PITCHES) < max(worst)

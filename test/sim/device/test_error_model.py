@@ -1,4 +1,4 @@
-"""ErrorModel: each can be switched off alone, does what it says, and is read with its unit and range."""
+"""ErrorModel: each error can be switched off alone, acts as documented, and is read with its unit and range."""
 
 import math
 from dataclasses import fields, replace
@@ -28,9 +28,9 @@ TAXELS = SENSOR.layout.taxels
 DOCUMENT = DOCS / "simulation.md"
 
 
-def run(imperfections: ErrorModel, scans: int, sensor: Sensor = SENSOR, scene: str = "press_slide_lift") -> np.ndarray:
-    """Counts of the first scans, shape [scans, taxels]."""
-    board = SimulatedBoard(sensor, SceneLoads(load_scene(scene, sensor), sensor), 3, imperfections)
+def run(error_model: ErrorModel, scans: int, sensor: Sensor = SENSOR, scene: str = "press_slide_lift") -> np.ndarray:
+    """Return the counts of the first scans, shape [scans, taxels]."""
+    board = SimulatedBoard(sensor, SceneLoads(load_scene(scene, sensor), sensor), 3, error_model)
     scan = Scan.empty(1, sensor.layout.taxels)
     result = np.empty((scans, sensor.layout.taxels), np.uint16)
     for index in range(scans):
@@ -43,13 +43,9 @@ def in_volts(counts: np.ndarray) -> np.ndarray:
     return counts * ((SENSOR.adc.high - SENSOR.adc.low) / 65535) + SENSOR.adc.low
 
 
-def volts(
-    imperfections: ErrorModel, index: int = 700, sensor: Sensor = SENSOR, scene: Scene | None = None
-) -> np.ndarray:
-    """Noise-free output at one scan."""
-    board = SimulatedBoard(
-        sensor, SceneLoads(scene or load_scene("press_slide_lift", sensor), sensor), 3, imperfections
-    )
+def volts(error_model: ErrorModel, index: int = 700, sensor: Sensor = SENSOR, scene: Scene | None = None) -> np.ndarray:
+    """Return the noise-free output of one scan [V]."""
+    board = SimulatedBoard(sensor, SceneLoads(scene or load_scene("press_slide_lift", sensor), sensor), 3, error_model)
     scan = Scan.empty(1, sensor.layout.taxels)
     for each in range(index + 1):
         board.scan(each, scan)
@@ -71,7 +67,7 @@ def test_each_error_alone_changes_the_board_and_is_off_in_none(key: object) -> N
     only = replace(SILENT, **{name: getattr(DEFAULT, name)})
     needs = {"hum_frequency": "hum_amplitude", "noisy_factor": "adc_noise", "reset_time": "resets_per_hour"}
     if name in SENSOR_PROPERTIES:
-        assert getattr(NONE, name) is True  # the sensor file's, and on from the start
+        assert getattr(NONE, name) is True  # set in the sensor file, and on by default
         assert SILENT.adc_noise is False
     elif name not in needs:
         assert only != SILENT
@@ -166,7 +162,7 @@ def test_hysteresis_loop_has_the_specified_width() -> None:
     for force in np.linspace(middle, greatest, 50):
         again = counted(force)
     assert again == pytest.approx(up, abs=1e-12)  # the loop closes
-    assert counted(greatest) == again  # and rest changes nothing
+    assert counted(greatest) == again  # a constant force changes nothing
 
 
 def test_mains_hum_has_its_frequency_and_amplitude() -> None:
@@ -175,7 +171,7 @@ def test_mains_hum_has_its_frequency_and_amplitude() -> None:
     spectrum = np.abs(np.fft.rfft(signal - signal.mean(axis=0), axis=0)) / 500
     assert (spectrum.argmax(axis=0) == 50).all()
     expected = draw_taxel_parameters(SENSOR, hum, 3).hum
-    half_a_step = (SENSOR.adc.high - SENSOR.adc.low) / 65535 / 2  # the converter is in step with the hum
+    half_a_step = (SENSOR.adc.high - SENSOR.adc.low) / 65535 / 2  # the sampling is synchronous with the hum
     np.testing.assert_allclose(spectrum[50], expected, rtol=0, atol=half_a_step)
     assert 0.1 < expected.std() / expected.mean() < 0.3
 
@@ -248,13 +244,13 @@ def test_the_clock_drifts_and_jitters() -> None:
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0, replace(NONE, clock_drift=100e-6))
     board.scan(10_000, scan)
     assert scan.stamp - 10_000_000_000 == 1_000_000
-    assert scan.device_time == 10_000_000  # by the board's own clock
+    assert scan.device_time == 10_000_000  # by the board clock
 
 
-@pytest.mark.parametrize("imperfections", [NONE, DEFAULT], ids=["none", "default"])
-def test_scans_do_not_depend_on_which_scans_are_requested(imperfections: ErrorModel) -> None:
-    every = run(imperfections, 1000)
-    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 3, imperfections)
+@pytest.mark.parametrize("error_model", [NONE, DEFAULT], ids=["none", "default"])
+def test_scans_do_not_depend_on_which_scans_are_requested(error_model: ErrorModel) -> None:
+    every = run(error_model, 1000)
+    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 3, error_model)
     scan = Scan.empty(1, TAXELS)
     for index in [*range(130), *range(200, 900, 37), *range(930, 1000)]:
         board.scan(index, scan)
@@ -266,7 +262,7 @@ def test_another_seed_gives_another_board() -> None:
     assert not np.array_equal(first.offset, second.offset)
     np.testing.assert_array_equal(first.offset, draw_taxel_parameters(SENSOR, DEFAULT, 1).offset)
     only_gain = draw_taxel_parameters(SENSOR, replace(NONE, gain_spread=0.05), 1)
-    np.testing.assert_array_equal(only_gain.volts_per_charge, first.volts_per_charge)  # a stream for each
+    np.testing.assert_array_equal(only_gain.volts_per_charge, first.volts_per_charge)  # one random stream for each
 
 
 def test_every_field_has_a_key_and_every_default_is_within_its_range() -> None:

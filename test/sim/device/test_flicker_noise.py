@@ -1,4 +1,4 @@
-"""Endless noise: the spectrum that it states, the same numbers however it is read."""
+"""1/f noise of unlimited length: its spectrum, and reproducible samples in any access order."""
 
 import itertools
 
@@ -18,7 +18,7 @@ BANDWIDTH = 1.5e6
 
 
 def expected_spectrum(frequency: np.ndarray, folded: float) -> np.ndarray:
-    """Density of the sum of octaves from their definition, one-sided, in units of 1/RATE; frequency over the rate."""
+    """Return the one-sided density of the sum of octaves by definition [1/RATE], at frequencies over the rate."""
     total = np.full_like(frequency, 2 * folded)
     for octave in range(1, OCTAVES + 1):
         span = FACTOR**octave
@@ -40,7 +40,7 @@ def test_the_theoretical_spectrum_is_within_1_db_of_the_specified_one() -> None:
 
 
 def block(noise: FlickerNoise, number: int) -> np.ndarray:
-    """Scans of one block, shape [scans, taxels]."""
+    """Return the scans of one block, shape [scans, taxels]."""
     return noise.weights @ noise.rows(number)
 
 
@@ -57,7 +57,7 @@ def test_the_samples_have_the_specified_spectrum() -> None:
     for low, high in itertools.pairwise(bands):
         inside = (frequency >= low) & (frequency < high)
         expected = expected_spectrum(frequency[inside], 0.0).mean()
-        assert power[inside].mean() == pytest.approx(expected, rel=0.1)  # 256 records a bin; straight lines in a block
+        assert power[inside].mean() == pytest.approx(expected, rel=0.1)  # 256 records per bin; linear within a block
 
 
 def test_blocks_do_not_depend_on_access_order_and_join_continuously() -> None:

@@ -1,4 +1,4 @@
-"""A board driven by loads of the user's own, without a scene."""
+"""A board driven by custom loads, without a scene."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""The simulated board: the same bytes again, the same state by any way, the full computation's result for less work."""
+"""The simulated board: reproducible scans, states that do not depend on skipped scans, and skipped computation."""
 
 import math
 from collections.abc import Iterable
@@ -26,7 +26,7 @@ SAME = 1e-12 * FULL_SCALE
 
 
 def warming(scene: Scene) -> Scene:
-    """The scene with 5 K more for a while."""
+    """Return the scene with a temporary temperature rise of 5 K."""
     return replace(scene, temperature=Keyframes((0.6, 1.1, 2.0, 2.4), ((25.0,), (30.0,), (30.0,), (25.0,))))
 
 
@@ -60,30 +60,30 @@ def test_without_noise_the_counts_do_not_depend_on_the_seed() -> None:
 def test_skipping_scans_gives_the_same_state_as_stepping(name: str, warm: bool) -> None:
     scene = load_scene(name, QUIET)
     scene = warming(scene) if warm else scene
-    stepped, jumped = (
+    stepped, skipped = (
         SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0),
         SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0),
     )
     last = -1
     for index in (0, 1, 320, 700, 701, 1400):
         there = run(stepped, range(last + 1, index + 1))[-TAXELS * 2 - 8 :]
-        assert run(jumped, [index]) == there
-        np.testing.assert_allclose(jumped.charge(), stepped.charge(), rtol=0, atol=SAME)
+        assert run(skipped, [index]) == there
+        np.testing.assert_allclose(skipped.charge(), stepped.charge(), rtol=0, atol=SAME)
         last = index
 
 
 def test_a_gap_longer_than_the_charge_memory_discards_the_history() -> None:
     scene = warming(load_scene("press_slide_lift", QUIET))
-    stepped, jumped = (
+    stepped, skipped = (
         SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0),
         SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0),
     )
-    for board in (stepped, jumped):
+    for board in (stepped, skipped):
         run(board, range(600))
     run(stepped, range(600, 13_201))
-    run(jumped, [13_200])
-    np.testing.assert_allclose(jumped.charge(), stepped.charge(), rtol=0, atol=SAME)
-    assert jumped.taxel_updates < 0.7 * stepped.taxel_updates
+    run(skipped, [13_200])
+    np.testing.assert_allclose(skipped.charge(), stepped.charge(), rtol=0, atol=SAME)
+    assert skipped.taxel_updates < 0.7 * stepped.taxel_updates
     assert stepped.in_contact
 
 
@@ -116,12 +116,12 @@ def test_skipped_computation_does_not_change_the_result_with_the_error_model(nam
     if scene.temperature_rise is None:
         assert lazy.taxel_updates < full.taxel_updates
     else:
-        assert lazy.taxel_updates <= 1024 * TAXELS, "all change all the time; scans are computed ahead"
+        assert lazy.taxel_updates <= 1024 * TAXELS, "every taxel changes in every scan; scans are computed ahead"
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_error_against_full_computation_at_100_khz_is_below_one_thousandth(name: str) -> None:
-    # 40 ms from where something first changes; benchmarks/simulation/runs.py does whole scenes.
+    # 40 ms from the first change; benchmarks/simulation/runs.py covers whole scenes.
     scene = load_scene(name, QUIET)
     begin = math.floor(min(SceneLoads(scene, QUIET).constant_until(0.0), 1.0) * RATE)
     board, scan = SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0), Scan.empty(0, TAXELS)
@@ -136,7 +136,7 @@ def test_the_error_against_full_computation_at_100_khz_is_below_one_thousandth(n
 def full_computation(
     sensor: Sensor, scene: Scene, scans: int, rate: float = RATE, begin: int = 0
 ) -> Iterable[ForwardSignalChain]:
-    """Every taxel in every scan, and the film's temperature by its own formula; nothing may change before `begin`."""
+    """Every taxel in every scan, with the closed-form film temperature; nothing may change before `begin`."""
     chain = ForwardSignalChain(sensor)
     loads = SceneLoads(scene, sensor)
     ratio = 1 / rate / sensor.device.thermal_time_constant
@@ -170,7 +170,7 @@ def test_the_ground_truth_is_consistent(name: str) -> None:
             "two_fingers",
             "hold",
             "press",
-        }:  # clear of the edge: the cover's tails are lost
+        }:  # away from the edge, where part of the spread force is lost
             assert truth.force.sum() == pytest.approx(pressed, rel=0.01)
         assert not truth.taxel_status.any()
         assert board.in_contact == (pressed > 1e-8)
@@ -202,7 +202,7 @@ def test_the_ground_truth_reports_the_indentation_of_the_sphere() -> None:
 
 
 def test_a_press_raises_the_count_of_the_taxel_by_the_specified_sensitivity() -> None:
-    # The press of 0.2 s is short against the leak of 0.27 s only roughly: charge lies between half and all of it.
+    # The press of 0.2 s is not short against the leakage of 0.27 s: between half and all of the charge remains.
     board = SimulatedBoard(QUIET, SceneLoads(load_scene("hold", QUIET), QUIET), 0)
     scan = Scan.empty(0, TAXELS)
     board.scan(0, scan)
@@ -243,7 +243,7 @@ def test_chip_sensors_read_the_scene_and_the_film_lags() -> None:
     slope = 5.0  # [K/s]
     idle = load_scene("idle", SENSOR)
     steps = np.arange(0, 1.001, 0.01)
-    ramp = Keyframes(tuple(steps), tuple((25 + slope * time,) for time in steps))  # short keyframes: a straight line
+    ramp = Keyframes(tuple(steps), tuple((25 + slope * time,) for time in steps))  # dense keyframes: a linear ramp
     board = SimulatedBoard(SENSOR, SceneLoads(replace(idle, temperature=ramp), SENSOR), 0)
     scan = Scan.empty(0, TAXELS)
     for index in range(1001):

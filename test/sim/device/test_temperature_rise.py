@@ -1,4 +1,4 @@
-"""Forces while the chip warms or cools: at the start, under a touch, and on a device unlike its description."""
+"""Forces while the chip warms or cools: at the start, during a touch, and with model mismatch."""
 
 from __future__ import annotations
 

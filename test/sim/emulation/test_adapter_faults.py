@@ -1,4 +1,4 @@
-"""Faults of the adapter itself, on the emulated one: away, back under another name, wrong bitrate; and commands."""
+"""Adapter faults on the emulated adapter: disconnected, back under another name, wrong bitrate; and commands."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_a_port_without_slcan_is_reported(clock: PacedClock) -> None:
         board.close()
         os.close(master)
         os.close(slave)
-    assert board.report().fault_counts[FaultKind.MALFORMED_LINES] == 20  # though the port is closed
+    assert board.report().fault_counts[FaultKind.MALFORMED_LINES] == 20  # although the port is closed
 
 
 def test_an_adapter_that_returns_under_another_name_is_found(tmp_path: Path, clock: PacedClock) -> None:
@@ -202,7 +202,7 @@ def test_pending_commands_fail_when_the_bus_disconnects(tmp_path: Path, clock: P
 
 
 class PassiveBus(can.BusABC):
-    """A python-can bus whose controller is in a state of its own."""
+    """A python-can bus with a settable controller state."""
 
     channel_info = "passive"
     _can_protocol = can.CanProtocol.CAN_FD

@@ -1,4 +1,4 @@
-"""The simulated board behind its adapter: what it tells while a reader of the terminal drives it."""
+"""The simulated board behind its adapter: scans and report while a client reads the terminal."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,7 +30,7 @@ def source(tmp_path: Path) -> Iterator[SimulatedBusPeer]:
 
 
 def read_scans(link: Path, count: int) -> int:
-    """Start the scans as a driver does and read the terminal until `count` FD blocks came."""
+    """Start the scans as a driver does and read `count` FD blocks from the terminal."""
     reader, blocks = LineReader(), 0
     with link.open("r+b", buffering=0) as terminal:
         terminal.write(b"O\r" + START)

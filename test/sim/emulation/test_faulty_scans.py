@@ -1,4 +1,4 @@
-"""Faults between board and listener: how often, what is seen of them, the same again; on the wire as in the source."""
+"""Faults between board and receiver: probabilities, effects and reproducibility, for scans and for frames."""
 
 import itertools
 import threading
@@ -55,8 +55,8 @@ def test_scans_are_lost_and_duplicated_with_the_requested_probabilities() -> Non
     assert max(seen.values()) == 2
     assert lost == pytest.approx(0.08, abs=0.01)
     assert sum(count == 2 for count in seen.values()) / (sequences[-1] + 1) == pytest.approx(0.02, abs=0.005)
-    told = source.report().counters
-    assert told["simulated: dropped"] + told["simulated: truncated"] == sequences[-1] + 1 - len(seen)
+    counters = source.report().counters
+    assert counters["simulated: dropped"] + counters["simulated: truncated"] == sequences[-1] + 1 - len(seen)
     again = SimulationSource(SENSOR, SCENE, 2, SteppedClock(5_000_000_000, 1_000), FAULTY)
     again.open()
     assert read(again, 2000) == sequences[:2000]

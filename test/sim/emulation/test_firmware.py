@@ -1,4 +1,4 @@
-"""The board's side of the protocol."""
+"""The emulated firmware: the board side of the protocol."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SECOND = 1_000_000_000
 
 
 class Counter:
-    """A board that notes which scans it is asked for."""
+    """A board that records the requested scan indices."""
 
     def __init__(self) -> None:
         self.indices: list[int] = []

@@ -1,4 +1,4 @@
-"""The one fault policy of a link: outcomes and resets for scans and for frames, and their counters."""
+"""The fault policy of a link: outcomes and resets for scans and frames, and their counters."""
 
 from collections import Counter
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The simulated board in real time, on a clock of the test's own."""
+"""The simulated board in real time, on a test clock."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The whole wire path: firmware, emulated adapter on a pseudo-terminal, slcan bus, board."""
+"""The whole link: firmware, emulated adapter on a pseudo-terminal, slcan bus, board client."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from support.frame_examples import FRAMES
 
 
 class Echo:
-    """A node on the bus that sends back what it gets, and nothing else."""
+    """A bus node that echoes every frame."""
 
     def next_due(self) -> int:
         return 1 << 62
@@ -72,7 +72,7 @@ def echo(link: Path, clock: PacedClock) -> Iterator[EmulatedAdapter]:
 
 
 def require_slcan(fd: bool) -> None:
-    """Skip where python-can's own slcan cannot do what the test needs."""
+    """Skip if the slcan implementation of python-can lacks what the test needs."""
     pytest.importorskip("serial", reason="needs pyserial")
     slcan = pytest.importorskip("can.interfaces.slcan")
     if fd and not hasattr(slcan.slcanBus, "_DATA_BITRATES"):
@@ -85,7 +85,7 @@ def firmware_for(sensor: Sensor, fd: bool, clock: Clock) -> BoardFirmware:
 
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 def test_scans_are_complete_in_order_and_without_loss(sensor: Sensor, link: Path, fd: bool) -> None:
-    clock = PacedClock(lead=0.003)  # so few scans at once that a classic counter never leaves a doubt
+    clock = PacedClock(lead=0.003)  # few enough scans at once that a classic counter is never ambiguous
     adapter = EmulatedAdapter(link, firmware_for(sensor, fd, clock), clock)
     adapter.open()
     board = Board(with_fd(sensor, fd), slcan_opener(link), clock)
@@ -133,7 +133,7 @@ def test_scans_of_a_large_array_are_complete(sensor: Sensor, link: Path, clock: 
 
 
 def test_scans_resume_after_the_adapter_disconnects_and_returns(sensor: Sensor, link: Path, clock: PacedClock) -> None:
-    """Not there yet, there, pulled out, back at the same path with a board that was reset."""
+    """Not yet present, present, unplugged, back at the same path with a reset board."""
     board = Board(sensor, slcan_opener(link), clock)
     board.open()
     assert board.report().health == Health.ERROR
@@ -146,7 +146,7 @@ def test_scans_resume_after_the_adapter_disconnects_and_returns(sensor: Sensor, 
             adapters.append(adapter)
             for scan in read_scans(board, 20):
                 assert_marked(scan)
-                assert scan.sequence < 20_000  # each board counts from its own start
+                assert scan.sequence < 20_000  # each board counts from its start
             adapter.close()
             read_until(board, lambda: board.report().health == Health.ERROR)
             assert board.bus.failed == round_trip + 1
@@ -245,10 +245,10 @@ def test_slcan_bus_sends_and_receives_every_frame_type(echo: EmulatedAdapter, fr
 
 
 def test_both_slcan_buses_receive_the_same_frames(echo: EmulatedAdapter) -> None:
-    """python-can's own bus on the same adapter, one after the other, at a rate that it can follow."""
+    """Both on the same adapter in turn, at a rate that python-can sustains."""
     require_slcan(fd=True)
     timing = can.BitTimingFd(80_000_000, 2, 31, 8, 8, 1, 12, 3, 3)
-    heard = []
+    received = []
     for opener in (
         slcan_opener(echo.link),
         lambda: can.Bus(interface="slcan", channel=str(echo.link), timing=timing, sleep_after_open=0),
@@ -258,8 +258,8 @@ def test_both_slcan_buses_receive_the_same_frames(echo: EmulatedAdapter) -> None
             for frame in FRAMES:
                 bus.send(message_of(frame))
                 messages.append(bus.recv(PATIENCE))
-            heard.append(messages)
-    for ours, theirs in zip(*heard, strict=True):
+            received.append(messages)
+    for ours, theirs in zip(*received, strict=True):
         assert ours is not None
         assert ours.equals(theirs, timestamp_delta=None, check_channel=False)
 
@@ -285,7 +285,7 @@ def test_a_board_is_read_through_python_cans_own_slcan(sensor: Sensor, link: Pat
 
 
 def serial_exchange(link: Path, line: bytes, expected: bytes) -> None:
-    """Write a line to the terminal as a program without any bus would, and wait for the reply."""
+    """Write a line to the terminal directly, and wait for the reply."""
     port = os.open(link, os.O_RDWR | os.O_NOCTTY)
     try:
         os.write(port, line)
@@ -308,7 +308,7 @@ def test_the_adapter_replies_as_documented(echo: EmulatedAdapter) -> None:
         (b"S8\r", b"\r"),
         (b"Y5\r", b"\r"),
         (b"L\r", b"\r"),
-        (b"t1231FF\r", b"\a"),  # it only listens
+        (b"t1231FF\r", b"\a"),  # listen-only mode
         (b"C\r", b"\r"),
         (b"O\r", b"\r"),
         (b"O\r", b"\a"),
@@ -324,14 +324,14 @@ def test_the_adapter_replies_as_documented(echo: EmulatedAdapter) -> None:
 
 
 def test_a_stalled_reader_loses_frames_and_uses_bounded_memory(sensor: Sensor, link: Path, clock: PacedClock) -> None:
-    """The adapter's output is bounded, and what did not fit is counted on both sides."""
+    """The output buffer of the adapter is bounded; dropped frames are counted on both sides."""
     adapter = EmulatedAdapter(link, firmware_for(sensor, True, clock), clock)
     adapter.open()
     board = Board(sensor, slcan_opener(link), clock)
     board.open()
     try:
         first = next(read_scans(board, 1)).sequence
-        clock.jump(10.0)  # 10 s of scans at once: more than the adapter has room for
+        clock.jump(10.0)  # 10 s of scans at once: more than the buffer holds
         read_until(board, lambda: adapter.frames_dropped > 0 and board.decoder.statistics.lost_scans > 0)
         last = next(read_scans(board, 1)).sequence
         losses = board.decoder.statistics
@@ -363,7 +363,7 @@ def test_a_delayed_adapter_loses_no_frames(sensor: Sensor, link: Path, clock: Pa
 
 
 class Recorder(Echo):
-    """Notes what it is asked."""
+    """Records the calls."""
 
     def __init__(self) -> None:
         self.asked: list[tuple[str, int]] = []
@@ -378,7 +378,7 @@ class Recorder(Echo):
 
 
 def test_due_frames_are_sent_before_the_response_to_a_later_command(link: Path, clock: PacedClock) -> None:
-    """As on a board, whose answer names the next scan after those that it has sent."""
+    """As on a board, whose response gives the sequence after the scans already sent."""
     node = Recorder()
     adapter = EmulatedAdapter(link, node, clock)
     adapter.open()

@@ -1,4 +1,4 @@
-"""The simulated board as a node: its topics, its parameters, its life and its end."""
+"""The node of the simulated board: topics, parameters, lifecycle and shutdown."""
 
 import threading
 import time
@@ -48,9 +48,9 @@ def context() -> Iterator[rclpy.Context]:
 
 @pytest.fixture
 def spin(context) -> Iterator[SingleThreadedExecutor]:
-    """An executor of the test's own; its nodes are destroyed at the end."""
+    """An executor of the test; its nodes are destroyed at the end."""
     executor = SingleThreadedExecutor(context=context)
-    executor.clock = PacedClock(main=False)  # the board's time; while a listener waits, it is waited for
+    executor.clock = PacedClock(main=False)  # of the board; the time stops while a listener is busy
     executor.boards = []
     yield executor
     for node in executor.get_nodes():
@@ -74,7 +74,7 @@ def state_of(spin, node: SimBoardNode) -> int:
 
 
 class Listener(Node):
-    """Keeps what comes on some topics."""
+    """Collects the messages of some topics."""
 
     def __init__(self, spin, *topics: tuple[str, type]) -> None:
         super().__init__("listener", context=spin.context)
@@ -85,7 +85,7 @@ class Listener(Node):
         spin.add_node(self)
 
     def wait(self, name: str, count: int) -> list:
-        """Spin until `count` messages came on a topic."""
+        """Spin until `count` messages have arrived on a topic."""
         end = time.monotonic() + PATIENCE
         with self.spin.clock.taking_part():
             while len(self.messages[name]) < count:
@@ -96,7 +96,7 @@ class Listener(Node):
         return self.messages[name]
 
     def _behind(self) -> bool:
-        """Whether scans are on their way here that should be taken first."""
+        """Return whether scans are queued that should be received first."""
         newest = [each.board.index for board in self.spin.boards if (each := board.source) and board.reading]
         taken = self.messages.get("raw")
         return bool(newest and taken) and newest[-1] - taken[-1].sequence > BACKLOG
@@ -159,17 +159,17 @@ def test_objects_of_a_scan_are_available_while_it_is_in_the_history(spin) -> Non
     node = make_board(spin, scene="press_slide_lift", autostart=False)
     scene = SimulatedBoard(node.sensor, SceneLoads(load_scene("press_slide_lift", node.sensor), node.sensor), 0)
     scan = Scan.empty(node.sensor.layout.id, node.sensor.layout.taxels)
-    told = {}
+    expected = {}
     for index in range(0, 2 * SCAN_TIMES_KEPT + 2, 2):
         node.source.board.scan(index, scan)
         node.deliver(scan, 0)
-        told[index] = scene.objects(node.source.board.time)
+        expected[index] = scene.objects(node.source.board.time)
     assert node.objects_in(0) is None
     assert node.objects_in(3) is None
-    for index in (1000, 2000):  # long since the board went on
+    for index in (1000, 2000):  # long after the board continued
         found = node.objects_in(index)
         assert found is not None
-        np.testing.assert_array_equal(found.contact_centres, told[index].contact_centres)
+        np.testing.assert_array_equal(found.contact_centres, expected[index].contact_centres)
         assert found.contact_forces > 1.0
 
 
@@ -221,7 +221,7 @@ def test_another_scene_can_be_loaded_at_run_time(spin, tmp_path: Path) -> None:
     while not (truths := [each for each in listener.messages["truth"] if each.objects]):
         listener.wait("truth", len(listener.messages["truth"]) + 1)
     assert truths[0].objects == ["lower", "upper"]
-    assert truths[0].sequence < before.sequence  # numbers begin anew
+    assert truths[0].sequence < before.sequence  # the sequence restarts
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text("name: wrong\n", encoding="utf-8")
     for scene, reason in (("", ": no such scene"), ("nowhere", "nowhere: no such scene"), (str(wrong), f"{wrong}: ")):
@@ -297,7 +297,7 @@ def test_an_adapter_link_failure_is_reported(spin, tmp_path: Path, capfd) -> Non
     node = make_board(spin, adapter_link=str(taken))
     with pytest.raises(ConfigError, match=f"{taken}: the adapter cannot be linked here: there is something else"):
         node.start()
-    assert str(taken) not in capfd.readouterr().err  # the one who started it tells, once
+    assert str(taken) not in capfd.readouterr().err  # reported once, by the caller of start
     node.trigger_configure()
     assert f"{taken}: the adapter cannot be linked here" in capfd.readouterr().err
 
@@ -333,4 +333,4 @@ def test_the_scene_starts_with_the_first_subscriber(spin) -> None:
     assert node.source.report().scans == 0
     assert "waiting for the first subscriber" in node.source.report().state
     first = Listener(spin, ("raw", TactileRaw)).wait("raw", 1)[0]
-    assert first.sequence < 300  # the scene touches at 0.3 s: nobody comes in the middle of it
+    assert first.sequence < 300  # the scene touches at 0.3 s: no subscriber joins in the middle of it

@@ -1,4 +1,4 @@
-"""Heat of warm objects: against the exponential of a held touch, a fine integration, and its own balance."""
+"""Heat transfer from warm objects: verified against the exponential of a held touch and a fine integration."""
 
 import math
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Scenes: what is read is what happens, and what cannot be is refused in one line."""
+"""Scenes: valid files are simulated as described, invalid ones are rejected with a one-line error."""
 
 import math
 import re
@@ -148,7 +148,7 @@ def test_temperature_by_keyframes_and_no_period(tmp_path: Path) -> None:
 def test_shipped_scenes(name: str) -> None:
     scene = load_scene(name, SENSOR)
     assert scene.name == name
-    rest = 1.0 if name == "hold" else 0.3  # the longer a force is held, the better its zero has to be known
+    rest = 1.0 if name == "hold" else 0.3  # the longer a force is held, the more accurate its offset has to be
     for item in scene.objects:
         assert 0.5 <= item.path.max_load() <= 2.0
         assert item.path.at(rest)[-1] == 0
@@ -406,7 +406,7 @@ def test_two_fingers_stay_two_separate_contacts() -> None:
         forces = np.zeros((5, 5))
         for patch in loads.forces([float(time)]):
             forces[patch.rows, patch.cols] += patch.force[0]
-        assert max(forces[2].max(), forces[:, 2].max()) < SENSOR.contact.threshold  # the cross between them
+        assert max(forces[2].max(), forces[:, 2].max()) < SENSOR.contact.threshold  # the separating row and column
 
 
 def test_the_example_in_the_document_is_a_valid_scene(tmp_path: Path) -> None:

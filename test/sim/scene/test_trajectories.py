@@ -1,4 +1,4 @@
-"""Paths: what they say at each time, and that what they call a rest is one."""
+"""Trajectories: their values over time, and that nothing changes in their rest intervals."""
 
 import math
 
@@ -34,7 +34,7 @@ def test_interpolation_between_keyframes_is_minimum_jerk() -> None:
     u = np.linspace(0, 1, 41)
     expected = 2 * (10 * u**3 - 15 * u**4 + 6 * u**5)
     np.testing.assert_allclose([track.at(1 + 2 * s)[0] for s in u], expected, rtol=0, atol=1e-14)
-    for end in (1.0, 3.0):  # at rest, and without a jump of acceleration: the change is of third order
+    for end in (1.0, 3.0):  # at rest, with continuous acceleration: the change is of third order
         for step in (1e-3, -1e-3):
             assert abs(track.at(end + step)[0] - track.at(end)[0]) <= 2 * 10 * (1e-3 / 2) ** 3
 
