@@ -1,6 +1,6 @@
-"""Runs the benchmarks: `python -m benchmarks [--full] [--only NAME ...]`, or `make bench`.
+"""Run the benchmarks: `python -m benchmarks [--full] [--only NAME ...]`, or `make bench`.
 
-Each subject runs in a process group of its own with a time-out. A run of all of them writes RESULTS.md, plots and
+Each subject runs in its own process group with a time-out. A complete run writes RESULTS.md, plots and
 results/latest.json, and adds a line to results/history.jsonl; with --only nothing is written.
 """
 
@@ -42,26 +42,26 @@ SUBJECTS = {
     "scaling": ("micro.scaling", 60.0),
     "skipped": ("micro.skipped_computation", 40.0),
 }
-"""Subjects in the order in which they run: module and time limit of a short run [s], three times what it needs."""
-LEAST_WIDTH = 130
-FULL_TIMES = 8.0
-"""A full run may take this many times as long."""
+"""Subjects in the order in which they run: module and time limit of a short run [s], three times the expected time."""
+MIN_WIDTH = 130
+FULL_FACTOR = 8.0
+"""Factor on the time limit of a full run."""
 
 
-def run_apart(name: str, full: bool) -> Outcome:
-    """Run one subject in a process group of its own, of which nothing is left afterwards.
+def run_isolated(name: str, full: bool) -> Outcome:
+    """Run one subject in its own process group, which is ended afterwards.
 
     Raises RuntimeError with the reason when it fails or takes too long.
     """
-    limit = SUBJECTS[name][1] * (FULL_TIMES if full else 1.0)
+    limit = SUBJECTS[name][1] * (FULL_FACTOR if full else 1.0)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "outcome.json"
         command = [sys.executable, "-m", "benchmarks", "--worker", name, "--out", str(path)]
-        # Domains from 1 to 100 are free of the ports that systems hand out.
+        # Domains 1 to 100 do not collide with the ephemeral ports of the system.
         environment = os.environ | {"ROS_DOMAIN_ID": str(1 + os.getpid() % 100)}
-        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # else every start compiles everything again
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # otherwise every start compiles all modules
         environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-        environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))  # the worker finds what its parent found
+        environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))  # the same import path as this process
         worker = subprocess.Popen(
             command + ["--full"] * full, cwd=FOLDER.parent, env=environment, start_new_session=True
         )
@@ -83,7 +83,7 @@ def _end_group(worker: subprocess.Popen[bytes]) -> None:
 
 
 def publish(outcomes: dict[str, Outcome], failed: dict[str, str], facts: dict[str, str | float], full: bool) -> None:
-    """Write everything that a whole run leaves behind."""
+    """Write all results of a complete run."""
     RESULTS.mkdir(exist_ok=True)
     values = {key: value for outcome in outcomes.values() for key, value in outcome.values.items()}
     flat = facts | values
@@ -108,7 +108,7 @@ def main() -> int:
     if options.worker:
         import_module(f"benchmarks.{SUBJECTS[options.worker][0]}").measure(options.full).write(options.out)
         return 0
-    console = Console(width=max(Console().width, LEAST_WIDTH))
+    console = Console(width=max(Console().width, MIN_WIDTH))
     facts = machine.facts()
     outcomes: dict[str, Outcome] = {}
     failed: dict[str, str] = {}
@@ -116,7 +116,7 @@ def main() -> int:
     for name in options.only or SUBJECTS:
         console.rule(name)
         try:
-            outcomes[name] = run_apart(name, options.full)
+            outcomes[name] = run_isolated(name, options.full)
         except RuntimeError as error:
             failed[name] = str(error)
             console.print(f"{name}: {error}", style="red")

@@ -1,4 +1,4 @@
-"""On what a run was made: machine, versions, commit."""
+"""Environment of a run: machine, versions, commit."""
 
 from __future__ import annotations
 

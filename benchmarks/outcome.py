@@ -1,4 +1,4 @@
-"""What a benchmark hands back: numbers by name, tables for people, points for a plot."""
+"""Result of a benchmark: named values, tables, and points of charts."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pathlib import Path
 
 Cell = str | int | float
 Point = tuple[float, float, str]
-"""x, y, and what stands beside the point."""
+"""x, y, and the label of the point."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table with its heading; numbers are shortened to three digits when it is printed."""
+    """A table with its heading; numbers are printed with three significant digits."""
 
     title: str
     columns: Sequence[str]
@@ -27,7 +27,7 @@ class Chart:
     """Points of several series on two logarithmic axes."""
 
     name: str
-    """Name of the file, without its ending."""
+    """File name without suffix."""
     title: str
     x_label: str
     y_label: str
@@ -36,13 +36,13 @@ class Chart:
 
 @dataclass
 class Outcome:
-    """Everything that one benchmark found."""
+    """All results of one benchmark."""
 
     values: dict[str, float] = field(default_factory=dict)
     tables: list[Table] = field(default_factory=list)
     charts: list[Chart] = field(default_factory=list)
     skipped: str = ""
-    """Why nothing was measured, and what to install; empty where something was."""
+    """Why nothing was measured, and what to install; empty after a measurement."""
 
     def write(self, path: Path) -> None:
         """Write to a JSON file."""
@@ -50,7 +50,7 @@ class Outcome:
 
     @classmethod
     def read(cls, path: Path) -> Outcome:
-        """Return what `write` has written."""
+        """Read a file written by `write`."""
         data = json.loads(path.read_text(encoding="utf-8"))
         tables = [Table(**table) for table in data["tables"]]
         charts = [Chart(**chart) for chart in data["charts"]]
@@ -58,7 +58,7 @@ class Outcome:
 
 
 def shown(cell: Cell) -> str:
-    """Return a cell as text: whole numbers as they are, others with three digits."""
+    """Return a cell as text: integers unchanged, other numbers with three significant digits."""
     if isinstance(cell, str):
         return cell
     if isinstance(cell, int) or abs(cell) >= 1000:

@@ -1,4 +1,4 @@
-"""Charts as SVG, the same bytes for the same points."""
+"""Charts as reproducible SVG files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from benchmarks.outcome import Chart
 
 def draw(chart: Chart, folder: Path) -> Path:
     """Write one chart and return its path."""
-    import matplotlib as mpl  # noqa: PLC0415  # takes half a second, which single subjects need not wait for
+    import matplotlib as mpl  # noqa: PLC0415  # takes half a second to load, only needed here
 
     mpl.use("Agg")
     mpl.rcParams["svg.hashsalt"] = "posfet"
@@ -20,8 +20,8 @@ def draw(chart: Chart, folder: Path) -> Path:
         x, y, texts = zip(*points, strict=True)
         joined = "-" if len(points) > 1 else ""
         axes.plot(x, y, f"{'osD^vP*X'[index % 8]}{joined}", label=label, markersize=4, linewidth=0.8)
-        for place, text in zip(zip(x, y, strict=True), texts, strict=True):
-            axes.annotate(text, place, textcoords="offset points", xytext=(4, 3), fontsize=7)
+        for position, text in zip(zip(x, y, strict=True), texts, strict=True):
+            axes.annotate(text, position, textcoords="offset points", xytext=(4, 3), fontsize=7)
     axes.set(xscale="log", yscale="log", xlabel=chart.x_label, ylabel=chart.y_label, title=chart.title)
     axes.grid(which="major", alpha=0.3)
     axes.legend(fontsize=8)

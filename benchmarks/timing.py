@@ -1,4 +1,4 @@
-"""Time of a short call, undisturbed by other programs: the least of many."""
+"""Run time of a short call, undisturbed by other programs: the minimum of many."""
 
 from __future__ import annotations
 
@@ -11,34 +11,34 @@ import numpy as np
 
 REPEATS = 15
 BLOCK = 20
-"""Scans after which zeros are corrected at 1 kHz, which costs several scans: what a scan costs is a mean over them."""
+"""Scans per block at 1 kHz; the cost of a scan is averaged over it, including the block maintenance."""
 BATCH_SECONDS = 2e-3
-"""Time of one batch: longer than the timer's step, shorter than what the kernel gives a process at once."""
+"""Duration of one batch: longer than the timer resolution, shorter than a time slice of the kernel."""
 
 
 def microseconds(call: Callable[[], object], repeats: int = REPEATS) -> float:
-    """Return the least time of `call` [us] over batches of calls."""
+    """Return the minimum time of `call` [us] over batches of calls."""
     begin = time.perf_counter()
     call()
     once = max(time.perf_counter() - begin, 1e-7)
     number = max(1, round(BATCH_SECONDS / once))
-    least = math.inf
+    minimum = math.inf
     for _ in range(repeats):
         begin = time.perf_counter()
         for _ in range(number):
             call()
-        least = min(least, time.perf_counter() - begin)
-    return least / number * 1e6
+        minimum = min(minimum, time.perf_counter() - begin)
+    return minimum / number * 1e6
 
 
-def scan_microseconds(taken: Sequence[int]) -> float:
-    """Return what a scan costs [us], from the times of scans in a row [ns]: the median of the means over blocks."""
-    whole = len(taken) // BLOCK * BLOCK
-    return float(np.median(np.reshape(taken[:whole], (-1, BLOCK)).mean(axis=1))) * 1e-3
+def scan_microseconds(times: Sequence[int]) -> float:
+    """Return the cost of a scan [us], from the times of consecutive scans [ns]: the median of block means."""
+    whole = len(times) // BLOCK * BLOCK
+    return float(np.median(np.reshape(times[:whole], (-1, BLOCK)).mean(axis=1))) * 1e-3
 
 
 def processor_seconds(pid: int) -> float:
-    """Return the processor time [s] that all threads of a process have had, exact to the nanosecond."""
+    """Return the processor time [s] of all threads of a process, with nanosecond resolution."""
     total = 0
     for task in Path(f"/proc/{pid}/task").iterdir():
         try:

@@ -1,1 +1,1 @@
-"""Latency, rates and start of the running stack, in several processes."""
+"""Latency, sustained rates and start-up time of the running stack, in several processes."""

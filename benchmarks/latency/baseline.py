@@ -1,4 +1,4 @@
-"""The stack beside a baseline implementation (`baseline_stack`): same board, scene, rate and listener."""
+"""The stack compared with a baseline implementation (`baseline_stack`): same board, scene, rate and listener."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from benchmarks.latency.sustained_rate import keeps_up
 from benchmarks.outcome import Cell, Outcome, Table
 
 RATES = (1000.0, 250.0)
-"""Scan rates [Hz]; the ratios by name are of the first that the ordinary stack keeps up with, else of the last. A short
-run ends there."""
+"""Scan rates [Hz]; the named ratios are of the first that the baseline implementation sustains, else of the last. A
+short run ends there."""
 
 
 def measure(full: bool) -> Outcome:
@@ -21,25 +21,25 @@ def measure(full: bool) -> Outcome:
     for rate in RATES:
         base = Setup(rate=rate, window=5.0 if full else 2.0)
         ours, separate = run(base), run(replace(base, stack="separate"))
-        ordinary = run(replace(base, stack="ordinary"))
+        baseline = run(replace(base, stack="baseline"))
         rows += [
             row(f"this stack, {rate:.0f} Hz, composed", ours),
             row(f"this stack, {rate:.0f} Hz, separate", separate),
-            row(f"ordinary stack, {rate:.0f} Hz", ordinary),
+            row(f"baseline implementation, {rate:.0f} Hz", baseline),
         ]
         ratios = {
-            "ordinary_stack_latency_ratio": ordinary.at(50) / ours.at(50),
-            "ordinary_stack_cpu_ratio": ordinary.cpu / ours.cpu,
-            "ordinary_stack_latency_ratio_separate": ordinary.at(50) / separate.at(50),
-            "ordinary_stack_cpu_ratio_separate": ordinary.cpu / separate.cpu,
+            "ordinary_stack_latency_ratio": baseline.at(50) / ours.at(50),
+            "ordinary_stack_cpu_ratio": baseline.cpu / ours.cpu,
+            "ordinary_stack_latency_ratio_separate": baseline.at(50) / separate.at(50),
+            "ordinary_stack_cpu_ratio_separate": baseline.cpu / separate.cpu,
         }
-        if not values and (keeps_up(ordinary) or rate == RATES[-1]):
-            values = ratios | {"ordinary_stack_rate_hz": rate, "ordinary_stack_latency_p50_us": ordinary.at(50)}
+        if not values and (keeps_up(baseline) or rate == RATES[-1]):
+            values = ratios | {"ordinary_stack_rate_hz": rate, "ordinary_stack_latency_p50_us": baseline.at(50)}
             if not full:
                 break
     note = (
-        f"The ratios by name are those at {values['ordinary_stack_rate_hz']:.0f} Hz, the highest rate here that the "
-        "ordinary stack keeps up with. Lost frames of the ordinary stack are only those that the adapter could not "
-        "hand over: it does not count."
+        f"The named ratios are those at {values['ordinary_stack_rate_hz']:.0f} Hz, the highest rate here that the "
+        "baseline implementation sustains. Its lost frames are only those that the adapter dropped: it does not "
+        "count losses itself."
     )
-    return Outcome(values, [Table("This stack and an ordinary one", COLUMNS, rows, note)])
+    return Outcome(values, [Table("This stack and the baseline implementation", COLUMNS, rows, note)])

@@ -41,7 +41,7 @@ def full_cases() -> dict[str, Setup]:
     for size in (5, 16, 32):
         for rate in (100.0, 1000.0, 4000.0, 8000.0):
             if size * size * rate > 5e6:
-                continue  # beyond what the emulated adapter writes
+                continue  # more than the emulated adapter can write
             for touched in (True, False):
                 for stack in ("composed", "separate"):
                     for as_bytes in (True, False):
@@ -54,18 +54,28 @@ def full_cases() -> dict[str, Setup]:
     return cases
 
 
-def row(name: str, taken: Measurement) -> tuple[str | int | float, ...]:
-    """Return a line of the table; jitter is the standard deviation of the middle 98 %."""
-    low, high = (taken.at(percent) for percent in (1, 99))
-    middle = taken.latency[(taken.latency >= low) & (taken.latency <= high)]
-    ready = [float(np.percentile(taken.ready, percent)) for percent in (50, 99)] if len(taken.ready) else ["-", "-"]
+def row(name: str, case: Measurement) -> tuple[str | int | float, ...]:
+    """Return a row of the table; jitter is the standard deviation of the middle 98 %."""
+    low, high = (case.at(percent) for percent in (1, 99))
+    middle = case.latency[(case.latency >= low) & (case.latency <= high)]
+    ready = [float(np.percentile(case.ready, percent)) for percent in (50, 99)] if len(case.ready) else ["-", "-"]
     jitter = float(middle.std()) if len(middle) else float("nan")
-    received = f"{taken.received} of {taken.written}"
-    return name, taken.at(50), taken.at(90), taken.at(99), jitter, *ready, taken.cpu, received, taken.lost
+    received = f"{case.received} of {case.written}"
+    return (
+        name,
+        case.at(50),
+        case.at(90),
+        case.at(99),
+        jitter,
+        *ready,
+        case.cpu,
+        received,
+        case.lost,
+    )
 
 
 def attempt(setup: Setup) -> Measurement:
-    """Run a case that may be more than the machine can do: a stack that is too far behind to begin is a result, too."""
+    """Run a case that may overload the machine: a stack that fails to start in time is a result, too."""
     try:
         return run(setup)
     except RuntimeError:
@@ -73,14 +83,14 @@ def attempt(setup: Setup) -> Measurement:
 
 
 def measure(full: bool) -> Outcome:
-    """Measure and sum up."""
-    taken = {name: run(setup) for name, setup in SHORT.items()}
+    """Measure all cases."""
+    measured = {name: run(setup) for name, setup in SHORT.items()}
     if full:
-        taken |= {name: attempt(setup) for name, setup in full_cases().items() if name not in SHORT}
+        measured |= {name: attempt(setup) for name, setup in full_cases().items() if name not in SHORT}
     for name in NAMED:
         again = [run(SHORT[name]) for _ in range(RUNS - 1)]
-        taken[name] = min(taken[name], *again, key=lambda one: one.at(50))
-    touched, idle, echo = (taken[name] for name in NAMED)
+        measured[name] = min(measured[name], *again, key=lambda one: one.at(50))
+    touched, idle, echo = (measured[name] for name in NAMED)
     values = {
         "latency_5x5_1khz_p50_us": touched.at(50),
         "latency_5x5_1khz_p90_us": touched.at(90),
@@ -94,14 +104,13 @@ def measure(full: bool) -> Outcome:
         "ready_echo_1khz_p50_us": float(np.percentile(echo.ready, 50)),
         "ready_echo_1khz_p99_us": float(np.percentile(echo.ready, 99)),
         "echo_cpu_pct": echo.cpu,
-        "latency_separate_5x5_1khz_p50_us": taken["5 x 5, 1 kHz, separate"].at(50),
-        "latency_messages_5x5_1khz_p50_us": taken["5 x 5, 1 kHz, messages"].at(50),
+        "latency_separate_5x5_1khz_p50_us": measured["5 x 5, 1 kHz, separate"].at(50),
+        "latency_messages_5x5_1khz_p50_us": measured["5 x 5, 1 kHz, messages"].at(50),
     }
     note = (
-        f"Of the first three cases the run with the least median of {RUNS}: others on the machine only add. "
-        "CPU: driver and model together, share of one core. Composed and bytes unless said otherwise; touched: a "
-        "fingertip strokes over the array. Echo: a process that only reads each frame and publishes an empty "
-        "message, which is what the machine, its wake-ups and the middleware take. Jitter: standard deviation of the "
-        "middle 98 %."
+        f"For the first three cases the run with the smallest median of {RUNS}, as other load only adds. CPU: driver "
+        "and model together, share of one core. Composed and bytes by default; a fingertip slides over the array "
+        "except in idle cases. Echo: a process that only reads each frame and publishes an empty message: the cost of "
+        "the machine, its wake-ups and the middleware. Jitter: standard deviation of the middle 98 %."
     )
-    return Outcome(values, [Table("Latency", COLUMNS, [row(name, each) for name, each in taken.items()], note)])
+    return Outcome(values, [Table("Latency", COLUMNS, [row(name, each) for name, each in measured.items()], note)])

@@ -1,4 +1,4 @@
-"""Starts board, stack and listener as processes, lets them run, and puts their notes together."""
+"""Runs board, stack and listener as processes and combines their recordings."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from posfet_model.sensor.description import SENSOR_FOLDER
 FOLDER = Path(__file__).parent
 TOUCHED = str(FOLDER / "scenes" / "touched.yaml")
 SETTLE = 1.3
-"""Time from the first message to the window that is measured [s]: the fingertip is down."""
+"""Time from the first message to the measurement window [s]: the fingertip is in contact by then."""
 START_TIMEOUT = 15.0
 END_TIMEOUT = 8.0
 
@@ -39,39 +39,39 @@ class Setup:
     rate: float = 1000.0
     touched: bool = True
     stack: str = "composed"
-    """composed, separate, ordinary, or echo."""
+    """composed, separate, baseline, or echo."""
     as_bytes: bool = True
-    """Contacts are given to the middleware as bytes."""
+    """Whether contacts are passed to the middleware as serialised bytes."""
     window: float = 2.0
-    """Time that is measured [s]."""
+    """Length of the measurement window [s]."""
     fd: bool = True
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """What came of it."""
+    """Result of one measurement."""
 
     latency: np.ndarray[Any, Any]
     """From just before a scan was written by the adapter to its message in the other process [us]."""
     ready: np.ndarray[Any, Any]
-    """To contacts computed [us], by an echo to where it publishes; empty if separate or ordinary."""
+    """To contacts computed [us], for the echo to its publish call; empty if separate or baseline."""
     cpu: float
-    """Processor time of the stack over time [%]."""
+    """Processor time of the stack over elapsed time [%]."""
     written: int
     """Scans that the adapter wrote in the window."""
     received: int
-    """Those of them that came as messages."""
+    """Those of them that were received as messages."""
     lost: int
-    """Frames lost or dropped from start to end, as driver and adapter count them."""
+    """Frames lost or dropped during the whole run, as counted by driver and adapter."""
     values: dict[str, float] = field(default_factory=dict)
 
     def at(self, percent: float) -> float:
-        """Return a percentile of the latency [us]; infinite when nothing came."""
+        """Return a percentile of the latency [us]; infinite if nothing was received."""
         return float(np.percentile(self.latency, percent)) if len(self.latency) else float("inf")
 
 
 class Process:
-    """A process that tells by lines how far it is."""
+    """A process that reports its progress by lines on stdout."""
 
     def __init__(self, words: Sequence[str]) -> None:
         command = [sys.executable, *words]
@@ -79,11 +79,11 @@ class Process:
 
     @property
     def pid(self) -> int:
-        """Its number."""
+        """Process id."""
         return self._process.pid
 
     def wait_for(self, word: str) -> None:
-        """Wait for a line; raise RuntimeError when it does not come."""
+        """Wait for a line; raise RuntimeError if it does not appear in time."""
         assert self._process.stdout
         end = time.monotonic() + START_TIMEOUT
         while (left := end - time.monotonic()) > 0:
@@ -96,7 +96,7 @@ class Process:
         raise RuntimeError(f"{self._process.args}: no line '{word}'")
 
     def end(self) -> str:
-        """Ask it to end; return its last line."""
+        """Interrupt the process; return its last line."""
         if self._process.poll() is None:
             self._process.send_signal(signal.SIGINT)
         try:
@@ -109,7 +109,7 @@ class Process:
 
 
 def sensor_file(name: str, rate: float, fd: bool, folder: Path) -> str:
-    """Write a shipped sensor with another scan rate; return the path."""
+    """Write a shipped sensor file with another scan rate; return the path."""
     text = find_file(name, SENSOR_FOLDER, "sensor").read_text(encoding="utf-8")
     text = re.sub(r"scan_rate_Hz: [\d.]+", f"scan_rate_Hz: {rate:.1f}", text)
     text = re.sub(r"fd: (true|false)", f"fd: {str(fd).lower()}", text)
@@ -119,7 +119,7 @@ def sensor_file(name: str, rate: float, fd: bool, folder: Path) -> str:
 
 
 def run(setup: Setup) -> Measurement:
-    """Run one measurement. Raises RuntimeError when a process does not start."""
+    """Run one measurement. Raises RuntimeError if a process does not start."""
     with tempfile.TemporaryDirectory() as name, ExitStack() as stack:
         folder = Path(name)
         sensor = sensor_file(setup.sensor, setup.rate, setup.fd, folder)
@@ -150,16 +150,16 @@ def run(setup: Setup) -> Measurement:
         time.sleep(setup.window)
         used = sum(processor_seconds(process.pid) for process in processes) - used
         finish = time.monotonic_ns()
-        time.sleep(0.2)  # what is on its way
-        said = [process.end() for process in processes]
+        time.sleep(0.2)  # messages in transit
+        output = [process.end() for process in processes]
         dropped = int(board.end() or 0)
         listener.end()
-        return _join(folder, begin, finish, used, said[-1], dropped)
+        return _join(folder, begin, finish, used, output[-1], dropped)
 
 
 def _start_stack(setup: Setup, sensor: str, link: str, folder: Path) -> list[Process]:
     params = get_package_share_directory("posfet") + "/config/parameters.yaml"
-    if setup.stack == "ordinary":
+    if setup.stack == "baseline":
         processes = [Process(["-m", "benchmarks.latency.baseline_stack.model_node", sensor])]
         processes.append(Process(["-m", "benchmarks.latency.baseline_stack.driver_node", sensor, link]))
         return processes
@@ -179,30 +179,30 @@ def _start_stack(setup: Setup, sensor: str, link: str, folder: Path) -> list[Pro
     ]
 
 
-def _join(folder: Path, begin: int, finish: int, used: float, said: str, dropped: int) -> Measurement:
-    """Match what was written, ready and received by scan number."""
-    written = _by_number(folder / "written.npy")
-    received = _by_number(folder / "received.npy")
-    ready = _by_number(folder / "ready.npy")
-    wanted = [number for number, at in written.items() if begin <= at < finish]
-    report = json.loads(said) if said.startswith("{") else {}
+def _join(folder: Path, begin: int, finish: int, used: float, output: str, dropped: int) -> Measurement:
+    """Match the times at which scans were written, ready and received, by sequence."""
+    written = _times_by_sequence(folder / "written.npy")
+    received = _times_by_sequence(folder / "received.npy")
+    ready = _times_by_sequence(folder / "ready.npy")
+    expected = [number for number, at in written.items() if begin <= at < finish]
+    report = json.loads(output) if output.startswith("{") else {}
     return Measurement(
-        latency=_delays(written, received, wanted),
-        ready=_delays(written, ready, wanted),
+        latency=_delays(written, received, expected),
+        ready=_delays(written, ready, expected),
         cpu=100 * used / ((finish - begin) * 1e-9),
-        written=len(wanted),
-        received=sum(number in received for number in wanted),
+        written=len(expected),
+        received=sum(number in received for number in expected),
         lost=int(report.get("lost", 0)) + dropped,
         values={key: float(value) for key, value in report.items()},
     )
 
 
-def _by_number(path: Path) -> dict[int, int]:
+def _times_by_sequence(path: Path) -> dict[int, int]:
     if not path.exists():
         return {}
     rows = np.load(path)
     return dict(zip(rows[0].tolist(), rows[1].tolist(), strict=True))
 
 
-def _delays(written: dict[int, int], then: dict[int, int], wanted: Sequence[int]) -> np.ndarray[Any, Any]:
-    return np.array([(then[number] - written[number]) * 1e-3 for number in wanted if number in then])
+def _delays(written: dict[int, int], then: dict[int, int], expected: Sequence[int]) -> np.ndarray[Any, Any]:
+    return np.array([(then[number] - written[number]) * 1e-3 for number in expected if number in then])

@@ -1,4 +1,4 @@
-"""From the start of the process to the first contacts message in another one."""
+"""Time from process start to the first contacts message in another process."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from benchmarks.outcome import Outcome, Table
 
 RUNS = 3
 LISTENING = 2.0
-"""For how long the other process has been there [s]: two that come up at once may find each other 3 s later only."""
+"""Head start of the other process [s]: two that start together may discover each other only after 3 s."""
 
 
 def first_message(source: str) -> float:
-    """Return the time [s] that `posfet bringup` takes."""
+    """Return the time [s] from the start of `posfet bringup` to its first contacts message."""
     with tempfile.TemporaryDirectory() as folder:
         listener = Process(["-m", "benchmarks.latency.processes.listener", str(Path(folder) / "received.npy")])
         try:
@@ -46,19 +46,19 @@ def imports(module: str) -> float:
 
 
 def measure(full: bool) -> Outcome:
-    """Take the median of a few starts, and what loading takes of it."""
+    """Measure the median of a few starts, and the share of imports."""
     runs = 3 * RUNS if full else RUNS
-    first_message("emulator")  # leaves compiled modules behind
-    taken = {source: [first_message(source) for _ in range(runs)] for source in ("sim", "emulator")}
+    first_message("emulator")  # creates the cached bytecode
+    starts = {source: [first_message(source) for _ in range(runs)] for source in ("sim", "emulator")}
     runs = runs if full else 1
     values = {
-        "startup_s": statistics.median(taken["sim"]),
-        "startup_emulator_s": statistics.median(taken["emulator"]),
+        "startup_s": statistics.median(starts["sim"]),
+        "startup_emulator_s": statistics.median(starts["emulator"]),
     }
     rows: list[tuple[str | float, ...]] = [
-        (f"bringup, source:={source}", statistics.median(seconds), min(seconds)) for source, seconds in taken.items()
+        (f"bringup, source:={source}", statistics.median(seconds), min(seconds)) for source, seconds in starts.items()
     ]
     for module in ("sys", "numpy", "rclpy.node", "can", "posfet.composed_node, posfet_sim.ros.sim_board_node"):
         seconds = [imports(module) for _ in range(runs)]
         rows.append((f"python3 -c 'import {module}'", statistics.median(seconds), min(seconds)))
-    return Outcome(values, [Table("Start", ("what", "median s", "least s"), rows)])
+    return Outcome(values, [Table("Start-up time", ("case", "median s", "minimum s"), rows)])

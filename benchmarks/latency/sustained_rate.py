@@ -1,4 +1,4 @@
-"""Highest scan rate at which nothing is lost between the emulated adapter and the contacts in another process."""
+"""Highest scan rate without loss between the emulated adapter and the contacts in another process."""
 
 from __future__ import annotations
 
@@ -11,32 +11,32 @@ RATES = {
     16: (500.0, 890.0, 1500.0, 2000.0, 3000.0, 4000.0, 5000.0),
     32: (100.0, 235.0, 500.0, 1000.0, 1500.0, 2000.0, 2500.0),
 }
-"""Rates that are tried [Hz], by the side of the array."""
+"""Rates to choose from [Hz], by the side of the array."""
 TRIES = 2
-"""A machine that was held up by something else is given another try."""
-LATEST = 50_000.0
-"""Delay [us] of one scan in a hundred beyond which scans pile up: it is not sustained."""
+"""Number of attempts, as other load may disturb one."""
+MAX_LATENCY = 50_000.0
+"""99th percentile of the latency [us] beyond which scans accumulate: the rate is not sustained."""
 
 
-def keeps_up(taken: Measurement) -> bool:
-    """Return whether every scan came, and in time."""
-    return taken.written > 0 and taken.lost == 0 and taken.received == taken.written and taken.at(99) < LATEST
+def keeps_up(case: Measurement) -> bool:
+    """Return whether every scan was received, and in time."""
+    return case.written > 0 and case.lost == 0 and case.received == case.written and case.at(99) < MAX_LATENCY
 
 
 def highest(size: int, window: float, rows: list[tuple[Cell, ...]]) -> float:
-    """Return the highest of the rates that is kept up, by bisection; 0 when none is."""
+    """Return the highest of the rates that is sustained, by bisection; 0 if none is."""
     rates = RATES[size]
     low, high = -1, len(rates)
     while high - low > 1:
         middle = (low + high) // 2
-        kept = False
+        sustained = False
         for _ in range(TRIES):
-            taken = run(Setup(f"posfet_{size}x{size}", rates[middle], window=window))
-            rows.append(row(f"{size} x {size}, {rates[middle]:.0f} Hz", taken))
-            kept = kept or keeps_up(taken)
-            if kept:
+            case = run(Setup(f"posfet_{size}x{size}", rates[middle], window=window))
+            rows.append(row(f"{size} x {size}, {rates[middle]:.0f} Hz", case))
+            sustained = sustained or keeps_up(case)
+            if sustained:
                 break
-        low, high = (middle, high) if kept else (low, middle)
+        low, high = (middle, high) if sustained else (low, middle)
     return rates[low] if low >= 0 else 0.0
 
 
@@ -47,8 +47,8 @@ def measure(full: bool) -> Outcome:
     values = {f"sustained_{size}x{size}_hz": highest(size, window, rows) for size in RATES}
     tried = "; ".join(f"{size} x {size}: {', '.join(f'{rate:.0f}' for rate in rates)}" for size, rates in RATES.items())
     note = (
-        f"Sustained: every scan received, nothing lost, 99 of 100 within {LATEST / 1e3:.0f} ms, for {window:g} s, at "
-        f"the second try at the latest. Rates to choose from [Hz]: {tried}. Real buses end earlier: 64-byte CAN FD "
-        "frames at 5 Mbit/s come at 8 kHz at most."
+        f"Sustained: every scan received, nothing lost, 99 of 100 within {MAX_LATENCY / 1e3:.0f} ms, for {window:g} s, "
+        f"at the second attempt at the latest. Rates to choose from [Hz]: {tried}. Real buses have a lower limit: "
+        "64-byte CAN FD frames at 5 Mbit/s arrive at 8 kHz at most."
     )
     return Outcome(values, [Table("Sustained rate", COLUMNS, rows, note)])

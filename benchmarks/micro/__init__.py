@@ -1,1 +1,1 @@
-"""Times of single steps within one process."""
+"""Run times of single steps within one process."""

@@ -1,8 +1,8 @@
 """
-A buffered reader for python-can's own slcan interface, in the form of a change to it.
+A buffered reader for the slcan interface of python-can, in the form of a change to it.
 
 It depends on python-can and pyserial alone and overrides one method, so that everything else, such as bit timing,
-serial numbers and how a line is interpreted, stays as it is. See ``docs/slcan.md``.
+serial numbers and the decoding of lines, is unchanged. See ``docs/slcan.md``.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from can.exceptions import error_check
 from can.interfaces.slcan import slcanBus
 
 _LINE: Final = re.compile(rb"[^\r\a]*[\r\a]")
-"""A line with its end: carriage return, or bell, which is how an adapter refuses."""
+"""A line with its terminator: carriage return, or bell, by which an adapter rejects a command."""
 
 
 class BufferedSlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not checked here
     """
-    slcan interface that takes all bytes there are in one read, where
-    :class:`~can.interfaces.slcan.slcanBus` takes one at a time.
+    slcan interface that reads all available bytes at once, where
+    :class:`~can.interfaces.slcan.slcanBus` reads one at a time.
 
     Parameters, messages, replies and errors are those of the base class.
     """
@@ -38,10 +38,10 @@ class BufferedSlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not che
     def _read(self, timeout: float | None) -> str | None:
         """
         :param timeout:
-            seconds to wait for a whole line or :obj:`None` to wait indefinitely
+            seconds to wait for a complete line or :obj:`None` to wait indefinitely
 
         :return:
-            the next line with its end, or :obj:`None` when there was none in time
+            the next line with its terminator, or :obj:`None` if none arrived in time
         """
         if not self._lines:
             self._fill(serial.Timeout(timeout))
@@ -60,6 +60,6 @@ class BufferedSlcanBus(slcanBus):  # type: ignore[misc]  # python-can is not che
                     return
 
     def flush(self) -> None:
-        """Forget everything that was received and not read yet."""
+        """Discard everything received and not yet read."""
         self._lines.clear()
         super().flush()

@@ -1,4 +1,4 @@
-"""Frames to counts: the driver's receiver, with all that it looks after, beside cantools with the board's DBC."""
+"""Decoding of frames: the complete decoder of the driver, compared with cantools and the DBC of the board."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from posfet_model.sensor.scan import Scan
 
 ARRAYS = ("posfet_5x5", "posfet_16x16", "posfet_32x32")
 SCANS = 1 << 16
-"""The counter of scans begins anew after so many."""
+"""Number of scans after which the counter wraps."""
 COUNTS = [f"Count{index}" for index in range(FD_TAXELS)]
 
 
 def frames_of(sensor: Sensor) -> tuple[list[Frame], np.ndarray]:
-    """Return the CAN FD frames of one scan with any counts, and the counts, shape [taxels]."""
+    """Return the CAN FD frames of one scan with random counts, and the counts, shape [taxels]."""
     scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
     scan.counts[:] = np.random.default_rng(4).integers(0, 1 << 16, sensor.layout.taxels)
     return make_codec(sensor).encode(scan, sensor.can.base_id), scan.counts
 
 
 def compare(sensor: Sensor, block: Message) -> tuple[int, float, float, int]:
-    """Return the frames of a scan, what it takes the receiver and cantools [us], and counts that came out wrong."""
+    """Return the frames per scan, the times of the decoder and of cantools [us], and the number of wrong counts."""
     frames, counts = frames_of(sensor)
     decoder, numbers = Decoder(sensor), count()
     decoder.resync(0, count_gap=False)
@@ -50,13 +50,13 @@ def compare(sensor: Sensor, block: Message) -> tuple[int, float, float, int]:
             first = signals["BlockIndex"] * FD_TAXELS
             theirs[first : first + FD_TAXELS] = [signals[name] for name in COUNTS]
 
-    taken = microseconds(with_decoder), microseconds(with_cantools)
+    times = microseconds(with_decoder), microseconds(with_cantools)
     wrong = np.count_nonzero(decoder.scan.counts != counts) + np.count_nonzero(theirs[: len(counts)] != counts)
-    return len(frames), *taken, int(wrong) + decoder.frames_lost
+    return len(frames), *times, int(wrong) + decoder.frames_lost
 
 
 def measure(full: bool) -> Outcome:
-    """Decode one scan of each array again and again, each time under the next number."""
+    """Decode one scan of each array in a loop, each time with the next sequence."""
     del full
     database = cantools.database.load_file(str(files("posfet_driver") / "protocol" / "posfet.dbc"))
     rows: list[tuple[Cell, ...]] = []
@@ -66,9 +66,9 @@ def measure(full: bool) -> Outcome:
         size = name.removeprefix("posfet_")
         rows.append((size.replace("x", " x "), frames, ours, theirs, theirs / ours, wrong))
         values |= {f"decode_{size}_us": ours, f"decode_{size}_cantools_us": theirs}
-    columns = ("array", "frames a scan", "receiver us a scan", "cantools us a scan", "times", "wrong or lost")
+    columns = ("array", "frames per scan", "decoder us per scan", "cantools us per scan", "speed-up", "wrong or lost")
     note = (
-        "The receiver also tells what is torn, lost, repeated or late and maps the board's clock; cantools only "
-        "decodes. Writing the next number into the frames is part of the receiver's time."
+        "The decoder also detects incomplete, lost, duplicate and late frames and synchronises the clock; cantools "
+        "only decodes. Writing the next sequence into the frames is included in the time of the decoder."
     )
-    return Outcome(values, [Table("Frames to counts", columns, rows, note)])
+    return Outcome(values, [Table("Frame decoding", columns, rows, note)])

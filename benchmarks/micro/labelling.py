@@ -1,4 +1,4 @@
-"""Finding the touched regions: bits of one whole number against scipy.ndimage, and the early exit where none is."""
+"""Labelling of 8-connected contact regions: bit operations on one integer compared with scipy.ndimage."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from posfet_model.contacts.connected_components import BitMap
 
 EIGHT = np.ones((3, 3))
 BLOBS = {5: 1, 16: 3, 32: 6, 64: 12}
-"""Regions on the map, by its side."""
+"""Number of regions, by the side of the array."""
 
 
 def touched_map(size: int, blobs: int) -> np.ndarray:
-    """Return a mask with round regions, shape [size, size], as fingertips would leave it."""
+    """Return a mask with round regions, shape [size, size], like those of fingertips."""
     rng = np.random.default_rng(size)
     y, x = np.mgrid[:size, :size]
     mask = np.zeros((size, size), bool)
@@ -25,7 +25,7 @@ def touched_map(size: int, blobs: int) -> np.ndarray:
 
 
 def measure(full: bool) -> Outcome:
-    """Time both on the same masks; the regions must be the same ones."""
+    """Time both on the same masks, and count differing regions."""
     rows = []
     values = {}
     for size, blobs in BLOBS.items():
@@ -55,7 +55,7 @@ def measure(full: bool) -> Outcome:
         )
         values[f"labelling_{size}x{size}_us"] = bits
         values[f"labelling_{size}x{size}_scipy_us"] = scipy
-    columns = ("array", "regions", "bits us", "scipy label us", "scipy with centres us", "regions that differ")
+    columns = ("array", "regions", "bits us", "scipy label us", "scipy with centres us", "differing regions")
     return Outcome(
-        values, [Table("Labelling", columns, rows, "Regions that differ: the error; 0 means the same ones.")]
+        values, [Table("Labelling", columns, rows, "Differing regions: the error; 0 means identical results.")]
     )

@@ -1,4 +1,4 @@
-"""The whole reconstruction on the shipped scenes, through frames and codec, against the scenes' truth."""
+"""The complete reconstruction on the shipped scenes, through frames and codec, against the ground truth."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ LONGEST_FULL = 60.0
 
 
 def measure(full: bool) -> Outcome:
-    """Reconstruct each scene, board with the default imperfections, 5 x 5."""
+    """Reconstruct each scene, 5 x 5 board with the default error model."""
     sensor = load_sensor()
     rows: list[tuple[Cell, ...]] = []
     points: list[Point] = []
@@ -26,21 +26,21 @@ def measure(full: bool) -> Outcome:
         scene = load_scene(name, sensor)
         duration = min(scene.duration or LONGEST, LONGEST_FULL if full else LONGEST)
         reconstructor, scorer = Reconstructor(sensor), Scorer(sensor)
-        taken: list[int] = []
+        times: list[int] = []
         for scan, truth in received_scans(sensor, scene, duration, 1, ErrorModel.default()):
             begin = time.perf_counter_ns()
             result = reconstructor.process(scan)
-            taken.append(time.perf_counter_ns() - begin)
+            times.append(time.perf_counter_ns() - begin)
             scorer.add(result, reconstructor.image(), truth)
-        micro = scan_microseconds(taken)
+        micro = scan_microseconds(times)
         score = scorer.score(micro)
         centre = score.cop_error_mm["mean"]
         found = (score.total_force_error_pct, centre, score.contact_precision, score.contact_recall)
         rows.append((name, duration, micro, *("-" if each is None else each for each in found)))
         if centre:
             points.append((micro, centre, name))
-    columns = ("scene", "s", "us a scan", "force error %", "centre error mm", "precision", "recall")
-    chart = Chart("front_reconstruction", "Reconstruction of the shipped scenes, 5 x 5, default imperfections",
-                  "run time [us a scan]", "mean error of the centre of pressure [mm]", {"scenes": points})  # fmt: skip
+    columns = ("scene", "s", "us per scan", "force error %", "CoP error mm", "precision", "recall")
+    chart = Chart("front_reconstruction", "Reconstruction of the shipped scenes, 5 x 5, default error model",
+                  "run time [us per scan]", "mean CoP error [mm]", {"scenes": points})  # fmt: skip
     cost = sum(row[2] for row in rows if isinstance(row[2], float)) / len(rows)
     return Outcome({"reconstruction_5x5_us": cost}, [Table("Reconstruction", columns, rows)], [chart])

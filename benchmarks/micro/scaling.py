@@ -21,8 +21,8 @@ SIDES = (5, 8, 16, 32, 64, 128)
 CONTACTS = (0, 1, 2, 4, 8, 16, 32, 64)
 BOARDS = (1, 2, 4, 8, 16)
 REST, TIMED = 700, 150
-"""Scans before the touch, and scans that are timed in it."""
-SIDE_OF_CONTACTS = 64
+"""Scans before the contact, and scans timed during it."""
+CONTACTS_SIDE = 64
 
 
 def array(side: int) -> Sensor:
@@ -32,7 +32,7 @@ def array(side: int) -> Sensor:
 
 
 def forces(side: int, contacts: int) -> np.ndarray:
-    """Return a map with evenly placed fingertips of 3 x 3 taxels [N]."""
+    """Return a force map with evenly spaced fingertips of 3 x 3 taxels [N]."""
     force = np.zeros((side, side))
     across = int(np.ceil(np.sqrt(contacts))) if contacts else 1
     for number in range(contacts):
@@ -43,7 +43,7 @@ def forces(side: int, contacts: int) -> np.ndarray:
 
 
 class Player:
-    """One board's counts, computed beforehand, and its reconstruction."""
+    """Precomputed counts of one board, and its reconstruction."""
 
     def __init__(self, sensor: Sensor, contacts: int, seed: int = 0) -> None:
         rng = np.random.default_rng(seed)
@@ -72,18 +72,18 @@ class Player:
 
 
 def cost(sensor: Sensor, contacts: int) -> tuple[float, int]:
-    """Return what a scan in touch costs [us], and how many contacts were found in the end."""
+    """Return the cost of a scan during contact [us], and the number of contacts found at the end."""
     player = Player(sensor, contacts)
-    taken = []
+    times = []
     for counts in player.counts:
         begin = time.perf_counter_ns()
         player.take(counts)
-        taken.append(time.perf_counter_ns() - begin)
-    return scan_microseconds(taken[TIMED // 3 :]), len(player.reconstructor._result.contacts)
+        times.append(time.perf_counter_ns() - begin)
+    return scan_microseconds(times[TIMED // 3 :]), len(player.reconstructor._result.contacts)
 
 
-class Wired:
-    """One board's frames, decoded and reconstructed as the driver does."""
+class FramePlayer:
+    """Frames of one board, decoded and reconstructed as in the driver."""
 
     def __init__(self, sensor: Sensor, seed: int) -> None:
         self.player = Player(sensor, 1, seed)
@@ -96,7 +96,7 @@ class Wired:
             self.frames.append(codec.encode(scan, sensor.can.base_id))
 
     def play(self, index: int) -> None:
-        """Take the frames of one scan."""
+        """Process the frames of one scan."""
         for decoded in self.decoder.decode(self.frames[index], index * 1_000_000, 0):
             if isinstance(decoded, ScanReady):
                 self.player.take(decoded.scan.counts)
@@ -104,18 +104,18 @@ class Wired:
 
 def boards_cost(sensors: Sequence[Sensor]) -> float:
     """Return the time for one scan of each of several boards, in turn, decoding included [us]."""
-    boards = [Wired(sensor, seed) for seed, sensor in enumerate(sensors)]
-    taken = []
+    boards = [FramePlayer(sensor, seed) for seed, sensor in enumerate(sensors)]
+    times = []
     for index in range(TIMED):
         begin = time.perf_counter_ns()
         for board in boards:
             board.play(index)
-        taken.append(time.perf_counter_ns() - begin)
-    return scan_microseconds(taken[TIMED // 3 :])
+        times.append(time.perf_counter_ns() - begin)
+    return scan_microseconds(times[TIMED // 3 :])
 
 
 def exponent(x: Sequence[float], y: Sequence[float]) -> float:
-    """Return the slope of a straight line through the logarithms."""
+    """Return the slope of the regression line through the logarithms."""
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
@@ -126,7 +126,7 @@ def measure(full: bool) -> Outcome:
     for side in SIDES:
         taxels.append((side * side, cost(array(side), 1)[0], ""))
         idle.append((side * side, cost(array(side), 0)[0], ""))
-    counted = [(number, *cost(array(SIDE_OF_CONTACTS), number)) for number in CONTACTS]
+    counted = [(number, *cost(array(CONTACTS_SIDE), number)) for number in CONTACTS]
     none = counted[0][1]
     hand = boards_cost([array(5)] * 5 + [array(16)])
     boards = [(number, boards_cost([array(5)] * number)) for number in (BOARDS if full else BOARDS[::2])]
@@ -134,34 +134,36 @@ def measure(full: bool) -> Outcome:
         "scaling_taxels_exponent": exponent([x for x, _, _ in taxels], [y for _, y, _ in taxels]),
         "scaling_taxels_large_exponent": exponent([x for x, _, _ in taxels[-3:]], [y for _, y, _ in taxels[-3:]]),
         "scaling_contacts_exponent": exponent(
-            [number for number, _, _ in counted[1:]], [max(taken - none, 1e-3) for _, taken, _ in counted[1:]]
+            [number for number, _, _ in counted[1:]], [max(times - none, 1e-3) for _, times, _ in counted[1:]]
         ),
-        "scaling_boards_exponent": exponent([number for number, _ in boards], [taken for _, taken in boards]),
+        "scaling_boards_exponent": exponent([number for number, _ in boards], [times for _, times in boards]),
         "scaling_128x128_us": taxels[-1][1],
         "hand_cpu_pct": hand / 10,
     }
     tables = [
         Table(
-            "Over taxels",
-            ("taxels", "one contact us a scan", "idle us a scan"),
+            "Cost over the number of taxels",
+            ("taxels", "one contact us per scan", "idle us per scan"),
             [(int(one[0]), one[1], other[1]) for one, other in zip(taxels, idle, strict=True)],
             f"Fitted exponent {values['scaling_taxels_exponent']:.2f}, of the three largest "
             f"{values['scaling_taxels_large_exponent']:.2f}.",
         ),
         Table(
-            f"Over contacts, {SIDE_OF_CONTACTS} x {SIDE_OF_CONTACTS}",
-            ("contacts", "us a scan", "found"),
+            f"Cost over the number of contacts, {CONTACTS_SIDE} x {CONTACTS_SIDE}",
+            ("contacts", "us per scan", "found"),
             counted,
-            f"Fitted exponent of what contacts add {values['scaling_contacts_exponent']:.2f}.",
+            f"Fitted exponent of the added cost {values['scaling_contacts_exponent']:.2f}.",
         ),
         Table(
-            "Over boards in one thread, 5 x 5, frames to contacts",
-            ("boards", "us for a scan of each", "% of a core at 1 kHz"),
-            [*((str(number), taken, taken / 10) for number, taken in boards),
+            "Cost over the number of boards in one thread, 5 x 5, frames to contacts",
+            ("boards", "us for one scan of each", "% of a core at 1 kHz"),
+            [*((str(number), times, times / 10) for number, times in boards),
              ("five fingers (5 x 5) and a palm (16 x 16)", hand, hand / 10)],
             f"Fitted exponent {values['scaling_boards_exponent']:.2f}. Without reading the bus and publishing.",
         ),
     ]  # fmt: skip
     series = {"one contact": taxels, "idle": idle}
-    chart = Chart("scaling_taxels", "Cost of a scan over taxels", "taxels", "run time [us a scan]", series)
+    chart = Chart(
+        "scaling_taxels", "Cost of a scan over the number of taxels", "taxels", "run time [us per scan]", series
+    )
     return Outcome(values, tables, [chart])

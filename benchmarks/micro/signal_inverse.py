@@ -1,4 +1,4 @@
-"""Counts back to charge: by table, in closed form with ufuncs, and by Newton's method; time and error side by side."""
+"""Conversion of counts to charge by table, closed form and Newton's method: run time and error."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ NEWTON_STEPS = 2
 
 
 class ClosedForm:
-    """The follower's equation solved, in as many ufuncs as it needs."""
+    """Closed-form solution of the follower equation by ufuncs."""
 
-    def __init__(self, sensor: Sensor, taxels: int, kind: type) -> None:
+    def __init__(self, sensor: Sensor, taxels: int, dtype: type) -> None:
         lsb = adc.lsb(SCALE_BITS, sensor.adc.low, sensor.adc.high)
         capacitance, gain = sensor.device.film_capacitance, sensor.amplifier.follower_gain
-        self._scale = kind(lsb * capacitance / gain)
-        self._shift = kind((sensor.adc.low / gain - sensor.amplifier.offset) * capacitance)
-        self._out = np.zeros(taxels, kind)
+        self._scale = dtype(lsb * capacitance / gain)
+        self._shift = dtype((sensor.adc.low / gain - sensor.amplifier.offset) * capacitance)
+        self._out = np.zeros(taxels, dtype)
 
     def __call__(self, counts: NDArray[np.uint16]) -> NDArray[np.floating]:
         """Return the charge density [C/m2]."""
@@ -36,7 +36,7 @@ class ClosedForm:
 
 
 class Newton:
-    """The follower's loop ``v = A*(u + offset - v)`` solved for the input u step by step, as a curve would be."""
+    """The follower's loop ``v = A*(u + offset - v)`` solved for the input u by iteration."""
 
     def __init__(self, sensor: Sensor, taxels: int) -> None:
         self._sensor = sensor
@@ -53,7 +53,7 @@ class Newton:
 
 
 def measure(full: bool) -> Outcome:
-    """Compare on counts of the whole range; the reference is the table's own formula at 80 bits."""
+    """Compare on counts of the whole range; the reference is the formula of the table in 80-bit floating point."""
     sensor = load_sensor()
     rng = np.random.default_rng(1)
     rows = []
@@ -67,23 +67,24 @@ def measure(full: bool) -> Outcome:
     for size in SIZES:
         counts = rng.integers(0, FULL_SCALE_COUNT + 1, size * size).astype(np.uint16)
         out = np.zeros(size * size)
-        ways = {
+        methods = {
             "table": partial(table.charge, counts, out),
             "closed form, float64": partial(ClosedForm(sensor, size * size, np.float64), counts),
             "closed form, float32": partial(ClosedForm(sensor, size * size, np.float32), counts),
             "Newton": partial(Newton(sensor, size * size), counts),
         }
         exact = exact_all[counts]
-        for name, way in ways.items():
-            error = float(np.abs(way() - exact).max()) / per_newton / sensor.device.force_max
-            taken = microseconds(way, 60 if full else 15)
-            rows.append((name, f"{size} x {size}", taken, error))
-            series.setdefault(name, []).append((taken, max(error, 1e-18), f"{size} x {size}"))
+        for name, method in methods.items():
+            error = float(np.abs(method() - exact).max()) / per_newton / sensor.device.force_max
+            duration = microseconds(method, 60 if full else 15)
+            rows.append((name, f"{size} x {size}", duration, error))
+            series.setdefault(name, []).append((duration, max(error, 1e-18), f"{size} x {size}"))
     values = {"inverse_table_5x5_us": rows[0][2], "inverse_closed_form_5x5_us": rows[1][2]}
-    chart = Chart("front_inverse", "Counts to charge; reference: 80 bits", "run time [us a scan]",
-                  "largest error [greatest force]", series)  # fmt: skip
-    columns = ("way", "array", "us a scan", "largest error / greatest force")
+    chart = Chart("front_inverse", "Counts to charge; reference: 80-bit floating point", "run time [us per scan]",
+                  "maximum error [full scale]", series)  # fmt: skip
+    columns = ("method", "array", "us per scan", "maximum error / full scale")
     note = (
-        "The table is as fast as the closed form of this linear follower, and stays so for any curve; it is what runs."
+        "The stack uses the table: it is as fast as the closed form of this linear follower, and equally "
+        "fast for any curve."
     )
-    return Outcome(values, [Table("Inverse of the readout", columns, rows, note)], [chart])
+    return Outcome(values, [Table("Inverse of the signal chain", columns, rows, note)], [chart])

@@ -1,7 +1,7 @@
-"""Frames a second that each slcan reader takes from the same byte stream: `python -m benchmarks.micro.slcan_readers`.
+"""Frames per second of each slcan reader on the same byte stream: `python -m benchmarks.micro.slcan_readers`.
 
-A process of its own writes the stream to a pseudo-terminal as fast as it is taken. Readers: python-can's own, the same
-with our buffered reader (`slcan_upstream.py`), and our bus, through recv() and through read_frames().
+A separate process writes the stream to a pseudo-terminal as fast as it is read. Readers: that of python-can, the same
+with buffering (`buffered_slcan.py`), and the slcan bus of the driver, through recv() and through read_frames().
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ from posfet_driver.bus.slcan_bus import SlcanBus
 from posfet_driver.bus.slcan_codec import encode_line
 
 FRAMES = {"python-can": 2_000, "buffered": 50_000, "recv": 100_000, "read_frames": 300_000}
-"""Frames that each reader is given."""
+"""Number of frames for each reader."""
 STREAMS = {"classic": (0x108, CLASSIC, bytes(range(8))), "FD, 64 bytes": (0x103, FD | RATE_SWITCH, bytes(range(64)))}
 
 
 @dataclass(frozen=True)
 class Reader:
-    """How to open a bus and take frames from it; `take` returns how many it took."""
+    """How to open a bus and read frames from it; `read` returns the number of frames."""
 
     open: Callable[[str], can.BusABC]
-    take: Callable[[can.BusABC], int]
+    read: Callable[[can.BusABC], int]
 
 
 def recv(bus: can.BusABC) -> int:
-    """Take one message."""
+    """Receive one message."""
     return int(bus.recv(1.0) is not None)
 
 
@@ -48,7 +48,7 @@ READERS = {
 
 
 def rate(reader: Reader, line: bytes, frames: int) -> float:
-    """Return frames a second."""
+    """Return the frames per second."""
     master, slave = os.openpty()
     tty.setraw(slave)
     bus = reader.open(os.ttyname(slave))
@@ -59,10 +59,10 @@ def rate(reader: Reader, line: bytes, frames: int) -> float:
             while data:
                 data = data[os.write(master, data) :]
         os._exit(0)
-    taken, begin = 0, time.perf_counter()
+    received, begin = 0, time.perf_counter()
     try:
-        while taken < frames:
-            taken += reader.take(bus)
+        while received < frames:
+            received += reader.read(bus)
         seconds = time.perf_counter() - begin
     finally:
         os.kill(writer, 9)
@@ -70,11 +70,11 @@ def rate(reader: Reader, line: bytes, frames: int) -> float:
         bus.shutdown()
         os.close(master)
         os.close(slave)
-    return taken / seconds
+    return received / seconds
 
 
 def measure(full: bool) -> Outcome:
-    """Let each reader take the same streams."""
+    """Measure each reader on the same streams."""
     scale = 1.0 if full else 0.5
     rates = {
         name: {
@@ -95,21 +95,22 @@ def measure(full: bool) -> Outcome:
         "slcan_classic_ratio": rates["classic"]["read_frames"] / rates["classic"]["python-can"],
     }
     note = (
-        "`read_frames` is what the driver uses; `recv` makes a can.Message of each frame, as python-can's readers do."
+        "`read_frames` is what the driver uses; `recv` creates a can.Message for each frame, like the readers "
+        "of python-can."
     )
-    return Outcome(values, [Table("slcan readers", ("frames", "reader", "k frames/s", "times"), rows, note)])
+    return Outcome(values, [Table("slcan readers", ("frames", "reader", "k frames/s", "speed-up"), rows, note)])
 
 
 def main() -> None:
     """Print a table."""
     scale = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
-    print(f"| {'frames':12} | {'reader':11} | {'k frames/s':>10} | {'times':>6} |\n|---|---|---|---|")
+    print(f"| {'frames':12} | {'reader':11} | {'k frames/s':>10} | {'speed-up':>8} |\n|---|---|---|---|")
     for name, frame in STREAMS.items():
         own = 0.0
         for reader, count in FRAMES.items():
             speed = rate(READERS[reader], encode_line(frame), max(int(scale * count), 200))
             own = own or speed
-            print(f"| {name:12} | {reader:11} | {speed / 1e3:10.2f} | {speed / own:6.0f} |", flush=True)
+            print(f"| {name:12} | {reader:11} | {speed / 1e3:10.2f} | {speed / own:8.0f} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What the simulated board costs and how exact it is: `python -m benchmarks.simulation [PART ...]`."""
+"""Run time and accuracy of the simulated board: `python -m benchmarks.simulation [PART ...]`."""
 
 from benchmarks.simulation.runs import main
 

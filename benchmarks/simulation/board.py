@@ -1,4 +1,4 @@
-"""The simulated board: cost of a scan, and time against error of its shortcuts."""
+"""The simulated board: cost of a scan, and run time and error with skipped computation."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ FRONT_SCENES = ("press_slide_lift", "two_fingers", "idle")
 FRONT_SCANS = 2000
 
 
-def cost(sensor: Sensor, imperfections: ErrorModel, scene: str, part: range, runs: int) -> float:
-    """Return the median time of a scan [us]; scans at rest are computed many at once, so chunks are timed."""
+def cost(sensor: Sensor, error_model: ErrorModel, scene: str, part: range, runs: int) -> float:
+    """Return the minimum time per scan [us] over several runs; timed in chunks, as scans at rest are batched."""
     chunks = []
     for _ in range(runs):
-        board = SimulatedBoard(sensor, SceneLoads(load_scene(scene, sensor), sensor), 0, imperfections)
+        board = SimulatedBoard(sensor, SceneLoads(load_scene(scene, sensor), sensor), 0, error_model)
         run(board, range(part.start))
         pieces = [range(k, k + CHUNK) for k in range(part.start, part.stop - CHUNK + 1, CHUNK)]
         chunks.append(sum(run(board, piece) for piece in pieces) / (CHUNK * len(pieces)) * 1e6)
@@ -36,12 +36,12 @@ def cost(sensor: Sensor, imperfections: ErrorModel, scene: str, part: range, run
 
 
 def shortcut(scene: str) -> tuple[float, float, float, float]:
-    """Return the time of a scan [us] of the lazy and of the full board, largest difference / full scale, and share."""
+    """Return the time per scan [us] with skipped and full computation, maximum difference / full scale, and share."""
     boards = [
         SimulatedBoard(SENSOR, SceneLoads(load_scene(scene, SENSOR), SENSOR), 0, NONE.without_noise(), compute_all=full)
         for full in (0, 1)
     ]
-    taken = [run(board, range(FRONT_SCANS)) / FRONT_SCANS * 1e6 for board in boards]
+    times = [run(board, range(FRONT_SCANS)) / FRONT_SCANS * 1e6 for board in boards]
     lazy, full = (
         SimulatedBoard(SENSOR, SceneLoads(load_scene(scene, SENSOR), SENSOR), 0, NONE.without_noise(), compute_all=full)
         for full in (False, True)
@@ -51,7 +51,7 @@ def shortcut(scene: str) -> tuple[float, float, float, float]:
         lazy.scan(index, scan)
         full.scan(index, scan)
         worst = max(worst, float(np.abs(lazy.volts() - full.volts()).max()))
-    return taken[0], taken[1], worst / FULL_SCALE, lazy.taxel_updates / full.taxel_updates
+    return times[0], times[1], worst / FULL_SCALE, lazy.taxel_updates / full.taxel_updates
 
 
 def measure(full: bool) -> Outcome:
@@ -61,29 +61,29 @@ def measure(full: bool) -> Outcome:
     found: dict[tuple[str, str], float] = {}
     for title, sensor in (("5 x 5", SENSOR), ("64 x 64", LARGE)):
         for state, (scene, part) in PARTS.items():
-            taken = [cost(sensor, imperfections, scene, part, runs) for imperfections in (NONE, DEFAULT)]
-            found[title, state] = taken[0]
-            rows.append((title, state, *taken, taken[0] / 10, 1000 / taken[0]))
+            times = [cost(sensor, error_model, scene, part, runs) for error_model in (NONE, DEFAULT)]
+            found[title, state] = times[0]
+            rows.append((title, state, *times, times[0] / 10, 1000 / times[0]))
     values = {
         "sim_5x5_cpu_pct": found["5 x 5", "sliding"] / 10,
         "sim_5x5_idle_cpu_pct": found["5 x 5", "at rest"] / 10,
         "sim_64x64_realtime_factor": 1000 / found["64 x 64", "sliding"],
     }
-    columns = ("array", "state", "us a scan", "with imperfections", "% of a core at 1 kHz", "times real time")
+    columns = ("array", "state", "us per scan", "with error model", "% of a core at 1 kHz", "real-time factor")
     cuts = {scene: shortcut(scene) for scene in FRONT_SCENES}
     tables = [
         Table("Simulated board", columns, rows),
         Table(
-            "Simulated board, only what the scene needs, against every taxel in every scan",
-            ("scene", "us a scan", "in full", "largest difference / full scale", "share of taxel updates"),
+            "Simulated board, skipped computation against full computation",
+            ("scene", "us per scan", "full computation", "maximum difference / full scale", "share of taxel updates"),
             [(scene, *found) for scene, found in cuts.items()],
         ),
     ]
-    # An error of 0 has no place on a logarithmic axis: rounding is as small as can be seen.
+    # A logarithmic axis has no 0: an error of 0 is drawn at 1e-16, the rounding error.
     lazy: list[Point] = [(cut[0], max(cut[2], 1e-16), scene) for scene, cut in cuts.items()]
     whole: list[Point] = [(cut[1], 1e-16, scene) for scene, cut in cuts.items()]
     chart = Chart(
-        "front_board", "Simulated board, 5 x 5; reference: in full", "run time [us a scan]",
-        "largest difference [full scale], 1e-16: none", {"only what is needed": lazy, "in full": whole},
+        "front_board", "Simulated board, 5 x 5; reference: full computation", "run time [us per scan]",
+        "maximum difference [full scale], 1e-16: none", {"skipped computation": lazy, "full computation": whole},
     )  # fmt: skip
     return Outcome(values, tables, [chart])

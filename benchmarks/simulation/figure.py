@@ -1,4 +1,4 @@
-"""Draws the figure of docs/simulation.md from stored measurements: `python -m benchmarks.simulation.figure`.
+"""Draw the figure of docs/simulation.md from stored measurements: `python -m benchmarks.simulation.figure`.
 
 The only module of this package that needs matplotlib.
 """
@@ -32,7 +32,7 @@ from posfet_model.figures.style import (
 
 NAME: Final = "simulation_schemes"
 TARGET: Final = 0.1
-"""Error that the simulation has to stay below [% of full scale]."""
+"""Maximum error of the simulation [% of full scale]."""
 
 LOOKS: Final = {
     "first-order hold": (BLUE, SOLID, "o"),
@@ -62,8 +62,8 @@ def draw(points: dict[tuple[str, str], Points]) -> Figure:
     widths = sorted({width for _, width in points}, reverse=True)
     figure, panels = new_figure(3.6, 1, len(widths))
     for axes, width in zip(panels, widths, strict=True):
-        for (scheme, its_width), values in points.items():
-            if its_width == width:
+        for (scheme, series_width), values in points.items():
+            if series_width == width:
                 colour, dashes, marker = LOOKS[scheme]
                 axes.loglog(
                     [error for _, _, error in values],

@@ -2,13 +2,12 @@
 
 Alone: `python -m benchmarks.simulation.follower_against_ngspice`.
 
-ngspice gets one netlist with an op-amp of circuit B for each taxel, all fed with sines of different amplitude. The cost
-of a step is ngspice's own account of its transient analysis over its time points, so that reading the netlist and
-finding the operating point do not count, times the share of the processor that the process had: the account is by the
-clock. The model takes the same steps: one after the other as in real time, and as a whole series; the best of 15, in
-processor time. So other programs on the machine count little. Prints one line an array, with the largest error of the
-last taxel against ngspice in percent of full scale, over the time that was run. About half a minute; skipped without
-ngspice.
+ngspice gets one netlist with an op-amp of circuit B for each taxel, all driven by sines of different amplitude. The
+cost of a step is the transient analysis time that ngspice reports over its number of time points, without netlist
+parsing and operating point, times the processor share of the process, as the report is in wall-clock time. The model
+takes the same steps: one after the other as in real time, and as a whole series; the minimum of 15, in processor time.
+So other load on the machine matters little. Prints one line per array, with the maximum error of the last taxel
+against ngspice in percent of full scale. Takes about half a minute; skipped without ngspice.
 """
 
 from __future__ import annotations
@@ -32,23 +31,23 @@ from posfet_model.spice import ngspice
 STEP = 1e-6
 FREQUENCY = 10e3
 ARRAYS = {64: 400, 4096: 24}
-"""Taxels, and the steps that ngspice is asked for."""
+"""Number of taxels, and of the steps requested from ngspice."""
 MODEL_STEPS = 500
 REPEATS = 15
 FRONT_AMPLITUDE = 0.25
-"""Amplitude of the sine of the front [V]."""
+"""Amplitude of the sine of the chart [V]."""
 SAME_INPUT = 1e-4
-"""Largest difference of the inputs of ngspice and the model, as part of the amplitude; six digits reach the netlist."""
+"""Largest difference of the inputs of ngspice and the model, relative to the amplitude; the netlist has six digits."""
 MISSING = f"{ngspice.PROGRAM} is not on PATH. Install with: sudo apt-get install ngspice"
 
 
 def amplitudes(taxels: int) -> list[float]:
-    """Amplitude of each taxel's sine [V], of two taxels or more."""
+    """Return the amplitude of the sine of each taxel [V], for two taxels or more."""
     return np.linspace(0.05, 0.25, taxels).tolist()
 
 
 def sine(instants: np.ndarray, volts: float | np.ndarray) -> np.ndarray:
-    """Input [V] of a taxel at the given times [s], for an amplitude [V]."""
+    """Return the input [V] of a taxel at the given times [s], for an amplitude [V]."""
     return volts * np.sin(2 * np.pi * FREQUENCY * instants)
 
 
@@ -84,7 +83,7 @@ def ngspice_run(
 
 
 def _children_seconds() -> float:
-    """Processor time that finished child processes took [s]."""
+    """Return the processor time of finished child processes [s]."""
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     return usage.ru_utime + usage.ru_stime
 
@@ -106,7 +105,7 @@ def model_seconds(taxels: int, steps: int) -> tuple[float, float]:
 
 
 def check_same_input(reference: ngspice.Transient, volts: float) -> None:
-    """Raise RuntimeError where ngspice's input is not the sine that the model gets: their outputs tell nothing then."""
+    """Raise RuntimeError if the input of ngspice is not that of the model, so that outputs are not comparable."""
     largest = float(np.max(np.abs(reference.v_in - sine(reference.time, volts))))
     if not largest <= SAME_INPUT * volts:
         raise RuntimeError(
@@ -134,7 +133,7 @@ def array_error(reference: ngspice.Transient, volts: float) -> float:
 
 
 def measure(full: bool) -> Outcome:
-    """Time ngspice and the model beside it, with steps that grow; one point of the front is one step width."""
+    """Time ngspice and the model; each point of the chart is one step size."""
     if not ngspice.available():
         return Outcome(skipped=MISSING)
     values: dict[str, float] = {}
@@ -150,10 +149,19 @@ def measure(full: bool) -> Outcome:
         values[f"sim_vs_ngspice_{taxels}"] = per_step / min(stepped, series)
         values[f"sim_vs_ngspice_{taxels}_stepped"] = per_step / stepped
         values[f"sim_vs_ngspice_{taxels}_error_pct"] = error
-    columns = ("taxels", "ngspice us a step", "model, step by step us", "times", "model, series us", "times", "error %")
+    columns = (
+        "taxels",
+        "ngspice us per step",
+        "model, step by step us",
+        "ratio",
+        "model, series us",
+        "ratio",
+        "error %",
+    )
     note = (
-        "Steps of 1 us for both, sines of 10 kHz; ngspice has circuit B's op-amp a taxel, the model one pole. Errors "
-        "of the last taxel in percent of its full scale. The ratio by name is that of the faster of the two ways."
+        "Steps of 1 us for both, sines of 10 kHz; ngspice simulates the op-amp of circuit B for each taxel, the "
+        "model one pole. Error of the last taxel in percent of its full scale. The named ratio is that of the faster "
+        "variant."
     )
     return Outcome(values, [Table("Followers against ngspice at equal step", columns, rows, note)], [front()])
 
@@ -164,7 +172,7 @@ def front() -> Chart:
     finest, _ = ngspice_series(0.02e-6)
     check_same_input(finest, volts)
     stop = finest.time[-1]
-    series: dict[str, list[Point]] = {"ngspice": [], "one pole, exact for a straight line": []}
+    series: dict[str, list[Point]] = {"ngspice": [], "one pole, first-order hold": []}
     loop = close_loop(AMPLIFIER_GAIN.value, GAIN_BANDWIDTH.value)
     follower = OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth)
     for step in (0.25e-6, 0.5e-6, 1e-6, 2e-6, 4e-6, 8e-6):
@@ -175,24 +183,24 @@ def front() -> Chart:
         series["ngspice"].append((seconds, max(50 * error / volts, 1e-6), f"{step * 1e6:g} us"))
         even = np.arange(0, stop, step)
         v_in = sine(even, volts)
-        taken = []
+        times = []
         for _ in range(REPEATS):
             begin = time.process_time()
             answer = follower.run(even, v_in)
-            taken.append(time.process_time() - begin)
+            times.append(time.process_time() - begin)
         error = error_percent(finest, volts, even, answer.v_out)
-        series["one pole, exact for a straight line"].append((min(taken), error, f"{step * 1e6:g} us"))
+        series["one pole, first-order hold"].append((min(times), error, f"{step * 1e6:g} us"))
     return Chart(
         "front_follower",
         f"One follower, {stop * 1e6:.0f} us of a sine of 10 kHz and {volts:g} V; reference: ngspice at 0.02 us",
         "run time [s]",
-        "largest error [% of full scale]",
+        "maximum error [% of full scale]",
         series,
     )
 
 
 def ngspice_series(step: float) -> tuple[ngspice.Transient, float]:
-    """Return a run of a single follower with the front's amplitude, and what its transient analysis took [s]."""
+    """Return a run of a single follower with the front's amplitude, and the time of its transient analysis [s]."""
     seconds, run = ngspice_run([FRONT_AMPLITUDE], 200, step, 200e-6)
     return run, seconds * len(run.time)
 
@@ -209,7 +217,7 @@ def main() -> int:
         stepped, series = runs.min(axis=0)
         error = array_error(reference, inputs[-1])
         print(
-            f"{taxels} taxels, {STEP * 1e6:g} us: ngspice {per_step * 1e6:.0f} us a step; model step by step "
+            f"{taxels} taxels, {STEP * 1e6:g} us: ngspice {per_step * 1e6:.0f} us per step; model step by step "
             f"{stepped * 1e6:.1f} us, ratio {per_step / stepped:.0f}; as a series {series * 1e6:.1f} us, "
             f"ratio {per_step / series:.0f}; error {error:.3f} % of full scale"
         )

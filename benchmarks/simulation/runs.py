@@ -1,11 +1,11 @@
-"""What the simulated board costs and how exact it is: `python -m benchmarks.simulation [PART ...]`.
+"""Run time and accuracy of the simulated board: `python -m benchmarks.simulation [PART ...]`.
 
-scenes    work and time saved by computing only what a scene needs, and the difference that makes
-reference error against every taxel computed at 100 kHz over whole scenes, noise off in both (a quarter of an hour)
+scenes    updates and time saved by skipped computation, and the resulting difference
+reference error against full computation at 100 kHz over whole scenes, noise off in both (a quarter of an hour)
 speed     share of a core of 5 x 5 at 1 kHz, touched and at rest; 64 x 64 against real time
 schemes   run time against error over step, scheme and float width; writes docs/figures/simulation_schemes.csv
 
-Each part prints one table for docs/simulation.md. Times are those of this process alone.
+Each part prints one table for docs/simulation.md. Times are processor times of this process.
 `python -m benchmarks.simulation.figure` draws the schemes.
 """
 
@@ -34,23 +34,23 @@ FULL_SCALE = SENSOR.device.force_max * SENSOR.volts_per_newton
 NONE, DEFAULT = ErrorModel.none(), ErrorModel.default()
 REFERENCE_RATE = 100_000.0
 CHUNK = 64
-"""Scans timed together: the least of many is what an undisturbed processor needs."""
+"""Scans timed together; the minimum of many chunks is the time of an undisturbed processor."""
 SCHEME_SCENE = "tap"
 SCHEME_SPAN = (0.25, 1.25)
 STRIDES = (10, 30, 100, 300, 1000)
-"""Steps tried, in those of the reference."""
+"""Step sizes in steps of the reference."""
 SCHEME_FILE = Path(__file__).resolve().parents[2] / "docs" / "figures" / "simulation_schemes.csv"
 
 Scheme = Callable[[np.ndarray, np.ndarray, float], Iterator[np.ndarray]]
 
 
 def scans(scene: str, longest: float) -> int:
-    """How many scans of a scene are run."""
+    """Return the number of scans to run of a scene."""
     return round(min(load_scene(scene, SENSOR).duration or 10.0, longest) * SENSOR.can.scan_rate)
 
 
 def run(board: SimulatedBoard, indices: range) -> float:
-    """Return the time [s] that some scans take."""
+    """Return the processor time [s] of some scans."""
     scan = Scan.empty(1, board.sensor.layout.taxels)
     begin = time.process_time()
     for index in indices:
@@ -59,7 +59,7 @@ def run(board: SimulatedBoard, indices: range) -> float:
 
 
 def scenes(options: argparse.Namespace) -> None:
-    """Print the table of what is saved."""
+    """Print the table of skipped computation."""
     columns = (
         "taxel updates / (taxels * scans) | us per scan | full computation | speed-up | max difference / full scale"
     )
@@ -74,7 +74,7 @@ def scenes(options: argparse.Namespace) -> None:
                 SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, NONE.without_noise(), compute_all=full)
                 for full in (False, True)
             )
-            taken = run(lazy, range(count)), run(full, range(count))
+            times = run(lazy, range(count)), run(full, range(count))
             lazy, full = (
                 SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, NONE.without_noise(), compute_all=full)
                 for full in (False, True)
@@ -85,7 +85,7 @@ def scenes(options: argparse.Namespace) -> None:
                 full.scan(index, scan)
                 worst = max(worst, float(np.abs(lazy.volts() - full.volts()).max()))
             share = lazy.taxel_updates / full.taxel_updates
-            micro = [seconds / count * 1e6 for seconds in taken]
+            micro = [seconds / count * 1e6 for seconds in times]
             print(
                 f"| `{name}`{suffix} | {share:.3f} | {micro[0]:.1f} | {micro[1]:.1f} | {micro[1] / micro[0]:.1f} "
                 f"| {worst / FULL_SCALE:.0e} |"
@@ -101,16 +101,16 @@ def reference(options: argparse.Namespace) -> None:
     for name in options.scene:
         count = scans(name, options.longest or math.inf)
         errors = []
-        for imperfections in (
+        for error_model in (
             NONE.without_noise(),
             replace(DEFAULT.without_noise(), dead_probability=0.0, stuck_probability=0.0),
         ):
-            board = SimulatedBoard(SENSOR, SceneLoads(load_scene(name, SENSOR), SENSOR), 0, imperfections)
-            truth = SimulatedBoard(fast, SceneLoads(load_scene(name, fast), fast), 0, imperfections, compute_all=True)
+            board = SimulatedBoard(SENSOR, SceneLoads(load_scene(name, SENSOR), SENSOR), 0, error_model)
+            truth = SimulatedBoard(fast, SceneLoads(load_scene(name, fast), fast), 0, error_model, compute_all=True)
             scan, worst = Scan.empty(1, SENSOR.layout.taxels), 0.0
             for index in range(count):
                 board.scan(index, scan)
-                truth.scan(index * ratio, scan)  # over every scan between, of every taxel
+                truth.scan(index * ratio, scan)  # computes every taxel in every scan between
                 worst = max(worst, float(np.abs(board.volts() - truth.volts()).max()))
             assert truth.taxel_updates == ((count - 1) * ratio + 1) * SENSOR.layout.taxels
             errors.append(100 * worst / FULL_SCALE)
@@ -127,13 +127,13 @@ def speed(options: argparse.Namespace) -> None:
              ("texture", "ridges sliding, rotated", range(500, 1500)),
              ("press_slide_lift", "held", range(520, 900)), ("idle", "unloaded", range(3000)))  # fmt: skip
     for sensor, title in ((SENSOR, "5 x 5"), (large, "64 x 64")):
-        for imperfections, what in ((NONE, "none"), (DEFAULT, "default")):
+        for error_model, what in ((NONE, "none"), (DEFAULT, "default")):
             for name, state, part in parts:
                 scene, micro = load_scene(name, sensor), []
                 if "rotated" in state:
-                    scene = turned(scene, 0.5)
+                    scene = rotated(scene, 0.5)
                 for _ in range(3):
-                    board = SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, imperfections)
+                    board = SimulatedBoard(sensor, SceneLoads(scene, sensor), 0, error_model)
                     run(board, range(part.start))
                     chunks = [range(k, k + CHUNK) for k in range(part.start, part.stop - CHUNK + 1, CHUNK)]
                     micro += [run(board, chunk) / CHUNK * 1e6 for chunk in chunks]
@@ -144,7 +144,7 @@ def speed(options: argparse.Namespace) -> None:
                 )
 
 
-def turned(scene: Scene, angle: float) -> Scene:
+def rotated(scene: Scene, angle: float) -> Scene:
     """Return the scene with its objects and their trajectories rotated by an angle [rad]."""
     return replace(
         scene,
@@ -156,7 +156,7 @@ def turned(scene: Scene, angle: float) -> Scene:
 
 
 def exact_hold(source: np.ndarray, change: np.ndarray, ratio: float) -> Iterator[np.ndarray]:
-    """First-order hold, exact: what the board does."""
+    """First-order hold, exact, as in the board."""
     decay, mean = source.dtype.type(math.exp(-ratio)), source.dtype.type(-math.expm1(-ratio) / ratio)
     charge = np.zeros_like(source[0])
     for row in change:
@@ -194,8 +194,8 @@ def backward_euler(source: np.ndarray, change: np.ndarray, ratio: float) -> Iter
 
 def trapezoid(source: np.ndarray, change: np.ndarray, ratio: float) -> Iterator[np.ndarray]:
     """Trapezoidal rule."""
-    kind = source.dtype.type
-    decay, weight, charge = kind((2 - ratio) / (2 + ratio)), kind(2 / (2 + ratio)), np.zeros_like(source[0])
+    dtype = source.dtype.type
+    decay, weight, charge = dtype((2 - ratio) / (2 + ratio)), dtype(2 / (2 + ratio)), np.zeros_like(source[0])
     for row in change:
         charge *= decay
         charge += weight * row
@@ -223,10 +223,10 @@ def schemes(options: argparse.Namespace) -> None:
     for stride in STRIDES:
         step = stride * finest
         for title, scheme in SCHEMES.items():
-            for kind in (np.float64, np.float32):
-                values, seconds = march(scheme, forces[::stride].astype(kind), step * ratio_of)
+            for dtype in (np.float64, np.float32):
+                values, seconds = march(scheme, forces[::stride].astype(dtype), step * ratio_of)
                 error = 100 * float(np.abs(values - exact[::stride][: len(values)]).max()) / full_scale
-                rows.append((title, np.dtype(kind).name, step, seconds / (len(values) * step), error))
+                rows.append((title, np.dtype(dtype).name, step, seconds / (len(values) * step), error))
     rows += whole_boards()
     with SCHEME_FILE.open("w", newline="", encoding="ascii") as stream:
         writer = csv.writer(stream, lineterminator="\n")
@@ -249,14 +249,14 @@ def whole_boards() -> list[tuple[str, str, float, float, float]]:
     rows = []
     for stride in STRIDES:
         step = stride / REFERENCE_RATE
-        for narrow in (False, True):
+        for float32 in (False, True):
             small, wide, truth = (
                 SimulatedBoard(
                     each,
                     SceneLoads(load_scene(SCHEME_SCENE, each), each),
                     0,
                     silent,
-                    single_precision=narrow and not full,
+                    single_precision=float32 and not full,
                     compute_all=full,
                 )
                 for each, full in (
@@ -272,7 +272,7 @@ def whole_boards() -> list[tuple[str, str, float, float, float]]:
                 worst = max(worst, float(np.abs(small.volts() - truth.volts()).max()))
             run(wide, range(first))
             cost = run(wide, range(first, count)) / (SCHEME_SPAN[1] - SCHEME_SPAN[0])
-            rows.append(("whole board", "float32" if narrow else "float64", step, cost, 100 * worst / FULL_SCALE))
+            rows.append(("whole board", "float32" if float32 else "float64", step, cost, 100 * worst / FULL_SCALE))
     return rows
 
 

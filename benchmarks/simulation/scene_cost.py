@@ -1,4 +1,4 @@
-"""Time that one object costs a scan, for each kind on a small and a large array: the table of docs/scenes.md.
+"""Cost of one object in a scan, for each kind on a small and a large array: the table of docs/scenes.md.
 
 Run: python -m benchmarks.simulation.scene_cost
 """
@@ -18,8 +18,8 @@ from posfet_sim.scene import ChipBend, Keyframes, Scene, SceneLoads, SceneObject
 from posfet_sim.scene.trajectories import Vibration
 
 SCANS = 96
-AT_ONCE = 16
-"""As many as a large board computes at once."""
+BATCH = 16
+"""Scans that a large board computes in one batch."""
 REPEATS = 30
 SHAPES: dict[str, Shape] = {
     "sphere": Sphere(5e-3, 2e6),
@@ -33,19 +33,19 @@ SHAPES: dict[str, Shape] = {
 
 
 def cost(sensor: Sensor, shape: Shape, angle: float, bend: ChipBend | None) -> tuple[float, int]:
-    """Return the least time a scan [us] over a few runs, and the number of taxels met, while the force changes."""
+    """Return the minimum time per scan [us], and the number of loaded taxels, while the force changes."""
     path = Vibration(0.0, 10.0, 1.0, 0.3e-3, -0.2e-3, angle, 1.0, 0.2, 37.0, 37.0)
     temperature = Keyframes((0.0,), ((25.0,),))
     scene = Scene("cost", "-", math.inf, (SceneObject("object", shape, path),), temperature, bend)
     loads = SceneLoads(scene, sensor)
     times = [1.0 + index * 1e-3 for index in range(SCANS)]
-    least = math.inf
+    minimum = math.inf
     for _ in range(REPEATS):
         begin = time.process_time()
-        for first in range(0, SCANS, AT_ONCE):
-            loads.forces(times[first : first + AT_ONCE])
-        least = min(least, time.process_time() - begin)
-    return least / SCANS * 1e6, loads.forces([1.0])[0].force.size
+        for first in range(0, SCANS, BATCH):
+            loads.forces(times[first : first + BATCH])
+        minimum = min(minimum, time.process_time() - begin)
+    return minimum / SCANS * 1e6, loads.forces([1.0])[0].force.size
 
 
 def main() -> None:
@@ -57,10 +57,10 @@ def main() -> None:
     print("|---|---|---|---|---|---|")
     for name, shape in SHAPES.items():
         costs = [cost(sensor, shape, angle, bend) for sensor, angle, bend in cases]
-        told = [f"{each:.0f} us" for each, _ in costs]
+        cells = [f"{each:.0f} us" for each, _ in costs]
         if isinstance(shape, RectangularIndenter):
-            told[3] = "-"  # not on a bent chip
-        print(f"| {name} | {' | '.join(told)} | {costs[2][1]} |")
+            cells[3] = "-"  # not on a bent chip
+        print(f"| {name} | {' | '.join(cells)} | {costs[2][1]} |")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Run time against error of ways to step the leaking charge, in both float widths, on the forces of a tap."""
+"""Runtime-accuracy trade-off of integration schemes for the charge with leakage, in float64 and float32, for a tap."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from benchmarks.simulation.runs import REFERENCE_RATE, SCHEMES, SENSOR, exact_ho
 
 
 def measure(full: bool) -> Outcome:
-    """March with each scheme, step and width."""
+    """Integrate with each scheme, step size and dtype."""
     strides = (10, 30, 100, 300, 1000) if full else (30, 100, 300)
     forces = scheme_forces()
     per_second = 1 / SENSOR.device.leak_time_constant
@@ -18,19 +18,19 @@ def measure(full: bool) -> Outcome:
     series: dict[str, list[Point]] = {}
     rows = []
     for title, scheme in SCHEMES.items():
-        for kind in (np.float64, np.float32):
+        for dtype in (np.float64, np.float32):
             for stride in strides:
                 step = stride * finest
-                values, seconds = march(scheme, forces[::stride].astype(kind), step * per_second)
+                values, seconds = march(scheme, forces[::stride].astype(dtype), step * per_second)
                 error = 100 * float(np.abs(values - exact[::stride][: len(values)]).max()) / SENSOR.device.force_max
                 cost = seconds / (len(values) * step)
-                label = f"{title}, {np.dtype(kind).name}"
+                label = f"{title}, {np.dtype(dtype).name}"
                 rows.append((label, step * 1e3, cost, error))
                 series.setdefault(label, []).append((cost, max(error, 1e-9), f"{step * 1e3:g} ms"))
-    columns = ("scheme", "step ms", "run time s a second, 4096 taxels", "largest error, % of full scale")
-    chart = Chart("front_schemes", "Leaking charge, 4096 taxels; reference: exact at 0.01 ms",
-                  "run time [s a second]", "largest error [% of full scale]", series)  # fmt: skip
+    columns = ("scheme", "step ms", "run time in s per simulated s, 4096 taxels", "maximum error, % of full scale")
+    chart = Chart("front_schemes", "Charge with leakage, 4096 taxels; reference: exact at 0.01 ms",
+                  "run time [s per simulated s]", "maximum error [% of full scale]", series)  # fmt: skip
     values = {"scheme_first_order_hold_1ms_error_pct": next(
         row[3] for row in rows if row[0] == "first-order hold, float64" and abs(row[1] - 1.0) < 1e-9
     )}  # fmt: skip
-    return Outcome(values, [Table("Schemes", columns, rows)], [chart])
+    return Outcome(values, [Table("Integration schemes", columns, rows)], [chart])

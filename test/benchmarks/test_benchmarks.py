@@ -1,4 +1,4 @@
-"""The benchmarks stay alive: what they hand back is kept, judged and written as it was."""
+"""The benchmarks run, and their results are stored, compared with targets and reported."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ NEED = {"latency": "rclpy", "ordinary": "rclpy", "sustained": "rclpy", "startup"
         "decode": "cantools"}  # fmt: skip
 
 
-def test_an_outcome_is_read_as_it_was_written(tmp_path: Path) -> None:
-    chart = Chart("front", "Front", "time", "error", {"way": [(1.0, 2.0, "a point")]})
+def test_an_outcome_survives_a_round_trip(tmp_path: Path) -> None:
+    chart = Chart("front", "Front", "time", "error", {"method": [(1.0, 2.0, "a point")]})
     outcome = Outcome({"name_us": 1.25}, [Table("Title", ("a", "b"), [("x", 1)], "note")], [chart])
     outcome.write(tmp_path / "outcome.json")
     read = Outcome.read(tmp_path / "outcome.json")
@@ -34,7 +34,7 @@ def test_an_outcome_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert report.results({}, {"one": read}, {}, False) == report.results({}, {"one": outcome}, {}, False)
 
 
-def test_results_hold_every_target_and_every_failure() -> None:
+def test_results_list_every_target_and_every_failure() -> None:
     text = report.results({"commit": "abc"}, {"start": Outcome({"startup_s": 0.75})}, {"slcan": "too slow"}, False)
     for target in TARGETS:
         assert f"| {target.name} |" in text
@@ -45,7 +45,7 @@ def test_results_hold_every_target_and_every_failure() -> None:
 @pytest.mark.parametrize(
     ("value", "verdict"), [(90.0, "stretch"), (100.0, "stretch"), (101.0, "pass"), (251.0, "short")]
 )
-def test_verdicts(value: float, verdict: str) -> None:
+def test_verdict_compares_the_value_with_both_limits(value: float, verdict: str) -> None:
     assert Target("name", "what", (250.0, 100.0)).verdict(value) == verdict
     assert Target("name", "what", (-250.0, -100.0), at_least=True).verdict(-value) == verdict
 
@@ -60,15 +60,15 @@ def test_every_subject_can_be_loaded() -> None:
         assert callable(import_module(f"benchmarks.{command.SUBJECTS[name][0]}").measure), name
 
 
-def test_a_benchmark_whose_tool_is_missing_is_skipped_and_names_the_package(
+def test_a_benchmark_without_its_tool_is_skipped_naming_the_package(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(sys, "argv", ["benchmarks", "--only", "sim_vs_ngspice"])
     assert command.main() == 0
-    said = " ".join(capsys.readouterr().out.split())
-    assert "skipped: ngspice is not on PATH. Install with: sudo apt-get install ngspice" in said
-    assert "s; skipped: sim_vs_ngspice; failed: none" in said
+    output = " ".join(capsys.readouterr().out.split())
+    assert "skipped: ngspice is not on PATH. Install with: sudo apt-get install ngspice" in output
+    assert "s; skipped: sim_vs_ngspice; failed: none" in output
     skipped = {"sim_vs_ngspice": follower_against_ngspice.measure(False)}
     text = report.results({}, skipped, {}, False)
     assert "| - | skipped: ngspice is not on PATH. Install with: sudo apt-get install ngspice |" in text
@@ -76,7 +76,7 @@ def test_a_benchmark_whose_tool_is_missing_is_skipped_and_names_the_package(
     assert follower_against_ngspice.main() == 0
 
 
-def test_a_reference_with_another_input_than_the_model_is_no_reference() -> None:
+def test_a_reference_with_a_different_input_is_rejected() -> None:
     time = np.linspace(0, 200e-6, 401)
     driven = follower_against_ngspice.sine(time, 0.05)
     same = ngspice.Transient(time, driven, driven)
@@ -89,7 +89,7 @@ def test_a_reference_with_another_input_than_the_model_is_no_reference() -> None
 
 @pytest.mark.spice
 @pytest.mark.skipif(not ngspice.available(), reason="needs ngspice")
-def test_ngspice_gets_the_input_of_the_model(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ngspice_and_the_model_get_the_same_input(monkeypatch: pytest.MonkeyPatch) -> None:
     run, _ = follower_against_ngspice.ngspice_series(1e-6)
     follower_against_ngspice.check_same_input(run, follower_against_ngspice.FRONT_AMPLITUDE)
     assert (
@@ -103,7 +103,7 @@ def test_ngspice_gets_the_input_of_the_model(monkeypatch: pytest.MonkeyPatch) ->
         follower_against_ngspice.array_error(wrong, 0.25)
 
 
-def test_one_of_them_runs() -> None:
+def test_one_benchmark_runs() -> None:
     outcome = signal_inverse.measure(False)
     assert all(math.isfinite(value) and value > 0 for value in outcome.values.values())
     assert max(error for *_, error in outcome.tables[0].rows) < 1e-6

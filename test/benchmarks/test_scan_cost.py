@@ -1,4 +1,4 @@
-"""A scan may not become dearer unnoticed."""
+"""Regression test of the run time of a scan."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ import pytest
 
 from support.scan_cost import BASELINE, CASES, costs
 
-DEARER = 1.3
+ALLOWED_RATIO = 1.3
 TRIES = 4
-"""A machine that was disturbed all through one measurement is given another."""
+"""Number of measurements, as other load may disturb a whole one."""
 
 
 @pytest.mark.slow
-def test_a_scan_costs_no_more_than_the_baseline() -> None:
-    """In units of a fixed piece of work, the least of many, in turn: only a heavy load of the machine matters.
+def test_the_cost_of_a_scan_stays_within_the_baseline() -> None:
+    """In units of a fixed workload, the minimum of many interleaved runs, so that only a heavy load of the machine matters.
 
-    Where a change is worth its cost, `python test/support/scan_cost.py --store` makes it the new baseline.
+    If a change is worth its cost, `python test/support/scan_cost.py --store` makes it the new baseline.
     """
     stored = json.loads(BASELINE.read_text(encoding="ascii"))
     least = dict.fromkeys(CASES, float("inf"))
     for _ in range(TRIES):
         least = {name: min(least[name], cost) for name, cost in costs().items()}
-        if all(least[name] <= DEARER * stored[name] for name in CASES):
+        if all(least[name] <= ALLOWED_RATIO * stored[name] for name in CASES):
             return
     ratios = {name: round(least[name] / stored[name], 2) for name in CASES}
-    raise AssertionError(f"times the stored cost: {ratios}, at most {DEARER}")
+    raise AssertionError(f"times the stored cost: {ratios}, at most {ALLOWED_RATIO}")

@@ -1,4 +1,4 @@
-"""The examples in docstrings of the driver are right to the digit."""
+"""Doctest of the examples in the docstrings of the driver."""
 
 from __future__ import annotations
 

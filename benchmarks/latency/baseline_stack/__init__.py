@@ -1,6 +1,6 @@
-"""The same board read the ordinary way, to be measured beside the stack: what a tutorial would have you write.
+"""Baseline implementation for the same board, written as in a tutorial, to be compared with the stack.
 
-python-can's own slcan and its Notifier, cantools for every frame, messages filled from lists, one process a node on a
-SingleThreadedExecutor, scipy.ndimage for the contacts. It does less than the stack: no losses told apart, no
-calibration, no zeros followed, no ids of contacts, no variance.
+slcan and Notifier of python-can, cantools for every frame, messages filled from lists, one process per node with a
+SingleThreadedExecutor, scipy.ndimage for the contacts. It does less than the stack: no loss statistics, no
+calibration, no baseline tracking, no contact tracks, no variance.
 """

@@ -16,8 +16,8 @@ from posfet_model.sensor.description import load_sensor
 from posfet_msgs.msg import TactileRaw
 
 
-class OrdinaryDriver(Node):
-    """One board of a single block a scan."""
+class BaselineDriver(Node):
+    """Driver of one board with a single block per scan."""
 
     def __init__(self, sensor_file: str, channel: str) -> None:
         super().__init__("driver_node", namespace="tactile")
@@ -30,7 +30,7 @@ class OrdinaryDriver(Node):
         self.starter = self.create_timer(0.5, self.start_board)
 
     def start_board(self) -> None:
-        """Tell the board to send, once somebody listens."""
+        """Start the board once there is a subscriber."""
         if self.raw.get_subscription_count() == 0:
             return
         command = self.database.get_message_by_name("Command")
@@ -54,9 +54,9 @@ class OrdinaryDriver(Node):
 
 
 def main() -> None:
-    """Run until told to end."""
+    """Run until interrupted."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = OrdinaryDriver(*sys.argv[1:3])
+    node = BaselineDriver(*sys.argv[1:3])
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     try:

@@ -15,32 +15,32 @@ from scipy import ndimage
 from posfet_model.sensor.description import load_sensor
 from posfet_msgs.msg import TactileContact, TactileContacts, TactileRaw
 
-ZERO_SCANS = 200
-"""Scans whose mean is the zero."""
+OFFSET_SCANS = 200
+"""Number of scans whose mean is the offset."""
 
 
-class OrdinaryModel(Node):
-    """Integrates the leaking signal and labels what is above the threshold."""
+class BaselineModel(Node):
+    """Compensates the charge leakage by integration and labels taxels above the threshold."""
 
     def __init__(self, sensor_file: str) -> None:
         super().__init__("model_node", namespace="tactile")
         self.sensor = load_sensor(sensor_file)
         shape = self.sensor.layout.rows, self.sensor.layout.cols
-        self.zeros: list[np.ndarray] = []
-        self.zero = np.zeros(shape)
+        self.offset_samples: list[np.ndarray] = []
+        self.offset = np.zeros(shape)
         self.last, self.force = np.zeros(shape), np.zeros(shape)
         self.contacts = self.create_publisher(TactileContacts, "contacts", 10)
         self.subscription = self.create_subscription(TactileRaw, "raw", self.on_raw, 1000)
 
     def on_raw(self, raw: TactileRaw) -> None:
-        """Take one scan."""
+        """Process one scan."""
         sensor = self.sensor
         counts = np.array(raw.counts, dtype=float).reshape(raw.rows, raw.cols)
         volts = counts / 65535 * (sensor.adc.high - sensor.adc.low) + sensor.adc.low
-        if len(self.zeros) < ZERO_SCANS:
-            self.zeros.append(volts)
-            self.zero = np.mean(self.zeros, axis=0)
-        signal = (volts - self.zero) / sensor.volts_per_newton
+        if len(self.offset_samples) < OFFSET_SCANS:
+            self.offset_samples.append(volts)
+            self.offset = np.mean(self.offset_samples, axis=0)
+        signal = (volts - self.offset) / sensor.volts_per_newton
         self.force += signal - self.last + self.last / (sensor.can.scan_rate * sensor.device.leak_time_constant)
         self.last = signal
         self.contacts.publish(self.message(raw))
@@ -67,9 +67,9 @@ class OrdinaryModel(Node):
 
 
 def main() -> None:
-    """Run until told to end."""
+    """Run until interrupted."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    node = OrdinaryModel(sys.argv[1])
+    node = BaselineModel(sys.argv[1])
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):

@@ -1,6 +1,6 @@
-"""A board behind the emulated adapter that notes when each scan is written: `python -m` this module.
+"""A board behind the emulated adapter that records when each scan is written: `python -m` this module.
 
-Its scans are computed beforehand, so that the processor is there for the stack. Ends on SIGTERM or SIGINT.
+Its scans are computed in advance, so that the processor is free for the stack. Ends on SIGTERM or SIGINT.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.latency.processes.recording import Moments
+from benchmarks.latency.processes.recording import TimeLog
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_sim.device.simulated_board import SimulatedBoard
@@ -23,7 +23,7 @@ from posfet_sim.scene import SceneLoads, load_scene
 
 
 class Replay:
-    """Scans of a scene from its beginning, from the first one that is asked for; the last one stays."""
+    """Replays the scans of a scene, starting with the first request; the last scan repeats at the end."""
 
     def __init__(self, sensor: Sensor, scene: str, seconds: float) -> None:
         board = SimulatedBoard(sensor, SceneLoads(load_scene(scene, sensor), sensor), 1)
@@ -48,23 +48,23 @@ class Replay:
 
 
 class StampingAdapter(EmulatedAdapter):
-    """Notes the moment just before the bytes of each scan are given to the terminal."""
+    """Records the time just before the bytes of each scan are written to the terminal."""
 
     def __init__(self, link: str, firmware: BoardFirmware) -> None:
         super().__init__(link, firmware)
-        self.moments = Moments()
+        self.times = TimeLog()
         self._written: list[int] = []
         firmware.on_scan = lambda scan: self._written.append(scan.sequence)
 
     def _flush(self, master: int) -> None:
         for sequence in self._written:
-            self.moments.add(sequence)
+            self.times.add(sequence)
         self._written.clear()
         super()._flush(master)
 
 
 def main() -> None:
-    """Serve the adapter until told to end."""
+    """Serve the adapter until interrupted."""
     sensor_file, scene, link, seconds, out = sys.argv[1:]
     sensor = load_sensor(sensor_file)
     replay = Replay(sensor, scene, float(seconds))
@@ -77,7 +77,7 @@ def main() -> None:
     print("ready", flush=True)
     end.wait()
     adapter.close()
-    adapter.moments.write(Path(out))
+    adapter.times.write(Path(out))
     print(adapter.frames_dropped, flush=True)
 
 

@@ -1,7 +1,7 @@
-"""What machine and middleware take by themselves: `python -m benchmarks.latency.processes.echo LINK SENSOR OUT`.
+"""Lower bound given by machine and middleware: `python -m benchmarks.latency.processes.echo LINK SENSOR OUT`.
 
-A process in the stack's place that reads the terminal and publishes a message without contacts for each scan, with the
-scan's number, and does nothing else.
+A process that replaces the stack: it only reads the terminal and publishes a message without contacts for each scan,
+with its sequence.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 
 from rclpy.node import Node
 
-from benchmarks.latency.processes.recording import Moments
+from benchmarks.latency.processes.recording import TimeLog
 from posfet_driver.board.board_client import Board
 from posfet_driver.bus.slcan_bus import READ_SIZE, SlcanBus
 from posfet_model.reconstruction.reconstructor import Reconstruction
@@ -24,14 +24,14 @@ from posfet_model.ros.run_node import ros, spin
 from posfet_model.sensor.description import load_sensor
 from posfet_msgs.msg import TactileContacts
 
-NUMBER = slice(13, 17)
-"""Where the low 16 bits of a scan's number are in the line of its CAN FD frame."""
+SEQUENCE = slice(13, 17)
+"""Position of the low 16 bits of the sequence in the line of a CAN FD frame."""
 START_TIMEOUT = 5.0
 WAIT_MS = 100
 
 
-def echo(port: int, node: Node, message: ContactsBytes, moments: Moments, end: threading.Event) -> None:
-    """Publish a message for each line that can be read at `port`."""
+def echo(port: int, node: Node, message: ContactsBytes, times: TimeLog, end: threading.Event) -> None:
+    """Publish a message for each line read from `port`."""
     publisher = node.create_publisher(TactileContacts, "contacts", 10)
     poll = select.poll()
     poll.register(port, select.POLLIN)
@@ -39,16 +39,16 @@ def echo(port: int, node: Node, message: ContactsBytes, moments: Moments, end: t
     while not end.is_set():
         if poll.poll(WAIT_MS):
             for line in os.read(port, READ_SIZE).split(b"\r")[:-1]:
-                if line[:1] == b"b":  # else a status
-                    result.sequence = int.from_bytes(unhexlify(line[NUMBER]), "little")
-                    moments.add(result.sequence)
+                if line[:1] == b"b":  # otherwise a status frame
+                    result.sequence = int.from_bytes(unhexlify(line[SEQUENCE]), "little")
+                    times.add(result.sequence)
                     publisher.publish(message.fill(result))
 
 
 def main() -> None:
-    """Have the board send, then echo until told to end."""
+    """Start the board, then echo until interrupted."""
     link, sensor_file, out = sys.argv[1:]
-    sensor, moments, end = load_sensor(sensor_file), Moments(), threading.Event()
+    sensor, times, end = load_sensor(sensor_file), TimeLog(), threading.Event()
     bus = SlcanBus(link, sensor.can.bitrate, sensor.can.data_bitrate, fd=True)
     board = Board(sensor, lambda: bus)
     board.open()
@@ -57,7 +57,7 @@ def main() -> None:
     with ros([]) as stack:
         node = Node("echo", namespace="tactile")
         stack.callback(node.destroy_node)
-        arguments = bus.fileno(), node, ContactsBytes(sensor, "finger"), moments, end
+        arguments = bus.fileno(), node, ContactsBytes(sensor, "finger"), times, end
         thread = threading.Thread(target=echo, args=arguments)
         thread.start()
         print("ready", flush=True)
@@ -65,7 +65,7 @@ def main() -> None:
         end.set()
         thread.join()
     board.close()
-    moments.write(Path(out))
+    times.write(Path(out))
 
 
 if __name__ == "__main__":

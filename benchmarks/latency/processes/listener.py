@@ -1,7 +1,7 @@
-"""Another process that takes the contacts: `python -m benchmarks.latency.processes.listener OUT`.
+"""Process that subscribes to the contacts: `python -m benchmarks.latency.processes.listener OUT`.
 
-It takes the bytes of each message and notes when they came; what is in them is looked at in the end. Prints `first`
-with the first message.
+It stores the bytes of each message with their time of arrival and deserialises them at the end. Prints `first` on the
+first message.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ DEPTH = 1000
 
 
 class Listener(Node):  # type: ignore[misc]  # rclpy has no types
-    """Keeps every contacts message."""
+    """Stores every contacts message."""
 
     def __init__(self) -> None:
         super().__init__("listener", namespace="tactile")
@@ -38,7 +38,7 @@ class Listener(Node):  # type: ignore[misc]  # rclpy has no types
 
 
 def main() -> None:
-    """Listen until told to end, then write scan number, time of arrival [ns] and number of contacts, shape [3, n]."""
+    """Listen until interrupted, then write sequence, arrival time [ns] and number of contacts, shape [3, n]."""
     with ros([]) as stack:
         node = Listener()
         stack.callback(node.destroy_node)

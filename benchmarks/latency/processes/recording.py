@@ -1,4 +1,4 @@
-"""Moments of many scans, written to a file when a process ends."""
+"""Times of many scans, written to a file when a process ends."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 
 
-class Moments:
-    """Monotonic times by scan number; appending costs 0.2 us and no object that stays."""
+class TimeLog:
+    """Monotonic times by sequence; appending takes 0.2 us and leaves no object behind."""
 
     def __init__(self) -> None:
         self._sequences = array("q")
         self._times = array("q")
 
     def add(self, sequence: int) -> None:
-        """Note that it is now."""
+        """Record the current time for a scan."""
         self._times.append(time.monotonic_ns())
         self._sequences.append(sequence)
 
     def write(self, path: Path) -> None:
-        """Write numbers and times [ns], shape [2, n]."""
+        """Write sequences and times [ns], shape [2, n]."""
         np.save(path, np.array([self._sequences, self._times], np.int64))

@@ -1,4 +1,4 @@
-"""A board on any python-can bus: end to end over `virtual`, and on buses that fail."""
+"""The board client: end to end over the virtual bus of python-can, and on buses that fail."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def test_two_boards_share_a_bus(sensor: Sensor, virtual: can.BusABC, channel: st
                     board.close()
 
 
-def test_the_pause_between_attempts_grows_from_a_tenth_to_five_seconds(sensor: Sensor) -> None:
+def test_reconnect_backoff_grows_from_100_ms_to_5_s(sensor: Sensor) -> None:
     clock = SteppedClock()
     attempts: list[int] = []
 
@@ -99,7 +99,7 @@ def test_the_pause_between_attempts_grows_from_a_tenth_to_five_seconds(sensor: S
     assert board.report().state == "CAN bus unavailable, retrying: no such device"
 
 
-def test_data_flows_within_half_a_second_of_the_bus_being_back(sensor: Sensor) -> None:
+def test_data_flows_within_half_a_second_after_the_bus_returns(sensor: Sensor) -> None:
     clock = SteppedClock()
     buses: list[SteppedBus] = []
     firmware = BoardFirmware(sensor, FakeBoard(sensor), 0)
@@ -128,7 +128,7 @@ def test_data_flows_within_half_a_second_of_the_bus_being_back(sensor: Sensor) -
     assert not firmware.running
 
 
-def test_a_reset_board_is_noticed_and_named(sensor: Sensor) -> None:
+def test_a_board_reset_is_detected_and_reported(sensor: Sensor) -> None:
     clock = SteppedClock()
     bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0))
     board = Board(sensor, lambda: bus, clock=clock)
@@ -146,9 +146,9 @@ def test_a_reset_board_is_noticed_and_named(sensor: Sensor) -> None:
     assert (resets, brown_outs, report.counters["board restarts"]) == (1, 0, 0)
 
 
-def test_a_board_whose_scans_never_come_whole_is_not_called_well(sensor: Sensor) -> None:
+def test_a_board_that_sends_only_incomplete_scans_is_not_reported_healthy(sensor: Sensor) -> None:
     clock = SteppedClock()
-    larger = with_layout(sensor, 8, 8)  # three blocks a scan where the board sends one
+    larger = with_layout(sensor, 8, 8)  # expects three blocks per scan, the board sends one
     bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0))
     board = Board(larger, lambda: bus, clock=clock)
     board.open()
@@ -159,7 +159,7 @@ def test_a_board_whose_scans_never_come_whole_is_not_called_well(sensor: Sensor)
     assert board.report().fault_counts[FaultKind.INCOMPLETE_SCANS] > 1000
 
 
-def test_a_reader_that_was_held_up_loses_nothing(sensor: Sensor) -> None:
+def test_a_delayed_reader_loses_no_scans(sensor: Sensor) -> None:
     clock = SteppedClock()
     bus = SteppedBus(clock, BoardFirmware(with_fd(sensor, False), FakeBoard(sensor), 0))
     board = Board(with_fd(sensor, False), lambda: bus, clock=clock)
@@ -175,8 +175,8 @@ def test_a_reader_that_was_held_up_loses_nothing(sensor: Sensor) -> None:
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 @pytest.mark.parametrize("held_up", ["host", "adapter"])
 @pytest.mark.parametrize("length", [0.1, 0.6, 1.0])
-def test_a_pause_in_which_nothing_was_lost_loses_nothing(sensor: Sensor, length: float, held_up: str, fd: bool) -> None:
-    """Whenever it comes, also while frames wait for the board to tell their numbers; then 4 KiB at a time."""
+def test_a_pause_without_frame_loss_loses_no_scans(sensor: Sensor, length: float, held_up: str, fd: bool) -> None:
+    """At any time, also while frames are held until their sequence is certain; afterwards in limited batches."""
     for first in (3, 17, 40, 41, 57):
         clock = SteppedClock()
         bus = SteppedBus(clock, BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), 0))
@@ -195,7 +195,7 @@ def test_a_pause_in_which_nothing_was_lost_loses_nothing(sensor: Sensor, length:
         assert board.decoder.scans == scan.sequence + 1
 
 
-def test_scans_that_come_after_a_pause_are_not_lost_by_asking_what_is_wrong(sensor: Sensor) -> None:
+def test_querying_the_board_after_a_pause_loses_no_scans(sensor: Sensor) -> None:
     clock = SteppedClock()
     bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0))
     board = Board(sensor, lambda: bus, clock=clock)
@@ -211,19 +211,18 @@ def test_scans_that_come_after_a_pause_are_not_lost_by_asking_what_is_wrong(sens
     assert board.report().health == Health.OK
 
 
-def test_an_answer_to_somebody_else_is_passed_over(sensor: Sensor) -> None:
+def test_a_response_to_another_client_is_ignored(sensor: Sensor) -> None:
     clock = SteppedClock()
     bus = SteppedBus(clock, BoardFirmware(sensor, FakeBoard(sensor), 0))
-    answer = Response(Command.IDENTIFY, tag=200, result=Result.OK, value=7)
-    bus.write_frame = lambda frame: None
+    response = Response(Command.IDENTIFY, tag=200, result=Result.OK, value=7)
+    bus.firmware.receive = lambda frame, now: [(sensor.can.base_id + RESPONSE_OFFSET, CLASSIC, response.pack())]
     board = Board(sensor, lambda: bus, clock=clock)
     board.open()
-    bus._answers.append((sensor.can.base_id + RESPONSE_OFFSET, CLASSIC, answer.pack()))
     assert board.read(0.1) is None
     assert board.report().state == "looking for the board"
 
 
-def test_reading_a_closed_board_gives_nothing(sensor: Sensor) -> None:
+def test_reading_a_closed_board_returns_none(sensor: Sensor) -> None:
     clock = SteppedClock()
     board = Board(sensor, lambda: pytest.fail("opened"), clock=clock)
     assert board.read(0.5) is None
@@ -240,13 +239,15 @@ def test_reading_a_closed_board_gives_nothing(sensor: Sensor) -> None:
         ({"options": ["loud"]}, r"CAN option must be 'key=value', got 'loud'"),
     ],
 )
-def test_mistakes_in_bus_parameters_are_named(sensor: Sensor, arguments: dict[str, object], message: str) -> None:
+def test_invalid_bus_parameters_are_rejected_with_the_reason(
+    sensor: Sensor, arguments: dict[str, object], message: str
+) -> None:
     with pytest.raises(ConfigError, match=message) as caught:
         bus_settings(**{"interface": "virtual", "channel": "", "link": sensor.can} | arguments)
     assert "\n" not in str(caught.value)
 
 
-def test_bus_parameters_are_taken_from_the_sensor_unless_given(sensor: Sensor) -> None:
+def test_bus_parameters_default_to_those_of_the_sensor(sensor: Sensor) -> None:
     plain = bus_settings("slcan", "x", sensor.can)
     assert (plain.bitrate, plain.data_bitrate, plain.fd) == (1_000_000, 5_000_000, True)
     given = bus_settings("slcan", "x", sensor.can, bitrate=500_000, data_bitrate=2_000_000)
@@ -255,7 +256,7 @@ def test_bus_parameters_are_taken_from_the_sensor_unless_given(sensor: Sensor) -
     assert options.options == {"rx_queue_size": 7, "preserve_timestamps": True}
 
 
-def test_a_bus_that_cannot_be_opened_says_why(sensor: Sensor) -> None:
+def test_a_bus_that_cannot_be_opened_reports_the_reason(sensor: Sensor) -> None:
     with pytest.raises(can.CanError, match="slcan:/nowhere/can: No such file") as caught:
         open_bus(bus_settings("slcan", "/nowhere/can", sensor.can))
     assert isinstance(caught.value.__cause__, can.CanInitializationError)

@@ -1,4 +1,4 @@
-"""Every fault on the wire, one by one: told apart, counted, named with a remedy, survived."""
+"""Every fault of the link and the board: distinguished, counted, reported with a remedy, and recovered from."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ EXPECTED = {
     InjectedFault.RESET: {FaultKind.BOARD_RESETS},
     InjectedFault.BROWN_OUT: {FaultKind.BROWN_OUTS, FaultKind.SUPPLY_LOW},
 }
-"""What is said of each trouble, at least."""
+"""Minimum set of faults reported for each injected fault."""
 ALONE = {
     InjectedFault.FROZEN_TIMESTAMP,
     InjectedFault.DUPLICATE,
@@ -59,27 +59,28 @@ ALONE = {
     InjectedFault.NO_RESPONSE,
     InjectedFault.RESET,
 }
-"""Troubles of which nothing else is said."""
+"""Injected faults for which nothing else is reported."""
 
 
 class Bench:
-    """A driver and a board with troubles, in stepped time; asks for a report once a second as the node does."""
+    """A board client and a board with injected faults, in stepped time; reads a report every second like the node."""
 
     def __init__(self, fd: bool) -> None:
         sensor = with_fd(SENSORS[fd], fd)
         self.clock = SteppedClock()
-        self.injector = FaultInjector(lambda now: BoardFirmware(sensor, FakeBoard(sensor), now), 0x100, 0)
+        self.device = FakeBoard(sensor)
+        self.injector = FaultInjector(lambda now: BoardFirmware(sensor, self.device, now), 0x100, 0)
         self.watch = FaultMonitor()
         self.faults: list[FaultKind] = []
-        self.said: list[str] = []
+        self.reported: list[str] = []
         self.health = Health.OK
         self.first = -1
-        self._reported = 0
+        self._report_time = 0
         self.board = Board(sensor, lambda: SteppedBus(self.clock, self.injector, CADENCE), self.clock)
         self.board.open()
 
     def run(self, seconds: float) -> int:
-        """Let time pass; return the scans that came, each held to what was sent."""
+        """Advance the time [s]; return the number of scans received, each compared with what was sent."""
         end = self.clock.now + round(seconds * SECOND)
         scans = 0
         while self.clock.now < end:
@@ -88,35 +89,35 @@ class Bench:
                 assert_marked(scan)
                 self.first = scan.sequence if self.first < 0 else self.first
                 scans += 1
-            if self.clock.now >= self._reported + SECOND:
+            if self.clock.now >= self._report_time + SECOND:
                 self._report()
         return scans
 
     def _report(self) -> None:
-        self._reported = self.clock.now
+        self._report_time = self.clock.now
         report = self.board.report()
         faults = self.watch.present(report, self.clock.now)
         come, gone = changes(self.faults, faults)
-        self.said += [f"+{fault.label}" for fault in come] + [f"-{fault.label}" for fault in gone]
+        self.reported += [f"+{fault.label}" for fault in come] + [f"-{fault.label}" for fault in gone]
         self.faults = faults
         self.health = worst(faults, report.health)
 
 
 @BOTH
-@pytest.mark.parametrize("trouble", EXPECTED, ids=lambda trouble: trouble.name)
-def test_each_fault_is_named_and_survived(trouble: InjectedFault, fd: bool) -> None:
+@pytest.mark.parametrize("injected", EXPECTED, ids=lambda injected: injected.name)
+def test_each_fault_is_reported_and_recovered_from(injected: InjectedFault, fd: bool) -> None:
     bench = Bench(fd)
     assert bench.run(3) > 2.9 * RATE
     assert (bench.faults, bench.health) == ([], Health.OK)
-    bench.injector.fault = trouble
+    bench.injector.fault = injected
     bench.run(4)
-    if trouble == InjectedFault.NO_RESPONSE:  # scans go on; it shows when the board has to be asked
+    if injected == InjectedFault.NO_RESPONSE:  # scans continue; the fault shows when a command is sent
         assert bench.faults == []
     expected = (
-        set() if trouble == InjectedFault.FROZEN_TIMESTAMP and not fd else EXPECTED[trouble]
-    )  # classic frames carry no time
+        set() if injected == InjectedFault.FROZEN_TIMESTAMP and not fd else EXPECTED[injected]
+    )  # classic frames carry no device time
     assert expected <= set(bench.faults), bench.faults
-    if trouble in ALONE:
+    if injected in ALONE:
         assert set(bench.faults) == expected
     if bench.faults:
         assert bench.health == max(fault.health for fault in bench.faults)
@@ -127,20 +128,20 @@ def test_each_fault_is_named_and_survived(trouble: InjectedFault, fd: bool) -> N
     assert bench.run(HOLD / SECOND + 2) > 6.9 * RATE
     assert bench.board.decoder.frames_lost == before
     assert (bench.faults, bench.health) == ([], Health.OK)
-    assert all(bench.said.count(word) == 1 for word in bench.said), bench.said  # once each, not once a frame
+    assert all(bench.reported.count(word) == 1 for word in bench.reported), bench.reported  # once per fault
     losses, board = bench.board.decoder.statistics, bench.board
-    if trouble not in {
+    if injected not in {
         InjectedFault.RESET,
         InjectedFault.BROWN_OUT,
         InjectedFault.FROZEN_COUNTER,
-    }:  # these begin new numbers
+    }:  # these restart the sequence
         sent = board.decoder.sequence + 1 - bench.first
         assert board.decoder.scans + losses.incomplete_scans + losses.lost_scans == sent
 
 
 @BOTH
 @pytest.mark.parametrize(
-    "trouble",
+    "injected",
     [
         InjectedFault.CABLE_UNPLUGGED,
         InjectedFault.BOARD_UNPLUGGED,
@@ -149,13 +150,13 @@ def test_each_fault_is_named_and_survived(trouble: InjectedFault, fd: bool) -> N
         InjectedFault.RESET,
         InjectedFault.FROZEN_COUNTER,
     ],
-    ids=lambda trouble: trouble.name,
+    ids=lambda injected: injected.name,
 )
-def test_data_flows_within_half_a_second_of_the_bus_being_back(trouble: InjectedFault, fd: bool) -> None:
+def test_data_flows_within_half_a_second_after_the_bus_returns(injected: InjectedFault, fd: bool) -> None:
     for length in (0.4, 1.7, 12.0):
         bench = Bench(fd)
         bench.run(1)
-        bench.injector.fault = trouble
+        bench.injector.fault = injected
         bench.run(length)
         bench.injector.fault = InjectedFault.NONE
         back = bench.clock.now
@@ -164,7 +165,7 @@ def test_data_flows_within_half_a_second_of_the_bus_being_back(trouble: Injected
 
 
 @BOTH
-def test_a_deaf_board_is_told_from_a_silent_one(fd: bool) -> None:
+def test_a_board_ignoring_commands_is_distinguished_from_one_without_traffic(fd: bool) -> None:
     bench = Bench(fd)
     bench.run(1)
     bench.injector.fault = InjectedFault.NO_RESPONSE
@@ -176,7 +177,7 @@ def test_a_deaf_board_is_told_from_a_silent_one(fd: bool) -> None:
 
 
 @BOTH
-def test_foreign_frames_that_fill_the_bus_do_not_hide_a_silent_board(fd: bool) -> None:
+def test_high_bus_load_of_unrelated_frames_does_not_hide_a_missing_board(fd: bool) -> None:
     bench = Bench(fd)
     bench.run(1)
     bench.injector.fault = InjectedFault.UNRELATED
@@ -193,16 +194,16 @@ def test_foreign_frames_that_fill_the_bus_do_not_hide_a_silent_board(fd: bool) -
         (ScanStatus.SCAN_OVERRUN, FaultKind.SCAN_OVERRUN),
     ],
 )
-def test_flags_of_the_board_are_named(flag: ScanStatus, fault: FaultKind) -> None:
+def test_status_flags_of_the_board_are_reported(flag: ScanStatus, fault: FaultKind) -> None:
     bench = Bench(True)
     bench.run(1)
-    bench.injector.firmware._board.status = flag
+    bench.device.status = flag
     bench.run(2)
     assert bench.faults == [fault]
 
 
 @BOTH
-def test_another_firmware_and_another_layout_are_refused_and_named(fd: bool) -> None:
+def test_wrong_firmware_version_and_layout_are_rejected_and_reported(fd: bool) -> None:
     bench = Bench(fd)
     bench.run(1)
     bench.injector.firmware.firmware = 0x0203
@@ -212,30 +213,30 @@ def test_another_firmware_and_another_layout_are_refused_and_named(fd: bool) -> 
     assert bench.board.report().state == "the board has firmware 2.3, this driver needs 0.x"
     bench.injector.firmware.firmware = 0x0001
     bench.run(2)
-    bench.injector.firmware._layout = 9  # another board was plugged in, and sends
+    bench.injector.firmware.layout_id = 9  # another board was connected, and sends
     bench.run(2)
     assert FaultKind.WRONG_LAYOUT in bench.faults
-    bench.injector.firmware._layout = SENSORS[fd].layout.id
+    bench.injector.firmware.layout_id = SENSORS[fd].layout.id
     assert bench.run(3) > RATE
 
 
-def test_a_reset_with_a_low_supply_is_a_brown_out() -> None:
+def test_a_reset_at_low_supply_voltage_is_reported_as_brown_out() -> None:
     counters = {}
-    for trouble in (InjectedFault.RESET, InjectedFault.BROWN_OUT):
+    for injected in (InjectedFault.RESET, InjectedFault.BROWN_OUT):
         bench = Bench(True)
         bench.run(1)
-        bench.injector.fault = trouble
+        bench.injector.fault = injected
         bench.run(2)
-        counters[trouble] = (bench.board.resets, bench.board.brown_outs)
+        counters[injected] = (bench.board.resets, bench.board.brown_outs)
     assert counters == {InjectedFault.RESET: (1, 0), InjectedFault.BROWN_OUT: (1, 1)}
 
 
-def test_stamps_go_on_while_the_boards_clock_stands() -> None:
+def test_stamps_advance_while_the_board_clock_is_frozen() -> None:
     bench = Bench(True)
     bench.run(1)
     estimated = []
-    for trouble in (InjectedFault.FROZEN_TIMESTAMP, InjectedFault.NONE):
-        bench.injector.fault = trouble
+    for injected in (InjectedFault.FROZEN_TIMESTAMP, InjectedFault.NONE):
+        bench.injector.fault = injected
         for number in range(400):
             scan = bench.board.read(0.01)
             assert scan is not None

@@ -1,5 +1,5 @@
-"""One suite for every bus: virtual, the emulated adapter by either slcan, python-can's socketcan without a kernel that
-has it, socketcand, multicast, and real ones.
+"""One suite for every bus: virtual, the emulated adapter with both slcan implementations, a fake SocketCAN, socketcand,
+UDP multicast, and real buses.
 
 udp_multicast needs msgpack (pip install msgpack); its datagrams do not leave this machine (hop_limit 0).
 
@@ -27,6 +27,7 @@ import pytest
 from posfet_driver.board.board_client import Board
 from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.faults import FaultKind, Health
+from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.open_bus import bus_settings, open_can_bus
 from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.clock import Clock, SystemClock
@@ -36,14 +37,23 @@ from posfet_model.sensor.scan import Scan
 from posfet_sim.emulation.firmware import BoardFirmware
 from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
 from support.clocks import PacedClock
-from support.fake_board import PATIENCE, FakeBoard, assert_marked, board_on_bus, read_scans, with_fd, with_layout
+from support.fake_board import (
+    PATIENCE,
+    FakeBoard,
+    assert_marked,
+    board_on_bus,
+    read_scans,
+    read_until,
+    with_fd,
+    with_layout,
+)
 from support.fake_socketcan import FakeSocketcan
 from support.fake_socketcand import FakeSocketcand
 
 EMULATED = with_layout(load_sensor(), 5, 5, scan_rate=200.0)
 REAL_BUS = os.environ.get("POSFET_TEST_CAN", "")
 REAL_BOARD = os.environ.get("POSFET_TEST_BOARD", "")
-PLACES = [
+BUSES = [
     "virtual",
     "slcan",
     "slcan-python-can",
@@ -57,7 +67,7 @@ PLACES = [
 
 @dataclass(frozen=True)
 class Bench:
-    """A board that can be reached, and whether it sends marked scans."""
+    """A connected board, and whether it sends marked scans."""
 
     board: Board
     sensor: Sensor
@@ -72,7 +82,7 @@ class Bench:
 
 
 def free_port() -> int:
-    """A UDP port that nobody uses."""
+    """Return an unused UDP port."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
@@ -83,41 +93,41 @@ def fd(request: pytest.FixtureRequest) -> bool:
     return bool(request.param)
 
 
-@pytest.fixture(params=PLACES)
+@pytest.fixture(params=BUSES)
 def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    place = request.param
-    clock: Clock = SystemClock() if place in {"board", "can"} else PacedClock()
+    bus_kind = request.param
+    clock: Clock = SystemClock() if bus_kind in {"board", "can"} else PacedClock()
     sensor = EMULATED
     with ExitStack() as stack:
         firmware = BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), clock.monotonic())
-        interface, channel, options = place, "", []
-        if place in {"slcan", "slcan-python-can"}:
+        interface, channel, options = bus_kind, "", []
+        if bus_kind in {"slcan", "slcan-python-can"}:
             adapter = EmulatedAdapter(tmp_path / "can0", firmware, clock)
             adapter.open()
             stack.callback(adapter.close)
             channel = str(adapter.link)
-            options = [] if place == "slcan" else ["sleep_after_open=0.0"]
-        elif place == "socketcand":
+            options = [] if bus_kind == "slcan" else ["sleep_after_open=0.0"]
+        elif bus_kind == "socketcand":
             if fd:
                 pytest.skip("socketcand carries classic frames only")
             daemon = FakeSocketcand(firmware, clock)
             daemon.open()
             stack.callback(daemon.close)
             channel, options = "can0", ["host=127.0.0.1", f"port={daemon.port}", "tcp_tune=true"]
-        elif place == "board":
+        elif bus_kind == "board":
             interface, _, channel = REAL_BOARD.partition(":")
             sensor = load_sensor(os.environ.get("POSFET_TEST_SENSOR") or "posfet_5x5")
             if sensor.can.fd != fd:
                 pytest.skip("the board has the other frames")
         else:
-            if place == "virtual":
+            if bus_kind == "virtual":
                 channel = uuid.uuid4().hex
-            elif place == "socketcan":
+            elif bus_kind == "socketcan":
                 kernel = FakeSocketcan(monkeypatch, tmp_path / "net")
                 stack.callback(kernel.close)
                 kernel.add("can0")
                 channel = "can0"
-            elif place == "udp_multicast":
+            elif bus_kind == "udp_multicast":
                 channel, options = "239.74.163.2", ["hop_limit=0", f"port={free_port()}"]
             else:
                 interface, channel = "socketcan", REAL_BUS
@@ -128,17 +138,17 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool, monkeypatch:
         board = Board(with_fd(sensor, fd), opener, clock, opener.presence)
         stack.callback(board.close)
         board.open()
-        yield Bench(board, sensor, place != "board", clock)
+        yield Bench(board, sensor, bus_kind != "board", clock)
 
 
-def test_scans_come_whole_and_in_order(bench: Bench) -> None:
+def test_scans_are_complete_and_in_order(bench: Bench) -> None:
     sequences = [scan.sequence for scan in bench.scans(100)]
     assert sequences == list(range(sequences[0], sequences[0] + 100))
     report = bench.board.report()
     assert (report.health, report.frames_lost, report.conditions) == (Health.OK, 0, ())
 
 
-def test_stamps_go_on_evenly(bench: Bench) -> None:
+def test_stamps_are_evenly_spaced(bench: Bench) -> None:
     stamps = [scan.stamp for scan in bench.scans(50)]
     assert stamps == sorted(stamps)
     assert abs(stamps[-1] - bench.clock.wall()) < PATIENCE * 1e9
@@ -151,7 +161,7 @@ def test_the_board_identifies_itself(bench: Bench) -> None:
     assert value & 0xFFFF == bench.sensor.layout.id
 
 
-def test_a_refused_command_comes_back_with_the_reason(bench: Bench) -> None:
+def test_a_rejected_command_reports_the_reason(bench: Bench) -> None:
     list(bench.scans(1))
     with pytest.raises(CommandError, match="SET_RATE: refused by the board: bad argument"):
         bench.board.request(Command.SET_RATE, 1, timeout=PATIENCE)
@@ -169,10 +179,16 @@ def test_the_board_stops_and_starts(bench: Bench) -> None:
     assert bench.board.report().frames_lost == 0
 
 
-def test_the_bus_is_opened_anew_after_a_failure(bench: Bench) -> None:
+def test_the_bus_is_reopened_after_a_failure(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    read = bench.board.bus.read
+
+    def fail(timeout: float) -> list[Frame]:
+        monkeypatch.setattr(bench.board.bus, "read", read)
+        raise can.CanOperationError("pulled")
+
     list(bench.scans(5))
-    bench.board._fail(can.CanOperationError("pulled"))
-    assert bench.board.report().conditions == (FaultKind.ADAPTER_DISCONNECTED,)
+    monkeypatch.setattr(bench.board.bus, "read", fail)
+    read_until(bench.board, lambda: bench.board.report().conditions == (FaultKind.ADAPTER_DISCONNECTED,))
     list(bench.scans(5))
     assert bench.board.bus.failed == 1
     assert bench.board.report().health == Health.OK

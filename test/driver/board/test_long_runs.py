@@ -1,4 +1,4 @@
-"""The long runs, short."""
+"""Short versions of the long-running tests."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 
 @BOTH
 @pytest.mark.parametrize("seed", [1, 2])
-def test_what_was_sent_was_published_or_is_counted_as_lost(fd: bool, seed: int) -> None:
+def test_every_sent_scan_is_published_or_counted_as_lost(fd: bool, seed: int) -> None:
     account = scans_under_faults(8000, fd, seed)
     assert account["published"] > 2000
     assert account["torn"] > 0 or fd
@@ -21,19 +21,19 @@ def test_what_was_sent_was_published_or_is_counted_as_lost(fd: bool, seed: int) 
 
 
 @BOTH
-def test_resets_and_stuck_counters_among_them(fd: bool) -> None:
+def test_every_scan_is_accounted_for_with_resets_and_frozen_counters(fd: bool) -> None:
     account = scans_under_faults(8000, fd, 3, COUNTED + NEW_SEQUENCE)
     assert account["published"] > 2000
     assert account["resets"] > 0
 
 
 @BOTH
-def test_frames_of_any_kind_do_no_harm(fd: bool) -> None:
-    taken, growth = fuzz(200_000, fd, 4)
-    assert taken >= 200_000
+def test_arbitrary_frames_cause_no_failure(fd: bool) -> None:
+    frames, growth = fuzz(200_000, fd, 4)
+    assert frames >= 200_000
     assert growth < 1 << 20
 
 
 @pytest.mark.slow
-def test_a_short_soak_ends_well(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_short_soak_test_passes(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["--for", "6", "--every", "0.6", "--seed", "1"]) == 0, capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""Every slcan reader held to python-can's own, on the same bytes: frames, replies, refusals, broken lines, pieces."""
+"""Every slcan reader verified against that of python-can on the same bytes: frames, replies, malformed lines."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ OPENERS: dict[str, Callable[[str], can.BusABC]] = {
 
 
 class Port:
-    """A pseudo-terminal with one bus on it."""
+    """A pseudo-terminal with one bus connected to it."""
 
     def __init__(self, reader: str) -> None:
         self.master, self.slave = os.openpty()
@@ -48,8 +48,8 @@ class Port:
         os.close(self.master)
         os.close(self.slave)
 
-    def heard(self, pieces: list[bytes], last: Frame) -> list[Frame | str]:
-        """What comes of bytes that are written piece by piece: frames and kinds of exceptions, up to a last frame."""
+    def receive(self, pieces: list[bytes], last: Frame) -> list[Frame | str]:
+        """Write bytes in chunks; return the frames and exception types received, up to the frame `last`."""
         out: list[Frame | str] = []
         for piece in pieces:
             os.write(self.master, piece)
@@ -62,7 +62,7 @@ class Port:
         return out[:-1]
 
     def _take(self, out: list[Frame | str], timeout: float) -> None:
-        """Take what is there, or wait for one thing."""
+        """Return what is available, or wait for one item."""
         while True:
             try:
                 message = self.bus.recv(timeout)
@@ -93,7 +93,7 @@ LAST: Frame = (0x7AB, 0, b"\xab\xcd")
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_all_readers_hear_the_same_frames_among_replies(ports: dict[str, Port], seed: int) -> None:
+def test_all_readers_receive_the_same_frames_among_replies(ports: dict[str, Port], seed: int) -> None:
     noise = random.Random(seed)
     sent = [noise.choice(FRAMES) for _ in range(30)]
     lines = [encode_line(frame) for frame in sent]
@@ -101,19 +101,19 @@ def test_all_readers_hear_the_same_frames_among_replies(ports: dict[str, Port], 
         lines.insert(noise.randrange(len(lines)), noise.choice(REPLIES))
     stream = pieces(noise, b"".join(lines))
     for name, port in ports.items():
-        assert port.heard(stream, LAST) == sent, name
+        assert port.receive(stream, LAST) == sent, name
 
 
-def test_the_buffered_reader_treats_broken_lines_as_python_can_does(ports: dict[str, Port]) -> None:
+def test_the_buffered_reader_handles_malformed_lines_like_python_can(ports: dict[str, Port]) -> None:
     for line in BROKEN:
         stream = [encode_line(FRAMES[0]) + line + encode_line(FRAMES[2])]
-        assert ports["buffered"].heard(stream, LAST) == ports["python-can"].heard(stream, LAST), line
+        assert ports["buffered"].receive(stream, LAST) == ports["python-can"].receive(stream, LAST), line
 
 
-def test_our_bus_counts_broken_lines_and_goes_on(ports: dict[str, Port]) -> None:
+def test_slcan_bus_counts_malformed_lines_and_continues(ports: dict[str, Port]) -> None:
     ours = ports["ours"]
     for count, line in enumerate(BROKEN, 1):
-        assert ours.heard([encode_line(FRAMES[0]) + line + encode_line(FRAMES[2])], LAST) == [FRAMES[0], FRAMES[2]]
+        assert ours.receive([encode_line(FRAMES[0]) + line + encode_line(FRAMES[2])], LAST) == [FRAMES[0], FRAMES[2]]
         assert ours.bus.malformed_lines == count
 
 
@@ -142,7 +142,7 @@ def select_readable(descriptor: int) -> bool:
     return bool(select.select([descriptor], [], [], 0)[0])
 
 
-def test_flush_forgets_what_was_received(ports: dict[str, Port]) -> None:
+def test_flush_discards_received_frames(ports: dict[str, Port]) -> None:
     bus = ports["buffered"].bus
     os.write(ports["buffered"].master, encode_line(FRAMES[0]) * 3)
     assert bus.recv(PATIENCE) is not None

@@ -1,4 +1,4 @@
-"""Options of every interface of python-can: passed on as they are, and refused when the interface has none such."""
+"""Options of every python-can interface: passed on unchanged, and rejected when the interface does not have them."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ EVERYWHERE = {"slcan", "slcan-python-can", "socketcan", "socketcand", "udp_multi
 
 @pytest.fixture
 def opened(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Takes an interface and what is asked for; returns what its constructor gets."""
+    """Return a function that opens an interface and returns the arguments of its constructor."""
 
-    def what_arrives(interface: str, channel: str, options: Sequence[str], fd: bool = True) -> dict[str, Any]:
+    def constructor_arguments(interface: str, channel: str, options: Sequence[str], fd: bool = True) -> dict[str, Any]:
         module, name = BACKENDS[interface]
         bus_class = getattr(importlib.import_module(module), name)
         arguments: dict[str, Any] = {}
@@ -43,11 +43,11 @@ def opened(monkeypatch: pytest.MonkeyPatch) -> Any:
                 open_can_bus(bus_settings(interface, channel, replace(LINK, fd=fd), options=options))
         return arguments
 
-    return what_arrives
+    return constructor_arguments
 
 
 @pytest.mark.parametrize("interface", interfaces())
-def test_an_option_that_an_interface_does_not_know_is_named_with_those_it_knows(interface: str) -> None:
+def test_an_unknown_interface_option_is_rejected_with_the_known_options(interface: str) -> None:
     with pytest.raises(ConfigError) as caught:
         bus_settings(interface, "", LINK, options=["no_such_option=1"])
     message = str(caught.value)
@@ -58,7 +58,7 @@ def test_an_option_that_an_interface_does_not_know_is_named_with_those_it_knows(
     assert interface not in EVERYWHERE or message.startswith(unknown)
 
 
-def test_socketcan_takes_its_bitrate_from_the_kernel(opened: Any) -> None:
+def test_socketcan_bitrate_is_set_by_the_kernel(opened: Any) -> None:
     options = ["receive_own_messages=true", "ignore_rx_error_frames=False", "local_loopback=0"]
     assert opened("socketcan", "can0", options=options) == {
         "channel": "can0",
@@ -70,7 +70,7 @@ def test_socketcan_takes_its_bitrate_from_the_kernel(opened: Any) -> None:
 
 
 @pytest.mark.parametrize("fd", [True, False])
-def test_kvaser_gets_what_it_takes_out_of_its_keywords(opened: Any, fd: bool) -> None:
+def test_kvaser_gets_its_keyword_arguments(opened: Any, fd: bool) -> None:
     arguments = opened("kvaser", "0", fd=fd, options=["accept_virtual=false", "sjw=4"])
     expected = {"channel": "0", "bitrate": 1_000_000, "fd": fd, "accept_virtual": False, "sjw": 4}
     assert arguments == expected | ({"data_bitrate": 5_000_000} if fd else {})

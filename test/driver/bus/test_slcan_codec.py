@@ -1,4 +1,4 @@
-"""Lines of slcan: there and back, in any pieces, and with anything between them."""
+"""Lines of slcan: round trips, arbitrary chunks, and garbage between lines."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def frames(draw: st.DrawFn) -> Frame:
 
 
 @given(sent=st.lists(frames(), max_size=30), cuts=st.lists(st.integers(0, 3000), max_size=10))
-def test_frames_come_back_in_whatever_pieces(sent: list[Frame], cuts: list[int]) -> None:
+def test_frames_are_decoded_from_arbitrary_chunks(sent: list[Frame], cuts: list[int]) -> None:
     stream = b"".join(encode_line(frame) for frame in sent * 2)
     reader = LineReader()
     received = []
@@ -32,15 +32,15 @@ def test_frames_come_back_in_whatever_pieces(sent: list[Frame], cuts: list[int])
     assert reader.malformed == 0
 
 
-@given(sent=st.lists(frames(), min_size=1, max_size=10), junk=st.binary(max_size=300))
-def test_after_junk_the_next_line_is_right(sent: list[Frame], junk: bytes) -> None:
+@given(sent=st.lists(frames(), min_size=1, max_size=10), garbage=st.binary(max_size=300))
+def test_the_line_after_garbage_is_decoded(sent: list[Frame], garbage: bytes) -> None:
     reader = LineReader()
-    reader.frames(junk + b"\r")
+    reader.frames(garbage + b"\r")
     assert reader.frames(b"".join(encode_line(frame) for frame in sent)) == sent
 
 
 @given(st.lists(st.binary(max_size=400), max_size=20))
-def test_any_bytes_are_taken(pieces: list[bytes]) -> None:
+def test_arbitrary_bytes_raise_no_error(pieces: list[bytes]) -> None:
     reader = LineReader()
     for piece in pieces:
         for identifier, kind, data in reader.frames(piece):
@@ -50,7 +50,7 @@ def test_any_bytes_are_taken(pieces: list[bytes]) -> None:
 
 
 @given(frame=frames(), data=st.data())
-def test_a_line_of_another_length_is_no_frame(frame: Frame, data: st.DataObject) -> None:
+def test_a_line_of_wrong_length_is_rejected(frame: Frame, data: st.DataObject) -> None:
     line = encode_line(frame)[:-1]
     reader = LineReader()
     reader.frames(line + b"\r")
@@ -65,7 +65,7 @@ def test_time_stamps_at_the_end_are_dropped() -> None:
     assert reader.frames(b"t10021122ABCD\rt10021122ABCD\r") == [(0x100, CLASSIC, b"\x11\x22")] * 2
 
 
-def test_replies_are_no_frames() -> None:
+def test_replies_are_not_decoded_as_frames() -> None:
     reader = LineReader()
     assert reader.frames(b"\rz\rZ\r\a\r\a") == []
     assert (reader.malformed, reader.refusals) == (0, 2)
@@ -74,13 +74,13 @@ def test_replies_are_no_frames() -> None:
 @pytest.mark.parametrize(
     "line", [b"t80000", b"T200000000", b"t1009" + b"00" * 9, b"t 1020000", b"t+012FFFF", b"x1000", b"t10", b"t1001G0"]
 )
-def test_lines_that_are_no_frames(line: bytes) -> None:
+def test_malformed_lines_are_rejected(line: bytes) -> None:
     reader = LineReader()
     assert reader.frames(line + b"\r") == []
     assert reader.malformed == 1
 
 
-def test_a_line_that_never_ends_takes_no_memory() -> None:
+def test_an_endless_line_uses_bounded_memory() -> None:
     reader = LineReader()
     for _ in range(1000):
         assert reader.frames(b"0" * 1000) == []
@@ -89,6 +89,6 @@ def test_a_line_that_never_ends_takes_no_memory() -> None:
 
 
 @pytest.mark.parametrize("frame", [(1, ERROR, b""), (1, CLASSIC, bytes(12)), (1, FD, bytes(9))])
-def test_what_slcan_cannot_carry_is_refused(frame: Frame) -> None:
+def test_frames_that_slcan_cannot_carry_are_rejected(frame: Frame) -> None:
     with pytest.raises(ValueError, match="slcan has no line for a frame of kind"):
         encode_line(frame)

@@ -1,4 +1,4 @@
-"""What the driver makes of SocketCAN: the frames that python-can makes, and what only the kernel tells."""
+"""The SocketCAN bus: the same frames as python-can, and the errors that only the kernel reports."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def device(kernel: FakeSocketcan) -> Device:
 
 
 def read(bus: FrameBus, count: int) -> list[Frame]:
-    """The next frames; they are on their way."""
+    """Return the next frames, which have been sent."""
     frames: list[Frame] = []
     while len(frames) < count:
         come = bus.read_frames(PATIENCE)
@@ -54,30 +54,30 @@ def read(bus: FrameBus, count: int) -> list[Frame]:
     return frames
 
 
-def test_frames_are_those_that_python_can_reads(device: Device) -> None:
+def test_frames_equal_those_read_by_python_can(device: Device) -> None:
     messages = [message_of(frame) for frame in FRAMES]
     bus, theirs = open_bus(SETTINGS), open_can_bus(SETTINGS)
     with theirs:
         for message in messages:
             device.deliver(build_can_frame(message))
-        heard = [theirs.recv(PATIENCE) for _ in messages]
-        assert read(bus, len(messages)) == [frame_of(message) for message in heard if message] == FRAMES
+        received = [theirs.recv(PATIENCE) for _ in messages]
+        assert read(bus, len(messages)) == [frame_of(message) for message in received if message] == FRAMES
         bus.shutdown()
 
 
-def test_error_frames_are_those_that_python_can_reads(device: Device) -> None:
+def test_error_frames_equal_those_read_by_python_can(device: Device) -> None:
     classes, data = CONTROLLER | BUS_OFF, bytes([0, OVERFLOW, 0, 0, 0, 0, 0, 0])
     bus, theirs = open_bus(SETTINGS), open_can_bus(SETTINGS)
     with theirs:
         device.deliver(struct.pack("=IB3x8s", classes | 0x2000_0000, 8, data))
-        heard = theirs.recv(PATIENCE)
-        assert heard
-        assert read(bus, 1) == [frame_of(heard)] == [(classes, ERROR, data)]
+        received = theirs.recv(PATIENCE)
+        assert received
+        assert read(bus, 1) == [frame_of(received)] == [(classes, ERROR, data)]
         bus.shutdown()
 
 
 @pytest.mark.parametrize("frame", FRAMES, ids=lambda frame: f"kind {frame[1]}, {len(frame[2])} bytes")
-def test_what_is_sent_arrives(device: Device, frame: Frame) -> None:
+def test_sent_frames_arrive(device: Device, frame: Frame) -> None:
     bus, far_end = open_bus(SETTINGS), open_bus(SETTINGS)
     bus.write_frame(frame)
     assert read(far_end, 1) == [frame]
@@ -87,7 +87,7 @@ def test_what_is_sent_arrives(device: Device, frame: Frame) -> None:
     assert device.sockets == []
 
 
-def test_frames_that_nobody_read_in_time_are_told_once(device: Device) -> None:
+def test_receive_queue_overflow_is_reported_once(device: Device) -> None:
     bus = open_bus(SETTINGS)
     device.sockets[0].setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
     data = build_can_frame(message_of((0x103, CLASSIC, bytes(8))))
@@ -102,7 +102,7 @@ def test_frames_that_nobody_read_in_time_are_told_once(device: Device) -> None:
     bus.shutdown()
 
 
-def test_there_is_room_for_what_comes_while_this_process_is_held_up(device: Device) -> None:
+def test_the_receive_buffer_is_larger_than_the_default(device: Device) -> None:
     bus = open_bus(SETTINGS)
     before = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     with before:
@@ -111,7 +111,7 @@ def test_there_is_room_for_what_comes_while_this_process_is_held_up(device: Devi
     bus.shutdown()
 
 
-def test_a_full_send_queue_is_told_as_unacknowledged_and_leaves_the_bus_open(device: Device) -> None:
+def test_a_full_transmit_queue_is_reported_as_unacknowledged_and_keeps_the_bus_open(device: Device) -> None:
     bus = open_bus(SETTINGS)
     device.queue_full = True
     bus.write_frame(FRAMES[0])
@@ -120,7 +120,7 @@ def test_a_full_send_queue_is_told_as_unacknowledged_and_leaves_the_bus_open(dev
     bus.shutdown()
 
 
-def test_a_controller_off_the_bus_is_told_when_asked(device: Device) -> None:
+def test_the_bus_off_state_of_the_controller_is_reported(device: Device) -> None:
     bus = open_bus(SETTINGS)
     bus.ask_state()
     assert bus.read_frames(0.0) == []
@@ -130,7 +130,7 @@ def test_a_controller_off_the_bus_is_told_when_asked(device: Device) -> None:
     bus.shutdown()
 
 
-def test_a_device_that_fails_is_told(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_device_failure_is_reported(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
     bus = open_bus(SETTINGS)
     device.deliver(build_can_frame(message_of(FRAMES[0])))
 
@@ -144,7 +144,7 @@ def test_a_device_that_fails_is_told(device: Device, monkeypatch: pytest.MonkeyP
 
 
 class Bench:
-    """A driver on can0, and a board whose cable can be taken out."""
+    """A board client on can0, and a board whose cable can be unplugged."""
 
     def __init__(self, settings: BusSettings) -> None:
         opener = BusOpener(settings)
@@ -154,12 +154,12 @@ class Bench:
         self.settings = settings
 
     def scans(self) -> None:
-        """Plug the cable in and wait for scans."""
+        """Plug in the cable and wait for scans."""
         with open_can_bus(self.settings) as far_end, board_on_bus(far_end, self.firmware, self.clock):
             list(read_scans(self.board, 5))
 
 
-def test_a_cable_that_is_out_is_not_taken_for_a_bus_that_is_gone(device: Device) -> None:
+def test_an_unplugged_cable_is_not_reported_as_a_disconnected_adapter(device: Device) -> None:
     bench = Bench(SETTINGS)
     bench.board.open()
     bench.scans()
@@ -172,7 +172,7 @@ def test_a_cable_that_is_out_is_not_taken_for_a_bus_that_is_gone(device: Device)
     bench.board.close()
 
 
-def test_a_controller_that_stays_off_the_bus_is_called_so_until_it_is_back(device: Device) -> None:
+def test_bus_off_is_reported_until_the_controller_recovers(device: Device) -> None:
     bench = Bench(SETTINGS)
     bench.board.open()
     bench.scans()
@@ -185,10 +185,10 @@ def test_a_controller_that_stays_off_the_bus_is_called_so_until_it_is_back(devic
     bench.board.close()
 
 
-def test_a_device_that_is_not_there_yet_is_found_when_it_comes(
+def test_a_device_that_appears_later_is_opened(
     kernel: FakeSocketcan, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(logging.getLogger(), "handlers", [])  # as in a process of its own
+    monkeypatch.setattr(logging.getLogger(), "handlers", [])  # as in a separate process
     bench = Bench(SETTINGS)
     bench.board.open()
     assert capsys.readouterr().err == ""

@@ -1,4 +1,4 @@
-"""Larger arrays, several boards, several buses, and a bus that others fill: end to end, nothing lost."""
+"""Larger arrays, several boards and buses, and high bus load: end to end without loss."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def clock() -> PacedClock:
     return PacedClock()
 
 
-def plugged_in(stack: ExitStack, path: Path, node: Node, clock: Clock) -> EmulatedAdapter:
+def connected_adapter(stack: ExitStack, path: Path, node: Node, clock: Clock) -> EmulatedAdapter:
     adapter = EmulatedAdapter(path, node, clock)
     adapter.open()
     stack.callback(adapter.close)
@@ -50,8 +50,8 @@ def opened(stack: ExitStack, sensor: Sensor, interface: str, channel: object, cl
     return board
 
 
-def check_run(board: Board, count: int) -> None:
-    """The next scans are those that were sent, one after the other, and nothing was lost."""
+def check_scans(board: Board, count: int) -> None:
+    """Check that the next scans are consecutive, as sent, and that none was lost."""
     sequences = []
     for scan in read_scans(board, count):
         assert_marked(scan)
@@ -61,27 +61,27 @@ def check_run(board: Board, count: int) -> None:
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_every_shipped_array_arrives_whole(tmp_path: Path, clock: PacedClock, name: str) -> None:
+def test_scans_of_every_shipped_array_are_received_completely(tmp_path: Path, clock: PacedClock, name: str) -> None:
     sensor = load_sensor(name)
     with ExitStack() as stack:
-        plugged_in(stack, tmp_path / "can0", firmware(sensor, clock.monotonic()), clock)
-        check_run(opened(stack, sensor, "slcan", tmp_path / "can0", clock), round(sensor.can.scan_rate))
+        connected_adapter(stack, tmp_path / "can0", firmware(sensor, clock.monotonic()), clock)
+        check_scans(opened(stack, sensor, "slcan", tmp_path / "can0", clock), round(sensor.can.scan_rate))
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_the_bus_carries_the_rate_of_every_shipped_array(name: str) -> None:
+def test_the_bus_load_of_every_shipped_array_is_feasible(name: str) -> None:
     sensor = load_sensor(name)
     frame = fd_time(64, sensor.can.bitrate, sensor.can.data_bitrate).most
     assert make_codec(sensor).blocks * frame * sensor.can.scan_rate < 0.95
 
 
-def test_shipped_arrays_have_layouts_of_their_own() -> None:
+def test_shipped_arrays_have_distinct_layout_ids() -> None:
     layouts = [load_sensor(name).layout for name in SHIPPED]
     assert len({layout.id for layout in layouts}) == len(SHIPPED)
     assert [(layout.rows, layout.cols) for layout in layouts] == [(5, 5), (16, 16), (32, 32)]
 
 
-def test_three_boards_on_one_bus_and_two_more_on_buses_of_their_own(tmp_path: Path, clock: PacedClock) -> None:
+def test_three_boards_share_a_bus_and_two_more_have_separate_buses(tmp_path: Path, clock: PacedClock) -> None:
     sensors = [with_layout(load_sensor(), 5, 5, scan_rate=100.0, base_id=0x100 + 0x10 * k) for k in range(3)]
     channel, now = uuid.uuid4().hex, clock.monotonic()
     with ExitStack() as stack:
@@ -91,28 +91,28 @@ def test_three_boards_on_one_bus_and_two_more_on_buses_of_their_own(tmp_path: Pa
             stack.enter_context(board_on_bus(far_end, firmware(sensor, now), clock))
         boards += [opened(stack, sensor, "virtual", channel, clock) for sensor in sensors]
         for k in (0, 1):
-            plugged_in(stack, tmp_path / f"can{k}", firmware(sensors[0], now), clock)
+            connected_adapter(stack, tmp_path / f"can{k}", firmware(sensors[0], now), clock)
             boards.append(opened(stack, sensors[0], "slcan", tmp_path / f"can{k}", clock))
         for _ in range(10):
             for board in boards:
-                check_run(board, 5)
-        foreign = [board.decoder.traffic.unrelated > 0 for board in boards]
-        assert foreign == [True] * 3 + [False] * 2
+                check_scans(board, 5)
+        unrelated = [board.decoder.traffic.unrelated > 0 for board in boards]
+        assert unrelated == [True] * 3 + [False] * 2
 
 
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
-def test_a_bus_full_of_foreign_frames_costs_no_scan(tmp_path: Path, clock: PacedClock, fd: bool) -> None:
-    """100 % of a classic bus beside 1 kHz of ours: more than any bus can carry."""
+def test_high_bus_load_of_unrelated_frames_loses_no_scans(tmp_path: Path, clock: PacedClock, fd: bool) -> None:
+    """100 % load of a classic bus in addition to scans at 1 kHz: more than any bus can carry."""
     sensor, now = with_fd(load_sensor(), fd), clock.monotonic()
     injector = FaultInjector(lambda at: BoardFirmware(sensor, FakeBoard(sensor), at), sensor.can.base_id, now)
     injector.fault = InjectedFault.UNRELATED
     with ExitStack() as stack:
-        adapter = plugged_in(stack, tmp_path / "can0", injector, clock)
+        adapter = connected_adapter(stack, tmp_path / "can0", injector, clock)
         opener = BusOpener(bus_settings("slcan", str(tmp_path / "can0"), sensor.can))
         board = Board(sensor, opener, clock)
         stack.callback(board.close)
         board.open()
-        check_run(board, 2000)
+        check_scans(board, 2000)
         assert board.decoder.traffic.unrelated > 8 * 2000
         assert adapter.frames_dropped == 0
 
@@ -121,21 +121,21 @@ LIMIT = with_layout(load_sensor(), 5, 5, scan_rate=8000.0)
 """5 x 5 at 8 kHz: more than the frames' time on the bus allows."""
 
 
-def test_can_fd_at_the_limit_of_the_wire_costs_no_scan(tmp_path: Path) -> None:
+def test_can_fd_at_the_maximum_frame_rate_loses_no_scans(tmp_path: Path) -> None:
     clock = PacedClock(lead=0.002)  # 2 KiB
     assert 1 / fd_time(64, LIMIT.can.bitrate, LIMIT.can.data_bitrate).least < LIMIT.can.scan_rate
     with ExitStack() as stack:
-        adapter = plugged_in(stack, tmp_path / "can0", firmware(LIMIT, clock.monotonic()), clock)
-        check_run(opened(stack, LIMIT, "slcan", tmp_path / "can0", clock), 4000)
+        adapter = connected_adapter(stack, tmp_path / "can0", firmware(LIMIT, clock.monotonic()), clock)
+        check_scans(opened(stack, LIMIT, "slcan", tmp_path / "can0", clock), 4000)
         assert adapter.frames_dropped == 0
 
 
 @pytest.mark.slow
-def test_can_fd_at_the_limit_of_the_wire_is_followed_in_real_time(tmp_path: Path) -> None:
-    """With reader and adapter in one process, and all that they did not manage counted."""
+def test_can_fd_at_the_maximum_frame_rate_is_read_in_real_time(tmp_path: Path) -> None:
+    """With reader and adapter in one process; frames that they could not handle in time are counted."""
     clock = SystemClock()
     with ExitStack() as stack:
-        adapter = plugged_in(stack, tmp_path / "can0", firmware(LIMIT, clock.monotonic()), clock)
+        adapter = connected_adapter(stack, tmp_path / "can0", firmware(LIMIT, clock.monotonic()), clock)
         board = opened(stack, LIMIT, "slcan", tmp_path / "can0", clock)
         first = next(read_scans(board, 1)).sequence
         begin = clock.monotonic()

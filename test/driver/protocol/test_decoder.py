@@ -1,4 +1,4 @@
-"""One board picked out of whatever a bus carries; nothing that can be sent does harm."""
+"""The decoder picks one board from the traffic of a bus; no frame can make it fail."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ANY_FRAME = st.tuples(
 
 
 def ask(decoder: Decoder, firmware: BoardFirmware, now: int) -> list[Frame]:
-    """The answer of a board that is asked for the number of its next scan when there is doubt."""
+    """Return the response of a board to a request for the sequence of its next scan, which resolves an ambiguity."""
     if not decoder.resync_needed():
         return []
     decoder.note_start_sent(9, now)
@@ -42,7 +42,7 @@ def ask(decoder: Decoder, firmware: BoardFirmware, now: int) -> list[Frame]:
 
 
 def receive(decoder: Decoder, frames: list[Frame], arrival: int, held_up: int = 0) -> list[Scan]:
-    """Feed one batch, read `held_up` [ns] too late; return copies of what came out, held to what was sent."""
+    """Feed one batch that is read `held_up` [ns] late; return copies of the scans, compared with what was sent."""
     scans = []
     for decoded in decoder.decode(frames, arrival, WALL_OFFSET + held_up):
         if isinstance(decoded, ScanReady):
@@ -53,7 +53,7 @@ def receive(decoder: Decoder, frames: list[Frame], arrival: int, held_up: int = 
 
 
 def started(fd: bool) -> tuple[BoardFirmware, Decoder]:
-    """A running board and a decoder that knows its next scan."""
+    """Return a running board and a decoder that knows the sequence of its next scan."""
     firmware = BoardFirmware(with_fd(SENSOR, fd), FakeBoard(SENSOR), 0)
     decoder = Decoder(with_fd(SENSOR, fd))
     decoder.note_start_sent(1, 0)
@@ -63,13 +63,13 @@ def started(fd: bool) -> tuple[BoardFirmware, Decoder]:
 
 
 @given(frames=st.lists(ANY_FRAME, max_size=60), fd=st.booleans())
-def test_any_frame_is_taken_and_accounted_for(frames: list[Frame], fd: bool) -> None:
+def test_arbitrary_frames_are_accepted_and_counted(frames: list[Frame], fd: bool) -> None:
     decoder = Decoder(with_fd(SENSOR, fd))
     decoder.resync(0, count_gap=False)
     scans = sum(isinstance(decoded, ScanReady) for decoded in decoder.decode(frames, 0, 0))
     assert decoder.scans == scans
-    foreign = [f for f in frames if not BASE <= f[0] < BASE + 13 and not f[1] & ERROR]
-    assert decoder.traffic.unrelated >= len(foreign)
+    unrelated = [f for f in frames if not BASE <= f[0] < BASE + 13 and not f[1] & ERROR]
+    assert decoder.traffic.unrelated >= len(unrelated)
     errors = ErrorCounts()
     errors.count(frames)
     assert errors.frames == sum(1 for f in frames if f[1] & ERROR)
@@ -77,7 +77,7 @@ def test_any_frame_is_taken_and_accounted_for(frames: list[Frame], fd: bool) -> 
 
 
 @BOTH
-def test_foreign_traffic_changes_nothing(fd: bool) -> None:
+def test_unrelated_traffic_has_no_effect(fd: bool) -> None:
     firmware, decoder = started(fd)
     noise = random.Random(1)
     scans = 0
@@ -93,7 +93,7 @@ def test_foreign_traffic_changes_nothing(fd: bool) -> None:
 
 
 @BOTH
-def test_a_process_that_is_held_up_between_two_clocks_moves_no_stamp(fd: bool) -> None:
+def test_a_delay_between_two_clock_reads_does_not_shift_stamps(fd: bool) -> None:
     firmware, decoder = started(fd)
     scans = []
     for index in range(50):
@@ -109,7 +109,7 @@ def test_a_process_that_is_held_up_between_two_clocks_moves_no_stamp(fd: bool) -
 
 
 def mutate(noise: random.Random, frames: list[Frame]) -> list[Frame]:
-    """Drop, cut, repeat, delay and relabel frames; the data of a block that keeps its length stays as it was."""
+    """Drop, truncate, duplicate, delay and relabel frames; the data of a block of unchanged length stay the same."""
     out: list[Frame] = []
     for identifier, kind, data in frames:
         fault = noise.random()
@@ -130,8 +130,8 @@ def mutate(noise: random.Random, frames: list[Frame]) -> list[Frame]:
 
 @BOTH
 @pytest.mark.parametrize("seed", range(3))
-def test_under_faults_of_every_kind_the_sum_is_right(fd: bool, seed: int) -> None:
-    """Single faults, bursts of any length, and a host that is held up: what comes out was sent, the rest is counted."""
+def test_published_and_lost_scans_add_up_under_every_kind_of_fault(fd: bool, seed: int) -> None:
+    """Single faults, bursts of any length, and a delayed host: every published scan was sent, others are counted."""
     noise = random.Random(seed)
     firmware, decoder = started(fd)
     sequences: list[int] = []
@@ -139,7 +139,7 @@ def test_under_faults_of_every_kind_the_sum_is_right(fd: bool, seed: int) -> Non
     while now < count * PERIOD:
         frames = firmware.due(now)
         event = noise.random()
-        if event < 0.01:  # the cable is out for a while, ends in the middle of a scan
+        if event < 0.01:  # the cable is unplugged for a while, also in the middle of a scan
             for _ in range(noise.randrange(1, 50)):
                 now += PERIOD
                 frames += firmware.due(now)
@@ -149,11 +149,11 @@ def test_under_faults_of_every_kind_the_sum_is_right(fd: bool, seed: int) -> Non
         elif event < 0.3:
             frames = mutate(noise, frames)
         waiting += frames
-        if noise.random() < 0.95:  # else the host comes late
+        if noise.random() < 0.95:  # else the host reads late
             sequences += [scan.sequence for scan in receive(decoder, waiting, now + 100_000)]
             waiting = ask(decoder, firmware, now + 100_000)
         now += PERIOD
-    for _ in range(400):  # all is well again: the account is closed by whole scans and status frames
+    for _ in range(400):  # without faults again: complete scans and status frames settle the loss count
         sequences += [scan.sequence for scan in receive(decoder, waiting + firmware.due(now), now)]
         waiting = []
         now += PERIOD
@@ -162,13 +162,13 @@ def test_under_faults_of_every_kind_the_sum_is_right(fd: bool, seed: int) -> Non
     assert sequences == sorted(set(sequences))
     assert sequences[-1] == sent - 1
     assert len(sequences) > count / 2
-    assert losses.incomplete_scans > 0 or fd  # a scan of one block cannot be torn
+    assert losses.incomplete_scans > 0 or fd  # a scan of one block cannot be incomplete
     assert losses.lost_scans > 0
     assert len(sequences) + losses.incomplete_scans + losses.lost_scans == sent
 
 
 @BOTH
-def test_garbage_takes_no_memory(fd: bool) -> None:
+def test_garbage_uses_bounded_memory(fd: bool) -> None:
     decoder = Decoder(with_fd(SENSOR, fd))
     decoder.resync(0, count_gap=False)
     noise = random.Random(3)
@@ -194,8 +194,8 @@ def test_garbage_takes_no_memory(fd: bool) -> None:
 @BOTH
 @pytest.mark.parametrize("pause", [5, 12, 16, 17, 40, 100])
 @pytest.mark.parametrize("pieces", [1, 2, 5])
-def test_a_sender_that_was_held_up_loses_nothing(fd: bool, pause: int, pieces: int) -> None:
-    """What was held up comes at once, but is read in pieces that end amid scans; the numbers stay right."""
+def test_a_delayed_sender_loses_no_scans(fd: bool, pause: int, pieces: int) -> None:
+    """Delayed frames arrive at once, but are read in batches that end within scans; the sequence stays right."""
     firmware, decoder = started(fd)
     noise = random.Random(pause)
     sequences: list[int] = []
@@ -216,7 +216,7 @@ def test_a_sender_that_was_held_up_loses_nothing(fd: bool, pause: int, pieces: i
     assert decoder.frames_lost == 0
 
 
-def test_status_frames_are_taken(sensor: Sensor) -> None:
+def test_status_frames_are_decoded(sensor: Sensor) -> None:
     decoder = Decoder(sensor)
     assert np.isnan(decoder.scan.temperatures).all()
     for page, value in ((Page.LAYOUT, 7), (Page.FIRMWARE, 0x0203)):
@@ -236,12 +236,12 @@ def test_classic_scans_carry_the_flags_of_the_last_status() -> None:
     assert scan.status == ScanStatus.ADC_FAULT | ScanStatus.TIME_ESTIMATED
 
 
-def test_stamps_of_fd_scans_are_those_of_acquisition() -> None:
-    """Delays on the way of up to 20 ms, a clock 40 ppm slow: stamps are off by less than 0.1 ms."""
+def test_stamps_of_fd_scans_are_acquisition_times() -> None:
+    """Transit delays of up to 20 ms, a clock 40 ppm slow: the stamp error is below 0.1 ms."""
     firmware, decoder = started(fd=True)
     noise = random.Random(4)
     errors = []
-    least = 150_000  # undelayed way [ns]
+    least = 150_000  # transit time without delay [ns]
     for index in range(5000):
         acquired = round(index * PERIOD * (1 + 40e-6))
         delay = least + round(noise.choice([0, 0, 0, 1e5, 1e6, 2e7]) * noise.random())
@@ -251,7 +251,7 @@ def test_stamps_of_fd_scans_are_those_of_acquisition() -> None:
     assert np.abs(errors[10:]).max() < 20_000
 
 
-def test_after_a_reset_numbers_and_stamps_begin_anew() -> None:
+def test_sequence_and_stamps_restart_after_a_reset() -> None:
     firmware, decoder = started(fd=True)
     for index in range(100):
         receive(decoder, firmware.due(index * PERIOD), index * PERIOD)

@@ -1,4 +1,4 @@
-"""docs/protocol.md says what the DBC, the code and the frame formats say."""
+"""docs/protocol.md agrees with the DBC, the code and the frame formats."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FD = fd_time(64, BITRATE, DATA_BITRATE)
 
 
 def table(first: str) -> dict[str, list[str]]:
-    """Rows of the table whose header begins with `first`, by their first cell."""
+    """Return the rows of the table whose header begins with `first`, by their first cell."""
     lines = iter(TEXT.splitlines())
     for line in lines:
         if line.startswith(f"| {first} |"):
@@ -56,7 +56,7 @@ def test_every_signal_is_documented_with_its_bits() -> None:
             assert f"| {bits} | {name} |" in TEXT, signal.name
 
 
-def test_taxels_lie_where_the_formulas_say() -> None:
+def test_taxel_positions_in_frames_follow_the_formulas() -> None:
     fd = DATABASE.get_message_by_name("ScanBlockFd")
     assert [s.start for s in fd.signals if s.name.startswith("Count")] == [
         64 + 16 * i for i in range(scan_codec.FD_TAXELS)
@@ -76,7 +76,7 @@ def test_taxels_lie_where_the_formulas_say() -> None:
         ("ScanBlockFd", messages.FD_BLOCK_OFFSET),
     ],
 )
-def test_identifiers(name: str, offset: int) -> None:
+def test_identifiers_match_the_document(name: str, offset: int) -> None:
     message = DATABASE.get_message_by_name(name)
     row = table("offset")[str(offset)]
     assert message.frame_id == 0x100 + offset == int(row[0], 16)
@@ -84,7 +84,7 @@ def test_identifiers(name: str, offset: int) -> None:
 
 
 def examples() -> dict[str, tuple[int, bytes, dict[str, float]]]:
-    """Identifier, data and signals of each example."""
+    """Return identifier, data and signals of each example."""
     found = {}
     for name, (identifier, data, signals) in table("example").items():
         pairs = [pair.split() for pair in signals.split(", ")]
@@ -93,17 +93,17 @@ def examples() -> dict[str, tuple[int, bytes, dict[str, float]]]:
 
 
 @pytest.mark.parametrize("name", examples())
-def test_examples_are_what_cantools_decodes_and_encodes(name: str) -> None:
+def test_examples_agree_with_cantools_in_both_directions(name: str) -> None:
     identifier, data, signals = examples()[name]
     message = DATABASE.get_message_by_frame_id(identifier)
     data = data.ljust(message.length, b"\0")
     decoded = message.decode(data, decode_choices=False)
     assert {key: decoded[key] for key in signals} == signals
     assert all(value == 0 for key, value in decoded.items() if key not in signals)
-    assert message.encode({**decoded, **signals}, strict=False) == data  # -128 degC: not known
+    assert message.encode({**decoded, **signals}, strict=False) == data  # -128 degC: unknown
 
 
-def test_examples_are_what_the_driver_reads() -> None:
+def test_examples_agree_with_the_driver() -> None:
     decoder = Decoder(load_sensor())
     decoder.resync(1234, count_gap=False)
     answers, temperatures = [], []
@@ -125,11 +125,11 @@ def test_examples_are_what_the_driver_reads() -> None:
     assert temperatures[1] == (-1.5, -1.5, 5.0, 0)
 
 
-def test_status_comes_as_often_as_said() -> None:
+def test_status_period_matches_the_document() -> None:
     assert DATABASE.get_message_by_name("Status").cycle_time == messages.STATUS_PERIOD * 1000 == 100
 
 
-def test_frame_times() -> None:
+def test_frame_times_match_the_document() -> None:
     rows = table("frame")
     assert rows["classic, 8 bytes"] == [f"{CLASSIC.least * 1e6:.1f}", f"{CLASSIC.most * 1e6:.1f}"]
     assert rows["FD, 64 bytes"] == [f"{FD.least * 1e6:.1f}", f"{FD.most * 1e6:.1f}"]
@@ -139,7 +139,7 @@ def test_frame_times() -> None:
     ("layout", "taxels", "fd"),
     [("5 x 5, FD", 25, True), ("5 x 5, classic", 25, False), ("16 x 16, FD", 256, True), ("32 x 32, FD", 1024, True)],
 )
-def test_bus_load(layout: str, taxels: int, fd: bool) -> None:
+def test_bus_load_matches_the_document(layout: str, taxels: int, fd: bool) -> None:
     blocks = (scan_codec.FdCodec if fd else scan_codec.ClassicCodec)(taxels).blocks
     frame: BusTime = FD if fd else CLASSIC
     statuses = 1 / messages.STATUS_PERIOD
@@ -154,13 +154,13 @@ def test_bus_load(layout: str, taxels: int, fd: bool) -> None:
     ]
 
 
-def test_frame_times_agree_with_the_formula_in_common_use() -> None:
-    """Davis et al., Real-Time Systems 35 (2007): at most 55 + 10 s bits for s bytes, intermission included."""
+def test_frame_times_agree_with_the_published_formula() -> None:
+    """Davis et al., Real-Time Systems 35 (2007): at most 55 + 10 s bits for s bytes, including intermission."""
     for length in range(9):
         assert classic_time(length, 1.0).most == 55 + 10 * length
 
 
 @pytest.mark.parametrize("arguments", [(9, 1e6), (-1, 1e6), (8, 0.0), (8, float("nan"))])
-def test_times_of_impossible_frames_are_refused(arguments: tuple[int, float]) -> None:
+def test_frame_times_of_invalid_frames_are_rejected(arguments: tuple[int, float]) -> None:
     with pytest.raises(ValueError, match=r"must be in|must be a whole"):
         classic_time(*arguments)

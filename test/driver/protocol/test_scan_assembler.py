@@ -1,4 +1,4 @@
-"""Whole scans and nothing else: every fault is told apart, counted, and never handed on."""
+"""The assembler passes on complete scans only; every fault is classified and counted."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 
 
 class Line:
-    """A board, a wire that does as told, an assembler, and the scans that came out of it."""
+    """A board, a link with scripted faults, an assembler, and the sequences of its scans."""
 
     def __init__(self, fd: bool, first: int = 0) -> None:
         self.codec = make_codec(with_fd(SENSOR, fd))
@@ -50,7 +50,7 @@ class Line:
 
 
 @BOTH
-def test_whole_scans_pass(fd: bool) -> None:
+def test_complete_scans_are_passed_on(fd: bool) -> None:
     line = Line(fd)
     line.send(*range(100))
     assert line.published == list(range(100))
@@ -67,19 +67,19 @@ def test_blocks_of_a_scan_may_come_in_any_order(fd: bool) -> None:
 
 @BOTH
 @pytest.mark.parametrize("missing", [0, 1, -1])
-def test_a_torn_scan_is_counted_and_dropped(fd: bool, missing: int) -> None:
+def test_an_incomplete_scan_is_counted_and_discarded(fd: bool, missing: int) -> None:
     line = Line(fd)
     line.send(0)
-    torn = line.frames(1)
-    del torn[missing]
-    line.feed(*torn)
+    incomplete = line.frames(1)
+    del incomplete[missing]
+    line.feed(*incomplete)
     line.send(2)
     assert line.published == [0, 2]
     assert line.losses == {"incomplete_scans": 1, "missing_frames": 1}
 
 
 @BOTH
-def test_halves_of_two_scans_are_not_put_together(fd: bool) -> None:
+def test_blocks_of_different_scans_are_not_combined(fd: bool) -> None:
     line = Line(fd)
     line.feed(*line.frames(0)[:1], *line.frames(1)[1:])
     line.send(2)
@@ -97,7 +97,7 @@ def test_lost_scans_are_counted(fd: bool) -> None:
 
 
 @BOTH
-def test_repeated_frames_change_nothing(fd: bool) -> None:
+def test_duplicate_frames_have_no_effect(fd: bool) -> None:
     line = Line(fd)
     for frame in line.frames(0):
         line.feed(frame, frame)
@@ -107,7 +107,7 @@ def test_repeated_frames_change_nothing(fd: bool) -> None:
 
 
 @BOTH
-def test_a_late_frame_is_dropped(fd: bool) -> None:
+def test_a_late_frame_is_discarded(fd: bool) -> None:
     line = Line(fd)
     late, *rest = line.frames(1)
     line.send(0)
@@ -121,7 +121,7 @@ def test_a_late_frame_is_dropped(fd: bool) -> None:
 
 @BOTH
 @pytest.mark.parametrize("start", [0, 65_530, (1 << 32) - 5])
-def test_wraps_of_counter_and_clock_are_undone(fd: bool, start: int) -> None:
+def test_counter_and_clock_wraps_are_unwrapped(fd: bool, start: int) -> None:
     line = Line(fd, start)
     times = []
     for sequence in range(start, start + 40):
@@ -141,7 +141,7 @@ def test_the_clock_of_an_fd_board_wraps() -> None:
 
 @pytest.mark.parametrize("cut", [1, 5, 11])
 @pytest.mark.parametrize("lost", [16, 32, 160])
-def test_a_number_told_between_two_scans_keeps_equal_classic_counters_apart(cut: int, lost: int) -> None:
+def test_a_known_sequence_between_two_scans_separates_equal_classic_counters(cut: int, lost: int) -> None:
     line = Line(False)
     line.send(0)
     line.feed(*line.frames(1)[:cut])
@@ -153,7 +153,7 @@ def test_a_number_told_between_two_scans_keeps_equal_classic_counters_apart(cut:
     assert line.losses["lost_scans"] == lost - 1
 
 
-def test_a_number_below_the_one_known_takes_back_what_was_counted() -> None:
+def test_a_sequence_below_the_known_one_corrects_the_loss_count() -> None:
     line = Line(False)
     line.send(0)
     line.tracker.align(40, 0x1_0000)
@@ -164,7 +164,7 @@ def test_a_number_below_the_one_known_takes_back_what_was_counted() -> None:
     assert line.losses["lost_scans"] == 5
 
 
-def test_one_fd_counter_at_two_times_is_two_scans() -> None:
+def test_the_same_fd_counter_at_two_device_times_is_two_scans() -> None:
     line = Line(True)
     line.send(0)
     line.feed(*line.frames(1)[:1], *line.frames(1 + 0x1_0000)[1:])
@@ -174,7 +174,7 @@ def test_one_fd_counter_at_two_times_is_two_scans() -> None:
 
 
 @BOTH
-def test_a_restart_tells_what_was_lost(fd: bool) -> None:
+def test_a_restart_counts_the_lost_scans(fd: bool) -> None:
     line = Line(fd)
     line.send(0, 1)
     assert not line.tracker.resync(500)
@@ -184,7 +184,7 @@ def test_a_restart_tells_what_was_lost(fd: bool) -> None:
 
 
 @BOTH
-def test_a_pause_that_was_asked_for_is_no_loss(fd: bool) -> None:
+def test_a_requested_pause_is_not_counted_as_loss(fd: bool) -> None:
     line = Line(fd)
     line.send(0, 1)
     assert not line.tracker.resync(500, count_gap=False)
@@ -194,7 +194,7 @@ def test_a_pause_that_was_asked_for_is_no_loss(fd: bool) -> None:
 
 
 @BOTH
-def test_a_reset_begins_anew(fd: bool) -> None:
+def test_a_reset_restarts_the_sequence(fd: bool) -> None:
     line = Line(fd)
     line.send(*range(20))
     assert line.tracker.resync(3)
@@ -205,7 +205,7 @@ def test_a_reset_begins_anew(fd: bool) -> None:
 
 
 @pytest.mark.parametrize("stands", range(16))
-def test_a_counter_that_stands_still_from_the_start_gives_no_scan_a_wrong_number(stands: int) -> None:
+def test_a_counter_frozen_from_the_start_yields_no_wrong_sequence(stands: int) -> None:
     line = Line(False, 100)
     for sequence in range(100, 120):
         line.feed(
@@ -214,12 +214,12 @@ def test_a_counter_that_stands_still_from_the_start_gives_no_scan_a_wrong_number
                 for number, kind, data in line.frames(sequence)
             )
         )
-    assert line.published in ([], [100])  # `feed` holds the number to what was sent
+    assert line.published in ([], [100])  # `feed` compares the sequence with what was sent
     assert line.tracker.counter_frozen
     assert line.tracker.sequence in {99, 100}
 
 
-def test_a_first_scan_that_is_not_the_announced_one_is_given_up() -> None:
+def test_a_first_scan_other_than_the_announced_one_is_discarded() -> None:
     line = Line(False, 100)
     line.send(*range(102, 110))
     assert line.published == list(range(103, 110))
@@ -234,25 +234,25 @@ def test_a_first_scan_that_is_not_the_announced_one_is_given_up() -> None:
         st.tuples(st.integers(0, 479), st.sampled_from(["drop", "repeat", "spoil", "swap"])), max_size=40, unique=True
     ),
 )
-def test_published_and_lost_add_up(fd: bool, start: int, faults: list[tuple[int, str]]) -> None:
-    """Whatever single frames suffer, each scan that comes out is one that was sent, and the sum is right."""
+def test_published_and_lost_scans_add_up(fd: bool, start: int, faults: list[tuple[int, str]]) -> None:
+    """Under arbitrary faults of single frames, every scan passed on was sent, and the counts add up."""
     line = Line(fd, start)
     count = 40
     frames = [frame for sequence in range(start, start + count) for frame in line.frames(sequence)]
     blocks = line.codec.blocks
     dropped = 0
-    usable = len(frames) - blocks  # the last scan comes whole and closes the account
-    for place, fault in sorted({number % usable: fault for number, fault in faults}.items(), reverse=True):
-        identifier, kind, data = frames[place]
+    usable = len(frames) - blocks  # the last scan is complete and settles the loss count
+    for position, fault in sorted({number % usable: fault for number, fault in faults}.items(), reverse=True):
+        identifier, kind, data = frames[position]
         if fault == "drop":
-            del frames[place]
+            del frames[position]
             dropped += 1
         elif fault == "repeat":
-            frames.insert(place, frames[place])
+            frames.insert(position, frames[position])
         elif fault == "spoil":
-            frames[place] = identifier, kind, data[:-1]
-        elif place + 1 < len(frames) - blocks:
-            frames[place : place + 2] = frames[place + 1], frames[place]
+            frames[position] = identifier, kind, data[:-1]
+        elif position + 1 < len(frames) - blocks:
+            frames[position : position + 2] = frames[position + 1], frames[position]
     line.feed(*frames)
     assert line.published == sorted(set(line.published))
     assert set(line.published) <= set(range(start, start + count))

@@ -1,4 +1,4 @@
-"""The codec held to cantools reading the DBC: every message, both ways."""
+"""The codec verified against cantools with the DBC: every message, in both directions."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def decoded(codec: ScanCodec, frames: list[bytes]) -> list[int]:
 
 
 @given(counts=COUNTS, sequence=st.integers(0, 1 << 40), time=st.integers(0, 1 << 40), status=st.integers(0, 31))
-def test_fd_block(counts: list[int], sequence: int, time: int, status: int) -> None:
+def test_fd_blocks_agree_with_cantools(counts: list[int], sequence: int, time: int, status: int) -> None:
     codec = FdCodec(25)
     ((identifier, kind, data),) = codec.encode(scan_of(counts, sequence, time, status), BASE)
     assert (identifier, kind) == (BASE + 3, FD | RATE_SWITCH)
@@ -69,7 +69,7 @@ def test_fd_block(counts: list[int], sequence: int, time: int, status: int) -> N
 
 
 @given(counts=COUNTS, sequence=st.integers(0, 1 << 40))
-def test_classic_blocks(counts: list[int], sequence: int) -> None:
+def test_classic_blocks_agree_with_cantools(counts: list[int], sequence: int) -> None:
     codec = ClassicCodec(25)
     frames = codec.encode(scan_of(counts, sequence), BASE)
     for block, (identifier, kind, data) in enumerate(frames):
@@ -84,13 +84,13 @@ def test_classic_blocks(counts: list[int], sequence: int) -> None:
     assert max(abs(a - b) for a, b in zip(received, counts, strict=True)) <= 15
 
 
-def test_classic_keeps_both_ends_of_the_scale() -> None:
+def test_classic_blocks_preserve_both_ends_of_the_scale() -> None:
     frames = ClassicCodec(2).encode(scan_of([0, 0xFFFF]), BASE)
     assert decoded(ClassicCodec(2), [data for _, _, data in frames]) == [0, 0xFFFF]
 
 
 @given(code=BYTES, tag=BYTES, argument=WORDS)
-def test_command(code: int, tag: int, argument: int) -> None:
+def test_command_messages_agree_with_cantools(code: int, tag: int, argument: int) -> None:
     request = Request(code, tag, argument)
     signals = {"CommandCode": code, "CommandTag": tag, "CommandArgument": argument}
     assert encode("Command", **signals) == request.pack()
@@ -99,7 +99,7 @@ def test_command(code: int, tag: int, argument: int) -> None:
 
 
 @given(code=BYTES, tag=BYTES, result=BYTES, value=WORDS, reset=st.booleans())
-def test_response(code: int, tag: int, result: int, value: int, reset: bool) -> None:
+def test_response_messages_agree_with_cantools(code: int, tag: int, result: int, value: int, reset: bool) -> None:
     response = Response(code, tag, result, value, reset)
     signals = {"ResponseCommand": code, "ResponseTag": tag, "ResponseResult": result, "ResponseValue": value}
     signals["ResponseReset"] = int(reset)
@@ -115,7 +115,9 @@ def test_response(code: int, tag: int, result: int, value: int, reset: bool) -> 
     page=st.sampled_from(Page),
     value=SHORTS,
 )
-def test_status(raw: tuple[int, int], supply: int, flags: int, page: Page, value: int) -> None:
+def test_status_messages_agree_with_cantools(
+    raw: tuple[int, int], supply: int, flags: int, page: Page, value: int
+) -> None:
     status = Status((raw[0] / 256, raw[1] / 256), supply / 20, flags, page, value)
     signals = {"Temperature1": raw[0] / 256, "Temperature2": raw[1] / 256, "Supply": supply / 20, "Page": page}
     signals |= {name: flags >> bit & 1 for bit, name in enumerate(FLAGS)}
@@ -125,7 +127,7 @@ def test_status(raw: tuple[int, int], supply: int, flags: int, page: Page, value
     assert Status.unpack(status.pack()) == status
 
 
-def test_status_tells_what_is_not_known() -> None:
+def test_status_marks_unknown_values() -> None:
     status = Status((math.nan, 20.0), math.nan, 0, Page.LAYOUT, 1)
     unpacked = Status.unpack(status.pack())
     assert unpacked is not None
@@ -134,7 +136,7 @@ def test_status_tells_what_is_not_known() -> None:
     assert math.isnan(unpacked.supply)
 
 
-def test_status_out_of_range_is_sent_as_the_nearest_end() -> None:
+def test_status_values_out_of_range_are_clipped() -> None:
     unpacked = Status.unpack(Status((1e9, -1e9), 1e9, 0, Page.LAYOUT, 0).pack())
     assert unpacked is not None
     assert unpacked.temperatures == (0x7FFF / 256, -0x7FFF / 256)
@@ -142,13 +144,13 @@ def test_status_out_of_range_is_sent_as_the_nearest_end() -> None:
 
 
 @pytest.mark.parametrize(("signal", "names"), [("CommandCode", Command), ("ResponseResult", Result), ("Page", Page)])
-def test_names_of_values_are_those_of_the_code(signal: str, names: type[Command]) -> None:
+def test_value_names_of_the_dbc_equal_those_of_the_code(signal: str, names: type[Command]) -> None:
     (choices,) = (s.choices for m in DATABASE.messages for s in m.signals if s.name == signal)
     assert {value: str(name) for value, name in choices.items()} == {item.value: item.name for item in names}
 
 
 @pytest.mark.parametrize("length", [0, 7, 9, 64])
-def test_a_wrong_length_is_no_message(length: int) -> None:
+def test_messages_of_wrong_length_are_rejected(length: int) -> None:
     assert [kind.unpack(bytes(length)) for kind in (Request, Response, Status)] == [None] * 3
     assert ClassicCodec(25).header(8, CLASSIC, bytes(length)) is None
     assert FdCodec(25).header(3, FD, bytes(length)[:63]) is None
@@ -166,13 +168,13 @@ def test_a_wrong_length_is_no_message(length: int) -> None:
         (FdCodec(25), 3, FD | EXTENDED),
     ],
 )
-def test_a_frame_of_another_kind_is_no_block(codec: ScanCodec, offset: int, kind: int) -> None:
+def test_frames_of_another_type_are_not_blocks(codec: ScanCodec, offset: int, kind: int) -> None:
     assert codec.header(offset, kind, bytes(codec.block_length)) is None
 
 
 @pytest.mark.parametrize(("rows", "cols"), [(1, 1), (5, 5), (4, 7), (1, 29), (16, 16), (32, 32)])
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
-def test_every_layout_comes_back(sensor: Sensor, rows: int, cols: int, fd: bool) -> None:
+def test_every_layout_survives_a_round_trip(sensor: Sensor, rows: int, cols: int, fd: bool) -> None:
     sensor = with_layout(sensor, rows, cols)
     codec = make_codec(with_fd(sensor, fd))
     scan = make_scan(sensor, 12_345)
@@ -183,7 +185,7 @@ def test_every_layout_comes_back(sensor: Sensor, rows: int, cols: int, fd: bool)
     assert decoded(codec, [data for _, _, data in frames]) == scan.counts.tolist()
 
 
-def test_a_layout_that_does_not_fit_is_refused_in_one_line() -> None:
+def test_a_layout_that_does_not_fit_is_rejected_with_a_one_line_error() -> None:
     sensor = load_sensor()
     with pytest.raises(ConfigError, match=r"rows \* cols must be in \[1, 7168\] on CAN, got 16384"):
         make_codec(with_layout(sensor, 128, 128))

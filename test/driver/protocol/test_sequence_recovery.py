@@ -1,4 +1,4 @@
-"""Numbers of classic scans, whose counter is the same again after 16: certain, or not handed on."""
+"""Sequence of classic scans, whose counter wraps after 16: a scan is published only when its sequence is certain."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ BLOCKS = range(BASE + 8, BASE + 13)
 
 
 class Line:
-    """A board, a wire that can be cut, an adapter that can be held up, and a host that asks; all in order, in steps."""
+    """A board, a link that can be cut, an adapter that can be delayed, and a host with requests, in stepped time."""
 
-    def __init__(self, speed: float = 1.0, way: int = 0) -> None:
+    def __init__(self, speed: float = 1.0, transit_time: int = 0) -> None:
         self.firmware = BoardFirmware(with_fd(SENSOR, False), FakeBoard(SENSOR), 0)
         self.decoder = Decoder(with_fd(SENSOR, False))
         self.now = 0
         self.cut = False
         self.held_up = False
-        self.deaf = False
+        self.unresponsive = False
         self.published: list[int] = []
         self.questions = 0
-        self._speed = speed  # of the board's clock
-        self._way = way  # [ns] in each direction
+        self._speed = speed  # of the board clock
+        self._way = transit_time  # [ns] in each direction
         self._queue: deque[tuple[int, Frame]] = deque()
         self._commands: deque[tuple[int, Frame]] = deque()
         self._ask()
@@ -42,7 +42,7 @@ class Line:
             self.step()
 
     def step(self, periods: float = 0.25) -> None:
-        """Let time pass; read and check what came."""
+        """Advance the time; read and check the scans."""
         self.now += round(periods * PERIOD)
         board_time = round(self.now * self._speed)
         while self._commands and self._commands[0][0] <= self.now:
@@ -67,14 +67,14 @@ class Line:
             self.step()
 
     def account(self) -> int:
-        """Scans that are accounted for."""
+        """Number of scans that are published or counted as lost."""
         losses = self.decoder.statistics
         return self.published[0] + len(self.published) + losses.incomplete_scans + losses.lost_scans
 
     def _ask(self) -> None:
         self.questions += 1
         self.decoder.note_start_sent(self.questions & 0xFF, self.now)
-        if not (self.cut or self.deaf):
+        if not (self.cut or self.unresponsive):
             request = Request(Command.START, self.questions & 0xFF).pack()
             self._commands.append((self.now + self._way, (BASE + COMMAND_OFFSET, CLASSIC, request)))
 
@@ -83,45 +83,45 @@ class Line:
             self._queue += [(self.now + self._way, frame) for frame in frames]
 
     def lose(self, scans: int) -> None:
-        """Have the adapter drop what the board sends for a while."""
+        """Let the adapter drop what the board sends for a while."""
         self.cut = True
         self.run(scans)
         self.cut = False
 
 
-@pytest.mark.parametrize("way", [0, PERIOD, 5 * PERIOD, 20 * PERIOD])
+@pytest.mark.parametrize("transit_time", [0, PERIOD, 5 * PERIOD, 20 * PERIOD])
 @pytest.mark.parametrize("scans", [1, 8, 13, 15, 16, 17, 32, 100])
-def test_after_a_silence_of_any_length_numbers_are_right(scans: int, way: int) -> None:
-    line = Line(way=way)
+def test_the_sequence_is_right_after_a_pause_of_any_length(scans: int, transit_time: int) -> None:
+    line = Line(transit_time=transit_time)
     line.run(50)
     for _ in range(5):
         line.lose(scans)
-        line.run(60 + 8 * way // PERIOD)
+        line.run(60 + 8 * transit_time // PERIOD)
     line.run(400)
     assert len(set(line.published)) == len(line.published)
     assert line.account() == line.published[-1] + 1
-    again = 200 if way > PERIOD * 6 else 0  # then a question is always under way: one is lost, and asked again
-    few = 5 * (scans + 2 + 4 * way // PERIOD + again)
+    again = 200 if transit_time > PERIOD * 6 else 0  # a request is pending all the time: one is lost and sent again
+    few = 5 * (scans + 2 + 4 * transit_time // PERIOD + again)
     assert line.decoder.statistics.lost_scans <= few
 
 
-@pytest.mark.parametrize("way", [0, PERIOD, 20 * PERIOD])
+@pytest.mark.parametrize("transit_time", [0, PERIOD, 20 * PERIOD])
 @pytest.mark.parametrize("pause", [5, 12, 16, 17, 40, 250])
-def test_what_only_came_late_is_not_lost(pause: int, way: int) -> None:
-    line = Line(way=way)
+def test_late_scans_are_not_lost(pause: int, transit_time: int) -> None:
+    line = Line(transit_time=transit_time)
     line.run(50)
     for _ in range(5):
         line.held_up = True
         line.run(pause)
         line.held_up = False
         line.run(100)
-    line.run(2 * way // PERIOD)
+    line.run(2 * transit_time // PERIOD)
     assert line.published == list(range(line.published[0], line.published[-1] + 1))
-    assert line.published[-1] >= line.now // PERIOD - 4 - 3 * way // PERIOD
+    assert line.published[-1] >= line.now // PERIOD - 4 - 3 * transit_time // PERIOD
 
 
-def test_scans_lost_while_the_rest_is_late_are_not_mistaken() -> None:
-    """16 scans are lost amid frames that are late themselves: nothing in their times tells."""
+def test_scans_lost_among_late_ones_do_not_shift_the_sequence() -> None:
+    """16 scans are lost among frames that are late themselves, so that arrival times do not reveal it."""
     line = Line()
     line.run(100)
     line.held_up = True
@@ -135,7 +135,7 @@ def test_scans_lost_while_the_rest_is_late_are_not_mistaken() -> None:
 
 
 @pytest.mark.parametrize("speed", [1 - 5e-3, 1 - 50e-6, 1.0, 1 + 50e-6, 1 + 5e-3])
-def test_a_board_whose_clock_runs_at_another_speed_loses_nothing(speed: float) -> None:
+def test_a_board_clock_with_a_rate_error_loses_no_scans(speed: float) -> None:
     line = Line(speed)
     line.run(6_000)
     assert line.published == list(range(line.published[0], line.published[-1] + 1))
@@ -144,10 +144,10 @@ def test_a_board_whose_clock_runs_at_another_speed_loses_nothing(speed: float) -
     assert line.decoder.resync_requests == line.questions - 1  # the first one starts the board
 
 
-def test_a_deaf_board_is_numbered_by_its_status() -> None:
+def test_a_board_ignoring_commands_is_numbered_by_its_status() -> None:
     line = Line()
     line.run(100)
-    line.deaf = True
+    line.unresponsive = True
     line.lose(16)
     line.run(700)
     assert line.account() == line.published[-1] + 1
@@ -155,7 +155,7 @@ def test_a_deaf_board_is_numbered_by_its_status() -> None:
     assert line.decoder.statistics.lost_scans < 16 + 310  # at most until the next status
 
 
-def test_one_who_only_listens_takes_numbers_from_the_status() -> None:
+def test_a_listen_only_decoder_takes_the_sequence_from_the_status() -> None:
     line = Line()
     line.run(25)
     frames = [line.firmware.due(index * PERIOD) for index in range(line.published[-1] + 1, 3000)]
@@ -173,19 +173,19 @@ def test_one_who_only_listens_takes_numbers_from_the_status() -> None:
     assert len(numbers) > 2900 - 350
 
 
-def test_frames_that_never_become_certain_are_given_up_and_take_no_room() -> None:
+def test_frames_that_stay_ambiguous_are_discarded_and_use_bounded_memory() -> None:
     line = Line()
     line.run(25)
     blocks = [frame for frame in line.firmware.due(line.now + 20 * PERIOD) if frame[0] in BLOCKS]
     held = 0
-    for turn in range(1000):  # the board's clock stands: it sends the same scans for ever, and no status
+    for turn in range(1000):  # the board clock is frozen: the same scans are sent endlessly, without status
         line.decoder.decode(blocks, line.now + turn * 20 * PERIOD, 0)
-        held = max(held, len(line.decoder._recovery._held))
+        held = max(held, line.decoder.held_frames)
     assert 0 < held < 9000
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_whatever_is_lost_and_late_numbers_are_right_and_add_up(seed: int) -> None:
+def test_sequences_are_right_and_add_up_under_arbitrary_loss_and_delay(seed: int) -> None:
     noise = random.Random(seed)
     line = Line(1 + noise.uniform(-50e-6, 50e-6), noise.choice([0, PERIOD // 2, 3 * PERIOD]))
     for _ in range(150):
@@ -206,7 +206,7 @@ def test_whatever_is_lost_and_late_numbers_are_right_and_add_up(seed: int) -> No
     assert line.account() == line.published[-1] + 1
 
 
-def test_a_status_that_was_queued_before_the_scan_it_came_after_changes_nothing() -> None:
+def test_a_status_queued_before_the_preceding_scan_has_no_effect() -> None:
     line = Line()
     line.run(100)
     newest = line.published[-1]

@@ -1,4 +1,4 @@
-"""The driver node in process: over the emulated adapter, over a virtual bus, through its life, and with bad input."""
+"""The driver node in process: over the emulated adapter and a virtual bus, its lifecycle, and invalid input."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ TRANSITIONS = {
 
 
 class CountingBoard:
-    """Makes scans whose counts are all the low bits of their number, in steps of 16 that classic frames keep."""
+    """Makes scans whose counts encode the sequence in 12 bits, which classic frames preserve."""
 
     def scan(self, index: int, out: Scan) -> None:
         code = index % 4096
@@ -69,13 +69,14 @@ class CountingBoard:
 
 
 class Watcher(Node):
-    """Keeps what the driver publishes."""
+    """Collects what the driver publishes."""
 
     def __init__(self, context: rclpy.Context) -> None:
         super().__init__("watcher", context=context)
         self.raw: list[TactileRaw] = []
         self.diagnostics: list[DiagnosticStatus] = []
         self.create_subscription(DiagnosticArray, "/diagnostics", self._take, 10)
+        self.command = self.create_client(BoardCommand, "/tactile/command")
 
     def listen(self) -> None:
         self.create_subscription(TactileRaw, "/tactile/raw", self.raw.append, 2000)
@@ -85,10 +86,10 @@ class Watcher(Node):
 
 
 class Bench:
-    """An executor with a watcher, and what a test adds; waits for conditions."""
+    """An executor with a watcher and the nodes of the test; waits for conditions."""
 
     def __init__(self) -> None:
-        self.clock = PacedClock(main=False)  # the nodes' threads; while the main thread waits, it is waited for
+        self.clock = PacedClock(main=False)  # of the node threads; the time stops while the main thread is busy
         self.drivers: list[DriverNode] = []
         self.context = rclpy.Context()
         rclpy.init(context=self.context)
@@ -105,7 +106,7 @@ class Bench:
         return node
 
     def wait(self, condition: Any, blocked: bool = False) -> None:
-        """Spin until the condition holds; time waits for this thread unless a callback of it waits for another one."""
+        """Spin until the condition holds; with `blocked` the time runs on, as a callback waits for another thread."""
         end = time.monotonic() + PATIENCE
         with nullcontext() if blocked else self.clock.taking_part():
             while not condition():
@@ -114,8 +115,16 @@ class Bench:
                 if not self._behind():
                     self.clock.monotonic()
 
+    def call(self, command: int, argument: int = 0) -> BoardCommand.Response:
+        """Call the command service of the driver and return its response."""
+        client = self.watcher.command
+        self.wait(client.service_is_ready)
+        future = client.call_async(BoardCommand.Request(command=command, argument=argument))
+        self.wait(future.done, blocked=True)
+        return future.result()
+
     def _behind(self) -> bool:
-        """Whether scans are on their way to the watcher that it should take first."""
+        """Return whether scans are queued that the watcher should receive first."""
         if not self.watcher.raw or not self.drivers:
             return False
         return self.drivers[-1].source.decoder.sequence - self.watcher.raw[-1].sequence > BACKLOG
@@ -158,7 +167,7 @@ def adapter(link: Path, bench: Bench) -> Iterator[EmulatedAdapter]:
 
 
 def assert_counting(messages: list[TactileRaw]) -> None:
-    """The counts of each message are those of its sequence."""
+    """Check that the counts of each message encode its sequence."""
     for message in messages:
         code = message.sequence % 4096
         np.testing.assert_array_equal(np.asarray(message.counts), np.full(25, code << 4 | code >> 8))
@@ -212,11 +221,11 @@ def test_raw_over_a_virtual_bus(bench: Bench) -> None:
     assert_counting(bench.watcher.raw)
 
 
-def test_two_boards_on_one_bus_have_a_driver_each(bench: Bench, tmp_path: Path) -> None:
-    """As documented: a sensor file for each, which differ in base_id, and a namespace for each."""
+def test_two_boards_on_one_bus_use_one_driver_each(bench: Bench, tmp_path: Path) -> None:
+    """As documented: one sensor file each, with different base_id, and one namespace each."""
     channel, clock = uuid.uuid4().hex, bench.clock
     shipped = (Path(description.__file__).parent / "sensors" / "posfet_5x5.yaml").read_text(encoding="utf-8")
-    nodes, firmwares, taken = [], [], {}
+    nodes, firmwares, received = [], [], {}
     with can.Bus(interface="virtual", channel=channel) as bus:
         for name, base in (("thumb", 0x100), ("palm", 0x110)):
             file = tmp_path / f"{name}.yaml"
@@ -226,7 +235,7 @@ def test_two_boards_on_one_bus_have_a_driver_each(bench: Bench, tmp_path: Path) 
             node = bench.driver(
                 f"/hand/{name}", can_interface="virtual", can_channel=channel, sensor_file=str(file), autostart=False
             )
-            taken[name] = scans = []
+            received[name] = scans = []
             node.sink = lambda scan, scans=scans: scans.append((scan.sequence, int(scan.counts[0])))
             assert (node.trigger_configure(), node.trigger_activate()) == (SUCCESS, SUCCESS)
             nodes.append(node)
@@ -239,10 +248,10 @@ def test_two_boards_on_one_bus_have_a_driver_each(bench: Bench, tmp_path: Path) 
                     frames += firmware.receive(frame_of(message), now)
             for frame in frames:
                 bus.send(message_of(frame))
-            return all(len(scans) >= 50 for scans in taken.values())
+            return all(len(scans) >= 50 for scans in received.values())
 
         bench.wait(boards_turn)
-        for node, scans in zip(nodes, taken.values(), strict=True):
+        for node, scans in zip(nodes, received.values(), strict=True):
             node.trigger_shutdown()
             assert [count for _, count in scans] == [(n % 4096) << 4 | (n % 4096) >> 8 for n, _ in scans]
             report = node.source.report()
@@ -251,30 +260,30 @@ def test_two_boards_on_one_bus_have_a_driver_each(bench: Bench, tmp_path: Path) 
 
 
 def test_lifecycle(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
-    """Not started by itself; configured it reads but says nothing; active it speaks; it can be taken down and up."""
+    """Unconfigured at first; inactive it reads but does not publish; active it publishes; it can be cycled."""
     bench.watcher.listen()
     node = bench.driver(can_channel=str(link), autostart=False)
-    taken: list[int] = []
-    node.sink = lambda scan: taken.append(scan.sequence)
+    received: list[int] = []
+    node.sink = lambda scan: received.append(scan.sequence)
     node.start()
     assert node.source.report().state == "closed"
     for _ in range(2):
         assert node.trigger_configure() == SUCCESS
         seen = node.source.report().scans
         bench.wait(lambda seen=seen: node.source.report().scans >= seen + 50)
-        assert taken == bench.watcher.raw == []
+        assert received == bench.watcher.raw == []
         assert node.trigger_activate() == SUCCESS
-        bench.wait(lambda: len(taken) > 50 and bench.watcher.raw)
+        bench.wait(lambda: len(received) > 50 and bench.watcher.raw)
         assert_counting(bench.watcher.raw)
-        assert taken == list(range(taken[0], taken[0] + len(taken)))
+        assert received == list(range(received[0], received[0] + len(received)))
         assert node.trigger_deactivate() == SUCCESS
         assert node.trigger_cleanup() == SUCCESS
         assert node.source.report().state == "closed"
         seen = -1
-        while seen != len(bench.watcher.raw):  # what is still on its way
+        while seen != len(bench.watcher.raw):  # messages in transit
             seen = len(bench.watcher.raw)
             bench.executor.spin_once(timeout_sec=0.2)
-        taken.clear()
+        received.clear()
         bench.watcher.raw.clear()
     assert node.source.report().frames_lost == 0
     assert node.trigger_shutdown() == SUCCESS
@@ -282,8 +291,8 @@ def test_lifecycle(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
 
 def test_lifecycle_transitions_in_any_order_while_the_adapter_comes_and_goes(bench: Bench, link: Path) -> None:
     node = bench.driver(can_channel=str(link), autostart=False)
-    taken: list[int] = []
-    node.sink = lambda scan: taken.append(scan.sequence)
+    received: list[int] = []
+    node.sink = lambda scan: received.append(scan.sequence)
     threads = threading.active_count()
     noise, state, adapter = random.Random(5), "unconfigured", None
     for _ in range(20):
@@ -294,8 +303,8 @@ def test_lifecycle_transitions_in_any_order_while_the_adapter_comes_and_goes(ben
         assert getattr(node, f"trigger_{name}")() == SUCCESS
         state = TRANSITIONS[state][name]
         if state == "active" and adapter:
-            taken.clear()
-            bench.wait(lambda: len(taken) > 10)
+            received.clear()
+            bench.wait(lambda: len(received) > 10)
         if state == "unconfigured":
             assert threading.active_count() == threads + bool(adapter)
             assert node.source.report().state == "closed"
@@ -305,24 +314,26 @@ def test_lifecycle_transitions_in_any_order_while_the_adapter_comes_and_goes(ben
         adapter.close()
 
 
-def test_the_sink_gets_scans_that_nobody_subscribes(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
+def test_the_sink_gets_scans_without_subscribers(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
     node = bench.driver(can_channel=str(link))
-    taken: list[int] = []
-    node.sink = lambda scan: taken.append(scan.sequence)
+    received: list[int] = []
+    node.sink = lambda scan: received.append(scan.sequence)
     node.start()
-    bench.wait(lambda: len(taken) > 100)
-    assert node._raw.get_subscription_count() == 0
+    bench.wait(lambda: len(received) > 100)
+    assert node.count_subscribers("raw") == 0
 
 
-def test_a_board_is_started_and_obeys_though_nobody_listens(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
+def test_a_board_starts_and_obeys_commands_without_subscribers(
+    bench: Bench, adapter: EmulatedAdapter, link: Path
+) -> None:
     node = bench.driver(can_channel=str(link))
     node.start()
     bench.wait(lambda: bench.state() == "receiving scans")
-    response = node._command(BoardCommand.Request(command=BoardCommand.Request.IDENTIFY), BoardCommand.Response())
+    response = bench.call(BoardCommand.Request.IDENTIFY)
     assert (response.success, response.value & 0xFFFF) == (True, SENSOR.layout.id)
 
 
-def test_an_adapter_that_comes_goes_and_returns_is_told_in_diagnostics(bench: Bench, link: Path) -> None:
+def test_diagnostics_report_an_adapter_that_appears_disconnects_and_returns(bench: Bench, link: Path) -> None:
     bench.watcher.listen()
     bench.driver(can_channel=str(link)).start()
     bench.wait(lambda: "No such file or directory" in bench.state())
@@ -342,19 +353,13 @@ def test_an_adapter_that_comes_goes_and_returns_is_told_in_diagnostics(bench: Be
 def test_commands_reach_the_board_while_it_scans(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
     bench.watcher.listen()
     bench.driver(can_channel=str(link)).start()
-    client = bench.watcher.create_client(BoardCommand, "/tactile/command")
-    bench.wait(lambda: client.service_is_ready() and len(bench.watcher.raw) > 10)
-
-    def call(command: int, argument: int = 0) -> BoardCommand.Response:
-        future = client.call_async(BoardCommand.Request(command=command, argument=argument))
-        bench.wait(future.done, blocked=True)
-        return future.result()
-
-    answer = call(BoardCommand.Request.IDENTIFY)
-    assert (answer.success, answer.message, answer.value) == (True, "", SENSOR.layout.id | 1 << 16)
-    refused = call(BoardCommand.Request.SET_RATE, 10)
-    assert not refused.success
-    assert refused.message == "SET_RATE: refused by the board: bad argument"
+    bench.wait(lambda: len(bench.watcher.raw) > 10)
+    call = bench.call
+    response = call(BoardCommand.Request.IDENTIFY)
+    assert (response.success, response.message, response.value) == (True, "", SENSOR.layout.id | 1 << 16)
+    rejected = call(BoardCommand.Request.SET_RATE, 10)
+    assert not rejected.success
+    assert rejected.message == "SET_RATE: rejected by the board: bad argument"
     unknown = call(77)
     assert not unknown.success
     assert "command must be one of 1 START, 2 STOP" in unknown.message
@@ -369,9 +374,9 @@ def test_commands_reach_the_board_while_it_scans(bench: Bench, adapter: Emulated
     assert call(BoardCommand.Request.IDENTIFY).message.startswith("IDENTIFY: CAN bus unavailable, retrying")
 
 
-def test_a_driver_that_is_not_configured_takes_no_command(bench: Bench, link: Path) -> None:
-    node = bench.driver(can_channel=str(link), autostart=False)
-    response = node._command(BoardCommand.Request(command=4), BoardCommand.Response())
+def test_an_unconfigured_driver_rejects_commands(bench: Bench, link: Path) -> None:
+    bench.driver(can_channel=str(link), autostart=False)
+    response = bench.call(BoardCommand.Request.IDENTIFY)
     assert (response.success, response.message) == (False, "the driver is not configured")
 
 
@@ -385,13 +390,15 @@ def test_a_driver_that_is_not_configured_takes_no_command(bench: Bench, link: Pa
         ({"sensor_file": "nosuch"}, "nosuch: no such sensor"),
     ],
 )
-def test_bad_input_is_refused_in_one_line(bench: Bench, parameters: dict[str, Any], message: str) -> None:
+def test_invalid_input_is_rejected_with_a_one_line_error(
+    bench: Bench, parameters: dict[str, Any], message: str
+) -> None:
     with pytest.raises(ConfigError, match=message) as caught:
         bench.driver(**parameters)
     assert "\n" not in str(caught.value)
 
 
-def test_a_bitrate_that_the_interface_lacks_ends_the_start(bench: Bench) -> None:
+def test_a_bitrate_unsupported_by_the_interface_aborts_the_start(bench: Bench) -> None:
     node = bench.driver(can_bitrate=123, can_channel="port")
     with pytest.raises(ConfigError, match="/tactile/driver_node: slcan:port: bitrate must be one of 10000"):
         node.start()

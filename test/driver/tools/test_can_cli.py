@@ -1,4 +1,4 @@
-"""`posfet can` at the bench: every action over the emulated adapter and a virtual bus, and what is said of mistakes."""
+"""`posfet can`: every action over the emulated adapter and a virtual bus, and its error messages."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def wide_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
 
 
-def main(words: list[str], clock: PacedClock | None = None) -> int:
-    """Run the tool in time that waits for it and its board."""
-    return posfet_can.main(words, clock or PacedClock())
+def main(arguments: list[str], clock: PacedClock | None = None) -> int:
+    """Run the tool on a clock that waits for the tool and its board."""
+    return posfet_can.main(arguments, clock or PacedClock())
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def clock() -> PacedClock:
 
 @pytest.fixture
 def virtual(clock: PacedClock) -> Iterator[list[str]]:
-    """A board on a virtual bus; the words that lead there."""
+    """A board on a virtual bus; returns the arguments that select it."""
     channel = uuid.uuid4().hex
     with (
         can.Bus(interface="virtual", channel=channel) as bus,
@@ -60,7 +60,7 @@ def test_list_finds_the_board(capsys: pytest.CaptureFixture[str]) -> None:
     assert cells[cells.index("0x100") : cells.index("0x100") + 4] == ["0x100", "1", "0.1", "5.00"]
 
 
-def test_list_says_why_an_adapter_is_of_no_use(
+def test_list_reports_why_an_adapter_is_unusable(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(list_boards, "SERIAL_PORTS", (str(tmp_path / "tty*"),))
@@ -77,20 +77,22 @@ def test_list_says_why_an_adapter_is_of_no_use(
     assert "not a serial port" in capsys.readouterr().out
 
 
-def test_only_what_behaves_like_a_status_is_taken_for_a_board() -> None:
+def test_only_a_sender_of_all_status_pages_is_listed_as_a_board() -> None:
     statuses = [Status((20.0, 20.0), 5.0, 0, page, 1).pack() for page in (*Page, *Page)]
     frames = [(0x302, CLASSIC, data) for data in statuses]
     other = [(0x402, CLASSIC, statuses[0])] * 6 + [(0x502, CLASSIC, bytes([0, 0, 0, 0, 0, 0xC0, 0, 0]))]
     assert [board.base for board in list_boards.boards(frames + other)] == [0x300]
 
 
-@pytest.mark.parametrize("words", [["identify"], ["start"], ["stop"], ["self_test"], ["set_rate", "2000"]])
-def test_commands(virtual: list[str], clock: PacedClock, words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["command", *words, *virtual], clock) == 0
-    assert capsys.readouterr().out.startswith(f"{words[0]}: ok, ")
+@pytest.mark.parametrize("arguments", [["identify"], ["start"], ["stop"], ["self_test"], ["set_rate", "2000"]])
+def test_each_command_is_acknowledged(
+    virtual: list[str], clock: PacedClock, arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["command", *arguments, *virtual], clock) == 0
+    assert capsys.readouterr().out.startswith(f"{arguments[0]}: ok, ")
 
 
-def test_a_refusal_comes_with_the_boards_reason(
+def test_a_rejected_command_shows_the_reason_of_the_board(
     virtual: list[str], clock: PacedClock, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["command", "set_rate", "3", *virtual], clock) == 1
@@ -112,14 +114,14 @@ def test_monitor_shows_identifiers_rates_and_scans(
     assert int(rows[-1][2]) > 100
 
 
-def test_monitor_of_a_silent_bus_fails(capsys: pytest.CaptureFixture[str]) -> None:
+def test_monitor_of_a_bus_without_traffic_fails(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["monitor", "-i", "virtual", "-c", uuid.uuid4().hex, "--for", "0.05"]) == 1
     out = capsys.readouterr().out
     assert "no frame yet" in out
     assert "nan" not in out
 
 
-def test_monitor_of_a_board_that_stands_still_shows_no_scan(
+def test_monitor_of_a_stopped_board_shows_no_scan(
     virtual: list[str], clock: PacedClock, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["monitor", "--for", "0.3", *virtual], clock) == 0
@@ -135,7 +137,7 @@ def test_an_emulated_board_is_started(capsys: pytest.CaptureFixture[str]) -> Non
 
 @pytest.mark.parametrize("suffix", ["log", "asc", "blf"])
 @pytest.mark.parametrize("fd", ["true", "false"])
-def test_what_is_recorded_can_be_decoded_and_replayed(
+def test_a_recording_can_be_decoded_and_replayed(
     tmp_path: Path, suffix: str, fd: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / f"bus.{suffix}"
@@ -147,11 +149,11 @@ def test_what_is_recorded_can_be_decoded_and_replayed(
     channel = uuid.uuid4().hex
     with can.Bus(interface="virtual", channel=channel) as bus:
         assert main(["replay", str(file), "--speed", "100", "-i", "virtual", "-c", channel, "--fd", fd]) == 0
-        heard = [frame_of(bus.recv(0)) for _ in sent]
-    assert heard == sent
+        received = [frame_of(bus.recv(0)) for _ in sent]
+    assert received == sent
 
 
-def test_a_recording_decodes_to_whole_scans(tmp_path: Path) -> None:
+def test_a_recording_decodes_to_complete_scans(tmp_path: Path) -> None:
     file = tmp_path / "bus.log"
     assert main(["record", str(file), "--start", "--for", "0.3", *EMULATOR]) == 0
     decoder = Decoder(SENSOR)
@@ -165,7 +167,7 @@ def test_selftest_passes_on_the_emulated_board(capsys: pytest.CaptureFixture[str
     assert capsys.readouterr().out.count(" ok ") == 8
 
 
-def test_selftest_names_what_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_selftest_reports_what_failed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["selftest", "-i", "slcan", "-c", str(tmp_path / "none")]) == 1
     out = capsys.readouterr().out
     assert "adapter opens" in out
@@ -173,7 +175,7 @@ def test_selftest_names_what_failed(tmp_path: Path, capsys: pytest.CaptureFixtur
 
 
 @pytest.mark.parametrize(
-    ("words", "error"),
+    ("arguments", "error"),
     [
         (["command", "stop", "-i", "slcam"], "CAN interface must be one of"),
         (["command", "stop", "-i", "virtual", "-o", "nonsense=1"], "has no option 'nonsense', known are"),
@@ -192,16 +194,18 @@ def test_selftest_names_what_failed(tmp_path: Path, capsys: pytest.CaptureFixtur
         (["replay", "/nowhere.log"], "/nowhere.log: No such file or directory"),
     ],
 )
-def test_mistakes_are_told_in_one_line(words: list[str], error: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(words) == 1
-    said = capsys.readouterr().err
-    assert error in said
-    assert said.startswith(f"posfet can {words[0]}: ")
-    assert said.count("\n") == 1
+def test_usage_mistakes_give_one_line_errors(
+    arguments: list[str], error: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 1
+    output = capsys.readouterr().err
+    assert error in output
+    assert output.startswith(f"posfet can {arguments[0]}: ")
+    assert output.count("\n") == 1
 
 
 @pytest.mark.parametrize("suffix", ["log", "asc", "blf"])
-def test_a_broken_recording_is_refused_in_one_line(
+def test_a_malformed_recording_is_rejected_with_a_one_line_error(
     tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / f"bus.{suffix}"
@@ -210,9 +214,7 @@ def test_a_broken_recording_is_refused_in_one_line(
     assert capsys.readouterr().err.startswith(f"posfet can replay: {file}: no")
 
 
-def test_a_recording_that_is_cut_off_is_told_after_what_is_in_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_truncated_recording_is_decoded_then_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     whole, cut, none = (tmp_path / f"{name}.blf" for name in ("whole", "cut", "none"))
     assert main(["record", str(whole), "--for", "0.3", *EMULATOR]) == 0
     content = whole.read_bytes()
@@ -220,24 +222,22 @@ def test_a_recording_that_is_cut_off_is_told_after_what_is_in_it(
     none.write_bytes(content[:3])
     capsys.readouterr()
     assert main(["replay", str(cut), "--decode"]) == 1
-    told = capsys.readouterr()
-    assert told.err == f"posfet can replay: {cut}: cut off after {len(content) - 20} of {len(content)} bytes\n"
+    output = capsys.readouterr()
+    assert output.err == f"posfet can replay: {cut}: cut off after {len(content) - 20} of {len(content)} bytes\n"
     assert main(["replay", str(none), "--decode"]) == 1
     assert capsys.readouterr().err == f"posfet can replay: {none}: not a recording of its format\n"
 
 
 @pytest.mark.parametrize("suffix", ["log", "asc"])
-def test_an_empty_recording_is_no_recording(tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_empty_recording_is_rejected(tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / f"bus.{suffix}"
     file.touch()
-    for words in ([], ["--decode"]):
-        assert main(["replay", str(file), *words]) == 1
+    for arguments in ([], ["--decode"]):
+        assert main(["replay", str(file), *arguments]) == 1
         assert capsys.readouterr().err == f"posfet can replay: {file}: contains no frame\n"
 
 
-def test_frames_that_no_bus_can_carry_and_times_that_cannot_be_are_told_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_invalid_frames_and_times_give_one_line_errors(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "bus.log"
     for line, error in (
         ("(nan) can0 123#11", f"{file}: times must be in [0, 1e+11] s, got nan"),
@@ -246,12 +246,12 @@ def test_frames_that_no_bus_can_carry_and_times_that_cannot_be_are_told_in_one_l
     ):
         file.write_text(f"(1.0) can0 123#11\n{line}\n", encoding="ascii")
         assert main(["replay", str(file), "--speed", "100", *EMULATOR]) == 1
-        told = capsys.readouterr().err
-        assert told.startswith(f"posfet can replay: {error}")
-        assert told.count("\n") == 1
+        output = capsys.readouterr().err
+        assert output.startswith(f"posfet can replay: {error}")
+        assert output.count("\n") == 1
 
 
-def test_monitor_shows_no_table_that_does_not_fit(
+def test_monitor_omits_a_table_that_does_not_fit(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
@@ -259,7 +259,7 @@ def test_monitor_shows_no_table_that_does_not_fit(
     assert "the terminal needs 129 columns" in capsys.readouterr().out
 
 
-def test_names_are_shown_as_they_are(
+def test_names_are_shown_without_markup(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -275,9 +275,7 @@ def test_names_are_shown_as_they_are(
 
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs /dev/full")
 @pytest.mark.parametrize("suffix", ["log", "asc", "blf"])
-def test_a_full_disk_is_told_with_the_files_name(
-    tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_full_disk_error_names_the_file(tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / f"bus.{suffix}"
     file.symlink_to("/dev/full")
     assert main(["record", str(file), "--for", "0.3", *EMULATOR]) == 1
@@ -285,8 +283,8 @@ def test_a_full_disk_is_told_with_the_files_name(
 
 
 @pytest.mark.parametrize(
-    "words", [["nothing"], ["command", "fly"], ["monitor", "--for", "-1"], ["replay", "x", "--speed", "nan"]]
+    "arguments", [["nothing"], ["command", "fly"], ["monitor", "--for", "-1"], ["replay", "x", "--speed", "nan"]]
 )
-def test_wrong_words_are_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_arguments_are_rejected(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
-        main(words)
+        main(arguments)

@@ -1,4 +1,4 @@
-"""Calibration from what a bench has: recorded frames, and a stand's readings by another clock."""
+"""Calibration from recorded frames and the readings of a calibration rig with another clock."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Files = tuple[Path, Path]
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
-    """A recording of the simulated board, and the readings of a noisy stand at 200 Hz that is late."""
+    """A recording of the simulated board, and the readings of a noisy, delayed calibration rig at 200 Hz."""
     folder = tmp_path_factory.mktemp("bench")
     log, stand = folder / "board.log", folder / "stand.csv"
     scene = pressing_scene(SENSOR)
@@ -58,17 +58,17 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
     return log, stand
 
 
-def words(files: Files, out: Path) -> list[str]:
+def arguments(files: Files, out: Path) -> list[str]:
     return [str(out), "--recording", str(files[0]), "--reference", str(files[1])]
 
 
-def test_a_board_on_a_stand_is_calibrated_as_it_was_drawn(
+def test_calibration_on_a_rig_recovers_the_parameters_of_the_board(
     files: Files, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "cal.yaml"
-    assert main(words(files, path)) == 0
-    told = capsys.readouterr().out
-    assert float(told.split("clock delay ")[1].split(" ms")[0]) == pytest.approx(1e3 * LATE, abs=0.5)
+    assert main(arguments(files, path)) == 0
+    output = capsys.readouterr().out
+    assert float(output.split("clock delay ")[1].split(" ms")[0]) == pytest.approx(1e3 * LATE, abs=0.5)
     found, true = load_calibration(path, SENSOR), draw_taxel_parameters(SENSOR, ROUGH, SEED)
     nominal = SENSOR.amplifier.follower_gain / SENSOR.device.film_capacitance
     gain = true.charge_per_newton / charge_per_newton(SENSOR) * true.volts_per_charge / nominal
@@ -92,7 +92,7 @@ def test_a_board_on_a_stand_is_calibrated_as_it_was_drawn(
         ("\udcff", "not a CSV text file"),
     ],
 )
-def test_a_bad_file_of_a_stand_is_refused_in_one_line(tmp_path: Path, text: str, reason: str) -> None:
+def test_an_invalid_rig_file_is_rejected_with_a_one_line_error(tmp_path: Path, text: str, reason: str) -> None:
     path = tmp_path / "stand.csv"
     path.write_bytes(text.replace("HEAD", ",".join(COLUMNS)).encode("utf-8", "surrogateescape"))
     with pytest.raises(ConfigError, match=reason) as caught:
@@ -101,9 +101,7 @@ def test_a_bad_file_of_a_stand_is_refused_in_one_line(tmp_path: Path, text: str,
     assert "\n" not in str(caught.value)
 
 
-def test_files_that_do_not_belong_together_are_refused(
-    files: Files, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_mismatched_files_are_rejected(files: Files, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     times = np.arange(0.0, 40.0, 0.005)
     for begin, force, reason in (
         (0.0, 0.1 * times, "must last from"),
@@ -113,15 +111,15 @@ def test_files_that_do_not_belong_together_are_refused(
         path = tmp_path / "stand.csv"
         rows = [f"{begin + time},0,0,{newton}" for time, newton in zip(times.tolist(), force.tolist(), strict=True)]
         path.write_text("\n".join([",".join(COLUMNS), *rows]))
-        assert main(words((files[0], path), tmp_path / "cal.yaml")) == 1
-        told = capsys.readouterr().err
-        assert reason in told
-        assert len(told.splitlines()) == 1
+        assert main(arguments((files[0], path), tmp_path / "cal.yaml")) == 1
+        output = capsys.readouterr().err
+        assert reason in output
+        assert len(output.splitlines()) == 1
     assert main([str(tmp_path / "cal.yaml"), "--reference", str(files[1])]) == 1
     assert "only valid together" in capsys.readouterr().err
 
 
-def test_frames_of_another_board_are_no_recording(files: Files, tmp_path: Path) -> None:
+def test_frames_of_another_board_are_rejected(files: Files, tmp_path: Path) -> None:
     other = replace(SENSOR, can=replace(SENSOR.can, base_id=0x300))
     with pytest.raises(ConfigError, match="no scan in it"):
         read_scans(files[0], other)

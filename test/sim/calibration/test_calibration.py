@@ -1,4 +1,4 @@
-"""Calibration: held to the spread that the simulated board was drawn with, kept in files, and used."""
+"""Calibration: verified against the parameters of the simulated board, saved in files, and used."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ DEVICE = perturbed(SENSOR, {"leak": 20.0, "d33": 10.0, "lag": 30.0})
 
 @pytest.fixture(scope="module")
 def recording() -> Recording:
-    """The board of seed 4 while each taxel is pressed."""
+    """A recording of the board with seed 4 while each taxel is pressed."""
     return record(SENSOR, 4, ROUGH, DEVICE)
 
 
@@ -45,12 +45,12 @@ def found(recording: Recording) -> Calibration:
     return fit(SENSOR, recording, DATE)
 
 
-def test_it_finds_the_taxels_as_they_were_drawn_on_a_device_unlike_its_description(found: Calibration) -> None:
+def test_calibration_recovers_taxel_parameters_despite_model_mismatch(found: Calibration) -> None:
     true = draw_taxel_parameters(DEVICE, ROUGH, 4)
     nominal = SENSOR.amplifier.follower_gain / SENSOR.device.film_capacitance
     gain = true.charge_per_newton / charge_per_newton(SENSOR) * true.volts_per_charge / nominal
-    # A press of 0.5 N is ahead of the film's plays of 0.25, 0.5 and 1 N by 0.25, 0.5 and 0.5 N, each of which counts
-    # 1 %/0.7 less: 1 - 0.0143*1.25/0.5 = 0.964.
+    # A press of 0.5 N exceeds the play operators of 0.25, 0.5 and 1 N by 0.25, 0.5 and 0.5 N, each of which reduces the
+    # effective force by 1 %/0.7: 1 - 0.0143*1.25/0.5 = 0.964.
     assert np.std(found.gain / gain) < 0.005
     assert np.mean(found.gain / gain) == pytest.approx(0.964, abs=0.005)
     np.testing.assert_allclose(found.leak_time_constant, true.leak_time_constant, rtol=0.01)
@@ -60,8 +60,10 @@ def test_it_finds_the_taxels_as_they_were_drawn_on_a_device_unlike_its_descripti
     assert found.thermal_time_constant == pytest.approx(DEVICE.device.thermal_time_constant, rel=0.15)
 
 
-def test_it_is_the_same_whether_the_chip_cools_or_warms(found: Calibration, monkeypatch: pytest.MonkeyPatch) -> None:
-    # Charge that the film's loops leave behind must not pass for leak or warmth, whose signs differ then.
+def test_calibration_does_not_depend_on_the_sign_of_the_temperature_change(
+    found: Calibration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Residual charge from hysteresis must not be identified as leakage or temperature rise, whose signs differ then.
     monkeypatch.setattr(simulated_bench, "COOLING", -simulated_bench.COOLING)
     warmed = fit(SENSOR, record(SENSOR, 4, ROUGH, DEVICE), DATE)
     np.testing.assert_allclose(warmed.gain, found.gain, rtol=0.006)
@@ -69,7 +71,7 @@ def test_it_is_the_same_whether_the_chip_cools_or_warms(found: Calibration, monk
     np.testing.assert_allclose(warmed.pyroelectric_gain, found.pyroelectric_gain, rtol=0.01)
 
 
-def test_what_was_held_out_is_foretold_a_hundred_times_better_than_by_the_description(
+def test_hold_out_error_is_a_hundred_times_below_that_of_nominal_parameters(
     recording: Recording, found: Calibration
 ) -> None:
     assert found.residuals is not None
@@ -78,7 +80,7 @@ def test_what_was_held_out_is_foretold_a_hundred_times_better_than_by_the_descri
     assert 0.15 < found.residuals.samples / recording.counts.size < 0.25
 
 
-def test_scores_on_a_device_unlike_its_description_with_five_percent_left(found: Calibration) -> None:
+def test_scores_with_model_mismatch_and_five_percent_gain_error(found: Calibration) -> None:
     scene = load_scene("press_slide_lift", SENSOR)
     calibration = found.with_gain_error(0.05, np.random.default_rng(2))
     score = run(Run(SENSOR, scene, 4.0, 4, replace(ROUGH, noisy_probability=0.0), calibration, DEVICE))
@@ -88,7 +90,7 @@ def test_scores_on_a_device_unlike_its_description_with_five_percent_left(found:
     assert (score.contact_precision, score.contact_recall, score.id_switches) == (1.0, 1.0, 0)
 
 
-def test_a_taxel_that_does_not_answer_is_dead_for_ever(recording: Recording) -> None:
+def test_a_taxel_without_response_is_marked_dead_permanently(recording: Recording) -> None:
     counts = recording.counts.copy()
     counts[:, 7] = 0x8000
     found = fit(SENSOR, replace(recording, counts=counts), DATE)
@@ -96,7 +98,7 @@ def test_a_taxel_that_does_not_answer_is_dead_for_ever(recording: Recording) -> 
     assert Reconstructor(SENSOR, found).image().status[7] == TaxelStatus.DEAD
 
 
-def test_a_file_gives_back_what_was_saved(found: Calibration, tmp_path: Path) -> None:
+def test_a_saved_calibration_survives_a_round_trip(found: Calibration, tmp_path: Path) -> None:
     path = tmp_path / "cal.yaml"
     gain = found.gain.copy()
     gain[3] = np.nan
@@ -126,7 +128,7 @@ def test_a_file_gives_back_what_was_saved(found: Calibration, tmp_path: Path) ->
         (("colour",), 1, "unknown key"),
     ],
 )
-def test_a_file_that_does_not_fit_is_refused_in_one_line(
+def test_a_mismatched_file_is_rejected_with_a_one_line_error(
     tmp_path: Path, keys: tuple[str, ...], value: object, words: str
 ) -> None:
     path = tmp_path / "cal.yaml"
@@ -143,7 +145,7 @@ def test_a_file_that_does_not_fit_is_refused_in_one_line(
     assert "\n" not in str(caught.value)
 
 
-def test_a_recording_that_shows_too_little_is_refused(recording: Recording) -> None:
+def test_an_insufficient_recording_is_rejected(recording: Recording) -> None:
     force = recording.force.copy()
     force[:, 5] = 0.0
     with pytest.raises(ValueError, match="taxel 5"):
@@ -160,7 +162,7 @@ def test_a_recording_that_shows_too_little_is_refused(recording: Recording) -> N
         )
 
 
-def test_the_command_writes_a_file_that_the_score_reads(
+def test_the_command_writes_a_calibration_that_the_score_reads(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], found: Calibration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "cal.yaml"
@@ -168,7 +170,7 @@ def test_the_command_writes_a_file_that_the_score_reads(
     assert "hold-out set" in capsys.readouterr().out
     assert score_main(["press_slide_lift", "--calibration", str(path), "--for", "1"]) == 0
     capsys.readouterr()
-    monkeypatch.setattr(calibrate, "calibrate", lambda *_: found)  # what cannot be written need not be found again
+    monkeypatch.setattr(calibrate, "calibrate", lambda *_: found)  # rejected before it runs
     assert main([str(tmp_path / "none" / "cal.yaml")]) == 1
     assert "cannot be written" in capsys.readouterr().err
     device = tmp_path / "device"

@@ -1,4 +1,4 @@
-"""The command `posfet sim`: what it writes can be read by others, is the board's, and is the same again."""
+"""The command `posfet sim`: its files are readable by other tools, agree with the board, and are reproducible."""
 
 import csv
 import re
@@ -37,7 +37,7 @@ def read_csv(path: Path) -> tuple[list[str], np.ndarray]:
     return rows[0], np.array(rows[1:], np.float64)
 
 
-def test_csv_holds_the_boards_counts_and_the_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_csv_contains_the_counts_and_the_ground_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "run.csv"
     assert main([SCENE, "--out", str(path), "--for", "0.6", "--seed", "3", "--imperfections", "default"]) == 0
     names, values = read_csv(path)
@@ -49,14 +49,14 @@ def test_csv_holds_the_boards_counts_and_the_truth(tmp_path: Path, capsys: pytes
     forces = [index for index, name in enumerate(names) if name.startswith("force_")]
     np.testing.assert_allclose(values[:, forces].sum(axis=1), values[:, pressed].sum(axis=1), atol=0.02)
     assert values[:, pressed].max() > 0.5
-    told = capsys.readouterr().out
-    assert "times real time" in told
-    share = float(re.search(r"(\d+) taxel updates, ([0-9.]+) of all", told)[2])
+    output = capsys.readouterr().out
+    assert "times real time" in output
+    share = float(re.search(r"(\d+) taxel updates, ([0-9.]+) of all", output)[2])
     assert 0 < share < 1
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".mcap"])
-def test_the_same_seed_gives_the_same_file_and_another_one_does_not(tmp_path: Path, suffix: str) -> None:
+def test_output_is_reproducible_by_seed(tmp_path: Path, suffix: str) -> None:
     if suffix == ".mcap":
         pytest.importorskip("mcap")
     contents = []
@@ -67,7 +67,7 @@ def test_the_same_seed_gives_the_same_file_and_another_one_does_not(tmp_path: Pa
     assert contents[0] == contents[1] != contents[2]
 
 
-def test_an_mcap_file_says_what_it_holds(tmp_path: Path) -> None:
+def test_an_mcap_file_describes_its_contents(tmp_path: Path) -> None:
     reader = pytest.importorskip("mcap.reader")
     path = tmp_path / "run.mcap"
     assert main([SCENE, "--out", str(path), "--for", "0.5", "--namespace", "thumb", "--imperfections", "none"]) == 0
@@ -85,20 +85,20 @@ def test_an_mcap_file_says_what_it_holds(tmp_path: Path) -> None:
 
 
 def by_mcap_ros2(path: Path) -> list[tuple[str, int, Any]]:
-    """Topic, time [ns] and message of each, as the MCAP project's reader for ROS 2 makes them of the schemas inside."""
+    """Topic, time [ns] and message of each record, decoded by the ROS 2 reader of the MCAP project with the schemas."""
     reader = pytest.importorskip("mcap_ros2.reader")
     return [(each.channel.topic, each.log_time_ns, each.ros_msg) for each in reader.read_ros2_messages(str(path))]
 
 
 def by_rosbags(path: Path) -> list[tuple[str, int, Any]]:
-    """The same, as rosbags does, which reads MCAP, definitions and CDR with code of its own."""
+    """The same by rosbags, an independent implementation of MCAP, message definitions and CDR."""
     highlevel = pytest.importorskip("rosbags.highlevel")
     with highlevel.AnyReader([path]) as reader:
         return [(at.topic, time, reader.deserialize(raw, at.msgtype)) for at, time, raw in reader.messages()]
 
 
 @pytest.mark.parametrize("read", [by_mcap_ros2, by_rosbags])
-def test_other_projects_read_an_mcap_file_by_what_is_in_it(
+def test_independent_readers_decode_an_mcap_file_by_its_embedded_schemas(
     tmp_path: Path, read: Callable[[Path], list[tuple[str, int, Any]]]
 ) -> None:
     pytest.importorskip("mcap")
@@ -122,7 +122,7 @@ def test_other_projects_read_an_mcap_file_by_what_is_in_it(
 
 
 @pytest.mark.ros
-def test_ros_reads_the_messages_of_an_mcap_file(tmp_path: Path) -> None:
+def test_ros_deserializes_the_messages_of_an_mcap_file(tmp_path: Path) -> None:
     reader = pytest.importorskip("mcap.reader")
     serialization = pytest.importorskip("rclpy.serialization")
     messages = pytest.importorskip("posfet_msgs.msg")
@@ -134,7 +134,7 @@ def test_ros_reads_the_messages_of_an_mcap_file(tmp_path: Path) -> None:
             kind = getattr(messages, schema.name.rpartition("/")[2])
             read[channel.topic].append(serialization.deserialize_message(message.data, kind))
             again = serialization.serialize_message(read[channel.topic][-1])
-            assert len(again) == len(message.data)  # the bytes between differ: ROS fills gaps with what was there
+            assert len(again) == len(message.data)  # padding bytes differ: ROS leaves them uninitialised
     counts = np.array([message.counts for message in read["/tactile/raw"]])
     np.testing.assert_array_equal(counts, board_counts(700, 5, ErrorModel.none()))
     last = read["/tactile/truth"][-1]
@@ -145,7 +145,7 @@ def test_ros_reads_the_messages_of_an_mcap_file(tmp_path: Path) -> None:
 
 @pytest.mark.ros
 @pytest.mark.parametrize("name", ["TactileRaw", "TactileTruth"])
-def test_the_definitions_are_those_that_ros_was_built_with(name: str) -> None:
+def test_embedded_definitions_equal_those_of_the_ros_installation(name: str) -> None:
     messages = pytest.importorskip("posfet_msgs.msg")
     fields = getattr(messages, name).get_fields_and_field_types()
     assert [field.name for field in message_fields(f"posfet_msgs/{name}")] == list(fields)
@@ -154,7 +154,7 @@ def test_the_definitions_are_those_that_ros_was_built_with(name: str) -> None:
         assert fields[field.name] == (f"sequence<{kind}>" if field.many else kind)
 
 
-def test_a_schema_brings_all_that_the_message_is_made_of() -> None:
+def test_a_schema_includes_all_nested_message_types() -> None:
     parts = schema_text("posfet_msgs/TactileTruth").split(f"\n{'=' * 80}\n")
     assert "float32[] force" in parts[0]
     named = {part.splitlines()[0] for part in parts[1:]}
@@ -173,14 +173,14 @@ def test_a_schema_brings_all_that_the_message_is_made_of() -> None:
         (["--out", "no/such/folder/x.csv"], "no/such/folder/x.csv: cannot be written"),
     ],
 )
-def test_bad_input_is_told_in_one_line(
+def test_invalid_input_gives_a_one_line_error(
     tmp_path: Path, words: list[str], reason: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(words) == BAD_INPUT
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1
-    assert reason in told
+    output = capsys.readouterr().err
+    assert output.count("\n") == 1
+    assert reason in output
     assert not list(tmp_path.iterdir())
 
 
@@ -193,7 +193,7 @@ def test_bad_input_is_told_in_one_line(
         (["--seed", "1.5"], "--seed: must be a whole number in [0, 1000000000], got '1.5'"),
     ],
 )
-def test_bad_values_of_options_are_usage_errors(
+def test_invalid_option_values_are_usage_errors(
     tmp_path: Path, words: list[str], reason: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -204,7 +204,7 @@ def test_bad_values_of_options_are_usage_errors(
     assert not list(tmp_path.iterdir())
 
 
-def test_without_the_package_mcap_one_line_says_so(
+def test_a_missing_mcap_package_gives_a_one_line_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
@@ -214,7 +214,7 @@ def test_without_the_package_mcap_one_line_says_so(
     assert not path.exists()
 
 
-def test_an_interrupted_run_leaves_a_whole_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_run_leaves_a_complete_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     reader = pytest.importorskip("mcap.reader")
     scan_of = FaultyScans.scan
 
@@ -232,9 +232,7 @@ def test_an_interrupted_run_leaves_a_whole_file(tmp_path: Path, monkeypatch: pyt
 
 @pytest.mark.skipif(not Path("/dev/full").is_char_device(), reason="needs /dev/full")
 @pytest.mark.parametrize("suffix", [".csv", ".mcap"])
-def test_a_full_disk_is_told_with_the_files_name(
-    tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_full_disk_error_names_the_file(tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
     if suffix == ".mcap":
         pytest.importorskip("mcap")
     path = tmp_path / f"run{suffix}"
@@ -243,7 +241,7 @@ def test_a_full_disk_is_told_with_the_files_name(
     assert capsys.readouterr().err == f"{path}: cannot be written: No space left on device\n"
 
 
-def test_names_of_any_language_are_written(tmp_path: Path) -> None:
+def test_names_with_non_ascii_characters_are_written(tmp_path: Path) -> None:
     scene = tmp_path / "scene.yaml"
     shipped = (SCENE_FOLDER / f"{SCENE}.yaml").read_text(encoding="utf-8")
     scene.write_text(shipped.replace("name: lower", "name: Fu\u00df"), encoding="utf-8")
@@ -252,7 +250,7 @@ def test_names_of_any_language_are_written(tmp_path: Path) -> None:
     assert "Fu\u00df".encode() in path.read_bytes()
 
 
-def test_a_terminal_gets_a_bar(
+def test_a_terminal_shows_a_progress_bar(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scene = tmp_path / "scene.yaml"
@@ -260,6 +258,6 @@ def test_a_terminal_gets_a_bar(
     scene.write_text(shipped.replace(f"name: {SCENE}\n", 'name: "[/red]"\n'), encoding="utf-8")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     assert main([str(scene), "--out", str(tmp_path / "run.csv"), "--for", "0.5"]) == 0
-    shown = capsys.readouterr()
-    assert "[/red]" in shown.err
-    assert "500 scans" in shown.out
+    output = capsys.readouterr()
+    assert "[/red]" in output.err
+    assert "500 scans" in output.out

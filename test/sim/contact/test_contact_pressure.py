@@ -1,4 +1,4 @@
-"""Pressure of a sphere: against Hertz's closed forms, against dense quadrature of another kind, and adding up."""
+"""Pressure of a sphere: verified against Hertz's closed forms and an independent quadrature, and its total force."""
 
 import math
 
@@ -34,12 +34,12 @@ def forces(layout: Layout, spread: float, x: float, y: float, force: float, modu
 
 
 def contact_radius(force: float) -> float:
-    """By Hertz."""
+    """Return the Hertz contact radius [m]."""
     return (3 * force * RADIUS / (4 * MODULUS)) ** (1 / 3)
 
 
 def quadrature(layout: Layout, spread: float, x: float, y: float, force: float, radius: float, n: int) -> np.ndarray:
-    """Polar nodes (Gauss in theta with r = a*sin(theta), equal angles) and math.erfc: none of it is in the code."""
+    """Polar nodes (Gauss in theta with r = a*sin(theta), equal angles) and math.erfc, unlike the implementation."""
     nodes, weights = np.polynomial.legendre.leggauss(n)
     theta = (nodes + 1) * math.pi / 4
     weights = weights * math.pi / 4 * 3 * np.sin(theta) * np.cos(theta) ** 2  # p(r)*2*pi*r dr over F
@@ -56,7 +56,7 @@ def quadrature(layout: Layout, spread: float, x: float, y: float, force: float, 
 
 @settings(deadline=None)
 @given(decades(1e-6, 1e4), decades(1e-4, 1.0), decades(1e3, 1e12))
-def test_hertz_keeps_its_closed_forms(force: float, radius: float, modulus: float) -> None:
+def test_hertz_contact_satisfies_its_closed_form_relations(force: float, radius: float, modulus: float) -> None:
     sphere = Sphere(radius, modulus)
     expected = (3 * force * radius / (4 * modulus)) ** (1 / 3)
     load = 4 / 3 * modulus * math.sqrt(radius) * sphere.indentation(force, FLAT) ** 1.5
@@ -68,14 +68,14 @@ def test_hertz_keeps_its_closed_forms(force: float, radius: float, modulus: floa
 
 @settings(max_examples=25, deadline=None)
 @given(st.floats(-4e-3, 4e-3), st.floats(-3e-3, 3e-3), decades(1e-3, 30.0))
-def test_taxels_against_quadrature(x: float, y: float, force: float) -> None:
+def test_taxel_forces_agree_with_quadrature(x: float, y: float, force: float) -> None:
     radius = contact_radius(force)
     reference = quadrature(LAYOUT, SPREAD, x, y, force, radius, 32)
     np.testing.assert_allclose(forces(LAYOUT, SPREAD, x, y, force), reference, rtol=0, atol=QUADRATURE_ERROR * force)
 
 
 @pytest.mark.parametrize("ratio", [0.01, 0.99, 1.01, 2.5, 5.0, 7.99, 12.3, 20.0])
-def test_taxels_against_quadrature_over_contact_radius_to_spread(ratio: float) -> None:
+def test_taxel_forces_agree_with_quadrature_for_all_ratios_of_contact_radius_to_spread(ratio: float) -> None:
     force = 1.3
     radius = contact_radius(force)
     spread = radius / ratio
@@ -85,7 +85,7 @@ def test_taxels_against_quadrature_over_contact_radius_to_spread(ratio: float) -
         np.testing.assert_allclose(found, reference, rtol=0, atol=QUADRATURE_ERROR * force)
 
 
-def test_without_spread_against_a_fine_grid_to_the_least_spread() -> None:
+def test_taxel_forces_for_the_smallest_spread_agree_with_a_fine_grid() -> None:
     force, x, y, parts = 1.3, 0.31e-3, -0.5e-3, 400
     radius = contact_radius(force)
     grid_x = (np.arange(LAYOUT.cols * parts) + 0.5) / parts - LAYOUT.cols / 2
@@ -100,7 +100,7 @@ def test_without_spread_against_a_fine_grid_to_the_least_spread() -> None:
 
 
 @pytest.mark.parametrize("spread", [0.0, 0.05e-3, SPREAD])
-def test_the_whole_force_arrives_where_the_contact_lies_within_the_cells(spread: float) -> None:
+def test_the_total_force_is_preserved_for_a_contact_within_the_cells(spread: float) -> None:
     for x, y, force in ((0.0, 0.0, 0.01), (0.02, -0.03, 1.7), (-0.037, 0.011, 40.0)):
         assert forces(WIDE, spread, x, y, force).sum() == pytest.approx(force, rel=1e-12)
 
@@ -117,7 +117,7 @@ def test_a_mirrored_sphere_gives_the_mirrored_map() -> None:
     np.testing.assert_allclose(forces(LAYOUT, SPREAD, -0.7e-3, 0.4e-3, 1.1), there[::-1, ::-1], rtol=0, atol=1e-12)
 
 
-def test_what_presses_beyond_the_cells_is_lost_and_far_taxels_are_not_met() -> None:
+def test_force_beyond_the_cells_is_lost_and_distant_taxels_are_unaffected() -> None:
     corner = forces(WIDE, SPREAD, 32 * 1.5e-3, 32 * 1.5e-3, 1.0)
     assert corner.sum() == pytest.approx(0.25, abs=1e-6)
     assert not corner[:58].any()
@@ -139,5 +139,5 @@ def test_what_presses_beyond_the_cells_is_lost_and_far_taxels_are_not_met() -> N
         refusals(skin_spread, {"thickness": 1e-3}, thickness=(-1e-9, 0.2)),
     ],
 )
-def test_what_cannot_be_is_refused(function, cases) -> None:
+def test_invalid_parameters_are_rejected(function, cases) -> None:
     assert_all_refused(function, cases)

@@ -1,4 +1,4 @@
-"""Contacts are verified against a numerical solution of the elastic half-space (test/reference/half_space.py)."""
+"""Contacts verified against a numerical solution of the elastic half-space (test/reference/half_space.py)."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ Gap = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def parabola(along: float, across: float) -> Gap:
-    """The gap of a body with these curvatures [1/m]."""
+    """Return the gap function of a body with these curvatures [1/m]."""
     return lambda x, y: (along * x**2 + across * y**2) / 2
 
 
@@ -49,13 +49,13 @@ def disc(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 
 def contact(gap: Gap, half_x: float, half_y: float) -> Contact:
-    """The contact on a grid with these half sides [m]."""
+    """Solve the contact on a grid with these half sides [m]."""
     x, y = axis(half_x, COUNT)[None], axis(half_y, COUNT)[:, None]
     return press(gap(x, y), x, y, FORCE, MODULUS)
 
 
 def on_taxels(found: Contact, x: float, y: float, angle: float) -> np.ndarray:
-    """Force on each taxel [N] when what was found lies at (x, y) [m], turned, under the Gaussian of the cover."""
+    """Return the force on each taxel [N] of a solved contact at (x, y) [m], rotated, under the Gaussian of the skin."""
     u, v = (each.ravel() for each in np.broadcast_arrays(found.x, found.y))
     edges = (np.arange(6) - 2.5) * 1.5e-3
     at_x, at_y = x + u * math.cos(angle) - v * math.sin(angle), y + u * math.sin(angle) + v * math.cos(angle)
@@ -65,7 +65,7 @@ def on_taxels(found: Contact, x: float, y: float, angle: float) -> np.ndarray:
 
 
 def taxels(shape: Shape, bend: Bend, x: float, y: float, angle: float) -> np.ndarray:
-    """The same by the simulation."""
+    """Return the same from the simulation."""
     forces = np.zeros((5, 5))
     where = [np.array([value]) for value in (x, y, angle, FORCE)]
     patch = Cells(LAYOUT, SPREAD).press([shape.footprints(FORCE, SPREAD, bend)], *where)
@@ -90,7 +90,7 @@ CASES: dict[str, tuple[Shape, Bend, Gap, float, float, float, float]] = {
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)
-def test_contact_is_that_of_the_half_space(case: tuple[Shape, Bend, Gap, float, float, float, float]) -> None:
+def test_contact_agrees_with_the_half_space_solution(case: tuple[Shape, Bend, Gap, float, float, float, float]) -> None:
     shape, bend, gap, half_x, half_y, sunk_error, force_error = case
     found = contact(gap, half_x, half_y)
     assert shape.indentation(FORCE, bend) == pytest.approx(found.indentation, rel=sunk_error)
@@ -99,7 +99,7 @@ def test_contact_is_that_of_the_half_space(case: tuple[Shape, Bend, Gap, float, 
         np.testing.assert_allclose(taxels(shape, bend, x, y, angle), expected, rtol=0, atol=force_error)
 
 
-def test_a_square_punch_is_as_stiff_as_a_square_plate_is_capacious() -> None:
+def test_square_indenter_stiffness_agrees_with_the_capacitance_of_a_square_plate() -> None:
     stiffness = math.pi * SQUARE_PLATE * 3e-3 * MODULUS
     assert FORCE / RectangularIndenter(3e-3, 3e-3, MODULUS).indentation(FORCE, FLAT) == pytest.approx(
         stiffness, rel=1.5e-3
@@ -117,7 +117,7 @@ def test_a_square_punch_is_as_stiff_as_a_square_plate_is_capacious() -> None:
     ],
     ids=["short rod", "rod", "short edge", "edge"],
 )
-def test_the_ends_of_a_stiff_line_take_as_much_from_its_middle_as_the_document_says(
+def test_end_effects_of_a_stiff_line_match_the_document(
     shape: Cylinder | Edge, gap: Gap, half_y: float, less: float, sunk: float
 ) -> None:
     found = contact(gap, shape.length / 2, half_y)

@@ -1,4 +1,4 @@
-"""Each shape's pressure: against dense sums of the closed-form profiles, Boussinesq's stress, and its own inverse."""
+"""Pressure of each shape: verified against dense sums of closed-form profiles and Boussinesq's stress."""
 
 import math
 from itertools import pairwise
@@ -51,7 +51,7 @@ def forces(
 
 
 def collected(points: np.ndarray, weight: np.ndarray, x: float, y: float, angle: float) -> np.ndarray:
-    """Sum of Gaussians about points (u, v), shape [n, 2], turned and moved, over the cells of LAYOUT."""
+    """Return the sum of Gaussians at points (u, v), shape [n, 2], rotated and shifted, over the cells of LAYOUT."""
     u, v = points.T
     at_x = x + u * math.cos(angle) - v * math.sin(angle)
     at_y = y + u * math.sin(angle) + v * math.cos(angle)
@@ -74,7 +74,7 @@ def dense(u: np.ndarray, weight_u: np.ndarray, v: np.ndarray, weight_v: np.ndarr
 
 @pytest.mark.parametrize("angle", [0.0, math.pi / 2, math.pi, -math.pi / 2, 0.4, 2.1])
 @pytest.mark.parametrize("force", [0.02, 1.3])
-def test_lines_against_a_dense_grid_of_their_pressure(angle: float, force: float) -> None:
+def test_line_contacts_agree_with_a_dense_grid_of_their_pressure(angle: float, force: float) -> None:
     even = np.ones(60)
     cylinder = SHAPES["cylinder"]
     half = math.sqrt(4 * force / 4e-3 * 3e-3 / (math.pi * MODULUS))
@@ -92,7 +92,7 @@ def test_lines_against_a_dense_grid_of_their_pressure(angle: float, force: float
 
 
 @pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (0.7e-3, -1.1e-3), (3.9e-3, 0.2e-3)])
-def test_a_punch_against_polar_sums_of_its_exact_profile(x: float, y: float) -> None:
+def test_a_flat_indenter_agrees_with_polar_sums_of_its_exact_profile(x: float, y: float) -> None:
     # r = a*sin(theta) makes p(r)*2*pi*r dr = F*sin(theta) dtheta.
     theta = (np.arange(60) + 0.5) / 60 * math.pi / 2
     angle = np.arange(48) * math.pi / 24
@@ -105,18 +105,18 @@ def test_a_punch_against_polar_sums_of_its_exact_profile(x: float, y: float) -> 
 
 @pytest.mark.parametrize("angle", [0.0, math.pi / 2, 0.7])
 @pytest.mark.parametrize("share", [0.2, 0.9, 1.0, 2.5])
-def test_ridges_against_a_dense_grid_of_the_wavy_pressure(angle: float, share: float) -> None:
+def test_ridges_agree_with_a_dense_grid_of_the_wavy_pressure(angle: float, share: float) -> None:
     wavelength = 2e-3
     full = math.pi * MODULUS * 10e-6 / wavelength  # p* [Pa]
     mean = share * full
     u = middles(3e-3, 600)
-    phase = math.pi * u / wavelength  # a crest in the middle, as for any odd number of ridges
+    phase = math.pi * u / wavelength  # a crest in the centre, as for any odd number of ridges
     if share < 1:
         inside = np.maximum(share - np.sin(phase) ** 2, 0)
         pressure = 2 * mean * np.abs(np.cos(phase)) / share * np.sqrt(inside)
     else:
         pressure = mean + full * np.cos(2 * phase)
-    assert pressure.mean() == pytest.approx(mean, rel=2e-3)  # what the grid is worth at the ridges' rims
+    assert pressure.mean() == pytest.approx(mean, rel=2e-3)  # accuracy of the grid at the edges of the ridges
     force = mean * 6e-3 * 3e-3
     points, weight = dense(u, pressure, middles(1.5e-3, 40), np.ones(40))
     expected = force * collected(points, weight, 0.4e-3, 0.2e-3, angle)
@@ -124,7 +124,7 @@ def test_ridges_against_a_dense_grid_of_the_wavy_pressure(angle: float, share: f
     np.testing.assert_allclose(found, expected, rtol=0, atol=3e-4 * force)
 
 
-def test_bumps_are_those_of_the_seed_about_the_pads_place() -> None:
+def test_bumps_depend_on_the_seed_and_move_with_the_pad() -> None:
     same, other = Roughness(5e-3, 4e-3, 40, 7), Roughness(5e-3, 4e-3, 40, 8)
     found = forces(SHAPES["bumps"], 0.1e-3, 0.2e-3, 0.3, 1.0)
     np.testing.assert_array_equal(found, forces(same, 0.1e-3, 0.2e-3, 0.3, 1.0))
@@ -135,23 +135,23 @@ def test_bumps_are_those_of_the_seed_about_the_pads_place() -> None:
     np.testing.assert_allclose(centre, [0.1e-3, 0.2e-3], rtol=0, atol=1e-8)
 
 
-def test_an_angle_that_is_nearly_a_right_one_gives_nearly_the_same() -> None:
+def test_a_nearly_right_angle_gives_nearly_the_same_forces() -> None:
     for shape in SHAPES.values():
         for angle in (0.0, math.pi / 2, math.pi, 3 * math.pi / 2):
-            aligned, turned = (forces(shape, 0.3e-3, -0.2e-3, angle + step, 1.0) for step in (0.0, 1e-7))
-            np.testing.assert_allclose(aligned, turned, rtol=0, atol=1e-6)
+            aligned, rotated = (forces(shape, 0.3e-3, -0.2e-3, angle + step, 1.0) for step in (0.0, 1e-7))
+            np.testing.assert_allclose(aligned, rotated, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("bend", [FLAT, BENT, (0.0, 50.0), (20.0, 30.0)])
 @pytest.mark.parametrize("name", SHAPES)
-def test_the_whole_force_arrives(name: str, bend: Bend) -> None:
+def test_the_total_force_is_preserved(name: str, bend: Bend) -> None:
     for force in (1e-3, 0.2, 3.0):
         for angle in (0.0, 1.0):
             total = forces(SHAPES[name], 0.01, -0.02, angle, force, bend, WIDE).sum()
             assert total == pytest.approx(force, rel=1e-12)
 
 
-def test_an_object_meets_only_the_taxels_under_it() -> None:
+def test_an_object_loads_only_the_taxels_under_it() -> None:
     cells = Cells(WIDE, SPREAD)
     for shape in SHAPES.values():
         footprints = [shape.footprints(0.3, SPREAD, FLAT)]
@@ -163,8 +163,8 @@ def test_an_object_meets_only_the_taxels_under_it() -> None:
 
 @pytest.mark.parametrize("bend", [FLAT, BENT, (20.0, 30.0)])
 @pytest.mark.parametrize("name", SHAPES)
-def test_moments_together_are_the_moments_one_by_one(name: str, bend: Bend) -> None:
-    # Loads that need other numbers of points, and every way to lie; some moments off the array.
+def test_a_batch_of_samples_equals_the_samples_one_by_one(name: str, bend: Bend) -> None:
+    # Loads that need different numbers of points, and all orientations; in some samples off the array.
     shape, cells = SHAPES[name], Cells(WIDE, SPREAD)
     count = 23
     x, y = np.linspace(-0.07, 0.03, count), np.linspace(0.0, 0.02, count)
@@ -173,21 +173,21 @@ def test_moments_together_are_the_moments_one_by_one(name: str, bend: Bend) -> N
     footprints = [shape.footprints(each, SPREAD, bend) for each in force.tolist()]
     together = cells.press(footprints, x, y, angle, force)
     assert together is not None
-    for moment in range(count):
+    for sample in range(count):
         whole, alone = np.zeros((2, WIDE.rows, WIDE.cols))
-        whole[together.rows, together.cols] = together.force[moment]
-        one = slice(moment, moment + 1)
+        whole[together.rows, together.cols] = together.force[sample]
+        one = slice(sample, sample + 1)
         patch = cells.press(footprints[one], x[one], y[one], angle[one], force[one])
         if patch is not None:
             alone[patch.rows, patch.cols] = patch.force[0]
-        np.testing.assert_allclose(whole, alone, rtol=0, atol=1e-13 * force[moment])
+        np.testing.assert_allclose(whole, alone, rtol=0, atol=1e-13 * force[sample])
 
 
 @pytest.mark.parametrize("bend", [FLAT, BENT, (0.0, 50.0), (20.0, 30.0)])
 @pytest.mark.parametrize("name", PRESSED)
 @settings(deadline=None)
 @given(force=decades(1e-4, 5.0))
-def test_the_force_of_an_indentation_is_the_force(name: str, bend: Bend, force: float) -> None:
+def test_force_is_the_inverse_of_indentation(name: str, bend: Bend, force: float) -> None:
     shape = SHAPES[name]
     assert shape.force(shape.indentation(force, bend), bend) == pytest.approx(force, rel=1e-10)
     assert shape.force(0.0, bend) == shape.force(-1e-3, bend) == 0.0
@@ -195,7 +195,7 @@ def test_the_force_of_an_indentation_is_the_force(name: str, bend: Bend, force: 
 
 @settings(deadline=None)
 @given(decades(10.0, 1e3), decades(1.0, 1e3))
-def test_an_ellipse_keeps_johnsons_equations(across: float, ratio: float) -> None:
+def test_an_elliptic_contact_satisfies_johnsons_equations(across: float, ratio: float) -> None:
     shape = hertz_ellipse(across, across * ratio, MODULUS)
     major, minor = shape.along, shape.across
     square = 1 - mpmath.mpf(minor / major) ** 2
@@ -206,7 +206,7 @@ def test_an_ellipse_keeps_johnsons_equations(across: float, ratio: float) -> Non
     assert shape.depth == pytest.approx(3 * float(first) / (2 * math.pi * major * MODULUS), rel=1e-9)
 
 
-def test_slices_make_a_rods_contact_on_a_bent_chip_as_much_too_long_as_the_document_says() -> None:
+def test_slices_overestimate_cylinder_contact_length_on_a_bent_chip_as_documented() -> None:
     ratios = []
     for radius in (1e-3, 2e-3, 3e-3, 5e-3, 10e-3):
         for bent in (10e-3, 20e-3, 50e-3, 100e-3):
@@ -221,14 +221,14 @@ def test_slices_make_a_rods_contact_on_a_bent_chip_as_much_too_long_as_the_docum
 
 
 def displacement(x: float, y: float, along: float, across: float, force: float) -> float:
-    """Of the surface under an elliptic Hertz pressure, by Boussinesq's point load in polar coordinates about (x, y)."""
+    """Displacement of the surface under an elliptic Hertz pressure: Boussinesq point loads, polar about (x, y)."""
     angle = (np.arange(400) + 0.5) * 2 * math.pi / 400
     cos, sin = np.cos(angle), np.sin(angle)
     a = (cos / along) ** 2 + (sin / across) ** 2
     b = x * cos / along**2 + y * sin / across**2
     c = 1 - (x / along) ** 2 - (y / across) ** 2
-    end = (-b + np.sqrt(b * b + a * c)) / a  # of the chord from (x, y) on
-    u = middles(1.0, 400)[:, None]  # r = end*(1 - s^2) takes the root at the rim away
+    end = (-b + np.sqrt(b * b + a * c)) / a  # of the chord, from (x, y)
+    u = middles(1.0, 400)[:, None]  # r = end*(1 - s^2) removes the square-root singularity at the edge
     s = (u + 1) / 2
     r = end * (1 - s**2)
     pressure = np.sqrt(np.maximum(c - 2 * b * r - a * r * r, 0)) * 2 * s * end
@@ -246,14 +246,14 @@ def test_the_surface_under_a_sphere_on_a_bent_chip_follows_the_gap() -> None:
         assert displacement(x, y, along, across, force) == pytest.approx(depth - gap, abs=1e-4 * depth)
 
 
-def test_a_line_sinks_in_as_boussinesqs_point_loads_say() -> None:
+def test_line_indentation_agrees_with_boussinesq_point_loads() -> None:
     length, half = 8e-3, 0.4e-3
     u = middles(length / 2, 4000)
     for profile, pressure in ((1.0, lambda s: np.sqrt(1 - s * s)), (2.0, lambda s: np.arccosh(1 / s))):
-        s = (middles(0.5, 2000) + 0.5) ** 2  # dense towards the middle, where the point load is singular
+        s = (middles(0.5, 2000) + 0.5) ** 2  # dense towards the centre, where the point load is singular
         weight = pressure(s) * np.sqrt(s)
         distance = np.array([np.mean(1 / np.hypot(u, s_i * half)) for s_i in s[::20]])
-        # Analytic along the line for the rest: asinh has no singularity but the logarithm's.
+        # The rest is analytic along the line: asinh has only a logarithmic singularity.
         along = 2 * np.arcsinh(length / 2 / (s * half))
         assert np.allclose(distance[20:] * length, along[::20][20:], rtol=2e-3)
         found = float(weight @ along / weight.sum()) / (math.pi * MODULUS)  # for a load of 1 N/m
@@ -306,7 +306,7 @@ def test_the_closed_form_of_boussinesq_against_a_dense_sum() -> None:
 
 
 def mismatch(spread: float, pitch: float, points: np.ndarray) -> float:
-    """Greatest difference of a cell's share between Gaussian and Boussinesq, lengths in thicknesses of the cover."""
+    """Return the maximum difference of a cell's share between Gaussian and Boussinesq, lengths in skin thicknesses."""
     worst = 0.0
     for offset_x in (0.0, 0.25, 0.5):
         for offset_y in (0.0, 0.25, 0.5):
@@ -325,7 +325,7 @@ PITCHES = (1.5, 1.75, 2.0)
 """Cells over the cover's thickness; 1.75 on the shipped sensor."""
 
 
-def test_the_gaussian_is_as_far_from_boussinesq_as_is_said() -> None:
+def test_the_deviation_of_the_gaussian_from_boussinesq_matches_the_document() -> None:
     point = np.zeros((1, 2))
     assert skin_spread(1e-3) == pytest.approx(0.7e-3, rel=1e-12)
     worst = [mismatch(SPREAD_PER_THICKNESS, pitch, point) for pitch in PITCHES]
@@ -334,7 +334,7 @@ def test_the_gaussian_is_as_far_from_boussinesq_as_is_said() -> None:
     assert max(worst) < max(mismatch(0.6, pitch, point) for pitch in PITCHES)
     assert max(worst) < max(mismatch(0.8, pitch, point) for pitch in PITCHES)
     theta = (np.arange(6) + 0.5) / 6 * math.pi / 2
-    radius = np.sqrt(1 - np.cos(theta) ** 2)  # an even pressure's points would do as well: as wide as thick
+    radius = np.sqrt(1 - np.cos(theta) ** 2)  # for a uniform pressure likewise: as wide as thick
     angle = np.arange(8) * math.pi / 4
     wide = np.stack([np.outer(radius, np.cos(angle)).ravel(), np.outer(radius, np.sin(angle)).ravel()], axis=1)
     assert max(mismatch(SPREAD_PER_THICKNESS, pitch, 1.5 * wide) for pitch in PITCHES) < max(worst)
@@ -342,7 +342,7 @@ def test_the_gaussian_is_as_far_from_boussinesq_as_is_said() -> None:
 
 @settings(deadline=None)
 @given(st.sampled_from(sorted(SHAPES)), st.floats(-6.3, 6.3), st.floats(-4e-3, 4e-3), st.floats(-3e-3, 3e-3))
-def test_no_taxel_is_pulled(name: str, angle: float, x: float, y: float) -> None:
+def test_taxel_forces_are_never_negative(name: str, angle: float, x: float, y: float) -> None:
     found = forces(SHAPES[name], x, y, angle, 0.7)
     assert found.min() >= -1e-15
     assert found.sum() <= 0.7 * (1 + 1e-12)

@@ -1,4 +1,4 @@
-"""ErrorModel: each can be switched off alone, does what it says, and is read with its unit and range."""
+"""ErrorModel: each error can be switched off alone, acts as documented, and is read with its unit and range."""
 
 import math
 from dataclasses import fields, replace
@@ -12,8 +12,10 @@ from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import ForwardSignalChain
 from posfet_sim.device.error_model import KEYS, SENSOR_PROPERTIES, ErrorModel, load_error_model
+from posfet_sim.device.readout import Readout
 from posfet_sim.device.sample_clock import SampleClock
 from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.device.taxel_charge import TaxelCharge
 from posfet_sim.device.taxel_variation import TaxelStatus, draw_taxel_parameters
 from posfet_sim.scene import Keyframes, Scene, SceneLoads, load_scene
 from support.paths import DOCS
@@ -26,9 +28,9 @@ TAXELS = SENSOR.layout.taxels
 DOCUMENT = DOCS / "simulation.md"
 
 
-def run(imperfections: ErrorModel, scans: int, sensor: Sensor = SENSOR, scene: str = "press_slide_lift") -> np.ndarray:
-    """Counts of the first scans, shape [scans, taxels]."""
-    board = SimulatedBoard(sensor, SceneLoads(load_scene(scene, sensor), sensor), 3, imperfections)
+def run(error_model: ErrorModel, scans: int, sensor: Sensor = SENSOR, scene: str = "press_slide_lift") -> np.ndarray:
+    """Return the counts of the first scans, shape [scans, taxels]."""
+    board = SimulatedBoard(sensor, SceneLoads(load_scene(scene, sensor), sensor), 3, error_model)
     scan = Scan.empty(1, sensor.layout.taxels)
     result = np.empty((scans, sensor.layout.taxels), np.uint16)
     for index in range(scans):
@@ -41,20 +43,16 @@ def in_volts(counts: np.ndarray) -> np.ndarray:
     return counts * ((SENSOR.adc.high - SENSOR.adc.low) / 65535) + SENSOR.adc.low
 
 
-def volts(
-    imperfections: ErrorModel, index: int = 700, sensor: Sensor = SENSOR, scene: Scene | None = None
-) -> np.ndarray:
-    """Noise-free output at one scan."""
-    board = SimulatedBoard(
-        sensor, SceneLoads(scene or load_scene("press_slide_lift", sensor), sensor), 3, imperfections
-    )
+def volts(error_model: ErrorModel, index: int = 700, sensor: Sensor = SENSOR, scene: Scene | None = None) -> np.ndarray:
+    """Return the noise-free output of one scan [V]."""
+    board = SimulatedBoard(sensor, SceneLoads(scene or load_scene("press_slide_lift", sensor), sensor), 3, error_model)
     scan = Scan.empty(1, sensor.layout.taxels)
     for each in range(index + 1):
         board.scan(each, scan)
     return board.volts()
 
 
-def test_without_imperfections_it_is_the_chain_of_the_sensor_file() -> None:
+def test_without_errors_the_board_equals_the_ideal_signal_chain() -> None:
     spread = draw_taxel_parameters(SENSOR, NONE, 0)
     assert not spread.status.any()
     for values in (spread.charge_per_newton, spread.leak_time_constant, spread.volts_per_charge, spread.offset):
@@ -64,12 +62,12 @@ def test_without_imperfections_it_is_the_chain_of_the_sensor_file() -> None:
 
 
 @pytest.mark.parametrize("key", KEYS, ids=lambda key: key.attribute)
-def test_each_one_alone_changes_the_board_and_is_off_in_none(key: object) -> None:
+def test_each_error_alone_changes_the_board_and_is_off_in_none(key: object) -> None:
     name = key.attribute  # type: ignore[attr-defined]
     only = replace(SILENT, **{name: getattr(DEFAULT, name)})
     needs = {"hum_frequency": "hum_amplitude", "noisy_factor": "adc_noise", "reset_time": "resets_per_hour"}
     if name in SENSOR_PROPERTIES:
-        assert getattr(NONE, name) is True  # the sensor file's, and on from the start
+        assert getattr(NONE, name) is True  # set in the sensor file, and on by default
         assert SILENT.adc_noise is False
     elif name not in needs:
         assert only != SILENT
@@ -85,11 +83,11 @@ def test_each_one_alone_changes_the_board_and_is_off_in_none(key: object) -> Non
         ("slew_rate", 0.5),
     ],
 )  # fmt: skip
-def test_what_acts_on_the_signal_acts_alone(name: str, value: float) -> None:
+def test_each_signal_error_acts_alone(name: str, value: float) -> None:
     assert np.abs(volts(replace(SILENT, **{name: value}), 400) - volts(SILENT, 400)).max() > 1e-7
 
 
-def test_the_spreads_are_those_asked_for() -> None:
+def test_parameter_spreads_have_the_requested_standard_deviation() -> None:
     spread = draw_taxel_parameters(
         LARGE, replace(NONE, gain_spread=0.05, offset_spread=5e-3, leak_spread=0.1, area_spread=0.03), 1
     )
@@ -112,21 +110,22 @@ def test_area_acts_on_force_and_not_on_temperature() -> None:
 
 
 def test_crosstalk_reaches_the_four_neighbours() -> None:
-    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0, replace(SILENT, crosstalk=0.1))
-    readout = board._readout
-    awake = np.array([6, 7, 8, 1, 2, 3, 11, 12, 13])
-    readout.activate(awake)
+    model = replace(SILENT, crosstalk=0.1)
+    clock = SampleClock(SENSOR.can.scan_rate, 0.0, 0.0, 0)
+    readout = Readout(SENSOR, model, draw_taxel_parameters(SENSOR, model, 0), clock, 0)
+    active = np.array([6, 7, 8, 1, 2, 3, 11, 12, 13])
+    readout.activate(active)
     charge = np.zeros((2, 9))
     charge[:, 1] = 1e-6  # taxel 7, row 1, column 2
     (output,) = readout.outputs(charge, np.array([1e-3]))
-    volts = readout.volts(awake, output)
+    volts = readout.volts(active, output)
     expected = np.zeros(TAXELS)
     expected[7] = 1.0
     expected[[6, 8, 2, 12]] = 0.1
     np.testing.assert_allclose(volts / volts[7], expected, atol=1e-12)
 
 
-def test_dead_stuck_and_noisy_taxels_do_what_their_names_say() -> None:
+def test_dead_stuck_and_noisy_taxels_behave_as_described() -> None:
     faulty = replace(NONE, dead_probability=0.2, stuck_probability=0.2, noisy_probability=0.2, noisy_factor=10.0)
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 3, faulty)
     status = board.taxel_status
@@ -143,14 +142,15 @@ def test_dead_stuck_and_noisy_taxels_do_what_their_names_say() -> None:
     assert noise[~stuck & (spread.noise_factor > 1)].min() > 5 * noise[~stuck & (spread.noise_factor == 1)].max()
 
 
-def test_hysteresis_opens_the_loop_by_its_width() -> None:
+def test_hysteresis_loop_has_the_specified_width() -> None:
     width, greatest = 0.02, SENSOR.device.force_max
-    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0, replace(SILENT, hysteresis=width))
-    charge = board._charge
-    charge._set_active(np.ones((5, 5), bool))
+    parameters = draw_taxel_parameters(SENSOR, SILENT, 0)
+    charge = TaxelCharge(SENSOR, parameters, width, compute_all=True)
+    instant = np.array([1e-18])  # [s], too short for any leakage
 
     def counted(force: float) -> float:
-        return float(charge._effective_force(np.full((1, TAXELS), force))[0, 0])
+        density = charge.advance(np.full((1, TAXELS), force), np.zeros(1), instant)[-1, 0]
+        return float(density / parameters.charge_per_newton[0])
 
     for force in np.linspace(0, greatest, 50):
         up = counted(force)
@@ -162,7 +162,7 @@ def test_hysteresis_opens_the_loop_by_its_width() -> None:
     for force in np.linspace(middle, greatest, 50):
         again = counted(force)
     assert again == pytest.approx(up, abs=1e-12)  # the loop closes
-    assert counted(greatest) == again  # and rest changes nothing
+    assert counted(greatest) == again  # a constant force changes nothing
 
 
 def test_mains_hum_has_its_frequency_and_amplitude() -> None:
@@ -171,12 +171,12 @@ def test_mains_hum_has_its_frequency_and_amplitude() -> None:
     spectrum = np.abs(np.fft.rfft(signal - signal.mean(axis=0), axis=0)) / 500
     assert (spectrum.argmax(axis=0) == 50).all()
     expected = draw_taxel_parameters(SENSOR, hum, 3).hum
-    half_a_step = (SENSOR.adc.high - SENSOR.adc.low) / 65535 / 2  # the converter is in step with the hum
+    half_a_step = (SENSOR.adc.high - SENSOR.adc.low) / 65535 / 2  # the sampling is synchronous with the hum
     np.testing.assert_allclose(spectrum[50], expected, rtol=0, atol=half_a_step)
     assert 0.1 < expected.std() / expected.mean() < 0.3
 
 
-def test_the_rails_and_the_ends_of_the_converter_hold() -> None:
+def test_output_saturates_at_the_supply_rails_and_the_adc_range() -> None:
     sensor = replace(SENSOR, amplifier=replace(SENSOR.amplifier, rail_high=0.05, rail_low=-0.01))
     assert volts(SILENT, 700, sensor).max() == pytest.approx(0.05, abs=1e-12)
     narrow = replace(SENSOR, adc=replace(SENSOR.adc, high=0.1, low=-0.1))
@@ -184,7 +184,7 @@ def test_the_rails_and_the_ends_of_the_converter_hold() -> None:
     assert counts.max() == 65535
 
 
-def test_what_the_sensor_file_gives_can_be_switched_off() -> None:
+def test_errors_of_the_sensor_file_can_be_switched_off() -> None:
     amplifier = replace(SENSOR.amplifier, rail_high=0.05, offset=3e-3, open_loop_gain=20.0)
     sensor = replace(SENSOR, amplifier=amplifier, adc=replace(SENSOR.adc, bits=8))
     rest, pressed = volts(SILENT, 10, sensor), volts(SILENT, 700, sensor)
@@ -201,7 +201,7 @@ def test_what_the_sensor_file_gives_can_be_switched_off() -> None:
     np.testing.assert_allclose(in_volts(fine[899]), exact, rtol=0, atol=half_a_step * (1 + 1e-9))
 
 
-def test_a_slow_amplifier_climbs_at_its_slew_rate() -> None:
+def test_a_slow_amplifier_rises_at_its_slew_rate() -> None:
     slew = 2.0  # [V/s]: 2 mV a scan
     board = SimulatedBoard(
         SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 3, replace(SILENT, slew_rate=slew)
@@ -223,7 +223,7 @@ def test_the_follower_lags_by_its_time_constant() -> None:
     assert (prompt - lagging)[middle] == pytest.approx(slope[middle] / (2 * math.pi * loop), rel=0.05)
 
 
-def test_a_coarse_converter_repeats_its_code_below() -> None:
+def test_a_12_bit_adc_repeats_its_high_bits_in_the_low_bits() -> None:
     sensor = replace(SENSOR, adc=replace(SENSOR.adc, bits=12))
     counts = run(NONE, 700, sensor)
     np.testing.assert_array_equal(counts & 0xF, counts >> 12)
@@ -244,25 +244,25 @@ def test_the_clock_drifts_and_jitters() -> None:
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0, replace(NONE, clock_drift=100e-6))
     board.scan(10_000, scan)
     assert scan.stamp - 10_000_000_000 == 1_000_000
-    assert scan.device_time == 10_000_000  # by the board's own clock
+    assert scan.device_time == 10_000_000  # by the board clock
 
 
-@pytest.mark.parametrize("imperfections", [NONE, DEFAULT], ids=["none", "default"])
-def test_the_bytes_do_not_depend_on_which_scans_are_asked_for(imperfections: ErrorModel) -> None:
-    every = run(imperfections, 1000)
-    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 3, imperfections)
+@pytest.mark.parametrize("error_model", [NONE, DEFAULT], ids=["none", "default"])
+def test_scans_do_not_depend_on_which_scans_are_requested(error_model: ErrorModel) -> None:
+    every = run(error_model, 1000)
+    board = SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 3, error_model)
     scan = Scan.empty(1, TAXELS)
     for index in [*range(130), *range(200, 900, 37), *range(930, 1000)]:
         board.scan(index, scan)
         np.testing.assert_array_equal(scan.counts, every[index])
 
 
-def test_another_seed_makes_another_board() -> None:
+def test_another_seed_gives_another_board() -> None:
     first, second = (draw_taxel_parameters(SENSOR, DEFAULT, seed) for seed in (1, 2))
     assert not np.array_equal(first.offset, second.offset)
     np.testing.assert_array_equal(first.offset, draw_taxel_parameters(SENSOR, DEFAULT, 1).offset)
     only_gain = draw_taxel_parameters(SENSOR, replace(NONE, gain_spread=0.05), 1)
-    np.testing.assert_array_equal(only_gain.volts_per_charge, first.volts_per_charge)  # a stream for each
+    np.testing.assert_array_equal(only_gain.volts_per_charge, first.volts_per_charge)  # one random stream for each
 
 
 def test_every_field_has_a_key_and_every_default_is_within_its_range() -> None:
@@ -273,7 +273,7 @@ def test_every_field_has_a_key_and_every_default_is_within_its_range() -> None:
             assert key.default / key.scale * (1 - 1e-12) <= key.high
 
 
-def test_a_file_says_what_it_starts_from_and_what_differs(tmp_path: Path) -> None:
+def test_a_file_gives_its_base_model_and_the_differences(tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text(
         "base: default\ntaxels: {gain_spread_percent: 2.5, crosstalk_percent: 0}\nfilm: {pyroelectric: false}\n"
@@ -300,7 +300,7 @@ def test_a_file_says_what_it_starts_from_and_what_differs(tmp_path: Path) -> Non
         ("base: none\nclock: 3\n", "clock: must be a mapping"),
     ],
 )
-def test_a_file_that_cannot_be_is_refused_in_one_line(tmp_path: Path, text: str, reason: str) -> None:
+def test_an_invalid_file_is_rejected_with_a_one_line_error(tmp_path: Path, text: str, reason: str) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     with pytest.raises(ConfigError) as error:
@@ -310,7 +310,7 @@ def test_a_file_that_cannot_be_is_refused_in_one_line(tmp_path: Path, text: str,
     assert "\n" not in str(error.value)
 
 
-def test_the_document_has_every_key_with_its_default_and_range() -> None:
+def test_the_document_lists_every_key_with_its_default_and_range() -> None:
     rows = {
         row.split("|")[1].strip().strip("`"): row
         for row in DOCUMENT.read_text(encoding="utf-8").splitlines()

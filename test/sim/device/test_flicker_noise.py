@@ -1,4 +1,4 @@
-"""Endless noise: the spectrum that it states, the same numbers however it is read."""
+"""1/f noise of unlimited length: its spectrum, and reproducible samples in any access order."""
 
 import itertools
 
@@ -18,7 +18,7 @@ BANDWIDTH = 1.5e6
 
 
 def expected_spectrum(frequency: np.ndarray, folded: float) -> np.ndarray:
-    """Density of the sum of octaves from their definition, one-sided, in units of 1/RATE; frequency over the rate."""
+    """Return the one-sided density of the sum of octaves by definition [1/RATE], at frequencies over the rate."""
     total = np.full_like(frequency, 2 * folded)
     for octave in range(1, OCTAVES + 1):
         span = FACTOR**octave
@@ -32,7 +32,7 @@ def expected_spectrum(frequency: np.ndarray, folded: float) -> np.ndarray:
     return total
 
 
-def test_the_spectrum_is_within_1_decibel_of_what_is_stated() -> None:
+def test_the_theoretical_spectrum_is_within_1_db_of_the_specified_one() -> None:
     frequency = np.geomspace(1.001 * FACTOR**-9.0, 0.5, 700)  # clear of 0/0 at powers of 4
     spectrum = expected_spectrum(frequency, FlickerNoise.folded_variance(RATE, BANDWIDTH))
     stated = 1 / frequency + 2 * np.log(2 * BANDWIDTH / RATE)
@@ -40,11 +40,11 @@ def test_the_spectrum_is_within_1_decibel_of_what_is_stated() -> None:
 
 
 def block(noise: FlickerNoise, number: int) -> np.ndarray:
-    """Scans of one block, shape [scans, taxels]."""
+    """Return the scans of one block, shape [scans, taxels]."""
     return noise.weights @ noise.rows(number)
 
 
-def test_the_numbers_have_that_spectrum() -> None:
+def test_the_samples_have_the_specified_spectrum() -> None:
     taxels, span, blocks = 64, 64, 256
     noise = FlickerNoise(3, taxels, span)
     record = np.concatenate([block(noise, number) for number in range(blocks)])
@@ -57,10 +57,10 @@ def test_the_numbers_have_that_spectrum() -> None:
     for low, high in itertools.pairwise(bands):
         inside = (frequency >= low) & (frequency < high)
         expected = expected_spectrum(frequency[inside], 0.0).mean()
-        assert power[inside].mean() == pytest.approx(expected, rel=0.1)  # 256 records a bin; straight lines in a block
+        assert power[inside].mean() == pytest.approx(expected, rel=0.1)  # 256 records per bin; linear within a block
 
 
-def test_blocks_are_the_same_whoever_asks_and_join_without_a_jump() -> None:
+def test_blocks_do_not_depend_on_access_order_and_join_continuously() -> None:
     first, second = FlickerNoise(5, 3, 16), FlickerNoise(5, 3, 16)
     forwards = [block(first, number) for number in range(40)]
     for number in (39, 7, 38, 0, 7):
@@ -80,7 +80,7 @@ def test_streams_differ_by_seed_purpose_and_page() -> None:
     assert max(Stream) == Stream.FLICKER
 
 
-def test_white_noise_of_the_board_adds_up() -> None:
+def test_white_noise_sources_of_the_board_add_in_power() -> None:
     sensor = load_sensor()
     both = ErrorModel.none()
     for imperfections, expected in (

@@ -1,4 +1,4 @@
-"""A board driven by loads of the user's own, without a scene."""
+"""A board driven by custom loads, without a scene."""
 
 import math
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ class Ramp:
         return NO_OBJECTS
 
 
-def test_the_board_simulates_any_loads() -> None:
+def test_the_board_simulates_custom_loads() -> None:
     loads: Loads = Ramp()
     board, every = SimulatedBoard(SENSOR, loads, 0), SimulatedBoard(SENSOR, loads, 0, compute_all=True)
     scan, other = Scan.empty(SENSOR.layout.id, TAXELS), Scan.empty(SENSOR.layout.id, TAXELS)
@@ -66,7 +66,7 @@ def test_the_board_simulates_any_loads() -> None:
     assert board.in_contact
 
 
-def test_forces_of_a_scene_replayed_as_own_loads_give_the_same_scans() -> None:
+def test_scene_forces_replayed_as_custom_loads_give_the_same_scans() -> None:
     scene_loads = SceneLoads(load_scene("two_fingers", SENSOR), SENSOR)
 
     class Replay(Ramp):

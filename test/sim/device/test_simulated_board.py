@@ -1,4 +1,4 @@
-"""The simulated board: the same bytes again, the same state by any way, the full computation's result for less work."""
+"""The simulated board: reproducible scans, states that do not depend on skipped scans, and skipped computation."""
 
 import math
 from collections.abc import Iterable
@@ -26,7 +26,7 @@ SAME = 1e-12 * FULL_SCALE
 
 
 def warming(scene: Scene) -> Scene:
-    """The scene with 5 K more for a while."""
+    """Return the scene with a temporary temperature rise of 5 K."""
     return replace(scene, temperature=Keyframes((0.6, 1.1, 2.0, 2.4), ((25.0,), (30.0,), (30.0,), (25.0,))))
 
 
@@ -39,7 +39,7 @@ def run(board: SimulatedBoard, indices: Iterable[int]) -> bytes:
     return recorded
 
 
-def test_the_same_seed_gives_the_same_bytes_and_another_one_does_not() -> None:
+def test_scans_are_reproducible_by_seed() -> None:
     scene = load_scene("two_fingers", SENSOR)
     first, second, other = (
         run(SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), seed), range(1500)) for seed in (7, 7, 8)
@@ -57,39 +57,39 @@ def test_without_noise_the_counts_do_not_depend_on_the_seed() -> None:
 
 @pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("warm", [False, True])
-def test_a_gap_leads_to_the_state_that_stepping_leads_to(name: str, warm: bool) -> None:
+def test_skipping_scans_gives_the_same_state_as_stepping(name: str, warm: bool) -> None:
     scene = load_scene(name, QUIET)
     scene = warming(scene) if warm else scene
-    stepped, jumped = (
+    stepped, skipped = (
         SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0),
         SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0),
     )
     last = -1
     for index in (0, 1, 320, 700, 701, 1400):
         there = run(stepped, range(last + 1, index + 1))[-TAXELS * 2 - 8 :]
-        assert run(jumped, [index]) == there
-        np.testing.assert_allclose(jumped.charge(), stepped.charge(), rtol=0, atol=SAME)
+        assert run(skipped, [index]) == there
+        np.testing.assert_allclose(skipped.charge(), stepped.charge(), rtol=0, atol=SAME)
         last = index
 
 
-def test_a_gap_longer_than_the_memory_forgets_what_was_before() -> None:
+def test_a_gap_longer_than_the_charge_memory_discards_the_history() -> None:
     scene = warming(load_scene("press_slide_lift", QUIET))
-    stepped, jumped = (
+    stepped, skipped = (
         SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0),
         SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0),
     )
-    for board in (stepped, jumped):
+    for board in (stepped, skipped):
         run(board, range(600))
     run(stepped, range(600, 13_201))
-    run(jumped, [13_200])
-    np.testing.assert_allclose(jumped.charge(), stepped.charge(), rtol=0, atol=SAME)
-    assert jumped.taxel_updates < 0.7 * stepped.taxel_updates
+    run(skipped, [13_200])
+    np.testing.assert_allclose(skipped.charge(), stepped.charge(), rtol=0, atol=SAME)
+    assert skipped.taxel_updates < 0.7 * stepped.taxel_updates
     assert stepped.in_contact
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("sensor", [QUIET, FORGETFUL], ids=["slow leak", "fast leak"])
-def test_the_work_that_is_saved_changes_nothing(name: str, sensor: Sensor) -> None:
+def test_skipped_computation_does_not_change_the_result(name: str, sensor: Sensor) -> None:
     scene = load_scene(name, sensor)
     scene = replace(scene, temperature=Keyframes((0.6, 1.1), ((25.0,), (30.0,)))) if name == "idle" else scene
     board = SimulatedBoard(sensor, SceneLoads(scene, sensor), 0)
@@ -101,7 +101,7 @@ def test_the_work_that_is_saved_changes_nothing(name: str, sensor: Sensor) -> No
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_with_imperfections_the_work_that_is_saved_changes_nothing_either(name: str) -> None:
+def test_skipped_computation_does_not_change_the_result_with_the_error_model(name: str) -> None:
     imperfections = replace(ErrorModel.default().without_noise(), clock_jitter=20e-6, slew_rate=5e3)
     scene = load_scene(name, SENSOR)
     lazy, full = (
@@ -116,12 +116,12 @@ def test_with_imperfections_the_work_that_is_saved_changes_nothing_either(name: 
     if scene.temperature_rise is None:
         assert lazy.taxel_updates < full.taxel_updates
     else:
-        assert lazy.taxel_updates <= 1024 * TAXELS, "all change all the time; scans are computed ahead"
+        assert lazy.taxel_updates <= 1024 * TAXELS, "every taxel changes in every scan; scans are computed ahead"
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_the_error_against_every_taxel_at_100_kilohertz_is_below_a_thousandth(name: str) -> None:
-    # 40 ms from where something first changes; benchmarks/simulation/runs.py does whole scenes.
+def test_the_error_against_full_computation_at_100_khz_is_below_one_thousandth(name: str) -> None:
+    # 40 ms from the first change; benchmarks/simulation/runs.py covers whole scenes.
     scene = load_scene(name, QUIET)
     begin = math.floor(min(SceneLoads(scene, QUIET).constant_until(0.0), 1.0) * RATE)
     board, scan = SimulatedBoard(QUIET, SceneLoads(scene, QUIET), 0), Scan.empty(0, TAXELS)
@@ -136,7 +136,7 @@ def test_the_error_against_every_taxel_at_100_kilohertz_is_below_a_thousandth(na
 def full_computation(
     sensor: Sensor, scene: Scene, scans: int, rate: float = RATE, begin: int = 0
 ) -> Iterable[ForwardSignalChain]:
-    """Every taxel in every scan, and the film's temperature by its own formula; nothing may change before `begin`."""
+    """Every taxel in every scan, with the closed-form film temperature; nothing may change before `begin`."""
     chain = ForwardSignalChain(sensor)
     loads = SceneLoads(scene, sensor)
     ratio = 1 / rate / sensor.device.thermal_time_constant
@@ -153,7 +153,7 @@ def full_computation(
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_the_truth_adds_up(name: str) -> None:
+def test_the_ground_truth_is_consistent(name: str) -> None:
     scene = load_scene(name, SENSOR)
     board = SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 0)
     touched = 0
@@ -170,7 +170,7 @@ def test_the_truth_adds_up(name: str) -> None:
             "two_fingers",
             "hold",
             "press",
-        }:  # clear of the edge: the cover's tails are lost
+        }:  # away from the edge, where part of the spread force is lost
             assert truth.force.sum() == pytest.approx(pressed, rel=0.01)
         assert not truth.taxel_status.any()
         assert board.in_contact == (pressed > 1e-8)
@@ -178,7 +178,7 @@ def test_the_truth_adds_up(name: str) -> None:
     assert bool(touched) == (name not in {"idle", "temperature_ramp"})
 
 
-def test_the_truth_is_a_copy_that_the_next_scan_leaves_alone() -> None:
+def test_the_ground_truth_is_a_copy_unaffected_by_the_next_scan() -> None:
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 0)
     run(board, [500])
     truth = board.truth()
@@ -188,7 +188,7 @@ def test_the_truth_is_a_copy_that_the_next_scan_leaves_alone() -> None:
     assert not np.array_equal(board.truth().force, before)
 
 
-def test_the_sphere_sinks_in_by_the_indentation() -> None:
+def test_the_ground_truth_reports_the_indentation_of_the_sphere() -> None:
     scene = load_scene("hold", SENSOR)
     board = SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 0)
     (ball,) = scene.objects
@@ -201,8 +201,8 @@ def test_the_sphere_sinks_in_by_the_indentation() -> None:
     )
 
 
-def test_a_push_raises_the_count_of_the_taxel_under_it_as_the_sensor_says() -> None:
-    # The press of 0.2 s is short against the leak of 0.27 s only roughly: charge lies between half and all of it.
+def test_a_press_raises_the_count_of_the_taxel_by_the_specified_sensitivity() -> None:
+    # The press of 0.2 s is not short against the leakage of 0.27 s: between half and all of the charge remains.
     board = SimulatedBoard(QUIET, SceneLoads(load_scene("hold", QUIET), QUIET), 0)
     scan = Scan.empty(0, TAXELS)
     board.scan(0, scan)
@@ -212,13 +212,13 @@ def test_a_push_raises_the_count_of_the_taxel_under_it_as_the_sensor_says() -> N
     assert 0.5 < volts / (board.truth().force[12] * QUIET.volts_per_newton) < 1.0
 
 
-def test_an_idle_board_moves_no_charge() -> None:
+def test_an_idle_board_updates_no_taxels() -> None:
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0)
     run(board, [*range(500), 600_000])
     assert board.taxel_updates == 0
 
 
-def test_a_held_force_costs_nothing_once_it_has_leaked_away() -> None:
+def test_a_held_force_needs_no_computation_after_its_charge_has_leaked() -> None:
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("hold", SENSOR), SENSOR), 0)
     run(board, range(1200))
     run(board, range(1200, 1200 + math.ceil(32 * SENSOR.device.leak_time_constant * RATE)))
@@ -231,7 +231,7 @@ def test_a_held_force_costs_nothing_once_it_has_leaked_away() -> None:
     assert settled < board.taxel_updates <= settled + 2 * TAXELS
 
 
-def test_a_gap_at_rest_is_one_jump() -> None:
+def test_a_gap_at_rest_is_computed_in_one_step() -> None:
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("press_slide_lift", SENSOR), SENSOR), 0)
     run(board, range(3000))
     before = board.taxel_updates
@@ -243,7 +243,7 @@ def test_chip_sensors_read_the_scene_and_the_film_lags() -> None:
     slope = 5.0  # [K/s]
     idle = load_scene("idle", SENSOR)
     steps = np.arange(0, 1.001, 0.01)
-    ramp = Keyframes(tuple(steps), tuple((25 + slope * time,) for time in steps))  # short keyframes: a straight line
+    ramp = Keyframes(tuple(steps), tuple((25 + slope * time,) for time in steps))  # dense keyframes: a linear ramp
     board = SimulatedBoard(SENSOR, SceneLoads(replace(idle, temperature=ramp), SENSOR), 0)
     scan = Scan.empty(0, TAXELS)
     for index in range(1001):
@@ -255,14 +255,14 @@ def test_chip_sensors_read_the_scene_and_the_film_lags() -> None:
     assert board.truth().film_temperature == 30.0
 
 
-def test_a_film_without_lag_has_the_chips_temperature() -> None:
+def test_a_film_without_thermal_lag_has_the_chip_temperature() -> None:
     sensor = replace(SENSOR, device=replace(SENSOR.device, thermal_time_constant=0.0))
     board = SimulatedBoard(sensor, SceneLoads(warming(load_scene("idle", sensor)), sensor), 0)
     run(board, [850])
     assert board.truth().film_temperature == pytest.approx(27.5, abs=1e-9)
 
 
-def test_a_hot_chip_raises_the_boards_flag(tmp_path: Path) -> None:
+def test_a_hot_chip_sets_the_over_temperature_flag(tmp_path: Path) -> None:
     text = (SCENE_FOLDER / "idle.yaml").read_text(encoding="utf-8")
     for temperature, status in ((OVERTEMPERATURE, ScanStatus.OK), (OVERTEMPERATURE + 1, ScanStatus.OVERTEMPERATURE)):
         path = tmp_path / "hot.yaml"
@@ -272,14 +272,14 @@ def test_a_hot_chip_raises_the_boards_flag(tmp_path: Path) -> None:
         assert scan.status == status
 
 
-def test_a_scan_is_filled_wholly() -> None:
+def test_every_field_of_a_scan_is_filled() -> None:
     scan = Scan.empty(0, TAXELS)
     SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0).scan(1234, scan)
     assert (scan.layout_id, scan.sequence, scan.stamp, scan.device_time) == (1, 1234, 1_234_000_000, 1_234_000)
     assert scan.frames_lost == 0
 
 
-def test_what_is_computed_ahead_leaves_the_last_scan_alone() -> None:
+def test_computing_ahead_does_not_change_the_last_scan() -> None:
     scene = load_scene("press_slide_lift", SENSOR)
     board, same = (
         SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 4),
@@ -300,7 +300,7 @@ def test_what_is_computed_ahead_leaves_the_last_scan_alone() -> None:
         board.prepare(419)
 
 
-def test_in_float32_the_board_is_the_same_to_its_digits() -> None:
+def test_float32_agrees_with_float64_to_single_precision() -> None:
     scene = load_scene("tap", SENSOR)
     wide, narrow = (
         SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), 0, single_precision=each) for each in (False, True)
@@ -314,7 +314,7 @@ def test_in_float32_the_board_is_the_same_to_its_digits() -> None:
     assert np.abs(narrow.charge() - wide.charge()).max() > SAME
 
 
-def test_what_cannot_be_is_refused() -> None:
+def test_invalid_parameters_are_rejected() -> None:
     scene = load_scene("idle", SENSOR)
     with pytest.raises(ValueError, match=r"seed must be in \[0, 1000000000\], got -1"):
         SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), -1)

@@ -1,4 +1,4 @@
-"""Forces while the chip warms or cools: at the start, under a touch, and on a device unlike its description."""
+"""Forces while the chip warms or cools: at the start, during a touch, and with model mismatch."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ RECORDED = replace(Calibration.nominal(SENSOR), residuals=Residuals(0.0, 0.0, 1)
 
 
 @pytest.mark.parametrize("kelvin_per_second", [0.1, -0.2])
-def test_a_start_while_the_chip_warms_becomes_valid_and_is_no_contact(kelvin_per_second: float) -> None:
+def test_startup_during_warming_becomes_valid_without_false_contacts(kelvin_per_second: float) -> None:
     half = 20 * kelvin_per_second
     warm = Keyframes((-20.0, 20.0, 999.0), ((25.0 - half,), (25.0 + half,), (25.0,)))
     scene = Scene(name="warming", description="nothing touches", period=1e3, objects=(), temperature=warm)
@@ -33,7 +33,7 @@ def test_a_start_while_the_chip_warms_becomes_valid_and_is_no_contact(kelvin_per
 @pytest.mark.parametrize(
     "differences", [{}, {"lag": -30.0}, {"lag": 30.0}, {"pyroelectric": -10.0}, {"pyroelectric": 10.0}]
 )
-def test_a_warm_finger_is_felt_and_measured_while_the_room_warms(differences: dict[str, float]) -> None:
+def test_a_warm_finger_is_detected_and_measured_during_ambient_warming(differences: dict[str, float]) -> None:
     device = perturbed(SENSOR, differences)
     score = run(Run(SENSOR, load_scene("warm_finger", device), 9.0, 2, calibration=RECORDED, device=device))
     assert score.total_force_error_pct is not None and score.total_force_error_pct < 2.0
@@ -43,7 +43,7 @@ def test_a_warm_finger_is_felt_and_measured_while_the_room_warms(differences: di
 
 
 @pytest.mark.parametrize("pyroelectric", [-20.0, 0.0, 20.0])
-def test_a_lift_goes_into_no_zero_though_doubt_ended_its_contact_before(pyroelectric: float) -> None:
+def test_a_release_is_not_absorbed_into_the_offset_after_its_contact_became_uncertain(pyroelectric: float) -> None:
     device = perturbed(SENSOR, {"pyroelectric": pyroelectric})
     reconstructor, ids = Reconstructor(SENSOR, RECORDED), set()
     for scan, truth in received_scans(device, load_scene("warm_finger", device), 10.0, 2):
@@ -55,9 +55,7 @@ def test_a_lift_goes_into_no_zero_though_doubt_ended_its_contact_before(pyroelec
 
 @pytest.mark.parametrize("kelvin_per_second", [-2.0, -0.5, 0.25, 2.0])
 @pytest.mark.parametrize("differences", [{"lag": 30.0, "pyroelectric": -20.0}, {"lag": -30.0, "pyroelectric": 20.0}])
-def test_warming_otherwise_than_described_is_no_contact(
-    kelvin_per_second: float, differences: dict[str, float]
-) -> None:
+def test_warming_with_model_mismatch_causes_no_contact(kelvin_per_second: float, differences: dict[str, float]) -> None:
     warmed = 2.5 * kelvin_per_second
     warm = Keyframes((1.0, 3.5, 4.5, 99.0), ((25.0,), (25.0 + warmed,), (25.0 + warmed,), (25.0,)))
     scene = Scene(name="warming", description="nothing touches", period=1e2, objects=(), temperature=warm)
@@ -68,7 +66,7 @@ def test_warming_otherwise_than_described_is_no_contact(
 
 @pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 2), (2, 2), (1, 7)])
 @pytest.mark.parametrize("kelvin_per_second", [-1.0, 1.0])
-def test_warming_of_an_array_of_few_taxels_is_no_contact(rows: int, cols: int, kelvin_per_second: float) -> None:
+def test_warming_of_a_small_array_causes_no_contact(rows: int, cols: int, kelvin_per_second: float) -> None:
     sensor = replace(SENSOR, layout=replace(SENSOR.layout, rows=rows, cols=cols))
     warmed = 25.0 + 2.0 * kelvin_per_second
     warm = Keyframes((1.0, 3.0, 99.0), ((25.0,), (warmed,), (25.0,)))

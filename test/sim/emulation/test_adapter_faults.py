@@ -1,4 +1,4 @@
-"""Faults of the adapter itself, on the emulated one: away, back under another name, wrong bitrate; and commands."""
+"""Adapter faults on the emulated adapter: disconnected, back under another name, wrong bitrate; and commands."""
 
 from __future__ import annotations
 
@@ -16,14 +16,16 @@ from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.fault_monitor import FaultMonitor
 from posfet_driver.board.faults import FaultKind
 from posfet_driver.board.scan_source import SourceError
+from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.open_bus import bus_settings
 from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.bus.python_can_bus import PythonCanFrameBus
 from posfet_driver.bus.slcan_codec import FLAG_OVERFLOW, FLAG_PASSIVE
 from posfet_driver.clock import Clock
 from posfet_driver.protocol.messages import Command
-from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.emulation.adapter_lock import is_served
+from posfet_sim.emulation.bus_node import Node
 from posfet_sim.emulation.firmware import BoardFirmware
 from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
 from support.clocks import PacedClock
@@ -37,8 +39,8 @@ def clock() -> PacedClock:
     return PacedClock()
 
 
-def make_adapter(path: Path, clock: Clock) -> EmulatedAdapter:
-    adapter = EmulatedAdapter(path, BoardFirmware(SENSOR, FakeBoard(SENSOR), clock.monotonic()), clock)
+def make_adapter(path: Path, clock: Clock, sensor: Sensor = SENSOR, node: Node | None = None) -> EmulatedAdapter:
+    adapter = EmulatedAdapter(path, node or BoardFirmware(sensor, FakeBoard(sensor), clock.monotonic()), clock)
     adapter.open()
     return adapter
 
@@ -48,7 +50,7 @@ def make_board(channel: object, clock: Clock) -> tuple[Board, BusOpener]:
     return Board(SENSOR, opener, clock, opener.presence), opener
 
 
-def test_a_second_adapter_at_a_link_is_refused_until_the_first_has_ended(tmp_path: Path, clock: PacedClock) -> None:
+def test_a_second_adapter_at_the_same_link_is_rejected_until_the_first_ends(tmp_path: Path, clock: PacedClock) -> None:
     first = make_adapter(tmp_path / "can0", clock)
     try:
         assert is_served(first.link)
@@ -61,7 +63,7 @@ def test_a_second_adapter_at_a_link_is_refused_until_the_first_has_ended(tmp_pat
     make_adapter(tmp_path / "can0", clock).close()
 
 
-def test_a_port_that_speaks_no_slcan_is_told(clock: PacedClock) -> None:
+def test_a_port_without_slcan_is_reported(clock: PacedClock) -> None:
     master, slave = os.openpty()
     tty.setraw(slave)
     board, _ = make_board(os.ttyname(slave), clock)
@@ -74,10 +76,10 @@ def test_a_port_that_speaks_no_slcan_is_told(clock: PacedClock) -> None:
         board.close()
         os.close(master)
         os.close(slave)
-    assert board.report().fault_counts[FaultKind.MALFORMED_LINES] == 20  # though the port is closed
+    assert board.report().fault_counts[FaultKind.MALFORMED_LINES] == 20  # although the port is closed
 
 
-def test_an_adapter_that_comes_back_under_another_name_is_found(tmp_path: Path, clock: PacedClock) -> None:
+def test_an_adapter_that_returns_under_another_name_is_found(tmp_path: Path, clock: PacedClock) -> None:
     board, opener = make_board(tmp_path / "can*", clock)
     board.open()
     assert board.report().state == f"CAN bus unavailable, retrying: slcan: no port matches {tmp_path}/can*"
@@ -96,10 +98,10 @@ def test_an_adapter_that_comes_back_under_another_name_is_found(tmp_path: Path, 
         board.close()
 
 
-def test_the_port_with_the_board_is_found_among_others(tmp_path: Path, clock: PacedClock) -> None:
+def test_the_port_of_the_board_is_found_among_others(tmp_path: Path, clock: PacedClock) -> None:
     """A port in use and one without a board come first."""
-    adapters = [make_adapter(tmp_path / name, clock) for name in ("can0", "can1", "can2")]
-    adapters[1]._node._base = 0x300
+    other = with_layout(SENSOR, 5, 5, base_id=0x300)
+    adapters = [make_adapter(tmp_path / f"can{k}", clock, sensor) for k, sensor in enumerate((SENSOR, other, SENSOR))]
     blocker = BusOpener(bus_settings("slcan", str(tmp_path / "can0"), SENSOR.can))()
     board, opener = make_board(tmp_path / "can*", clock)
     board.open()
@@ -113,7 +115,7 @@ def test_the_port_with_the_board_is_found_among_others(tmp_path: Path, clock: Pa
             adapter.close()
 
 
-def test_a_wrong_bitrate_is_named(tmp_path: Path, clock: PacedClock) -> None:
+def test_a_wrong_bitrate_is_reported(tmp_path: Path, clock: PacedClock) -> None:
     adapter = make_adapter(tmp_path / "can0", clock)
     adapter.speeds = (b"S6", b"Y5")
     board, _ = make_board(tmp_path / "can0", clock)
@@ -129,7 +131,7 @@ def test_a_wrong_bitrate_is_named(tmp_path: Path, clock: PacedClock) -> None:
         adapter.close()
 
 
-def test_flags_of_the_adapter_are_counted(tmp_path: Path, clock: PacedClock) -> None:
+def test_status_flags_of_the_adapter_are_counted(tmp_path: Path, clock: PacedClock) -> None:
     adapter = make_adapter(tmp_path / "can0", clock)
     adapter.flags = FLAG_OVERFLOW | FLAG_PASSIVE
     bus = BusOpener(bus_settings("slcan", str(tmp_path / "can0"), SENSOR.can))()
@@ -146,7 +148,7 @@ def test_flags_of_the_adapter_are_counted(tmp_path: Path, clock: PacedClock) -> 
 
 
 @pytest.mark.parametrize("command", [Command.IDENTIFY, Command.SELF_TEST, Command.SET_RATE])
-def test_commands_from_another_thread_cost_no_scan(tmp_path: Path, clock: PacedClock, command: Command) -> None:
+def test_commands_from_another_thread_lose_no_scans(tmp_path: Path, clock: PacedClock, command: Command) -> None:
     adapter = make_adapter(tmp_path / "can0", clock)
     board, _ = make_board(tmp_path / "can0", clock)
     board.open()
@@ -173,27 +175,34 @@ def test_commands_from_another_thread_cost_no_scan(tmp_path: Path, clock: PacedC
         adapter.close()
 
 
-def test_commands_end_with_the_bus(tmp_path: Path, clock: PacedClock) -> None:
-    adapter = make_adapter(tmp_path / "can0", clock)
+def test_pending_commands_fail_when_the_bus_disconnects(tmp_path: Path, clock: PacedClock) -> None:
+    firmware = BoardFirmware(SENSOR, FakeBoard(SENSOR), clock.monotonic())
+    adapter = make_adapter(tmp_path / "can0", clock, node=firmware)
     board, _ = make_board(tmp_path / "can0", clock)
     board.open()
+    ignored: list[Frame] = []
+
+    def ignore(frame: Frame, now: int) -> list[Frame]:
+        ignored.append(frame)
+        return []
+
     try:
         next(read_scans(board, 1))
-        adapter._node.receive = lambda frame, now: []
-        orders = [board.submit(Command.IDENTIFY, timeout=PATIENCE) for _ in range(3)]
-        read_until(board, lambda: not board._commands._waiting or board._commands._current is not None)
+        firmware.receive = ignore
+        commands = [board.submit(Command.IDENTIFY, timeout=PATIENCE) for _ in range(3)]
+        read_until(board, lambda: len(ignored) > 0)
         adapter.close()
-        read_until(board, lambda: all(order.done() for order in orders))
-        assert not wait(orders, 0).not_done
-        for order in orders:
+        read_until(board, lambda: all(command.done() for command in commands))
+        assert not wait(commands, 0).not_done
+        for command in commands:
             with pytest.raises(CommandError, match="IDENTIFY: CAN bus unavailable, retrying"):
-                order.result()
+                command.result()
     finally:
         board.close()
 
 
 class PassiveBus(can.BusABC):
-    """A python-can bus whose controller is in a state of its own."""
+    """A python-can bus with a settable controller state."""
 
     channel_info = "passive"
     _can_protocol = can.CanProtocol.CAN_FD
@@ -213,7 +222,7 @@ class PassiveBus(can.BusABC):
         return None, False
 
 
-def test_the_state_that_python_can_tells_is_read_as_an_error_frame() -> None:
+def test_the_bus_state_of_python_can_is_reported_as_an_error_frame() -> None:
 
     for state, frames in ((can.BusState.ACTIVE, 0), (can.BusState.PASSIVE, 1), (can.BusState.ERROR, 1)):
         bus = PythonCanFrameBus(PassiveBus(state))

@@ -1,4 +1,4 @@
-"""The simulated board behind its adapter: what it tells while a reader of the terminal drives it."""
+"""The simulated board behind its adapter: scans and report while a client reads the terminal."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -30,7 +30,7 @@ def source(tmp_path: Path) -> Iterator[SimulatedBusPeer]:
 
 
 def read_scans(link: Path, count: int) -> int:
-    """Start the scans as a driver does and read the terminal until `count` FD blocks came."""
+    """Start the scans as a driver does and read `count` FD blocks from the terminal."""
     reader, blocks = LineReader(), 0
     with link.open("r+b", buffering=0) as terminal:
         terminal.write(b"O\r" + START)
@@ -40,7 +40,7 @@ def read_scans(link: Path, count: int) -> int:
     return blocks
 
 
-def test_the_scans_that_are_sent_are_those_of_the_board(source: SimulatedBusPeer, tmp_path: Path) -> None:
+def test_sent_scans_equal_those_of_the_board(source: SimulatedBusPeer, tmp_path: Path) -> None:
     sent: list[tuple[int, int, np.ndarray]] = []
     source.on_scan = lambda scan, stamp: sent.append((scan.sequence, stamp, scan.counts.copy()))
     source.open()
@@ -58,7 +58,7 @@ def test_the_scans_that_are_sent_are_those_of_the_board(source: SimulatedBusPeer
         assert stamp - first_stamp == (sequence - first_sequence) * 1_000_000
 
 
-def test_the_report_tells_what_is(source: SimulatedBusPeer, tmp_path: Path) -> None:
+def test_the_report_gives_the_current_state(source: SimulatedBusPeer, tmp_path: Path) -> None:
     assert source.report().health == Health.STALE
     source.open()
     assert "waiting on the adapter" in source.report().state
@@ -74,12 +74,12 @@ def test_the_report_tells_what_is(source: SimulatedBusPeer, tmp_path: Path) -> N
     assert source.report().scans >= blocks
 
 
-def test_it_is_no_source_of_scans(source: SimulatedBusPeer) -> None:
+def test_the_peer_is_not_a_source_of_scans(source: SimulatedBusPeer) -> None:
     device: ManagedDevice = source
     assert not isinstance(device, ScanSource)
 
 
-def test_a_place_that_is_taken_is_refused(tmp_path: Path) -> None:
+def test_an_existing_file_at_the_link_path_is_rejected(tmp_path: Path) -> None:
     (tmp_path / "board").touch()
     source = SimulatedBusPeer(SENSOR, SCENE, 0, tmp_path / "board")
     with pytest.raises(SourceError, match="cannot be linked here"):

@@ -1,4 +1,4 @@
-"""Faults between board and listener: how often, what is seen of them, the same again; on the wire as in the source."""
+"""Faults between board and receiver: probabilities, effects and reproducibility, for scans and for frames."""
 
 import itertools
 import threading
@@ -45,7 +45,7 @@ def read(source: SimulationSource, scans: int) -> list[int]:
     return sequences
 
 
-def test_scans_are_lost_and_repeated_as_often_as_asked() -> None:
+def test_scans_are_lost_and_duplicated_with_the_requested_probabilities() -> None:
     source = SimulationSource(SENSOR, SCENE, 2, SteppedClock(5_000_000_000, 1_000), FAULTY)
     source.open()
     sequences = read(source, 10_000)
@@ -55,20 +55,20 @@ def test_scans_are_lost_and_repeated_as_often_as_asked() -> None:
     assert max(seen.values()) == 2
     assert lost == pytest.approx(0.08, abs=0.01)
     assert sum(count == 2 for count in seen.values()) / (sequences[-1] + 1) == pytest.approx(0.02, abs=0.005)
-    told = source.report().counters
-    assert told["simulated: dropped"] + told["simulated: truncated"] == sequences[-1] + 1 - len(seen)
+    counters = source.report().counters
+    assert counters["simulated: dropped"] + counters["simulated: truncated"] == sequences[-1] + 1 - len(seen)
     again = SimulationSource(SENSOR, SCENE, 2, SteppedClock(5_000_000_000, 1_000), FAULTY)
     again.open()
     assert read(again, 2000) == sequences[:2000]
 
 
-def test_without_faults_every_scan_comes_once() -> None:
+def test_without_faults_every_scan_arrives_once() -> None:
     source = SimulationSource(SENSOR, SCENE, 2, SteppedClock(5_000_000_000, 1_000), NONE)
     source.open()
     assert read(source, 1000) == list(range(1000))
 
 
-def test_a_reset_is_silent_and_begins_anew() -> None:
+def test_a_reset_pauses_and_restarts_the_sequence() -> None:
     board = SimulatedBoard(SENSOR, SceneLoads(SCENE, SENSOR), 4, RESETTING)
     scans = FaultyScans(board, 4)
     scan = Scan.empty(1, SENSOR.layout.taxels)
@@ -87,7 +87,7 @@ def test_a_reset_is_silent_and_begins_anew() -> None:
     assert scans.counters["lost in resets"] == silent == pytest.approx(200 * flagged, abs=200)
 
 
-def test_resets_do_not_depend_on_when_one_asks() -> None:
+def test_resets_do_not_depend_on_the_read_times() -> None:
     often, rarely = ResetSchedule(RESETTING, 7), ResetSchedule(RESETTING, 7)
     known = [often.running_since(time) for time in np.arange(0, 60, 0.01)]
     assert rarely.running_since(59.99) == known[-1]
@@ -108,13 +108,13 @@ def frames_of_a_run(error_model: ErrorModel, seconds: float, fd: bool = True) ->
     return frames
 
 
-def test_the_wire_without_faults_is_the_firmware() -> None:
+def test_the_link_without_faults_passes_the_firmware_frames_unchanged() -> None:
     frames = frames_of_a_run(NONE, 1.0)
     assert sum(bool(kind & FD) for _, kind, _ in frames) in {1000, 1001}
 
 
 @pytest.mark.parametrize("fd", [True, False])
-def test_frames_are_lost_cut_short_and_repeated(fd: bool) -> None:
+def test_frames_are_lost_truncated_and_duplicated(fd: bool) -> None:
     frames = frames_of_a_run(FAULTY, 5.0, fd)
     blocks = [frame for frame in frames if len(frame[2]) != 8 or not fd]
     blocks = [frame for frame in blocks if frame[0] - SENSOR.can.base_id in ({3} if fd else set(range(8, 13)))]
@@ -126,7 +126,7 @@ def test_frames_are_lost_cut_short_and_repeated(fd: bool) -> None:
     assert len(blocks) / sent == pytest.approx(1 - 0.05 + 0.02, abs=0.015)
 
 
-def test_the_boards_clock_drifts_on_the_wire() -> None:
+def test_frames_carry_the_drift_of_the_board_clock() -> None:
     node = BusBoard(SimulatedBoard(SENSOR, SceneLoads(SCENE, SENSOR), 1, replace(NONE, clock_drift=500e-6)), 1, 0)
     node.receive(START, 0)
     stamps: list[int] = []
@@ -139,19 +139,19 @@ def test_the_boards_clock_drifts_on_the_wire() -> None:
     assert now == pytest.approx(2_001_000_000, abs=10)
 
 
-def test_a_reset_on_the_wire_waits_to_be_started_again() -> None:
+def test_the_board_waits_for_a_start_command_after_a_reset() -> None:
     frames = frames_of_a_run(RESETTING, 6.0)
-    answers = [data for identifier, _, data in frames if identifier == SENSOR.can.base_id + RESPONSE_OFFSET]
-    assert len(answers) > 2
+    responses = [data for identifier, _, data in frames if identifier == SENSOR.can.base_id + RESPONSE_OFFSET]
+    assert len(responses) > 2
 
 
 @pytest.mark.parametrize("fd", [True, False])
-def test_a_driver_never_hands_on_a_scan_that_the_line_has_spoilt(fd: bool) -> None:
+def test_the_driver_never_publishes_a_corrupted_scan(fd: bool) -> None:
     sensor = replace(SENSOR, can=replace(SENSOR.can, fd=fd, scan_rate=200.0))
-    spoilt = replace(NONE, drop_probability=0.03, truncation_probability=0.03, duplication_probability=0.03)
+    faulty = replace(NONE, drop_probability=0.03, truncation_probability=0.03, duplication_probability=0.03)
     clock = PacedClock()
-    settings = bus_settings("virtual", f"spoilt-{threading.get_ident()}-{fd}", sensor.can)
-    source = SimulatedBusPeer(sensor, load_scene("hold", sensor), 6, settings, clock, spoilt)
+    settings = bus_settings("virtual", f"faulty-{threading.get_ident()}-{fd}", sensor.can)
+    source = SimulatedBusPeer(sensor, load_scene("hold", sensor), 6, settings, clock, faulty)
     board = Board(sensor, lambda: open_bus(settings), clock)
     reference, expected = (
         SimulatedBoard(sensor, SceneLoads(load_scene("hold", sensor), sensor), 6),
@@ -178,7 +178,7 @@ def test_a_driver_never_hands_on_a_scan_that_the_line_has_spoilt(fd: bool) -> No
 
 
 @pytest.mark.parametrize("fd", [True, False])
-def test_a_driver_reads_the_board_on_a_python_can_bus(fd: bool) -> None:
+def test_the_driver_reads_the_board_on_a_python_can_bus(fd: bool) -> None:
     channel = f"board-{threading.get_ident()}-{fd}"
     sensor = replace(SENSOR, can=replace(SENSOR.can, fd=fd))
     settings = bus_settings("virtual", channel, sensor.can)

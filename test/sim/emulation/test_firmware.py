@@ -1,4 +1,4 @@
-"""The board's side of the protocol."""
+"""The emulated firmware: the board side of the protocol."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SECOND = 1_000_000_000
 
 
 class Counter:
-    """A board that notes which scans it is asked for."""
+    """A board that records the requested scan indices."""
 
     def __init__(self) -> None:
         self.indices: list[int] = []
@@ -33,7 +33,7 @@ def stop(firmware: BoardFirmware, now: int) -> None:
     assert firmware.receive((SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()), now)
 
 
-def test_scans_follow_the_time_since_the_board_began_and_go_on_through_a_stop() -> None:
+def test_scan_numbers_follow_the_time_since_power_on_also_while_stopped() -> None:
     board = Counter()
     firmware = BoardFirmware(SENSOR, board, 0)
     firmware.due(5 * SECOND)

@@ -1,4 +1,4 @@
-"""The one fault policy of a link: outcomes and resets for scans and for frames, and their counters."""
+"""The fault policy of a link: outcomes and resets for scans and frames, and their counters."""
 
 from collections import Counter
 from dataclasses import replace
@@ -21,7 +21,7 @@ FAULTY = replace(
 )
 
 
-def test_every_outcome_is_counted_and_depends_on_seed_and_number_only() -> None:
+def test_outcomes_are_counted_and_depend_only_on_seed_and_sequence() -> None:
     faults, backwards = LinkFaults(FAULTY, 3), LinkFaults(FAULTY, 3)
     outcomes = [faults.outcome(number) for number in range(3000)]
     assert [backwards.outcome(number) for number in reversed(range(3000))] == outcomes[::-1]
@@ -33,7 +33,7 @@ def test_every_outcome_is_counted_and_depends_on_seed_and_number_only() -> None:
     assert "delivered" not in faults.counters
 
 
-def test_the_resets_of_a_time_without_calls_count_as_one() -> None:
+def test_several_resets_between_two_calls_count_as_one() -> None:
     often, once = LinkFaults(FAULTY, 5), LinkFaults(FAULTY, 5)
     resets = sum(often.reset_due(0.01 * step) for step in range(2001))
     assert resets == often.counters[RESETS] > 5
@@ -43,7 +43,7 @@ def test_the_resets_of_a_time_without_calls_count_as_one() -> None:
     assert (once.running_since, once.next_reset) == (often.running_since, often.next_reset)
 
 
-def test_the_path_of_scans_follows_the_policy() -> None:
+def test_scans_follow_the_fault_policy() -> None:
     board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 3, FAULTY)
     scans, policy = FaultyScans(board, 3), LinkFaults(FAULTY, 3)
     scan = Scan.empty(SENSOR.layout.id, SENSOR.layout.taxels)

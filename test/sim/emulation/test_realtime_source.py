@@ -1,4 +1,4 @@
-"""The simulated board in real time, on a clock of the test's own."""
+"""The simulated board in real time, on a test clock."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ def read(source: SimulationSource, timeout: float = 0.1) -> Scan:
     return scan
 
 
-def test_scans_come_at_their_rate_stamped_from_the_start(clock: SteppedClock) -> None:
+def test_scans_arrive_at_their_rate_with_stamps_from_the_start(clock: SteppedClock) -> None:
     source = opened(clock)
     start = clock.now
     for index in range(50):
@@ -50,7 +50,7 @@ def test_scans_come_at_their_rate_stamped_from_the_start(clock: SteppedClock) ->
     assert clock.sleeps == [0.001] * 49
 
 
-def test_a_late_reader_gets_every_scan_that_is_due_in_turn(clock: SteppedClock) -> None:
+def test_a_late_reader_gets_every_due_scan_in_order(clock: SteppedClock) -> None:
     source = opened(clock)
     read(source)
     clock.now += 20 * MILLISECOND
@@ -70,7 +70,7 @@ def test_nothing_is_due_within_a_short_timeout(clock: SteppedClock) -> None:
     assert clock.sleeps == pytest.approx([0.1] * 5, abs=1e-9)
 
 
-def test_the_scans_are_those_of_the_board(clock: SteppedClock) -> None:
+def test_scans_equal_those_of_the_board(clock: SteppedClock) -> None:
     source, board, expected = (
         opened(clock),
         SimulatedBoard(SENSOR, SceneLoads(SCENE, SENSOR), 3),
@@ -82,7 +82,7 @@ def test_the_scans_are_those_of_the_board(clock: SteppedClock) -> None:
     assert source.board.truth().objects.contact_forces.tolist() == board.truth().objects.contact_forces.tolist()
 
 
-def test_opening_again_starts_the_scene_anew(clock: SteppedClock) -> None:
+def test_reopening_restarts_the_scene(clock: SteppedClock) -> None:
     source = opened(clock)
     first = read(source).counts.copy()
     for _ in range(5):
@@ -96,7 +96,7 @@ def test_opening_again_starts_the_scene_anew(clock: SteppedClock) -> None:
     np.testing.assert_array_equal(scan.counts, first)
 
 
-def test_the_report_tells_what_is(clock: SteppedClock) -> None:
+def test_the_report_gives_the_current_state(clock: SteppedClock) -> None:
     source = SimulationSource(SENSOR, SCENE, 3, clock)
     assert source.report().health == Health.STALE
     source.open()

@@ -1,4 +1,4 @@
-"""The whole wire path: firmware, emulated adapter on a pseudo-terminal, slcan bus, board."""
+"""The whole link: firmware, emulated adapter on a pseudo-terminal, slcan bus, board client."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from support.frame_examples import FRAMES
 
 
 class Echo:
-    """A node on the bus that sends back what it gets, and nothing else."""
+    """A bus node that echoes every frame."""
 
     def next_due(self) -> int:
         return 1 << 62
@@ -72,7 +72,7 @@ def echo(link: Path, clock: PacedClock) -> Iterator[EmulatedAdapter]:
 
 
 def require_slcan(fd: bool) -> None:
-    """Skip where python-can's own slcan cannot do what the test needs."""
+    """Skip if the slcan implementation of python-can lacks what the test needs."""
     pytest.importorskip("serial", reason="needs pyserial")
     slcan = pytest.importorskip("can.interfaces.slcan")
     if fd and not hasattr(slcan.slcanBus, "_DATA_BITRATES"):
@@ -84,8 +84,8 @@ def firmware_for(sensor: Sensor, fd: bool, clock: Clock) -> BoardFirmware:
 
 
 @pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
-def test_scans_arrive_whole_in_order_and_none_is_lost(sensor: Sensor, link: Path, fd: bool) -> None:
-    clock = PacedClock(lead=0.003)  # so few scans at once that a classic counter never leaves a doubt
+def test_scans_are_complete_in_order_and_without_loss(sensor: Sensor, link: Path, fd: bool) -> None:
+    clock = PacedClock(lead=0.003)  # few enough scans at once that a classic counter is never ambiguous
     adapter = EmulatedAdapter(link, firmware_for(sensor, fd, clock), clock)
     adapter.open()
     board = Board(with_fd(sensor, fd), slcan_opener(link), clock)
@@ -114,7 +114,7 @@ def test_scans_arrive_whole_in_order_and_none_is_lost(sensor: Sensor, link: Path
     assert not link.is_symlink()
 
 
-def test_a_large_array_arrives_whole(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+def test_scans_of_a_large_array_are_complete(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     sensor = with_layout(sensor, 32, 32, scan_rate=200.0)
     adapter = EmulatedAdapter(link, firmware_for(sensor, True, clock), clock)
     adapter.open()
@@ -132,8 +132,8 @@ def test_a_large_array_arrives_whole(sensor: Sensor, link: Path, clock: PacedClo
         adapter.close()
 
 
-def test_the_board_survives_an_adapter_that_goes_and_comes_back(sensor: Sensor, link: Path, clock: PacedClock) -> None:
-    """Not there yet, there, pulled out, back at the same path with a board that was reset."""
+def test_scans_resume_after_the_adapter_disconnects_and_returns(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+    """Not yet present, present, unplugged, back at the same path with a reset board."""
     board = Board(sensor, slcan_opener(link), clock)
     board.open()
     assert board.report().health == Health.ERROR
@@ -146,7 +146,7 @@ def test_the_board_survives_an_adapter_that_goes_and_comes_back(sensor: Sensor, 
             adapters.append(adapter)
             for scan in read_scans(board, 20):
                 assert_marked(scan)
-                assert scan.sequence < 20_000  # each board counts from its own start
+                assert scan.sequence < 20_000  # each board counts from its start
             adapter.close()
             read_until(board, lambda: board.report().health == Health.ERROR)
             assert board.bus.failed == round_trip + 1
@@ -157,7 +157,7 @@ def test_the_board_survives_an_adapter_that_goes_and_comes_back(sensor: Sensor, 
             adapter.close()
 
 
-def test_a_board_that_falls_silent_is_started_again(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+def test_a_board_that_stops_sending_is_restarted(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     firmware = firmware_for(sensor, True, clock)
     adapter = EmulatedAdapter(link, firmware, clock)
     adapter.open()
@@ -175,7 +175,7 @@ def test_a_board_that_falls_silent_is_started_again(sensor: Sensor, link: Path, 
         adapter.close()
 
 
-def test_commands_are_answered_or_refused_with_a_reason(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+def test_commands_are_accepted_or_rejected_with_a_reason(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     fake = FakeBoard(sensor)
     firmware = BoardFirmware(sensor, fake, clock.monotonic())
     adapter = EmulatedAdapter(link, firmware, clock)
@@ -205,7 +205,7 @@ def test_commands_are_answered_or_refused_with_a_reason(sensor: Sensor, link: Pa
         adapter.close()
 
 
-def test_a_command_without_an_answer_times_out(sensor: Sensor, echo: EmulatedAdapter, clock: PacedClock) -> None:
+def test_a_command_without_a_response_times_out(sensor: Sensor, echo: EmulatedAdapter, clock: PacedClock) -> None:
     board = Board(sensor, slcan_opener(echo.link), clock)
     with pytest.raises(CommandError, match="STOP: closed"):
         board.request(Command.STOP)
@@ -218,7 +218,7 @@ def test_a_command_without_an_answer_times_out(sensor: Sensor, echo: EmulatedAda
         board.close()
 
 
-def test_another_board_is_named_and_not_read(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+def test_a_board_of_another_layout_is_reported_and_not_read(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     other = replace(sensor, layout=replace(sensor.layout, id=7))
     adapter = EmulatedAdapter(link, firmware_for(other, True, clock), clock)
     adapter.open()
@@ -234,7 +234,7 @@ def test_another_board_is_named_and_not_read(sensor: Sensor, link: Path, clock: 
 
 
 @pytest.mark.parametrize("frame", FRAMES, ids=str)
-def test_our_bus_sends_and_receives_every_kind_of_frame(echo: EmulatedAdapter, frame: Frame) -> None:
+def test_slcan_bus_sends_and_receives_every_frame_type(echo: EmulatedAdapter, frame: Frame) -> None:
     with SlcanBus(str(echo.link), bitrate=1_000_000, data_bitrate=5_000_000, fd=True) as bus:
         bus.send(message_of(frame))
         received = bus.recv(PATIENCE)
@@ -244,11 +244,11 @@ def test_our_bus_sends_and_receives_every_kind_of_frame(echo: EmulatedAdapter, f
         assert bus.malformed_lines == 0
 
 
-def test_both_slcan_buses_receive_the_same(echo: EmulatedAdapter) -> None:
-    """python-can's own bus on the same adapter, one after the other, at a rate that it can follow."""
+def test_both_slcan_buses_receive_the_same_frames(echo: EmulatedAdapter) -> None:
+    """Both on the same adapter in turn, at a rate that python-can sustains."""
     require_slcan(fd=True)
     timing = can.BitTimingFd(80_000_000, 2, 31, 8, 8, 1, 12, 3, 3)
-    heard = []
+    received = []
     for opener in (
         slcan_opener(echo.link),
         lambda: can.Bus(interface="slcan", channel=str(echo.link), timing=timing, sleep_after_open=0),
@@ -258,8 +258,8 @@ def test_both_slcan_buses_receive_the_same(echo: EmulatedAdapter) -> None:
             for frame in FRAMES:
                 bus.send(message_of(frame))
                 messages.append(bus.recv(PATIENCE))
-            heard.append(messages)
-    for ours, theirs in zip(*heard, strict=True):
+            received.append(messages)
+    for ours, theirs in zip(*received, strict=True):
         assert ours is not None
         assert ours.equals(theirs, timestamp_delta=None, check_channel=False)
 
@@ -285,7 +285,7 @@ def test_a_board_is_read_through_python_cans_own_slcan(sensor: Sensor, link: Pat
 
 
 def serial_exchange(link: Path, line: bytes, expected: bytes) -> None:
-    """Write a line to the terminal as a program without any bus would, and wait for the reply."""
+    """Write a line to the terminal directly, and wait for the reply."""
     port = os.open(link, os.O_RDWR | os.O_NOCTTY)
     try:
         os.write(port, line)
@@ -298,7 +298,7 @@ def serial_exchange(link: Path, line: bytes, expected: bytes) -> None:
         os.close(port)
 
 
-def test_the_adapter_replies_as_its_manual_says(echo: EmulatedAdapter) -> None:
+def test_the_adapter_replies_as_documented(echo: EmulatedAdapter) -> None:
     for line, reply in [
         (b"C\r", b"\r"),
         (b"V\r", b"V1013\r"),
@@ -308,7 +308,7 @@ def test_the_adapter_replies_as_its_manual_says(echo: EmulatedAdapter) -> None:
         (b"S8\r", b"\r"),
         (b"Y5\r", b"\r"),
         (b"L\r", b"\r"),
-        (b"t1231FF\r", b"\a"),  # it only listens
+        (b"t1231FF\r", b"\a"),  # listen-only mode
         (b"C\r", b"\r"),
         (b"O\r", b"\r"),
         (b"O\r", b"\a"),
@@ -323,15 +323,15 @@ def test_the_adapter_replies_as_its_manual_says(echo: EmulatedAdapter) -> None:
         serial_exchange(echo.link, line, reply)
 
 
-def test_a_reader_that_sleeps_costs_frames_not_memory(sensor: Sensor, link: Path, clock: PacedClock) -> None:
-    """The adapter's output is bounded, and what did not fit is counted on both sides."""
+def test_a_stalled_reader_loses_frames_and_uses_bounded_memory(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+    """The output buffer of the adapter is bounded; dropped frames are counted on both sides."""
     adapter = EmulatedAdapter(link, firmware_for(sensor, True, clock), clock)
     adapter.open()
     board = Board(sensor, slcan_opener(link), clock)
     board.open()
     try:
         first = next(read_scans(board, 1)).sequence
-        clock.jump(10.0)  # 10 s of scans at once: more than the adapter has room for
+        clock.jump(10.0)  # 10 s of scans at once: more than the buffer holds
         read_until(board, lambda: adapter.frames_dropped > 0 and board.decoder.statistics.lost_scans > 0)
         last = next(read_scans(board, 1)).sequence
         losses = board.decoder.statistics
@@ -345,7 +345,7 @@ def test_a_reader_that_sleeps_costs_frames_not_memory(sensor: Sensor, link: Path
         adapter.close()
 
 
-def test_an_adapter_that_was_held_up_loses_nothing(sensor: Sensor, link: Path, clock: PacedClock) -> None:
+def test_a_delayed_adapter_loses_no_frames(sensor: Sensor, link: Path, clock: PacedClock) -> None:
     adapter = EmulatedAdapter(link, firmware_for(sensor, True, clock), clock)
     adapter.open()
     board = Board(sensor, slcan_opener(link), clock)
@@ -363,7 +363,7 @@ def test_an_adapter_that_was_held_up_loses_nothing(sensor: Sensor, link: Path, c
 
 
 class Recorder(Echo):
-    """Notes what it is asked."""
+    """Records the calls."""
 
     def __init__(self) -> None:
         self.asked: list[tuple[str, int]] = []
@@ -377,8 +377,8 @@ class Recorder(Echo):
         return [frame]
 
 
-def test_what_is_due_goes_out_before_a_command_that_came_later_is_answered(link: Path, clock: PacedClock) -> None:
-    """As on a board, whose answer names the next scan after those that it has sent."""
+def test_due_frames_are_sent_before_the_response_to_a_later_command(link: Path, clock: PacedClock) -> None:
+    """As on a board, whose response gives the sequence after the scans already sent."""
     node = Recorder()
     adapter = EmulatedAdapter(link, node, clock)
     adapter.open()
@@ -398,7 +398,7 @@ def test_an_adapter_does_not_overwrite_a_file(tmp_path: Path) -> None:
     assert path.read_text() == "mine"
 
 
-def test_a_port_is_opened_by_one_driver_only(echo: EmulatedAdapter) -> None:
+def test_a_port_can_be_opened_by_only_one_driver(echo: EmulatedAdapter) -> None:
     with (
         SlcanBus(str(echo.link), bitrate=1_000_000),
         pytest.raises(can.CanInitializationError, match="in use by another process"),
@@ -406,7 +406,7 @@ def test_a_port_is_opened_by_one_driver_only(echo: EmulatedAdapter) -> None:
         SlcanBus(str(echo.link), bitrate=1_000_000)
 
 
-def test_the_bus_says_why_it_cannot_be_opened(tmp_path: Path) -> None:
+def test_opening_errors_give_the_reason(tmp_path: Path) -> None:
     with pytest.raises(can.CanInitializationError, match="none: No such file or directory"):
         SlcanBus(str(tmp_path / "none"))
     plain = tmp_path / "plain"

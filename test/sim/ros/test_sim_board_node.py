@@ -1,4 +1,4 @@
-"""The simulated board as a node: its topics, its parameters, its life and its end."""
+"""The node of the simulated board: topics, parameters, lifecycle and shutdown."""
 
 import threading
 import time
@@ -14,7 +14,7 @@ rclpy = pytest.importorskip("rclpy")
 pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 
 from lifecycle_msgs.msg import State, Transition
-from lifecycle_msgs.srv import ChangeState
+from lifecycle_msgs.srv import ChangeState, GetState
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -48,9 +48,9 @@ def context() -> Iterator[rclpy.Context]:
 
 @pytest.fixture
 def spin(context) -> Iterator[SingleThreadedExecutor]:
-    """An executor of the test's own; its nodes are destroyed at the end."""
+    """An executor of the test; its nodes are destroyed at the end."""
     executor = SingleThreadedExecutor(context=context)
-    executor.clock = PacedClock(main=False)  # the board's time; while a listener waits, it is waited for
+    executor.clock = PacedClock(main=False)  # of the board; the time stops while a listener is busy
     executor.boards = []
     yield executor
     for node in executor.get_nodes():
@@ -66,8 +66,15 @@ def make_board(spin, **parameters) -> SimBoardNode:
     return node
 
 
+def state_of(spin, node: SimBoardNode) -> int:
+    """Return the lifecycle state of a node, by its service."""
+    future = node.create_client(GetState, "sim_board_node/get_state").call_async(GetState.Request())
+    spin.spin_until_future_complete(future, PATIENCE)
+    return future.result().current_state.id
+
+
 class Listener(Node):
-    """Keeps what comes on some topics."""
+    """Collects the messages of some topics."""
 
     def __init__(self, spin, *topics: tuple[str, type]) -> None:
         super().__init__("listener", context=spin.context)
@@ -78,7 +85,7 @@ class Listener(Node):
         spin.add_node(self)
 
     def wait(self, name: str, count: int) -> list:
-        """Spin until `count` messages came on a topic."""
+        """Spin until `count` messages have arrived on a topic."""
         end = time.monotonic() + PATIENCE
         with self.spin.clock.taking_part():
             while len(self.messages[name]) < count:
@@ -89,10 +96,10 @@ class Listener(Node):
         return self.messages[name]
 
     def _behind(self) -> bool:
-        """Whether scans are on their way here that should be taken first."""
+        """Return whether scans are queued that should be received first."""
         newest = [each.board.index for board in self.spin.boards if (each := board.source) and board.reading]
-        taken = self.messages.get("raw")
-        return bool(newest and taken) and newest[-1] - taken[-1].sequence > BACKLOG
+        received = self.messages.get("raw")
+        return bool(newest and received) and newest[-1] - received[-1].sequence > BACKLOG
 
 
 def test_raw_carries_the_scans_of_the_board(spin) -> None:
@@ -119,7 +126,7 @@ def test_raw_carries_the_scans_of_the_board(spin) -> None:
         assert list(message.temperatures) == [25.0, 25.0]
 
 
-def test_truth_is_that_of_the_scan_with_its_sequence(spin) -> None:
+def test_ground_truth_matches_the_scan_of_the_same_sequence(spin) -> None:
     listener = Listener(spin, ("raw", TactileRaw), ("truth", TactileTruth))
     make_board(spin, scene="two_fingers", imperfections="none").start()
     listener.wait("raw", 1)
@@ -148,25 +155,25 @@ def test_truth_is_that_of_the_scan_with_its_sequence(spin) -> None:
     np.testing.assert_array_equal(truth.contact_forces, expected.objects.contact_forces.astype(np.float32))
 
 
-def test_objects_of_a_scan_are_told_as_long_as_it_is_remembered(spin) -> None:
+def test_objects_of_a_scan_are_available_while_it_is_in_the_history(spin) -> None:
     node = make_board(spin, scene="press_slide_lift", autostart=False)
     scene = SimulatedBoard(node.sensor, SceneLoads(load_scene("press_slide_lift", node.sensor), node.sensor), 0)
     scan = Scan.empty(node.sensor.layout.id, node.sensor.layout.taxels)
-    told = {}
+    expected = {}
     for index in range(0, 2 * SCAN_TIMES_KEPT + 2, 2):
         node.source.board.scan(index, scan)
         node.deliver(scan, 0)
-        told[index] = scene.objects(node.source.board.time)
+        expected[index] = scene.objects(node.source.board.time)
     assert node.objects_in(0) is None
     assert node.objects_in(3) is None
-    for index in (1000, 2000):  # long since the board went on
+    for index in (1000, 2000):  # long after the board continued
         found = node.objects_in(index)
         assert found is not None
-        np.testing.assert_array_equal(found.contact_centres, told[index].contact_centres)
+        np.testing.assert_array_equal(found.contact_centres, expected[index].contact_centres)
         assert found.contact_forces > 1.0
 
 
-def test_what_nobody_listens_to_is_not_computed(spin, monkeypatch) -> None:
+def test_topics_without_subscribers_are_not_computed(spin, monkeypatch) -> None:
     node = make_board(spin)
     asked = []
     monkeypatch.setattr(SimulatedBoard, "truth", lambda self: asked.append(1))
@@ -178,11 +185,11 @@ def test_what_nobody_listens_to_is_not_computed(spin, monkeypatch) -> None:
     assert not asked
 
 
-def test_without_autostart_it_waits_for_its_transitions(spin) -> None:
+def test_without_autostart_the_node_waits_for_its_transitions(spin) -> None:
     node = make_board(spin, autostart=False)
     listener = Listener(spin, ("raw", TactileRaw))
     node.start()
-    assert node._state_machine.current_state[0] == State.PRIMARY_STATE_UNCONFIGURED
+    assert state_of(spin, node) == State.PRIMARY_STATE_UNCONFIGURED
     node.trigger_configure()
     node.trigger_activate()
     listener.wait("raw", 10)
@@ -203,29 +210,29 @@ def load(spin, node: SimBoardNode, scene: str) -> LoadScene.Response:
     return future.result()
 
 
-def test_another_scene_is_loaded_while_it_runs(spin, tmp_path: Path) -> None:
+def test_another_scene_can_be_loaded_at_run_time(spin, tmp_path: Path) -> None:
     node = make_board(spin, scene="idle")
     node.start()
     listener = Listener(spin, ("raw", TactileRaw), ("truth", TactileTruth))
     before = listener.wait("truth", 500)[-1]
     assert before.objects == []
-    answer = load(spin, node, "two_fingers")
-    assert (answer.success, answer.message) == (True, "scene 'two_fingers' from its start")
+    response = load(spin, node, "two_fingers")
+    assert (response.success, response.message) == (True, "scene 'two_fingers' from its start")
     while not (truths := [each for each in listener.messages["truth"] if each.objects]):
         listener.wait("truth", len(listener.messages["truth"]) + 1)
     assert truths[0].objects == ["lower", "upper"]
-    assert truths[0].sequence < before.sequence  # numbers begin anew
+    assert truths[0].sequence < before.sequence  # the sequence restarts
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text("name: wrong\n", encoding="utf-8")
     for scene, reason in (("", ": no such scene"), ("nowhere", "nowhere: no such scene"), (str(wrong), f"{wrong}: ")):
-        refused = load(spin, node, scene)
-        assert not refused.success
-        assert refused.message.startswith(reason)
+        rejected = load(spin, node, scene)
+        assert not rejected.success
+        assert rejected.message.startswith(reason)
     listener.messages["truth"].clear()
     assert listener.wait("truth", 10)[-1].objects == ["lower", "upper"]
 
 
-def test_a_board_that_is_held_back_stays_so_with_another_scene(spin) -> None:
+def test_loading_a_scene_does_not_start_an_inactive_board(spin) -> None:
     node = make_board(spin, autostart=False)
     node.start()
     assert load(spin, node, "hold").success
@@ -241,7 +248,7 @@ def test_a_board_that_is_held_back_stays_so_with_another_scene(spin) -> None:
 
 
 @pytest.mark.parametrize("transition", [Transition.TRANSITION_CLEANUP, Transition.TRANSITION_CONFIGURE, 99])
-def test_a_transition_that_is_not_there_is_refused_and_no_more(spin, transition: int) -> None:
+def test_an_invalid_transition_is_rejected_without_effect(spin, transition: int) -> None:
     node = make_board(spin)
     listener = Listener(spin, ("raw", TactileRaw))
     node.start()
@@ -251,11 +258,11 @@ def test_a_transition_that_is_not_there_is_refused_and_no_more(spin, transition:
     assert not future.result().success
     listener.messages["raw"].clear()
     listener.wait("raw", 10)
-    assert node._state_machine.current_state[0] == State.PRIMARY_STATE_ACTIVE
+    assert state_of(spin, node) == State.PRIMARY_STATE_ACTIVE
 
 
 @pytest.mark.parametrize("fd", [False, True])
-def test_behind_an_adapter_it_speaks_frames_and_tells_the_truth(spin, tmp_path: Path, fd: bool) -> None:
+def test_behind_an_adapter_the_board_sends_frames_and_publishes_ground_truth(spin, tmp_path: Path, fd: bool) -> None:
     link = tmp_path / "board"
     listener = Listener(spin, ("raw", TactileRaw), ("truth", TactileTruth))
     node = make_board(spin, adapter_link=str(link), can_fd=str(fd).lower(), scene="hold")
@@ -284,15 +291,15 @@ def test_behind_an_adapter_it_speaks_frames_and_tells_the_truth(spin, tmp_path: 
     assert not link.exists()
 
 
-def test_an_adapter_that_cannot_be_linked_is_said_so(spin, tmp_path: Path, capfd) -> None:
-    taken = tmp_path / "file"
-    taken.touch()
-    node = make_board(spin, adapter_link=str(taken))
-    with pytest.raises(ConfigError, match=f"{taken}: the adapter cannot be linked here: there is something else"):
+def test_an_adapter_link_failure_is_reported(spin, tmp_path: Path, capfd) -> None:
+    existing = tmp_path / "file"
+    existing.touch()
+    node = make_board(spin, adapter_link=str(existing))
+    with pytest.raises(ConfigError, match=f"{existing}: the adapter cannot be linked here: there is something else"):
         node.start()
-    assert str(taken) not in capfd.readouterr().err  # the one who started it tells, once
+    assert str(existing) not in capfd.readouterr().err  # reported once, by the caller of start
     node.trigger_configure()
-    assert f"{taken}: the adapter cannot be linked here" in capfd.readouterr().err
+    assert f"{existing}: the adapter cannot be linked here" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -307,23 +314,23 @@ def test_an_adapter_that_cannot_be_linked_is_said_so(spin, tmp_path: Path, capfd
         ({"sensor_file": "no_such"}, "no_such: no such sensor"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(spin, parameters, reason) -> None:
+def test_invalid_input_is_rejected_with_a_one_line_error(spin, parameters, reason) -> None:
     with pytest.raises(ConfigError, match=reason) as caught:
         make_board(spin, **parameters)
     assert "\n" not in str(caught.value)
 
 
-def test_a_wrong_scene_file_is_refused_at_start(spin, tmp_path: Path) -> None:
+def test_an_invalid_scene_file_is_rejected_at_start(spin, tmp_path: Path) -> None:
     path = tmp_path / "wrong.yaml"
     path.write_text("name: wrong\ndescription: no objects\ntemperature_degC: 25\n", encoding="utf-8")
     with pytest.raises(ConfigError, match=f"{path}: objects: missing"):
         make_board(spin, scene=str(path))
 
 
-def test_the_scene_begins_with_its_first_listener(spin) -> None:
+def test_the_scene_starts_with_the_first_subscriber(spin) -> None:
     node = make_board(spin, scene="press_slide_lift")
     node.start()
     assert node.source.report().scans == 0
     assert "waiting for the first subscriber" in node.source.report().state
     first = Listener(spin, ("raw", TactileRaw)).wait("raw", 1)[0]
-    assert first.sequence < 300  # the scene touches at 0.3 s: nobody comes in the middle of it
+    assert first.sequence < 300  # the scene touches at 0.3 s: no subscriber joins in the middle of it

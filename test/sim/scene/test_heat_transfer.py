@@ -1,4 +1,4 @@
-"""Heat of warm objects: against the exponential of a held touch, a fine integration, and its own balance."""
+"""Heat transfer from warm objects: verified against the exponential of a held touch and a fine integration."""
 
 import math
 from pathlib import Path
@@ -30,7 +30,7 @@ def conductance(force: float) -> float:
     return SKIN_CONDUCTIVITY / THICKNESS * area
 
 
-def test_a_held_touch_warms_the_chip_along_an_exponential(tmp_path: Path) -> None:
+def test_a_held_touch_warms_the_chip_exponentially(tmp_path: Path) -> None:
     scene = warm(tmp_path, "35.0")
     loss = CAPACITY / LOSS_TIME_CONSTANT
     goal = 10 * conductance(2.0) / (conductance(2.0) + loss)
@@ -44,7 +44,7 @@ def test_a_held_touch_warms_the_chip_along_an_exponential(tmp_path: Path) -> Non
     assert 1 < goal < 5
 
 
-def test_warming_against_a_fine_integration(tmp_path: Path) -> None:
+def test_warming_agrees_with_a_fine_integration(tmp_path: Path) -> None:
     scene = warm(tmp_path, "10.0", "press_slide_lift", "period_s: 4.0")
     loss, step = CAPACITY / LOSS_TIME_CONSTANT, 1e-3
     gains = []
@@ -63,7 +63,7 @@ def test_warming_against_a_fine_integration(tmp_path: Path) -> None:
     assert min(trace) < -1
 
 
-def test_while_a_scene_rests_the_temperature_does_not_change_by_a_bit(tmp_path: Path) -> None:
+def test_the_temperature_is_exactly_constant_while_a_scene_rests(tmp_path: Path) -> None:
     loads = SceneLoads(warm(tmp_path, "30.0", "press"), SENSOR)
     rests = 0
     for time in np.arange(0.0, 150.0, 0.0931).tolist():
@@ -76,12 +76,12 @@ def test_while_a_scene_rests_the_temperature_does_not_change_by_a_bit(tmp_path: 
     assert loads.temperatures([150.0])[0] == pytest.approx(25.0, abs=1e-3)
 
 
-def test_objects_without_a_temperature_leave_the_chip_alone() -> None:
+def test_objects_without_a_temperature_do_not_warm_the_chip() -> None:
     scene = load_scene("press", SENSOR)
     assert scene.temperature_rise is None
     assert scene.chip_temperature(0.7) == 25.0
 
 
-def test_a_temperature_out_of_range_is_refused(tmp_path: Path) -> None:
+def test_a_temperature_out_of_range_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"objects\[0\].temperature_degC: must be a number in \[-40, 100\], got 200"):
         warm(tmp_path, "200")

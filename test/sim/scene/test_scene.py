@@ -1,4 +1,4 @@
-"""Scenes: what is read is what happens, and what cannot be is refused in one line."""
+"""Scenes: valid files are simulated as described, invalid ones are rejected with a one-line error."""
 
 import math
 import re
@@ -119,7 +119,7 @@ def test_a_file_is_read_into_si_units(tmp_path: Path) -> None:
         ("kind: texture, profile: bumps, length_mm: 6, width_mm: 3, bumps: 9, seed: 4", Roughness(6e-3, 3e-3, 9, 4)),
     ],
 )
-def test_each_kind_is_read(tmp_path: Path, lines: str, shape: object) -> None:
+def test_each_object_kind_is_read(tmp_path: Path, lines: str, shape: object) -> None:
     text = (
         GOOD[: GOOD.index("  - name")]
         + f"  - {{name: it, {lines}, keyframes: [{{time_s: 0, x_mm: 0, y_mm: 0, force_N: 0}}]}}\n"
@@ -148,7 +148,7 @@ def test_temperature_by_keyframes_and_no_period(tmp_path: Path) -> None:
 def test_shipped_scenes(name: str) -> None:
     scene = load_scene(name, SENSOR)
     assert scene.name == name
-    rest = 1.0 if name == "hold" else 0.3  # the longer a force is held, the better its zero has to be known
+    rest = 1.0 if name == "hold" else 0.3  # the longer a force is held, the more accurate its offset has to be
     for item in scene.objects:
         assert 0.5 <= item.path.max_load() <= 2.0
         assert item.path.at(rest)[-1] == 0
@@ -156,7 +156,7 @@ def test_shipped_scenes(name: str) -> None:
             assert scene.constant_until(0.0) == pytest.approx(rest, abs=1e-12)
 
 
-def test_the_scenes_that_are_promised_are_shipped() -> None:
+def test_all_documented_scenes_are_shipped() -> None:
     assert set(SHIPPED) >= {"press", "slide", "press_slide_lift", "two_fingers", "tap", "vibration", "texture", "hold"}
     assert set(SHIPPED) >= {"temperature_ramp", "grasp_lift_slip", "idle"}
     loads = {name: SceneLoads(load_scene(name, SENSOR), SENSOR) for name in SHIPPED}
@@ -252,10 +252,10 @@ REFUSED = [
     (GOOD[GOOD.index("      - {") :], "      []\n", "keyframes: must hold at least one keyframe"),
     (GOOD[GOOD.index("      - {") :], "      3\n", "keyframes: must be a list of mappings"),
 ]
-"""What is replaced in the good scene, by what, and what is said then."""
+"""Text replaced in the valid scene, its replacement, and the error message."""
 
 
-def test_what_cannot_be_is_refused_in_one_line(tmp_path: Path) -> None:
+def test_invalid_input_is_rejected_with_a_one_line_error(tmp_path: Path) -> None:
     with each_row() as row:
         for old, new, reason in REFUSED:
             with row(f"{new!r:.60} for {old!r:.60}"):
@@ -268,17 +268,17 @@ def test_what_cannot_be_is_refused_in_one_line(tmp_path: Path) -> None:
                 assert "\n" not in message
 
 
-def test_two_objects_of_one_name_are_refused(tmp_path: Path) -> None:
+def test_duplicate_object_names_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"objects\[1\].name: must differ .*, got 'ball'"):
         load_scene(write(tmp_path, GOOD + SECOND), SENSOR)
 
 
-def test_an_unknown_name_is_told_the_shipped_ones() -> None:
+def test_an_unknown_scene_error_lists_the_shipped_scenes() -> None:
     with pytest.raises(ConfigError, match=r"no_such: no such scene; .* hold, idle, press, press_slide_lift, slide"):
         load_scene("no_such", SENSOR)
 
 
-def test_a_force_above_the_range_of_a_taxel_is_refused_by_the_taxel(tmp_path: Path) -> None:
+def test_a_force_above_the_range_of_a_taxel_is_rejected_naming_the_taxel(tmp_path: Path) -> None:
     hard = GOOD.replace("effective_modulus_MPa: 2.0", "effective_modulus_MPa: 200.0")
     ball, cells = Sphere(5e-3, 200e6), Cells(SENSOR.layout, SENSOR.device.contact_spread)
     limit = max_force(SENSOR, cells, ball)
@@ -309,7 +309,7 @@ def with_path(path: str) -> str:
 
 
 @pytest.mark.parametrize("kind", PATHS)
-def test_each_path_is_read_and_plays(tmp_path: Path, kind: str) -> None:
+def test_each_path_is_read_and_evaluated(tmp_path: Path, kind: str) -> None:
     scene = load_scene(write(tmp_path, with_path(f"path: {{kind: {kind}, {TOUCH}, {PATHS[kind]}}}")), SENSOR)
     path = scene.objects[0].path
     assert path.at(0.2)[-1] == path.at(1.2)[-1] == path.at(5.0)[-1] == 0
@@ -339,7 +339,7 @@ def test_each_path_is_read_and_plays(tmp_path: Path, kind: str) -> None:
         ("random", "seed: 5", "seed: -5", "path.seed: must be a whole number"),
     ],
 )
-def test_a_path_that_cannot_be_is_refused(tmp_path: Path, kind: str, old: str, new: str, reason: str) -> None:
+def test_an_invalid_path_is_rejected(tmp_path: Path, kind: str, old: str, new: str, reason: str) -> None:
     text = with_path(f"path: {{kind: {kind}, {TOUCH}, {PATHS[kind]}}}")
     assert old in text
     path = write(tmp_path, text.replace(old, new))
@@ -349,7 +349,7 @@ def test_a_path_that_cannot_be_is_refused(tmp_path: Path, kind: str, old: str, n
     assert "\n" not in str(caught.value)
 
 
-def test_taps_that_overlap_or_do_not_end_in_time_are_refused(tmp_path: Path) -> None:
+def test_taps_that_overlap_or_end_too_late_are_rejected(tmp_path: Path) -> None:
     assert load_scene(write(tmp_path, with_path(TAP)), SENSOR).constant_until(0.23) == pytest.approx(0.3)
     with pytest.raises(ConfigError, match=r"path.contact_s: must be a number in \[0.0001, 0.1\], got 0.2"):
         load_scene(write(tmp_path, with_path(TAP.replace("contact_s: 0.02", "contact_s: 0.2"))), SENSOR)
@@ -358,7 +358,7 @@ def test_taps_that_overlap_or_do_not_end_in_time_are_refused(tmp_path: Path) -> 
     load_scene(write(tmp_path, with_path(TAP.replace("count: 5", "count: 18"))), SENSOR)
 
 
-def test_a_texture_cannot_be_driven_by_an_indentation(tmp_path: Path) -> None:
+def test_a_texture_driven_by_indentation_is_rejected(tmp_path: Path) -> None:
     pad = "kind: texture, profile: bumps, length_mm: 6, width_mm: 3, bumps: 9, seed: 4"
     frames = "keyframes: [{time_s: 0, x_mm: 0, y_mm: 0, indentation_mm: 0}]"
     text = GOOD[: GOOD.index("  - name")] + f"  - {{name: it, {pad}, {frames}}}\n"
@@ -366,7 +366,7 @@ def test_a_texture_cannot_be_driven_by_an_indentation(tmp_path: Path) -> None:
         load_scene(write(tmp_path, text), SENSOR)
 
 
-def test_an_indentation_presses_as_hertz_says(tmp_path: Path) -> None:
+def test_an_indentation_gives_the_hertz_force(tmp_path: Path) -> None:
     text = GOOD.replace("force_N: 0.0", "indentation_mm: -0.5").replace("force_N: 1.5", "indentation_mm: 0.4")
     scene = load_scene(write(tmp_path, text), SENSOR)
     (pressed,) = scene.states(1.0)
@@ -380,7 +380,7 @@ def test_an_indentation_presses_as_hertz_says(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", SHIPPED)
-def test_a_scene_rests_exactly_as_long_as_nothing_changes(name: str) -> None:
+def test_rest_intervals_of_a_scene_are_exact(name: str) -> None:
     scene = load_scene(name, SENSOR)
 
     def state(time: float) -> tuple[tuple[float, ...], ...]:
@@ -400,16 +400,16 @@ def test_a_scene_rests_exactly_as_long_as_nothing_changes(name: str) -> None:
             assert any(state(until + step) != state(time) for step in (0.02, 0.01, 0.0037))
 
 
-def test_the_two_fingers_stay_two_contacts() -> None:
+def test_two_fingers_stay_two_separate_contacts() -> None:
     loads = SceneLoads(load_scene("two_fingers", SENSOR), SENSOR)
     for time in np.linspace(0, 4, 81):
         forces = np.zeros((5, 5))
         for patch in loads.forces([float(time)]):
             forces[patch.rows, patch.cols] += patch.force[0]
-        assert max(forces[2].max(), forces[:, 2].max()) < SENSOR.contact.threshold  # the cross between them
+        assert max(forces[2].max(), forces[:, 2].max()) < SENSOR.contact.threshold  # the separating row and column
 
 
-def test_the_example_of_the_document_is_a_scene(tmp_path: Path) -> None:
+def test_the_example_in_the_document_is_a_valid_scene(tmp_path: Path) -> None:
     (example,) = re.findall(r"```yaml\n(.*?)```", DOCUMENT, re.DOTALL)
     scene = load_scene(write(tmp_path, example), SENSOR)
     taps = [time for time in np.arange(0, 1, 0.01) if scene.objects[0].path.at(float(time))[-1] > 0.99]

@@ -1,4 +1,4 @@
-"""Any scene that is valid loads and runs, its ground truth adds up, and its rows say the same."""
+"""Random valid scenes load and run, and their ground truth and CSV rows are consistent."""
 
 import math
 from pathlib import Path
@@ -122,7 +122,7 @@ SCENES = st.builds(
 
 @settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(scene=SCENES, seed=st.integers(0, 9))
-def test_a_valid_scene_runs_and_its_truth_adds_up(tmp_path: Path, scene: dict[str, Any], seed: int) -> None:
+def test_a_valid_scene_runs_with_consistent_ground_truth(tmp_path: Path, scene: dict[str, Any], seed: int) -> None:
     path = tmp_path / "random.yaml"
     path.write_text(yaml.safe_dump(scene), encoding="utf-8")
     loaded = load_scene(path, SENSOR)
@@ -147,7 +147,7 @@ def test_a_valid_scene_runs_and_its_truth_adds_up(tmp_path: Path, scene: dict[st
         assert len(columns) == len(row) == len(set(columns))
 
 
-def test_a_row_says_what_the_truth_says(tmp_path: Path) -> None:
+def test_a_csv_row_agrees_with_the_ground_truth(tmp_path: Path) -> None:
     loaded = load_scene("two_fingers", SENSOR)
     board = SimulatedBoard(SENSOR, SceneLoads(loaded, SENSOR), 0)
     board.scan(600, Scan.empty(LAYOUT.id, LAYOUT.taxels))
@@ -175,7 +175,7 @@ def test_objects_stand_on_the_normal_of_a_bent_chip(tmp_path: Path) -> None:
         loads = SceneLoads(load_scene(path, SENSOR), SENSOR)
         objects = loads.objects(0.0)
         tilt = (3e-3, 1e-3)[along] / 20e-3
-        centre = np.array([3e-3, 1e-3, -20e-3])  # axis of the chip's cylinder
+        centre = np.array([3e-3, 1e-3, -20e-3])  # axis of the cylinder of the bent chip
         centre[along] = 0.0
         (state,) = loads.scene.states(0.0)
         arm = objects.positions[0] - centre
@@ -183,14 +183,14 @@ def test_objects_stand_on_the_normal_of_a_bent_chip(tmp_path: Path) -> None:
         normal = arm / np.linalg.norm(arm)
         np.testing.assert_allclose(objects.contact_normals[0], normal, atol=1e-12)
         assert normal[along] == pytest.approx(math.sin(tilt), abs=1e-12)
-        np.testing.assert_allclose(turned(objects.orientations[0], [0, 0, 1]), normal, atol=1e-12)
+        np.testing.assert_allclose(rotated(objects.orientations[0], [0, 0, 1]), normal, atol=1e-12)
         forward = np.array([math.cos(math.pi / 6), math.sin(math.pi / 6), 0.0])
-        lifted = turned(objects.orientations[0], [1, 0, 0])
+        lifted = rotated(objects.orientations[0], [1, 0, 0])
         assert lifted[1 - along] == pytest.approx(forward[1 - along], abs=1e-12)  # unchanged along the axis
         np.testing.assert_allclose(objects.contact_centres, [[3e-3, 1e-3]], atol=1e-15)
 
 
-def turned(quaternion: np.ndarray, vector: list[float]) -> np.ndarray:
+def rotated(quaternion: np.ndarray, vector: list[float]) -> np.ndarray:
     x, y, z, w = quaternion
     axis = np.array([x, y, z])
     return np.asarray(vector) + 2 * np.cross(axis, np.cross(axis, vector) + w * np.asarray(vector))

@@ -1,4 +1,4 @@
-"""Paths: what they say at each time, and that what they call a rest is one."""
+"""Trajectories: their values over time, and that nothing changes in their rest intervals."""
 
 import math
 
@@ -21,7 +21,7 @@ PATHS: list[Path] = [
 
 
 @given(st.lists(st.tuples(st.floats(-3, 3), st.floats(0, 5)), min_size=1, max_size=6), st.floats(-1, 7))
-def test_a_track_stays_between_its_keyframes(values: list[tuple[float, float]], time: float) -> None:
+def test_an_interpolated_path_stays_between_its_keyframes(values: list[tuple[float, float]], time: float) -> None:
     track = Keyframes(tuple(float(k) for k in range(len(values))), tuple(values))
     before = values[min(max(math.floor(time), 0), len(values) - 1)]
     after = values[min(max(math.floor(time) + 1, 0), len(values) - 1)]
@@ -29,17 +29,17 @@ def test_a_track_stays_between_its_keyframes(values: list[tuple[float, float]], 
         assert min(a, b) - 1e-15 <= value <= max(a, b) + 1e-15
 
 
-def test_a_track_is_the_path_of_least_jerk() -> None:
+def test_interpolation_between_keyframes_is_minimum_jerk() -> None:
     track = Keyframes((1.0, 3.0), ((0.0,), (2.0,)))
     u = np.linspace(0, 1, 41)
     expected = 2 * (10 * u**3 - 15 * u**4 + 6 * u**5)
     np.testing.assert_allclose([track.at(1 + 2 * s)[0] for s in u], expected, rtol=0, atol=1e-14)
-    for end in (1.0, 3.0):  # at rest, and without a jump of acceleration: the change is of third order
+    for end in (1.0, 3.0):  # at rest, with continuous acceleration: the change is of third order
         for step in (1e-3, -1e-3):
             assert abs(track.at(end + step)[0] - track.at(end)[0]) <= 2 * 10 * (1e-3 / 2) ** 3
 
 
-def test_a_force_that_ends_at_zero_never_falls_below_it() -> None:
+def test_a_force_that_ends_at_zero_is_never_negative() -> None:
     track = Keyframes(times=(2.6, 2.9), values=((1.8,), (0.0,)))
     below_the_end = np.nextafter(2.9, 0.0) - np.arange(20_000) * 1e-9
     assert min(track.at(float(time))[0] for time in below_the_end) >= 0.0
@@ -47,7 +47,7 @@ def test_a_force_that_ends_at_zero_never_falls_below_it() -> None:
 
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: type(path).__name__)
 @given(time=st.floats(-1, 3))
-def test_a_load_stays_between_nothing_and_its_top_and_is_none_at_rest(path: Path, time: float) -> None:
+def test_a_load_stays_within_its_range_and_is_zero_at_rest(path: Path, time: float) -> None:
     load = path.at(time)[-1]
     assert 0 <= load <= path.max_load() * (1 + 1e-12)
     if not any(start < time < end for start, end in path.changes()):
@@ -55,7 +55,7 @@ def test_a_load_stays_between_nothing_and_its_top_and_is_none_at_rest(path: Path
 
 
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: type(path).__name__)
-def test_a_load_does_not_jump(path: Path) -> None:
+def test_a_load_is_continuous(path: Path) -> None:
     loads = np.array([path.at(time)[-1] for time in np.arange(0, 1.5, 1e-5).tolist()])
     assert np.abs(np.diff(loads)).max() < 0.02
 
@@ -69,25 +69,25 @@ def test_a_sine_and_a_sweep_have_their_frequencies() -> None:
         assert 1 / (crossings[-1] - crossings[-2]) == pytest.approx(at_end, rel=0.02)
 
 
-def test_a_stroke_goes_there_and_back_at_constant_speed() -> None:
+def test_a_stroke_moves_back_and_forth_at_constant_speed() -> None:
     stroke = Stroke(**TOUCH, to_x=2e-3, to_y=2e-3, to_angle=1.5, strokes=3)
     np.testing.assert_allclose(stroke.at(0.3), (1e-3, -1e-3, 0.5, 0.5), atol=1e-12)
-    way = 0.8 / 3
-    np.testing.assert_allclose(stroke.at(0.3 + way), (2e-3, 2e-3, 1.5, 0.5), atol=1e-12)
-    np.testing.assert_allclose(stroke.at(0.3 + 1.5 * way), (1.5e-3, 0.5e-3, 1.0, 0.5), atol=1e-12)
-    np.testing.assert_allclose(stroke.at(0.3 + 2 * way), (1e-3, -1e-3, 0.5, 0.5), atol=1e-12)
+    duration = 0.8 / 3
+    np.testing.assert_allclose(stroke.at(0.3 + duration), (2e-3, 2e-3, 1.5, 0.5), atol=1e-12)
+    np.testing.assert_allclose(stroke.at(0.3 + 1.5 * duration), (1.5e-3, 0.5e-3, 1.0, 0.5), atol=1e-12)
+    np.testing.assert_allclose(stroke.at(0.3 + 2 * duration), (1e-3, -1e-3, 0.5, 0.5), atol=1e-12)
     for time in (1.1, 1.15, 1.2, 7.0):
         np.testing.assert_allclose(stroke.at(time)[:3], (2e-3, 2e-3, 1.5), atol=1e-12)
 
 
-def test_taps_come_at_their_times() -> None:
+def test_taps_start_at_their_times() -> None:
     taps = PATHS[-1]
     loads = [taps.at(0.2 + 0.1 * number + 0.01)[-1] for number in range(-1, 6)]
     np.testing.assert_allclose(loads, [0, 0.5, 0.5, 0.5, 0.5, 0.5, 0], atol=1e-12)
     assert len(taps.changes()) == 5
 
 
-def test_wandering_is_that_of_the_seed_and_stays_in_reach() -> None:
+def test_random_motion_depends_on_the_seed_and_stays_in_range() -> None:
     first, same = (RandomMotion(**TOUCH, amplitude=0.5, reach=1e-3, bandwidth=30.0, seed=5) for _ in range(2))
     other = RandomMotion(**TOUCH, amplitude=0.5, reach=1e-3, bandwidth=30.0, seed=6)
     times = np.arange(0.3, 1.1, 1e-3).tolist()

@@ -159,6 +159,11 @@ class Decoder:
         return self._recovery.holding
 
     @property
+    def held_frames(self) -> int:
+        """Number of frames that are held until their sequence is certain."""
+        return self._recovery.held_frames
+
+    @property
     def resync_requests(self) -> int:
         """Number of times START was sent to a running board, because a classic counter was ambiguous."""
         return self._recovery.resync_requests

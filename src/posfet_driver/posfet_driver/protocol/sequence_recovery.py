@@ -291,6 +291,11 @@ class SequenceRecovery:
         """Whether frames are held."""
         return bool(self._held)
 
+    @property
+    def held_frames(self) -> int:
+        """Number of frames that are held."""
+        return len(self._held)
+
     def resync_needed(self) -> bool:
         """Return whether START has to be sent to a running board, to learn the sequence of its next scan."""
         if self._sent is None:

@@ -80,10 +80,11 @@ class BoardFirmware:
         """Supply voltage of the board [V]."""
         self.firmware = FIRMWARE_VERSION
         """Firmware version that the board reports."""
+        self.layout_id = sensor.layout.id
+        """Layout id that the board reports."""
         self._fresh = True  # not started since it was switched on
         self._board = board
         self._codec = make_codec(sensor)
-        self._layout = sensor.layout.id
         self._base = sensor.can.base_id
         self._rate = sensor.can.scan_rate
         self._shortest_period = round(1e6 / self._rate)
@@ -143,7 +144,7 @@ class BoardFirmware:
             case Command.SET_RATE:
                 answer = self._set_period(request.argument)
             case Command.IDENTIFY:
-                answer = Result.OK, self._layout | self.firmware << 16
+                answer = Result.OK, self.layout_id | self.firmware << 16
             case Command.SELF_TEST:
                 flags = self._flags() & ~ScanStatus.BOARD_RESET
                 answer = (Result.FAILED if flags else Result.OK), int(flags)
@@ -184,7 +185,7 @@ class BoardFirmware:
 
     def _status_frame(self) -> Frame:
         page = Page(self._status_sent % len(Page))
-        values = {Page.LAYOUT: self._layout, Page.FIRMWARE: self.firmware, Page.SCAN: (self._sequence - 1) & 0xFFFF}
+        values = {Page.LAYOUT: self.layout_id, Page.FIRMWARE: self.firmware, Page.SCAN: (self._sequence - 1) & 0xFFFF}
         first, second = (float(temperature) for temperature in self._scan.temperatures)
         status = Status((first, second), self.supply, self._flags(), page, values[page])
         self._status_sent += 1

@@ -41,7 +41,8 @@ class SlipScorer:
         self._objects: dict[int, _Object] = {}
         self._detected: set[int] = set()
         self._delays: list[float] = []
-        self._missed = 0
+        self.missed = 0
+        """Number of slips that were not detected."""
         self.false = 0
         """Number of false detections."""
 
@@ -73,7 +74,7 @@ class SlipScorer:
                 self._delays.append(time - known.waiting)
                 known.waiting = math.nan
         for number, known in self._objects.items():
-            self._missed += number not in present and not math.isnan(known.waiting)
+            self.missed += number not in present and not math.isnan(known.waiting)
         self._objects = present
         self.false += len(slipping - self._detected - moving)
         self._detected = slipping
@@ -89,7 +90,7 @@ class SlipScorer:
             elif time - known.slipped > MIN_REST:
                 known.slips = False
         if time - known.waiting > SLIP_LATE:
-            self._missed += 1
+            self.missed += 1
             known.waiting = math.nan
         known.centre, known.time = centre, time
 
@@ -101,5 +102,5 @@ class SlipScorer:
 
     def recall(self) -> float | None:
         """Return the fraction of the slips that were detected [1]; None when there was none."""
-        slips = len(self._delays) + self._missed
+        slips = len(self._delays) + self.missed
         return len(self._delays) / slips if slips else None
