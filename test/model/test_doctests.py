@@ -53,7 +53,7 @@ def test_every_function_of_the_device_is_in_the_overview() -> None:
                 assert f"`{name}.{member}`" in overview, f"{name}.{member}"
 
 
-def test_the_package_loads_nothing_until_asked_and_knows_its_modules() -> None:
+def test_the_package_loads_modules_lazily_and_lists_them() -> None:
     program = (
         "import sys, posfet_model; assert 'numpy' not in sys.modules; "
         "assert posfet_model.device.film.Film.__name__ == 'Film'; "

@@ -300,7 +300,7 @@ def test_every_function_has_an_entry_here() -> None:
         assert set(arguments) <= set(_parameters(FUNCTIONS[name])), name
 
 
-def test_every_entry_is_accepted() -> None:
+def test_the_valid_call_of_every_entry_is_accepted() -> None:
     with each_row() as row:
         for name, arguments in GOOD.items():
             if not name.startswith(("ngspice.run", "ngspice.read", "ngspice.closed")):
@@ -321,12 +321,12 @@ def _refused(name: str) -> list[Refusal]:
 REFUSED = {name: cases for name in GOOD if name != "ngspice.closed_loop" and (cases := _refused(name))}
 
 
-def test_nearly_two_thousand_values_are_refused() -> None:
+def test_nearly_two_thousand_values_are_tried() -> None:
     assert sum(len(cases) for cases in REFUSED.values()) >= 1930
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_is_no_such_thing_is_named(name: str) -> None:
+def test_an_invalid_value_is_rejected_by_name(name: str) -> None:
     assert_all_refused(_bound(name), REFUSED[name])
 
 
@@ -338,7 +338,7 @@ def _shapes() -> Iterator[tuple[str, str, str]]:
             yield name, arrays[0], argument
 
 
-def test_shapes_that_do_not_fit_are_refused() -> None:
+def test_incompatible_shapes_are_rejected() -> None:
     """Two of an argument and three of another cannot mean anything."""
     with each_row() as row:
         for name, first, second in _shapes():

@@ -61,7 +61,7 @@ def _report(environment: dict[str, str], *plugins: str) -> str:
         pytest.param(AVX2, PLAIN_LIBM, id="NumPy and libm without AVX-512, FMA and AVX2"),
     ],
 )
-def test_tables_are_met_without_the_newer_instructions(
+def test_tables_are_reproduced_without_the_newer_instructions(
     forbidden: list[str], libm: dict[str, str], record_property
 ) -> None:
     missed = [name for name in forbidden if not machine.offers(name)]
@@ -87,7 +87,7 @@ def test_tables_are_met_without_the_newer_instructions(
 
 
 @pytest.mark.parametrize("seed", ["0", "1"])
-def test_tables_are_met_with_functions_as_wrong_as_is_allowed(seed: str, record_property) -> None:
+def test_tables_are_reproduced_with_functions_at_the_allowed_error(seed: str, record_property) -> None:
     """On every machine, also those that no variable can stand for; see `support.inexact`."""
     found = machine.read(_report({"INEXACT_SEED": seed}, "support.inexact", "support.machine"))
     record_property("in effect", str(found))

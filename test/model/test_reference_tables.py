@@ -26,7 +26,7 @@ TABLES = _tables()
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_a_sample_is_made_again_digit_by_digit(name: str) -> None:
+def test_a_sample_is_reproduced_digit_by_digit(name: str) -> None:
     table = TABLES[name]
     with (DATA / f"{name}.csv").open(newline="", encoding="ascii") as file:
         header, *stored = csv.reader(line for line in file if not line.startswith("#"))

@@ -177,7 +177,7 @@ def test_every_step_time_constant_force_temperature_field_and_voltage(record_pro
 
 @pytest.mark.parametrize("size", [0, 1, 25, 1_000_000])
 @pytest.mark.parametrize("dtype", DTYPES)
-def test_every_array_from_empty_to_a_million_taxels(size: int, dtype: type) -> None:
+def test_every_array_size_from_empty_to_a_million_taxels(size: int, dtype: type) -> None:
     """Shape and type come back, and each element is what it is alone."""
     spread = np.linspace(-1, 1, size, dtype=dtype)
     one = OnePoleFollower(gain=1.0, bandwidth=1.5e6)

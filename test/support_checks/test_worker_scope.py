@@ -7,7 +7,7 @@ from support.worker_scope import LIVE, TOGETHER, scope
 HERE = Path(__file__).parents[1]
 
 
-def test_what_is_named_exists() -> None:
+def test_every_named_file_and_folder_exists() -> None:
     assert all((HERE / name).exists() for name in LIVE + TOGETHER)
 
 

@@ -123,7 +123,7 @@ def test_settling_against_the_40_digit_table(record_property) -> None:
     st.floats(0, 1),
     leads,
 )
-def test_any_way_is_its_parts(start: float, slope: float, duration: float, part: float, lead: Lead) -> None:
+def test_a_transition_equals_the_sum_of_its_parts(start: float, slope: float, duration: float, part: float, lead: Lead) -> None:
     x, s = np.array([start]), np.array([duration])
     with np.errstate(over="raise", invalid="raise", divide="raise"):
         whole = settle(x, slope * s, s, lead)
@@ -140,7 +140,7 @@ def test_any_way_is_its_parts(start: float, slope: float, duration: float, part:
 
 
 @pytest.mark.parametrize("lead", [Lead(), Lead(linear=0.3), Lead(linear=0.3, square=-0.5)])
-def test_ways_from_beside_the_edges_of_saturation_and_of_linearity(lead: Lead) -> None:
+def test_transitions_that_start_at_the_edges_of_saturation_and_linearity(lead: Lead) -> None:
     """Starts and slopes a few roundings from +-EDGE and 1, and on either side of where f(x) = x is used."""
     beside = np.arange(-8, 9) * EPS
     under = np.array([1.4142135612040179, 1.4142135623702081, 1.4142135623727576])  # sin + cos round to EDGE there
@@ -159,7 +159,7 @@ def test_ways_from_beside_the_edges_of_saturation_and_of_linearity(lead: Lead) -
 
 
 @pytest.mark.parametrize(("sine", "cosine"), [(2, 2), (2, -2), (-2, 2), (-2, -2)])
-def test_a_sine_two_units_off_leaves_x_at_the_edge(sine: int, cosine: int, monkeypatch) -> None:
+def test_a_sine_wrong_by_two_ulps_leaves_x_at_the_edge(sine: int, cosine: int, monkeypatch) -> None:
     """sin + cos may come out beyond EDGE where a run-away starts; its time to EDGE is 0 then."""
 
     def moved(function, units: int):
@@ -182,7 +182,7 @@ def test_a_slope_that_all_but_saturates_is_approached_slowly(slope: float, durat
     assert abs(1 / (EDGE - x[0]) - duration) <= math.log(duration)
 
 
-def test_rest_is_where_the_current_is_the_slope() -> None:
+def test_at_equilibrium_the_current_equals_the_slope() -> None:
     slope = np.array([0.0, 1e-9, 0.1, 0.5, 0.9, 0.999, -0.7])
     x = settle(np.full(7, 40.0), slope * 1e6, np.full(7, 1e6))
     np.testing.assert_allclose(pair_current(x), slope, rtol=0, atol=4 * EPS)
@@ -190,7 +190,7 @@ def test_rest_is_where_the_current_is_the_slope() -> None:
 
 
 @pytest.mark.parametrize("lead", [Lead(), Lead(0.07, 0.17), Lead(1.0, -0.5), Lead(0.0, 0.5)])
-def test_settling_is_odd_but_for_the_square_and_keeps_the_order(lead: Lead) -> None:
+def test_settling_is_odd_except_for_the_square_and_preserves_order(lead: Lead) -> None:
     start = np.linspace(-4, 4, 801)
     other = Lead(lead.linear, -lead.square)
     for slope in (0.0, 0.3, 1.0, 2.5):
@@ -203,7 +203,7 @@ def test_settling_is_odd_but_for_the_square_and_keeps_the_order(lead: Lead) -> N
 
 
 @pytest.mark.parametrize("lead", [Lead(), Lead(0.07, 0.17), Lead(1.0, -0.5), Lead(0.0, 0.5)])
-def test_a_jump_leaves_the_capacitor_where_it_is(lead: Lead) -> None:
+def test_a_jump_does_not_change_the_capacitor_voltage(lead: Lead) -> None:
     def lag(x: np.ndarray) -> np.ndarray:
         return x + lead.linear * pair_current(x) + lead.square * pair_current(x) ** 2
 
@@ -213,7 +213,7 @@ def test_a_jump_leaves_the_capacitor_where_it_is(lead: Lead) -> None:
     np.testing.assert_allclose(settle(start, 0 * change, np.zeros_like(start), lead), start, rtol=0, atol=1e-14)
 
 
-def test_the_square_can_take_no_more_than_is_stated() -> None:
+def test_the_square_contributes_no_more_than_stated() -> None:
     x = np.linspace(0, EDGE, 100_001)
     product = pair_current(x) * pair_transconductance(x)
     assert LARGEST_PRODUCT - 0.001 < product.max() < LARGEST_PRODUCT
@@ -221,7 +221,7 @@ def test_the_square_can_take_no_more_than_is_stated() -> None:
 
 @pytest.mark.parametrize("lead", [Lead(), Lead(0.07, 0.17), Lead(1.0, -0.5)])
 @pytest.mark.parametrize("scale", [1e-6, 0.5, 20.0])
-def test_a_series_is_its_steps_in_a_row(scale: float, lead: Lead) -> None:
+def test_a_series_equals_its_single_steps(scale: float, lead: Lead) -> None:
     generator = np.random.default_rng(6)
     change = scale * generator.normal(size=2000)
     duration = 10 ** generator.uniform(-3, 1, 2000)
@@ -244,5 +244,5 @@ def test_a_series_is_its_steps_in_a_row(scale: float, lead: Lead) -> None:
         refusals(pair_transconductance, {"overdrive": 0.0}, overdrive=[]),
     ],
 )
-def test_bad_arguments_are_named(function, cases) -> None:
+def test_invalid_arguments_are_rejected_by_name(function, cases) -> None:
     assert_all_refused(function, cases)

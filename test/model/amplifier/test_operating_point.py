@@ -20,7 +20,7 @@ FIGURES = figures_of_merit()
 
 
 @pytest.mark.parametrize(("name", "formulas"), [("amplifier", figures_of_merit), ("one_stage", one_stage_figures)])
-def test_every_figure_against_the_40_digit_table(record_property, name: str, formulas) -> None:
+def test_every_quantity_against_the_40_digit_table(record_property, name: str, formulas) -> None:
     table = reference(name)
     inputs, outputs = list(table)[:8], list(table)[8:]
     found = ErrorMap(bound=8 * EPS)
@@ -66,7 +66,7 @@ def test_slew_rates_against_ngspice(circuit: str, formulas, slack: float) -> Non
     assert formulas().slew_rate / (0.15 / np.diff(instants)[0]) == pytest.approx(1, abs=slack)
 
 
-def test_a_one_stage_supply_too_low_is_refused() -> None:
+def test_a_one_stage_supply_too_low_is_rejected() -> None:
     low = dataclasses.replace(CIRCUIT_C, supply=1.7)
     assert_refused(one_stage_figures, {"bias": low}, "supply")
     assert_refused(one_stage_figures, {"bias": None}, "bias")
@@ -76,7 +76,7 @@ def test_offset_against_ngspice() -> None:
     assert FIGURES.systematic_offset == pytest.approx(transient("opamp_b", "press").v_out[0], abs=5e-5)
 
 
-def test_the_missing_width_of_m8_leaves_little_systematic_offset() -> None:
+def test_the_assumed_width_of_m8_gives_a_small_systematic_offset() -> None:
     ideal = figures_of_merit(AmplifierBias(modulation=1e-6))
     assert abs(ideal.systematic_offset) < 1e-7
 
@@ -100,7 +100,7 @@ def test_without_modulation_the_formulas_are_the_textbook_ones() -> None:
     assert ideal.bend == pytest.approx(linear - (pushed - ratio), abs=1e-5)
 
 
-def test_follower_of_the_figures() -> None:
+def test_follower_from_the_op_amp_figures() -> None:
     loop = FIGURES.closed_loop
     assert loop.gain == pytest.approx(FIGURES.open_loop_gain / (1 + FIGURES.open_loop_gain), abs=1e-15)
     assert FIGURES.limits.v_low < -1 < 3 < FIGURES.limits.v_high
@@ -125,7 +125,7 @@ def test_at_the_highest_input_the_last_transistor_is_at_the_edge_of_saturation(l
     assert limits.v_low < 0 < limits.v_high < bias.supply
 
 
-def test_mismatch_adds_up() -> None:
+def test_mismatch_contributions_add_up() -> None:
     parts = {"pair_threshold": 1e-3, "load_threshold": 2e-3, "pair_size": 0.01, "load_size": -0.02}
     single = [mismatch_offset(FIGURES, **{**dict.fromkeys(parts, 0.0), name: value}) for name, value in parts.items()]
     assert mismatch_offset(FIGURES, **parts) == pytest.approx(sum(single), abs=1e-16)
@@ -143,15 +143,15 @@ def test_all_figures_are_finite_over_the_bias(current: float, modulation: float)
 
 
 @pytest.mark.parametrize("value", [0, "one", FIGURES])
-def test_a_bias_that_is_none_is_named(value) -> None:
+def test_a_value_that_is_no_bias_is_rejected(value) -> None:
     assert_refused(figures_of_merit, {"bias": value}, "bias")
 
 
-def test_a_supply_too_low_is_refused() -> None:
+def test_a_supply_too_low_is_rejected() -> None:
     assert_refused(figures_of_merit, {"bias": AmplifierBias(supply=1.2)}, "supply")
 
 
-def test_bad_bias_is_named() -> None:
+def test_an_invalid_bias_is_rejected_by_name() -> None:
     values = {field.name: (-1.0, *NOT_REAL_NUMBERS) for field in dataclasses.fields(AmplifierBias)}
     assert_all_refused(AmplifierBias, [(name, {name: value}) for name in values for value in values[name]])
 
@@ -176,14 +176,14 @@ def test_a_pair_four_times_as_wide_has_half_the_overdrive() -> None:
         tuple(dataclasses.replace(s, width=2 * s.width, length=2 * s.length) if s.name == "M4" else s for s in SIZES),
     ],
 )
-def test_sizes_that_make_no_amplifier_are_named(sizes) -> None:
+def test_invalid_transistor_sizes_are_rejected_by_name(sizes) -> None:
     assert_refused(AmplifierDesign, {"sizes": sizes}, "sizes")
 
 
 MISMATCH = {"figures": FIGURES, "pair_threshold": 0.0, "load_threshold": 0.0, "pair_size": 0.0, "load_size": 0.0}
 
 
-def test_bad_arguments_are_named() -> None:
+def test_invalid_arguments_are_rejected_by_name() -> None:
     function, cases = refusals(
         mismatch_offset,
         MISMATCH,

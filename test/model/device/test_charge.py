@@ -73,7 +73,7 @@ def test_a_step_against_the_40_digit_table(function, column, dtype) -> None:
     assert (np.abs(computed - table[column]) <= step_error(charges, dtype)).all()
 
 
-def test_the_inverse_gives_back_the_source_over_the_table() -> None:
+def test_the_inverse_recovers_the_source_over_the_table() -> None:
     table = reference("charge_step")
     change = charge.invert_first_order_hold(
         table["charge"], table["first_order_hold"], table["step"], table["time_constant"]
@@ -95,7 +95,7 @@ def test_step_and_inverse_are_a_round_trip(step: float, time_constant: float, st
 
 
 @given(decades(1e-9, 1e3), decades(1e-9, 1e9), signed_decades(1e-9, 1e2))
-def test_two_half_steps_are_one_step(step: float, time_constant: float, start: float) -> None:
+def test_two_half_steps_equal_one_step(step: float, time_constant: float, start: float) -> None:
     whole = charge.propagate_first_order_hold(start, 1.0, 3.0, step, time_constant)
     half = charge.propagate_first_order_hold(start, 1.0, 2.0, step / 2, time_constant)
     twice = charge.propagate_first_order_hold(half, 2.0, 3.0, step / 2, time_constant)
@@ -114,14 +114,14 @@ def test_responses_against_the_40_digit_table() -> None:
     np.testing.assert_allclose(left, table["step_response"], rtol=0, atol=call_error() + EPS)
 
 
-def test_step_response_is_what_the_steps_give() -> None:
+def test_step_response_matches_single_steps() -> None:
     sigma = charge.propagate_step(0.0, 0.0, 1.0, 0.01, TAU)
     for _ in range(99):
         sigma = charge.propagate_first_order_hold(sigma, 1.0, 1.0, 0.01, TAU)
     assert sigma == pytest.approx(charge.step_response(1.0, TAU), rel=0, abs=100 * EPS)
 
 
-def test_frequency_response_is_what_the_steps_give() -> None:
+def test_frequency_response_matches_single_steps() -> None:
     frequency, per_cycle, cycles = 1.0, 2000, 3  # three cycles are 11 time constants
     time = np.arange(cycles * per_cycle + 1) / (frequency * per_cycle)
     source = np.sin(2 * np.pi * frequency * time)
@@ -146,7 +146,7 @@ class TestSweep:
     )
 
     @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-    def test_finite_and_bounded_by_what_goes_in(self, dtype) -> None:
+    def test_result_is_finite_and_bounded_by_the_input(self, dtype) -> None:
         charges = [self.ARGUMENTS[name].astype(dtype) for name in FIRST_ORDER_HOLD_ARGUMENTS[:3]]
         bound = (np.abs(charges[0]) + np.abs(charges[2] - charges[1])) * (1 + 4 * np.finfo(dtype).eps)
         for function in (charge.propagate_first_order_hold, charge.propagate_step):
@@ -203,7 +203,7 @@ class TestManySteps:
         assert abs(left - math.exp(-1e8 * ratio)) <= 1e8 * 1.5 * EPS
 
     @pytest.mark.parametrize("ratio", [3e-3, 1e-2, 0.5, 1.0, 1e3, 1e12])
-    def test_a_ramp_settles_where_it_should_and_stays(self, ratio: float) -> None:
+    def test_a_ramp_settles_at_its_steady_state_and_stays(self, ratio: float) -> None:
         # Rounding keeps the order of numbers, so each lane runs monotonically into a fixed point and 1e8 steps from
         # any start between the lanes end between the fixed points of the lanes.
         sigma = np.array([-1.0, 0.0, 2.0 / ratio + 2.0])
@@ -267,11 +267,11 @@ class TestManySteps:
         refusals(charge.step_response, {"time": 1.0, "time_constant": TAU}, time=[-1e-9], time_constant=[0]),
     ],
 )
-def test_bad_arguments_are_refused_by_name(function, cases) -> None:
+def test_invalid_arguments_are_rejected_by_name(function, cases) -> None:
     assert_all_refused(function, cases)
 
 
-def test_shapes_that_do_not_fit_are_named() -> None:
+def test_incompatible_shapes_are_rejected_by_name() -> None:
     with pytest.raises(ValueError, match=r"shapes must broadcast.*charge \(3,\).*source_end \(4,\)"):
         charge.propagate_first_order_hold(np.zeros(3), 0.0, np.zeros(4), 1e-3, TAU)
     with pytest.raises(ValueError, match=r"step \(2,\)"):

@@ -87,7 +87,7 @@ class TestSaturatedLoop:
 
     @pytest.mark.parametrize("dtype", [np.float64, np.float32])
     @pytest.mark.parametrize("size", [0, 1, 1_000_000])
-    def test_finite_and_rising_to_1e12_volts_per_metre(self, dtype, size: int) -> None:
+    def test_branches_are_finite_and_rise_up_to_1e12_volts_per_metre(self, dtype, size: int) -> None:
         fields = np.linspace(-1e12, 1e12, size, dtype=dtype)
         with np.errstate(over="raise", invalid="raise"):
             rising, falling = film.rising_branch(fields, PAPER), film.falling_branch(fields, PAPER)
@@ -114,13 +114,13 @@ class TestMinorLoops:
             assert (error <= turn * np.arange(1, 4)).all()
 
     @given(FIELDS)
-    def test_every_loop_stays_within_the_saturated_one(self, fields) -> None:
+    def test_every_loop_stays_within_the_saturated_loop(self, fields) -> None:
         low, high = _loop_bounds(fields)
         switched = _switched(fields)
         assert (switched >= low - 4 * EPS).all() and (switched <= high + 4 * EPS).all()
 
     @given(FIELDS, st.floats(-SPAN, SPAN), st.floats(-SPAN, SPAN))
-    def test_a_minor_loop_closes_and_is_forgotten(self, fields, turn, back) -> None:
+    def test_a_minor_loop_closes_and_is_erased_from_the_history(self, fields, turn, back) -> None:
         before = film.polarise([*fields, turn], PAPER)
         low, high = sorted((turn, back))
         inside = [low + share * (high - low) for share in (0.3, 0.8, 0.4, 0.6)]
@@ -130,7 +130,7 @@ class TestMinorLoops:
         assert around.history == straight.history
 
     @given(st.floats(0.01, 1), st.floats(0.01, 0.99))
-    def test_loops_lie_within_each_other(self, outer, share) -> None:
+    def test_loops_are_nested(self, outer, share) -> None:
         high = outer * SPAN
         start = film.polarise([SPAN, -SPAN, high], PAPER).history
         path = np.linspace(-high, high, 41)
@@ -145,14 +145,14 @@ class TestMinorLoops:
         assert_monotone(falling_outer, rising=True, slack=2 * EPS)
 
     @given(st.lists(st.floats(0.01, 1).map(lambda share: share * SPAN), min_size=1, max_size=8))
-    def test_growing_cycles_of_a_new_film_are_symmetric_about_the_curve_of_first_poling(self, amplitudes) -> None:
+    def test_growing_cycles_of_a_virgin_film_are_symmetric_about_the_initial_poling_curve(self, amplitudes) -> None:
         growing = sorted(amplitudes)
         tips = _switched([sign * field for field in growing for sign in (1, -1)])
         np.testing.assert_allclose(tips[0::2], -tips[1::2], rtol=0, atol=4 * EPS)
         np.testing.assert_allclose(tips[0::2], _switched(growing), rtol=0, atol=4 * EPS)
 
     @given(FIELDS)
-    def test_the_way_between_two_fields_does_not_matter(self, fields) -> None:
+    def test_intermediate_fields_do_not_change_the_result(self, fields) -> None:
         dense = [0.0]
         for start, end in itertools.pairwise([0.0, *fields]):
             dense += [start + (end - start) * share for share in (0.25, 0.5, 0.75)] + [end]
@@ -164,14 +164,14 @@ class TestMinorLoops:
         np.testing.assert_array_equal(_switched([-field for field in fields]), -_switched(fields))
 
     @given(FIELDS, st.integers(0, 30))
-    def test_history_carries_a_sequence_on(self, fields, cut) -> None:
+    def test_history_continues_a_sequence(self, fields, cut) -> None:
         first = film.polarise(fields[:cut], PAPER)
         second = film.polarise(fields[cut:], PAPER, first.history)
         whole = film.polarise(fields, PAPER)
         np.testing.assert_array_equal(np.concatenate([first.polarisation, second.polarisation]), whole.polarisation)
         assert second.history == whole.history
 
-    def test_a_saturated_film_runs_on_the_saturated_branch(self) -> None:
+    def test_a_saturated_film_follows_the_saturated_branch(self) -> None:
         fields = np.linspace(0, 1e9, 501)
         np.testing.assert_allclose(
             film.polarise(fields, PAPER, film.saturated(PAPER, positive=False)).polarisation,
@@ -188,7 +188,7 @@ class TestMinorLoops:
 
     @settings(max_examples=50)
     @given(st.lists(signed_decades(1e-3, 1e12), max_size=30))
-    def test_any_field_gives_a_finite_bounded_polarisation(self, fields) -> None:
+    def test_any_field_gives_a_finite_and_bounded_polarisation(self, fields) -> None:
         poling = film.polarise(fields, PAPER)
         assert poling.polarisation.shape == (len(fields),) and poling.polarisation.dtype == np.float64
         assert_finite(poling.polarisation)
@@ -293,16 +293,16 @@ class TestPoling:
         ),
     ],
 )
-def test_bad_arguments_are_refused_by_name(function, cases) -> None:
+def test_invalid_arguments_are_rejected_by_name(function, cases) -> None:
     assert_all_refused(function, cases)
 
 
 @pytest.mark.parametrize("direction", [0, 1])
-def test_turning_points_that_cannot_be_are_refused(direction: int) -> None:
+def test_impossible_turning_points_are_rejected(direction: int) -> None:
     with pytest.raises(ValueError, match="turning_points must alternate"):
         History(0.0, 0.0, direction, (TurningPoint(1.0, 0.0),))
 
 
-def test_the_history_of_a_stronger_film_is_refused() -> None:
+def test_the_history_of_a_film_with_larger_polarisation_is_rejected() -> None:
     with pytest.raises(ValueError, match=r"history.switched must be in \[-0.05, 0.05\], got 0.06"):
         film.polarise([1.0], PAPER, History(0.0, 0.06, 0, ()))

@@ -23,7 +23,7 @@ def test_eq_1_an_unstressed_film_is_a_capacitor() -> None:
     assert as_printed.electric_displacement(-1e6, -38e-12, permittivity) < 0
 
 
-def test_eq_3_the_branch_leaves_the_remnant_polarisation_at_no_field() -> None:
+def test_eq_3_the_branch_gives_the_remnant_polarisation_at_zero_field() -> None:
     coercive, remnant, saturation = 160e5, 0.02, 0.05
 
     def left(steepness: float) -> float:
@@ -33,7 +33,7 @@ def test_eq_3_the_branch_leaves_the_remnant_polarisation_at_no_field() -> None:
     assert math.isnan(as_printed.branch_steepness(coercive, 0.05, 0.02))
 
 
-def test_eq_6_and_7_no_oxide_stands_the_whole_polarisation() -> None:
+def test_eq_6_and_7_no_oxide_withstands_the_whole_polarisation() -> None:
     breakdown = 1e9  # V/m: thermal oxide breaks at 8 to 12 MV/cm
     switched, thickness = paper.FILM.switched_polarisation, paper.OXIDE_THICKNESS.value
     assert -as_printed.threshold_shift(switched, paper.STACK) / thickness > 2 * breakdown
@@ -57,7 +57,7 @@ def test_eq_6_to_10_charge_and_current_by_gauss() -> None:
     assert exact / printed == pytest.approx(stack.oxide / stack.film, rel=1e-12)
 
 
-def test_eq_10_the_channel_summed_up_to_pinch_off() -> None:
+def test_eq_10_the_channel_integrated_up_to_pinch_off() -> None:
     """Gradual channel: Id*L = mu*W times the integral of the channel's charge over its voltage."""
     overdrive, beta = 1.3, 1e-3
     voltage = (np.arange(1000) + 0.5) * overdrive / 1000

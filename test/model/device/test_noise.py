@@ -41,7 +41,7 @@ def test_bias_resistor_against_the_integral_to_40_digits() -> None:
     np.testing.assert_allclose(computed / table["bias_rms"], 1, rtol=0, atol=atol)
 
 
-def test_bias_resistor_in_all_frequencies_is_kt_over_c() -> None:
+def test_bias_resistor_noise_over_all_frequencies_is_kt_over_c() -> None:
     for resistance in (1e3, 1e6, 1e10):
         whole = noise.bias_resistor_rms(resistance, 27e-12, 300.0, 0.0, 1e15)
         assert whole == pytest.approx(math.sqrt(1.380649e-23 * 300 / 27e-12), abs=1e-12)
@@ -50,7 +50,7 @@ def test_bias_resistor_in_all_frequencies_is_kt_over_c() -> None:
     assert loud / quiet == pytest.approx(10, abs=0.02)
 
 
-def test_the_bias_resistor_outweighs_the_amplifiers_thermal_noise() -> None:
+def test_the_bias_resistor_dominates_the_amplifiers_thermal_noise() -> None:
     capacitance = paper.LEAK_TIME_CONSTANT.value / paper.BIAS_RESISTANCE.value
     assert noise.bias_resistor_rms(10e9, 26.6e-12, 300.0, 0.1, 1000.0) == pytest.approx(11.8e-6, abs=5e-8)
     bias = noise.bias_resistor_rms(paper.BIAS_RESISTANCE.value, capacitance, 300.0, 0.1, 1000.0)
@@ -85,7 +85,7 @@ class TestFlickerSequence:
         assert np.abs(ratio - 1).max() <= 5.5 * math.sqrt(2 / count)
         assert np.mean(ratio[:-1]) == pytest.approx(1, abs=5 / math.sqrt(count * ratio.size))
 
-    def test_rms_is_that_of_the_band(self) -> None:
+    def test_rms_equals_that_of_the_band(self) -> None:
         generator = np.random.default_rng(8)
         records = [noise.flicker_sequence(1.0, self.RATE, self.SAMPLES, generator) for _ in range(200)]
         low = self.RATE / self.SAMPLES
@@ -94,7 +94,7 @@ class TestFlickerSequence:
         assert np.sqrt(np.mean(np.square(records))) == pytest.approx(expected, abs=0.05 * expected)
         assert noise.flicker_rms(1.0, low / 2, self.RATE / 2) == pytest.approx(expected, abs=0.03 * expected)
 
-    def test_a_seed_gives_the_same_record_and_another_seed_another(self) -> None:
+    def test_the_seed_determines_the_record(self) -> None:
         records = [noise.flicker_sequence(1.0, 1.0, 64, np.random.default_rng(seed)) for seed in (1, 1, 2)]
         np.testing.assert_array_equal(records[0], records[1])
         assert not np.array_equal(records[0], records[2])
@@ -196,7 +196,7 @@ GOOD_BUDGET = {
         refusals(BUDGET.minimum_force, {}, sigmas=[0.0, -1.0]),
     ],
 )
-def test_bad_arguments_are_named(function, cases) -> None:
+def test_invalid_arguments_are_rejected_by_name(function, cases) -> None:
     assert_all_refused(function, cases)
 
 
@@ -220,6 +220,6 @@ TWO, THREE = np.ones(2), np.ones(3)
         ),
     ],
 )
-def test_shapes_that_do_not_go_together_are_named(function, arguments, names) -> None:
+def test_incompatible_shapes_are_rejected_by_name(function, arguments, names) -> None:
     for name in names:
         assert_refused(function, arguments, name)

@@ -207,13 +207,13 @@ def in_other_units(name: str, patch: pytest.MonkeyPatch) -> list[tuple[float, fl
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if name != "displacement as printed"])
-def test_other_units_give_the_same_in_other_units(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_results_are_independent_of_the_units(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A formula that adds unlike units, or hides a number with a unit, does not survive a change of all of them."""
     for calculated, converted in in_other_units(name, monkeypatch):
         assert calculated == pytest.approx(converted, rel=1e-11, abs=0)
 
 
-def test_the_misprint_of_eq_1_does_not_survive_other_units(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_misprint_of_eq_1_depends_on_the_units(monkeypatch: pytest.MonkeyPatch) -> None:
     [(calculated, converted)] = in_other_units("displacement as printed", monkeypatch)
     assert abs(calculated / converted - 1) > 0.1
 
@@ -223,7 +223,7 @@ fields = st.lists(st.floats(-8e7, 8e7), min_size=1, max_size=6)
 
 @settings(max_examples=60, deadline=None)
 @given(fields=fields)
-def test_a_film_never_gives_back_more_energy_than_it_took(fields: list[float]) -> None:
+def test_a_film_never_returns_more_energy_than_it_received(fields: list[float]) -> None:
     """Over a closed cycle the integral of E*dP is heat: the second law lets it be positive or 0."""
     cycle = np.array([0.0, *fields, 0.0])
     fine = np.concatenate([np.linspace(a, b, 100)[1:] for a, b in itertools.pairwise(cycle)])
@@ -256,7 +256,7 @@ LINEAR = [
 
 
 @pytest.mark.parametrize("model", LINEAR)
-def test_step_response_and_frequency_response_are_one_thing(model: follower.Follower) -> None:
+def test_step_response_and_frequency_response_agree(model: follower.Follower) -> None:
     """H(f) is the transform of the impulse response, the slope of the step response."""
     time = np.linspace(0, 1e-5, 100001)
     answer = model.run(np.r_[0.0, time], np.r_[0.0, np.ones(time.size)]).v_out[1:]
@@ -270,7 +270,7 @@ def test_step_response_and_frequency_response_are_one_thing(model: follower.Foll
         assert abs(transform - exact) < 2e-6
 
 
-def test_the_leak_in_time_and_in_frequency_are_one_thing() -> None:
+def test_leakage_in_time_and_frequency_domain_agrees() -> None:
     """The high pass is 1 less the transform of the leak's current after a step of the source."""
     tau = 0.27
     time = np.linspace(0, 10, 200001)
@@ -306,7 +306,7 @@ def test_currents_first_derivatives_are_continuous_at_the_edge_of_saturation(mod
 
 
 @pytest.mark.parametrize("drain", [0.4, 3.0])
-def test_the_current_is_a_function_of_both_voltages(drain: float) -> None:
+def test_mixed_derivatives_of_the_current_agree(drain: float) -> None:
     """Mixed derivatives agree: gm of the drain voltage is gds of the gate voltage."""
     h, rest = 1e-5, (0.7, 1e-3, 0.1)
     gm = [float(transistor.transconductance(2.0, drain + d, *rest)) for d in (-h, h)]
@@ -314,7 +314,7 @@ def test_the_current_is_a_function_of_both_voltages(drain: float) -> None:
     assert gm[1] - gm[0] == pytest.approx(gds[1] - gds[0], abs=1e-15)
 
 
-def test_the_planes_agree_where_the_film_is_thick() -> None:
+def test_the_planes_agree_for_a_thick_film() -> None:
     """A film without capacitance leaves all of the charge to the channel; 1 % of the oxide's is 1 % of error."""
     for ratio in (1e-2, 1e-6):
         stack = transistor.Stack(oxide=7.7e-4, film=7.7e-4 * ratio)
@@ -324,7 +324,7 @@ def test_the_planes_agree_where_the_film_is_thick() -> None:
     assert thin.series == pytest.approx(thin.oxide, rel=1e-8, abs=0)
 
 
-def test_bands_of_noise_add_up_to_the_whole() -> None:
+def test_noise_powers_of_adjacent_bands_add_up() -> None:
     """White, 1/f and bias noise: squares of neighbouring bands add, wherever they are cut."""
     usual = taxel.Taxel()
     edges = [0.1, 0.37, 5.0, 88.0, 1e3]

@@ -61,7 +61,7 @@ def with_device(**changes: float) -> Sensor:
     return replace(SENSOR, device=replace(SENSOR.device, **changes))
 
 
-def test_two_newton_held_for_20_s_stay_within_the_deviation_and_1_percent() -> None:
+def test_two_newton_held_for_20_s_stay_within_the_uncertainty_and_1_percent() -> None:
     watch = Watch()
     forces = history(watch, SENSOR, 21.0, force=press(2.0, 1.0, 60.0))
     held = forces[1100:, MIDDLE]
@@ -71,7 +71,7 @@ def test_two_newton_held_for_20_s_stay_within_the_deviation_and_1_percent() -> N
     assert watch.deviation()[MIDDLE] > 3 * force_noise_rms(SENSOR)
 
 
-def test_deviation_grows_while_held_and_is_small_again_after_release() -> None:
+def test_uncertainty_grows_while_held_and_recovers_after_release() -> None:
     watch, seen = Watch(), {}
     for time, scan in scans(SENSOR, 6.0, force=press(1.0, 1.0, 5.0)):
         watch.take(time, scan)
@@ -80,7 +80,7 @@ def test_deviation_grows_while_held_and_is_small_again_after_release() -> None:
     assert seen[5.5] < 1.2 * seen[0.9]
 
 
-def test_true_force_is_within_two_deviations_of_all_taxels_95_percent_of_the_time() -> None:
+def test_two_sigma_interval_covers_the_true_force_95_percent_of_the_time() -> None:
     inside = total = 0
     for seed in range(4):
         watch = Watch(settings=KNOWN_LEAK)
@@ -93,7 +93,7 @@ def test_true_force_is_within_two_deviations_of_all_taxels_95_percent_of_the_tim
     assert inside / total >= 0.95
 
 
-def test_white_noise_alone_adds_up_to_the_random_walk_of_the_docstring() -> None:
+def test_white_noise_alone_integrates_to_the_documented_random_walk() -> None:
     # The offset is that of the first scan, and nothing corrects it: its noise s is added up n*h/tau times. That of
     # every other scan adds a variance of s^2*(h/tau)^2.
     n, step, tau = 2000, 1e-3, SENSOR.device.leak_time_constant
@@ -112,7 +112,7 @@ def test_white_noise_alone_adds_up_to_the_random_walk_of_the_docstring() -> None
 
 
 @pytest.mark.parametrize("offset", [-0.15, -0.02, 0.005, 0.15])
-def test_any_offset_of_the_amplifier_is_found(offset: float) -> None:
+def test_any_amplifier_offset_is_estimated(offset: float) -> None:
     device = replace(SENSOR, amplifier=replace(SENSOR.amplifier, offset=offset))
     watch = Watch()
     forces = history(watch, device, 3.0, force=press(2.0, 1.0, 2.5))
@@ -122,7 +122,7 @@ def test_any_offset_of_the_amplifier_is_found(offset: float) -> None:
     assert np.abs(forces[2900:]).max() < 5e-3
 
 
-def test_a_load_held_from_the_start_ends_in_a_true_zero() -> None:
+def test_a_load_held_from_the_start_ends_with_a_correct_baseline() -> None:
     watch = Watch()
     forces = history(watch, SENSOR, 3.0, force=press(2.0, -1.0, 1.0))
     # Nothing is valid before the load has gone and its charge has leaked away.
@@ -130,7 +130,7 @@ def test_a_load_held_from_the_start_ends_in_a_true_zero() -> None:
     assert np.abs(forces[2900:]).max() < 5e-3
 
 
-def test_a_load_that_moves_at_the_start_does_not_poison_what_follows() -> None:
+def test_a_varying_load_at_the_start_does_not_corrupt_later_estimates() -> None:
     def wild(time: float) -> float:
         return 1.0 + 0.5 * math.sin(9 * time) if time < 2 else press(2.0, 4.0, 5.0)(time)
 
@@ -147,7 +147,7 @@ def test_a_load_that_moves_at_the_start_does_not_poison_what_follows() -> None:
 
 
 @pytest.mark.parametrize("rate", [0.03, 0.1, 0.5])
-def test_a_slow_press_is_not_taken_for_drift(rate: float) -> None:
+def test_a_slow_press_is_not_absorbed_as_drift(rate: float) -> None:
     watch = Watch()
     duration = 1.0 + 0.4 / rate
     forces = history(watch, SENSOR, duration, force=lambda time: max(0.0, rate * (time - 1.0)))
@@ -155,7 +155,7 @@ def test_a_slow_press_is_not_taken_for_drift(rate: float) -> None:
 
 
 @pytest.mark.parametrize(("leak", "gain"), [(1.2, 1.0), (1 / 1.2, 1.0), (1.0, 1.1), (1.0, 0.9)])
-def test_a_wrong_gain_scales_the_force_a_wrong_leak_is_found_and_both_leave_the_zero(leak: float, gain: float) -> None:
+def test_a_gain_error_scales_the_force_and_a_leakage_error_is_identified_without_baseline_error(leak: float, gain: float) -> None:
     device = with_device(
         leak_time_constant=SENSOR.device.leak_time_constant * leak,
         piezoelectric_coefficient=SENSOR.device.piezoelectric_coefficient * gain,
@@ -169,7 +169,7 @@ def test_a_wrong_gain_scales_the_force_a_wrong_leak_is_found_and_both_leave_the_
     assert np.abs(forces[-100:]).max() < SENSOR.contact.threshold
 
 
-def test_a_ramp_of_temperature_is_no_force() -> None:
+def test_a_temperature_ramp_causes_no_force() -> None:
     watch = Watch()
     forces = history(watch, with_device(), 4.0, temperature=lambda time: 25.0 + 1.25 * max(0.0, time - 0.5))
     # The film follows its chip at once here and with 50 ms in the model: 62 mK behind, 67 mN, at most.
@@ -179,7 +179,7 @@ def test_a_ramp_of_temperature_is_no_force() -> None:
     assert np.abs(forces[500:]).max() < 5e-3
 
 
-def test_without_temperature_the_deviation_grows_and_what_was_missed_is_made_up_for() -> None:
+def test_missing_temperature_increases_the_uncertainty_and_is_corrected_afterwards() -> None:
     def warming(time: float) -> float:
         return 25.0 + 0.1 * max(time - 0.3, 0.0)
 
@@ -197,7 +197,7 @@ def test_without_temperature_the_deviation_grows_and_what_was_missed_is_made_up_
 
 
 @pytest.mark.parametrize("gap", [2, 50, 300])
-def test_force_is_followed_across_missing_scans(gap: int) -> None:
+def test_force_is_tracked_across_missing_scans(gap: int) -> None:
     watch = Watch()
     for time, scan in scans(SENSOR, 3.0, force=press(2.0, 1.0, 60.0)):
         if not 1.5 <= time < 1.5 + gap * 1e-3:
@@ -205,7 +205,7 @@ def test_force_is_followed_across_missing_scans(gap: int) -> None:
     assert watch.observer.force[MIDDLE] == pytest.approx(2.0, abs=0.02)
 
 
-def test_a_release_within_a_gap_is_seen_and_its_doubt_is_counted() -> None:
+def test_a_release_within_a_gap_is_detected_and_adds_uncertainty() -> None:
     watch, after = Watch(), []
     for time, scan in scans(SENSOR, 3.0, force=press(2.0, 1.0, 1.52)):
         if not 1.5 <= time < 1.7:
@@ -218,7 +218,7 @@ def test_a_release_within_a_gap_is_seen_and_its_doubt_is_counted() -> None:
     assert abs(watch.observer.force[MIDDLE]) < 5e-3
 
 
-def test_a_touch_that_began_within_a_gap_keeps_its_doubt() -> None:
+def test_a_touch_that_began_within_a_gap_keeps_its_uncertainty() -> None:
     watch, errors = Watch(), []
     for time, scan in scans(SENSOR, 3.0, force=press(2.0, 1.02, 60.0)):
         if not 1.0 <= time < 1.2:
@@ -229,7 +229,7 @@ def test_a_touch_that_began_within_a_gap_keeps_its_doubt() -> None:
     assert max(error for error, _ in errors) > 0.1, "nothing to doubt"
 
 
-def test_after_an_interruption_the_charge_that_is_left_is_the_force() -> None:
+def test_after_an_interruption_the_force_is_estimated_from_the_remaining_charge() -> None:
     watch = Watch()
     for time, scan in scans(SENSOR, 1.2, force=press(2.0, 1.0, 60.0)):
         if round(time * 1000) == 1100:
@@ -241,7 +241,7 @@ def test_after_an_interruption_the_charge_that_is_left_is_the_force() -> None:
     assert not watch.observer.valid, "no more than a lower bound"
 
 
-def test_saturation_makes_the_deviation_grow_by_what_may_have_leaked() -> None:
+def test_saturation_increases_the_uncertainty_by_the_possible_leakage() -> None:
     observer = ForceObserver(SENSOR)
     charge = np.full(TAXELS, 1e-4)
     temperatures = np.full(2, 25.0, np.float32)
@@ -255,14 +255,14 @@ def test_saturation_makes_the_deviation_grow_by_what_may_have_leaked() -> None:
     np.testing.assert_array_equal(after[~mask], before[~mask])
 
 
-def test_without_anything_the_zero_stays_for_a_minute_of_slow_scans() -> None:
+def test_the_baseline_stays_for_a_minute_of_slow_idle_scans() -> None:
     watch = Watch()
     forces = [watch.take(time, scan).copy() for time, scan in scans(SENSOR, 60.0, force=nothing, rate=100.0)]
     assert np.abs(forces[100:]).max() < 5 * force_noise_rms(SENSOR) * 2
     assert watch.observer.restarts == 0
 
 
-def test_settings_are_what_the_observer_goes_by() -> None:
+def test_the_observer_uses_its_settings() -> None:
     slow = ForceObserver(SENSOR, ObserverSettings(block=0.5))
     charge, temperatures = np.zeros(TAXELS), np.full(2, 25.0, np.float32)
     due: list[bool] = []

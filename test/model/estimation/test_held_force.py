@@ -10,25 +10,25 @@ from reference.held_warmth import Drift
 
 @pytest.mark.parametrize("rest", [0.3, 2.0])
 @pytest.mark.parametrize("flicker", [0.0, 10e-6, 30e-6])
-def test_a_held_force_is_known_as_well_as_to_the_optimal_estimator(flicker: float, rest: float) -> None:
+def test_a_held_force_is_as_accurate_as_the_optimal_estimate(flicker: float, rest: float) -> None:
     # 256 taxels: a ratio is known to 4 %. The noise is up to three times of what the observer takes for granted.
     for held in hold(5, (1.0, 5.0, 20.0), rest=rest, flicker=flicker):
         assert held.error <= 1.2 * held.optimal, held
 
 
 @pytest.mark.parametrize("flicker", [0.0, 10e-6])
-def test_it_is_within_two_reported_deviations_95_percent_of_the_time(flicker: float) -> None:
+def test_the_reported_two_sigma_interval_covers_the_truth_95_percent_of_the_time(flicker: float) -> None:
     inside = [held.inside for seed in range(3) for held in hold(seed, (0.5, 2.0, 10.0), flicker=flicker)]
     # 768 taxels at each time, and times that are not independent: the share is known to 1 %.
     assert sum(inside) / len(inside) >= 0.94
 
 
-def test_what_is_reported_is_not_much_more_than_the_error() -> None:
+def test_the_reported_uncertainty_is_not_much_larger_than_the_error() -> None:
     for held in hold(6, (5.0, 20.0)):
         assert held.error < held.deviation < 2.0 * held.error
 
 
-def test_the_optimal_estimator_leaves_of_a_ramp_what_the_taxels_have_alone() -> None:
+def test_the_optimal_estimator_leaves_only_the_uncommon_part_of_a_ramp() -> None:
     # 0.1 K at 1 N/K, of which 2 % differ at random; no wander and no 1/f noise. The rounding is common: 1 mN at most.
     drift = Drift(ramp=0.01, wander=0.0)
     for held in hold(3, (10.0,), flicker=0.0, drift=drift):
@@ -36,7 +36,7 @@ def test_the_optimal_estimator_leaves_of_a_ramp_what_the_taxels_have_alone() -> 
 
 
 @pytest.mark.parametrize("ramp", [1 / 60, 0.3])
-def test_a_held_force_is_known_as_well_while_the_chip_warms(ramp: float) -> None:
+def test_a_held_force_is_as_accurate_while_the_chip_warms(ramp: float) -> None:
     # In 20 s at 0.3 K/s the film is in more doubt than the force is: what was pressed stays pressed.
     drift = Drift(ramp=ramp, wander=0.0)
     found = [held for seed in range(4) for held in hold(seed, (1.0, 5.0, 20.0), drift=drift, side=8)]
@@ -45,7 +45,7 @@ def test_a_held_force_is_known_as_well_while_the_chip_warms(ramp: float) -> None
 
 
 @pytest.mark.parametrize(("wander", "most"), [(5e-4, 1.35), (1e-3, 1.35), (2e-3, 1.35), (4e-3, 2.0)])
-def test_a_held_force_is_known_nearly_as_well_while_the_chip_wanders(wander: float, most: float) -> None:
+def test_a_held_force_is_nearly_as_accurate_during_random_walk_temperature_drift(wander: float, most: float) -> None:
     # What all taxels share is one draw a seed: a ratio is known to 10 %, and docs/accuracy.md has it from more. A chip
     # that wanders fast looks like one that warms now and then.
     found = [held for seed in range(16) for held in hold(seed, (5.0,), drift=Drift(wander=wander), side=8)]
@@ -54,7 +54,7 @@ def test_a_held_force_is_known_nearly_as_well_while_the_chip_wanders(wander: flo
 
 
 @pytest.mark.parametrize("wander", [0.0, 2e-3])
-def test_untouched_taxels_tell_the_temperature_of_touched_ones(wander: float) -> None:
+def test_untouched_taxels_compensate_the_temperature_of_touched_ones(wander: float) -> None:
     found = [
         held for seed in range(16) for held in hold(seed, (1.0, 5.0), drift=Drift(wander=wander), side=5, untouched=15)
     ]

@@ -46,7 +46,7 @@ def rest(shared: CommonOffsetFilter, seconds: float, wander: float, offset: floa
 
 @pytest.mark.parametrize("offset", [-0.02, 0.0, 0.5])
 @pytest.mark.parametrize("wander", [1e-3, 3e-3])
-def test_the_offset_is_within_what_is_reported(wander: float, offset: float) -> None:
+def test_the_offset_error_is_within_the_reported_uncertainty(wander: float, offset: float) -> None:
     errors = []
     for seed in range(40):
         shared = CommonOffsetFilter(LEAK, LAG, PER_KELVIN, 1e-16)
@@ -62,14 +62,14 @@ def test_the_offset_is_within_what_is_reported(wander: float, offset: float) -> 
     assert np.sqrt(np.mean(np.square(errors))) >= 0.2
 
 
-def test_a_film_at_rest_is_not_found_to_wander() -> None:
+def test_no_random_walk_is_identified_for_a_film_at_rest() -> None:
     shared = CommonOffsetFilter(LEAK, LAG, PER_KELVIN, 1e-16)
     rest(shared, 60.0, 0.0, 0.01)
     assert shared.at_rest
     assert not shared.random_walk_found
 
 
-def test_a_jump_of_the_signal_is_no_warmth() -> None:
+def test_a_signal_jump_is_not_attributed_to_temperature() -> None:
     shared = CommonOffsetFilter(LEAK, LAG, PER_KELVIN, 1e-16)
     rest(shared, 2.0, 2e-3)
     assert shared.random_walk_found
@@ -80,7 +80,7 @@ def test_a_jump_of_the_signal_is_no_warmth() -> None:
     assert not shared.random_walk_found
 
 
-def test_a_slow_press_on_all_is_given_up_when_the_chip_does_not_bear_it_out() -> None:
+def test_a_slow_press_on_all_taxels_is_rejected_when_the_chip_temperature_disagrees() -> None:
     shared, taken = CommonOffsetFilter(LEAK, LAG, PER_KELVIN, 1e-16), 0.0
     rest(shared, 2.0, 2e-3)
     for _, seen in zip(range(100), blocks(0.0, 0.0, rise=0.05), strict=False):

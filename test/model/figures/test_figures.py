@@ -19,7 +19,7 @@ from posfet_model.figures.style import save, style
 STORED = DOCS / "figures"
 
 
-def test_the_command_draws_what_it_is_asked_for_the_same_on_every_run(tmp_path, capsys) -> None:
+def test_the_command_draws_the_requested_figures_reproducibly(tmp_path, capsys) -> None:
     name = "fig2_hysteresis"
     for run in ("first", "second"):
         assert command.main([name, "--out", str(tmp_path / run)]) == 0
@@ -30,14 +30,14 @@ def test_the_command_draws_what_it_is_asked_for_the_same_on_every_run(tmp_path, 
         assert not re.search(rb"<dc:date>|Matplotlib v", first)
 
 
-def test_a_figure_that_is_not_there_is_an_error_with_the_names(tmp_path, capsys) -> None:
+def test_an_unknown_figure_is_an_error_that_lists_the_names(tmp_path, capsys) -> None:
     with pytest.raises(SystemExit) as stop:
         command.main(["fig99", "--out", str(tmp_path)])
     assert stop.value.code == 2
     assert "no figure fig99; there are fig2_hysteresis" in capsys.readouterr().err
 
 
-def test_without_matplotlib_one_line_says_so() -> None:
+def test_missing_matplotlib_is_reported_in_one_line() -> None:
     program = "import runpy, sys; sys.modules['matplotlib'] = None; runpy.run_module('posfet_model.figures')"
     folder = Path(command.__file__).parents[2]
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, cwd=folder)
@@ -53,7 +53,7 @@ def test_every_figure_is_stored_and_can_be_drawn(name: str, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_axes_are_named_and_lines_differ_in_more_than_colour(name: str) -> None:
+def test_axes_are_labelled_and_lines_differ_in_more_than_colour(name: str) -> None:
     with style():
         figure = FIGURES[name]()
         figure.draw_without_rendering()

@@ -110,7 +110,7 @@ def play(force: float, edit: Edit, repeat: bool = False) -> tuple[list[tuple[int
 
 @pytest.mark.parametrize("force", [0.0, 1.5])
 @pytest.mark.parametrize("name", list(FAULTS))
-def test_a_fault_is_flagged_and_gone_within_50_ms(name: str, force: float) -> None:
+def test_a_fault_is_flagged_and_has_no_effect_after_50_ms(name: str, force: float) -> None:
     flagged, edit = FAULTS[name]
     frames, _ = play(force, edit)
     quiet = {index: forces for index, _, forces, _ in play(force, lambda index, scan: None)[0]}
@@ -125,7 +125,7 @@ def test_a_fault_is_flagged_and_gone_within_50_ms(name: str, force: float) -> No
 
 
 @pytest.mark.parametrize("force", [0.0, 1.5])
-def test_scans_that_come_twice_change_nothing(force: float) -> None:
+def test_duplicate_scans_change_nothing(force: float) -> None:
     twice, reconstructor = play(force, lambda index, scan: None, repeat=True)
     once, _ = play(force, lambda index, scan: None)
     assert reconstructor.counts.repeated == 600
@@ -133,7 +133,7 @@ def test_scans_that_come_twice_change_nothing(force: float) -> None:
     np.testing.assert_array_equal(twice[-1][2], once[-1][2])
 
 
-def test_a_force_that_was_held_through_an_interruption_is_not_valid_until_it_ends() -> None:
+def test_a_force_held_through_an_interruption_is_invalid_until_release() -> None:
     reconstructor = Reconstructor(SENSOR)
     valid = {}
     for time, scan in scans(SENSOR, 5.0, force=press(1.5, 0.5, 3.0), shape=FINGER):

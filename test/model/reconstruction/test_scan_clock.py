@@ -40,7 +40,7 @@ def counted(clock: ScanClock) -> dict[str, int]:
     return {name: value for name, value in asdict(clock.counts).items() if value and name != "accepted"}
 
 
-def test_a_regular_stream_has_regular_steps() -> None:
+def test_a_regular_stream_has_regular_intervals() -> None:
     clock = clock_after(50)
     assert clock.step == pytest.approx(1e-3, abs=1e-12)
     assert (clock.interrupted, clock.suspect, clock.counts.accepted) == (False, False, 50)
@@ -59,7 +59,7 @@ def test_a_regular_stream_has_regular_steps() -> None:
         ({"sequence": 5, "stamp": START}, "late"),
     ],
 )
-def test_a_refused_scan_is_counted_and_bridged(changes: dict[str, Any], cause: str) -> None:
+def test_a_rejected_scan_is_counted_and_bridged(changes: dict[str, Any], cause: str) -> None:
     clock = clock_after(10)
     assert not take(clock, scan(10, **changes))
     assert counted(clock) == {cause: 1}
@@ -68,7 +68,7 @@ def test_a_refused_scan_is_counted_and_bridged(changes: dict[str, Any], cause: s
     assert counted(clock) == {cause: 1, "missed": 1}
 
 
-def test_missing_scans_are_counted_and_their_time_is_in_the_step() -> None:
+def test_missing_scans_are_counted_and_included_in_the_interval() -> None:
     clock = clock_after(10)
     assert take(clock, scan(209))
     assert clock.step == pytest.approx(0.2, abs=1e-9)
@@ -76,7 +76,7 @@ def test_missing_scans_are_counted_and_their_time_is_in_the_step() -> None:
     assert counted(clock) == {"missed": 199}
 
 
-def test_a_gap_beyond_two_time_constants_interrupts() -> None:
+def test_a_gap_longer_than_two_time_constants_is_an_interruption() -> None:
     clock = clock_after(10)
     assert take(clock, scan(1009))
     assert clock.interrupted
@@ -98,7 +98,7 @@ def test_a_jump_of_the_boards_clock_is_bridged_by_the_sequence(jump: int) -> Non
 
 
 @pytest.mark.parametrize("flag", [ScanStatus.BOARD_RESET, ScanStatus.OK])
-def test_a_reset_is_bridged_by_the_stamps_flagged_or_not(flag: ScanStatus) -> None:
+def test_a_reset_is_bridged_by_timestamps_whether_flagged_or_not(flag: ScanStatus) -> None:
     clock = clock_after(100)
     assert take(clock, scan(0, stamp=START + 150_000_000, status=flag))
     assert (clock.suspect, clock.interrupted) == (True, False)
@@ -109,13 +109,13 @@ def test_a_reset_is_bridged_by_the_stamps_flagged_or_not(flag: ScanStatus) -> No
 
 
 @pytest.mark.parametrize("stamp", [START - 1, START + 60_000_000_000])
-def test_a_reset_of_unknown_length_interrupts(stamp: int) -> None:
+def test_a_reset_of_unknown_duration_is_an_interruption(stamp: int) -> None:
     clock = clock_after(100)
     assert take(clock, scan(0, stamp=stamp, status=ScanStatus.BOARD_RESET))
     assert clock.interrupted
 
 
-def test_without_the_boards_time_the_stamps_tell_the_step() -> None:
+def test_without_board_time_the_interval_comes_from_timestamps() -> None:
     clock = ScanClock(SENSOR)
     for index in range(5):
         made = scan(index, device_time=0, status=ScanStatus.TIME_ESTIMATED, stamp=START + 2_000_000 * index)
@@ -124,7 +124,7 @@ def test_without_the_boards_time_the_stamps_tell_the_step() -> None:
     assert counted(clock) == {}
 
 
-def test_a_board_that_stays_behind_is_followed_in_the_end() -> None:
+def test_a_sequence_that_stays_behind_is_eventually_accepted() -> None:
     clock = clock_after(100)
     taken = [take(clock, scan(index, stamp=START - 1)) for index in range(20)]
     assert taken.index(True) == 10
@@ -132,7 +132,7 @@ def test_a_board_that_stays_behind_is_followed_in_the_end() -> None:
     assert counted(clock)["resets"] == 1
 
 
-def test_a_wrapped_or_huge_sequence_does_no_harm() -> None:
+def test_a_wrapped_or_huge_sequence_is_harmless() -> None:
     clock = clock_after(10)
     assert take(clock, scan(10, sequence=2**63))
     assert take(clock, scan(11, sequence=2**63 + 1))
@@ -163,14 +163,14 @@ GOOD = ScanCounts(accepted=1000)
         (GOOD, {"temperature_known": False}, Level.WARN, "temperature"),
     ],
 )
-def test_the_verdict_names_the_cause(after: ScanCounts, state: dict[str, Any], level: Level, word: str) -> None:
+def test_the_diagnostic_level_names_the_cause(after: ScanCounts, state: dict[str, Any], level: Level, word: str) -> None:
     known = {"unsettled": 0, "saturated": 0, "faulty": 0, "temperature_known": True, **state}
     verdict = judge(Period.between(ScanCounts(), after, **known))
     assert verdict.level is level
     assert word in verdict.text
 
 
-def test_times_of_arrival_are_averaged() -> None:
+def test_arrival_times_are_averaged() -> None:
     """A classic board sends no time: scans that come late and in bursts are still 1 ms apart."""
     clock = ScanClock(SENSOR)
     generator = np.random.default_rng(1)

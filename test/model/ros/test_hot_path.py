@@ -60,7 +60,7 @@ def set_scan(scan: Scan, index: int, counts: np.ndarray) -> None:
     scan.sequence, scan.device_time, scan.stamp = index, index * 1000, index * 1_000_000
 
 
-def test_contacts_as_bytes_are_what_the_middleware_makes_of_them() -> None:
+def test_serialised_contacts_equal_those_of_the_middleware() -> None:
     model, scan = Reconstructor(SENSOR), Scan.empty(1, 25)
     message, writer = ContactsMessage(SENSOR, "finger"), contacts_writer(SENSOR, "finger")
     assert isinstance(writer, ContactsBytes), "the example at the start differs: contacts would go out slowly"
@@ -80,7 +80,7 @@ def test_contacts_as_bytes_are_what_the_middleware_makes_of_them() -> None:
 
 
 @pytest.mark.parametrize("listening", [False, True])
-def test_a_scan_publishes_what_is_subscribed_and_nothing_else(listening: bool) -> None:
+def test_a_scan_publishes_only_subscribed_topics(listening: bool) -> None:
     context = Context()
     rclpy.init(context=context)
     node, peer = ModelNode(context=context), Node("peer", context=context)
@@ -105,7 +105,7 @@ def test_a_scan_publishes_what_is_subscribed_and_nothing_else(listening: bool) -
         rclpy.shutdown(context=context)
 
 
-def test_what_can_wait_is_done_after_the_contacts_are_out() -> None:
+def test_block_maintenance_runs_after_the_contacts_are_published() -> None:
     """The end of a block, which takes longer than a scan, is neither before a message nor left to the next scan."""
     context = Context()
     rclpy.init(context=context)
@@ -157,7 +157,7 @@ def count_messages(publisher: Any, counts: dict[str, int]) -> None:
 
 
 @pytest.mark.parametrize("touched", [False, True], ids=["idle", "touched"])
-def test_a_scan_leaves_no_memory_behind(touched: bool) -> None:
+def test_a_scan_retains_no_memory(touched: bool) -> None:
     """From frames to the bytes of the contacts, nothing is left to the garbage collector, and nothing grows."""
     decoder, model = Decoder(SENSOR), Reconstructor(SENSOR)
     decoder.resync(0, count_gap=False)

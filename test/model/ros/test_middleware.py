@@ -52,7 +52,7 @@ with ros([]) as stack:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="counts wake-ups as Linux tells them")
-def test_a_message_to_a_reliable_reader_wakes_no_second_thread() -> None:
+def test_a_message_to_a_reliable_subscriber_wakes_no_second_thread() -> None:
     """Its thread for events would wake up twice or more for each message; now it does once in 5 ms or so."""
     context, received = Context(), []
     rclpy.init(context=context)
@@ -79,7 +79,7 @@ def test_a_message_to_a_reliable_reader_wakes_no_second_thread() -> None:
 
 
 @pytest.mark.parametrize("own", ["", "/etc/own.xml"])
-def test_settings_of_the_user_stay(own: str) -> None:
+def test_settings_of_the_user_are_kept(own: str) -> None:
     environment = {name: value for name, value in os.environ.items() if name != "FASTRTPS_DEFAULT_PROFILES_FILE"}
     if own:
         environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = own

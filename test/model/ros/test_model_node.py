@@ -112,7 +112,7 @@ def play(bench: Bench, outputs: tuple[list[Any], ...], scans: list[TactileRaw]) 
         bench.spin_until(lambda before=before: all(len(r) > n for r, n in zip(outputs, before, strict=True)))
 
 
-def test_press_comes_out_as_one_contact_with_all_its_messages(bench: Bench) -> None:
+def test_a_press_is_published_as_one_contact_with_all_its_messages(bench: Bench) -> None:
     outputs = tuple(
         bench.listen(kind, topic)
         for kind, topic in (
@@ -165,7 +165,7 @@ def test_press_comes_out_as_one_contact_with_all_its_messages(bench: Bench) -> N
     assert not clouds[0].is_dense
 
 
-def test_on_a_bent_chip_everything_lies_on_its_surface(bench: Bench, tmp_path: Any) -> None:
+def test_on_a_bent_chip_all_positions_lie_on_its_surface(bench: Bench, tmp_path: Any) -> None:
     path, radius = tmp_path / "bent.yaml", 6e-3
     text = (SENSOR_FOLDER / "posfet_5x5.yaml").read_text(encoding="utf-8")
     path.write_text(text.replace("  # bend_axis", "  bend_radius_mm: 6.0\n  bend_axis: y\n  # bend_axis"))
@@ -203,7 +203,7 @@ def test_on_a_bent_chip_everything_lies_on_its_surface(bench: Bench, tmp_path: A
     assert wrench.torque.y == pytest.approx(-radius * wrench.force.x, abs=1e-9)
 
 
-def test_markers_come_and_go_with_the_contact(bench: Bench) -> None:
+def test_markers_appear_and_disappear_with_the_contact(bench: Bench) -> None:
     markers = bench.listen(MarkerArray, "markers")
     node = bench.model(direct=True)
     bench.spin_until(lambda: node._markers.get_subscription_count() > 0)
@@ -221,7 +221,7 @@ def test_markers_come_and_go_with_the_contact(bench: Bench) -> None:
     assert not markers[-1].markers
 
 
-def test_nothing_is_published_when_nobody_subscribes(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_published_without_subscribers(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     node = bench.model(direct=True)
     published: list[str] = []
     for publisher in (node._contacts, node._markers, node._vibration, *(publisher for publisher, _ in node._maps)):
@@ -251,7 +251,7 @@ def test_latest_is_a_copy_and_none_before_the_first_scan(bench: Bench) -> None:
     assert node.latest().total == pytest.approx(0.0, abs=0.03)
 
 
-def test_info_is_latched_and_says_what_the_sensor_is(bench: Bench) -> None:
+def test_info_is_transient_local_and_describes_the_sensor(bench: Bench) -> None:
     node = bench.model(simulated=True, direct=True, frame_id="thumb")
     infos = bench.listen(TactileInfo, "info", QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
     bench.spin_until(lambda: bool(infos))
@@ -268,7 +268,7 @@ def test_info_is_latched_and_says_what_the_sensor_is(bench: Bench) -> None:
     np.testing.assert_allclose(where, layout.positions, rtol=0, atol=1e-12)
 
 
-def test_scans_of_another_layout_are_counted_and_named_in_diagnostics(bench: Bench) -> None:
+def test_scans_of_another_layout_are_counted_and_reported_in_diagnostics(bench: Bench) -> None:
     diagnostics = bench.listen(DiagnosticArray, "/diagnostics")
     node = bench.model(direct=True)
     bench.spin_until(lambda: node._diagnostics.get_subscription_count() > 0)
@@ -312,7 +312,7 @@ ALTERNATING = [0, 0xFFFF] * 12 + [0]
         {"status": int(ScanStatus.ADC_FAULT)},
     ],
 )
-def test_a_scan_that_cannot_be_used_gives_frames_that_are_not_valid_and_the_next_ones_are(
+def test_an_unusable_scan_gives_invalid_frames_and_the_next_ones_are_valid(
     bench: Bench, change: dict[str, Any]
 ) -> None:
     outputs = (bench.listen(TactileContacts, "contacts"), bench.listen(TactileImage, "image"))
@@ -338,7 +338,7 @@ def test_a_scan_that_cannot_be_used_gives_frames_that_are_not_valid_and_the_next
 
 
 @pytest.mark.parametrize("again", [350, 340])
-def test_a_scan_that_comes_twice_or_late_gives_no_frame(bench: Bench, again: int) -> None:
+def test_a_duplicate_or_late_scan_gives_no_frame(bench: Bench, again: int) -> None:
     received = bench.listen(TactileContacts, "contacts")
     node = bench.model(direct=True)
     bench.spin_until(lambda: node._contacts.get_subscription_count() > 0)
@@ -350,7 +350,7 @@ def test_a_scan_that_comes_twice_or_late_gives_no_frame(bench: Bench, again: int
     assert all(message.data_valid for message in received[340:])
 
 
-def test_vibration_is_published_when_somebody_subscribes(bench: Bench) -> None:
+def test_vibration_is_published_for_subscribers(bench: Bench) -> None:
     received = bench.listen(TactileVibration, "vibration")
     node = bench.model()
     bench.spin_until(lambda: node._vibration.get_subscription_count() > 0)
@@ -364,7 +364,7 @@ def test_vibration_is_published_when_somebody_subscribes(bench: Bench) -> None:
     assert pressed.max() > 20 * quiet.max()
 
 
-def test_a_bad_parameter_or_file_is_one_line(bench: Bench) -> None:
+def test_an_invalid_parameter_or_file_is_reported_in_one_line(bench: Bench) -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.yaml: no such sensor file"):
         bench.model(sensor_file="nowhere.yaml")
     with pytest.raises(ConfigError, match="direct: must be true or false"):
@@ -388,7 +388,7 @@ def constants(message: Any, prefix: str) -> dict[str, int]:
         (TactileContact, "STATE_", ContactState),
     ],
 )
-def test_constants_of_messages_are_those_of_the_code(message: Any, prefix: str, enumeration: Any) -> None:
+def test_message_constants_equal_those_of_the_code(message: Any, prefix: str, enumeration: Any) -> None:
     assert constants(message, prefix) == {name: int(member) for name, member in enumeration.__members__.items()}
 
 
@@ -400,7 +400,7 @@ def call(bench: Bench, kind: Any, name: str, **fields: Any) -> Any:
     return future.result()
 
 
-def test_tare_refuses_under_load_and_reports_what_it_changed_at_rest(bench: Bench) -> None:
+def test_tare_is_rejected_under_load_and_reports_the_change_at_rest(bench: Bench) -> None:
     model = bench.model()
     assert not call(bench, TareService, "tare").success
     feed = recorded_scans()
@@ -419,7 +419,7 @@ def test_tare_refuses_under_load_and_reports_what_it_changed_at_rest(bench: Benc
     assert model.latest().total == pytest.approx(FORCE, abs=0.05)
 
 
-def test_calibrations_are_saved_loaded_and_refused_in_one_line(bench: Bench, tmp_path: Any) -> None:
+def test_calibrations_are_saved_loaded_and_rejected_in_one_line(bench: Bench, tmp_path: Any) -> None:
     model, path = bench.model(), tmp_path / "cal.yaml"
     answer = call(bench, CalibrationFile, "calibration/save", path=str(path))
     assert answer.success, answer.message

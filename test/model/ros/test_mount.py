@@ -29,7 +29,7 @@ def turned(orientation: tuple[float, float, float, float], vector: np.ndarray) -
 @pytest.mark.parametrize(
     "angles", [(0, 0, 0), (0.3, 0, 0), (0, -0.7, 0), (0, 0, 2.0), (0.4, -1.1, 2.9), (3.0, 1.5, -2.0)]
 )
-def test_orientation_turns_about_the_fixed_axes_in_order(angles: tuple[float, float, float]) -> None:
+def test_orientation_rotates_about_the_fixed_axes_in_order(angles: tuple[float, float, float]) -> None:
     mount = parse_mount("0.1 -0.2 0.3 " + " ".join(map(str, angles)))
     matrix = rotation(2, angles[2]) @ rotation(1, angles[1]) @ rotation(0, angles[0])
     assert mount.position == (0.1, -0.2, 0.3)
@@ -40,6 +40,6 @@ def test_orientation_turns_about_the_fixed_axes_in_order(angles: tuple[float, fl
 
 
 @pytest.mark.parametrize("text", ["", "0 0 0", "0 0 0 0 0 x", "0 0 0 0 0 nan", "0 0 inf 0 0 0", "0 0 0 0 0 0 1"])
-def test_what_is_no_pose_is_refused(text: str) -> None:
+def test_an_invalid_pose_is_rejected(text: str) -> None:
     with pytest.raises(ConfigError, match="mount: must be six numbers 'x y z roll pitch yaw' in m and rad"):
         parse_mount(text)

@@ -38,7 +38,7 @@ def layout(rows: int, cols: int) -> Layout:
 
 @pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 6), (5, 5), (4, 7), (9, 8), (16, 16), (3, 40)])
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.02, 0.05, 0.12])
-def test_it_is_the_inverse(rows: int, cols: int, share: float) -> None:
+def test_compensation_equals_the_dense_inverse(rows: int, cols: int, share: float) -> None:
     true = np.random.default_rng(1).normal(size=rows * cols)
     undone = CrosstalkCompensator(layout(rows, cols), share).apply(mixing(rows, cols, share) @ true)
     np.testing.assert_allclose(undone, true, rtol=0, atol=1e-12)
@@ -52,7 +52,7 @@ def test_no_pattern_is_amplified_more_than_twice(rows: int, cols: int) -> None:
     assert np.linalg.norm(np.linalg.inv(mixing(rows, cols, 0.2)), 2) > 2.5
 
 
-def test_the_share_has_a_range() -> None:
+def test_a_crosstalk_share_out_of_range_is_rejected() -> None:
     with pytest.raises(ValueError, match="share"):
         CrosstalkCompensator(layout(2, 2), 0.3)
 
@@ -61,7 +61,7 @@ def test_the_share_has_a_range() -> None:
     st.lists(st.floats(-1.0, 3.0), min_size=1, max_size=30),
     st.lists(st.floats(0.01, 100.0), min_size=30, max_size=30),
 )
-def test_forces_not_below_zero_are_those_of_the_exact_solver(forces: list[float], many: list[float]) -> None:
+def test_non_negative_forces_equal_those_of_the_exact_solver(forces: list[float], many: list[float]) -> None:
     force, variance = np.array(forces), np.array(many[: len(forces)])
     nearest = non_negative(force, variance)
     assert nearest.min() >= 0.0
@@ -71,7 +71,7 @@ def test_forces_not_below_zero_are_those_of_the_exact_solver(forces: list[float]
         np.testing.assert_allclose(nearest, exact, rtol=0, atol=1e-7)
 
 
-def test_forces_that_are_not_negative_stay_as_they_are() -> None:
+def test_non_negative_forces_stay_unchanged() -> None:
     force = np.array([0.0, 0.1, 2.0])
     np.testing.assert_array_equal(non_negative(force, np.ones(3)), force)
     np.testing.assert_array_equal(non_negative(-force, np.ones(3)), np.zeros(3))
@@ -79,7 +79,7 @@ def test_forces_that_are_not_negative_stay_as_they_are() -> None:
 
 @pytest.mark.parametrize("share", [0.02, 0.05])
 @pytest.mark.parametrize("wrong", [1.0, 0.5, 1.5])
-def test_undone_and_kept_from_below_zero_is_least_squares_of_what_was_shown(share: float, wrong: float) -> None:
+def test_compensation_with_non_negativity_approximates_non_negative_least_squares(share: float, wrong: float) -> None:
     """Against non-negative least squares through the mixing matrix itself, also where the share is told wrong."""
     rng = np.random.default_rng(7)
     force = sphere_forces(0.3e-3, -0.2e-3, 0.3, 1.5e-3, 8e6, SENSOR.device.contact_spread, 1.5e-3, 5)
@@ -99,7 +99,7 @@ def test_undone_and_kept_from_below_zero_is_least_squares_of_what_was_shown(shar
         assert after < before
 
 
-def test_a_map_is_not_negative_around_a_contact_and_keeps_its_total() -> None:
+def test_a_map_is_non_negative_around_a_contact_and_keeps_its_total() -> None:
     reconstructor = Reconstructor(SENSOR)
     shape = sphere_forces(0.3e-3, -0.2e-3, 1.0, 1.5e-3, 8e6, SENSOR.device.contact_spread, 1.5e-3, 5)
     below = 0

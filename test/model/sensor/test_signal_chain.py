@@ -84,7 +84,7 @@ def test_one_long_step_equals_many_short_ones() -> None:
 
 
 @given(ratio=st.floats(1e-9, 1e3), start=st.floats(-1, 1), end=st.floats(-1, 1), rise=st.floats(-1, 1))
-def test_coefficients_of_a_step_are_the_charge_functions(ratio: float, start: float, end: float, rise: float) -> None:
+def test_step_coefficients_equal_the_charge_functions(ratio: float, start: float, end: float, rise: float) -> None:
     leak = leakage_step(ratio * 0.27, 0.27)
     forward = leak.decay * start + leak.mean * rise
     backward = (end - start) / leak.mean + leak.ratio * start
@@ -94,7 +94,7 @@ def test_coefficients_of_a_step_are_the_charge_functions(ratio: float, start: fl
 
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
-def test_counts_are_those_of_the_converter_on_the_16_bit_scale(bits: int) -> None:
+def test_counts_equal_adc_codes_on_the_16_bit_scale(bits: int) -> None:
     sensor = with_adc(bits=bits)
     chain = ForwardSignalChain(sensor)
     chain.advance(np.zeros(TAXELS), 25.0, 1e-3)
@@ -106,7 +106,7 @@ def test_counts_are_those_of_the_converter_on_the_16_bit_scale(bits: int) -> Non
     np.testing.assert_allclose(counts / 65535, codes / (2**bits - 1), rtol=0, atol=1 / 65535)
 
 
-def test_last_code_of_a_short_converter_is_full_scale() -> None:
+def test_last_code_of_a_low_resolution_adc_is_full_scale() -> None:
     amplifier = replace(SENSOR.amplifier, rail_low=-20.0, rail_high=20.0)
     chain = ForwardSignalChain(replace(with_adc(bits=12), amplifier=amplifier))
     chain.advance(np.full(TAXELS, 9.0), 25.0, 1e-3)
@@ -115,7 +115,7 @@ def test_last_code_of_a_short_converter_is_full_scale() -> None:
     assert (chain.counts() == 0).all()
 
 
-def test_output_stays_between_the_rails_and_offset_passes_the_follower() -> None:
+def test_output_stays_between_the_rails_and_offset_passes_through_the_follower() -> None:
     chain = ForwardSignalChain(replace(SENSOR, amplifier=replace(SENSOR.amplifier, offset=0.1)))
     chain.advance(np.zeros(TAXELS), 25.0, 1e-3)
     np.testing.assert_allclose(chain.volts(), 0.1 * SENSOR.amplifier.follower_gain, rtol=0, atol=1e-15)
@@ -123,7 +123,7 @@ def test_output_stays_between_the_rails_and_offset_passes_the_follower() -> None
     np.testing.assert_array_equal(chain.volts(), SENSOR.amplifier.rail_high)
 
 
-def test_inverse_returns_the_charge_to_half_a_step_of_the_converter() -> None:
+def test_inverse_recovers_the_charge_to_half_an_adc_step() -> None:
     chain, inverse = ForwardSignalChain(SENSOR), InverseSignalChain(SENSOR)
     chain.advance(np.zeros(TAXELS), 25.0, 1e-3)
     chain.advance(np.linspace(-4, 5, TAXELS), 25.0, 1e-3)
@@ -146,7 +146,7 @@ def test_saturation_is_flagged_at_both_ends_under_noise() -> None:
     assert low < -SENSOR.device.force_max
 
 
-def test_noise_has_the_stated_deviation_and_the_seed_repeats_it() -> None:
+def test_noise_has_the_stated_standard_deviation_and_is_reproducible_by_seed() -> None:
     chain, again = (ForwardSignalChain(SENSOR, np.random.default_rng(9)) for _ in range(2))
     draws = np.array([chain.counts() for _ in range(400)], float)
     np.testing.assert_array_equal(draws, [again.counts() for _ in range(400)])
@@ -166,12 +166,12 @@ def test_noise_has_the_stated_deviation_and_the_seed_repeats_it() -> None:
         (np.zeros(TAXELS), 25.0, math.nan, "step"),
     ],
 )
-def test_bad_arguments_are_named(force: Any, temperature: float, step: float, named: str) -> None:
+def test_invalid_arguments_are_rejected_by_name(force: Any, temperature: float, step: float, named: str) -> None:
     chain = ForwardSignalChain(SENSOR)
     with pytest.raises(ValueError, match=named):
         chain.advance(force, temperature, step)
 
 
-def test_a_converter_lost_in_noise_is_refused() -> None:
+def test_an_adc_with_excessive_noise_is_rejected() -> None:
     with pytest.raises(ValueError, match=r"adc\.noise"):
         InverseSignalChain(with_adc(noise=2.0))
