@@ -33,7 +33,7 @@ SUBPACKAGES = {
 
 
 def loaded_by(program: str) -> set[str]:
-    """Return the modules that are loaded after a program ran in a process of its own."""
+    """Return the modules that are loaded after a program ran in a separate process."""
     command = [sys.executable, "-c", f"import sys\n{program}\nprint(*sys.modules)"]
     package = Path(posfet_model.__file__).parents[1]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=package)

@@ -1,4 +1,4 @@
-"""Parameters as data: what is allowed, how a text is read, what help texts say."""
+"""Parameters as data: valid values, conversion from text, help texts."""
 
 from __future__ import annotations
 

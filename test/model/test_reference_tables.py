@@ -1,4 +1,4 @@
-"""The stored 40-digit tables are what their generator makes: a sample of each is made again."""
+"""The stored 40-digit tables equal the output of their generators: a sample of each is regenerated."""
 
 import csv
 import importlib.util
@@ -11,7 +11,7 @@ from support.sweep import DATA
 
 
 def _tables() -> dict[str, Any]:
-    """The tables of both generators; the second one imports the first by the name it has beside it."""
+    """Return the tables of both generators; the second imports the first as a module in the same folder."""
     tables = {}
     for module in ("generate", "generate_follower"):
         spec = importlib.util.spec_from_file_location(module, DATA / f"{module}.py")

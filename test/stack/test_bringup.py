@@ -1,4 +1,4 @@
-"""The `bringup` executable as users start it: real processes, their topics, their ends."""
+"""The `bringup` executable as users start it: real processes, their topics and their exits."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from support.expectations import TIMEOUT, Listener, expect_info, expect_stack
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
 TOUCHED = 1000
-"""Scans with a contact after which the summary has seen it several times."""
+"""Number of scans with a contact after which the summary includes it several times."""
 VARIANTS = {
     "composed, simulated board": ["source:=sim"],
     "composed, emulated adapter, CAN FD": ["source:=emulator"],
@@ -39,13 +39,13 @@ def test_the_stack_reports_the_contacts_of_the_scene(arguments: Sequence[str]) -
     with running("imperfections:=none", *arguments) as process, Listener() as listener:
         expect_stack(listener)
         output = finish(process)
-    # A bare board in one process has no way to lose anything on.
+    # A board in the same process has no link that could lose scans.
     lost = r"0 frames lost, 0 scans missing" if arguments == ["source:=sim"] else r"\d+ frames lost, \d+ scans missing"
     assert re.search(rf"posfet: .* {lost}", output), output
 
 
 def run_until_touched(*arguments: str) -> str:
-    """Run `posfet bringup` until a touch has been reported, and seen by the summary; return its output."""
+    """Run `posfet bringup` until a touch has been reported and included in the summary; return its output."""
     with running(*arguments) as process, Listener() as listener:
         contacts: list[TactileContacts] = listener.collect(TactileContacts, "contacts")
         listener.wait(lambda: sum(bool(found.contacts) for found in contacts) > TOUCHED, "a touch")
@@ -82,7 +82,7 @@ def test_a_limited_run_ends_with_a_summary(composed: str) -> None:
 
 
 def test_live_display_in_a_terminal() -> None:
-    """With a terminal there is a live picture with map and contacts instead of lines."""
+    """In a terminal, a live display with force map and contacts replaces the lines."""
     master, slave = pty.openpty()
     environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "120", "LINES": "40"}
     command = ["posfet", "bringup"]
@@ -96,7 +96,7 @@ def test_live_display_in_a_terminal() -> None:
             if expected and all(word in shown.decode(errors="replace") for word in expected):
                 process.send_signal(signal.SIGINT)
                 expected.clear()
-    except OSError:  # Linux reports the end of a pseudo-terminal so
+    except OSError:  # Linux reports the end of a pseudo-terminal by this error
         pass
     _, errors = process.communicate(timeout=TIMEOUT)
     os.close(master)
@@ -158,12 +158,12 @@ def test_ctrl_c_during_startup_ends_without_a_traceback(composed: str) -> None:
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     loaded = Path(f"/proc/{process.pid}/maps")
     while process.poll() is None and "_rclpy" not in loaded.read_text(encoding="utf-8", errors="replace"):
-        pass  # ends with the process, or once it has begun to load ROS
+        pass  # ends with the process, or once it starts to load ROS
     assert finish(process) is not None
 
 
 def children(process: int) -> set[int]:
-    """The processes that a process has started and that run."""
+    """Return the running child processes of a process."""
     found = set()
     for status in Path("/proc").glob("[0-9]*/stat"):
         try:

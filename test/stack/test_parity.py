@@ -16,7 +16,7 @@ from support.expectations import Listener
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
 DIFFERENT = {("/tactile/model_node", "direct")}
-"""What must differ: in one process the model is called directly, and the view needs no node."""
+"""Expected differences: in one process the model is called directly, and the display needs no node."""
 
 
 OWN = ("raw", "truth", "contacts", "image", "wrench", "force_image", "points", "vibration", "markers", "info")

@@ -1,4 +1,4 @@
-"""Commands as real processes: what was begun is finished after Ctrl-C and SIGTERM; a reader that goes is no error."""
+"""Commands as real processes: output is complete after Ctrl-C and SIGTERM; a closed pipe is no error."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SIGNALS = [signal.SIGINT, signal.SIGTERM]
 
 
 def interrupted(words: list[str], number: signal.Signals, file: Path) -> subprocess.CompletedProcess[str]:
-    """Run `posfet`, and send the signal as soon as something is in the file."""
+    """Run `posfet` and send the signal as soon as the file has content."""
     with subprocess.Popen(["posfet", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         end = time.monotonic() + TIMEOUT
         while not (file.exists() and file.stat().st_size > 1000):

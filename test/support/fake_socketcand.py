@@ -12,7 +12,7 @@ from posfet_sim.emulation.firmware import BoardFirmware
 
 
 class FakeSocketcand:
-    """Serves one client in raw mode on 127.0.0.1, from `open` to `close`."""
+    """Server for one client in raw mode on 127.0.0.1, from `open` to `close`."""
 
     def __init__(self, firmware: BoardFirmware, clock: Clock) -> None:
         self._firmware = firmware
@@ -21,7 +21,7 @@ class FakeSocketcand:
         self._listener.settimeout(0.05)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
-        self._raw = False  # the client gets frames
+        self._raw = False  # whether the client receives frames
 
     @property
     def port(self) -> int:
@@ -40,7 +40,7 @@ class FakeSocketcand:
             try:
                 client, _ = self._listener.accept()
             except TimeoutError:
-                self._clock.monotonic()  # time waits for this thread, which has nothing to do
+                self._clock.monotonic()  # the clock waits for this thread although it is idle
                 continue
             with client:
                 client.sendall(b"< hi >")

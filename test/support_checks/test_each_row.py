@@ -34,7 +34,7 @@ def test_a_table_without_failures_passes_and_one_without_rows_does_not() -> None
 
 
 def half(number: float, *, of: float = 1.0) -> float:
-    """Refuse text by name, NaN under another name, and nothing else."""
+    """Reject text by name, NaN under another name, and nothing else."""
     if isinstance(number, str):
         raise ValueError("number must be a number")
     if math.isnan(number):

@@ -1,4 +1,4 @@
-"""The time said before a run is that of such a run, and nothing is said of a part of the tests."""
+"""The stated duration is that of a similar run, and none is stated for a part of the tests."""
 
 from __future__ import annotations
 

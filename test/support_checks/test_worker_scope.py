@@ -1,4 +1,4 @@
-"""What one worker runs as a whole exists, and the rest is shared test by test."""
+"""The groups of one worker exist, and all other tests are distributed one by one."""
 
 from pathlib import Path
 

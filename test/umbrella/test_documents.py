@@ -1,10 +1,11 @@
-"""README and documents: commands that are accepted, examples that run, links that lead to something."""
+"""README and documents: their commands are valid, their examples run, and their links have targets."""
 
 from __future__ import annotations
 
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -49,12 +50,12 @@ def test_can_commands_are_accepted() -> None:
 
 
 @pytest.mark.parametrize("module", [calibrate, score, simulate])
-def test_commands_of_the_simulation_are_accepted(module: object) -> None:
+def test_commands_of_the_simulation_are_accepted(module: Any) -> None:
     name = {calibrate: "calibrate", score: "score", simulate: "sim"}[module]
     used = commands(f"posfet {name}")
     assert used
     for words in used:
-        module._parser().parse_args(words)
+        module.make_parser().parse_args(words)
 
 
 def test_named_subcommands_exist() -> None:

@@ -61,9 +61,7 @@ def test_board_and_driver_use_the_named_bus(params_file: str) -> None:
     assert "bus_interface" not in nodes(params_file, "source:=emulator")["sim_board_node"].parameters
 
 
-def test_the_calibration_argument_overrides_the_parameter_file(
-    params_file: str, tmp_path: Path
-) -> None:
+def test_the_calibration_argument_overrides_the_parameter_file(params_file: str, tmp_path: Path) -> None:
     assert "calibration_file" not in nodes(params_file)["model_node"].parameters
     path, sensor = tmp_path / "cal.yaml", load_sensor()
     save_calibration(path, sensor, Calibration.nominal(sensor))

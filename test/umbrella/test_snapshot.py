@@ -72,7 +72,7 @@ def test_the_live_display_shows_numeric_forces_and_marks_unknown_ones() -> None:
     text = shown(SNAPSHOT)
     for expected in ("1150", "100", "?", "held", "+1.00", "-0.50", "1.250 ± 0.004", "ground truth: 0.05 mm max"):
         assert expected in text
-    assert text.index("?") < text.index("1150")  # y points up: row 1 stands above row 0
+    assert text.index("?") < text.index("1150")  # y points up: row 1 is above row 0
 
 
 def test_large_arrays_are_displayed_without_numbers() -> None:
@@ -81,7 +81,7 @@ def test_large_arrays_are_displayed_without_numbers() -> None:
 
 
 class Replay:
-    """Gives one snapshot after the other."""
+    """Source of given snapshots, in sequence."""
 
     def __init__(self, *snapshots: Snapshot | None) -> None:
         self._snapshots = list(snapshots)

@@ -1,4 +1,4 @@
-"""The follower models: against 40 digits, against themselves in other steps, and over the whole range of arguments."""
+"""The follower models: against 40-digit references, for independence of the step size, and over the whole range."""
 
 import math
 
@@ -54,11 +54,11 @@ def name(follower: Follower) -> str:
 
 
 MEAN_DECAY_ERROR = call_error() + EPS
-"""Largest relative error of expm1(-x)/x: a call and a quotient."""
+"""Largest relative error of expm1(-x)/x: one function call and one quotient."""
 ONE_POLE_ERROR = MEAN_DECAY_ERROR + 2.5 * EPS
-"""The same with 4 roundings of x = step*2*pi*bandwidth, which count less than once, and of product and sum."""
+"""The same with 4 roundings of x = step*2*pi*bandwidth, with a condition below 1, and those of product and sum."""
 TWO_POLES_ERROR = 3 * (2 * call_error() + 2 * EPS)
-"""The second weight is a mean of exp and a share of the difference of two: each two calls where they are complex."""
+"""The second weight is a mean of exp and a fraction of the difference of two: two calls each where they are complex."""
 DRIFTS = cases()
 FOLLOWERS = [pytest.param(follower, id=name(follower)) for follower in followers()]
 
@@ -108,8 +108,8 @@ def test_gain_and_phase_against_the_40_digit_table() -> None:
             (two.phase, "two_phase"),
         ):
             expected = table[column][rows] / (max(1, quality) if column == "two_gain" else 1)
-            # A call for modulus or angle (of the angle to pi, 4 EPS); 3 roundings in f/f0 and in each of two squares or
-            # quotients. At resonance 1 - (f/f0)^2 is a small difference, multiplied by the quality.
+            # One call for modulus or angle (angle up to pi, 4 EPS); 3 roundings in f/f0 and in each of two squares or
+            # quotients. At resonance 1 - (f/f0)^2 is a small difference, multiplied by the quality factor.
             np.testing.assert_allclose(computed, expected, rtol=0, atol=8 * EPS * max(1, quality))
 
 
@@ -152,7 +152,7 @@ def test_a_split_step_equals_one_step(follower: Follower) -> None:
     whole = follower.advance(state, start + change, step)
     half = follower.advance(state, start + part * change, part * step)
     end = follower.advance(half, start + change, step - part * step)
-    # A long slewing part is seen through the rounding of its time.
+    # The rounding of the time of a long slewing part adds to the error.
     atol = 1e-14
     np.testing.assert_allclose(follower.output(end).v_out, follower.output(whole).v_out, rtol=0, atol=atol)
 
@@ -189,7 +189,7 @@ def test_a_series_equals_its_single_steps(follower: Follower) -> None:
     np.testing.assert_allclose(follower.run(time, v_in[:, 1]).v_out, np.array(rows)[:, 1], rtol=0, atol=1e-13)
 
 
-# A quality of 50 rings for longer than the run.
+# With a quality factor of 50 the ringing is longer than the run.
 @pytest.mark.parametrize("follower", [follower for follower in FOLLOWERS if "50.0" not in str(follower.id)])
 def test_a_sine_gets_the_gain_and_phase_of_the_frequency_response(follower: Follower) -> None:
     frequency, per_cycle = 1e6, 4000
@@ -199,7 +199,7 @@ def test_a_sine_gets_the_gain_and_phase_of_the_frequency_response(follower: Foll
     last = slice(-per_cycle, None)
     seen = 2j * np.mean(v_out[last] * np.exp(-2j * np.pi * frequency * time[last])) / small
     response = follower.response(frequency)
-    # The chord of the sine is (w*dt)^2/12 = 2e-7 short; two slow poles leave 1e-4 of their transient.
+    # Linear interpolation reduces the sine by (w*dt)^2/12 = 2e-7; two slow poles leave 1e-4 of their transient.
     assert abs(seen - response.gain * np.exp(1j * response.phase)) <= (
         1e-3 if getattr(follower, "quality", 1) < 0.1 else 1e-6
     )
@@ -285,8 +285,8 @@ class TestSweep:
                         state = follower.advance(state, np.full(13, change), np.unique(self.STEP))
                 v_out = follower.output(state).v_out / change
                 assert_finite(v_out)
-                slack = ringing + 1e-12 + 4e-16 / abs(change)  # the last part: rounding of the overdrive
-                # A lead's square lifts the output whichever way the pair is driven.
+                slack = ringing + 1e-12 + 4e-16 / abs(change)  # last term: rounding of the overdrive
+                # The square of the lead raises the output in both directions of drive.
                 lead = getattr(follower, "lead", Lead())
                 lifted = 0.4 * (lead.square - lead.linear) / -change if change < 0 and not lead.absent else 0.0
                 assert (v_out >= -slack - lifted).all()
@@ -318,7 +318,7 @@ class TestSweep:
         follower = SquareLawFollower(gain=1.0, bandwidth=1e15, overdrive=1e-6)
         with np.errstate(over="raise", invalid="raise", divide="raise"):
             v_out = follower.run([0, 1e-9, 1e9], [0, 1e6, -1e6]).v_out
-        # 1e-9 s at the slew rate, then long enough to arrive.
+        # 1e-9 s at the slew rate, then long enough to settle.
         np.testing.assert_allclose(v_out, [0, follower.slew_rate * 1e-9, -1e6], rtol=0, atol=1e-9)
 
     @pytest.mark.parametrize("tau", [1e-9, 105e-9, 1.0, 1e9])
@@ -337,7 +337,7 @@ class TestSweep:
             whole = follower.output(follower.advance(start, change, step)).v_out
             first = follower.advance(start, part * change, part * step)
             both = follower.output(follower.advance(first, change, step - part * step)).v_out
-            # The parts' times round too, seen through the slew rate; 4e-16 V is a rounding of the overdrive.
+            # The times of the parts are rounded too, times the slew rate; 4e-16 V is a rounding of the overdrive.
             assert abs(both - whole) <= 4e-13 * (abs(change) + 1e-3 * step / tau) + 4e-16
 
     def test_error_per_region_of_step_over_time_constant(self, record_property) -> None:
@@ -363,7 +363,7 @@ class TestSweep:
 
     @pytest.mark.parametrize("case", DRIFTS, ids=lambda case: case.name)
     def test_a_million_steps_do_not_drift(self, case: Case) -> None:
-        """`make stability` makes 1e8; the pair takes too long for a million here."""
+        """`make stability` runs 1e8; a million steps of the pair would take too long here."""
         steps = 20_000 if case.name.startswith("SquareLaw") else 1_000_000
         found = case.run(steps)
         print(f"{case.name}: largest {found.largest:.1e}, last {found.last:.1e}, bound {found.bound:.1e}")

@@ -1,4 +1,4 @@
-"""Hand formulas of the amplifier: against 40 digits, against ngspice (stored) and against their limits."""
+"""Hand formulas of the amplifier: against 40-digit references, stored ngspice runs, and limiting cases."""
 
 import dataclasses
 import math
@@ -48,7 +48,7 @@ def test_the_one_stage_op_amp_against_ngspice() -> None:
     figures = one_stage_figures()
     assert figures.open_loop_gain / abs(open_loop.transfer[0]) == pytest.approx(1, abs=0.04)
     assert figures.dominant_pole / closed_loop(open_loop).bandwidth == pytest.approx(1, abs=0.05)
-    # The second pole is where 45 degrees have been added to the first one's 90. Above, the gates of the pair feed the
+    # The second pole adds 45 degrees to the 90 degrees of the first one. Above it, the gates of the pair feed the
     # input through to the output.
     below = open_loop.frequency < 2e7
     phase = -np.unwrap(np.angle(open_loop.transfer[below]))
@@ -60,7 +60,7 @@ def test_the_one_stage_op_amp_against_ngspice() -> None:
     ("circuit", "formulas", "slack"), [("opamp_b", figures_of_merit, 0.15), ("opamp_c", one_stage_figures, 0.05)]
 )
 def test_slew_rates_against_ngspice(circuit: str, formulas, slack: float) -> None:
-    """Half-way up the stored step of 1 V, where the pair is still driven hard."""
+    """At half of the stored step of 1 V, where the pair is still saturated."""
     run = transient(circuit, "step")
     instants = np.interp([0.35, 0.5], run.v_out - run.v_out[0], run.time)
     assert formulas().slew_rate / (0.15 / np.diff(instants)[0]) == pytest.approx(1, abs=slack)
@@ -91,7 +91,7 @@ def test_without_modulation_the_formulas_are_the_textbook_ones() -> None:
     textbook = ideal.input_transconductance / (2 * math.pi * bias.compensation)
     assert ideal.gain_bandwidth / textbook == pytest.approx(1, abs=1e-4)
     assert ideal.slew_rate == pytest.approx(ideal.tail_current / bias.compensation, abs=1e3)
-    # W5*W7/(2*W3) gives M8 the current of M7, 3/4 of the tail's; Cc and the output's own capacitance share it.
+    # W5*W7/(2*W3) gives M8 the current of M7, 3/4 of the tail's; Cc and the output's own capacitance are charged by it.
     sinking = bias.compensation + bias.load_capacitance + 3276e-6 * 12e-6 * 4.0270e-5 / 3
     assert ideal.falling_slew_rate == pytest.approx(ideal.output_current / sinking, abs=1e3)
     ratio = math.sqrt(ideal.output_current * 2 / (283e-4 * 7.6736e-4 * 20))
@@ -110,7 +110,7 @@ def test_follower_from_the_op_amp_figures() -> None:
 @pytest.mark.parametrize("load", [11e3, 5e3, 1e9])
 @pytest.mark.parametrize("current", [50e-6, 200e-6])
 def test_at_the_highest_input_the_last_transistor_is_at_the_edge_of_saturation(load: float, current: float) -> None:
-    """With the transistor's own equations: M7 carries what M8 and the load take, pinched off just there."""
+    """With the transistor equations: M7 carries the current of M8 and the load, at the edge of pinch-off."""
     bias = AmplifierBias(reference_current=current, load_resistance=load)
     limits, oxide = figures_of_merit(bias).limits, STACK.oxide
     aspect = {size.name: size.width / size.length for size in SIZES}
@@ -118,7 +118,7 @@ def test_at_the_highest_input_the_last_transistor_is_at_the_edge_of_saturation(l
     edge = bias.supply - volts
     most = drain_current(0.7 + edge, edge, 0.7, 283e-4 * oxide * aspect["M7"], lam)
     mirror = gate_voltage(current, 5.0, 0.7, 850e-4 * oxide * aspect["M6"], 0.0)
-    for _ in range(50):  # M6 is its own gate: the current at a drain voltage that is the gate voltage
+    for _ in range(50):  # M6 is diode-connected: its drain voltage equals its gate voltage
         mirror = gate_voltage(current, mirror, 0.7, 850e-4 * oxide * aspect["M6"], lam)
     sunk = drain_current(mirror, bias.supply + volts, 0.7, 850e-4 * oxide * aspect["M8"], lam)
     assert float(most) == pytest.approx(float(sunk) + volts / load, rel=1e-9, abs=0)

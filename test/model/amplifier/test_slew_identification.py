@@ -1,4 +1,4 @@
-"""Which slewing follower a gain and a bandwidth stand for."""
+"""Identification of a slewing follower from gain and bandwidth."""
 
 import math
 
@@ -40,7 +40,7 @@ def test_overdrives_are_those_of_the_hand_formulas() -> None:
     assert slew_model(ClosedLoop(0.99, 0.94 * ONE_POLE)).overdrive == two.slew_overdrive
     assert slew_model(ClosedLoop(0.99, 1.38 * ONE_POLE)).overdrive == one.slew_overdrive
     assert one.slew_overdrive < OVERDRIVE < two.slew_overdrive
-    # The follower slews at the rate of the op-amp, but for the gain and its gain-bandwidth product.
+    # The follower has the slew rate of the op-amp, corrected for gain and gain-bandwidth product.
     for figures in (two, one):
         follower = SlewModel("", figures.closed_loop, figures.slew_overdrive).follower()
         a0 = figures.open_loop_gain

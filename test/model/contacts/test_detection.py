@@ -1,4 +1,4 @@
-"""Labelling, centre of pressure and contacts, held to dense pressure and to a plain flood fill."""
+"""Labelling, centre of pressure and contacts, verified against dense pressure and a plain flood fill."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ VARIANCE = np.full(LAYOUT.taxels, NOISE**2)
 
 
 def flood_fill(mask: NDArray[np.bool_]) -> list[list[int]]:
-    """The 8-connected regions of a map, the plain way."""
+    """Return the 8-connected components of a map, by flood fill."""
     cols = mask.shape[1]
     left = {(int(r), int(c)) for r, c in np.argwhere(mask)}
     regions = []
@@ -69,7 +69,7 @@ def test_footprints_are_regions_and_neighbours_of_only_one_region(rows: int, col
     found = Footprints(layout, bitmap, MomentFinder(layout, SENSOR.device.contact_spread)).regions(mask.tobytes())
 
     def near(taxel: int) -> list[int]:
-        """Number the regions that a taxel touches."""
+        """Return the indices of the regions that a taxel belongs to or borders on."""
         row, col = divmod(taxel, cols)
         reach = {(row + i) * cols + col + j for i in (-1, 0, 1) for j in (-1, 0, 1) if 0 <= col + j < cols}
         return [number for number, region in enumerate(regions) if reach & set(region)]
@@ -182,7 +182,7 @@ def test_a_held_contact_lasts_despite_high_uncertainty_and_ends_on_release() -> 
     forces[12] = 0.3
     assert len(find(forces, finder=finder)) == 1
     for deviation in np.linspace(0.0, 0.2, 100):
-        forces[12] -= 0.001  # what a zero wanders meanwhile
+        forces[12] -= 0.001  # baseline drift in the meantime
         finder.update_thresholds(forces, np.full(LAYOUT.taxels, deviation**2), 0.0)
         assert len(finder.find(forces)) == 1
     forces[12] -= 0.15

@@ -1,4 +1,4 @@
-"""Contacts in one region told apart: on dense pressure, on all phases of the grid; and one contact left alone."""
+"""Separation of contacts in one region, on dense pressure at all phases of the grid; one contact is never split."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def measure(finder: ContactFinder, forces: NDArray[np.float64], before: list[Reg
 
 
 def test_shares_equal_an_explicit_gaussian_mixture() -> None:
-    """Against expectation and maximisation by distances, the plain way."""
+    """Against an explicit expectation-maximisation by distances."""
     forces = sphere(-1.3e-3, 0.2e-3, 0.8) + sphere(1.9e-3, -0.4e-3, 1.0)
     bitmap, spread = BitMap(LAYOUT.rows, LAYOUT.cols), SENSOR.device.contact_spread
     footprints = Footprints(LAYOUT, bitmap, MomentFinder(LAYOUT, spread))
@@ -85,13 +85,13 @@ def test_two_spheres_two_pitches_apart_stay_separated_at_every_phase_of_the_grid
         unsplit += len(measure(fresh, forces, [])) == 1
         regions = measure(finder, forces, regions)
         if len(regions) == 1 and x < -1.2e-3:
-            continue  # it begins half a pitch off, where there is no valley yet
+            continue  # it begins half a pitch off, where there is no saddle yet
         assert len(regions) == 2
         for found, true in zip(centres(regions), pair, strict=True):
             assert math.dist(found, true) < 0.3e-3
         assert sum(region.force for region in regions) == pytest.approx(float(forces.sum()), abs=0.03)
         assert not set(regions[0].taxels) & set(regions[1].taxels)
-    assert unsplit > 5, "without memory there must be places where the two cannot be told"
+    assert unsplit > 5, "without memory there must be positions where the two cannot be separated"
 
 
 @pytest.mark.parametrize(("radius", "modulus", "force"), [(6e-3, 1e6, 2.0), (1.5e-3, 8e6, 1.0), (20e-3, 0.5e6, 3.0)])
@@ -127,7 +127,7 @@ def test_two_contacts_that_converge_merge_and_separate_again() -> None:
 
 @pytest.mark.parametrize(("valley", "contacts"), [(0.7, 2), (0.87, 1)])
 def test_regions_that_grow_together_stay_separate_only_with_a_saddle(valley: float, contacts: int) -> None:
-    """A pad that begins to touch at two places is one contact, two fingertips are two."""
+    """A pad that first touches at two points is one contact, two fingertips are two."""
     shape = np.outer((0.0, 0.5, 1.0, 0.5, 0.0), (0.6, 1.0, valley, 1.0, 0.6)).reshape(-1)
     finder = ContactFinder(SENSOR)
     regions: list[Region] = []
@@ -140,7 +140,7 @@ def test_regions_that_grow_together_stay_separate_only_with_a_saddle(valley: flo
 
 
 def test_a_saddle_between_diagonal_neighbours_is_detected() -> None:
-    """Three balls at (-0.2, 1.9), (-1.8, -2.0) and (2.3, -1.2) mm, of 0.3, 0.3 and 1.5 N [mN]."""
+    """Forces [mN] of three balls at (-0.2, 1.9), (-1.8, -2.0) and (2.3, -1.2) mm, of 0.3, 0.3 and 1.5 N."""
     forces = 1e-3 * np.array(
         [24, 74, 5, 38, 43, 44, 137, 18, 482, 541, 2, 7, 11, 170, 191, 0, 38, 153, 14, 1, 0, 16, 64, 5, 0]
     )
@@ -171,7 +171,7 @@ CALIBRATED = replace(
     noisy_probability=0.0,
     resets_per_hour=0.0,
 )
-"""The default board without bad taxels, and without what a calibration takes off."""
+"""The default board without faulty taxels and without the errors that a calibration compensates."""
 
 
 @pytest.mark.parametrize(

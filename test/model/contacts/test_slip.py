@@ -1,4 +1,4 @@
-"""The fast channel: band and power of a known vibration, and slip told from presses, taps and vibration."""
+"""The dynamic (high-pass) channel: power of a known vibration; slip distinguished from presses, taps and vibration."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_the_reported_vibration_of_a_held_contact_is_its_amplitude_in_the_band()
             found.append(result.motions[contact.id].vibration / share)
             assert not result.motions[contact.id].slipping
             taxel.append(float(reconstructor.vibration()[12]))
-    # 0.2 N at 180 Hz, of which the pole passes a share.
+    # 0.2 N at 180 Hz, attenuated by the high pass.
     passes = 180 / math.hypot(180, CORNER_FREQUENCY) * 0.2 / math.sqrt(2)
     assert np.mean(found) == pytest.approx(passes, rel=0.02)
     assert np.mean(taxel) == pytest.approx(passes * FINGER[12], rel=0.02)
@@ -84,7 +84,7 @@ def test_the_reported_vibration_of_a_held_contact_is_its_amplitude_in_the_band()
 
 def test_the_channel_is_not_computed_without_contact_and_subscriber(monkeypatch: pytest.MonkeyPatch) -> None:
     reconstructor = Reconstructor(SENSOR)
-    monkeypatch.setattr(DynamicChannel, "advance", lambda *_: pytest.fail("nobody asked for it"))
+    monkeypatch.setattr(DynamicChannel, "advance", lambda *_: pytest.fail("computed although not needed"))
     for _, scan in scans(SENSOR, 0.3):
         reconstructor.process(scan)
 

@@ -1,4 +1,4 @@
-"""The converter: nearest code, ties to even, clipping flagged, round trip over every code."""
+"""The ADC: nearest code, ties to even, clipping flagged, round trip over every code."""
 
 import math
 
@@ -25,7 +25,7 @@ def test_first_and_last_codes_are_the_ends_of_the_range() -> None:
 
 
 def test_ties_round_to_the_even_code() -> None:
-    volts = np.array([0.5, 1.5, 2.5, 3.5])  # one volt a code
+    volts = np.array([0.5, 1.5, 2.5, 3.5])  # 1 V per code
     np.testing.assert_array_equal(volts_to_counts(volts, 3, 0.0, 7.0).counts, [0, 2, 2, 4])
 
 
@@ -81,7 +81,9 @@ def test_more_than_16_bits_need_a_wider_dtype() -> None:
         (1.0, 12, 0.0, 1e7, "high must be in"),
     ],
 )
-def test_invalid_arguments_are_rejected_by_name(volts: object, bits: int, low: float, high: float, message: str) -> None:
+def test_invalid_arguments_are_rejected_by_name(
+    volts: object, bits: int, low: float, high: float, message: str
+) -> None:
     with pytest.raises(ValueError, match=message):
         volts_to_counts(volts, bits, low, high)  # type: ignore[arg-type]
 

@@ -1,4 +1,4 @@
-"""Hysteresis of the film: branches against 40 digits, minor loops by what must hold of any loop, memory of poling."""
+"""Hysteresis of the film: branches against 40-digit references, general properties of minor loops, poling memory."""
 
 import dataclasses
 import itertools
@@ -41,17 +41,17 @@ def _loop_bounds(fields):
 
 
 def steepness_error(material: Film) -> float:
-    """Most that the steepness Ec/(2*artanh(u)), u = Pr/Ps, is wrong by [1]: a call, and u's rounding through artanh."""
+    """Return the largest error of the steepness Ec/(2*artanh(u)), u = Pr/Ps [1]: one call, and the rounding of u."""
     u = material.remnant_polarisation / material.saturation_polarisation
     return call_error() + EPS + EPS / 2 * u / ((1 - u * u) * math.atanh(u))
 
 
 def branch_error(material: Film, polarisation, dtype=np.float64):
-    """Most that a saturated branch is wrong by [C/m2].
+    """Return the largest error of a saturated branch [C/m2].
 
-    Of Ps*tanh(z): a call, the product and the sum; z by the steepness, Ec, the difference and the quotient, times
-    z*tanh'(z) < 1/2, or by a rounding of a field near Ec where z is nearly 0, times tanh' <= 1. The linear term is
-    three products, and no more than the polarisation and Ps together.
+    Ps*tanh(z): one call, the product and the sum; the error of z comes from the steepness, Ec, the difference and the
+    quotient, times z*tanh'(z) < 1/2, or from the rounding of a field near Ec where z is nearly 0, times tanh' <= 1. The
+    linear term is three products, and not larger than the sum of polarisation and Ps.
     """
     eps = float(np.finfo(dtype).eps)
     turned = call_error(dtype) + eps + (steepness_error(material) + 2 * eps) / 2
@@ -93,7 +93,7 @@ class TestSaturatedLoop:
             rising, falling = film.rising_branch(fields, PAPER), film.falling_branch(fields, PAPER)
         assert rising.dtype == falling.dtype == dtype and rising.shape == (size,)
         assert_finite(rising)
-        # Beyond saturation the branches are one line, and neighbours may change places by their errors.
+        # Beyond saturation the branches coincide, and neighbours may be out of order by their errors.
         errors = branch_error(PAPER, np.abs(rising), dtype)
         assert_monotone(rising, rising=True, slack=errors[1:] + errors[:-1])
         assert (rising <= falling + 2 * errors).all()
@@ -105,8 +105,8 @@ class TestMinorLoops:
         for row, path in enumerate(zip(table["up"], table["down"], table["end"], strict=True)):
             material = _of_row(table, row)
             expected = [table[name][row] for name in ("at_up", "at_down", "at_end")]
-            # What is left to the target shrinks by a weight of three exponentials, of a quotient of two of half the
-            # effect each, and of their arguments, wrong by the steepness; the error of a turn stays in what follows.
+            # The distance to the target shrinks by a weight with the errors of three exponentials, of a quotient of two
+            # with half the effect each, and of their arguments (steepness); the error of a reversal persists afterwards.
             turn = (4 * call_error() + 4 * EPS + steepness_error(material)) * (
                 material.saturation_polarisation + np.max(np.abs(expected))
             )
@@ -238,7 +238,7 @@ class TestPoling:
 
     def test_shrinking_cycles_depole_the_film(self) -> None:
         left = []
-        for count in (100, 1000, 10_000):  # the finer the steps down, the less is left
+        for count in (100, 1000, 10_000):  # the finer the steps down, the smaller the remainder
             fields = 3e8 * np.linspace(1, 0, count) * (-1) ** np.arange(count)
             left.append(abs(film.remnant_after(fields, PAPER)) / PAPER.remnant_polarisation)
         assert left[0] > left[1] > left[2]

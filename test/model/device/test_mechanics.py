@@ -1,4 +1,4 @@
-"""Membranes and bent chips: against 40 digits, against an independent plate solution, and by what bending must obey."""
+"""Membranes and bent chips: against 40-digit references, an independent plate solution, and the laws of bending."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ RANGES = {
 
 
 def _clamped_square_centre(order: int) -> float:
-    """Centre deflection of a clamped square plate in P*a^4/D, by Galerkin with Shen's Legendre functions."""
+    """Return the centre deflection of a clamped square plate in P*a^4/D, by Galerkin with Shen's Legendre functions."""
     functions = []
     for k in range(0, order, 2):
         weights = np.zeros(k + 5)
@@ -105,7 +105,7 @@ def test_bending_and_mask_opening_against_the_40_digit_table() -> None:
         bent = mechanics.bend_on_cylinder([chip, film], now["radius"])
         height = now["chip"] + now["film"]
         assert abs(bent.neutral_axis - now["neutral_axis"]) <= 8 * EPS * height
-        for name in ("back_strain", "top_strain", "film_strain"):  # a difference of heights, over the radius
+        for name in ("back_strain", "top_strain", "film_strain"):  # a difference of heights, divided by the radius
             assert abs(getattr(bent, name) - now[name]) <= 16 * EPS * height / (now["radius"] + now["neutral_axis"])
         opening = mechanics.mask_opening(now["film"], now["chip"])
         assert abs(opening - now["opening"]) <= 2 * EPS * now["opening"]

@@ -1,4 +1,4 @@
-"""Noise: closed forms against 40 digits, a generator against its spectrum, and the smallest force."""
+"""Noise: closed forms against 40-digit references, a generator against its spectrum, and the smallest force."""
 
 import math
 
@@ -27,7 +27,7 @@ def test_closed_forms_against_the_40_digit_table() -> None:
     white = [noise.white_rms(1.0, low, high) for low, high in zip(table["low"], table["high"], strict=True)]
     np.testing.assert_allclose(np.array(white) / table["white_rms"], 1, rtol=0, atol=2 * EPS)
     flicker = [noise.flicker_rms(1.0, low, high) for low, high in zip(table["low"], table["high"], strict=True)]
-    # The root halves the error of the logarithm, of its argument's two roundings and of the product.
+    # The square root halves the error of the logarithm, of the two roundings of its argument and of the product.
     atol = (call_error() + 1.5 * EPS) / 2 + EPS
     np.testing.assert_allclose(np.array(flicker) / table["flicker_rms"], 1, rtol=0, atol=atol)
 
@@ -81,7 +81,8 @@ class TestFlickerSequence:
         power = self._periodograms(count, samples)[:, 1:]
         frequency = np.fft.rfftfreq(samples, 1 / self.RATE)[1:]
         ratio = power.mean(axis=0) * frequency / self.COEFFICIENT
-        # Each bin is scattered by 1/sqrt(count); 5.5 of that is passed once in 1e7. The mean over bins is far sharper.
+        # Each bin has a standard deviation of 1/sqrt(count); 5.5 times that is exceeded once in 1e7. The mean over bins
+        # is far more precise.
         assert np.abs(ratio - 1).max() <= 5.5 * math.sqrt(2 / count)
         assert np.mean(ratio[:-1]) == pytest.approx(1, abs=5 / math.sqrt(count * ratio.size))
 
@@ -89,7 +90,8 @@ class TestFlickerSequence:
         generator = np.random.default_rng(8)
         records = [noise.flicker_sequence(1.0, self.RATE, self.SAMPLES, generator) for _ in range(200)]
         low = self.RATE / self.SAMPLES
-        # The sum over bins of 1/m is ln(n) + 0.577, that over the band ln(n): half a bin more at the low end.
+        # The sum of 1/m over the bins is ln(n) + 0.577, the integral over the band ln(n): half a bin more at the
+        # low end.
         expected = math.sqrt(np.sum(1 / np.arange(1, self.SAMPLES // 2 + 1)))
         assert np.sqrt(np.mean(np.square(records))) == pytest.approx(expected, abs=0.05 * expected)
         assert noise.flicker_rms(1.0, low / 2, self.RATE / 2) == pytest.approx(expected, abs=0.03 * expected)

@@ -1,4 +1,4 @@
-"""The paper's numbers and its printed formulas: what they are, where from, and how far off."""
+"""The numbers of the paper and its formulas as printed: values, sources and errors."""
 
 import math
 import subprocess

@@ -1,4 +1,4 @@
-"""The taxel as a whole against circuits and single functions."""
+"""The whole taxel against circuits and single functions."""
 
 import math
 
@@ -16,7 +16,7 @@ SMALL = Taxel(area=0.25e-6, film_thickness=5e-6, bias_resistance=1e11)
 
 def test_a_force_gives_the_voltage_of_the_source_charge_on_the_capacitance() -> None:
     for taxel in (Taxel(), SMALL):
-        coulomb = abs(taxel.piezoelectric_coefficient)  # of 1 N, whatever the area
+        coulomb = abs(taxel.piezoelectric_coefficient)  # charge of 1 N, independent of the area
         assert taxel.volts_per_newton == pytest.approx(coulomb / taxel.capacitance, rel=1e-14, abs=0)
     per_newton = noise.volts_per_newton(-38e-12, 1e-6, paper.STACK.charge_divisor(Plane.GATE))
     assert Taxel().volts_per_newton == pytest.approx(float(per_newton), rel=1e-14, abs=0)
@@ -30,7 +30,7 @@ def test_the_sensor_file_describes_the_same_taxel() -> None:
 
 
 def test_energy_of_the_noise_is_half_kt() -> None:
-    """Equipartition: in all frequencies the capacitor holds k*T/2, whatever the resistor and the size."""
+    """Equipartition: the energy of the capacitor is k*T/2 over all frequencies, for any resistor and size."""
     for taxel in (Taxel(), SMALL):
         budget = taxel.noise_budget(0.0, 0.0, 0.0, 1e-12, 1e15, temperature=310.0)
         assert 0.5 * taxel.capacitance * budget.total**2 == pytest.approx(0.5 * 1.380649e-23 * 310, rel=1e-9, abs=0)

@@ -1,4 +1,4 @@
-"""The transistor: currents and derivatives against 40 digits, continuity, inverses, planes, and the sweep."""
+"""The transistor: currents and derivatives against 40-digit references, continuity, inverses, planes, and a sweep."""
 
 import math
 
@@ -100,7 +100,9 @@ class TestDrainCurrent:
         found.check(record_property)
 
     @given(decades(1e-9, 1e6), decades(1e-12, 1e6), st.sampled_from([0.0, 0.0248, 0.1, 10.0]))
-    def test_the_current_is_continuous_at_the_edge_of_saturation(self, overdrive: float, beta: float, modulation: float) -> None:
+    def test_the_current_is_continuous_at_the_edge_of_saturation(
+        self, overdrive: float, beta: float, modulation: float
+    ) -> None:
         edge = [math.nextafter(overdrive, 0), overdrive, math.nextafter(overdrive, math.inf)]
         edge = np.minimum(edge, 1e6)
         for function in OPERATORS[:2]:
@@ -109,8 +111,8 @@ class TestDrainCurrent:
 
     @given(decades(1e-3, 1e3), decades(1e-3, 1e3), st.floats(-5, 5), st.sampled_from([0.0, 0.1]))
     def test_conductances_are_the_slopes(self, overdrive: float, drain: float, vth: float, modulation: float) -> None:
-        # Id is piecewise a polynomial of degree 3, so away from the edge a five-point rule has no error but rounding;
-        # a complex step would need complex arguments, which are refused.
+        # Id is piecewise a polynomial of degree 3, so away from the edge a five-point rule has rounding error only;
+        # a complex step would need complex arguments, which are rejected.
         step = 0.01 * min(overdrive, drain)
         if abs(overdrive - drain) <= 4 * step:
             drain = 2 * overdrive
@@ -171,7 +173,7 @@ class TestSweep:
     @pytest.mark.parametrize("size", [0, 1, 1_000_000])
     def test_any_number_of_taxels(self, size: int, dtype) -> None:
         gate = np.linspace(0, 5, size, dtype=dtype)
-        rest = (5.0, 0.7, 9.3446e-4, 0.0)  # scalars do not widen the array
+        rest = (5.0, 0.7, 9.3446e-4, 0.0)  # scalars do not change the dtype of the array
         currents = transistor.drain_current(gate, *rest)
         assert currents.shape == (size,) and currents.dtype == dtype
         back = transistor.gate_voltage(currents, *rest)
@@ -198,7 +200,7 @@ class TestThresholdFit:
         assert fit.gain_factor == pytest.approx(beta, rel=1e-12, abs=0)
 
     def test_meter_offset_and_noise_do_not_bias_the_threshold(self) -> None:
-        """Below threshold it shows currents of either sign; they are left out."""
+        """Readings below threshold have either sign; they are excluded."""
         generator = np.random.default_rng(8)
         for fit, drain in (
             (threshold_extraction.fit_saturation_curve, 5.0),

@@ -1,4 +1,4 @@
-"""The film's temperature from sensors that are slow, noisy, or gone."""
+"""The film temperature from sensors that are slow, noisy, or missing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STEP = 1e-3
 
 
 def follow(film: FilmTemperature, readings: list[tuple[float, float]], step: float = STEP) -> list[float]:
-    """The film's change after each pair of readings."""
+    """Return the change of the film temperature after each pair of readings."""
     total, history = 0.0, []
     for pair in readings:
         total += film.update(np.array(pair, np.float32), step)
@@ -24,7 +24,7 @@ def follow(film: FilmTemperature, readings: list[tuple[float, float]], step: flo
 def test_the_film_follows_a_chip_temperature_step_with_its_lag() -> None:
     film = FilmTemperature(0.05)
     history = follow(film, [(25.0, 25.0)] + [(26.0, 26.0)] * 100)
-    # First order from the step on, until the sensor is overdue to say something new and its slope is dropped.
+    # First order from the step on, until a new reading is overdue and the slope is discarded.
     assert history[0] == 0.0
     assert history[50] == pytest.approx(1 - math.exp(-1), abs=0.02)
     assert history[-1] == pytest.approx(1 - math.exp(-2), abs=0.02)
@@ -41,7 +41,7 @@ def test_readings_at_10_hz_are_extrapolated_along_a_ramp() -> None:
     ramp = [(25.0 + 0.1 * (k // 100), 25.0 + 0.1 * (k // 100)) for k in range(4000)]
     history = np.array(follow(film, ramp))
     truth = 1e-3 * np.arange(4000)
-    # Held, the last reading is 0.1 K behind at the end of each 0.1 s.
+    # Without extrapolation the last reading lags 0.1 K behind at the end of each 0.1 s.
     assert np.abs(history - truth)[3000:].max() < 0.01
 
 
@@ -82,7 +82,7 @@ def test_sensor_noise_is_included_in_the_standard_uncertainty() -> None:
     film = FilmTemperature(0.0)
     noise = np.random.default_rng(5).normal(25.0, 0.01, (200, 2))
     follow(film, [tuple(pair) for pair in noise.tolist()], step=0.1)
-    # The error of a prediction: noise of the mean of two, now and before.
+    # The error of a prediction: noise of the mean of two readings, now and before.
     assert film.standard_deviation == pytest.approx(0.01, rel=0.5)
 
 

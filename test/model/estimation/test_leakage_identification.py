@@ -1,4 +1,4 @@
-"""The leak found while the sensor is used, and a force that moves not taken for a leak."""
+"""Online identification of the charge leakage; a varying force is not mistaken for leakage."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def totals(device: Sensor, duration: float, force: object, seed: int = 0) -> np.
 def test_a_leakage_error_is_identified_while_a_force_is_held(percent: float) -> None:
     device = perturbed(SENSOR, {"leak": percent})
     found = totals(device, 4.0, press(2.0, 0.3, 60.0))
-    # Left alone, the force would be wrong by as much as the leak.
+    # Without identification the relative error of the force would equal that of the leakage.
     assert found[2000:] == pytest.approx(2.0, abs=0.06)
 
 

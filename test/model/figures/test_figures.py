@@ -1,4 +1,4 @@
-"""The figures: drawn without fault, the same on every run, with units, and readable without colour."""
+"""The figures: drawn without errors, reproducible, with units, and readable without colour."""
 
 import re
 import subprocess
@@ -58,7 +58,7 @@ def test_axes_are_labelled_and_lines_differ_in_more_than_colour(name: str) -> No
         figure = FIGURES[name]()
         figure.draw_without_rendering()
     panels = [axes for axes in figure.axes if hasattr(axes, "get_subplotspec") and axes.get_subplotspec() is not None]
-    for axes in panels:  # a name may stand once for a column or a row of panels
+    for axes in panels:  # one label may serve a column or a row of panels
         place = axes.get_subplotspec()
         column = [other for other in panels if other.get_subplotspec().colspan == place.colspan]
         row = [other for other in panels if other.get_subplotspec().rowspan == place.rowspan]
@@ -74,4 +74,4 @@ def test_axes_are_labelled_and_lines_differ_in_more_than_colour(name: str) -> No
                     line.get_linewidth(),
                 )
                 colour = line_styles.setdefault(look, line.get_color())
-                assert colour == line.get_color(), f"two colours of the same dashes: {look}"
+                assert colour == line.get_color(), f"two colours with the same line style: {look}"

@@ -1,4 +1,4 @@
-"""The map of integration schemes says what docs/stability.md says of each, and only the exact one is in the model."""
+"""The map of integration schemes agrees with docs/stability.md, and the model uses only the exact scheme."""
 
 import ast
 import math

@@ -1,4 +1,4 @@
-"""Hum is found, followed and taken away, and nothing else is."""
+"""Mains hum is detected, tracked and removed; other signals stay unchanged."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ BLOCK = 20
 CONTACT = [6, 7, 8, 11, 12, 13, 16, 17, 18]
 
 Signal = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Times [s] in, what the taxels show besides noise out, shape [scans, taxels]."""
+"""Maps times [s] to the signals of the taxels without noise, shape [scans, taxels]."""
 
 
-def hum(frequency: float, amplitude: float = 1.5, wander: float = 0.0) -> Signal:
-    """Return a hum whose amplitudes and phases differ; its frequency changes by `wander` [Hz/s]."""
+def hum(frequency: float, amplitude: float = 1.5, rate: float = 0.0) -> Signal:
+    """Return a hum whose amplitudes and phases differ between taxels; its frequency changes at `rate` [Hz/s]."""
     random = np.random.default_rng(5)
     size, ahead = amplitude * random.uniform(0.5, 1.5, TAXELS), random.uniform(-0.6, 0.6, TAXELS)
 
     def show(times: NDArray[np.float64]) -> NDArray[np.float64]:
-        turns = frequency * times + 0.5 * wander * times**2
+        turns = frequency * times + 0.5 * rate * times**2
         return size * np.cos(2.0 * math.pi * turns[:, None] + ahead)
 
     return show
 
 
 def nothing(times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what no hum shows."""
+    """Return the signal without hum."""
     return np.zeros((len(times), TAXELS))
 
 
@@ -53,7 +53,7 @@ def run(
     start: float = 0.0,
     noise: float = NOISE,
 ) -> NDArray[np.float64]:
-    """Run from `start` [s] on; return what is left of `signal`, noise left out, shape [scans, taxels]."""
+    """Process from `start` [s] on; return the residual of `signal` without noise, shape [scans, taxels]."""
     times = start + (np.arange(round(seconds * rate)) + 1) / rate
     shown = signal(times)
     given = shown + noise * np.random.default_rng(1).standard_normal(shown.shape)
@@ -84,7 +84,7 @@ def test_hum_is_removed_at_any_mains_frequency(frequency: float, rate: float) ->
 
 
 def test_a_drifting_mains_frequency_is_tracked() -> None:
-    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0, wander=0.02)
+    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0, rate=0.02)
     left = run(mains, shown, 12.0)
     assert rms(left[-1000:]) < 0.15 * rms(shown(np.arange(1000) / 1000))
 
@@ -142,7 +142,7 @@ def test_contact_vibration_at_mains_frequency_is_preserved() -> None:
 
 
 def test_during_a_long_touch_untouched_taxels_keep_the_phase_locked() -> None:
-    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0, wander=0.01)
+    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0, rate=0.01)
     run(mains, shown, 3.0)
     left = run(mains, shown, 20.0, CONTACT, start=3.0)
     assert rms(left[-1000:, CONTACT]) < 0.15 * rms(shown(np.arange(1000) / 1000)[:, CONTACT])

@@ -1,4 +1,4 @@
-"""The whole path from counts to contacts, on pressure integrated elsewhere, on other devices, and on broken scans."""
+"""The whole path from counts to contacts, with independent pressure, with model mismatch, and with faulty scans."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LAYOUT = SENSOR.layout
 
 
 def sphere(x: float, y: float) -> Any:
-    """Force of each taxel for a fingertip of 1 N."""
+    """Return the force on each taxel for a fingertip of 1 N."""
     return sphere_forces(x, y, 1.0, 6e-3, 1e6, SENSOR.device.contact_spread, LAYOUT.pitch_x, LAYOUT.rows)
 
 
@@ -47,7 +47,7 @@ def run(
     device: Sensor = SENSOR,
     **scene: Any,
 ) -> list[Reconstruction]:
-    """Results of all scans; `edit` may change a scan, or return False to lose it."""
+    """Return the results of all scans; `edit` may change a scan, or return False to drop it."""
     results = []
     for time, scan in scans(device, duration, **scene):
         if edit(round(time * 1000), scan) is not False:
@@ -56,7 +56,7 @@ def run(
 
 
 def at(results: list[Reconstruction], seconds: float) -> Reconstruction:
-    """The newest result that was taken at a time [s] of the scene."""
+    """Return the newest result at a time [s] of the scene."""
     return [result for result in results if result.stamp <= START + round(seconds * 1e9)][-1]
 
 
@@ -68,7 +68,7 @@ def test_onset_and_release_of_a_fingertip() -> None:
     reconstructor = Reconstructor(SENSOR)
     results = run(reconstructor, 2.0, force=press(1.5, 0.5, 1.5), shape=FINGER)
     assert not results[0].valid
-    assert all(result.valid for result in results[101:])  # one after the block that settles it
+    assert all(result.valid for result in results[101:])  # one scan after the block that makes the offsets known
     assert not contacts_of(results[:501])
     [contact] = at(results, 1.0).contacts
     assert contact.region.force == pytest.approx(1.5, abs=0.02)
@@ -89,7 +89,7 @@ def test_a_slide_across_the_array_keeps_its_id_and_position(newton: float) -> No
     shapes = [sphere(x, 0.5e-3) * newton for x in places]
     errors, ids, speeds = [], set(), []
     for index in range(1100):
-        # 200 ms without touch, 100 ms of pressing, then 6 mm in 800 ms between the tabulated places.
+        # 200 ms without touch, 100 ms of pressing, then 6 mm in 800 ms between the tabulated positions.
         where = max(0.0, (index - 300) / 800) * 40
         low = min(int(where), 39)
         forces = shapes[low] + (where - low) * (shapes[low + 1] - shapes[low])
@@ -131,7 +131,7 @@ def test_a_device_that_differs_from_its_description_still_gives_one_contact_at_i
     reconstructor = Reconstructor(SENSOR)
     results = run(reconstructor, 5.0, device=other, force=press(1.5, 0.5, 2.5), shape=FINGER)
     [contact] = at(results, 2.4).contacts
-    assert contact.region.force == pytest.approx(1.5 * scale, rel=0.03)  # the leak is found
+    assert contact.region.force == pytest.approx(1.5 * scale, rel=0.03)  # the leakage is identified
     assert math.dist(contact.region.centre_of_pressure, (0.6e-3, -0.4e-3)) < 0.1e-3
     assert results[-1].valid
     assert not results[-1].contacts
@@ -253,13 +253,15 @@ def test_an_unusable_frame_is_flagged_and_the_next_ones_are_complete(
 
 def test_a_contact_released_before_an_unusable_scan_is_not_released_twice() -> None:
     reconstructor = Reconstructor(SENSOR)
-    states = []
+    states: list[ContactState] = []
+    released = False
     for time, scan in scans(SENSOR, 1.0, force=press(1.5, 0.5, 0.7), shape=FINGER):
-        released = any(contact.state is ContactState.RELEASED for contact in reconstructor._result.contacts)
         if released:
             scan.status = int(ScanStatus.ADC_FAULT)
-        states += [contact.state for contact in reconstructor.process(scan).contacts]
-        assert time < 0.7 or not reconstructor._result.unusable or not reconstructor._result.contacts
+        result = reconstructor.process(scan)
+        states += [contact.state for contact in result.contacts]
+        released = any(contact.state is ContactState.RELEASED for contact in result.contacts)
+        assert time < 0.7 or not result.unusable or not result.contacts
     assert states.count(ContactState.RELEASED) == 1
     assert reconstructor.counts.adc_fault == 1
 
@@ -317,8 +319,10 @@ objects:
 
 
 @pytest.mark.parametrize(("board", "error"), [("ideal", 0.05), ("calibrated", 0.2)])
-def test_a_warm_finger_stays_one_contact_with_correct_force_until_release(board: str, error: float, tmp_path: Path) -> None:
-    """It warms the film by 1.1 K, of which each taxel makes as much signal as of 1.2 N."""
+def test_a_warm_finger_stays_one_contact_with_correct_force_until_release(
+    board: str, error: float, tmp_path: Path
+) -> None:
+    """The finger warms the film by 1.1 K, which gives each taxel the signal of 1.2 N."""
     path = tmp_path / "warm_finger.yaml"
     path.write_text(WARM_FINGER)
     imperfections = None if board == "ideal" else replace(ErrorModel.default(), resets_per_hour=0.0)
@@ -331,7 +335,7 @@ def test_a_warm_finger_stays_one_contact_with_correct_force_until_release(board:
             assert result.valid
             [contact] = result.contacts
             assert contact.region.force == pytest.approx(1.45, abs=error)
-            if calibration:  # the untouched taxels show what the leak of the warmth's charge comes to
+            if calibration:  # the untouched taxels show the leakage of the pyroelectric charge
                 assert math.sqrt(contact.region.force_variance) < 0.25
         elif truth.time > 9.4:
             assert not result.contacts
@@ -342,7 +346,7 @@ def test_a_warm_finger_stays_one_contact_with_correct_force_until_release(board:
 def test_a_small_array_behaves_like_a_large_one(rows: int, cols: int) -> None:
     sensor = replace(SENSOR, layout=replace(LAYOUT, rows=rows, cols=cols))
     shape = np.ones(rows * cols)
-    shape[4:] = 0.0  # a fingertip covers a small one whole
+    shape[4:] = 0.0  # a fingertip covers a small array completely
     reconstructor = Reconstructor(sensor)
     results = run(reconstructor, 1.5, device=sensor, force=press(0.5, 0.5, 9.0, rise=0.2), shape=shape)
     assert all(result.valid for result in results[101:])
@@ -376,7 +380,7 @@ def test_scans_lost_during_slide_and_release_do_not_corrupt_the_force(gap: range
 
 
 def test_the_contact_uncertainty_covers_the_force_error_of_wrong_leakage() -> None:
-    """By the description alone the leak is known to 10 %, and this board's is that far off."""
+    """Uncalibrated, the leakage has an uncertainty of 10 %, and this board deviates by that much."""
     device = perturbed(SENSOR, {"leak": -10.0})
     reconstructor, inside = Reconstructor(SENSOR), []
     for scan, truth in received_scans(device, load_scene("hold", device), 4.0, 1):
@@ -396,7 +400,7 @@ def test_a_start_during_a_touch_is_invalid_until_the_baseline_is_reliable(start:
         if scan.sequence >= begun and reconstructor.process(scan).valid:
             valid_from = valid_from or scan.sequence
             worst = max(worst, abs(reconstructor.image().total - float(truth.force.sum())))
-    # Untouched until 0.3 s, and from 2.9 s on.
+    # Untouched until 0.3 s and from 2.9 s on.
     assert begun < valid_from <= (250 if start == 0.1 else 2900 + 1300)
     assert worst < 0.1
 
@@ -420,7 +424,7 @@ def test_one_overloaded_taxel_gives_a_lower_bound_and_recovers() -> None:
     assert math.isnan(first.contacts[0].region.peak_pressure)
     [held] = at(results, 1.0).contacts
     assert 5.0 < held.region.force - 8.0 * (1.0 / tip.max() - 1.0) <= 8.0, (
-        "of that taxel; the others are not at the end"
+        "of that taxel; the others are not out of range"
     )
     assert results[-1].valid
     assert not results[-1].contacts

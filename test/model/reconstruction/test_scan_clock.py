@@ -1,4 +1,4 @@
-"""Which scans are taken, the interval before each, and what is counted."""
+"""Which scans are accepted, the interval before each, and the counters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ START = 1_700_000_000_000_000_000
 
 
 def scan(index: int, **changes: Any) -> Scan:
-    """Scan `index` of a board at 1 kHz."""
+    """Return scan `index` of a board at 1 kHz."""
     made = Scan.empty(SENSOR.layout.id, SENSOR.layout.taxels)
     made.sequence, made.device_time, made.stamp = index, 1000 * index, START + 1_000_000 * index
     for name, value in changes.items():
@@ -163,7 +163,9 @@ GOOD = ScanCounts(accepted=1000)
         (GOOD, {"temperature_known": False}, Level.WARN, "temperature"),
     ],
 )
-def test_the_diagnostic_level_names_the_cause(after: ScanCounts, state: dict[str, Any], level: Level, word: str) -> None:
+def test_the_diagnostic_level_names_the_cause(
+    after: ScanCounts, state: dict[str, Any], level: Level, word: str
+) -> None:
     known = {"unsettled": 0, "saturated": 0, "faulty": 0, "temperature_known": True, **state}
     verdict = judge(Period.between(ScanCounts(), after, **known))
     assert verdict.level is level
@@ -171,14 +173,14 @@ def test_the_diagnostic_level_names_the_cause(after: ScanCounts, state: dict[str
 
 
 def test_arrival_times_are_averaged() -> None:
-    """A classic board sends no time: scans that come late and in bursts are still 1 ms apart."""
+    """A classic board sends no timestamps: scans that arrive late and in bursts are still 1 ms apart."""
     clock = ScanClock(SENSOR)
     generator = np.random.default_rng(1)
     steps = []
     arrival = 0
     for index in range(20_000):
         due = START + 1_000_000 * index + int(generator.exponential(300_000))
-        arrival = max(arrival, due)  # one that is late makes the next ones come with it
+        arrival = max(arrival, due)  # a late scan delays the next ones
         assert clock.admit(scan(index, device_time=0, stamp=arrival, status=ScanStatus.TIME_ESTIMATED))
         steps.append(clock.step)
     assert clock.counts.time_jumps == 0

@@ -1,4 +1,4 @@
-"""Bad taxels: found, flagged, never a zero, left out of contacts that are then measured around them; and healed."""
+"""Faulty taxels: detected, flagged, never reported as 0, excluded from contacts, and used again after recovery."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def run(
     sensor: Sensor = SENSOR,
     rate: float = 1000.0,
 ) -> tuple[Reconstructor, list[Reconstruction], list[NDArray[np.uint8]]]:
-    """The reconstructor, its results, and the status of the taxels after each scan."""
+    """Return the reconstructor, its results, and the status of the taxels after each scan."""
     reconstructor = Reconstructor(sensor)
     results, statuses = [], []
     for time, scan in scans(SENSOR, duration, force=force, shape=shape, rate=rate):
@@ -93,14 +93,14 @@ def well(index: int, scan: Scan) -> None:
     """No fault."""
 
 
-def known_to(results: list[Reconstruction]) -> float:
-    """Standard deviation of the force of the only contact in the last scan [N]."""
+def standard_uncertainty(results: list[Reconstruction]) -> float:
+    """Return the standard uncertainty of the force of the only contact in the last scan [N]."""
     [contact] = results[-1].contacts
     return math.sqrt(contact.region.force_variance)
 
 
 def found_at(statuses: list[NDArray[np.uint8]], taxel: int, status: TaxelStatus) -> int:
-    """Index of the first scan with that status of the taxel; no other taxel may ever have one."""
+    """Return the index of the first scan with that status of the taxel; all other taxels must stay without fault."""
     others = np.array(statuses)[:, np.arange(LAYOUT.taxels) != taxel]
     assert not others.any()
     return [row[taxel] for row in statuses].index(status)
@@ -117,8 +117,8 @@ def test_a_dead_taxel_is_detected_on_first_touch_and_the_contact_continues_witho
     estimated = shape[taxel] * 1.5
     assert abs(contact.region.force - 1.5 * shape.sum()) < 2 * INTERPOLATION_UNCERTAINTY * estimated + 0.01
     _, undisturbed, _ = run(well, 1.5, press(1.5, 0.5, 9.0), shape)
-    expected = math.hypot(known_to(undisturbed), INTERPOLATION_UNCERTAINTY * estimated)
-    assert known_to(results) == pytest.approx(expected, rel=0.25)
+    expected = math.hypot(standard_uncertainty(undisturbed), INTERPOLATION_UNCERTAINTY * estimated)
+    assert standard_uncertainty(results) == pytest.approx(expected, rel=0.25)
     assert math.dist(contact.region.centre_of_pressure, (x, y)) < 0.15e-3
     image = reconstructor.image()
     assert math.isnan(image.force[taxel])
@@ -247,7 +247,7 @@ def test_a_noisy_taxel_is_detected_and_recovers(times: float, rate: float) -> No
 
 @pytest.mark.parametrize("taxel", [12, 11, 8])
 def test_a_noisy_taxel_is_not_listed_but_its_signal_is_used(taxel: int) -> None:
-    """With five times the noise a touch is still told from none: no guess by the neighbours is as good."""
+    """With five times the noise a touch is still detected, better than by interpolation from neighbours."""
     _, results, statuses = run(noisy(taxel, 5.0), 1.5, press(1.5, 0.7, 9.0, rise=0.1))
     assert statuses[690][taxel] == TaxelStatus.NOISY
     first = next(result for result in results if result.contacts)
@@ -258,7 +258,7 @@ def test_a_noisy_taxel_is_not_listed_but_its_signal_is_used(taxel: int) -> None:
         assert math.dist(contact.region.centre_of_pressure, (0.3e-3, -0.2e-3)) < 0.06e-3
         assert abs(contact.region.force - 1.5) < 0.03
     _, undisturbed, _ = run(well, 1.5, press(1.5, 0.7, 9.0, rise=0.1))
-    assert known_to(results) == pytest.approx(known_to(undisturbed), rel=0.1)
+    assert standard_uncertainty(results) == pytest.approx(standard_uncertainty(undisturbed), rel=0.1)
 
 
 def test_a_taxel_too_noisy_to_detect_a_touch_is_interpolated() -> None:
@@ -266,8 +266,8 @@ def test_a_taxel_too_noisy_to_detect_a_touch_is_interpolated() -> None:
     assert statuses[890][12] == TaxelStatus.NOISY
     assert not any(result.contacts for result in results[500:899])
     _, undisturbed, _ = run(well, 1.5, press(1.5, 0.9, 9.0))
-    expected = math.hypot(known_to(undisturbed), INTERPOLATION_UNCERTAINTY * 1.5 * FINGER[12])
-    assert known_to(results) == pytest.approx(expected, rel=0.25)
+    expected = math.hypot(standard_uncertainty(undisturbed), INTERPOLATION_UNCERTAINTY * 1.5 * FINGER[12])
+    assert standard_uncertainty(results) == pytest.approx(expected, rel=0.25)
 
 
 def vibrating(share: float, time: float) -> float:

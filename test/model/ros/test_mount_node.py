@@ -1,4 +1,4 @@
-"""The frame of the array in TF, as a robot's tree receives it."""
+"""The frame of the array in the TF tree of a robot."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_late_subscribers_receive_the_transform(context: Context) -> None:
 @pytest.mark.parametrize("parent", ["", "thumb_tip"])
 def test_nothing_is_broadcast_without_a_parent_or_without_tf(context: Context, parent: str) -> None:
     if parent and find_spec("tf2_msgs"):
-        pytest.skip("tf2_msgs is there")
+        pytest.skip("tf2_msgs is installed")
     node = mounted(context, parent)
     assert "/tf_static" not in [name for name, _ in node.get_publisher_names_and_types_by_node("model_node", "/")]
     node.destroy_node()

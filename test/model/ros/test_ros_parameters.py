@@ -1,4 +1,4 @@
-"""Parameters of a node as others see and set them: types, ranges, descriptions, and what is refused."""
+"""Parameters of a node as seen and set by other nodes: types, ranges, descriptions, and rejected values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading of YAML: one reader at a time, and files that are none."""
+"""Reading of YAML: every reader, and invalid files."""
 
 from __future__ import annotations
 

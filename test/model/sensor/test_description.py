@@ -1,4 +1,4 @@
-"""The sensor file: what it becomes, and each way in which it can be wrong, told in one line."""
+"""The sensor file: its conversion, and every error in it, reported in one line."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def values() -> dict[str, Any]:
 
 
 def refusal(folder: Path, content: dict[str, Any] | str) -> str:
-    """Write a sensor file that must be refused and return the message, without the file's path."""
+    """Write a sensor file that must be rejected and return the message, without the path of the file."""
     path = folder / "odd.yaml"
     path.write_text(content if isinstance(content, str) else yaml.safe_dump(content), encoding="utf-8")
     with pytest.raises(ConfigError) as caught:
@@ -176,9 +176,7 @@ def test_an_unknown_top_level_key_is_rejected(tmp_path: Path) -> None:
     ],
     ids=lambda value: ".".join(value) if isinstance(value, tuple) else None,
 )
-def test_inconsistent_values_are_rejected(
-    tmp_path: Path, path: tuple[str, ...], value: Any, said: str
-) -> None:
+def test_inconsistent_values_are_rejected(tmp_path: Path, path: tuple[str, ...], value: Any, said: str) -> None:
     assert refusal(tmp_path, changed(path, value)) == said
 
 

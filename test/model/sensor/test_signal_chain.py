@@ -1,4 +1,4 @@
-"""The chain against plain formulas integrated at 100 kHz, the converter's own functions, and its inverse."""
+"""The signal chain against plain formulas integrated at 100 kHz, the functions of the ADC, and its inverse."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def with_adc(**changes: Any) -> Sensor:
 
 
 def force_at(time: float) -> float:
-    """A press of 2 N within 50 ms, then 0.5 N of 7 Hz on it [N]."""
+    """Return a press of 2 N within 50 ms, with 0.5 N at 7 Hz superimposed [N]."""
     return 2.0 * min(time / 0.05, 1.0) + 0.5 * math.sin(2 * math.pi * 7 * time)
 
 
@@ -34,7 +34,7 @@ def temperature_at(time: float) -> float:
 
 
 def integrated_at_100_khz(duration: float, every: int) -> list[float]:
-    """Follower output [V], each `every` steps: the formulas of one taxel written out with numbers, by Heun's rule."""
+    """Return the follower output [V], every `every` steps: explicit formulas of one taxel, by Heun's method."""
     d33, area, pyro, tau = -38e-12, 1e-6, -40e-6, 0.27
     capacitance = 8.8541878188e-12 * 12 / 2.5e-6
     gain = 10 ** (42.3 / 20)
@@ -65,8 +65,8 @@ def test_chain_equals_plain_integration_at_100_khz(every: int) -> None:
         force[7] = force_at(index * step)
         chain.advance(force, temperature_at(index * step), step)
         volts.append(chain.volts()[7])
-    # Straight lines between the samples lie below a sine by (w*h)^2/12 of it on average; the leak integrates that over
-    # half a period, 2/w of it, with 1/tau. Heun's rule itself is good to 1e-8 V.
+    # Linear interpolation between the samples is below a sine by (w*h)^2/12 of it on average; the leakage integrates
+    # that over half a period, 2/w of it, with 1/tau. Heun's method itself has an error of 1e-8 V.
     frequency = 2 * math.pi * 7
     bound = 0.5 * (frequency * step) ** 2 / 12 * 2 / frequency / 0.27 * SENSOR.volts_per_newton + 1e-8
     np.testing.assert_allclose(volts, integrated_at_100_khz(0.5, every), rtol=0, atol=bound)
@@ -152,7 +152,7 @@ def test_noise_has_the_stated_standard_deviation_and_is_reproducible_by_seed() -
     np.testing.assert_array_equal(draws, [again.counts() for _ in range(400)])
     step = 10 / 65535
     expected = math.sqrt(SENSOR.adc.noise**2 + step**2 / 12)
-    # 10000 draws: the deviation is known to 0.7 %.
+    # 10000 draws: the standard deviation has a standard error of 0.7 %.
     assert draws.std() * step == pytest.approx(expected, rel=0.03)
 
 

@@ -1,4 +1,4 @@
-"""The surface of a bent chip, held to that of the scenes, and contacts on it."""
+"""The surface of a bent chip, verified against that of the scenes, and contacts on it."""
 
 from __future__ import annotations
 
@@ -43,7 +43,9 @@ def test_the_surface_equals_that_of_the_scenes(surface: Surface, x: float, y: fl
 
 
 @given(surfaces, lengths, lengths, st.floats(-1, 1), st.floats(-1, 1))
-def test_tangent_vectors_equal_the_slopes_of_the_surface(surface: Surface, x: float, y: float, u: float, v: float) -> None:
+def test_tangent_vectors_equal_the_slopes_of_the_surface(
+    surface: Surface, x: float, y: float, u: float, v: float
+) -> None:
     step = 1e-7
     ahead, behind = (np.array(surface.point(x + way * u * step, y + way * v * step)) for way in (1, -1))
     along = surface.along(x, y, (u, v))

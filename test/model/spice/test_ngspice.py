@@ -35,7 +35,7 @@ def live(circuit: str, stimulus: str) -> FollowerRun:
 
 
 def calibrated(circuit: str) -> dict[str, Follower]:
-    """The models of a circuit of which only an AC run is known."""
+    """Return the models of a circuit from its AC run alone."""
     loop = ngspice.closed_loop(small_signal(circuit, "ac"))
     return calibrated_models(loop, slew_model(loop).follower())
 
@@ -67,7 +67,7 @@ def test_zero_order_hold_input_costs_half_a_percent_on_a_tap(circuit: str, strai
     assert np.diff(tap.time).max() == pytest.approx(0.4e-6, abs=1e-12)
     follower = calibrated(circuit)["one_pole"]
     assert deviation(tap, follower).max_pct == pytest.approx(straight, abs=5e-4)
-    # The last input is held until the next sample, where it jumps: each sample comes twice, first with the old input.
+    # Zero-order hold: the input jumps at each sample, so each sample occurs twice, first with the old input.
     held = follower.run(np.repeat(tap.time, 2)[1:], np.repeat(tap.v_in, 2)[:-1]).v_out[::2]
     error = (held - held[0]) - (tap.v_out - tap.v_out[0])
     assert 100 * np.abs(error).max() / np.ptp(tap.v_out) == pytest.approx(0.48, abs=5e-3)
@@ -91,7 +91,7 @@ STEPS = {
     "from 0 to -1 V": (0.0, -1.0, 1e-8),
 }
 FALLING_B = {"from 1 to 0 V": 2.4, "from 0 to -1 V": 10.0}
-"""Its output stage cannot sink what Cc asks for; the fall is steeper than `falling_slew_rate`, so it is flagged."""
+"""Its output stage cannot sink the current of Cc; the fall is steeper than `falling_slew_rate`, so it is flagged."""
 
 
 @pytest.mark.spice
@@ -138,7 +138,7 @@ IN_NETLIST = {
     ("circuit", "bias"), [*(("opamp_b", bias) for bias in BIASES_B), *(("opamp_c", bias) for bias in BIASES_C)]
 )
 def test_hand_formulas_alone_predict_a_step_at_any_bias(circuit: str, bias: dict[str, float]) -> None:
-    """Not even gain and bandwidth are measured: sizes and bias go in, 1.1 % rms of a step of 1 V is what is left."""
+    """Without measured gain and bandwidth, from sizes and bias alone: a residual of 1.1 % rms of a step of 1 V."""
     text = ngspice.netlist(circuit)
     for name, value in bias.items():
         assert f" {IN_NETLIST[circuit][name]}\n" in text
@@ -156,12 +156,12 @@ def test_hand_formulas_alone_predict_a_step_at_any_bias(circuit: str, bias: dict
 @needs_ngspice
 @pytest.mark.parametrize("circuit", ngspice.CIRCUITS)
 def test_hand_formulas_alone_predict_a_step_of_another_design(circuit: str) -> None:
-    """A film twice as thick, a pair half as wide, half the load and, in B, half its second stage: 1.1 % rms again."""
+    """A film twice as thick, a pair half as wide, half the load and, in B, half its second stage: 1.1 % rms as well."""
     halved = {"M1", "M2", "M3", "M4", *(("M7",) if circuit == "opamp_b" else ())}
     sizes = tuple(
         replace(size, width=size.width / 2) if size.name in halved else size for size in paper.AMPLIFIER_SIZES
     )
-    text = ngspice.netlist(circuit).replace("tox=857.5n", "tox=1670n")  # as much oxide as the new stack
+    text = ngspice.netlist(circuit).replace("tox=857.5n", "tox=1670n")  # the oxide that is equivalent to the new stack
     for name in halved:
         text, found = re.subn(rf"(?m)^({name.lower()} .* w=)(\d+)u", lambda m: f"{m[1]}{int(m[2]) / 2:g}u", text)
         assert found == 1
@@ -187,7 +187,7 @@ def test_a_falling_edge_outside_the_model_is_flagged() -> None:
 @needs_ngspice
 @pytest.mark.parametrize(("circuit", "figures"), [("opamp_b", figures_of_merit()), ("opamp_c", one_stage_figures())])
 def test_the_follower_is_linear_within_its_limits_and_nonlinear_beyond(circuit: str, figures: OpAmpFigures) -> None:
-    """Slow ramps from 0 to either rail: 0.1 % of the range off a straight line at most inside, ever more outside."""
+    """Slow ramps from 0 to either rail: at most 0.1 % of the range of nonlinearity inside, increasing outside."""
     limits = figures.limits
     runs = [
         ngspice.run_follower(ngspice.netlist(circuit), ngspice.piecewise_linear([0, 1e-3], [0, volts]), 1e-3, 1e-6)
@@ -237,7 +237,7 @@ class TestLive:
         for stimulus in ("tap", "step"):
             stored, fresh = transient(circuit, stimulus), live(circuit, stimulus)
             at_stored = np.interp(stored.time, fresh.time, fresh.v_out)
-            # Two versions step differently; straight lines between steps of 10 ns are 1 mV off at the sharpest bend.
+            # Versions use different time steps; linear interpolation over 10 ns is wrong by 1 mV at the sharpest bend.
             np.testing.assert_allclose(at_stored, stored.v_out, rtol=0, atol=2e-3)
 
     @pytest.mark.parametrize("circuit", ngspice.CIRCUITS)

@@ -1,4 +1,4 @@
-"""The command that compares any follower run with the models: what it prints, and what it says to bad files."""
+"""The command that compares any follower run with the models: its output, and its errors for invalid files."""
 
 import json
 import math
@@ -24,7 +24,7 @@ from posfet_model.spice.run_file import FollowerRun, read_run
 from support.spice_data import path, small_signal
 
 ONE_POLE_RATIO = 1 + 1 / AMPLIFIER_GAIN.value
-"""Bandwidth of a follower of one pole over the gain-bandwidth product of its op-amp."""
+"""Ratio of the bandwidth of a one-pole follower to the gain-bandwidth product of its op-amp."""
 
 MODELS = {"ideal", "static", "one_pole", "two_pole", "square_law_slew"}
 
@@ -79,9 +79,9 @@ def test_a_run_of_the_model_itself_is_reproduced_exactly(tmp_path: Path) -> None
     slewing = SquareLawFollower(gain=0.97, bandwidth=2e6, overdrive=0.123)
     write(file, instants, v_in, slewing.run(instants, v_in).v_out)
     product = 2e6 / ONE_POLE_RATIO
-    seen = 2.4e6  # a second pole is seen; the lag is that of the product
-    told = spice_compare.compare(file, 0.97, seen, gain_bandwidth=product, overdrive=0.123)
-    assert told["square_law_slew"]["calibrated"]["max_pct"] <= 1e-8
+    seen = 2.4e6  # measured with a second pole; the lag is that of the gain-bandwidth product
+    compared = spice_compare.compare(file, 0.97, seen, gain_bandwidth=product, overdrive=0.123)
+    assert compared["square_law_slew"]["calibrated"]["max_pct"] <= 1e-8
     model = slew_model(ClosedLoop(0.97, seen), product)
     assert fit_overdrive(read_run(file), model) == pytest.approx(0.123, abs=1e-3)
 
@@ -141,7 +141,7 @@ def test_the_assumed_op_amp_is_noted_apart_from_the_json(capsys, circuit, bandwi
 
 @pytest.mark.parametrize("circuit", CIRCUITS)
 def test_nothing_is_fitted_to_the_evaluated_run(circuit: str, monkeypatch) -> None:
-    """The calibrated model is the same whatever the run's output: only the deviation changes."""
+    """The calibrated model does not depend on the output of the run: only the error changes."""
     loop, run = closed_loop(small_signal(circuit, "ac")), read_run(path(circuit, "step"))
     seen = []
     monkeypatch.setattr(spice_compare, "deviations", lambda run, models: seen.append(models) or {})
