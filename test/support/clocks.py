@@ -35,9 +35,9 @@ class SteppedClock:
 class PacedClock:
     """Clock for several threads: time advances normally, but stands still while any thread that reads it is behind.
 
-    So a board never gets ahead of its reader, nor the time-outs of a reader ahead of its board, however long the machine
-    delays one of them: such a test only takes longer. A thread takes part from its first reading of the clock until it
-    ends; the main thread only with `main`, or within `taking_part`.
+    So a board never gets ahead of its reader, nor the time-outs of a reader ahead of its board, however long the
+    machine delays one of them: such a test only takes longer. A thread takes part from its first reading of the clock
+    until it ends; the main thread only with `main`, or within `taking_part`.
     """
 
     def __init__(self, main: bool = True, lead: float = 0.05) -> None:

@@ -1,10 +1,10 @@
 """Command: run the followers for 1e8 steps and report the accumulated rounding error. `make stability STEPS=1e8`.
 
-Every step is computed, by the code that processes series (`Follower.advance_series`), with the state carried from piece to
-piece; for the charge, by the two products of `propagate_first_order_hold` in sequence. The input is periodic, so that
-the exact output is known at each step: a periodic part and the decay of the initial state, both from mpmath at 40 digits
-and in a different form than in the code. The trajectory of the pair is constructed backwards: from the overdrives that
-it must pass, with the time of each section by quadrature.
+Every step is computed, by the code that processes series (`Follower.advance_series`), with the state carried from piece
+to piece; for the charge, by the two products of `propagate_first_order_hold` in sequence. The input is periodic, so
+that the exact output is known at each step: a periodic part and the decay of the initial state, both from mpmath at 40
+digits and in a different form than in the code. The trajectory of the pair is constructed backwards: from the
+overdrives that it must pass, with the time of each section by quadrature.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ def _raised(x: mpf, lead: Lead) -> mpf:
     return x + mpf(lead.linear) * _current(x) + mpf(lead.square) * _current(x) ** 2
 
 
-def _duration(way: tuple[mpf, mpf], slope: mpf, lead: Lead) -> mpf:
+def _duration(section: tuple[mpf, mpf], slope: mpf, lead: Lead) -> mpf:
     """Return the time from one overdrive to another inside saturation, by quadrature over y."""
 
     def pace(x: mpf) -> mpf:
@@ -163,7 +163,7 @@ def _duration(way: tuple[mpf, mpf], slope: mpf, lead: Lead) -> mpf:
         raised = 1 + (mpf(lead.linear) + 2 * mpf(lead.square) * _current(x)) * steepness
         return raised / (slope - _current(x))
 
-    return mpmath.quad(pace, way)
+    return mpmath.quad(pace, section)
 
 
 def _pair(
@@ -178,13 +178,15 @@ def _pair(
         points = [mpf(x) for x in overdrives]
         up = list(itertools.pairwise(points))
         down = [(b, a) for a, b in reversed(up)]
-        times_up = [_duration(way, mpf(rising), lead) for way in up]
+        times_up = [_duration(section, mpf(rising), lead) for section in up]
 
         def left_over(slope: mpf) -> mpf:
-            return mpf(rising) * sum(times_up) + slope * sum(_duration(way, slope, lead) for way in down)
+            return mpf(rising) * sum(times_up) + slope * sum(_duration(section, slope, lead) for section in down)
 
         falling = mpmath.findroot(left_over, (-mpf(rising), -mpf(rising) * mpf("0.9")), tol=1e-40)
-        steps_of = [(mpf(rising), t) for t in times_up] + [(falling, _duration(way, falling, lead)) for way in down]
+        steps_of = [(mpf(rising), t) for t in times_up] + [
+            (falling, _duration(section, falling, lead)) for section in down
+        ]
         levels, level = [], _raised(points[0], lead)  # a jump from equilibrium sets the first overdrive
         for slope, duration in steps_of:
             level += slope * duration

@@ -188,7 +188,7 @@ def expect_images(listener: Listener) -> None:
 
 
 def expect_no_unreported_loss(listener: Listener) -> None:
-    """Expect diagnostics of every node without errors (warnings of a slow machine are allowed), and a cause of each loss."""
+    """Expect diagnostics of every node without errors (warnings are allowed), and a cause of each loss."""
     arrays: list[DiagnosticArray] = listener.collect(DiagnosticArray, "/diagnostics")
 
     def newest() -> dict[str, object]:

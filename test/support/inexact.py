@@ -1,7 +1,7 @@
 """pytest plugin (-p support.inexact): elementary functions with the errors that `sweep.CALL_ULPS` allows.
 
-Each result is changed by up to the allowed error, half of them by all of it. The error depends on the argument alone, as
-in any library: the same argument gives the same result. Properties of every library are preserved: exact results
+Each result is changed by up to the allowed error, half of them by all of it. The error depends on the argument alone,
+as in any library: the same argument gives the same result. Properties of every library are preserved: exact results
 (exp(0) = 1), odd and even functions, and the ranges of sin, cos, tanh, exp and expm1. INEXACT_SEED selects the errors.
 """
 

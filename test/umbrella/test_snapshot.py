@@ -57,7 +57,7 @@ def test_settling_contacts_are_not_compared() -> None:
     assert record.errors == []
 
 
-def test_missing_scans_are_reported() -> None:
+def test_a_run_without_scans_is_reported() -> None:
     assert Record().summary() == "posfet: no scan arrived"
 
 

@@ -125,10 +125,10 @@ def test_two_contacts_that_converge_merge_and_separate_again() -> None:
     assert np.count_nonzero(np.diff(counts)) == 2
 
 
-@pytest.mark.parametrize(("valley", "contacts"), [(0.7, 2), (0.87, 1)])
-def test_regions_that_grow_together_stay_separate_only_with_a_saddle(valley: float, contacts: int) -> None:
+@pytest.mark.parametrize(("saddle", "contacts"), [(0.7, 2), (0.87, 1)])
+def test_regions_that_grow_together_stay_separate_only_with_a_saddle(saddle: float, contacts: int) -> None:
     """A pad that first touches at two points is one contact, two fingertips are two."""
-    shape = np.outer((0.0, 0.5, 1.0, 0.5, 0.0), (0.6, 1.0, valley, 1.0, 0.6)).reshape(-1)
+    shape = np.outer((0.0, 0.5, 1.0, 0.5, 0.0), (0.6, 1.0, saddle, 1.0, 0.6)).reshape(-1)
     finder = ContactFinder(SENSOR)
     regions: list[Region] = []
     counts = []

@@ -87,10 +87,10 @@ def test_two_contacts_keep_their_ids_when_regions_are_listed_in_another_order() 
 @pytest.mark.parametrize("step", [(1.3, 0.0), (-1.3, 0.2), (0.5, 1.2)])
 def test_crowded_contacts_keep_their_ids_in_any_direction_of_motion(step: tuple[float, float]) -> None:
     """Three within 2 mm of each other; each moves nearer to the previous position of another than to its own."""
-    places = np.array([(0.0, 0.0), (2.0, 0.0), (1.0, 1.75)])
+    positions = np.array([(0.0, 0.0), (2.0, 0.0), (1.0, 1.75)])
     tracker = ContactTracker(SENSOR)
     for scan in range(6):
-        moved = (places + (0, 1, 2, 1, 0, 1)[scan] * np.array(step)) * 1e-3
+        moved = (positions + (0, 1, 2, 1, 0, 1)[scan] * np.array(step)) * 1e-3
         order = np.roll(np.arange(3), scan)
         contacts = tracker.update([region(*moved[index]) for index in order], 0.01)
         assert [contact.id for contact in contacts] == [1, 2, 3]
@@ -101,8 +101,10 @@ def test_crowded_contacts_keep_their_ids_in_any_direction_of_motion(step: tuple[
 def test_contacts_that_pass_each_other_closely_keep_their_ids() -> None:
     tracker = ContactTracker(SENSOR)
     for scan in range(41):
-        way = (scan - 20) * 0.4e-3
-        contacts = tracker.update([region(way, 0.95e-3), region(-way, -0.95e-3), region(0.5 * way, 2.9e-3)], 0.01)
+        assignment = (scan - 20) * 0.4e-3
+        contacts = tracker.update(
+            [region(assignment, 0.95e-3), region(-assignment, -0.95e-3), region(0.5 * assignment, 2.9e-3)], 0.01
+        )
         assert [math.copysign(1.0, contact.region.centre_of_pressure[1]) for contact in contacts] == [1.0, -1.0, 1.0]
     assert [contact.id for contact in contacts] == [1, 2, 3]
 
@@ -126,8 +128,8 @@ def test_the_assignment_has_the_lowest_total_cost(rows: int, columns: int, data:
     assert len(set(pairs.values())) == len(pairs)
     found = sum(costs[row][column] for row, column in pairs.items()) + rows - len(pairs)
     padded = [[*row, *([1.0] * rows)] for row in costs]
-    ways = permutations(range(columns + rows), rows)
-    least = min(sum(padded[row][column] for row, column in enumerate(way)) for way in ways)
+    assignments = permutations(range(columns + rows), rows)
+    least = min(sum(padded[row][column] for row, column in enumerate(assignment)) for assignment in assignments)
     assert found == pytest.approx(least, abs=1e-12)
 
 
@@ -173,10 +175,10 @@ def test_merged_contacts_end_together() -> None:
     assert (fresh.id, fresh.split_from) == (second.id + 1, 0)
 
 
-places = st.tuples(st.integers(0, 4), st.integers(0, 4))
+positions = st.tuples(st.integers(0, 4), st.integers(0, 4))
 
 
-@given(st.lists(st.sets(places, max_size=5), min_size=1, max_size=40))
+@given(st.lists(st.sets(positions, max_size=5), min_size=1, max_size=40))
 def test_every_id_is_reported_once_per_scan_and_released_once(story: list[set[tuple[int, int]]]) -> None:
     """For any sequence of regions, an id belongs to one contact, alone or merged, until its release."""
     tracker, bitmap = ContactTracker(SENSOR), BitMap(5, 5)

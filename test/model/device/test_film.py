@@ -106,7 +106,7 @@ class TestMinorLoops:
             material = _of_row(table, row)
             expected = [table[name][row] for name in ("at_up", "at_down", "at_end")]
             # The distance to the target shrinks by a weight with the errors of three exponentials, of a quotient of two
-            # with half the effect each, and of their arguments (steepness); the error of a reversal persists afterwards.
+            # with half the effect each, and of their arguments (steepness); the error of a reversal persists.
             turn = (4 * call_error() + 4 * EPS + steepness_error(material)) * (
                 material.saturation_polarisation + np.max(np.abs(expected))
             )

@@ -300,8 +300,8 @@ def test_currents_first_derivatives_are_continuous_at_the_edge_of_saturation(mod
     edge = (2.0, 1.3, 0.7, 1e-3, modulation)  # Vds = Vgs - Vth
     for conductance in (transistor.transconductance, transistor.output_conductance):
         at = float(conductance(*edge))
-        for nudge in (-1e-9, 1e-9):
-            beside = conductance(2.0, 1.3 + nudge, *edge[2:])
+        for offset in (-1e-9, 1e-9):
+            beside = conductance(2.0, 1.3 + offset, *edge[2:])
             assert beside == pytest.approx(at, abs=2e-12)  # the second derivative is about beta
 
 

@@ -244,7 +244,7 @@ class TestThresholdFit:
             (1.0, 1e-3, r"shape \(n,\)"),
         ],
     )
-    def test_curves_without_a_linear_section_are_rejected(self, fit, gate, current, complaint) -> None:
+    def test_curves_unusable_for_a_fit_are_rejected(self, fit, gate, current, complaint) -> None:
         with pytest.raises(ValueError, match=complaint):
             fit(gate, current, 0.1)
 

@@ -52,7 +52,7 @@ def random_counts(length: int) -> Edit:
     return edit
 
 
-def lose(length: int) -> Edit:
+def drop(length: int) -> Edit:
     return lambda index, scan: not BEGIN <= index < BEGIN + length
 
 
@@ -74,9 +74,9 @@ def restarts(index: int, scan: Scan) -> None:
 
 FAULTS: dict[str, tuple[int, Edit]] = {
     "no temperature": (0, set_field(300, temperatures=np.full(2, np.nan, np.float32))),
-    "one lost": (0, lose(1)),
-    "20 lost": (0, lose(20)),
-    "200 lost": (0, lose(200)),
+    "one lost": (0, drop(1)),
+    "20 lost": (0, drop(20)),
+    "200 lost": (0, drop(200)),
     "ADC fault": (5, set_field(5, status=int(ScanStatus.ADC_FAULT))),
     "other layout": (5, set_field(5, layout_id=99)),
     "too few counts": (5, set_field(5, counts=np.zeros(3, np.uint16))),

@@ -85,8 +85,8 @@ def test_a_slide_across_the_array_keeps_its_id_and_position(newton: float) -> No
     reconstructor = Reconstructor(SENSOR)
     chain = ForwardSignalChain(SENSOR, np.random.default_rng(8))
     scan = Scan.empty(LAYOUT.id, LAYOUT.taxels)
-    places = np.linspace(-3e-3, 3e-3, 41)
-    shapes = [sphere(x, 0.5e-3) * newton for x in places]
+    positions = np.linspace(-3e-3, 3e-3, 41)
+    shapes = [sphere(x, 0.5e-3) * newton for x in positions]
     errors, ids, speeds = [], set(), []
     for index in range(1100):
         # 200 ms without touch, 100 ms of pressing, then 6 mm in 800 ms between the tabulated positions.
@@ -100,7 +100,7 @@ def test_a_slide_across_the_array_keeps_its_id_and_position(newton: float) -> No
         result = reconstructor.process(scan)
         if index > 300:
             [contact] = result.contacts
-            truth = places[0] + (places[-1] - places[0]) * where / 40
+            truth = positions[0] + (positions[-1] - positions[0]) * where / 40
             errors.append(math.dist(contact.region.centre_of_pressure, (truth, 0.5e-3)))
             ids.add(contact.id)
             speeds.append(contact.velocity[0])
@@ -137,7 +137,7 @@ def test_a_device_that_differs_from_its_description_still_gives_one_contact_at_i
     assert not results[-1].contacts
 
 
-def lose(first: int, last: int) -> Callable[[int, Scan], bool | None]:
+def drop(first: int, last: int) -> Callable[[int, Scan], bool | None]:
     return lambda index, scan: False if first <= index <= last else None
 
 
@@ -194,7 +194,7 @@ def repeated(index: int, scan: Scan) -> None:
 @pytest.mark.parametrize(
     ("edit", "cause", "count"),
     [
-        (lose(1000, 1099), "missed", 100),
+        (drop(1000, 1099), "missed", 100),
         (board_reset, "resets", 1),
         (clock_jump, "time_jumps", 1),
         (wrapped, "resets", 1),
@@ -267,7 +267,7 @@ def test_a_contact_released_before_an_unusable_scan_is_not_released_twice() -> N
 
 
 def test_an_interruption_is_invalid_and_recovers_within_50_ms() -> None:
-    results = run(Reconstructor(SENSOR), 2.5, lose(700, 1500), force=press(1.5, 0.5, 0.6), shape=FINGER)
+    results = run(Reconstructor(SENSOR), 2.5, drop(700, 1500), force=press(1.5, 0.5, 0.6), shape=FINGER)
     later = [result for result in results if result.stamp >= START + 1_500_000_000]
     assert not later[0].valid
     assert all(result.valid for result in later[50:])
@@ -282,13 +282,13 @@ def test_an_abrupt_temperature_ramp_sampled_at_10_hz_causes_no_contact(rate: flo
     behind = 0.0
     contacts = 0
     for index in range(4000):
-        warmth = min(max((index - 1000) * 1e-3 * abs(rate), 0.0), 5.0)
+        rise = min(max((index - 1000) * 1e-3 * abs(rate), 0.0), 5.0)
         step = leakage_step(1e-3, lag * SENSOR.device.thermal_time_constant)
-        behind = step.decay * behind + step.mean * (abs(rate) * 1e-3 if 0 < warmth < 5.0 else 0.0)
-        chain.advance(np.zeros(LAYOUT.taxels), 25.0 + math.copysign(warmth - behind, rate), 1e-3)
+        behind = step.decay * behind + step.mean * (abs(rate) * 1e-3 if 0 < rise < 5.0 else 0.0)
+        chain.advance(np.zeros(LAYOUT.taxels), 25.0 + math.copysign(rise - behind, rate), 1e-3)
         chain.counts(scan.counts)
         if index % 100 == 0:
-            scan.temperatures[:] = round((25.0 + math.copysign(warmth, rate)) * 256) / 256
+            scan.temperatures[:] = round((25.0 + math.copysign(rise, rate)) * 256) / 256
         scan.sequence, scan.device_time, scan.stamp = index, 1000 * index, START + 1_000_000 * index
         contacts += len(reconstructor.process(scan).contacts)
     assert contacts == 0
@@ -302,7 +302,7 @@ def test_warming_with_leakage_model_mismatch_causes_no_contact(seed: int) -> Non
 
 WARM_FINGER = """
 name: warm_finger
-description: a fingertip of 34 degC holds 1.5 N on a chip of 25 degC, and lifts
+description: a fingertip of 34 degC holds 1.5 N on a chip of 25 degC, then releases
 temperature_degC: 25.0
 objects:
   - name: fingertip

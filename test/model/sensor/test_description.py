@@ -118,7 +118,7 @@ def test_a_wrong_type_is_reported_with_the_value(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", [("name",), ("serial",)], ids=".".join)
-def test_text_in_place_of_a_number_is_rejected(tmp_path: Path, path: tuple[str, ...]) -> None:
+def test_a_number_in_place_of_text_is_rejected(tmp_path: Path, path: tuple[str, ...]) -> None:
     assert refusal(tmp_path, changed(path, 3)) == f"{path[0]}: must be text, got 3"
 
 
