@@ -47,7 +47,7 @@ def expected(config: pytest.Config) -> str:
     if seconds is not None:
         return f"expected time: {seconds // 60:.0f} min {seconds % 60:.0f} s, as the last run on this machine"
     alone = "" if workers(config) else ", one test after the other (half of it with pytest-xdist)"
-    return f"expected time: about {MINUTES[workers(config) > 0]} minutes on two quiet cores{alone}"
+    return f"expected time: about {MINUTES[workers(config) > 0]} minutes on two idle cores{alone}"
 
 
 def keep(config: pytest.Config, seconds: float) -> None:

@@ -27,7 +27,7 @@ def config(*paths: str, cache: Cache | None = None, tx: tuple[str, ...] = (), **
 
 
 def test_without_a_previous_run_the_time_is_that_of_two_idle_cores() -> None:
-    assert expected(config(cache=Cache(), tx=("popen", "popen"))).endswith("minutes on two quiet cores")
+    assert expected(config(cache=Cache(), tx=("popen", "popen"))).endswith("minutes on two idle cores")
     assert "one test after the other" in expected(config())
 
 
@@ -36,8 +36,8 @@ def test_the_time_is_that_of_the_last_similar_run() -> None:
     two = {"cache": cache, "tx": ("popen", "popen")}
     keep(config(**two), 250.4)
     assert expected(config(**two)) == "expected time: 4 min 10 s, as the last run on this machine"
-    assert "two quiet cores" in expected(config(cache=cache))
-    assert "two quiet cores" in expected(config(**two, markexpr="not slow"))
+    assert "two idle cores" in expected(config(cache=cache))
+    assert "two idle cores" in expected(config(**two, markexpr="not slow"))
 
 
 @pytest.mark.parametrize(

@@ -101,10 +101,8 @@ def test_crowded_contacts_keep_their_ids_in_any_direction_of_motion(step: tuple[
 def test_contacts_that_pass_each_other_closely_keep_their_ids() -> None:
     tracker = ContactTracker(SENSOR)
     for scan in range(41):
-        assignment = (scan - 20) * 0.4e-3
-        contacts = tracker.update(
-            [region(assignment, 0.95e-3), region(-assignment, -0.95e-3), region(0.5 * assignment, 2.9e-3)], 0.01
-        )
+        shift = (scan - 20) * 0.4e-3
+        contacts = tracker.update([region(shift, 0.95e-3), region(-shift, -0.95e-3), region(0.5 * shift, 2.9e-3)], 0.01)
         assert [math.copysign(1.0, contact.region.centre_of_pressure[1]) for contact in contacts] == [1.0, -1.0, 1.0]
     assert [contact.id for contact in contacts] == [1, 2, 3]
 

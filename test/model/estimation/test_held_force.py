@@ -38,7 +38,7 @@ def test_the_optimal_estimator_leaves_only_the_uncommon_part_of_a_ramp() -> None
 
 @pytest.mark.parametrize("ramp", [1 / 60, 0.3])
 def test_a_held_force_is_as_accurate_while_the_chip_warms(ramp: float) -> None:
-    # In 20 s at 0.3 K/s the thermal uncertainty exceeds the force: pressed taxels must stay pressed.
+    # In 20 s at 0.3 K/s the thermal uncertainty exceeds the force: pressed taxels stay classified as pressed.
     drift = Drift(ramp=ramp, random_walk=0.0)
     found = [held for seed in range(4) for held in hold(seed, (1.0, 5.0, 20.0), drift=drift, side=8)]
     assert _ratio(found) <= 1.2

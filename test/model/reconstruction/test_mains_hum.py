@@ -27,13 +27,13 @@ Signal = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Maps times [s] to the signals of the taxels without noise, shape [scans, taxels]."""
 
 
-def hum(frequency: float, amplitude: float = 1.5, rate: float = 0.0) -> Signal:
-    """Return a hum whose amplitudes and phases differ between taxels; its frequency changes at `rate` [Hz/s]."""
+def hum(frequency: float, amplitude: float = 1.5, drift: float = 0.0) -> Signal:
+    """Return a hum whose amplitudes and phases differ between taxels; its frequency drifts at `drift` [Hz/s]."""
     random = np.random.default_rng(5)
     size, ahead = amplitude * random.uniform(0.5, 1.5, TAXELS), random.uniform(-0.6, 0.6, TAXELS)
 
     def show(times: NDArray[np.float64]) -> NDArray[np.float64]:
-        turns = frequency * times + 0.5 * rate * times**2
+        turns = frequency * times + 0.5 * drift * times**2
         return size * np.cos(2.0 * math.pi * turns[:, None] + ahead)
 
     return show
@@ -84,7 +84,7 @@ def test_hum_is_removed_at_any_mains_frequency(frequency: float, rate: float) ->
 
 
 def test_a_drifting_mains_frequency_is_tracked() -> None:
-    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0, rate=0.02)
+    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0, drift=0.02)
     left = run(mains, shown, 12.0)
     assert rms(left[-1000:]) < 0.15 * rms(shown(np.arange(1000) / 1000))
 
@@ -142,7 +142,7 @@ def test_contact_vibration_at_mains_frequency_is_preserved() -> None:
 
 
 def test_during_a_long_touch_untouched_taxels_keep_the_phase_locked() -> None:
-    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0, rate=0.01)
+    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0, drift=0.01)
     run(mains, shown, 3.0)
     left = run(mains, shown, 20.0, CONTACT, start=3.0)
     assert rms(left[-1000:, CONTACT]) < 0.15 * rms(shown(np.arange(1000) / 1000)[:, CONTACT])
