@@ -167,7 +167,7 @@ def _duration(section: tuple[mpf, mpf], slope: mpf, lead: Lead) -> mpf:
 
 
 def _pair(
-    name: str, overdrives: Sequence[float], rising: float, lead: Lead = NO_LEAD, taken_as_linear: float = 0.0
+    name: str, overdrives: Sequence[float], rising: float, lead: Lead = NO_LEAD, linearisation: float = 0.0
 ) -> Case:
     """Return the case of a square-law follower that passes the overdrives up and down again, periodically.
 
@@ -204,7 +204,7 @@ def _pair(
             state = series.end
         # Each step rounds x by 4 units, and rounds its input and its time.
         memory = 3 * max(1.0, len(levels) / float(sum(durations)))  # number of steps whose errors have not decayed
-        return Drift(largest, last, 8 * EPS * STEEPEST * memory + taken_as_linear)
+        return Drift(largest, last, 8 * EPS * STEEPEST * memory + linearisation)
 
     return Case(name, run)
 
@@ -226,7 +226,7 @@ def cases() -> list[Case]:
         *(_charge(step, np.float64) for step in (1e-12, 1e-9, 1e-6, 3.7e-3)),
         *(_charge(step, np.float32) for step in (1e-3, 3.7e-3)),
         *(_two_poles(step, quality) for step in (1e-6, 0.1) for quality in (0.4, 0.7)),
-        _pair("SquareLawFollower, small, float64", (-5e-6, -2e-6, 1e-6, 5e-6), 9e-6, taken_as_linear=1.3e-16),
+        _pair("SquareLawFollower, small, float64", (-5e-6, -2e-6, 1e-6, 5e-6), 9e-6, linearisation=1.3e-16),
         _pair("SquareLawFollower, slewing, float64", arc, 1.7),
         _pair("SquareLawFollower, slewing with a lead, float64", arc, 1.7, Lead(0.07, 0.18)),
     ]

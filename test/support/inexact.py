@@ -71,12 +71,12 @@ class Inexact:
     def _moved(self, right: Any, wide: Any, *arguments: Any) -> Any:
         """Return `wide`, the result in more digits, changed and rounded; arguments or result determine the error."""
         right = np.asarray(right)
-        told_by = np.broadcast_arrays(*(arguments or (right,)))
+        determined_by = np.broadcast_arrays(*(arguments or (right,)))
         mirrored = self.name in _ODD | _EVEN
-        bits = sum(((i + 1) * (np.abs(x) if mirrored else x)).astype(np.float64) for i, x in enumerate(told_by))
+        bits = sum(((i + 1) * (np.abs(x) if mirrored else x)).astype(np.float64) for i, x in enumerate(determined_by))
         share = _share(np.asarray(bits).view(np.uint64), self.salt)
         if self.name in _ODD:
-            share = share * np.where(told_by[0] < 0, -1, 1)
+            share = share * np.where(determined_by[0] < 0, -1, 1)
         most = CALL_ULPS[right.dtype.type] - 0.5  # the rest is the rounding of the sum
         moved = (wide + most * share * np.spacing(np.abs(right)).astype(np.longdouble)).astype(right.dtype)
         kept = ~np.isfinite(right) | (right == 0) | (wide == right)
@@ -84,7 +84,9 @@ class Inexact:
         if not arguments:  # part of a complex result
             return moved
         if self.name == "exp":
-            moved = np.where(told_by[0] < 0, np.minimum(moved, 1), np.maximum(moved, np.where(told_by[0] > 0, 1, 0)))
+            moved = np.where(
+                determined_by[0] < 0, np.minimum(moved, 1), np.maximum(moved, np.where(determined_by[0] > 0, 1, 0))
+            )
         if self.name in _RANGE:
             moved = np.clip(moved, *_RANGE[self.name])
         return moved.astype(right.dtype)[()]

@@ -288,8 +288,8 @@ class TestSweep:
                 slack = ringing + 1e-12 + 4e-16 / abs(change)  # last term: rounding of the overdrive
                 # The square of the lead raises the output in both directions of drive.
                 lead = getattr(follower, "lead", Lead())
-                lifted = 0.4 * (lead.square - lead.linear) / -change if change < 0 and not lead.absent else 0.0
-                assert (v_out >= -slack - lifted).all()
+                raised = 0.4 * (lead.square - lead.linear) / -change if change < 0 and not lead.absent else 0.0
+                assert (v_out >= -slack - raised).all()
                 assert (v_out <= 1 + slack).all()
 
     @pytest.mark.parametrize("overdrive", [1e-6, 1e-3, 0.4, 1e3])

@@ -226,16 +226,16 @@ def test_a_touch_on_a_noisy_taxel_continues_on_lower_neighbour_forces_than_at_on
 
 def test_a_force_being_released_counts_as_touched() -> None:
     finder, forces = ContactFinder(SENSOR), np.zeros(LAYOUT.taxels)
-    told = []
+    touched = []
     for force in (0.1, 0.09, 0.008, 0.004, 0.003, 0.003):
         forces[12] = force
         finder.find(forces)
-        told.append(bool(finder.touched[12]))
+        touched.append(bool(finder.touched[12]))
         finder.update_thresholds(forces, VARIANCE, 0.0)
-    assert told == [True, True, True, True, True, False]
+    assert touched == [True, True, True, True, True, False]
 
 
-def test_two_contacts_stay_two_and_share_no_taxel() -> None:
+def test_two_contacts_stay_separate_and_share_no_taxel() -> None:
     forces = np.zeros(LAYOUT.taxels)
     forces[[0, 1, 5]] = 0.2, 0.1, 0.1
     forces[[24, 23, 18]] = 0.4, 0.1, 0.2

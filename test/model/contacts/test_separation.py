@@ -104,7 +104,7 @@ def test_one_sphere_is_never_split(radius: float, modulus: float, force: float) 
 
 
 @pytest.mark.parametrize("taxel", range(25))
-def test_a_dead_taxel_splits_no_fingertip(taxel: int) -> None:
+def test_a_dead_taxel_does_not_split_a_fingertip(taxel: int) -> None:
     for radius, modulus in ((6e-3, 1e6), (3e-3, 2e6)):
         for x, y in ((0.0, 0.0), (0.4e-3, -0.3e-3), (-0.7e-3, 0.7e-3)):
             forces = sphere(x, y, 1.5, radius, modulus).copy()

@@ -134,10 +134,10 @@ def test_the_assignment_has_the_lowest_total_cost(rows: int, columns: int, data:
 def test_a_contact_beside_another_is_released_and_a_new_one_there_reports_its_split_origin() -> None:
     tracker = ContactTracker(SENSOR)
     near, far = tracker.update([region(0.0), region(2e-3)], STEP)
-    lifted = tracker.update([region(0.4e-3)], STEP)
-    assert [contact.id for contact in lifted] == [near.id, far.id]
-    assert [contact.state is ContactState.RELEASED for contact in lifted] == [False, True]
-    assert lifted[0].merged_ids == ()
+    after_release = tracker.update([region(0.4e-3)], STEP)
+    assert [contact.id for contact in after_release] == [near.id, far.id]
+    assert [contact.state is ContactState.RELEASED for contact in after_release] == [False, True]
+    assert after_release[0].merged_ids == ()
     split = tracker.update([region(0.4e-3), region(2e-3)], STEP)
     assert [contact.id for contact in split] == [near.id, far.id + 1]
     assert split[1].state is ContactState.NEW

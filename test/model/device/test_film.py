@@ -180,7 +180,7 @@ class TestMinorLoops:
             atol=4 * EPS * 0.2,
         )
 
-    def test_a_hundred_thousand_cycles_leave_no_trace(self) -> None:
+    def test_a_hundred_thousand_cycles_have_no_lasting_effect(self) -> None:
         start = film.polarise([2 * EC, -EC], PAPER)
         cycles = film.polarise(np.tile([0.5 * EC, -0.3 * EC, 0.2 * EC, -EC], 50_000), PAPER, start.history)
         assert cycles.history == start.history
@@ -216,7 +216,7 @@ def _dipole_equation(start: float, end: float, switched: float, steps: int = 400
     return switched
 
 
-def test_the_dipole_equation_creeps_where_the_turning_points_close() -> None:
+def test_the_dipole_equation_creeps_where_loops_of_the_turning_point_model_close() -> None:
     state = _dipole_equation(0.0, 2 * EC, 0.0)
     upper = []
     for _ in range(6):

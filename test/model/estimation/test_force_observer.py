@@ -154,12 +154,12 @@ def test_a_slow_press_is_not_absorbed_as_drift(rate: float) -> None:
     assert forces[-1, MIDDLE] == pytest.approx(0.4, abs=0.02)
 
 
-@pytest.mark.parametrize(("leak", "gain"), [(1.2, 1.0), (1 / 1.2, 1.0), (1.0, 1.1), (1.0, 0.9)])
+@pytest.mark.parametrize(("leakage", "gain"), [(1.2, 1.0), (1 / 1.2, 1.0), (1.0, 1.1), (1.0, 0.9)])
 def test_a_gain_error_scales_the_force_and_a_leakage_error_is_identified_without_baseline_error(
-    leak: float, gain: float
+    leakage: float, gain: float
 ) -> None:
     device = with_device(
-        leak_time_constant=SENSOR.device.leak_time_constant * leak,
+        leak_time_constant=SENSOR.device.leak_time_constant * leakage,
         piezoelectric_coefficient=SENSOR.device.piezoelectric_coefficient * gain,
     )
     watch = Watch()

@@ -82,10 +82,10 @@ def test_a_signal_jump_is_not_attributed_to_temperature() -> None:
 
 
 def test_a_slow_press_on_all_taxels_is_rejected_when_the_chip_temperature_disagrees() -> None:
-    shared, taken = CommonOffsetFilter(LEAKAGE, LAG, PER_KELVIN, 1e-16), 0.0
+    shared, duration = CommonOffsetFilter(LEAKAGE, LAG, PER_KELVIN, 1e-16), 0.0
     rest(shared, 2.0, 2e-3)
     for _, seen in zip(range(100), blocks(0.0, 0.0, rise=0.05), strict=False):
         shared.update_at_rest(seen, BLOCK, BLOCK, known=True)
-        taken += BLOCK * shared.random_walk_found
+        duration += BLOCK * shared.random_walk_found
     assert not shared.random_walk_found
-    assert taken < 0.5
+    assert duration < 0.5

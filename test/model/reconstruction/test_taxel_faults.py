@@ -137,7 +137,7 @@ def test_a_gap_between_two_contacts_is_not_a_dead_taxel() -> None:
 def test_one_or_two_spheres_anywhere_mark_no_taxel_dead() -> None:
     rng = np.random.default_rng(3)
     surroundings, none, everywhere = NeighbourInterpolation(LAYOUT), np.zeros(25, np.bool_), np.arange(25)
-    told = 0
+    compared = 0
     spheres = []
     for _ in range(40):
         x, y = rng.uniform(-3e-3, 3e-3, 2)
@@ -147,9 +147,9 @@ def test_one_or_two_spheres_anywhere_mark_no_taxel_dead() -> None:
     for force in spheres + pairs:
         least = surroundings.lower_bound(force, none, everywhere, 1.7e-3)
         pressed = least >= 5 * SENSOR.contact.threshold
-        told += int(np.count_nonzero(pressed))
+        compared += int(np.count_nonzero(pressed))
         assert (force[pressed] >= 1.5 * TaxelFaultSettings().dead * least[pressed]).all()
-    assert told > 500
+    assert compared > 500
 
 
 def test_interpolated_force_is_within_the_stated_uncertainty() -> None:

@@ -34,9 +34,9 @@ def section(**values: Any) -> Section:
 def test_a_valid_value_is_read_and_no_key_is_left(read: Callable[[Section], Any], value: Any, result: Any) -> None:
     part = section(x=value)
     assert "x" in part
-    taken = read(part)
-    assert taken == result
-    assert type(taken) is type(result)
+    value_read = read(part)
+    assert value_read == result
+    assert type(value_read) is type(result)
     part.end()
 
 

@@ -42,8 +42,8 @@ def layout(rows: int, cols: int) -> Layout:
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.02, 0.05, 0.12])
 def test_compensation_equals_the_dense_inverse(rows: int, cols: int, share: float) -> None:
     true = np.random.default_rng(1).normal(size=rows * cols)
-    undone = CrosstalkCompensator(layout(rows, cols), share).apply(mixing(rows, cols, share) @ true)
-    np.testing.assert_allclose(undone, true, rtol=0, atol=1e-12)
+    compensated = CrosstalkCompensator(layout(rows, cols), share).apply(mixing(rows, cols, share) @ true)
+    np.testing.assert_allclose(compensated, true, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize(("rows", "cols"), [(5, 5), (20, 20)])

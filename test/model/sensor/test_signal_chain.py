@@ -85,9 +85,9 @@ def test_one_long_step_equals_many_short_ones() -> None:
 
 @given(ratio=st.floats(1e-9, 1e3), start=st.floats(-1, 1), end=st.floats(-1, 1), rise=st.floats(-1, 1))
 def test_step_coefficients_equal_the_charge_functions(ratio: float, start: float, end: float, rise: float) -> None:
-    leak = leakage_step(ratio * 0.27, 0.27)
-    forward = leak.decay * start + leak.mean * rise
-    backward = (end - start) / leak.mean + leak.ratio * start
+    leakage = leakage_step(ratio * 0.27, 0.27)
+    forward = leakage.decay * start + leakage.mean * rise
+    backward = (end - start) / leakage.mean + leakage.ratio * start
     assert forward == pytest.approx(float(propagate_first_order_hold(start, 0, rise, ratio * 0.27, 0.27)), abs=1e-15)
     expected = float(invert_first_order_hold(start, end, ratio * 0.27, 0.27))
     assert backward == pytest.approx(expected, abs=4e-15 * max(1.0, ratio))

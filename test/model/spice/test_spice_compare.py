@@ -288,7 +288,7 @@ def test_help_explains_gain_and_bandwidth(capsys) -> None:
         assert words in text
 
 
-def test_a_hundred_thousand_uneven_rows_take_less_than_a_loop_would(tmp_path: Path) -> None:
+def test_a_hundred_thousand_uneven_rows_take_less_time_than_a_loop(tmp_path: Path) -> None:
     generator = np.random.default_rng(12)
     instants = np.cumsum(10 ** generator.uniform(-9, -6, 100_000))
     v_in = np.sin(2 * np.pi * 2e4 * instants)
