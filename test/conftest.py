@@ -1,4 +1,4 @@
-"""Shared by every test: the shipped sensor, a ROS domain of its own on this machine alone, and what one worker runs."""
+"""Configuration shared by all tests: the shipped sensor, a private ROS domain, and worker scheduling."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ OPTIONAL = {
     "cantools": ["driver/protocol/test_scan_codec.py", "driver/protocol/test_protocol_document.py"],
     "matplotlib": ["model/figures/test_figures.py", "model/figures/test_stability.py"],
 }
-"""Tests that are left out where a module is missing; said in the header of the report."""
+"""Tests that are skipped where a module is missing; stated in the header of the report."""
 MISSING = [module for module in OPTIONAL if find_spec(module) is None]
 collect_ignore = [name for module in MISSING for name in OPTIONAL[module]]
 
 _isolation = ExitStack()
 _begin = time.monotonic()
 
-# The same examples on every machine, however slow it is.
+# The same examples on every machine, without a time limit.
 settings.register_profile("posfet", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("posfet")
 
 
 def pytest_configure() -> None:
-    """Take a ROS domain that no other test process on this machine has, for this one and those that it starts.
+    """Reserve a ROS domain that no other test process on this machine uses, for this process and its children.
 
-    The workers of pytest-xdist are such processes: each takes a domain of its own.
+    Each worker of pytest-xdist is such a process and reserves its own domain.
     """
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     try:

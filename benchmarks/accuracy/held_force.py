@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from reference.held_force import LEARNT_LEAK, Held, hold
-from reference.held_warmth import Drift
+from reference.held_force import ESTIMATED_LEAKAGE, Held, hold
+from reference.temperature_drift import Drift
 
 TIMES: Final = (1.0, 5.0, 20.0, 60.0)
 """Times since the onset of the force [s]."""
@@ -51,16 +51,16 @@ CASES: Final = (
     Case(0.0),
     Case(FLICKER),
     Case(FLICKER, leakage_estimated=True),
-    Case(FLICKER, "ramp", Drift(wander=0.0)),
-    Case(FLICKER, "ramp, random walk 1", Drift(wander=1e-3)),
-    Case(FLICKER, "ramp, random walk 2", Drift(wander=2e-3)),
-    Case(FLICKER, "ramp, random walk 4", Drift(wander=4e-3)),
-    Case(FLICKER, "ramp", Drift(wander=0.0), untouched=15),
-    Case(FLICKER, "ramp, random walk 2", Drift(wander=2e-3), untouched=15),
+    Case(FLICKER, "ramp", Drift(random_walk=0.0)),
+    Case(FLICKER, "ramp, random walk 1", Drift(random_walk=1e-3)),
+    Case(FLICKER, "ramp, random walk 2", Drift(random_walk=2e-3)),
+    Case(FLICKER, "ramp, random walk 4", Drift(random_walk=4e-3)),
+    Case(FLICKER, "ramp", Drift(random_walk=0.0), untouched=15),
+    Case(FLICKER, "ramp, random walk 2", Drift(random_walk=2e-3), untouched=15),
 )
 
-_COMMON: Final = LEARNT_LEAK.leakage_common_deviation_calibrated
-_INDIVIDUAL: Final = LEARNT_LEAK.leakage_individual_deviation_calibrated
+_COMMON: Final = ESTIMATED_LEAKAGE.leakage_common_deviation_calibrated
+_INDIVIDUAL: Final = ESTIMATED_LEAKAGE.leakage_individual_deviation_calibrated
 
 TEXT: Final = f"""\
 2 N held by 256 taxels at once, after 2 s at rest, with white noise alone and with additional 1/f noise. The optimal
@@ -76,7 +76,7 @@ is that of the estimate from the held force itself.
 In a ramp the chip warms or cools by {Drift.ramp * 60:g} K a minute from the touch on; "random walk" gives the intensity
 of an additional random walk of the chip temperature at all times, in mK/sqrt(s). The film lags behind the chip, two
 sensors measure the chip temperature at 10 Hz with a resolution of 1/256 K, and the taxels differ by
-{Drift.uneven * 100:g} % in their pyroelectric response (test/reference/held_warmth.py). The optimal estimator
+{Drift.spread * 100:g} % in their pyroelectric response (test/reference/temperature_drift.py). The optimal estimator
 knows lag, rounding, random walk, and the greatest slope of a ramp; the observer estimates the random walk in the 2 s of
 rest. Target: at most 1.2 times the error of the optimal estimator, and 95 % coverage of the two-sigma interval. Not
 reached: the ratio with the strongest random walk, which sometimes looks like a ramp, and the coverage in a ramp with
@@ -95,7 +95,7 @@ def held(seed: int, case: Case) -> list[Held]:
         flicker=case.flicker,
         side=side,
         drift=case.drift,
-        learnt=case.leakage_estimated,
+        leakage_estimated=case.leakage_estimated,
         untouched=case.untouched,
     )
     return list(found)

@@ -15,7 +15,7 @@ TRIES = 4
 
 @pytest.mark.slow
 def test_the_cost_of_a_scan_stays_within_the_baseline() -> None:
-    """In units of a fixed workload, the minimum of many interleaved runs, so that only a heavy load of the machine matters.
+    """In units of a fixed workload, the minimum of many interleaved runs: only a heavy load of the machine matters.
 
     If a change is worth its cost, `python test/support/scan_cost.py --store` makes it the new baseline.
     """

@@ -1,4 +1,4 @@
-"""The library loads nothing that it does not need. Which room may import which: the contracts in pyproject.toml."""
+"""The library imports nothing that it does not need. The layers are defined by the contracts in pyproject.toml."""
 
 from __future__ import annotations
 

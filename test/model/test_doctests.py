@@ -1,4 +1,4 @@
-"""The numbers shown in docstrings and documents are what the code prints."""
+"""The numbers in docstrings and documents equal the output of the code."""
 
 import doctest
 import importlib
@@ -17,7 +17,7 @@ DOCUMENTS = DOCS
 EXAMPLE = ">>> "
 ROOMS = (posfet_model.device, posfet_model.amplifier, posfet_model.spice)
 NAMED_AS_A_WHOLE = {"as_printed", "model_comparison", "pair_settling", "reference_runs", "run_file"}
-"""Modules of which the overview names what they are for, not each function."""
+"""Modules of which the overview states the purpose, not each function."""
 
 
 def _modules() -> list[str]:
@@ -53,7 +53,7 @@ def test_every_function_of_the_device_is_in_the_overview() -> None:
                 assert f"`{name}.{member}`" in overview, f"{name}.{member}"
 
 
-def test_the_package_loads_nothing_until_asked_and_knows_its_modules() -> None:
+def test_the_package_loads_modules_lazily_and_lists_them() -> None:
     program = (
         "import sys, posfet_model; assert 'numpy' not in sys.modules; "
         "assert posfet_model.device.film.Film.__name__ == 'Film'; "

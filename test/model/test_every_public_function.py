@@ -1,7 +1,7 @@
-"""Every public function and method of the device model refuses what is no real number, and shapes that do not fit.
+"""Every public function and method of the device model rejects values that are no real number, and incompatible shapes.
 
-The functions are found by looking through the modules, so that a new one without an entry here fails. Ranges are held
-by the tests of each module.
+The functions are collected from the modules, so that a new one without an entry here fails. Ranges are verified by the
+tests of each module.
 """
 
 import importlib
@@ -37,7 +37,7 @@ NUMBERS = {"ArrayLike", "float", "float | None", "float | FloatArray"}
 NO_NUMBERS: tuple[Any, ...] = (float("nan"), 1 + 1j, "one", True, np.array(["one"]), np.array([1 + 1j]), object())
 NO_OBJECTS: tuple[Any, ...] = (0, "one", 1.5, object())
 TEXT = {"str", "bytes", "bool", "Callable", "np.random.Generator", "Sequence[Layer]", "History"}
-"""Kinds of argument that are held elsewhere: by hand in the tests of their modules."""
+"""Kinds of argument that the tests of their modules verify."""
 
 PLATE = {"pressure": 1e3, "thickness": 5e-5, "young_modulus": 169e9, "poisson_ratio": 0.3}
 BENT = {"deflection": 1e-6, "pressure": 1e3, "young_modulus": 169e9, "poisson_ratio": 0.3}
@@ -228,7 +228,7 @@ GOOD: dict[str, dict[str, Any]] = {
         "channel_length_modulation": 0.0,
     },
 }
-"""A call of each public function that is accepted, but for those of ngspice."""
+"""A valid call of each public function, except those of ngspice."""
 
 SELVES = {
     "Follower": ONE_POLE,
@@ -240,7 +240,7 @@ SELVES = {
 
 
 def _public(module: ModuleType) -> Iterator[tuple[str, Callable[..., Any]]]:
-    """Functions, classes that check what they are made of, and their methods; inner functions say "unchecked"."""
+    """Yield functions, validating classes and their methods; docstrings of internal ones say "unchecked"."""
     short = module.__name__.rpartition(".")[2]
     if "unchecked" in (module.__doc__ or ""):
         members = {n: m for n, m in vars(module).items() if inspect.isclass(m)}
@@ -269,13 +269,13 @@ FUNCTIONS = {name: function for module in MODULES for name, function in _public(
 
 
 def _parameters(function: Callable[..., Any]) -> dict[str, str]:
-    """Names and kinds of the parameters, self left out."""
+    """Return names and kinds of the parameters, without self."""
     parameters = inspect.signature(function).parameters.values()
     return {p.name: str(p.annotation) for p in parameters if p.name != "self"}
 
 
 def _bound(name: str) -> Callable[..., Any]:
-    """The function, a method bound to an object of its class."""
+    """Return the function; a method is bound to an object of its class."""
     function = FUNCTIONS[name]
     if "self" not in inspect.signature(function).parameters:
         return function
@@ -300,7 +300,7 @@ def test_every_function_has_an_entry_here() -> None:
         assert set(arguments) <= set(_parameters(FUNCTIONS[name])), name
 
 
-def test_every_entry_is_accepted() -> None:
+def test_the_valid_call_of_every_entry_is_accepted() -> None:
     with each_row() as row:
         for name, arguments in GOOD.items():
             if not name.startswith(("ngspice.run", "ngspice.read", "ngspice.closed")):
@@ -309,7 +309,7 @@ def test_every_entry_is_accepted() -> None:
 
 
 def _refused(name: str) -> list[Refusal]:
-    """What each argument of the function has to refuse."""
+    """Return the calls that the function must reject, for each argument."""
     return [
         (argument, {**GOOD[name], argument: value})
         for argument, kind in _parameters(FUNCTIONS[name]).items()
@@ -321,12 +321,12 @@ def _refused(name: str) -> list[Refusal]:
 REFUSED = {name: cases for name in GOOD if name != "ngspice.closed_loop" and (cases := _refused(name))}
 
 
-def test_nearly_two_thousand_values_are_refused() -> None:
+def test_nearly_two_thousand_values_are_tried() -> None:
     assert sum(len(cases) for cases in REFUSED.values()) >= 1930
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_is_no_such_thing_is_named(name: str) -> None:
+def test_an_invalid_value_is_rejected_by_name(name: str) -> None:
     assert_all_refused(_bound(name), REFUSED[name])
 
 
@@ -338,8 +338,8 @@ def _shapes() -> Iterator[tuple[str, str, str]]:
             yield name, arrays[0], argument
 
 
-def test_shapes_that_do_not_fit_are_refused() -> None:
-    """Two of an argument and three of another cannot mean anything."""
+def test_incompatible_shapes_are_rejected() -> None:
+    """Two elements of one argument and three of another are inconsistent."""
     with each_row() as row:
         for name, first, second in _shapes():
             arguments = GOOD[name]

@@ -33,7 +33,7 @@ SUBPACKAGES = {
 
 
 def loaded_by(program: str) -> set[str]:
-    """Return the modules that are loaded after a program ran in a process of its own."""
+    """Return the modules that are loaded after a program ran in a separate process."""
     command = [sys.executable, "-c", f"import sys\n{program}\nprint(*sys.modules)"]
     package = Path(posfet_model.__file__).parents[1]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=package)
@@ -46,13 +46,13 @@ def test_the_import_alone_loads_nothing_else() -> None:
     assert not {"numpy", "yaml", "scipy", "matplotlib", "rclpy", "can"} & loaded
 
 
-def test_a_name_loads_what_it_needs_and_neither_ros_nor_matplotlib() -> None:
+def test_a_name_loads_only_what_it_needs_and_neither_ros_nor_matplotlib() -> None:
     loaded = loaded_by("import posfet_model\nposfet_model.Reconstructor(posfet_model.load_sensor())")
     assert {"numpy", "yaml", "posfet_model.reconstruction.reconstructor"} <= loaded
     assert not {"scipy", "matplotlib", "rclpy", "can", "posfet_model.figures", "posfet_model.spice"} & loaded
 
 
-def test_every_name_is_there_and_listed() -> None:
+def test_every_name_exists_and_is_listed() -> None:
     names = {"Calibration", "ConfigError", "Contact", "Reconstructor", "Scan", "TaxelStatus", "load_sensor"}
     assert set(posfet_model.__all__) == names | SUBPACKAGES | {"__version__"}
     assert set(posfet_model.__all__) <= set(dir(posfet_model))
@@ -74,7 +74,7 @@ def test_the_version_is_that_of_the_package() -> None:
     assert f"<version>{posfet_model.__version__}</version>" in manifest.read_text(encoding="utf-8")
 
 
-def test_an_error_of_a_file_is_a_config_error() -> None:
+def test_an_error_in_a_file_is_a_config_error() -> None:
     with pytest.raises(posfet_model.ConfigError, match="no such sensor"):
         posfet_model.load_sensor("nowhere")
 
@@ -108,7 +108,7 @@ def press(sensor: Any) -> Iterator[posfet_model.Scan]:
         yield scan
 
 
-def test_forces_and_contacts_are_read_from_scans() -> None:
+def test_forces_and_contacts_are_reconstructed_from_scans() -> None:
     sensor = posfet_model.load_sensor()
     calibration = posfet_model.Calibration.nominal(sensor)
     reconstructor = posfet_model.Reconstructor(sensor, calibration)
@@ -152,7 +152,7 @@ def same(first: Any, second: Any) -> bool:
     return bool(first == second)
 
 
-def test_a_snapshot_stays_when_the_next_scans_overwrite_the_result() -> None:
+def test_a_snapshot_is_unchanged_when_the_next_scans_overwrite_the_result() -> None:
     sensor = posfet_model.load_sensor()
     reconstructor = posfet_model.Reconstructor(sensor)
     results: tuple[Any, ...] = ()
@@ -172,7 +172,7 @@ def test_a_snapshot_stays_when_the_next_scans_overwrite_the_result() -> None:
 
 
 @pytest.mark.parametrize("index", range(3), ids=["scan", "reconstruction", "image"])
-def test_a_snapshot_shares_no_memory_that_is_written_to(index: int) -> None:
+def test_a_snapshot_shares_no_writable_memory(index: int) -> None:
     sensor = posfet_model.load_sensor()
     reconstructor = posfet_model.Reconstructor(sensor)
     for scan in press(sensor):

@@ -1,6 +1,6 @@
-"""The reference tables are met with the elementary functions that other processors choose, too.
+"""The reference tables are also reproduced with the elementary functions that other processors use.
 
-NumPy and libm can be told to leave SIMD levels unused, so that a machine with AVX-512 shows what one without it gives.
+SIMD levels can be disabled in NumPy and libm, so that a machine with AVX-512 gives the results of one without it.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PLAIN_LIBM = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX2_Usable,
 
 
 def _report(environment: dict[str, str], *plugins: str) -> str:
-    """The report of the tables' tests in a process of its own; it fails where they do."""
+    """Return the report of the tests of the tables in a separate process; fail if they fail."""
     path = os.pathsep.join([str(ROOT / "test"), *filter(None, [os.environ.get("PYTHONPATH")])])
     chosen = [argument for plugin in plugins for argument in ("-p", plugin)]
     run = subprocess.run(
@@ -61,18 +61,18 @@ def _report(environment: dict[str, str], *plugins: str) -> str:
         pytest.param(AVX2, PLAIN_LIBM, id="NumPy and libm without AVX-512, FMA and AVX2"),
     ],
 )
-def test_tables_are_met_without_the_newer_instructions(
+def test_tables_are_reproduced_without_the_newer_instructions(
     forbidden: list[str], libm: dict[str, str], record_property
 ) -> None:
     missed = [name for name in forbidden if not machine.offers(name)]
     if not libm and len(missed) == len(forbidden):
-        pytest.skip("NumPy finds none of these instructions here: the other tests run without them already")
+        pytest.skip("NumPy finds none of these instructions here: the other tests run without them")
     if libm and "GLIBC_TUNABLES" in os.environ:
         pytest.skip("GLIBC_TUNABLES is set: the caller has chosen libm's functions")
     if libm and platform.libc_ver()[0] != "glibc":
-        pytest.skip("this C library is not glibc, and cannot be told to leave instructions unused")
+        pytest.skip("this C library is not glibc: its use of instructions cannot be restricted")
     if libm and not (machine.offers("FMA3") and machine.offers("AVX2")):
-        pytest.skip("no FMA and AVX2 here: libm does without them already")
+        pytest.skip("no FMA and AVX2 here: libm does not use them")
     environment = {**libm}
     if forbidden:
         environment["NPY_DISABLE_CPU_FEATURES"] = " ".join(forbidden)
@@ -87,8 +87,8 @@ def test_tables_are_met_without_the_newer_instructions(
 
 
 @pytest.mark.parametrize("seed", ["0", "1"])
-def test_tables_are_met_with_functions_as_wrong_as_is_allowed(seed: str, record_property) -> None:
-    """On every machine, also those that no variable can stand for; see `support.inexact`."""
+def test_tables_are_reproduced_with_functions_at_the_allowed_error(seed: str, record_property) -> None:
+    """For every machine, also those that no variable can emulate; see `support.inexact`."""
     found = machine.read(_report({"INEXACT_SEED": seed}, "support.inexact", "support.machine"))
     record_property("in effect", str(found))
     usual = machine.choice()

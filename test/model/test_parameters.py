@@ -1,4 +1,4 @@
-"""Parameters as data: what is allowed, how a text is read, what help texts say."""
+"""Parameters as data: valid values, conversion from text, help texts."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ LIST = Parameter("options", [""], "Options")
         (LIST, ["a=1", 2], "must be a list of texts, got ['a=1', 2]"),
     ],
 )
-def test_a_value_is_checked(parameter: Parameter, value: Any, reason: str) -> None:
+def test_an_invalid_value_is_reported_with_the_reason(parameter: Parameter, value: Any, reason: str) -> None:
     assert parameter.check(value) == reason
 
 
@@ -65,12 +65,12 @@ def test_a_text_is_read_with_the_type_of_the_default(parameter: Parameter, text:
 @pytest.mark.parametrize(
     ("parameter", "text"), [(WHOLE, "1e3"), (WHOLE, ""), (RATE, "nan"), (SWITCH, "True"), (CHOICE, "no"), (LIST, "a")]
 )
-def test_a_text_that_is_not_allowed_is_refused(parameter: Parameter, text: str) -> None:
+def test_an_invalid_text_is_rejected(parameter: Parameter, text: str) -> None:
     with pytest.raises(ValueError, match=f"^must be .*, got '{text}'$"):
         parameter.parse(text)
 
 
-def test_a_default_that_is_not_allowed_is_refused() -> None:
+def test_an_invalid_default_is_rejected() -> None:
     with pytest.raises(ValueError, match=r"^rate: the default must be a number .* in \[1, 10\], got 0.0$"):
         Parameter("rate", 0.0, "Scan rate", low=1.0, high=10.0)
 
@@ -83,6 +83,6 @@ def test_help_has_description_unit_and_default_and_argparse_prints_it() -> None:
     assert "Share in % (default: 5.0)" in parser.format_help()
 
 
-def test_every_default_is_written_so_that_it_is_read_back() -> None:
+def test_every_default_survives_a_round_trip_through_text() -> None:
     for parameter in (*MODEL_NODE, WHOLE, RATE):
         assert parameter.parse(parameter.default_text) == parameter.default

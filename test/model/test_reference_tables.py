@@ -1,4 +1,4 @@
-"""The stored 40-digit tables are what their generator makes: a sample of each is made again."""
+"""The stored 40-digit tables equal the output of their generators: a sample of each is regenerated."""
 
 import csv
 import importlib.util
@@ -11,7 +11,7 @@ from support.sweep import DATA
 
 
 def _tables() -> dict[str, Any]:
-    """The tables of both generators; the second one imports the first by the name it has beside it."""
+    """Return the tables of both generators; the second imports the first as a module in the same folder."""
     tables = {}
     for module in ("generate", "generate_follower"):
         spec = importlib.util.spec_from_file_location(module, DATA / f"{module}.py")
@@ -26,7 +26,7 @@ TABLES = _tables()
 
 
 @pytest.mark.parametrize("name", TABLES)
-def test_a_sample_is_made_again_digit_by_digit(name: str) -> None:
+def test_a_sample_is_reproduced_digit_by_digit(name: str) -> None:
     table = TABLES[name]
     with (DATA / f"{name}.csv").open(newline="", encoding="ascii") as file:
         header, *stored = csv.reader(line for line in file if not line.startswith("#"))

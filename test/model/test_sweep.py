@@ -1,4 +1,4 @@
-"""One sweep over the whole range of use, corners first: each result against 40 digits, the error found per region."""
+"""One sweep over the whole range of use, corners first: each result against 40 digits, with the error per region."""
 
 import importlib.util
 import itertools
@@ -33,7 +33,7 @@ Found = dict[type, ErrorMap]
 
 @cache
 def _equations(script: str) -> ModuleType:
-    """The equations behind the reference tables, in mpmath."""
+    """Return the module with the equations of the reference tables, in mpmath."""
     sys.path.insert(0, str(DATA))
     try:
         spec = importlib.util.spec_from_file_location(f"device_{script}", DATA / f"{script}.py")
@@ -50,7 +50,7 @@ def _exact(function: Callable[..., object], *values: float) -> list[mpmath.mpf]:
 
 
 def _error(computed, exact, scale) -> float:
-    """The error as a share of the scale, NaN and overflow included."""
+    """Return the error relative to the scale, NaN and overflow included."""
     assert_finite(computed)
     return float(abs(mpmath.mpf(float(computed)) - exact) / mpmath.mpf(float(scale))) if scale else abs(float(computed))
 
@@ -74,7 +74,7 @@ def _decade(ratio: float) -> str:
 
 
 def _follower(errors: ErrorMap, dtype: type, step: float, time_constant: float, volts: float) -> None:
-    """A jump, and a rise over the step: float32 goes in, the state is float64."""
+    """A jump, and a ramp over the step: the input is float32, the state float64."""
     bandwidth = 1 / (2 * math.pi * time_constant)
     volts = float(dtype(volts))
     equations = _equations("generate_follower")
@@ -98,8 +98,8 @@ def _follower(errors: ErrorMap, dtype: type, step: float, time_constant: float, 
     lags = [float(pair.advance(pair.start(dtype(0)), dtype(volts), step * part).lags[-1]) for part in (0.5, 1.0, 2.0)]
     assert_finite(lags)
     rounding = 8 * EPS * (volts + OVERDRIVE)
-    assert_monotone(lags, rising=False, slack=rounding)  # the slower the rise, the less it lags
-    # Between the input itself and what the small-signal pole leaves: the pair is never stronger than that.
+    assert_monotone(lags, rising=False, slack=rounding)  # the slower the ramp, the smaller the lag
+    # Between the input and the lag of the small-signal pole: the pair never settles faster than that.
     assert max(lags) <= volts + rounding
     assert lags[1] >= volts * float(_exact(equations.decay, ratio)[0]) - rounding
 
@@ -109,7 +109,7 @@ def _film(errors: ErrorMap, dtype: type, field: float) -> None:
     rising = film.rising_branch(value, FILM)
     inputs = (FILM.coercive_field, FILM.remnant_polarisation, FILM.saturation_polarisation, 12.0)
     exact = _exact(_equations("generate").film_branches, value, *inputs)[1]
-    # tanh' is at most 1, and its argument carries the rounding of a field near the coercive one.
+    # tanh' is at most 1, and its argument contains the rounding of a field near the coercive one.
     scale = FILM.saturation_polarisation * (1 + FILM.coercive_field / FILM.steepness) + abs(float(exact))
     thousand = 3 * math.ceil(math.log10(max(abs(float(value)), 1)) / 3)
     errors.add(f"film, field to 1e{thousand} V/m", _error(rising, exact, scale))
@@ -148,8 +148,8 @@ def _everything(
 
 @pytest.mark.filterwarnings("error")
 def test_every_step_time_constant_force_temperature_field_and_voltage(record_property) -> None:
-    # Two calls and 4 EPS, or one call and as many roundings: the longest are the charge (`test_charge.step_error`) and
-    # the film's branch (`test_film.branch_error`).
+    # Two calls and 4 EPS, or one call and as many roundings: the longest chains are the charge
+    # (`test_charge.step_error`) and the branch of the film (`test_film.branch_error`).
     found: Found = {dtype: ErrorMap((CALL_ULPS[dtype] + 6) * float(np.finfo(dtype).eps)) for dtype in DTYPES}
 
     @settings(max_examples=200, deadline=None)
@@ -177,8 +177,8 @@ def test_every_step_time_constant_force_temperature_field_and_voltage(record_pro
 
 @pytest.mark.parametrize("size", [0, 1, 25, 1_000_000])
 @pytest.mark.parametrize("dtype", DTYPES)
-def test_every_array_from_empty_to_a_million_taxels(size: int, dtype: type) -> None:
-    """Shape and type come back, and each element is what it is alone."""
+def test_every_array_size_from_empty_to_a_million_taxels(size: int, dtype: type) -> None:
+    """Shape and dtype are preserved, and each element equals the result of a scalar call."""
     spread = np.linspace(-1, 1, size, dtype=dtype)
     one = OnePoleFollower(gain=1.0, bandwidth=1.5e6)
     functions: dict[str, Callable[[np.ndarray], np.ndarray]] = {

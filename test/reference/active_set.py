@@ -1,4 +1,4 @@
-"""Least squares with forces that are not negative and sum to a given total: dense, slow, exact. The oracle of tests."""
+"""Non-negative least squares with a given total: a dense, slow and exact reference for tests."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ FloatArray = NDArray[np.float64]
 
 
 def solve(matrix: FloatArray, given: FloatArray, total: float) -> FloatArray:
-    """Return s >= 0 with sum(s) = total > 0 that is nearest to `given` by ``|matrix (s - given)|``.
+    """Return s >= 0 with sum(s) = total > 0 that minimises ``|matrix (s - given)|``.
 
-    A primal active set (J. Nocedal, S. Wright, Numerical Optimization, 2006, algorithm 16.3), from the even s.
+    A primal active set (J. Nocedal, S. Wright, Numerical Optimization, 2006, algorithm 16.3), from the uniform s.
     """
     size = len(given)
     gram = matrix.T @ matrix
@@ -39,4 +39,4 @@ def solve(matrix: FloatArray, given: FloatArray, total: float) -> FloatArray:
         if slope.min() >= -1e-12:
             return solution
         free[slope.argmin()] = True
-    raise AssertionError("the active set did not come to an end")
+    raise AssertionError("the active set did not converge")

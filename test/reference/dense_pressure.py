@@ -1,7 +1,7 @@
-"""Pressure of a sphere integrated on a dense grid: independent of the package's own contact model.
+"""Pressure of a sphere integrated on a dense grid, independent of the contact model of the package.
 
 Hertz's pressure is sampled every 50 um, blurred with a sampled Gaussian row by row and column by column, and summed
-over the cells of the taxels. Nothing is shared with the closed forms of the simulation.
+over the cells of the taxels. No code is shared with the closed forms of the simulation.
 """
 
 from __future__ import annotations

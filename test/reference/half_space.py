@@ -1,8 +1,8 @@
-"""Numerical contact on an elastic half-space: independent of every closed form of the simulation.
+"""Numerical contact on an elastic half-space, independent of the closed forms of the simulation.
 
-Pressure on a grid of even rectangles, whose displacement is Love's closed form (Phil. Trans. R. Soc. A 228, 1929; K. L.
-Johnson, Contact Mechanics, 1985, eq. 3.25), summed by FFT without wrapping round; pressure and contact from the gap by
-the conjugate gradients of Polonsky and Keer (Wear 231, 1999), which know nothing of the shape.
+Pressure on a grid of equal rectangles, whose displacement is Love's closed form (Phil. Trans. R. Soc. A 228, 1929;
+K. L. Johnson, Contact Mechanics, 1985, eq. 3.25), summed by FFT without circular wrap; pressure and contact area from
+the gap by the conjugate gradient method of Polonsky and Keer (Wear 231, 1999), which assumes no shape.
 """
 
 from __future__ import annotations
@@ -14,72 +14,72 @@ from numpy.typing import NDArray
 
 STEPS = 400
 CLOSE = 1e-8
-"""Change of the pressures, as a share of their sum, at which the search ends."""
+"""Change of the pressures relative to their sum at which the iteration ends."""
 
 Grid = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Contact:
-    """What was found."""
+    """Solution of a contact problem."""
 
     x: Grid
-    """Middles of the rectangles [m], shape [1, cols]."""
+    """Centres of the rectangles [m], shape [1, cols]."""
     y: Grid
-    """Shape [rows, 1]."""
+    """Centres of the rectangles [m], shape [rows, 1]."""
     force: Grid
-    """On each rectangle [N], shape [rows, cols]."""
+    """Force on each rectangle [N], shape [rows, cols]."""
     indentation: float
-    """[m]"""
+    """Indentation depth [m]."""
 
 
 def axis(half: float, count: int) -> Grid:
-    """Return the middles of `count` equal parts of [-half, half]."""
+    """Return the centres of `count` equal parts of [-half, half]."""
     return ((np.arange(count) + 0.5) / count * 2 - 1) * half
 
 
 def press(gap: Grid, x: Grid, y: Grid, force: float, modulus: float) -> Contact:
-    """Return the contact of a rigid body under a force [N]; its gap [m], shape [rows, cols], infinite beside it."""
+    """Return the contact of a rigid body under a force [N]; `gap` [m], shape [rows, cols], infinite outside."""
     rows, cols = gap.shape
     half_x, half_y = (x[0, 1] - x[0, 0]) / 2, (y[1, 0] - y[0, 0]) / 2
     near = _offsets(cols, half_x)[None], _offsets(rows, half_y)[:, None]
     influence = np.fft.rfft2(_displacement(*near, half_x, half_y) / (np.pi * modulus * 4 * half_x * half_y))
 
-    def sunk(load: Grid) -> Grid:
+    def displacement(load: Grid) -> Grid:
         return np.fft.irfft2(np.fft.rfft2(load, (2 * rows, 2 * cols)) * influence)[:rows, :cols]
 
     under = np.isfinite(gap)
     gap = np.where(under, gap, 0.0)
     load = np.where(under, force / under.sum(), 0.0)
-    way, before, restart = np.zeros_like(load), 1.0, 0.0
+    direction, before, restart = np.zeros_like(load), 1.0, 0.0
     for _ in range(STEPS):
-        apart = sunk(load) + gap
+        distance = displacement(load) + gap
         touching = load > 0
-        apart -= apart[touching].mean()
-        square = float((apart[touching] ** 2).sum())
-        way = np.where(touching, apart + restart * square / before * way, 0.0)
+        distance -= distance[touching].mean()
+        square = float((distance[touching] ** 2).sum())
+        direction = np.where(touching, distance + restart * square / before * direction, 0.0)
         before = square
-        pull = sunk(way)
+        pull = displacement(direction)
         pull -= pull[touching].mean()
-        length = float((apart * way)[touching].sum() / (pull * way)[touching].sum())
-        moved = np.where(touching, np.maximum(load - length * way, 0.0), 0.0)
-        overlap = under & (moved == 0) & (apart < 0)
-        moved[overlap] -= length * apart[overlap]
+        length = float((distance * direction)[touching].sum() / (pull * direction)[touching].sum())
+        moved = np.where(touching, np.maximum(load - length * direction, 0.0), 0.0)
+        overlap = under & (moved == 0) & (distance < 0)
+        moved[overlap] -= length * distance[overlap]
         restart = 0.0 if overlap.any() else 1.0
         moved *= force / moved.sum()
         change, load = float(np.abs(moved - load).sum()), moved
         if change < CLOSE * force:
             break
-    return Contact(x, y, load, float((sunk(load) + gap)[load > 0].mean()))
+    return Contact(x, y, load, float((displacement(load) + gap)[load > 0].mean()))
 
 
 def _offsets(count: int, half: float) -> Grid:
-    """Distances of rectangles [m], those of the other side behind, as the FFT takes them."""
+    """Return the distances of the rectangles [m] in FFT order."""
     return np.fft.fftfreq(2 * count, 1 / (2 * count)) * 2 * half
 
 
 def _displacement(x: Grid, y: Grid, half_x: float, half_y: float) -> Grid:
-    """Love's displacement times pi*E under a pressure of 1 on a rectangle about 0."""
+    """Return Love's displacement times pi*E under a pressure of 1 on a rectangle centred at 0."""
 
     def part(along: Grid, across: Grid) -> Grid:
         return along * np.arcsinh(across / np.abs(along))

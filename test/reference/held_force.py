@@ -1,7 +1,8 @@
-"""A force held by many taxels at once, ours against the optimal estimator that knows the true noise.
+"""A force held by many taxels at once: the force observer against an optimal estimator that knows the true noise.
 
-The taxels have white noise and 1/f noise of the simulated board (sums of octaves, not the observer's Markov processes),
-an offset each, rest, and are then pressed all alike. The temperature rests or drifts (held_warmth.py).
+The taxels have the white and 1/f noise of the simulated board (sums of octaves, not the observer's Markov processes)
+and individual offsets. They are at rest, then all pressed with the same force. The temperature is constant or drifts
+(temperature_drift.py).
 """
 
 from __future__ import annotations
@@ -21,70 +22,78 @@ from posfet_model.estimation.settings import ObserverSettings
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton
 from posfet_sim.device.flicker_noise import FlickerNoise
-from reference.held_warmth import BEFORE, MEMORIES, STEP, Drift, Warmth, newton_per_kelvin
+from reference.temperature_drift import (
+    STEP,
+    TIME_CONSTANTS,
+    WARM_UP_SCANS,
+    CommonModeFilter,
+    Drift,
+    newton_per_kelvin,
+)
 
 BLOCK: Final = 20
-"""Scans of a block of the optimal estimator."""
+"""Number of scans in a block of the optimal estimator."""
 
 RATE: Final = 1.0 / STEP
-"""[Hz]"""
+"""Scan rate [Hz]."""
 
-LEARNT_LEAK: Final = ObserverSettings(gain_deviation=1e-6)
-"""Gains are right, and known to be; the leak is known as well as by a calibration."""
+ESTIMATED_LEAKAGE: Final = ObserverSettings(gain_deviation=1e-6)
+"""Exact gains; the leakage has the uncertainty of a calibration and is estimated online."""
 
-KNOWN_LEAK: Final = ObserverSettings(
+KNOWN_LEAKAGE: Final = ObserverSettings(
     gain_deviation=1e-6,
     leakage_common_deviation=1e-6,
     leakage_individual_deviation=1e-6,
     leakage_common_deviation_calibrated=1e-6,
     leakage_individual_deviation_calibrated=1e-6,
 )
-"""The optimal estimator knows the leak, and so does ours."""
+"""Exact gains and leakage, as for the optimal estimator."""
 
 
-class Optimal:
-    """Kalman filter that knows the noise, and when something touches.
+class OptimalFilter:
+    """Kalman filter of each taxel that knows the noise model and the times of contact.
 
     1/f noise is a sum of first-order Markov processes, one per decade from 10 ms to 1000 s. A taxel at rest shows its
-    noise alone, so the filter learns the noise from the signal then, foretells it while a force is held, and takes
-    signal and leaked charge for what is foretold of it. What warmth does unevenly to a taxel is a random constant times
-    the warmth, which is told.
+    noise alone: the filter estimates the noise from it, predicts the noise while a force is held, and subtracts the
+    prediction from signal and leaked charge. The individual part of a taxel's thermal signal is a random constant times
+    the common thermal signal, which is an input.
     """
 
-    def __init__(self, taxels: int, white: float, flicker: float, leak: NDArray[np.float64], uneven: float) -> None:
-        """Take the variance of a reading [N2], the density of 1/f noise at 1 Hz [N2], tau [s] and unevenness [1].
+    def __init__(self, taxels: int, white: float, flicker: float, leakage: NDArray[np.float64], spread: float) -> None:
+        """Set the variance of a reading [N2], the density of 1/f noise at 1 Hz [N2], time constants and spread.
 
-        tau is of shape [taxels].
+        `leakage` holds the leakage time constants [s], shape [taxels]; `spread` [1] is the relative standard deviation
+        of the pyroelectric response.
         """
         decade = flicker * math.log(10.0)
-        self._state = np.zeros((len(MEMORIES) + 2, taxels))  # the last two: an unknown offset, and unevenness
-        self._covariance = np.diag([*(decade for _ in MEMORIES), 1.0, uneven**2])
+        self._state = np.zeros((len(TIME_CONSTANTS) + 2, taxels))  # the last two: offset and pyroelectric deviation
+        self._covariance = np.diag([*(decade for _ in TIME_CONSTANTS), 1.0, spread**2])
         self._white = white / BLOCK
-        self._kept = np.array([*np.exp(-BLOCK / RATE / MEMORIES), 1.0, 1.0])
-        self._noise = np.diag(decade * (1.0 - self._kept**2))
-        self._leak = leak
+        self._decay = np.array([*np.exp(-BLOCK / RATE / TIME_CONSTANTS), 1.0, 1.0])
+        self._noise = np.diag(decade * (1.0 - self._decay**2))
+        self._leakage = leakage
         self._leaked = np.zeros(taxels)
 
-    def rest(self, mean: NDArray[np.float64], warm: float) -> None:
-        """Take the mean signal of a block without force, and what the warmth shows in it, left out already [N]."""
-        self._pass()
-        shown = np.append(np.ones(len(self._state) - 1), warm)
+    def update_at_rest(self, mean: NDArray[np.float64], thermal: float) -> None:
+        """Process the mean signal of a block without force, and the thermal signal already subtracted from it [N]."""
+        self._predict()
+        shown = np.append(np.ones(len(self._state) - 1), thermal)
         seen = self._covariance @ shown
         gain = seen / (shown @ seen + self._white)
         self._state += np.outer(gain, mean - shown @ self._state)
         self._covariance -= np.outer(gain, seen)
 
-    def hold(self, mean: NDArray[np.float64], warm: float) -> NDArray[np.float64]:
-        """Take the mean signal of a block under force, and the warmth's part in it; return the mean force, all [N]."""
-        self._pass()
+    def update_held(self, mean: NDArray[np.float64], thermal: float) -> NDArray[np.float64]:
+        """Process the mean signal and thermal signal of a block under force; return the mean force, all [N]."""
+        self._predict()
         charge = mean - self._state[:-1].sum(axis=0)
-        step = charge * (BLOCK / RATE / self._leak)
+        step = charge * (BLOCK / RATE / self._leakage)
         self._leaked += step
-        return charge + self._leaked - 0.5 * step - warm * (1.0 + self._state[-1])
+        return charge + self._leaked - 0.5 * step - thermal * (1.0 + self._state[-1])
 
-    def _pass(self) -> None:
-        self._state *= self._kept[:, None]
-        self._covariance *= np.outer(self._kept, self._kept)
+    def _predict(self) -> None:
+        self._state *= self._decay[:, None]
+        self._covariance *= np.outer(self._decay, self._decay)
         self._covariance += self._noise
 
 
@@ -93,17 +102,17 @@ class Held:
     """Errors of a held force at one time of the hold, over all taxels."""
 
     time: float
-    """Since the force came up [s]."""
+    """Time since the onset of the force [s]."""
     force: float
-    """The true one [N]."""
+    """True force [N]."""
     error: float
-    """Of the observer, in means over 0.1 s: root mean square [N]."""
+    """Root mean square error of the observer, in means over 0.1 s [N]."""
     optimal: float
-    """Of the optimal estimator, in the same means [N]; NaN when some are left untouched."""
+    """Error of the optimal estimator, in the same means [N]; NaN if some taxels are left untouched."""
     deviation: float
-    """What the observer reports [N]."""
+    """Standard uncertainty that the observer reports [N]."""
     inside: float
-    """Share of the taxels whose force is within two reported deviations of the truth [1]."""
+    """Coverage of the two-sigma interval: share of the taxels whose true force lies in it [1]."""
 
 
 def hold(
@@ -116,33 +125,54 @@ def hold(
     sensor: Sensor | None = None,
     drift: Drift | None = None,
     lag: float | None = None,
-    learnt: bool = False,
+    leakage_estimated: bool = False,
     untouched: int = 0,
 ) -> Iterator[Held]:
-    """Yield the errors at `times` [s] of a `force` [N] held by side x side taxels after a `rest` [s].
+    """Yield the errors of a held force, at `times` after its onset.
 
-    flicker [V/sqrt(Hz)] is the 1/f noise at 1 Hz; without drift the temperature rests. lag [s] is
-    that of the film if it is another than the one told to ours; the optimal estimator is not told either. If `learnt`,
-    ours is told time constants of the leak that are as wrong as a calibration leaves them; the optimal one knows them.
-    So many taxels are left untouched, and do not count; what these show, the optimal one does not use.
+    Parameters
+    ----------
+    seed : int
+        Seed of the noise and of the drift.
+    times : tuple of float
+        Times since the onset of the force [s].
+    force : float
+        True force on each pressed taxel [N].
+    rest : float
+        Duration at rest before the onset [s].
+    flicker : float
+        1/f noise at 1 Hz [V/sqrt(Hz)].
+    side : int
+        Number of rows and of columns of the array.
+    sensor : Sensor, optional
+        Sensor; the default one without it.
+    drift : Drift, optional
+        Drift of the temperature; constant temperature without it.
+    lag : float, optional
+        True thermal lag of the film [s], if it differs from the one that both estimators assume.
+    leakage_estimated : bool
+        Whether the leakage time constants that the observer assumes have the error of a calibration; the optimal
+        estimator always knows the true ones.
+    untouched : int
+        Number of taxels left untouched. The errors exclude them, and the optimal estimator does not use them.
     """
     sensor = sensor or load_sensor()
     sensor = replace(sensor, layout=replace(sensor.layout, rows=side, cols=side))
     taxels, start = sensor.layout.taxels, round(rest * RATE)
-    settings = LEARNT_LEAK if learnt else KNOWN_LEAK
+    settings = ESTIMATED_LEAKAGE if leakage_estimated else KNOWN_LEAKAGE
     random = np.random.default_rng([seed, 3])
     wrong = settings.leakage_common_deviation_calibrated * random.standard_normal()
     wrong = wrong + settings.leakage_individual_deviation_calibrated * random.standard_normal(taxels)
-    leak = sensor.device.leak_time_constant * np.exp(wrong * learnt)
-    optimal = _Optimum(sensor, flicker, drift, leak)
+    leakage = sensor.device.leak_time_constant * np.exp(wrong * leakage_estimated)
+    optimal = _OptimalEstimator(sensor, flicker, drift, leakage)
     observer, touched = ForceObserver(sensor, settings, _calibration(sensor)), np.zeros(taxels, np.bool_)
     recent: list[NDArray[np.float64]] = []
     best: list[NDArray[np.float64]] = []
     pressed = np.arange(taxels) >= untouched
-    signals = _signals(sensor, seed, start, force * pressed, flicker, drift, lag, leak)
+    signals = _signals(sensor, seed, start, force * pressed, flicker, drift, lag, leakage)
     for index, (rise, signal, readings) in enumerate(signals):
         _observe(observer, signal * charge_per_newton(sensor), readings, touched, sensor.contact.threshold)
-        best = [*best[-4:], *optimal.take(signal, readings, index >= start)]
+        best = [*best[-4:], *optimal.update(signal, readings, index >= start)]
         recent = [*recent[-99:], observer.force.copy()]
         held = (index + 1 - start) / RATE
         if held in times:
@@ -161,37 +191,37 @@ def hold(
                 return
 
 
-class _Optimum:
-    """The optimal estimator, scan by scan: of what all taxels have in common, and of what each has alone."""
+class _OptimalEstimator:
+    """The optimal estimator, scan by scan: a filter of the common mode and one of each taxel's own signal."""
 
-    def __init__(self, sensor: Sensor, flicker: float, drift: Drift | None, leak: NDArray[np.float64]) -> None:
+    def __init__(self, sensor: Sensor, flicker: float, drift: Drift | None, leakage: NDArray[np.float64]) -> None:
         white, density = (sensor.adc.noise / sensor.volts_per_newton) ** 2, (flicker / sensor.volts_per_newton) ** 2
-        taxels, uneven = sensor.layout.taxels, drift.uneven if drift else 0.0
-        self._warmth = Warmth(sensor, drift, white, density) if drift else None
-        self._own = Optimal(taxels, white, density, leak, uneven)
+        taxels, spread = sensor.layout.taxels, drift.spread if drift else 0.0
+        self._common = CommonModeFilter(sensor, drift, white, density) if drift else None
+        self._individual = OptimalFilter(taxels, white, density, leakage, spread)
         self._mean = np.zeros(taxels)
         self._scans = 0
 
-    def take(
+    def update(
         self, signal: NDArray[np.float64], readings: NDArray[np.float32], touched: bool
     ) -> Iterator[NDArray[np.float64]]:
-        """Take a scan [N] and temperatures [degC]; yield the mean force [N] where a block under force ends."""
+        """Process a scan [N] and temperatures [degC]; yield the mean force [N] at the end of a block under force."""
         self._mean += signal / BLOCK
         self._scans += 1
-        if self._warmth:
-            self._warmth.take(float(signal.mean()), readings, touched)
+        if self._common:
+            self._common.update(float(signal.mean()), readings, touched)
         if self._scans % BLOCK:
             return
-        common, warm = self._warmth.close_block(BLOCK) if self._warmth else (0.0, 0.0)
+        common, thermal = self._common.close_block(BLOCK) if self._common else (0.0, 0.0)
         if touched:
-            yield self._own.hold(self._mean - common, warm)
+            yield self._individual.update_held(self._mean - common, thermal)
         else:
-            self._own.rest(self._mean - common, warm)
+            self._individual.update_at_rest(self._mean - common, thermal)
         self._mean[:] = 0.0
 
 
 def _calibration(sensor: Sensor) -> Calibration:
-    """Return a recorded calibration that is right."""
+    """Return a recorded calibration without error."""
     return replace(Calibration.nominal(sensor), residuals=Residuals(0.0, 0.0, 1))
 
 
@@ -202,7 +232,7 @@ def _observe(
     touched: NDArray[np.bool_],
     threshold: float,
 ) -> None:
-    """Give a scan to the observer; a taxel above the threshold of contacts is touched."""
+    """Process a scan; taxels above the contact threshold count as touched."""
     observer.advance(charge, readings, 1.0 / RATE)
     observer.compensate_common_mode(bool(touched.any()))
     touched |= observer.force > threshold
@@ -219,33 +249,33 @@ def _signals(
     flicker: float,
     drift: Drift | None,
     lag: float | None,
-    leak: NDArray[np.float64],
+    leakage: NDArray[np.float64],
 ) -> Iterator[tuple[float, NDArray[np.float64], NDArray[np.float32]]]:
-    """Yield, scan by scan for ever, which share of the `force` [N] is there, the signals, and temperatures [degC].
+    """Yield, for each scan, the applied share of the `force` [N], the signals [N] and temperatures [degC], without end.
 
-    Signals are forces that leak [N].
+    The signals are forces with charge leakage, not compensated.
     """
     taxels, random = sensor.layout.taxels, np.random.default_rng(seed)
     per_newton = sensor.volts_per_newton
     source = FlickerNoise(seed, taxels, 64)
     offset = random.normal(0.0, 5e-3 / per_newton, taxels)
     steady = repeat((0.0, np.full(2, 25.0, np.float32)))
-    warmth = drift.scans(seed, start, lag or sensor.device.thermal_time_constant) if drift else steady
-    uneven = drift.uneven if drift else 0.0
-    per_kelvin = newton_per_kelvin(sensor) * (1.0 + uneven * np.random.default_rng([seed, 2]).standard_normal(taxels))
-    ratio = 1.0 / RATE / leak
-    mean, kept = -np.expm1(-ratio) / ratio, np.exp(-ratio)
-    charge = warm = np.zeros(taxels)
+    temperatures = drift.scans(seed, start, lag or sensor.device.thermal_time_constant) if drift else steady
+    spread = drift.spread if drift else 0.0
+    per_kelvin = newton_per_kelvin(sensor) * (1.0 + spread * np.random.default_rng([seed, 2]).standard_normal(taxels))
+    ratio = 1.0 / RATE / leakage
+    mean, decay = -np.expm1(-ratio) / ratio, np.exp(-ratio)
+    charge = thermal = np.zeros(taxels)
     last, film, index = 0.0, 0.0, 0
-    for now, _ in islice(warmth, BEFORE if drift else 0):
-        warm, film = warm * kept + (now - film) * mean, now
+    for now, _ in islice(temperatures, WARM_UP_SCANS if drift else 0):
+        thermal, film = thermal * decay + (now - film) * mean, now
     while True:
         noise = source.weights @ source.rows(index // 64) * (flicker / per_newton)
         noise += random.normal(0.0, sensor.adc.noise / per_newton, noise.shape) + offset
-        for row, (now, readings) in zip(noise, warmth, strict=False):
+        for row, (now, readings) in zip(noise, temperatures, strict=False):
             rise = min(max((index - start) / 20, 0.0), 1.0)
-            charge = charge * kept + force * (rise - last) * mean
-            warm = warm * kept + (now - film) * mean
+            charge = charge * decay + force * (rise - last) * mean
+            thermal = thermal * decay + (now - film) * mean
             last, film = rise, now
             index += 1
-            yield rise, charge + row + warm * per_kelvin, readings
+            yield rise, charge + row + thermal * per_kelvin, readings

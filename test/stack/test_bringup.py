@@ -1,4 +1,4 @@
-"""The `bringup` executable as users start it: real processes, their topics, their ends."""
+"""The `bringup` executable as users start it: real processes, their topics and their exits."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from support.expectations import TIMEOUT, Listener, expect_info, expect_stack
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
 TOUCHED = 1000
-"""Scans with a contact after which the summary has seen it several times."""
+"""Number of scans with a contact after which the summary includes it several times."""
 VARIANTS = {
     "composed, simulated board": ["source:=sim"],
     "composed, emulated adapter, CAN FD": ["source:=emulator"],
@@ -35,37 +35,37 @@ VARIANTS = {
 
 
 @pytest.mark.parametrize("arguments", VARIANTS.values(), ids=VARIANTS.keys())
-def test_stack_finds_what_the_scene_does(arguments: Sequence[str]) -> None:
+def test_the_stack_reports_the_contacts_of_the_scene(arguments: Sequence[str]) -> None:
     with running("imperfections:=none", *arguments) as process, Listener() as listener:
         expect_stack(listener)
         output = finish(process)
-    # A bare board in one process has no way to lose anything on.
+    # A board in the same process has no link that could lose scans.
     lost = r"0 frames lost, 0 scans missing" if arguments == ["source:=sim"] else r"\d+ frames lost, \d+ scans missing"
     assert re.search(rf"posfet: .* {lost}", output), output
 
 
 def run_until_touched(*arguments: str) -> str:
-    """Run `posfet bringup` until a touch has been reported, and seen by the summary; return its output."""
+    """Run `posfet bringup` until a touch has been reported and included in the summary; return its output."""
     with running(*arguments) as process, Listener() as listener:
         contacts: list[TactileContacts] = listener.collect(TactileContacts, "contacts")
         listener.wait(lambda: sum(bool(found.contacts) for found in contacts) > TOUCHED, "a touch")
         return finish(process)
 
 
-def test_classic_frames_become_contacts() -> None:
+def test_classic_can_frames_give_contacts() -> None:
     output = run_until_touched("source:=emulator", "can_fd:=false")
     assert re.search(r"posfet: .*, [1-9]\d* contacts?, centre-of-pressure error", output), output
 
 
 @pytest.mark.parametrize("source", ["sim", "emulator"])
-def test_a_board_that_is_not_ideal_is_read_all_the_same(source: str) -> None:
+def test_a_non_ideal_board_is_read(source: str) -> None:
     output = run_until_touched(f"source:={source}")
     summary = re.search(r"posfet: .*, \d+ frames lost, .* contacts?, .* error ([\d.]+) mm \(median\)", output)
     assert summary, output
     assert 0.0 < float(summary[1]) < 0.1
 
 
-def test_two_sensors_live_side_by_side() -> None:
+def test_two_sensors_run_side_by_side() -> None:
     with running("namespace:=hand/thumb"), running("namespace:=hand/palm", "scene:=idle"):
         for namespace in ("hand/thumb", "hand/palm"):
             with Listener(namespace) as listener:
@@ -73,7 +73,7 @@ def test_two_sensors_live_side_by_side() -> None:
 
 
 @pytest.mark.parametrize("composed", ["true", "false"])
-def test_stops_by_itself_with_a_summary(composed: str) -> None:
+def test_a_limited_run_ends_with_a_summary(composed: str) -> None:
     result = bringup("--for", "10", f"composed:={composed}")
     assert result.returncode == 0, result.stderr
     lines = result.stdout.splitlines()
@@ -81,8 +81,8 @@ def test_stops_by_itself_with_a_summary(composed: str) -> None:
     assert re.fullmatch(r"posfet: .* scans/s, \d+ frames lost, \d+ scans missing, .*", lines[-1])
 
 
-def test_picture_in_a_terminal() -> None:
-    """With a terminal there is a live picture with map and contacts instead of lines."""
+def test_live_display_in_a_terminal() -> None:
+    """In a terminal, a live display with force map and contacts replaces the lines."""
     master, slave = pty.openpty()
     environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "120", "LINES": "40"}
     command = ["posfet", "bringup"]
@@ -96,7 +96,7 @@ def test_picture_in_a_terminal() -> None:
             if expected and all(word in shown.decode(errors="replace") for word in expected):
                 process.send_signal(signal.SIGINT)
                 expected.clear()
-    except OSError:  # Linux reports the end of a pseudo-terminal so
+    except OSError:  # Linux reports the end of a pseudo-terminal by this error
         pass
     _, errors = process.communicate(timeout=TIMEOUT)
     os.close(master)
@@ -123,14 +123,14 @@ BAD_INPUT = {
 
 @pytest.mark.parametrize("composed", ["true", "false"])
 @pytest.mark.parametrize(("arguments", "expected"), BAD_INPUT.values(), ids=BAD_INPUT.keys())
-def test_bad_input_ends_with_one_line(arguments: list[str], expected: str, composed: str) -> None:
+def test_invalid_input_ends_with_one_line(arguments: list[str], expected: str, composed: str) -> None:
     result = bringup("--for", "20", f"composed:={composed}", *arguments)
     assert result.returncode == 1, result.stdout
     assert expected in result.stderr
     assert len(result.stderr.splitlines()) == 1, result.stderr
 
 
-def test_bad_parameters_end_with_one_line(tmp_path: os.PathLike[str]) -> None:
+def test_invalid_parameters_end_with_one_line(tmp_path: os.PathLike[str]) -> None:
     path = os.path.join(tmp_path, "parameters.yaml")
     for text, expected in (
         ("frame_id: 5", "frame_id: must be text, got 5"),
@@ -145,7 +145,7 @@ def test_bad_parameters_end_with_one_line(tmp_path: os.PathLike[str]) -> None:
         assert "Traceback" not in result.stderr
 
 
-def test_interface_that_cannot_be_opened_is_named_with_the_reason() -> None:
+def test_an_interface_that_cannot_be_opened_is_reported_with_the_reason() -> None:
     result = bringup("--for", "2", "source:=can", "can_interface:=socketcan", "can_channel:=can_nowhere")
     assert result.returncode == 1
     assert "can_nowhere" in result.stderr
@@ -153,17 +153,17 @@ def test_interface_that_cannot_be_opened_is_named_with_the_reason() -> None:
 
 
 @pytest.mark.parametrize("composed", ["true", "false"])
-def test_ctrl_c_during_start_up_ends_without_a_traceback(composed: str) -> None:
+def test_ctrl_c_during_startup_ends_without_a_traceback(composed: str) -> None:
     command = ["posfet", "bringup", f"composed:={composed}"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     loaded = Path(f"/proc/{process.pid}/maps")
     while process.poll() is None and "_rclpy" not in loaded.read_text(encoding="utf-8", errors="replace"):
-        pass  # ends with the process, or once it has begun to load ROS
+        pass  # ends with the process, or once it starts to load ROS
     assert finish(process) is not None
 
 
 def children(process: int) -> set[int]:
-    """The processes that a process has started and that run."""
+    """Return the running child processes of a process."""
     found = set()
     for status in Path("/proc").glob("[0-9]*/stat"):
         try:
@@ -175,7 +175,7 @@ def children(process: int) -> set[int]:
     return found
 
 
-def test_nodes_end_with_a_bringup_that_is_killed() -> None:
+def test_nodes_end_when_bringup_is_killed() -> None:
     with running("source:=emulator", "composed:=false") as process, Listener() as listener:
         expect_info(listener)
         nodes = children(process.pid)
@@ -187,7 +187,7 @@ def test_nodes_end_with_a_bringup_that_is_killed() -> None:
             time.sleep(0.01)
 
 
-def test_a_second_emulator_in_a_namespace_is_refused_in_one_line() -> None:
+def test_a_second_emulator_in_a_namespace_is_rejected_in_one_line() -> None:
     link = emulated_adapter("twice")
     link.unlink(missing_ok=True)
     with running("source:=emulator", "namespace:=twice") as first:
@@ -203,7 +203,7 @@ def test_a_second_emulator_in_a_namespace_is_refused_in_one_line() -> None:
         assert re.search(r"posfet: .* frames lost", finish(first))
 
 
-def test_ros_arguments_are_refused_unless_empty() -> None:
+def test_ros_arguments_are_rejected_unless_empty() -> None:
     result = bringup("--ros-args", "--log-level", "debug")
     assert result.returncode == 2
     expected = "ROS arguments are not supported, got '--ros-args --log-level debug': use name:=value (--show-args)"

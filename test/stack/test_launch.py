@@ -41,7 +41,7 @@ def generate_test_description(arguments: dict[str, str]) -> LaunchDescription:
 
 
 class TestStack(unittest.TestCase):
-    def test_stack_finds_what_the_scene_does(self) -> None:
+    def test_the_stack_reports_the_contacts_of_the_scene(self) -> None:
         with Listener() as listener:
             expect_stack(listener)
 

@@ -42,7 +42,7 @@ def test_every_argument_is_declared_with_default_choices_and_description() -> No
 
 
 @pytest.mark.parametrize("composed", ["true", "false"])
-def test_bad_input_gives_exit_code_1(composed: str) -> None:
+def test_invalid_input_gives_exit_code_1(composed: str) -> None:
     assert launched(composed=composed, scene="nowhere") == 1
     assert launched(composed=composed, can_bitrate="fast") == 1
     assert launched(composed=composed, source="usb") == 1

@@ -16,7 +16,7 @@ from support.expectations import Listener
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
 DIFFERENT = {("/tactile/model_node", "direct")}
-"""What must differ: in one process the model is called directly, and the view needs no node."""
+"""Expected differences: in one process the model is called directly, and the display needs no node."""
 
 
 OWN = ("raw", "truth", "contacts", "image", "wrench", "force_image", "points", "vibration", "markers", "info")
@@ -47,7 +47,7 @@ def describe(listener: Listener, nodes: set[str]) -> tuple[dict[str, list[str]],
         ("emulator", {"/tactile/model_node", "/tactile/sim_board_node", "/tactile/driver_node"}),
     ],
 )
-def test_both_graphs_are_the_same(source: str, nodes: set[str]) -> None:
+def test_both_graphs_are_identical(source: str, nodes: set[str]) -> None:
     described = []
     for composed in ("true", "false"):
         with running(f"source:={source}", f"composed:={composed}", "scene:=hold"), Listener() as listener:

@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 README = Path(__file__).parents[2] / "README.md"
 
 
-def test_subscriber_prints_contacts() -> None:
+def test_the_readme_subscriber_prints_contacts() -> None:
     program, _ = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
     assert len(program.splitlines()) == 15
     environment = {**os.environ, "PYTHONUNBUFFERED": "1"}

@@ -1,4 +1,4 @@
-"""Commands as real processes: what was begun is finished after Ctrl-C and SIGTERM; a reader that goes is no error."""
+"""Commands as real processes: output is complete after Ctrl-C and SIGTERM; a closed pipe is no error."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SIGNALS = [signal.SIGINT, signal.SIGTERM]
 
 
 def interrupted(words: list[str], number: signal.Signals, file: Path) -> subprocess.CompletedProcess[str]:
-    """Run `posfet`, and send the signal as soon as something is in the file."""
+    """Run `posfet` and send the signal as soon as the file has content."""
     with subprocess.Popen(["posfet", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         end = time.monotonic() + TIMEOUT
         while not (file.exists() and file.stat().st_size > 1000):
@@ -41,7 +41,7 @@ def interrupted(words: list[str], number: signal.Signals, file: Path) -> subproc
     [["posfet", "bringup", "-s"], [sys.executable, "-m", "posfet_model.spice_compare", str(RUN)]],
     ids=["posfet", "spice_compare"],
 )
-def test_a_reader_that_goes_ends_a_command_quietly(command: list[str]) -> None:
+def test_a_closed_output_pipe_ends_a_command_quietly(command: list[str]) -> None:
     reading, writing = os.pipe()
     os.close(reading)
     with os.fdopen(writing, "w") as pipe:
@@ -50,7 +50,7 @@ def test_a_reader_that_goes_ends_a_command_quietly(command: list[str]) -> None:
 
 
 @pytest.mark.parametrize("number", SIGNALS)
-def test_a_simulation_that_is_interrupted_leaves_a_whole_file(tmp_path: Path, number: signal.Signals) -> None:
+def test_an_interrupted_simulation_leaves_a_complete_file(tmp_path: Path, number: signal.Signals) -> None:
     reader = pytest.importorskip("mcap.reader")
     file = tmp_path / "run.mcap"
     result = interrupted(["sim", "idle", "--out", str(file)], number, file)
@@ -61,7 +61,7 @@ def test_a_simulation_that_is_interrupted_leaves_a_whole_file(tmp_path: Path, nu
 
 
 @pytest.mark.parametrize("number", SIGNALS)
-def test_a_recording_that_is_interrupted_is_whole(tmp_path: Path, number: signal.Signals) -> None:
+def test_an_interrupted_recording_is_complete(tmp_path: Path, number: signal.Signals) -> None:
     file = tmp_path / "bus.log"
     result = interrupted(["can", "record", str(file), "-i", "emulator"], number, file)
     assert (result.returncode, result.stderr) == (0, "")

@@ -1,4 +1,4 @@
-"""Runs the `bringup` executable for tests."""
+"""Run the `bringup` executable for tests."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ needs_installation = pytest.mark.skipif(
 
 @contextmanager
 def running(*arguments: str) -> Iterator[subprocess.Popen[str]]:
-    """Run `posfet bringup`; end it with Ctrl-C's signal if the test has not."""
+    """Run `posfet bringup`; interrupt it (SIGINT) unless the test has ended it."""
     command = ["posfet", "bringup", *arguments]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
@@ -35,7 +35,7 @@ def running(*arguments: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def finish(process: subprocess.Popen[str]) -> str:
-    """Send Ctrl-C's signal and return what was written to stdout, after a clean end."""
+    """Interrupt the process (SIGINT) and return its standard output; fail unless it ends cleanly."""
     process.send_signal(signal.SIGINT)
     output, errors = process.communicate(timeout=TIMEOUT)
     assert process.returncode == 0, errors
@@ -44,6 +44,6 @@ def finish(process: subprocess.Popen[str]) -> str:
 
 
 def bringup(*arguments: str) -> subprocess.CompletedProcess[str]:
-    """Run `posfet bringup` to its end."""
+    """Run `posfet bringup` until it ends."""
     command = ["posfet", "bringup", *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT, check=False)

@@ -1,4 +1,4 @@
-"""Clocks of the tests: time that is moved by hand, and time that waits for every thread that reads it."""
+"""Clocks for tests: one advanced by the test, and one that waits for every thread that reads it."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 STUCK = 120.0
-"""Time stands still for no longer than this [s]: then a thread has stopped looking at it, and the test fails."""
+"""Maximum time that the clock stands still [s]: after that a thread no longer reads it, and the test fails."""
 POLL = 0.005
-"""Longest wait of a thread that takes part [s]: time waits for it meanwhile."""
+"""Longest wait of a thread that takes part [s]; the clock waits for it."""
 EPOCH = 1_700_000_000_000_000_000
-"""Wall time of a clock's zero [ns]."""
+"""Wall time at clock time 0 [ns]."""
 
 
 class SteppedClock:
-    """For one thread: time passes only in `sleep` and where a test adds to `now`; notes the pauses."""
+    """Clock for one thread: time advances only in `sleep` and when a test adds to `now`; records the pauses."""
 
     def __init__(self, now: int = 0, epoch: int = 0) -> None:
         self.now = now
@@ -35,17 +35,18 @@ class SteppedClock:
 
 
 class PacedClock:
-    """For several threads: time passes as usual, but stands still while any thread that reads this clock is behind.
+    """Clock for several threads: time advances normally, but stands still while any thread that reads it is behind.
 
-    So a board never runs away from its reader, nor a reader's time-outs from its board, however long the machine holds
-    one of them up: such a test takes longer, and nothing else. A thread takes part from its first look at the clock
-    until it ends; the main thread only with `main`, or within `taking_part`. Whoever takes part looks every POLL or so.
+    So a board never gets ahead of its reader, nor the time-outs of a reader ahead of its board, however long the
+    machine delays one of them: such a test only takes longer. A thread takes part from its first reading of the clock
+    until it ends; the main thread only with `main`, or within `taking_part`. A thread
+    that takes part reads the clock every POLL or so.
     """
 
     def __init__(self, main: bool = True, lead: float = 0.005) -> None:
-        """Let time be at most `lead` [s] ahead of what the slowest thread has seen.
+        """Limit the time to `lead` [s] ahead of the last reading of the slowest thread.
 
-        What comes in that time has to be less than a reader takes at one look: 4 KiB on a terminal.
+        What is sent in that time must be less than one read of the reader: 4 KiB on a terminal.
         """
         self._lead = round(lead * 1e9)
         self._lock = threading.Lock()
@@ -77,13 +78,13 @@ class PacedClock:
             time.sleep(min(left / 1e9, 1e-3))
 
     def jump(self, seconds: float) -> None:
-        """Let `seconds` [s] pass at once, as for threads that were all held up."""
+        """Advance by `seconds` [s] at once, as if all threads had been delayed."""
         with self._lock:
             self._now += round(seconds * 1e9)
 
     @contextmanager
     def taking_part(self) -> Iterator[None]:
-        """Have time wait for the main thread, too, which then has to look at the clock."""
+        """Make the clock wait for the main thread as well, which then has to read the clock."""
         before, self._main = self._main, True
         try:
             self.monotonic()

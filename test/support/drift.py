@@ -1,10 +1,10 @@
-"""Command: run the followers for 1e8 steps, and say how far rounding takes them. `make stability STEPS=1e8`.
+"""Command: run the followers for 1e8 steps and report the accumulated rounding error. `make stability STEPS=1e8`.
 
-Every step is made, by the code that series go through (`Follower.advance_series`), with the state carried from piece to
-piece; for the charge, by the two products of `propagate_first_order_hold` one step after the other. The input is
-periodic, so that what has to come out is known at each step: a periodic part and the decay of the start, both from
-mpmath at 40 digits and written in other words than the code. The pair's way is built backwards: from the overdrives it
-is to pass, the time of each stretch by quadrature.
+Every step is computed, by the code that processes series (`Follower.advance_series`), with the state carried from piece
+to piece; for the charge, by the two products of `propagate_first_order_hold` in sequence. The input is periodic, so
+that the exact output is known at each step: a periodic part and the decay of the initial state, both from mpmath at 40
+digits and in a different form than in the code. The trajectory of the pair is constructed backwards: from the
+overdrives that it must pass, with the time of each section by quadrature.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ mpmath.mp.dps = 40
 EPS = float(np.finfo(np.float64).eps)
 PIECE = 1 << 18
 LEVELS = np.array([0.25, 1.0, 0.5, -0.75, -1.0, 0.125, 0.75, 0.0])
-"""One period of the input [V], exact in float32 as well; the run starts at rest at the last one."""
+"""One period of the input [V], exact in float32 as well; the run starts in equilibrium at the last value."""
 
 STEEPEST = 1 / (1 - LARGEST_PRODUCT)
-"""Most that an overdrive moves for a lag of the capacitor, with a lead."""
+"""Largest change of the overdrive per lag of the capacitor, with a lead."""
 
 RESONANT = 1 / (2 * math.pi)
-"""A frequency [Hz] of 1 rad/s, so that steps are counted in time constants."""
+"""Frequency [Hz] of 1 rad/s, so that steps are in units of the time constant."""
 
 
 @dataclass(frozen=True)
 class Drift:
-    """What a run found, in V for inputs of 1 V."""
+    """Result of a run, in V for inputs of 1 V."""
 
     largest: float
     last: float
@@ -51,14 +51,14 @@ class Drift:
 
 @dataclass(frozen=True)
 class Case:
-    """One run: what it is called, and what makes it, given the number of steps."""
+    """One run: its name, and a function that runs it for a number of steps."""
 
     name: str
     run: Callable[[int], Drift]
 
 
 def _linear(follower: Follower, poles: Sequence[mpf], weights: Sequence[mpf], step: float, dtype: type) -> Case:
-    """A follower of which a jump of the input leaves the lag ``sum(weight*exp(-pole*t))``, one term a pole."""
+    """Return the case of a follower with the lag ``sum(weight*exp(-pole*t))`` after a jump, one term per pole."""
     name = f"{type(follower).__name__}{getattr(follower, 'quality', '')}, step/tau {step:g}, {dtype.__name__}"
 
     def run(steps: int) -> Drift:
@@ -81,9 +81,9 @@ def _linear(follower: Follower, poles: Sequence[mpf], weights: Sequence[mpf], st
 
 
 def _term(pole: mpf, weight: mpf, step: mpf) -> tuple[NDArray[np.complex128], complex, complex]:
-    """Return the periodic lag of one pole at each input of a period, its decay's start, and pole*step.
+    """Return the periodic lag of one pole at each input of a period, the start of its decay, and pole*step.
 
-    A straight piece that rises by c in the time h leaves ``weight*c*(1 - exp(-p*h))/(p*h)``, which then decays.
+    A linear section that rises by c in the time h leaves ``weight*c*(1 - exp(-p*h))/(p*h)``, which then decays.
     """
     changes = [mpf(float(c)) for c in np.diff(LEVELS, prepend=LEVELS[-1])]
     decay = mpmath.exp(-pole * step)
@@ -91,7 +91,7 @@ def _term(pole: mpf, weight: mpf, step: mpf) -> tuple[NDArray[np.complex128], co
     lag = mpf(0)
     for change in changes:
         lag = lag * decay + left * change
-    lag /= -mpmath.expm1(-pole * step * len(changes))  # the lag that is the same a period later
+    lag /= -mpmath.expm1(-pole * step * len(changes))  # the periodic lag
     start, periodic = -lag, []
     for change in changes:
         lag = lag * decay + left * change
@@ -102,7 +102,7 @@ def _term(pole: mpf, weight: mpf, step: mpf) -> tuple[NDArray[np.complex128], co
 def _lag(
     periodic: NDArray[np.complex128], start: complex, rate: complex, after: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the lag of one pole after so many steps."""
+    """Return the lag of one pole after a number of steps."""
     return (np.tile(periodic, after.size // periodic.size) + start * np.exp(-rate * after)).real
 
 
@@ -120,12 +120,12 @@ def _two_poles(step: float, quality: float) -> Case:
 
 
 def _charge(step: float, dtype: type) -> Case:
-    """The charge, in plain numbers: one product and one sum after the other, as the function has them."""
+    """Return the case of the charge, in scalar arithmetic: the same products and sums as in the function."""
     one, none = dtype(1), dtype(0)
     changes = np.diff(LEVELS, prepend=LEVELS[-1]).astype(dtype)
     decay = propagate_first_order_hold(one, none, none, step, 1.0)[()]
     kicks = list(changes * propagate_first_order_hold(none, none, one, step, 1.0))
-    if dtype is np.float64:  # the same arithmetic in a third of the time
+    if dtype is np.float64:  # the same arithmetic, three times as fast
         decay, kicks = float(decay), [float(kick) for kick in kicks]
     eps = float(np.finfo(dtype).eps)
 
@@ -146,46 +146,48 @@ def _charge(step: float, dtype: type) -> Case:
 
 
 def _current(x: mpf) -> mpf:
-    """Of the pair inside saturation, in units."""
+    """Return the normalised current of the pair inside saturation."""
     return x * mpmath.sqrt(1 - x * x / 4)
 
 
 def _raised(x: mpf, lead: Lead) -> mpf:
-    """The capacitor's lag at an overdrive x."""
+    """Return the lag of the capacitor at an overdrive x."""
     return x + mpf(lead.linear) * _current(x) + mpf(lead.square) * _current(x) ** 2
 
 
-def _duration(way: tuple[mpf, mpf], slope: mpf, lead: Lead) -> mpf:
-    """Time from one overdrive to another inside saturation, by quadrature over y."""
+def _duration(section: tuple[mpf, mpf], slope: mpf, lead: Lead) -> mpf:
+    """Return the time from one overdrive to another inside saturation, by quadrature over y."""
 
     def pace(x: mpf) -> mpf:
         steepness = (1 - x * x / 2) / mpmath.sqrt(1 - x * x / 4)
         raised = 1 + (mpf(lead.linear) + 2 * mpf(lead.square) * _current(x)) * steepness
         return raised / (slope - _current(x))
 
-    return mpmath.quad(pace, way)
+    return mpmath.quad(pace, section)
 
 
 def _pair(
-    name: str, overdrives: Sequence[float], rising: float, lead: Lead = NO_LEAD, taken_as_linear: float = 0.0
+    name: str, overdrives: Sequence[float], rising: float, lead: Lead = NO_LEAD, linearisation: float = 0.0
 ) -> Case:
-    """A square-law follower that passes the overdrives up, and down again, for ever.
+    """Return the case of a square-law follower that passes the overdrives up and down again, periodically.
 
-    The falling slope is the one that brings the input back to where it started.
+    The falling slope is the one that returns the input to its start.
     """
 
     def run(steps: int) -> Drift:
         points = [mpf(x) for x in overdrives]
         up = list(itertools.pairwise(points))
         down = [(b, a) for a, b in reversed(up)]
-        times_up = [_duration(way, mpf(rising), lead) for way in up]
+        times_up = [_duration(section, mpf(rising), lead) for section in up]
 
         def left_over(slope: mpf) -> mpf:
-            return mpf(rising) * sum(times_up) + slope * sum(_duration(way, slope, lead) for way in down)
+            return mpf(rising) * sum(times_up) + slope * sum(_duration(section, slope, lead) for section in down)
 
         falling = mpmath.findroot(left_over, (-mpf(rising), -mpf(rising) * mpf("0.9")), tol=1e-40)
-        steps_of = [(mpf(rising), t) for t in times_up] + [(falling, _duration(way, falling, lead)) for way in down]
-        levels, level = [], _raised(points[0], lead)  # a jump from rest brings the pair to the first overdrive
+        steps_of = [(mpf(rising), t) for t in times_up] + [
+            (falling, _duration(section, falling, lead)) for section in down
+        ]
+        levels, level = [], _raised(points[0], lead)  # a jump from equilibrium sets the first overdrive
         for slope, duration in steps_of:
             level += slope * duration
             levels.append(float(level))
@@ -200,15 +202,15 @@ def _pair(
             error = np.abs(np.tile(np.array(levels) - passed, repeats) - series.output.v_out)
             largest, last = max(largest, float(error.max())), float(error[-1])
             state = series.end
-        # Each step rounds x by 4 units, and its input and its time round too.
-        memory = 3 * max(1.0, len(levels) / float(sum(durations)))  # steps that have not faded
-        return Drift(largest, last, 8 * EPS * STEEPEST * memory + taken_as_linear)
+        # Each step rounds x by 4 units, and rounds its input and its time.
+        memory = 3 * max(1.0, len(levels) / float(sum(durations)))  # number of steps whose errors have not decayed
+        return Drift(largest, last, 8 * EPS * STEEPEST * memory + linearisation)
 
     return Case(name, run)
 
 
 def _pieces(steps: int, period: int = LEVELS.size) -> Iterator[int]:
-    """Lengths of pieces of whole periods that make up at least so many steps."""
+    """Yield lengths of pieces of whole periods that add up to at least `steps`."""
     whole = PIECE // period * period
     left = -(-steps // period) * period
     while left > 0:
@@ -217,21 +219,21 @@ def _pieces(steps: int, period: int = LEVELS.size) -> Iterator[int]:
 
 
 def cases() -> list[Case]:
-    """Every run, the quick ones first."""
+    """Return all runs, the quick ones first."""
     arc = (-1.1, -0.2, 0.4, 1.1)
     return [
         *(_one_pole(step, dtype) for step in (1e-12, 1e-6, 1e-3, 1.0) for dtype in (np.float64, np.float32)),
         *(_charge(step, np.float64) for step in (1e-12, 1e-9, 1e-6, 3.7e-3)),
         *(_charge(step, np.float32) for step in (1e-3, 3.7e-3)),
         *(_two_poles(step, quality) for step in (1e-6, 0.1) for quality in (0.4, 0.7)),
-        _pair("SquareLawFollower, small, float64", (-5e-6, -2e-6, 1e-6, 5e-6), 9e-6, taken_as_linear=1.3e-16),
+        _pair("SquareLawFollower, small, float64", (-5e-6, -2e-6, 1e-6, 5e-6), 9e-6, linearisation=1.3e-16),
         _pair("SquareLawFollower, slewing, float64", arc, 1.7),
         _pair("SquareLawFollower, slewing with a lead, float64", arc, 1.7, Lead(0.07, 0.18)),
     ]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run what was asked for and print a line for each; 1 when a bound is broken."""
+    """Run the selected cases and print a line for each; return 1 if a bound is exceeded."""
     parser = argparse.ArgumentParser(prog="drift", description=__doc__)
     parser.add_argument("--steps", type=float, default=1e8, help="steps of each run, 1e8 where not given")
     parser.add_argument("--only", default="", help="runs whose name holds this")

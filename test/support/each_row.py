@@ -1,4 +1,4 @@
-"""One test for a whole table: every row is tried, and all that fail are reported together."""
+"""One test for a whole table: every row is tried, and all failures are reported together."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Row = Callable[[str], AbstractContextManager[None]]
 
 @contextmanager
 def each_row() -> Iterator[Row]:
-    """Give the context in which a row is tried, and fail at the end where a row failed or there was none.
+    """Yield the context in which a row is tried; fail at the end if a row failed or there was none.
 
     Examples
     --------

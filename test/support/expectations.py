@@ -1,4 +1,4 @@
-"""What a running stack with the simulated board and its default scene must do, whoever started it.
+"""Requirements on a running stack with the simulated board and its default scene, however it was started.
 
 Used by the launch tests and by the tests of the `bringup` executable.
 """
@@ -23,24 +23,24 @@ from posfet_model.ros.run_node import NodeExecutor
 from posfet_msgs.msg import TactileContact, TactileContacts, TactileImage, TactileInfo, TactileTruth
 
 TIMEOUT = 180.0
-"""Time that an expected message is given to come [s]; a running stack needs a fraction of it."""
+"""Time-out for an expected message [s]; a running stack needs a fraction of it."""
 ASK_PERIOD = 0.1
-"""Time between two looks whether what is expected has come [s]: thousands of messages come meanwhile."""
+"""Period at which a condition is checked [s]: thousands of messages arrive in the meantime."""
 COMPARED = 1000
 """Scans with a contact that are compared with the ground truth."""
 NOTHING = {"repeated", "late", "layout mismatch"}
-"""Counters of the diagnostics that must be there, and at 0. Scans missed on the way from process to process are not
-among them: a machine that is busy with other things loses some there, which the model then counts."""
+"""Counters of the diagnostics that must exist and be 0. Scans lost between processes are not among them: a busy machine
+loses some, which the model counts."""
 LOST = "frames lost"
 CAUSES = ("lost scans", "torn scans", "malformed frames", "frames nobody read")
-"""Counters by cause, one of which tells of frames that a busy machine lost between adapter and driver."""
+"""Counters by cause, one of which counts frames that a busy machine lost between adapter and driver."""
 PRESSED = 0.3
-"""Force [N] from which on a true contact is compared."""
+"""Minimum force of a true contact that is compared [N]."""
 Pair = tuple[TactileContacts, TactileTruth]
 
 
 class Listener:
-    """Collects what a stack publishes, in a context of its own."""
+    """Collects the messages of a stack, in its own context."""
 
     def __init__(self, namespace: str = "tactile") -> None:
         self._context = rclpy.Context()
@@ -60,24 +60,24 @@ class Listener:
         self._node.destroy_node()
         rclpy.try_shutdown(context=self._context)
 
-    def collect(self, kind: type, topic: str, *, latched: bool = False) -> list:
-        """Return a list that every message of `topic` is appended to from now on."""
+    def collect(self, kind: type, topic: str, *, transient_local: bool = False) -> list:
+        """Return a list to which every further message of `topic` is appended."""
         messages: list = []
-        durability = DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
-        profile = QoSProfile(depth=1 if latched else 2000, durability=durability)
+        durability = DurabilityPolicy.TRANSIENT_LOCAL if transient_local else DurabilityPolicy.VOLATILE
+        profile = QoSProfile(depth=1 if transient_local else 2000, durability=durability)
         self._subscriptions.append(self._node.create_subscription(kind, topic, messages.append, profile))
         return messages
 
     def forget(self) -> None:
-        """Collect nothing any more, so that the next expectation has the machine for itself."""
+        """Stop collecting, so that the next check has the whole machine."""
         while self._subscriptions:
             self._node.destroy_subscription(self._subscriptions.pop())
 
     def wait(self, condition: Callable[[], bool], what: str) -> None:
-        """Serve callbacks until `condition`, which is asked now and then; fail after TIMEOUT."""
+        """Serve callbacks until `condition` holds, which is checked periodically; fail after TIMEOUT."""
         end = time.monotonic() + TIMEOUT
         while not condition():
-            assert time.monotonic() < end, f"{what} did not come within {TIMEOUT:g} s"
+            assert time.monotonic() < end, f"{what} did not arrive within {TIMEOUT:g} s"
             pause = time.monotonic() + ASK_PERIOD
             while time.monotonic() < pause:
                 self._executor.spin_once(ASK_PERIOD)
@@ -100,14 +100,14 @@ class Listener:
         return topics
 
     def node_names(self) -> set[str]:
-        """Return the full names of the nodes that are seen, this one left out."""
+        """Return the full names of the discovered nodes, except this one."""
         pairs = self._node.get_node_names_and_namespaces()
         return {f"{space.rstrip('/')}/{name}" for name, space in pairs if name != self._node.get_name()}
 
 
 def expect_info(listener: Listener) -> None:
-    """The description of the sensor is latched: it comes to a late subscriber."""
-    info: list[TactileInfo] = listener.collect(TactileInfo, "info", latched=True)
+    """Expect the description of the sensor as transient local: a late subscriber receives it."""
+    info: list[TactileInfo] = listener.collect(TactileInfo, "info", transient_local=True)
     listener.wait(lambda: bool(info), "info")
     assert (info[0].rows, info[0].cols, len(info[0].taxel_poses)) == (5, 5, 25)
     assert info[0].simulated
@@ -115,9 +115,9 @@ def expect_info(listener: Listener) -> None:
 
 
 def expect_contacts_of_the_scene(listener: Listener) -> None:
-    """Contacts are found in scans at the board's rate by its own clock, where the scene put them, with its force.
+    """Expect contacts at the scan rate of the board clock, with position and force of the scene.
 
-    At how many a second they come says how much of this machine is left for the stack, and nothing of the stack.
+    The rate of arrival depends on the load of the machine, so it is not checked.
     """
     contacts: list[TactileContacts] = listener.collect(TactileContacts, "contacts")
     truths: list[TactileTruth] = listener.collect(TactileTruth, "truth")
@@ -130,7 +130,7 @@ def expect_contacts_of_the_scene(listener: Listener) -> None:
     rate = (last.sequence - first.sequence) / (_seconds(last) - _seconds(first))
     assert rate == pytest.approx(1000.0, rel=1e-4), f"{rate:.1f} scans/s"
     sequences = [found.sequence for found in contacts]
-    assert sequences == sorted(set(sequences)), "a scan was reported twice, or late"
+    assert sequences == sorted(set(sequences)), "a scan was reported twice or late"
 
     distances, force_errors = [], []
     for found, truth in compared():
@@ -141,14 +141,16 @@ def expect_contacts_of_the_scene(listener: Listener) -> None:
         distances.append(_distance(nearest.centre_of_pressure, true))
         force_errors.append(-nearest.force.z - truth.contact_forces[0])
     assert max(distances) < 0.3e-3, f"centre of pressure off by up to {max(distances) * 1e3:.3f} mm"
-    assert max(np.abs(force_errors)) < 0.1, f"force off by up to {max(np.abs(force_errors)):.3f} N"  # the scene: 1.5 N
+    assert max(np.abs(force_errors)) < 0.1, (
+        f"force off by up to {max(np.abs(force_errors)):.3f} N"
+    )  # 1.5 N in the scene
 
 
 def _followed(contacts: list[TactileContacts], truths: list[TactileTruth]) -> list[Pair]:
-    """Pair contacts with the truth of their scans, of touches that were seen whole up to there.
+    """Pair contacts with the ground truth of their scans, for touches without lost scans up to there.
 
-    Which force moved in a scan that a busy machine lost between two processes, and when, nobody can know: the model
-    then reports the doubt, and the charge that leaked unseen is missing until the touch is over.
+    The change of force in a scan that a busy machine lost between two processes is unknown: the model then reports a
+    larger uncertainty, and the charge that leaked meanwhile is missing until the release.
     """
     by_sequence = {truth.sequence: truth for truth in truths}
     pairs, whole, before = [], False, None
@@ -164,7 +166,7 @@ def _followed(contacts: list[TactileContacts], truths: list[TactileTruth]) -> li
 
 
 def expect_images(listener: Listener) -> None:
-    """Image, wrench and the standard displays agree with each other."""
+    """Expect image, wrench and the standard displays to agree with each other."""
     images: list[TactileImage] = listener.collect(TactileImage, "image")
     wrenches: list[WrenchStamped] = listener.collect(WrenchStamped, "wrench")
     pictures: list[Image] = listener.collect(Image, "force_image")
@@ -185,17 +187,17 @@ def expect_images(listener: Listener) -> None:
     assert clouds[0].width * clouds[0].height == 25
 
 
-def expect_no_loss_untold(listener: Listener) -> None:
-    """Diagnostics come from every node, none is an error (a slow machine may be warned of); losses have a cause."""
+def expect_no_unreported_loss(listener: Listener) -> None:
+    """Expect diagnostics of every node without errors (warnings are allowed), and a cause of each loss."""
     arrays: list[DiagnosticArray] = listener.collect(DiagnosticArray, "/diagnostics")
 
     def newest() -> dict[str, object]:
         return {status.name: status for array in arrays for status in array.status}
 
-    def told() -> set[str]:
+    def reporting() -> set[str]:
         return {value.key for status in newest().values() for value in status.values}
 
-    listener.wait(lambda: told() >= {*NOTHING, LOST}, f"diagnostics with {', '.join(sorted({*NOTHING, LOST}))}")
+    listener.wait(lambda: reporting() >= {*NOTHING, LOST}, f"diagnostics with {', '.join(sorted({*NOTHING, LOST}))}")
     seen = len(arrays)
     listener.wait(lambda: len(arrays) > seen + 2, "a second round of diagnostics")
     for status in newest().values():
@@ -209,8 +211,8 @@ def expect_no_loss_untold(listener: Listener) -> None:
 
 
 def expect_stack(listener: Listener) -> None:
-    """Everything above."""
-    for expectation in (expect_info, expect_contacts_of_the_scene, expect_images, expect_no_loss_untold):
+    """Expect all of the above."""
+    for expectation in (expect_info, expect_contacts_of_the_scene, expect_images, expect_no_unreported_loss):
         expectation(listener)
         listener.forget()
 

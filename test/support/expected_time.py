@@ -1,4 +1,4 @@
-"""How long a run of all tests takes, said before it begins: that of the last run here, or of two quiet cores."""
+"""Expected duration of a run of all tests, from the last run on this machine or from two idle cores."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ import pytest
 HERE = Path(__file__).resolve().parents[1]
 """The folder of all tests."""
 MINUTES = {True: 5, False: 8}
-"""What the suite takes on two quiet cores of 2.5 GHz: with workers of pytest-xdist, and one test after the other."""
+"""Duration of the suite on two idle cores of 2.5 GHz: with workers of pytest-xdist, and sequentially."""
 QUICK = "not slow"
-"""The mark expression that leaves out what takes long."""
+"""The mark expression that excludes slow tests."""
 
 
 def workers(config: pytest.Config) -> int:
-    """Return the number of processes that share the tests, 0 where one test runs after the other."""
+    """Return the number of worker processes, 0 for a sequential run."""
     return len(getattr(config.option, "tx", None) or ())
 
 
 def is_whole(config: pytest.Config) -> bool:
-    """Return whether the run takes all tests, or all but the slow ones: of a part nothing is known."""
+    """Return whether the run includes all tests, or all but the slow ones; the duration of a part is unknown."""
     options = config.option
     narrowed = (
         options.keyword,
@@ -35,22 +35,22 @@ def is_whole(config: pytest.Config) -> bool:
 
 
 def _key(config: pytest.Config) -> str:
-    """Return where pytest's cache keeps the time [s] of the last run like this one."""
+    """Return the key in the cache of pytest for the duration [s] of the last similar run."""
     return f"posfet/seconds/{workers(config)} workers, {config.option.markexpr or 'all'}"
 
 
 def expected(config: pytest.Config) -> str:
-    """Return a line for the header, nothing for a part of the tests."""
+    """Return a line for the header, empty for a part of the tests."""
     if not is_whole(config):
         return ""
     seconds = config.cache.get(_key(config), None) if config.cache is not None else None
     if seconds is not None:
         return f"expected time: {seconds // 60:.0f} min {seconds % 60:.0f} s, as the last run on this machine"
     alone = "" if workers(config) else ", one test after the other (half of it with pytest-xdist)"
-    return f"expected time: about {MINUTES[workers(config) > 0]} minutes on two quiet cores{alone}"
+    return f"expected time: about {MINUTES[workers(config) > 0]} minutes on two idle cores{alone}"
 
 
 def keep(config: pytest.Config, seconds: float) -> None:
-    """Keep the time [s] that a whole run took, for the next one."""
+    """Store the duration [s] of a whole run for the next one."""
     if is_whole(config) and config.cache is not None:
         config.cache.set(_key(config), round(seconds))

@@ -1,4 +1,4 @@
-"""A board whose counts tell which scan they belong to, so that a scan made of two is seen in its numbers."""
+"""A board whose counts encode their scan, so that a scan mixed from two is detected."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from posfet_sim.emulation.firmware import BoardFirmware
 from support.clocks import POLL
 
 PATIENCE = 120.0
-"""How long a test waits for an event before it fails [s]: no machine is that slow."""
+"""Time-out for an event [s]: no machine is that slow."""
 
 
 def marked_counts(index: int, taxels: int) -> np.ndarray:
-    """12-bit codes on the 16-bit scale, different for any two scans less than 4096 apart."""
+    """Return 12-bit codes on the 16-bit scale, different for any two scans less than 4096 apart."""
     codes = (index * 7 + np.arange(taxels) * 129) % 4096
     return (codes << 4 | codes >> 8).astype(np.uint16)
 
 
 class FakeBoard:
-    """Makes marked scans; remembers the status to be sent."""
+    """Source of marked scans; stores the status to be sent."""
 
     def __init__(self, sensor: Sensor) -> None:
         self.sensor = sensor
@@ -46,28 +46,28 @@ class FakeBoard:
 
 
 def assert_marked(scan: Scan) -> None:
-    """The scan's counts are those of its sequence, all of them."""
+    """Assert that all counts of a scan are those of its sequence number."""
     np.testing.assert_array_equal(scan.counts, marked_counts(scan.sequence, len(scan.counts)))
 
 
 def with_fd(sensor: Sensor, fd: bool) -> Sensor:
-    """The sensor with a board that sends CAN FD, or classic frames."""
+    """Return the sensor with a board that sends CAN FD or classic frames."""
     return replace(sensor, can=replace(sensor.can, fd=fd))
 
 
 def with_layout(sensor: Sensor, rows: int, cols: int, **link: object) -> Sensor:
-    """The sensor with another layout and CAN link."""
+    """Return the sensor with another layout and CAN link."""
     layout = replace(sensor.layout, rows=rows, cols=cols)
     return replace(sensor, layout=layout, can=replace(sensor.can, **link))
 
 
 def block_kind(fd: bool) -> int:
-    """Kind of the frames that carry scans."""
+    """Return the kind of the frames that carry scans."""
     return FD | RATE_SWITCH if fd else CLASSIC
 
 
 def make_scan(sensor: Sensor, sequence: int, time: int | None = None) -> Scan:
-    """The marked scan of a sequence number."""
+    """Return the marked scan of a sequence number."""
     scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
     FakeBoard(sensor).scan(sequence, scan)
     scan.sequence = sequence
@@ -77,12 +77,12 @@ def make_scan(sensor: Sensor, sequence: int, time: int | None = None) -> Scan:
 
 
 def slcan_opener(path: object, fd: bool = True) -> Callable[[], SlcanBus]:
-    """What opens our slcan bus at `path`."""
+    """Return a function that opens the slcan bus at `path`."""
     return lambda: SlcanBus(str(path), bitrate=1_000_000, data_bitrate=5_000_000, fd=fd)
 
 
 def read_scans(board: Board, count: int) -> Iterator[Scan]:
-    """The next scans, each valid until the next; fails when they take too long."""
+    """Yield the next scans, each valid until the next one; fail after a time-out."""
     clock = SystemClock()
     end = clock.monotonic() + round(PATIENCE * 1e9)
     for _ in range(count):
@@ -92,7 +92,7 @@ def read_scans(board: Board, count: int) -> Iterator[Scan]:
 
 
 def read_until(board: Board, condition: Callable[[], bool]) -> None:
-    """Read and throw away scans until the condition holds; fails when that takes too long."""
+    """Read and discard scans until the condition holds; fail after a time-out."""
     clock = SystemClock()
     end = clock.monotonic() + round(PATIENCE * 1e9)
     while not condition():

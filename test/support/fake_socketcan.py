@@ -1,7 +1,7 @@
-"""SocketCAN where the kernel has none: python-can's own SocketcanBus on datagrams of the form of its frames.
+"""SocketCAN for kernels without it: python-can's own SocketcanBus on datagrams in the format of its frames.
 
-Buffers, time stamps and the count of dropped frames are those of this kernel's UDP on loopback. What a kernel does with
-filters, error frames and a full queue is played here. A real one is tested with POSFET_TEST_CAN (test_hardware.py).
+Buffers, timestamps and the count of dropped frames are those of UDP on loopback. Filters, error frames and a full queue
+are emulated here. Real SocketCAN is tested with POSFET_TEST_CAN (test_hardware.py).
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from posfet_driver.bus import socketcan_bus
 
 
 class Device:
-    """A network device: every socket on it hears what the others send."""
+    """A network device: every socket on it receives the frames that the others send."""
 
     def __init__(self, folder: Path) -> None:
         self.sockets: list[DeviceSocket] = []
         self.lock = threading.Lock()  # no socket is closed while another thread sends to it
         self.queue_full = False
-        """Whether the send queue is full, as it is when nobody acknowledges."""
+        """Whether the send queue is full, as without any acknowledging node."""
         self._folder = folder
         folder.mkdir(parents=True)
         self.carrier(True)
 
     def carrier(self, on: bool) -> None:
-        """Have the controller on the bus, or off."""
+        """Set the controller on or off the bus."""
         (self._folder / "carrier").write_text(f"{int(on)}\n", encoding="ascii")
         (self._folder / "operstate").write_text("up\n" if on else "down\n", encoding="ascii")
 
     def deliver(self, data: bytes, sender: DeviceSocket | None = None) -> None:
-        """Put a frame, as the kernel hands it over, on the bus."""
+        """Deliver a frame, in the format of the kernel, to the sockets."""
         with self.lock:
             for other in self.sockets:
                 if other is not sender:
@@ -46,7 +46,7 @@ class Device:
 
 
 class DeviceSocket(socket.socket):
-    """A CAN socket made of a UDP one."""
+    """A CAN socket emulated by a UDP socket."""
 
     devices: dict[str, Device]
     opened: list[DeviceSocket]
@@ -82,7 +82,7 @@ class DeviceSocket(socket.socket):
 
 
 class FakeSocketcan:
-    """SocketCAN with devices; while it lives, python-can uses it."""
+    """Emulated SocketCAN with devices, used by python-can until it is closed."""
 
     def __init__(self, patch: pytest.MonkeyPatch, folder: Path) -> None:
         self.devices: dict[str, Device] = {}
@@ -94,11 +94,11 @@ class FakeSocketcan:
         patch.setattr(upstream, "create_socket", DeviceSocket)
 
     def close(self) -> None:
-        """Close what is left: python-can leaves a socket open that cannot be bound."""
+        """Close the remaining sockets: python-can leaves a socket open that cannot be bound."""
         for one in self.opened:
             one.close()
 
     def add(self, name: str) -> Device:
-        """Return a new device."""
+        """Add a device and return it."""
         self.devices[name] = Device(self._folder / name)
         return self.devices[name]

@@ -13,7 +13,7 @@ from support.clocks import POLL
 
 
 class FakeSocketcand:
-    """Serves one client in raw mode on 127.0.0.1, from `open` to `close`."""
+    """Server for one client in raw mode on 127.0.0.1, from `open` to `close`."""
 
     def __init__(self, firmware: BoardFirmware, clock: Clock) -> None:
         self._firmware = firmware
@@ -22,7 +22,7 @@ class FakeSocketcand:
         self._listener.settimeout(POLL)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
-        self._raw = False  # the client gets frames
+        self._raw = False  # whether the client receives frames
 
     @property
     def port(self) -> int:
@@ -41,7 +41,7 @@ class FakeSocketcand:
             try:
                 client, _ = self._listener.accept()
             except TimeoutError:
-                self._clock.monotonic()  # time waits for this thread, which has nothing to do
+                self._clock.monotonic()  # the clock waits for this thread although it is idle
                 continue
             with client:
                 client.sendall(b"< hi >")

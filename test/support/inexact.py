@@ -1,8 +1,8 @@
-"""pytest plugin (-p support.inexact): elementary functions as wrong as `sweep.CALL_ULPS` allows, to try the bounds.
+"""pytest plugin (-p support.inexact): elementary functions with the errors that `sweep.CALL_ULPS` allows.
 
-Each result is moved by up to the allowed error, half of them by all of it. How far depends on the argument alone, as in
-any library: the same argument gives the same result. What every library keeps stays: exact results (exp(0) = 1), odd
-and even functions, and the ranges of sin, cos, tanh, exp and expm1. INEXACT_SEED picks another set of errors.
+Each result is changed by up to the allowed error, half of them by all of it. The error depends on the argument alone,
+as in any library: the same argument gives the same result. Properties of every library are preserved: exact results
+(exp(0) = 1), odd and even functions, and the ranges of sin, cos, tanh, exp and expm1. INEXACT_SEED selects the errors.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _SEED = int(os.environ.get("INEXACT_SEED", "0"))
 
 
 def _share(bits: np.ndarray[Any, Any], salt: int) -> np.ndarray[Any, Any]:
-    """From -1 to 1 by the bits of the argument, half of them at the ends."""
+    """Return a number in [-1, 1] from the bits of the argument, half of them at the ends."""
     mixed = bits * np.uint64(0x9E3779B97F4A7C15) + np.uint64(salt)
     mixed ^= mixed >> np.uint64(31)
     mixed *= np.uint64(0xBF58476D1CE4E5B9)
@@ -40,7 +40,7 @@ def _share(bits: np.ndarray[Any, Any], salt: int) -> np.ndarray[Any, Any]:
 
 
 class Inexact:
-    """An elementary function of NumPy, wrong by up to the allowed error."""
+    """An elementary function of NumPy with up to the allowed error."""
 
     def __init__(self, name: str, exact: Callable[..., Any]) -> None:
         self.name, self.exact = name, exact
@@ -69,14 +69,14 @@ class Inexact:
             return self._moved(np.asarray(right), wide, *(np.asarray(argument, dtype) for argument in arguments))
 
     def _moved(self, right: Any, wide: Any, *arguments: Any) -> Any:
-        """`wide`, the result in more digits, moved and rounded; the error is told by the arguments, or the result."""
+        """Return `wide`, the result in more digits, changed and rounded; arguments or result determine the error."""
         right = np.asarray(right)
-        told_by = np.broadcast_arrays(*(arguments or (right,)))
+        determined_by = np.broadcast_arrays(*(arguments or (right,)))
         mirrored = self.name in _ODD | _EVEN
-        bits = sum(((i + 1) * (np.abs(x) if mirrored else x)).astype(np.float64) for i, x in enumerate(told_by))
+        bits = sum(((i + 1) * (np.abs(x) if mirrored else x)).astype(np.float64) for i, x in enumerate(determined_by))
         share = _share(np.asarray(bits).view(np.uint64), self.salt)
         if self.name in _ODD:
-            share = share * np.where(told_by[0] < 0, -1, 1)
+            share = share * np.where(determined_by[0] < 0, -1, 1)
         most = CALL_ULPS[right.dtype.type] - 0.5  # the rest is the rounding of the sum
         moved = (wide + most * share * np.spacing(np.abs(right)).astype(np.longdouble)).astype(right.dtype)
         kept = ~np.isfinite(right) | (right == 0) | (wide == right)
@@ -84,14 +84,16 @@ class Inexact:
         if not arguments:  # part of a complex result
             return moved
         if self.name == "exp":
-            moved = np.where(told_by[0] < 0, np.minimum(moved, 1), np.maximum(moved, np.where(told_by[0] > 0, 1, 0)))
+            moved = np.where(
+                determined_by[0] < 0, np.minimum(moved, 1), np.maximum(moved, np.where(determined_by[0] > 0, 1, 0))
+            )
         if self.name in _RANGE:
             moved = np.clip(moved, *_RANGE[self.name])
         return moved.astype(right.dtype)[()]
 
 
 def _of_math(name: str, exact: Callable[..., Any], inexact: Inexact) -> Callable[..., Any]:
-    """The function of the math module; it raises what it always does."""
+    """Return the function of the math module; it raises the same errors."""
 
     def function(*arguments: Any) -> Any:
         right = exact(*arguments)

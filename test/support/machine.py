@@ -1,7 +1,7 @@
-"""Which elementary functions this process uses; as a pytest plugin (-p support.machine) it puts them into the header.
+"""The elementary functions that this process uses; as a pytest plugin (-p support.machine) it adds them to the header.
 
-NumPy chooses its functions by the processor's SIMD level, libm by whether it has FMA and AVX2. `choice` tells the
-choices apart by the bits of their results.
+NumPy selects its functions by the SIMD level of the processor, libm by the presence of FMA and AVX2. `choice`
+distinguishes the selections by the bits of their results.
 """
 
 from __future__ import annotations
@@ -33,21 +33,21 @@ class Choice:
     numpy: str
     """Digest of results of NumPy's functions."""
     features: list[str]
-    """SIMD levels that NumPy uses beyond those that it was built for."""
+    """SIMD levels that NumPy uses beyond its build baseline."""
 
 
 def dispatched() -> list[str]:
-    """The SIMD levels among which NumPy chooses when it starts, by its own names."""
+    """Return the SIMD levels that NumPy selects from at start, by its own names."""
     return list(_umath.__cpu_dispatch__)
 
 
 def offers(name: str) -> bool:
-    """Whether NumPy finds the feature on this processor and was not forbidden to use it."""
+    """Return whether NumPy finds the feature on this processor and may use it."""
     return bool(_umath.__cpu_features__.get(name))
 
 
 def choice() -> Choice:
-    """The choice of this process, by the bits of a few thousand results."""
+    """Return the selection of this process, from the bits of a few thousand results."""
     scalar = [f(x) for f in (math.exp, math.sin, math.tanh, math.expm1, math.log1p, math.atan) for x in _POINTS]
     points = np.array(_POINTS)
     arrays = [f(points).tobytes() for f in (np.exp, np.sin, np.tanh, np.expm1, np.log1p, np.arctan)]
@@ -59,7 +59,7 @@ def choice() -> Choice:
 
 
 def read(report: str) -> Choice:
-    """The choice that the header of a report states."""
+    """Return the selection that the header of a report states."""
     [line] = [line for line in report.splitlines() if line.startswith(HEADER)]
     return Choice(**json.loads(line.removeprefix(HEADER)))
 

@@ -1,6 +1,6 @@
-"""Cost of a scan, from frames to contacts, in units of a fixed piece of work that runs beside it.
+"""Cost of a scan, from frames to contacts, in units of a fixed workload measured alternately.
 
-`cd test && python -m support.scan_cost --store` makes what it finds the baseline (test/data/speed/scan_cost.json).
+`cd test && python -m support.scan_cost --store` stores the result as the baseline (test/data/speed/scan_cost.json).
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ BASELINE = ROOT / "test" / "data" / "speed" / "scan_cost.json"
 SENSOR = load_sensor()
 REST, TOUCH, WARM = 800, 800, 200
 BATCH = 20
-"""Scans that are timed together: as many as the observer's block has, so that every batch holds one end of a block."""
+"""Number of scans timed together: one block of the observer, so that every batch contains one block end."""
 CASES = {"idle": False, "touched": True}
 
 
 def frames_of(touched: bool) -> list[list[Frame]]:
-    """Return the frames of each scan: rest, then two fingertips that stay, or rest all along."""
+    """Return the frames of each scan: rest, then two held fingertips if `touched`, else rest throughout."""
     chain, codec = ForwardSignalChain(SENSOR, np.random.default_rng(3)), make_codec(SENSOR)
     force = np.zeros((5, 5))
     force[1:3, 0:2], force[3:5, 3:5] = 0.3, 0.2
@@ -48,7 +48,7 @@ def frames_of(touched: bool) -> list[list[Frame]]:
 
 
 def fixed_work() -> float:
-    """Do what a scan is made of, small array operations and plain Python, always the same: the unit of cost."""
+    """Run a fixed workload similar to a scan, small array operations and plain Python: the unit of cost."""
     one, other, total = np.full(25, 0.5), np.zeros(25), 0.0
     for number in range(20):
         np.multiply(one, 1.01, out=other)
@@ -60,7 +60,7 @@ def fixed_work() -> float:
 
 
 def player(touched: bool) -> Callable[[int], None]:
-    """Return what takes the scan of a number; in touch from the scan `REST` on."""
+    """Return a function that processes the scan of an index; touched from scan `REST` on."""
     decoder, model = Decoder(SENSOR), Reconstructor(SENSOR)
     decoder.resync(0, count_gap=False)
     decoder.scan.temperatures[:] = 25.0
@@ -75,7 +75,7 @@ def player(touched: bool) -> Callable[[int], None]:
 
 
 def costs() -> dict[str, float]:
-    """Return the cost of a scan in units of `fixed_work`, both the least of many, in turn."""
+    """Return the cost of a scan in units of `fixed_work`, both the minimum of many alternating runs."""
     takes = {name: player(touched) for name, touched in CASES.items()}
     for take in takes.values():
         for index in range(REST + WARM):

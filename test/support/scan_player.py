@@ -1,4 +1,4 @@
-"""Scans of the forward chain for tests of the reconstruction, whose sensor need not be the one that is simulated."""
+"""Scans of the forward chain for tests of the reconstruction, which may assume another sensor."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def nothing(_: float) -> float:
 
 
 def press(newton: float, begin: float, end: float, rise: float = 0.02) -> Callable[[float], float]:
-    """A force over time [s]: up within `rise` from `begin`, down within `rise` from `end`."""
+    """Return a force over time [s] that rises within `rise` from `begin` and falls within `rise` from `end`."""
 
     def force(time: float) -> float:
         return newton * min(max((time - begin) / rise, 0.0), 1.0) * min(max((end + rise - time) / rise, 0.0), 1.0)
@@ -38,9 +38,9 @@ def scans(
     seed: int = 0,
     rate: float = 1000.0,
 ) -> Iterator[tuple[float, Scan]]:
-    """Time [s] and scan, one after the other in the same object.
+    """Yield time [s] and scan; all scans are the same object.
 
-    `shape` is the force of each taxel for a force of 1 N; without it all of it is on the middle taxel. Film and chip
+    `shape` is the force on each taxel for a force of 1 N; without it the centre taxel carries all of it. Film and chip
     have the same temperature.
     """
     layout = device.layout

@@ -1,7 +1,7 @@
 """Soak test: hours of faults on the emulated adapter, one every few seconds (`make soak`, `python -m support.soak`).
 
 Every received scan is compared with the one that was sent. After each fault data has to flow again; memory, threads and
-file descriptors must not grow. Prints a line per minute and a verdict; the exit code is 1 when it is bad.
+file descriptors must not grow. Prints a line per minute and a verdict; the exit code is 1 on failure.
 """
 
 from __future__ import annotations

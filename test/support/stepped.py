@@ -10,10 +10,10 @@ from support.clocks import SteppedClock
 
 
 class SteppedBus:
-    """A bus in stepped time with a board on it, which can break, and hold back what the board sends.
+    """A bus in stepped time with a board on it, which can fail and hold back the frames of the board.
 
-    Frames come in batches, `cadence` [ns] apart, as those of a USB adapter do. Until `stands_until` [ns] the adapter is
-    held up: nothing comes and nothing is sent; then all comes, no more than `room` frames at a time.
+    Frames arrive in batches, `cadence` [ns] apart, as from a USB adapter. Until `stands_until` [ns] the adapter is
+    stalled: nothing is received or sent; then all frames arrive, at most `room` at a time.
     """
 
     malformed_lines = 0
@@ -66,7 +66,7 @@ class SteppedBus:
         if self.clock.now < self.stands_until:
             self._orders.append(frame)
             return
-        if not self.held_back:  # a board has sent what was due when a command comes
+        if not self.held_back:  # a board has sent all due frames before it receives a command
             self._answers += self.firmware.due(self.clock.now)
         self._answers += self.firmware.receive(frame, self.clock.now)
 

@@ -1,4 +1,4 @@
-"""Helpers shared by the tests of the device model: corners, strategies, reference tables, refusals, maps of error."""
+"""Helpers of the device model tests: corners, strategies, reference tables, rejected arguments, error maps."""
 
 from __future__ import annotations
 
@@ -22,28 +22,28 @@ EPS = float(np.finfo(np.float64).eps)
 CALL_ULPS = {np.float64: 2, np.float32: 4}
 """Largest error of one call of an elementary function (exp, log, sin, tanh, ...) on any x86-64 [units in last place].
 
-Sums, products, quotients and square roots come out alike everywhere (IEEE 754), elementary functions do not: NumPy and
-libm have several of each and choose by the processor. float64: NumPy's own accuracy tests allow 1 unit, 2 for tanh
+Sums, products, quotients and square roots are identical everywhere (IEEE 754), elementary functions are not: NumPy and
+libm have several variants and select by processor. float64: NumPy's own accuracy tests allow 1 unit, 2 for tanh
 (numpy/_core/tests/data/umath-validation-set-*.csv), the manual of glibc states at most 2 on x86-64 (section "Known
 Maximum Errors in Math Functions"); measured against mpmath with every choice of SIMD level: 1.97, of libm's tanh.
 float32: NumPy's tests allow 4; measured: 2.93, of log.
 
-A bound is counted in these: `call_error` times the condition of the result, and half an EPS for each rounding beside.
+Bounds are sums of these: `call_error` times the condition of the result, and half an EPS for each other rounding.
 """
 
 DATA = Path(__file__).resolve().parents[1] / "data" / "device"
 
 NOT_REAL_NUMBERS: tuple[Any, ...] = (math.nan, math.inf, -math.inf, 1 + 1j, "one", None, True)
-"""Refused by every real argument of the model."""
+"""Values that every real argument of the model rejects."""
 
 
 def call_error(dtype: Any = np.float64) -> float:
-    """The largest relative error of one call of an elementary function, see `CALL_ULPS`."""
+    """Return the largest relative error of one call of an elementary function, see `CALL_ULPS`."""
     return CALL_ULPS[dtype] * float(np.finfo(dtype).eps)
 
 
 def decades(low: float, high: float) -> st.SearchStrategy[float]:
-    """Positive floats, evenly spread over the decades between `low` and `high`, both ends included."""
+    """Return positive floats, uniformly distributed over the decades between `low` and `high`, both ends included."""
 
     def power(exponent: float) -> float:
         return min(max(10.0**exponent, low), high)
@@ -52,18 +52,18 @@ def decades(low: float, high: float) -> st.SearchStrategy[float]:
 
 
 def signed_decades(low: float, high: float) -> st.SearchStrategy[float]:
-    """Zero and floats of both signs with magnitudes as in `decades`."""
+    """Return zero and floats of both signs with magnitudes as in `decades`."""
     return st.one_of(st.just(0.0), decades(low, high), decades(low, high).map(lambda value: -value))
 
 
 def corners(**values: Sequence[float]) -> dict[str, np.ndarray[Any, Any]]:
-    """Every combination of the given values, one flat float64 array an argument."""
+    """Return every combination of the given values, one flat float64 array per argument."""
     grid = np.array(list(itertools.product(*values.values())), dtype=np.float64).reshape(-1, len(values))
     return {name: grid[:, column].copy() for column, name in enumerate(values)}
 
 
 def reference(name: str) -> dict[str, np.ndarray[Any, Any]]:
-    """The columns of test/data/device/NAME.csv, each 40-digit number rounded once to float64."""
+    """Return the columns of test/data/device/NAME.csv, each 40-digit number rounded once to float64."""
     with (DATA / f"{name}.csv").open(newline="", encoding="ascii") as file:
         rows = list(csv.reader(line for line in file if not line.startswith("#")))
     columns = np.array([[float(cell) for cell in row] for row in rows[1:]]).T
@@ -71,14 +71,14 @@ def reference(name: str) -> dict[str, np.ndarray[Any, Any]]:
 
 
 Refusal = tuple[str, Mapping[str, Any]]
-"""The argument that a call must refuse, and all arguments of the call."""
+"""The argument that a call must reject, and all arguments of the call."""
 
 
 def refusals(function: Callable[..., Any], good: Mapping[str, Any], **outside: Sequence[Any]) -> Any:
-    """One pytest parameter (function, cases): every value that one argument or the other must refuse.
+    """Return one pytest parameter (function, cases) with every value that an argument must reject.
 
-    `outside` names the values out of range; those that are no real number at all are added to each argument named.
-    Every argument of the function without a default has to be in `good`, so that none is forgotten silently.
+    `outside` gives the values out of range; values that are no real number are added for each argument in it. Every
+    argument of the function without a default must be in `good`, so that none is forgotten.
     """
     required = {p.name for p in inspect.signature(function).parameters.values() if p.default is p.empty}
     assert required <= set(good), f"{function.__name__}: no good value of {required - set(good)}"
@@ -87,13 +87,13 @@ def refusals(function: Callable[..., Any], good: Mapping[str, Any], **outside: S
 
 
 def assert_refused(function: Callable[..., Any], arguments: Mapping[str, Any], name: str) -> None:
-    """The call raises ValueError, and its message names the argument."""
+    """Assert that the call raises ValueError with a message that names the argument."""
     with pytest.raises(ValueError, match=rf"\b{name}\b"):
         function(**arguments)
 
 
 def assert_all_refused(function: Callable[..., Any], cases: Sequence[Refusal]) -> None:
-    """Every call is refused as in `assert_refused`; those that are not are reported together."""
+    """Assert `assert_refused` for every call; failures are reported together."""
     with each_row() as row:
         for name, arguments in cases:
             with row(f"{function.__qualname__}, {name} = {arguments[name]!r:.60}"):
@@ -101,30 +101,30 @@ def assert_all_refused(function: Callable[..., Any], cases: Sequence[Refusal]) -
 
 
 def assert_finite(value: Any) -> None:
-    """Every element is a finite number."""
+    """Assert that every element is a finite number."""
     assert np.isfinite(np.asarray(value)).all()
 
 
 def assert_monotone(values: Any, *, rising: bool, slack: Any = 0.0) -> None:
-    """The last axis never runs against its direction by more than `slack`, the stated rounding."""
+    """Assert that the last axis is monotonic up to `slack`, the stated rounding."""
     steps = np.diff(np.asarray(values), axis=-1)
     assert ((steps if rising else -steps) >= -np.asarray(slack)).all()
 
 
 class ErrorMap:
-    """The largest error met in each region of a sweep, and the bound that the whole sweep is held to."""
+    """The largest error in each region of a sweep, and the bound of the whole sweep."""
 
     def __init__(self, bound: float) -> None:
         self.bound = bound
         self.worst: dict[str, float] = {}
 
     def add(self, region: str, error: Any) -> None:
-        """Take the largest of `error` into the region; NaN counts as infinite."""
+        """Add the largest of `error` to the region; NaN counts as infinite."""
         largest = float(np.max(np.nan_to_num(np.abs(error), nan=math.inf), initial=0.0))
         self.worst[region] = max(largest, self.worst.get(region, 0.0))
 
     def check(self, record_property: Callable[[str, object], None]) -> None:
-        """Write the error found per region into the test's record, then hold each to the bound."""
+        """Record the error per region with the test, then assert the bound."""
         for region, error in self.worst.items():
             record_property(region, f"{error:.2e}")
             print(f"{region}: {error:.2e} (bound {self.bound:.0e})")

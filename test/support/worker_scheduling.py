@@ -1,6 +1,6 @@
-"""Shares the tests among the workers of pytest-xdist, by scope.
+"""Distribution of the tests among the workers of pytest-xdist, by scope.
 
-Its own way, the mark xdist_group, has no effect with pytest 9.2.
+The mark xdist_group of pytest-xdist has no effect with pytest 9.2.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from support.worker_scope import scope
 
 
 class ScopeScheduling(LoadScopeScheduling):
-    """Gives a worker what it has to run as a whole, as soon as it has nothing left to do."""
+    """Assigns whole scopes to a worker, one as soon as it is idle."""
 
     def _split_scope(self, nodeid: str) -> str:
         return scope(nodeid)

@@ -8,7 +8,7 @@ from support.each_row import each_row
 from support.sweep import assert_all_refused, refusals
 
 
-def test_every_row_is_tried_and_all_failures_are_told() -> None:
+def test_every_row_is_tried_and_all_failures_are_reported() -> None:
     tried = []
     with pytest.raises(pytest.fail.Exception) as caught, each_row() as row:
         for name in ("good", "asserts", "refuses nothing", "raises", "good as well"):
@@ -34,7 +34,7 @@ def test_a_table_without_failures_passes_and_one_without_rows_does_not() -> None
 
 
 def half(number: float, *, of: float = 1.0) -> float:
-    """Refuse text by name, NaN under another name, and nothing else."""
+    """Reject text by name, NaN under another name, and nothing else."""
     if isinstance(number, str):
         raise ValueError("number must be a number")
     if math.isnan(number):
@@ -42,7 +42,7 @@ def half(number: float, *, of: float = 1.0) -> float:
     return number / of
 
 
-def test_what_is_not_refused_by_name_is_told_with_function_argument_and_value() -> None:
+def test_a_value_not_rejected_by_name_is_reported_with_function_argument_and_value() -> None:
     (function, cases) = refusals(half, {"number": 1.0}, number=[-1.0, "minus one"]).values
     with pytest.raises(pytest.fail.Exception) as caught:
         assert_all_refused(function, cases)

@@ -1,4 +1,4 @@
-"""The time said before a run is that of such a run, and nothing is said of a part of the tests."""
+"""The stated duration is that of a similar run, and none is stated for a part of the tests."""
 
 from __future__ import annotations
 
@@ -26,31 +26,31 @@ def config(*paths: str, cache: Cache | None = None, tx: tuple[str, ...] = (), **
     )
 
 
-def test_without_a_run_before_it_is_that_of_two_quiet_cores() -> None:
-    assert expected(config(cache=Cache(), tx=("popen", "popen"))).endswith("minutes on two quiet cores")
+def test_without_a_previous_run_the_time_is_that_of_two_idle_cores() -> None:
+    assert expected(config(cache=Cache(), tx=("popen", "popen"))).endswith("minutes on two idle cores")
     assert "one test after the other" in expected(config())
 
 
-def test_a_run_like_it_tells_the_time() -> None:
+def test_the_time_is_that_of_the_last_similar_run() -> None:
     cache = Cache()
     two = {"cache": cache, "tx": ("popen", "popen")}
     keep(config(**two), 250.4)
     assert expected(config(**two)) == "expected time: 4 min 10 s, as the last run on this machine"
-    assert "two quiet cores" in expected(config(cache=cache))
-    assert "two quiet cores" in expected(config(**two, markexpr="not slow"))
+    assert "two idle cores" in expected(config(cache=cache))
+    assert "two idle cores" in expected(config(**two, markexpr="not slow"))
 
 
 @pytest.mark.parametrize(
     "part", [{"keyword": "x"}, {"markexpr": "ros"}, {"lf": True}, {"deselect": ["a"]}, {"collectonly": True}], ids=str
 )
-def test_of_a_part_nothing_is_said_and_nothing_kept(part: dict[str, Any]) -> None:
+def test_no_time_is_stated_or_stored_for_a_partial_run(part: dict[str, Any]) -> None:
     cache = Cache()
     keep(config(cache=cache, **part), 3.0)
     assert expected(config(cache=cache, **part)) == ""
     assert not cache
 
 
-def test_paths_count_by_where_they_lead() -> None:
+def test_paths_are_resolved_before_they_are_compared() -> None:
     assert expected(config(str(HERE)))
     assert expected(config("."))
     assert not expected(config("test/model"))

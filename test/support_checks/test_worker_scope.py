@@ -1,4 +1,4 @@
-"""What one worker runs as a whole exists, and the rest is shared test by test."""
+"""The groups of one worker exist, and all other tests are distributed one by one."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from support.worker_scope import LIVE, TOGETHER, scope
 HERE = Path(__file__).parents[1]
 
 
-def test_what_is_named_exists() -> None:
+def test_every_named_file_and_folder_exists() -> None:
     assert all((HERE / name).exists() for name in LIVE + TOGETHER)
 
 

@@ -6,11 +6,11 @@ from posfet.arguments import ARGUMENTS, defaults, describe, parse
 from posfet_model.config import ConfigError
 
 
-def test_defaults_are_themselves_allowed() -> None:
+def test_defaults_are_valid() -> None:
     assert parse([]) == defaults()
 
 
-def test_given_values_win() -> None:
+def test_given_values_override_defaults() -> None:
     arguments = parse(["source:=emulator", "namespace:=hand/thumb"])
     assert arguments["source"] == "emulator"
     assert arguments["namespace"] == "hand/thumb"
@@ -28,14 +28,14 @@ def test_given_values_win() -> None:
         ("can_bitrate:=1e6", "can_bitrate: must be a whole number in [0, 1000000] bit/s, got '1e6'"),
     ],
 )
-def test_bad_words_are_refused_in_one_line(word: str, reason: str) -> None:
+def test_invalid_arguments_are_rejected_in_one_line(word: str, reason: str) -> None:
     with pytest.raises(ConfigError) as refused:
         parse([word])
     assert str(refused.value).startswith(reason)
     assert "\n" not in str(refused.value)
 
 
-def test_an_argument_given_twice_is_refused() -> None:
+def test_an_argument_given_twice_is_rejected() -> None:
     with pytest.raises(ConfigError, match="scene: is given twice"):
         parse(["scene:=hold", "scene:=idle"])
 

@@ -1,4 +1,4 @@
-"""What the shipped RViz and Foxglove files show is what the model node publishes."""
+"""The shipped RViz and Foxglove files show topics that the model node publishes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def published() -> dict[str, str]:
 
 
 def texts(value: Any) -> Iterator[str]:
-    """Yield every text of a document, keys included."""
+    """Yield every string of a document, including keys."""
     if isinstance(value, dict):
         for key, item in value.items():
             yield str(key)

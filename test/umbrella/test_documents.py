@@ -1,10 +1,11 @@
-"""README and documents: commands that are accepted, examples that run, links that lead to something."""
+"""README and documents: their commands are valid, their examples run, and their links have targets."""
 
 from __future__ import annotations
 
 import re
 import shlex
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -49,15 +50,15 @@ def test_can_commands_are_accepted() -> None:
 
 
 @pytest.mark.parametrize("module", [calibrate, score, simulate])
-def test_commands_of_the_simulation_are_accepted(module: object) -> None:
+def test_commands_of_the_simulation_are_accepted(module: Any) -> None:
     name = {calibrate: "calibrate", score: "score", simulate: "sim"}[module]
     used = commands(f"posfet {name}")
     assert used
     for words in used:
-        module._parser().parse_args(words)
+        module.make_parser().parse_args(words)
 
 
-def test_only_subcommands_that_exist_are_named() -> None:
+def test_named_subcommands_exist() -> None:
     named = set(re.findall(r"(?:^|`)posfet ([a-z]+)", README, re.MULTILINE))
     assert {"can", "sim", "score", "calibrate"} <= named <= set(COMMANDS)
 
@@ -85,7 +86,7 @@ def anchors(path: Path) -> set[str]:
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: str(path.relative_to(REPOSITORY)))
-def test_links_lead_to_files_and_headings(path: Path) -> None:
+def test_links_point_to_existing_files_and_headings(path: Path) -> None:
     text = re.sub(r"```.*?```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL)
     for target in re.findall(r"\]\(([^)\s]+)\)", text):
         if re.match(r"[a-z]+:", target):
@@ -116,7 +117,7 @@ def test_the_glossary_names_modules_that_exist() -> None:
         assert path.with_suffix(".py").is_file() or (path / "__init__.py").is_file(), f"no such module: {name}"
 
 
-def test_each_term_of_the_glossary_is_explained_once() -> None:
+def test_each_glossary_term_is_defined_once() -> None:
     glossary = (REPOSITORY / "docs/glossary.md").read_text(encoding="utf-8")
     rows = [line for line in glossary.splitlines() if line.startswith("| ") and not line.startswith("| term")]
     terms = [row.split("|")[1].strip() for row in rows]
@@ -124,7 +125,7 @@ def test_each_term_of_the_glossary_is_explained_once() -> None:
 
 
 @pytest.mark.parametrize("package", ["posfet_model", "posfet_driver", "posfet_sim"])
-def test_the_tables_of_rooms_have_the_order_of_the_import_contracts(package: str) -> None:
+def test_package_tables_have_the_order_of_the_import_contracts(package: str) -> None:
     tomllib = pytest.importorskip("tomllib", reason="needs Python 3.11")
     settings = tomllib.loads((REPOSITORY / "pyproject.toml").read_text(encoding="utf-8"))
     [layers] = [

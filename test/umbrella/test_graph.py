@@ -49,7 +49,7 @@ def test_the_driver_reads_the_emulated_adapter_of_its_own_namespace(params_file:
     assert thumb["driver_node"].parameters["can_channel"] != palm["driver_node"].parameters["can_channel"]
 
 
-def test_board_and_driver_meet_on_the_bus_that_is_named(params_file: str) -> None:
+def test_board_and_driver_use_the_named_bus(params_file: str) -> None:
     specs = nodes(params_file, "source:=emulator", "bus_interface:=udp_multicast", "bus_channel:=239.74.163.2")
     board, driver = specs["sim_board_node"].parameters, specs["driver_node"].parameters
     assert (board["bus_interface"], board["bus_channel"], board["adapter_link"]) == (
@@ -61,9 +61,7 @@ def test_board_and_driver_meet_on_the_bus_that_is_named(params_file: str) -> Non
     assert "bus_interface" not in nodes(params_file, "source:=emulator")["sim_board_node"].parameters
 
 
-def test_a_calibration_reaches_the_model_and_without_one_the_parameter_file_may_tell(
-    params_file: str, tmp_path: Path
-) -> None:
+def test_the_calibration_argument_overrides_the_parameter_file(params_file: str, tmp_path: Path) -> None:
     assert "calibration_file" not in nodes(params_file)["model_node"].parameters
     path, sensor = tmp_path / "cal.yaml", load_sensor()
     save_calibration(path, sensor, Calibration.nominal(sensor))
@@ -80,12 +78,12 @@ def test_a_calibration_reaches_the_model_and_without_one_the_parameter_file_may_
         (["source:=emulator", "bus_channel:=can0"], "bus_channel: needs a bus_interface"),
     ],
 )
-def test_a_bus_that_nobody_would_use_is_refused(params_file: str, words: list[str], reason: str) -> None:
+def test_an_unused_bus_argument_is_rejected(params_file: str, words: list[str], reason: str) -> None:
     with pytest.raises(ConfigError, match=reason):
         graph(parse(words), params_file)
 
 
-def test_imperfections_reach_the_simulated_board(params_file: str) -> None:
+def test_the_sensor_error_model_is_passed_to_the_simulated_board(params_file: str) -> None:
     assert nodes(params_file)["sim_board_node"].parameters["imperfections"] == "default"
     for source in ("sim", "emulator"):
         specs = nodes(params_file, f"source:={source}", "imperfections:=none")
@@ -104,7 +102,7 @@ def test_arguments_of_the_command_line_keep_their_types(params_file: str) -> Non
     assert words[words.index("--params-file") + 1] == params_file
 
 
-def test_a_mount_reaches_the_model_and_leaves_room_for_the_parameter_file(params_file: str) -> None:
+def test_the_mount_argument_is_passed_to_the_model_and_otherwise_left_to_the_parameter_file(params_file: str) -> None:
     mounted = nodes(params_file, "parent_frame:=finger", "mount:=0 0 0.01 0 0 0")["model_node"].parameters
     assert (mounted["parent_frame"], mounted["mount"]) == ("finger", "0 0 0.01 0 0 0")
     assert not {"parent_frame", "mount"} & set(nodes(params_file)["model_node"].parameters)
@@ -117,13 +115,13 @@ def test_a_mount_reaches_the_model_and_leaves_room_for_the_parameter_file(params
         (["mount:=0 0 0.01 0 0 0"], "mount: needs parent_frame"),
     ],
 )
-def test_bad_mounts_are_refused(params_file: str, words: list[str], reason: str) -> None:
+def test_invalid_mounts_are_rejected(params_file: str, words: list[str], reason: str) -> None:
     with pytest.raises(ConfigError, match=reason):
         graph(parse(words), params_file)
 
 
 @pytest.mark.parametrize("namespace", ["", "/", "9lives", "a b", "a//b", "é", "a__b", "a\n"])
-def test_bad_namespaces_are_refused(params_file: str, namespace: str) -> None:
+def test_invalid_namespaces_are_rejected(params_file: str, namespace: str) -> None:
     with pytest.raises(ConfigError, match="namespace: must be names"):
         graph(parse([f"namespace:={namespace}"]), params_file)
 
@@ -140,7 +138,7 @@ def test_bad_namespaces_are_refused(params_file: str, namespace: str) -> None:
         ("/**: [\n", "is not valid YAML"),
     ],
 )
-def test_bad_parameter_files_are_refused(tmp_path: Path, text: str, reason: str) -> None:
+def test_invalid_parameter_files_are_rejected(tmp_path: Path, text: str, reason: str) -> None:
     path = tmp_path / "bad.yaml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ConfigError) as refused:
@@ -149,7 +147,7 @@ def test_bad_parameter_files_are_refused(tmp_path: Path, text: str, reason: str)
     assert "\n" not in str(refused.value)
 
 
-def test_a_missing_parameter_file_is_refused() -> None:
+def test_a_missing_parameter_file_is_rejected() -> None:
     with pytest.raises(ConfigError, match=r"params_file: no such file: nowhere\.yaml"):
         graph(parse([]), "nowhere.yaml")
 
@@ -163,6 +161,6 @@ def test_a_missing_parameter_file_is_refused() -> None:
         ("imperfections:=nowhere.yaml", "nowhere.yaml: cannot be read"),
     ],
 )
-def test_bad_files_are_refused_before_a_node_is_started(params_file: str, word: str, reason: str) -> None:
+def test_invalid_files_are_rejected_before_any_node_is_started(params_file: str, word: str, reason: str) -> None:
     with pytest.raises(ConfigError, match=reason):
         graph(parse([word]), params_file)

@@ -30,7 +30,7 @@ def test_every_parameter_has_one_row_with_its_type_and_description() -> None:
     for row, parameter in zip(rows, parameters, strict=True):
         assert row.startswith(f"| `{parameter.name}` | {parameter.type_name} | {parameter.unit} |")
         assert row.endswith(f"| {parameter.summary} |")
-        assert row.count("|") == 8, "a column too many or too few"
+        assert row.count("|") == 8, "wrong number of columns"
 
 
 def test_an_argument_with_the_name_of_a_node_parameter_has_its_type_default_and_range() -> None:

@@ -51,37 +51,37 @@ def test_a_missed_contact_is_not_hidden() -> None:
     assert record.errors == [math.inf]
 
 
-def test_what_is_settling_is_not_compared() -> None:
+def test_settling_contacts_are_not_compared() -> None:
     record = Record()
     record.add(replace(SNAPSHOT, contacts=(), data_valid=False))
     assert record.errors == []
 
 
-def test_no_scan_is_said() -> None:
+def test_a_run_without_scans_is_reported() -> None:
     assert Record().summary() == "posfet: no scan arrived"
 
 
-def test_line_names_force_place_and_loss() -> None:
+def test_the_line_states_force_position_and_losses() -> None:
     text = line(replace(SNAPSHOT, frames_lost=3), 10.0, 998.7)
     assert "999 scans/s" in text
     assert "#7 held 1.25 N at (+1.00, -0.50) mm" in text
     assert text.endswith("3 frames lost")
 
 
-def test_picture_shows_forces_in_numbers_and_unknown_as_unknown() -> None:
+def test_the_live_display_shows_numeric_forces_and_marks_unknown_ones() -> None:
     text = shown(SNAPSHOT)
     for expected in ("1150", "100", "?", "held", "+1.00", "-0.50", "1.250 ± 0.004", "ground truth: 0.05 mm max"):
         assert expected in text
-    assert text.index("?") < text.index("1150")  # y points up: row 1 stands above row 0
+    assert text.index("?") < text.index("1150")  # y points up: row 1 is above row 0
 
 
-def test_large_arrays_are_shown_without_numbers() -> None:
+def test_large_arrays_are_displayed_without_numbers() -> None:
     force = np.linspace(0.0, 1.0, 32 * 32)
     assert "@" in shown(replace(SNAPSHOT, rows=32, cols=32, force=force, contacts=(), truth=()))
 
 
 class Replay:
-    """Gives one snapshot after the other."""
+    """Source of given snapshots, in sequence."""
 
     def __init__(self, *snapshots: Snapshot | None) -> None:
         self._snapshots = list(snapshots)
@@ -90,7 +90,7 @@ class Replay:
         return self._snapshots.pop(0)
 
 
-def test_without_a_terminal_one_line_a_second() -> None:
+def test_without_a_terminal_one_line_per_second_is_printed() -> None:
     console = Console(file=io.StringIO(), width=200)
     later = [replace(SNAPSHOT, time=10.0 + step / 4, scans=1000 + 250 * step) for step in range(13)]
     with Screen(Replay(None, *later), console) as screen:

@@ -1,4 +1,4 @@
-"""The differential pair: current and transconductance, and the exact way from one overdrive to another."""
+"""The differential pair: current and transconductance, and the exact transition from one overdrive to another."""
 
 import math
 
@@ -30,7 +30,7 @@ from support.sweep import (
 )
 
 STEEPEST = 1 / (1 - LARGEST_PRODUCT)
-"""Most that x moves for a change of y [1], with a lead at the end of its range."""
+"""Largest change of x per change of y [1], with a lead at the end of its range."""
 
 leads = st.one_of(st.just(Lead()), st.builds(Lead, linear=st.floats(0, 1), square=st.floats(-0.5, 0.5)))
 
@@ -38,16 +38,17 @@ leads = st.one_of(st.just(Lead()), st.builds(Lead, linear=st.floats(0, 1), squar
 def settling_error(
     start: np.ndarray, end: np.ndarray, slope: np.ndarray, duration: np.ndarray, lead: Lead = NO_LEAD
 ) -> np.ndarray:
-    """Most that rounding moves x at the end of a step from `start`, from the condition of the result.
+    """Return the largest rounding error of x at the end of a step from `start`, from the condition of the result.
 
-    With v = slope - f and y' = dy/dx, x moves at v/y'. So x at the end is wrong by v/y' times the error of the time, by
-    v/v(start)*y'(start)/y' times that of x at the start, and by slope*duration/y' for a relative error 1 of the slope:
-    dx/dslope = v/y'*(the time's mean of 1/v)*duration, and v is smallest at the end. Each is wrong by a call of an
-    elementary function and the roundings beside it (3 EPS):
+    With v = slope - f and y' = dy/dx, x changes at the rate v/y'. So the error of x at the end is v/y' times the error
+    of the time, v/v(start)*y'(start)/y' times that of x at the start, and slope*duration/y' for a relative error 1 of
+    the slope: dx/dslope = v/y'*(time average of 1/v)*duration, and v is smallest at the end. Each has the error of a
+    call of an elementary function and of the adjacent roundings (3 EPS):
 
-    - x at either end, 2*sin(angle), by its angle and that of rest, together as much as 2, and the lead's share of f;
+    - x at either end, 2*sin(angle), by its angle and that of the equilibrium, together at most 2, and the lead term
+      in f;
     - the time: itself, and with a slope below 1 the logarithms ln|(p - a)/(p + a)|/(2a) and ln|(q + b)/(q - b)|/(2b) at
-      either end, and ln|v| for the lead; with a slope above 1 its terms have one sign, no longer than the way/v.
+      either end, and ln|v| for the lead; with a slope above 1 its terms have one sign and are at most distance/v.
     """
     rho, sign = np.abs(slope), np.where(slope < 0, -1.0, 1.0)
     share = lead.linear + 2 * abs(lead.square)
@@ -62,7 +63,7 @@ def settling_error(
         with np.errstate(divide="ignore", invalid="ignore"):
             logarithms = np.abs(np.log(np.abs((p - a) / (p + a)))) / (2 * a) + share * np.abs(np.log(v))
             logarithms += np.abs(np.log(np.abs((q + b) / (q - b)))) / (2 * b)
-        logarithms = np.where(below & np.isfinite(logarithms), logarithms, 0)  # at rest itself v is 0, too
+        logarithms = np.where(below & np.isfinite(logarithms), logarithms, 0)  # at the equilibrium itself v is 0, too
         return v, logarithms, lead_slope(lead.linear, lead.square * sign, f, pair_transconductance(x))
 
     (v_start, logs_start, _), (v, logs, steepness) = at(start), at(end)
@@ -102,7 +103,7 @@ def test_settling_against_the_40_digit_table(record_property) -> None:
         start, slope, duration = (table[name][rows] for name in ("start", "slope", "duration"))
         end[rows] = settle(start, slope * duration, duration, Lead(linear, square))
         bound[rows] = settling_error(start, table["end"][rows], slope, duration, Lead(linear, square))
-    assert np.median(bound) < 25 * EPS  # the bound says something
+    assert np.median(bound) < 25 * EPS  # the bound is informative
     share = (end - table["end"]) / bound
     plain = (table["linear"] == 0) & (table["square"] == 0)
     found = ErrorMap(bound=1.0)
@@ -123,15 +124,17 @@ def test_settling_against_the_40_digit_table(record_property) -> None:
     st.floats(0, 1),
     leads,
 )
-def test_any_way_is_its_parts(start: float, slope: float, duration: float, part: float, lead: Lead) -> None:
+def test_a_transition_equals_the_sum_of_its_parts(
+    start: float, slope: float, duration: float, part: float, lead: Lead
+) -> None:
     x, s = np.array([start]), np.array([duration])
     with np.errstate(over="raise", invalid="raise", divide="raise"):
         whole = settle(x, slope * s, s, lead)
         first = settle(x, slope * part * s, part * s, lead)
         both = settle(first, slope * (s - part * s), s - part * s, lead)
     assert_finite(whole)
-    # Time rounds in proportion to its length, x in proportion to the way that the input goes, the slope as a quotient:
-    # near 1 the place of rest moves much more than the slope.
+    # The rounding of the time is proportional to its length, that of x to the change of the input, that of the slope is
+    # that of a quotient: near 1 the equilibrium moves much more than the slope.
     way = abs(start) + (1 + abs(slope)) * duration
     room = 4.0 + (way if abs(slope) >= 1 or abs(start) > EDGE else 0.0)
     if abs(slope) < 1:
@@ -140,8 +143,8 @@ def test_any_way_is_its_parts(start: float, slope: float, duration: float, part:
 
 
 @pytest.mark.parametrize("lead", [Lead(), Lead(linear=0.3), Lead(linear=0.3, square=-0.5)])
-def test_ways_from_beside_the_edges_of_saturation_and_of_linearity(lead: Lead) -> None:
-    """Starts and slopes a few roundings from +-EDGE and 1, and on either side of where f(x) = x is used."""
+def test_transitions_that_start_at_the_edges_of_saturation_and_linearity(lead: Lead) -> None:
+    """Starts and slopes a few roundings from +-EDGE and 1, and on both sides of the limit of f(x) = x."""
     beside = np.arange(-8, 9) * EPS
     under = np.array([1.4142135612040179, 1.4142135623702081, 1.4142135623727576])  # sin + cos round to EDGE there
     tiny = np.array([9.9e-6, 1.01e-5, 9.9e-5, 1.01e-4])
@@ -151,7 +154,8 @@ def test_ways_from_beside_the_edges_of_saturation_and_of_linearity(lead: Lead) -
     with np.errstate(over="raise", invalid="raise", divide="raise"):
         whole = settle(x, slope * s, s, lead)
         both = settle(settle(x, slope * 0.5 * s, 0.5 * s, lead), slope * 0.5 * s, 0.5 * s, lead)
-    # The whole way, its halves, and where f(x) = x is used, which is wrong by 1.3e-16 a step (LINEAR_BELOW).
+    # The whole transition, its halves, and the range where f(x) = x is used, with an error of 1.3e-16 per step
+    # (LINEAR_BELOW).
     half = settle(x, slope * 0.5 * s, 0.5 * s, lead)
     bound = settling_error(x, whole, slope, s, lead) + settling_error(half, both, slope, 0.5 * s, lead)
     bound += settling_error(x, half, slope, 0.5 * s, lead) * STEEPEST + 3 * 1.3e-16
@@ -159,8 +163,8 @@ def test_ways_from_beside_the_edges_of_saturation_and_of_linearity(lead: Lead) -
 
 
 @pytest.mark.parametrize(("sine", "cosine"), [(2, 2), (2, -2), (-2, 2), (-2, -2)])
-def test_a_sine_two_units_off_leaves_x_at_the_edge(sine: int, cosine: int, monkeypatch) -> None:
-    """sin + cos may come out beyond EDGE where a run-away starts; its time to EDGE is 0 then."""
+def test_a_sine_wrong_by_two_ulps_leaves_x_at_the_edge(sine: int, cosine: int, monkeypatch) -> None:
+    """sin + cos may round beyond EDGE where saturation starts; the time to EDGE is 0 then."""
 
     def moved(function, units: int):
         return lambda x: function(x) + units * np.spacing(np.abs(function(x)))
@@ -178,11 +182,11 @@ def test_a_sine_two_units_off_leaves_x_at_the_edge(sine: int, cosine: int, monke
 def test_a_slope_that_all_but_saturates_is_approached_slowly(slope: float, duration: float) -> None:
     with np.errstate(over="raise", invalid="raise", divide="raise"):
         x = settle(np.zeros(1), np.array([slope * duration]), np.array([duration]))
-    # Near the edge dz/ds = -z^2 for z = EDGE - x, and of next order: 1/z is s but for part of log(s).
+    # Near the edge dz/ds = -z^2 for z = EDGE - x; to next order 1/z is s plus a fraction of log(s).
     assert abs(1 / (EDGE - x[0]) - duration) <= math.log(duration)
 
 
-def test_rest_is_where_the_current_is_the_slope() -> None:
+def test_at_equilibrium_the_current_equals_the_slope() -> None:
     slope = np.array([0.0, 1e-9, 0.1, 0.5, 0.9, 0.999, -0.7])
     x = settle(np.full(7, 40.0), slope * 1e6, np.full(7, 1e6))
     np.testing.assert_allclose(pair_current(x), slope, rtol=0, atol=4 * EPS)
@@ -190,7 +194,7 @@ def test_rest_is_where_the_current_is_the_slope() -> None:
 
 
 @pytest.mark.parametrize("lead", [Lead(), Lead(0.07, 0.17), Lead(1.0, -0.5), Lead(0.0, 0.5)])
-def test_settling_is_odd_but_for_the_square_and_keeps_the_order(lead: Lead) -> None:
+def test_settling_is_odd_except_for_the_square_and_preserves_order(lead: Lead) -> None:
     start = np.linspace(-4, 4, 801)
     other = Lead(lead.linear, -lead.square)
     for slope in (0.0, 0.3, 1.0, 2.5):
@@ -203,7 +207,7 @@ def test_settling_is_odd_but_for_the_square_and_keeps_the_order(lead: Lead) -> N
 
 
 @pytest.mark.parametrize("lead", [Lead(), Lead(0.07, 0.17), Lead(1.0, -0.5), Lead(0.0, 0.5)])
-def test_a_jump_leaves_the_capacitor_where_it_is(lead: Lead) -> None:
+def test_a_jump_does_not_change_the_capacitor_voltage(lead: Lead) -> None:
     def lag(x: np.ndarray) -> np.ndarray:
         return x + lead.linear * pair_current(x) + lead.square * pair_current(x) ** 2
 
@@ -213,7 +217,7 @@ def test_a_jump_leaves_the_capacitor_where_it_is(lead: Lead) -> None:
     np.testing.assert_allclose(settle(start, 0 * change, np.zeros_like(start), lead), start, rtol=0, atol=1e-14)
 
 
-def test_the_square_can_take_no_more_than_is_stated() -> None:
+def test_the_square_contributes_no_more_than_stated() -> None:
     x = np.linspace(0, EDGE, 100_001)
     product = pair_current(x) * pair_transconductance(x)
     assert LARGEST_PRODUCT - 0.001 < product.max() < LARGEST_PRODUCT
@@ -221,7 +225,7 @@ def test_the_square_can_take_no_more_than_is_stated() -> None:
 
 @pytest.mark.parametrize("lead", [Lead(), Lead(0.07, 0.17), Lead(1.0, -0.5)])
 @pytest.mark.parametrize("scale", [1e-6, 0.5, 20.0])
-def test_a_series_is_its_steps_in_a_row(scale: float, lead: Lead) -> None:
+def test_a_series_equals_its_single_steps(scale: float, lead: Lead) -> None:
     generator = np.random.default_rng(6)
     change = scale * generator.normal(size=2000)
     duration = 10 ** generator.uniform(-3, 1, 2000)
@@ -244,5 +248,5 @@ def test_a_series_is_its_steps_in_a_row(scale: float, lead: Lead) -> None:
         refusals(pair_transconductance, {"overdrive": 0.0}, overdrive=[]),
     ],
 )
-def test_bad_arguments_are_named(function, cases) -> None:
+def test_invalid_arguments_are_rejected_by_name(function, cases) -> None:
     assert_all_refused(function, cases)

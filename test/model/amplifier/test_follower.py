@@ -1,4 +1,4 @@
-"""The follower models: against 40 digits, against themselves in other steps, and over the whole range of arguments."""
+"""The follower models: against 40-digit references, for independence of the step size, and over the whole range."""
 
 import math
 
@@ -54,11 +54,11 @@ def name(follower: Follower) -> str:
 
 
 MEAN_DECAY_ERROR = call_error() + EPS
-"""Largest relative error of expm1(-x)/x: a call and a quotient."""
+"""Largest relative error of expm1(-x)/x: one function call and one quotient."""
 ONE_POLE_ERROR = MEAN_DECAY_ERROR + 2.5 * EPS
-"""The same with 4 roundings of x = step*2*pi*bandwidth, which count less than once, and of product and sum."""
+"""The same with 4 roundings of x = step*2*pi*bandwidth, with a condition below 1, and those of product and sum."""
 TWO_POLES_ERROR = 3 * (2 * call_error() + 2 * EPS)
-"""The second weight is a mean of exp and a share of the difference of two: each two calls where they are complex."""
+"""The second weight is a mean of exp and a fraction of the difference of two: two calls each where they are complex."""
 DRIFTS = cases()
 FOLLOWERS = [pytest.param(follower, id=name(follower)) for follower in followers()]
 
@@ -108,8 +108,8 @@ def test_gain_and_phase_against_the_40_digit_table() -> None:
             (two.phase, "two_phase"),
         ):
             expected = table[column][rows] / (max(1, quality) if column == "two_gain" else 1)
-            # A call for modulus or angle (of the angle to pi, 4 EPS); 3 roundings in f/f0 and in each of two squares or
-            # quotients. At resonance 1 - (f/f0)^2 is a small difference, multiplied by the quality.
+            # One call for modulus or angle (angle up to pi, 4 EPS); 3 roundings in f/f0 and in each of two squares or
+            # quotients. At resonance 1 - (f/f0)^2 is a small difference, multiplied by the quality factor.
             np.testing.assert_allclose(computed, expected, rtol=0, atol=8 * EPS * max(1, quality))
 
 
@@ -122,7 +122,7 @@ def test_bandwidth_is_where_the_gain_has_fallen_by_3_db(quality: float) -> None:
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 1.1e6, -1.1e6])
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-def test_one_bad_taxel_is_refused_whatever_the_type_of_the_frame(bad: float, dtype) -> None:
+def test_one_invalid_taxel_is_rejected_for_any_dtype(bad: float, dtype) -> None:
     frame = np.zeros(25, dtype)
     state = ONE_POLE.start(frame)
     frame[7] = bad
@@ -131,7 +131,7 @@ def test_one_bad_taxel_is_refused_whatever_the_type_of_the_frame(bad: float, dty
     assert_refused(ONE_POLE.advance, {"state": state, "v_in": frame, "step": 1e-6}, "v_in")
 
 
-def test_a_frame_may_be_used_again() -> None:
+def test_a_frame_can_be_reused() -> None:
     for follower in followers():
         frame = np.ones(25)
         state = follower.advance(follower.start(frame), frame, 1e-6)
@@ -142,7 +142,7 @@ def test_a_frame_may_be_used_again() -> None:
 
 
 @pytest.mark.parametrize("follower", FOLLOWERS)
-def test_a_cut_step_is_one_step(follower: Follower) -> None:
+def test_a_split_step_equals_one_step(follower: Follower) -> None:
     generator = np.random.default_rng(3)
     size = 2000
     start, change = generator.normal(size=size), generator.normal(size=size)
@@ -152,13 +152,13 @@ def test_a_cut_step_is_one_step(follower: Follower) -> None:
     whole = follower.advance(state, start + change, step)
     half = follower.advance(state, start + part * change, part * step)
     end = follower.advance(half, start + change, step - part * step)
-    # A long slewing part is seen through the rounding of its time.
+    # The rounding of the time of a long slewing part adds to the error.
     atol = 1e-14
     np.testing.assert_allclose(follower.output(end).v_out, follower.output(whole).v_out, rtol=0, atol=atol)
 
 
 @pytest.mark.parametrize("follower", FOLLOWERS)
-def test_a_series_goes_on_where_it_ended(follower: Follower) -> None:
+def test_a_series_continues_where_it_ended(follower: Follower) -> None:
     generator = np.random.default_rng(15)
     step = 105e-9 * 10 ** generator.uniform(-4, 2, 300)
     v_in = generator.normal(size=(300, 2))
@@ -174,7 +174,7 @@ def test_a_series_goes_on_where_it_ended(follower: Follower) -> None:
 
 
 @pytest.mark.parametrize("follower", FOLLOWERS)
-def test_a_series_is_its_steps_in_a_row(follower: Follower) -> None:
+def test_a_series_equals_its_single_steps(follower: Follower) -> None:
     generator = np.random.default_rng(4)
     step = 105e-9 * 10 ** generator.uniform(-4, 2, 399)
     step[::20] = 0
@@ -189,9 +189,9 @@ def test_a_series_is_its_steps_in_a_row(follower: Follower) -> None:
     np.testing.assert_allclose(follower.run(time, v_in[:, 1]).v_out, np.array(rows)[:, 1], rtol=0, atol=1e-13)
 
 
-# A quality of 50 rings for longer than the run.
+# With a quality factor of 50 the ringing is longer than the run.
 @pytest.mark.parametrize("follower", [follower for follower in FOLLOWERS if "50.0" not in str(follower.id)])
-def test_a_sine_comes_out_with_gain_and_phase_of_the_response(follower: Follower) -> None:
+def test_a_sine_gets_the_gain_and_phase_of_the_frequency_response(follower: Follower) -> None:
     frequency, per_cycle = 1e6, 4000
     time = np.arange(20 * per_cycle + 1) / (frequency * per_cycle)
     small = 1e-5
@@ -199,13 +199,13 @@ def test_a_sine_comes_out_with_gain_and_phase_of_the_response(follower: Follower
     last = slice(-per_cycle, None)
     seen = 2j * np.mean(v_out[last] * np.exp(-2j * np.pi * frequency * time[last])) / small
     response = follower.response(frequency)
-    # The chord of the sine is (w*dt)^2/12 = 2e-7 short; two slow poles leave 1e-4 of their transient.
+    # Linear interpolation reduces the sine by (w*dt)^2/12 = 2e-7; two slow poles leave 1e-4 of their transient.
     assert abs(seen - response.gain * np.exp(1j * response.phase)) <= (
         1e-3 if getattr(follower, "quality", 1) < 0.1 else 1e-6
     )
 
 
-def test_square_law_is_one_pole_for_small_signals_and_slews_for_large_ones() -> None:
+def test_square_law_has_one_pole_for_small_signals_and_slews_for_large_ones() -> None:
     one = OnePoleFollower(gain=LOOP.gain, bandwidth=LOOP.bandwidth)
     slewing = SquareLawFollower(gain=LOOP.gain, bandwidth=LOOP.bandwidth, overdrive=0.4)
     time = np.linspace(0, 3e-6, 3001)
@@ -227,7 +227,7 @@ def test_a_lead_is_a_zero_for_small_signals(linear: float) -> None:
     assert jumped.v_out[1] == pytest.approx(0.99e-6 * linear / (1 + linear), abs=1e-16)
 
 
-def test_offset_is_added_at_the_input_for_each_taxel() -> None:
+def test_each_taxels_offset_is_added_at_the_input() -> None:
     offset = np.array([1e-3, -2e-3])
     follower = OnePoleFollower(gain=0.9, bandwidth=1e6, offset=offset)
     np.testing.assert_allclose(follower.run([0.0, 1.0], np.zeros((2, 2))).v_out, [0.9 * offset] * 2, rtol=0, atol=1e-18)
@@ -235,7 +235,7 @@ def test_offset_is_added_at_the_input_for_each_taxel() -> None:
 
 
 class TestLimits:
-    def test_beyond_the_rails_the_input_is_held_and_flagged(self) -> None:
+    def test_input_beyond_the_rails_is_clipped_and_flagged(self) -> None:
         follower = StaticFollower(gain=0.5, limits=FollowerLimits(v_low=-1, v_high=2))
         output = follower.run([0, 1, 2, 3], [0.0, 3.0, 2.0, -1.1])
         np.testing.assert_array_equal(output.valid, [True, False, True, False])
@@ -255,7 +255,7 @@ class TestLimits:
         follower = OnePoleFollower(gain=1.0, bandwidth=1e6, limits=FollowerLimits(frequency=5e6))
         np.testing.assert_array_equal(follower.response([1e3, 5e6, 6e6]).valid, [True, True, False])
 
-    def test_limits_that_make_no_sense(self) -> None:
+    def test_invalid_limits_are_rejected(self) -> None:
         bad = [
             ({"v_low": 1.0, "v_high": 1.0}, "v_high"),
             ({"slew_rate": 0.0}, "slew_rate"),
@@ -275,7 +275,7 @@ class TestSweep:
     STEP, TAU = (axis.ravel() for axis in np.meshgrid(10.0 ** np.arange(-9, 4), 10.0 ** np.arange(-9, 10)))
 
     @pytest.mark.parametrize("change", [1e-9, 1.0, -1e6])
-    def test_finite_and_within_the_input(self, change: float) -> None:
+    def test_output_is_finite_and_within_the_input(self, change: float) -> None:
         for tau in np.unique(self.TAU):
             for follower in followers(tau, gain=1.0):
                 ringing = getattr(follower, "quality", 0) > 0.5
@@ -285,15 +285,15 @@ class TestSweep:
                         state = follower.advance(state, np.full(13, change), np.unique(self.STEP))
                 v_out = follower.output(state).v_out / change
                 assert_finite(v_out)
-                slack = ringing + 1e-12 + 4e-16 / abs(change)  # the last part: rounding of the overdrive
-                # A lead's square lifts the output whichever way the pair is driven.
+                slack = ringing + 1e-12 + 4e-16 / abs(change)  # last term: rounding of the overdrive
+                # The square of the lead raises the output in both directions of drive.
                 lead = getattr(follower, "lead", Lead())
-                lifted = 0.4 * (lead.square - lead.linear) / -change if change < 0 and not lead.absent else 0.0
-                assert (v_out >= -slack - lifted).all()
+                raised = 0.4 * (lead.square - lead.linear) / -change if change < 0 and not lead.absent else 0.0
+                assert (v_out >= -slack - raised).all()
                 assert (v_out <= 1 + slack).all()
 
     @pytest.mark.parametrize("overdrive", [1e-6, 1e-3, 0.4, 1e3])
-    def test_any_overdrive_is_finite_within_the_input_and_the_same_as_a_series(self, overdrive: float) -> None:
+    def test_any_overdrive_stays_finite_within_the_input_and_matches_the_series(self, overdrive: float) -> None:
         generator = np.random.default_rng(13)
         for bandwidth in (1e-12, 1e-3, 1.5e6, 1e15):
             follower = SquareLawFollower(gain=1.0, bandwidth=bandwidth, overdrive=overdrive)
@@ -314,15 +314,15 @@ class TestSweep:
                 assert np.abs(series).max() <= largest + rounding
                 np.testing.assert_allclose(series, rows, rtol=0, atol=rounding)
 
-    def test_a_slew_of_ages_at_the_ends_of_the_ranges(self) -> None:
+    def test_a_very_long_slew_at_the_ends_of_the_ranges(self) -> None:
         follower = SquareLawFollower(gain=1.0, bandwidth=1e15, overdrive=1e-6)
         with np.errstate(over="raise", invalid="raise", divide="raise"):
             v_out = follower.run([0, 1e-9, 1e9], [0, 1e6, -1e6]).v_out
-        # 1e-9 s at the slew rate, then long enough to arrive.
+        # 1e-9 s at the slew rate, then long enough to settle.
         np.testing.assert_allclose(v_out, [0, follower.slew_rate * 1e-9, -1e6], rtol=0, atol=1e-9)
 
     @pytest.mark.parametrize("tau", [1e-9, 105e-9, 1.0, 1e9])
-    def test_output_comes_nearer_with_the_length_of_the_step(self, tau: float) -> None:
+    def test_output_approaches_the_input_as_the_step_gets_longer(self, tau: float) -> None:
         step = np.logspace(-9, 3, 1201)
         for follower in followers(tau, gain=1.0):
             if getattr(follower, "quality", 0) > 0.5:
@@ -331,13 +331,13 @@ class TestSweep:
             assert_monotone(follower.output(state).v_out, rising=True, slack=1e-13)
 
     @given(decades(1e-9, 1e3), decades(1e-9, 1e9), signed_decades(1e-9, 1e6), st.floats(0.0, 1.0))
-    def test_two_parts_of_a_step_are_the_step(self, step: float, tau: float, change: float, part: float) -> None:
+    def test_two_parts_of_a_step_equal_the_step(self, step: float, tau: float, change: float, part: float) -> None:
         for follower in followers(tau):
             start = follower.start(0.0)
             whole = follower.output(follower.advance(start, change, step)).v_out
             first = follower.advance(start, part * change, part * step)
             both = follower.output(follower.advance(first, change, step - part * step)).v_out
-            # The parts' times round too, seen through the slew rate; 4e-16 V is a rounding of the overdrive.
+            # The times of the parts are rounded too, times the slew rate; 4e-16 V is a rounding of the overdrive.
             assert abs(both - whole) <= 4e-13 * (abs(change) + 1e-3 * step / tau) + 4e-16
 
     def test_error_per_region_of_step_over_time_constant(self, record_property) -> None:
@@ -363,14 +363,14 @@ class TestSweep:
 
     @pytest.mark.parametrize("case", DRIFTS, ids=lambda case: case.name)
     def test_a_million_steps_do_not_drift(self, case: Case) -> None:
-        """`make stability` makes 1e8; the pair takes too long for a million here."""
+        """`make stability` runs 1e8; a million steps of the pair would take too long here."""
         steps = 20_000 if case.name.startswith("SquareLaw") else 1_000_000
         found = case.run(steps)
         print(f"{case.name}: largest {found.largest:.1e}, last {found.last:.1e}, bound {found.bound:.1e}")
         assert found.last <= found.largest <= found.bound
 
 
-def test_a_recurrence_is_its_loop() -> None:
+def test_a_recurrence_equals_a_loop() -> None:
     generator = np.random.default_rng(5)
     for shape in ((1,), (40_000,), (300, 7), (5, 0), (3, 20_000)):
         factor, addend = generator.uniform(0, 1, shape), generator.normal(size=shape)
@@ -434,5 +434,5 @@ GOOD_TWO_POLES = {"gain": 0.99, "natural_frequency": 1e6, "quality": 0.5}
         ),
     ],
 )
-def test_bad_arguments_are_named(function, cases) -> None:
+def test_invalid_arguments_are_rejected_by_name(function, cases) -> None:
     assert_all_refused(function, cases)

@@ -1,4 +1,4 @@
-"""Hand formulas of the amplifier: against 40 digits, against ngspice (stored) and against their limits."""
+"""Hand formulas of the amplifier: against 40-digit references, stored ngspice runs, and limiting cases."""
 
 import dataclasses
 import math
@@ -20,7 +20,7 @@ FIGURES = figures_of_merit()
 
 
 @pytest.mark.parametrize(("name", "formulas"), [("amplifier", figures_of_merit), ("one_stage", one_stage_figures)])
-def test_every_figure_against_the_40_digit_table(record_property, name: str, formulas) -> None:
+def test_every_quantity_against_the_40_digit_table(record_property, name: str, formulas) -> None:
     table = reference(name)
     inputs, outputs = list(table)[:8], list(table)[8:]
     found = ErrorMap(bound=8 * EPS)
@@ -48,7 +48,7 @@ def test_the_one_stage_op_amp_against_ngspice() -> None:
     figures = one_stage_figures()
     assert figures.open_loop_gain / abs(open_loop.transfer[0]) == pytest.approx(1, abs=0.04)
     assert figures.dominant_pole / closed_loop(open_loop).bandwidth == pytest.approx(1, abs=0.05)
-    # The second pole is where 45 degrees have been added to the first one's 90. Above, the gates of the pair feed the
+    # The second pole adds 45 degrees to the 90 degrees of the first one. Above it, the gates of the pair feed the
     # input through to the output.
     below = open_loop.frequency < 2e7
     phase = -np.unwrap(np.angle(open_loop.transfer[below]))
@@ -60,13 +60,13 @@ def test_the_one_stage_op_amp_against_ngspice() -> None:
     ("circuit", "formulas", "slack"), [("opamp_b", figures_of_merit, 0.15), ("opamp_c", one_stage_figures, 0.05)]
 )
 def test_slew_rates_against_ngspice(circuit: str, formulas, slack: float) -> None:
-    """Half-way up the stored step of 1 V, where the pair is still driven hard."""
+    """At half of the stored step of 1 V, where the pair is still saturated."""
     run = transient(circuit, "step")
     instants = np.interp([0.35, 0.5], run.v_out - run.v_out[0], run.time)
     assert formulas().slew_rate / (0.15 / np.diff(instants)[0]) == pytest.approx(1, abs=slack)
 
 
-def test_a_one_stage_supply_too_low_is_refused() -> None:
+def test_a_one_stage_supply_too_low_is_rejected() -> None:
     low = dataclasses.replace(CIRCUIT_C, supply=1.7)
     assert_refused(one_stage_figures, {"bias": low}, "supply")
     assert_refused(one_stage_figures, {"bias": None}, "bias")
@@ -76,7 +76,7 @@ def test_offset_against_ngspice() -> None:
     assert FIGURES.systematic_offset == pytest.approx(transient("opamp_b", "press").v_out[0], abs=5e-5)
 
 
-def test_the_missing_width_of_m8_leaves_little_systematic_offset() -> None:
+def test_the_assumed_width_of_m8_gives_a_small_systematic_offset() -> None:
     ideal = figures_of_merit(AmplifierBias(modulation=1e-6))
     assert abs(ideal.systematic_offset) < 1e-7
 
@@ -91,7 +91,7 @@ def test_without_modulation_the_formulas_are_the_textbook_ones() -> None:
     textbook = ideal.input_transconductance / (2 * math.pi * bias.compensation)
     assert ideal.gain_bandwidth / textbook == pytest.approx(1, abs=1e-4)
     assert ideal.slew_rate == pytest.approx(ideal.tail_current / bias.compensation, abs=1e3)
-    # W5*W7/(2*W3) gives M8 the current of M7, 3/4 of the tail's; Cc and the output's own capacitance share it.
+    # W5*W7/(2*W3) gives M8 the current of M7, 3/4 of the tail's; Cc and the output's own capacitance are charged by it.
     sinking = bias.compensation + bias.load_capacitance + 3276e-6 * 12e-6 * 4.0270e-5 / 3
     assert ideal.falling_slew_rate == pytest.approx(ideal.output_current / sinking, abs=1e3)
     ratio = math.sqrt(ideal.output_current * 2 / (283e-4 * 7.6736e-4 * 20))
@@ -100,7 +100,7 @@ def test_without_modulation_the_formulas_are_the_textbook_ones() -> None:
     assert ideal.bend == pytest.approx(linear - (pushed - ratio), abs=1e-5)
 
 
-def test_follower_of_the_figures() -> None:
+def test_follower_from_the_op_amp_figures() -> None:
     loop = FIGURES.closed_loop
     assert loop.gain == pytest.approx(FIGURES.open_loop_gain / (1 + FIGURES.open_loop_gain), abs=1e-15)
     assert FIGURES.limits.v_low < -1 < 3 < FIGURES.limits.v_high
@@ -110,7 +110,7 @@ def test_follower_of_the_figures() -> None:
 @pytest.mark.parametrize("load", [11e3, 5e3, 1e9])
 @pytest.mark.parametrize("current", [50e-6, 200e-6])
 def test_at_the_highest_input_the_last_transistor_is_at_the_edge_of_saturation(load: float, current: float) -> None:
-    """With the transistor's own equations: M7 carries what M8 and the load take, pinched off just there."""
+    """With the transistor equations: M7 carries the current of M8 and the load, at the edge of pinch-off."""
     bias = AmplifierBias(reference_current=current, load_resistance=load)
     limits, oxide = figures_of_merit(bias).limits, STACK.oxide
     aspect = {size.name: size.width / size.length for size in SIZES}
@@ -118,14 +118,14 @@ def test_at_the_highest_input_the_last_transistor_is_at_the_edge_of_saturation(l
     edge = bias.supply - volts
     most = drain_current(0.7 + edge, edge, 0.7, 283e-4 * oxide * aspect["M7"], lam)
     mirror = gate_voltage(current, 5.0, 0.7, 850e-4 * oxide * aspect["M6"], 0.0)
-    for _ in range(50):  # M6 is its own gate: the current at a drain voltage that is the gate voltage
+    for _ in range(50):  # M6 is diode-connected: its drain voltage equals its gate voltage
         mirror = gate_voltage(current, mirror, 0.7, 850e-4 * oxide * aspect["M6"], lam)
     sunk = drain_current(mirror, bias.supply + volts, 0.7, 850e-4 * oxide * aspect["M8"], lam)
     assert float(most) == pytest.approx(float(sunk) + volts / load, rel=1e-9, abs=0)
     assert limits.v_low < 0 < limits.v_high < bias.supply
 
 
-def test_mismatch_adds_up() -> None:
+def test_mismatch_contributions_add_up() -> None:
     parts = {"pair_threshold": 1e-3, "load_threshold": 2e-3, "pair_size": 0.01, "load_size": -0.02}
     single = [mismatch_offset(FIGURES, **{**dict.fromkeys(parts, 0.0), name: value}) for name, value in parts.items()]
     assert mismatch_offset(FIGURES, **parts) == pytest.approx(sum(single), abs=1e-16)
@@ -143,15 +143,15 @@ def test_all_figures_are_finite_over_the_bias(current: float, modulation: float)
 
 
 @pytest.mark.parametrize("value", [0, "one", FIGURES])
-def test_a_bias_that_is_none_is_named(value) -> None:
+def test_a_value_that_is_no_bias_is_rejected(value) -> None:
     assert_refused(figures_of_merit, {"bias": value}, "bias")
 
 
-def test_a_supply_too_low_is_refused() -> None:
+def test_a_supply_too_low_is_rejected() -> None:
     assert_refused(figures_of_merit, {"bias": AmplifierBias(supply=1.2)}, "supply")
 
 
-def test_bad_bias_is_named() -> None:
+def test_an_invalid_bias_is_rejected_by_name() -> None:
     values = {field.name: (-1.0, *NOT_REAL_NUMBERS) for field in dataclasses.fields(AmplifierBias)}
     assert_all_refused(AmplifierBias, [(name, {name: value}) for name in values for value in values[name]])
 
@@ -176,14 +176,14 @@ def test_a_pair_four_times_as_wide_has_half_the_overdrive() -> None:
         tuple(dataclasses.replace(s, width=2 * s.width, length=2 * s.length) if s.name == "M4" else s for s in SIZES),
     ],
 )
-def test_sizes_that_make_no_amplifier_are_named(sizes) -> None:
+def test_invalid_transistor_sizes_are_rejected_by_name(sizes) -> None:
     assert_refused(AmplifierDesign, {"sizes": sizes}, "sizes")
 
 
 MISMATCH = {"figures": FIGURES, "pair_threshold": 0.0, "load_threshold": 0.0, "pair_size": 0.0, "load_size": 0.0}
 
 
-def test_bad_arguments_are_named() -> None:
+def test_invalid_arguments_are_rejected_by_name() -> None:
     function, cases = refusals(
         mismatch_offset,
         MISMATCH,

@@ -1,4 +1,4 @@
-"""Which slewing follower a gain and a bandwidth stand for."""
+"""Identification of a slewing follower from gain and bandwidth."""
 
 import math
 
@@ -22,7 +22,7 @@ ONE_POLE = 1.5e6 * (1 + 1 / 10 ** (42.3 / 20))
         *((ratio, "one stage and an output follower") for ratio in (1.011, 1.38, math.sqrt(2), 1.55)),
     ],
 )
-def test_the_ratio_of_bandwidths_tells_the_op_amp(ratio: float, amplifier: str) -> None:
+def test_the_bandwidth_ratio_identifies_the_op_amp(ratio: float, amplifier: str) -> None:
     model = slew_model(ClosedLoop(0.99, ratio * ONE_POLE))
     assert model.amplifier == amplifier
     assert model.loop.bandwidth == pytest.approx(ONE_POLE * (ratio if amplifier == "one pole" else 1), rel=1e-12)
@@ -30,7 +30,7 @@ def test_the_ratio_of_bandwidths_tells_the_op_amp(ratio: float, amplifier: str) 
 
 
 @pytest.mark.parametrize("ratio", [0.708, 0.8, 0.94, 0.999])
-def test_the_zero_gives_the_bandwidth_back(ratio: float) -> None:
+def test_the_zero_reproduces_the_bandwidth(ratio: float) -> None:
     follower = slew_model(ClosedLoop(0.99, ratio * ONE_POLE)).follower()
     assert follower.response(ratio * ONE_POLE).gain == pytest.approx(0.99 / math.sqrt(2), abs=1e-12)
 
@@ -40,14 +40,14 @@ def test_overdrives_are_those_of_the_hand_formulas() -> None:
     assert slew_model(ClosedLoop(0.99, 0.94 * ONE_POLE)).overdrive == two.slew_overdrive
     assert slew_model(ClosedLoop(0.99, 1.38 * ONE_POLE)).overdrive == one.slew_overdrive
     assert one.slew_overdrive < OVERDRIVE < two.slew_overdrive
-    # The follower slews at the rate of the op-amp, but for the gain and its gain-bandwidth product.
+    # The follower has the slew rate of the op-amp, corrected for gain and gain-bandwidth product.
     for figures in (two, one):
         follower = SlewModel("", figures.closed_loop, figures.slew_overdrive).follower()
         a0 = figures.open_loop_gain
         assert follower.slew_rate == pytest.approx(figures.slew_rate * (1 + 1 / a0) * a0 / (1 + a0), rel=1e-12)
 
 
-def test_another_gain_bandwidth_product_scales_it_all() -> None:
+def test_all_figures_scale_with_the_gain_bandwidth_product() -> None:
     model = slew_model(ClosedLoop(0.99, 0.94 * ONE_POLE / 1000), 1.5e3)
     usual = slew_model(ClosedLoop(0.99, 0.94 * ONE_POLE))
     assert model.loop.bandwidth == pytest.approx(usual.loop.bandwidth / 1000, rel=1e-12)
@@ -57,5 +57,5 @@ def test_another_gain_bandwidth_product_scales_it_all() -> None:
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, 1e15])
-def test_a_gain_bandwidth_product_out_of_range_is_named(value: float) -> None:
+def test_a_gain_bandwidth_product_out_of_range_is_rejected_by_name(value: float) -> None:
     assert_refused(slew_model, {"loop": ClosedLoop(0.99, 1e6), "gain_bandwidth": value}, "gain_bandwidth")

@@ -1,4 +1,4 @@
-"""Labelling, centre of pressure and contacts, held to dense pressure and to a plain flood fill."""
+"""Labelling, centre of pressure and contacts, verified against dense pressure and a plain flood fill."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ VARIANCE = np.full(LAYOUT.taxels, NOISE**2)
 
 
 def flood_fill(mask: NDArray[np.bool_]) -> list[list[int]]:
-    """The 8-connected regions of a map, the plain way."""
+    """Return the 8-connected components of a map, by flood fill."""
     cols = mask.shape[1]
     left = {(int(r), int(c)) for r, c in np.argwhere(mask)}
     regions = []
@@ -44,7 +44,7 @@ def flood_fill(mask: NDArray[np.bool_]) -> list[list[int]]:
 
 
 @given(st.integers(1, 12), st.integers(1, 12), st.data())
-def test_regions_are_those_of_a_flood_fill(rows: int, cols: int, data: st.DataObject) -> None:
+def test_regions_equal_those_of_a_flood_fill(rows: int, cols: int, data: st.DataObject) -> None:
     flags = data.draw(st.lists(st.booleans(), min_size=rows * cols, max_size=rows * cols))
     mask = np.array(flags, np.bool_)
     bitmap = BitMap(rows, cols)
@@ -53,7 +53,7 @@ def test_regions_are_those_of_a_flood_fill(rows: int, cols: int, data: st.DataOb
     np.testing.assert_array_equal(bitmap.mask(bitmap.pack(mask), np.empty(rows * cols, np.bool_)), mask)
 
 
-def test_growing_does_not_run_over_the_edges() -> None:
+def test_dilation_stops_at_the_edges() -> None:
     bitmap = BitMap(3, 4)
     corner = np.zeros(12, np.bool_)
     corner[3] = True
@@ -62,14 +62,14 @@ def test_growing_does_not_run_over_the_edges() -> None:
 
 
 @given(st.integers(1, 9), st.integers(1, 9), st.data())
-def test_footprints_are_regions_and_what_lies_around_one_alone(rows: int, cols: int, data: st.DataObject) -> None:
+def test_footprints_are_regions_and_neighbours_of_only_one_region(rows: int, cols: int, data: st.DataObject) -> None:
     mask = np.array(data.draw(st.lists(st.booleans(), min_size=rows * cols, max_size=rows * cols)), np.bool_)
     layout = replace(LAYOUT, rows=rows, cols=cols)
     bitmap, regions = BitMap(rows, cols), flood_fill(mask.reshape(rows, cols))
     found = Footprints(layout, bitmap, MomentFinder(layout, SENSOR.device.contact_spread)).regions(mask.tobytes())
 
     def near(taxel: int) -> list[int]:
-        """Number the regions that a taxel touches."""
+        """Return the indices of the regions that a taxel belongs to or borders on."""
         row, col = divmod(taxel, cols)
         reach = {(row + i) * cols + col + j for i in (-1, 0, 1) for j in (-1, 0, 1) if 0 <= col + j < cols}
         return [number for number, region in enumerate(regions) if reach & set(region)]
@@ -101,7 +101,7 @@ PLACES = [(0, 0), (0.4, 0.3), (0.75, -0.75), (1.5, 0), (2.25, 0.7), (-2.6, 0), (
 
 @pytest.mark.parametrize("force", [0.5, 1.0, 2.0])
 @pytest.mark.parametrize(("radius", "modulus"), [(6e-3, 1e6), (4e-3, 5e6)])
-def test_centre_of_pressure_of_a_sphere_all_over_the_array(force: float, radius: float, modulus: float) -> None:
+def test_centre_of_pressure_of_a_sphere_anywhere_on_the_array(force: float, radius: float, modulus: float) -> None:
     errors = {}
     noise = np.random.default_rng(2).normal(0, NOISE, LAYOUT.taxels)
     for x, y in PLACES:
@@ -112,19 +112,19 @@ def test_centre_of_pressure_of_a_sphere_all_over_the_array(force: float, radius:
     assert max(errors.values()) < 0.3e-3, errors
 
 
-def test_a_slide_is_followed_without_steps_where_taxels_come_and_go() -> None:
+def test_a_slide_is_tracked_without_jumps_when_taxels_enter_and_leave() -> None:
     track = np.linspace(-1.5e-3, 1.5e-3, 41)
     errors = [find(sphere(x, 0.2e-3, 0.5))[0].centre_of_pressure[0] - x for x in track]
     assert np.abs(np.diff(errors)).max() < 0.015e-3
 
 
-def test_force_of_a_contact_is_that_of_the_sphere() -> None:
+def test_contact_force_equals_the_force_of_the_sphere() -> None:
     for force in (0.5, 2.0):
         [region] = find(sphere(0.2e-3, -0.3e-3, force))
         assert region.force == pytest.approx(force, rel=0.015)
 
 
-def test_a_region_is_described_in_full() -> None:
+def test_all_properties_of_a_region() -> None:
     forces = np.zeros(LAYOUT.taxels)
     forces[[11, 12, 13]] = 0.1, 0.3, 0.1
     [region] = find(forces, common=1e-6)
@@ -140,7 +140,7 @@ def test_a_region_is_described_in_full() -> None:
     assert region.minor_axis == pytest.approx((0, 0), abs=1e-9)
 
 
-def test_centre_of_pressure_and_geometric_centre_differ_when_the_force_does() -> None:
+def test_centre_of_pressure_and_geometric_centre_differ_for_uneven_force() -> None:
     forces = np.zeros(LAYOUT.taxels)
     forces[[11, 12]] = 0.1, 0.3
     [region] = find(forces)
@@ -157,7 +157,7 @@ def test_a_saturated_taxel_leaves_peak_and_variance_unknown() -> None:
     assert region.force > 0
 
 
-def test_hysteresis_holds_a_contact_between_the_thresholds() -> None:
+def test_hysteresis_keeps_a_contact_between_the_thresholds() -> None:
     finder = ContactFinder(SENSOR)
     forces = np.zeros(LAYOUT.taxels)
     counts = []
@@ -167,7 +167,7 @@ def test_hysteresis_holds_a_contact_between_the_thresholds() -> None:
     assert counts == [0, 1, 1, 1, 0, 0]
 
 
-def test_thresholds_rise_with_what_is_not_known_of_the_force() -> None:
+def test_thresholds_rise_with_the_uncertainty_of_the_force() -> None:
     finder = ContactFinder(SENSOR)
     forces = np.full(LAYOUT.taxels, 0.03)
     finder.update_thresholds(forces, VARIANCE, 0.01**2)
@@ -176,20 +176,20 @@ def test_thresholds_rise_with_what_is_not_known_of_the_force() -> None:
     assert len(finder.find(forces)) == 1
 
 
-def test_a_held_force_stays_a_contact_when_it_is_hardly_known_and_ends_when_it_is_let_go() -> None:
+def test_a_held_contact_lasts_despite_high_uncertainty_and_ends_on_release() -> None:
     finder = ContactFinder(SENSOR)
     forces = np.zeros(LAYOUT.taxels)
     forces[12] = 0.3
     assert len(find(forces, finder=finder)) == 1
     for deviation in np.linspace(0.0, 0.2, 100):
-        forces[12] -= 0.001  # what a zero wanders meanwhile
+        forces[12] -= 0.001  # baseline drift in the meantime
         finder.update_thresholds(forces, np.full(LAYOUT.taxels, deviation**2), 0.0)
         assert len(finder.find(forces)) == 1
     forces[12] -= 0.15
     assert not finder.find(forces)
 
 
-def test_what_a_film_keeps_of_a_strong_touch_is_no_contact_and_is_forgotten() -> None:
+def test_residual_hysteresis_after_a_strong_touch_is_no_contact_and_expires() -> None:
     finder = ContactFinder(SENSOR)
     forces = np.zeros(LAYOUT.taxels)
     for newton, blocks, contacts in ((2.0, 1, 1), (0.03, 2, 0), (0.05, 1, 1), (0.03, 1, 0), (0.03, 250, 1)):
@@ -199,7 +199,7 @@ def test_what_a_film_keeps_of_a_strong_touch_is_no_contact_and_is_forgotten() ->
         assert len(found) == contacts, (newton, blocks)
 
 
-def test_unusable_taxels_are_in_no_contact() -> None:
+def test_unusable_taxels_belong_to_no_contact() -> None:
     finder = ContactFinder(SENSOR)
     usable = np.ones(LAYOUT.taxels, np.bool_)
     usable[12] = False
@@ -210,7 +210,7 @@ def test_unusable_taxels_are_in_no_contact() -> None:
     assert region.force < 1.0 - forces[12] + 0.01
 
 
-def test_a_touch_on_a_noisy_taxel_goes_on_by_less_of_its_neighbours_than_it_began_by() -> None:
+def test_a_touch_on_a_noisy_taxel_continues_on_lower_neighbour_forces_than_at_onset() -> None:
     finder, forces = ContactFinder(SENSOR), np.zeros(LAYOUT.taxels)
     finder.update_thresholds(forces, np.full(LAYOUT.taxels, 3e-3**2), 0.0)
     taxels = ForceEstimate(forces, VARIANCE, unlisted=finder.bits(np.arange(LAYOUT.taxels) == 12))
@@ -224,18 +224,18 @@ def test_a_touch_on_a_noisy_taxel_goes_on_by_less_of_its_neighbours_than_it_bega
     assert counts == [0, 1, 1, 0, 0]
 
 
-def test_a_force_that_is_being_let_go_counts_as_touched() -> None:
+def test_a_force_being_released_counts_as_touched() -> None:
     finder, forces = ContactFinder(SENSOR), np.zeros(LAYOUT.taxels)
-    told = []
+    touched = []
     for force in (0.1, 0.09, 0.008, 0.004, 0.003, 0.003):
         forces[12] = force
         finder.find(forces)
-        told.append(bool(finder.touched[12]))
+        touched.append(bool(finder.touched[12]))
         finder.update_thresholds(forces, VARIANCE, 0.0)
-    assert told == [True, True, True, True, True, False]
+    assert touched == [True, True, True, True, True, False]
 
 
-def test_two_contacts_stay_two_and_share_no_taxel() -> None:
+def test_two_contacts_stay_separate_and_share_no_taxel() -> None:
     forces = np.zeros(LAYOUT.taxels)
     forces[[0, 1, 5]] = 0.2, 0.1, 0.1
     forces[[24, 23, 18]] = 0.4, 0.1, 0.2
@@ -247,7 +247,7 @@ def test_two_contacts_stay_two_and_share_no_taxel() -> None:
 
 
 @pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 7), (2, 2), (9, 4), (32, 32)])
-def test_any_layout_will_do(rows: int, cols: int) -> None:
+def test_any_layout_is_accepted(rows: int, cols: int) -> None:
     sensor = replace(SENSOR, layout=replace(LAYOUT, rows=rows, cols=cols))
     for taxel in {0, rows * cols // 2, rows * cols - 1}:
         forces = np.zeros(rows * cols)
@@ -259,7 +259,7 @@ def test_any_layout_will_do(rows: int, cols: int) -> None:
 
 
 @given(st.floats(0.1, 3.0), st.floats(0.1, 3.0), st.floats(0, math.pi))
-def test_principal_axes_are_those_of_a_turned_ellipse(long: float, short: float, angle: float) -> None:
+def test_principal_axes_equal_those_of_a_rotated_ellipse(long: float, short: float, angle: float) -> None:
     long, short = max(long, short), min(long, short)
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     moments = turn @ np.diag([long**2, short**2]) @ turn.T
@@ -271,7 +271,7 @@ def test_principal_axes_are_those_of_a_turned_ellipse(long: float, short: float,
 
 
 @given(st.lists(st.floats(1e-6, 5.0), min_size=25, max_size=25))
-def test_moments_of_any_forces_are_finite_and_near_the_array(values: list[float]) -> None:
+def test_moments_of_arbitrary_forces_are_finite_and_near_the_array(values: list[float]) -> None:
     finder = MomentFinder(LAYOUT, SENSOR.device.contact_spread)
     weight, taxels = np.array(values), np.arange(25)
     sums = (weight @ finder.basis(taxels, profiles=True)).tolist()

@@ -1,4 +1,4 @@
-"""Contacts in one region told apart: on dense pressure, on all phases of the grid; and one contact left alone."""
+"""Separation of contacts in one region, on dense pressure at all phases of the grid; one contact is never split."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ def measure(finder: ContactFinder, forces: NDArray[np.float64], before: list[Reg
     return finder.measure(finder.find(forces), ForceEstimate(forces, VARIANCE), before)
 
 
-def test_shares_are_those_of_a_mixture_of_gaussians_written_out() -> None:
-    """Against expectation and maximisation by distances, the plain way."""
+def test_shares_equal_an_explicit_gaussian_mixture() -> None:
+    """Against an explicit expectation-maximisation by distances."""
     forces = sphere(-1.3e-3, 0.2e-3, 0.8) + sphere(1.9e-3, -0.4e-3, 1.0)
     bitmap, spread = BitMap(LAYOUT.rows, LAYOUT.cols), SENSOR.device.contact_spread
     footprints = Footprints(LAYOUT, bitmap, MomentFinder(LAYOUT, spread))
@@ -72,7 +72,7 @@ def centres(regions: list[Region]) -> list[tuple[float, float]]:
     return sorted(region.centre_of_pressure for region in regions)
 
 
-def test_two_spheres_two_pitches_apart_are_two_and_stay_two_through_every_phase_of_the_grid() -> None:
+def test_two_spheres_two_pitches_apart_stay_separated_at_every_phase_of_the_grid() -> None:
     finder = ContactFinder(SENSOR)
     rng = np.random.default_rng(1)
     gains = rng.normal(1.0, 0.05, LAYOUT.taxels)
@@ -85,13 +85,13 @@ def test_two_spheres_two_pitches_apart_are_two_and_stay_two_through_every_phase_
         unsplit += len(measure(fresh, forces, [])) == 1
         regions = measure(finder, forces, regions)
         if len(regions) == 1 and x < -1.2e-3:
-            continue  # it begins half a pitch off, where there is no valley yet
+            continue  # it begins half a pitch off, where there is no saddle yet
         assert len(regions) == 2
         for found, true in zip(centres(regions), pair, strict=True):
             assert math.dist(found, true) < 0.3e-3
         assert sum(region.force for region in regions) == pytest.approx(float(forces.sum()), abs=0.03)
         assert not set(regions[0].taxels) & set(regions[1].taxels)
-    assert unsplit > 5, "without memory there must be places where the two cannot be told"
+    assert unsplit > 5, "without memory there must be positions where the two cannot be separated"
 
 
 @pytest.mark.parametrize(("radius", "modulus", "force"), [(6e-3, 1e6, 2.0), (1.5e-3, 8e6, 1.0), (20e-3, 0.5e6, 3.0)])
@@ -104,7 +104,7 @@ def test_one_sphere_is_never_split(radius: float, modulus: float, force: float) 
 
 
 @pytest.mark.parametrize("taxel", range(25))
-def test_a_dead_taxel_splits_no_fingertip(taxel: int) -> None:
+def test_a_dead_taxel_does_not_split_a_fingertip(taxel: int) -> None:
     for radius, modulus in ((6e-3, 1e6), (3e-3, 2e6)):
         for x, y in ((0.0, 0.0), (0.4e-3, -0.3e-3), (-0.7e-3, 0.7e-3)):
             forces = sphere(x, y, 1.5, radius, modulus).copy()
@@ -112,7 +112,7 @@ def test_a_dead_taxel_splits_no_fingertip(taxel: int) -> None:
             assert len(measure(ContactFinder(SENSOR), forces, [])) == 1
 
 
-def test_two_that_come_together_become_one_and_are_told_apart_again() -> None:
+def test_two_contacts_that_converge_merge_and_separate_again() -> None:
     finder = ContactFinder(SENSOR)
     regions: list[Region] = []
     counts = []
@@ -125,10 +125,10 @@ def test_two_that_come_together_become_one_and_are_told_apart_again() -> None:
     assert np.count_nonzero(np.diff(counts)) == 2
 
 
-@pytest.mark.parametrize(("valley", "contacts"), [(0.7, 2), (0.87, 1)])
-def test_regions_that_grow_together_stay_two_only_with_a_valley(valley: float, contacts: int) -> None:
-    """A pad that begins to touch at two places is one contact, two fingertips are two."""
-    shape = np.outer((0.0, 0.5, 1.0, 0.5, 0.0), (0.6, 1.0, valley, 1.0, 0.6)).reshape(-1)
+@pytest.mark.parametrize(("saddle", "contacts"), [(0.7, 2), (0.87, 1)])
+def test_regions_that_grow_together_stay_separate_only_with_a_saddle(saddle: float, contacts: int) -> None:
+    """A pad that first touches at two points is one contact, two fingertips are two."""
+    shape = np.outer((0.0, 0.5, 1.0, 0.5, 0.0), (0.6, 1.0, saddle, 1.0, 0.6)).reshape(-1)
     finder = ContactFinder(SENSOR)
     regions: list[Region] = []
     counts = []
@@ -139,8 +139,8 @@ def test_regions_that_grow_together_stay_two_only_with_a_valley(valley: float, c
     assert set(counts[3:]) == {contacts}
 
 
-def test_a_valley_between_taxels_that_touch_at_a_corner_is_seen() -> None:
-    """Three balls at (-0.2, 1.9), (-1.8, -2.0) and (2.3, -1.2) mm, of 0.3, 0.3 and 1.5 N [mN]."""
+def test_a_saddle_between_diagonal_neighbours_is_detected() -> None:
+    """Forces [mN] of three balls at (-0.2, 1.9), (-1.8, -2.0) and (2.3, -1.2) mm, of 0.3, 0.3 and 1.5 N."""
     forces = 1e-3 * np.array(
         [24, 74, 5, 38, 43, 44, 137, 18, 482, 541, 2, 7, 11, 170, 191, 0, 38, 153, 14, 1, 0, 16, 64, 5, 0]
     )
@@ -151,7 +151,7 @@ def test_a_valley_between_taxels_that_touch_at_a_corner_is_seen() -> None:
     np.testing.assert_allclose(peaks, [0.137, 0.153, 0.541], rtol=0, atol=1e-9)
 
 
-def test_one_that_lifts_beside_another_leaves_one_in_its_place() -> None:
+def test_releasing_one_of_two_contacts_leaves_the_other_in_place() -> None:
     finder = ContactFinder(SENSOR)
     regions: list[Region] = []
     staying, lifting = sphere(-1.5e-3, 0.0, 1.2, 3e-3, 2e6), sphere(1.5e-3, 0.0, 1.0)
@@ -171,14 +171,14 @@ CALIBRATED = replace(
     noisy_probability=0.0,
     resets_per_hour=0.0,
 )
-"""The default board without bad taxels, and without what a calibration takes off."""
+"""The default board without faulty taxels and without the errors that a calibration compensates."""
 
 
 @pytest.mark.parametrize(
     ("device", "seed"),
     [({}, 1), ({}, 2), ({"leak": 20.0}, 3), ({"d33": -10.0}, 4), ({"spread": 20.0}, 5), ({"spread": -20.0}, 6)],
 )
-def test_two_fingers_slide_side_by_side_and_keep_their_ids(device: dict[str, float], seed: int) -> None:
+def test_two_fingers_that_slide_side_by_side_keep_their_track_ids(device: dict[str, float], seed: int) -> None:
     other = perturbed(SENSOR, device)
     calibration = Calibration.nominal(SENSOR).with_gain_error(0.05, np.random.default_rng(seed))
     what = Run(SENSOR, load_scene("two_fingers_slide", other), 3.0, seed, CALIBRATED, calibration, other)
@@ -189,7 +189,7 @@ def test_two_fingers_slide_side_by_side_and_keep_their_ids(device: dict[str, flo
     assert found.cop_error_mm["mean"] is not None and found.cop_error_mm["mean"] < 0.12
 
 
-def test_the_two_fingers_of_the_scene_are_two_ids_and_no_more() -> None:
+def test_the_two_fingers_of_the_scene_get_exactly_two_track_ids() -> None:
     reconstructor = Reconstructor(SENSOR)
     ids, released = set(), []
     for scan, _ in received_scans(SENSOR, SLIDE, 3.6, 1):

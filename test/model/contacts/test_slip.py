@@ -1,4 +1,4 @@
-"""The fast channel: band and power of a known vibration, and slip told from presses, taps and vibration."""
+"""The dynamic (high-pass) channel: power of a known vibration; slip distinguished from presses, taps and vibration."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def channel() -> DynamicChannel:
 
 
 @pytest.mark.parametrize("frequency", [5.0, 50.0, 200.0, 400.0])
-def test_it_is_a_high_pass_of_one_pole(frequency: float) -> None:
+def test_the_dynamic_channel_is_a_one_pole_high_pass(frequency: float) -> None:
     fast, step = channel(), 1e-4  # fine steps: against the pole itself, not its sampled form
     seen = []
     force = FINGER * np.sin(2 * math.pi * frequency * step * np.arange(-1, 5000))[:, None]
@@ -44,7 +44,7 @@ def test_it_is_a_high_pass_of_one_pole(frequency: float) -> None:
     assert np.abs(seen[3000:]).max() == pytest.approx(expected, rel=0.04)
 
 
-def test_a_step_passes_and_fades_and_a_pause_forgets_it() -> None:
+def test_a_step_passes_and_decays_and_a_pause_resets_the_channel() -> None:
     fast = channel()
     fast.advance(np.zeros(LAYOUT.taxels), 1e-3)
     fast.advance(FINGER, 1e-3)
@@ -62,7 +62,7 @@ def shaken(time: float) -> float:
     return press(1.0, 0.3, 9.0)(time) * (1.0 + 0.2 * math.sin(2 * math.pi * 180 * time))
 
 
-def test_the_vibration_of_a_held_contact_is_its_amplitude_in_the_band() -> None:
+def test_the_reported_vibration_of_a_held_contact_is_its_amplitude_in_the_band() -> None:
     reconstructor = Reconstructor(SENSOR)
     reconstructor.vibration_wanted = True
     found, taxel = [], []
@@ -76,21 +76,21 @@ def test_the_vibration_of_a_held_contact_is_its_amplitude_in_the_band() -> None:
             found.append(result.motions[contact.id].vibration / share)
             assert not result.motions[contact.id].slipping
             taxel.append(float(reconstructor.vibration()[12]))
-    # 0.2 N at 180 Hz, of which the pole passes a share.
+    # 0.2 N at 180 Hz, attenuated by the high pass.
     passes = 180 / math.hypot(180, CORNER_FREQUENCY) * 0.2 / math.sqrt(2)
     assert np.mean(found) == pytest.approx(passes, rel=0.02)
     assert np.mean(taxel) == pytest.approx(passes * FINGER[12], rel=0.02)
 
 
-def test_it_costs_nothing_while_nothing_touches_and_nobody_asks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_channel_is_not_computed_without_contact_and_subscriber(monkeypatch: pytest.MonkeyPatch) -> None:
     reconstructor = Reconstructor(SENSOR)
-    monkeypatch.setattr(DynamicChannel, "advance", lambda *_: pytest.fail("nobody asked for it"))
+    monkeypatch.setattr(DynamicChannel, "advance", lambda *_: pytest.fail("computed although not needed"))
     for _, scan in scans(SENSOR, 0.3):
         reconstructor.process(scan)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
-def test_each_jerk_of_a_slipping_rod_is_told_within_6_ms(seed: int) -> None:
+def test_each_jerk_of_a_slipping_cylinder_is_detected_within_6_ms(seed: int) -> None:
     found = score(Run(SENSOR, load_scene("grasp_lift_slip", SENSOR), 5.0, seed, CALIBRATED, MISMATCH))
     assert found.slip_recall == 1.0
     assert found.slip_onset_delay_ms["max"] is not None and found.slip_onset_delay_ms["max"] <= 6.1
@@ -98,7 +98,7 @@ def test_each_jerk_of_a_slipping_rod_is_told_within_6_ms(seed: int) -> None:
 
 
 @pytest.mark.parametrize("scene", ["press", "tap", "vibration", "two_fingers", "slide", "texture"])
-def test_what_does_not_slip_is_not_said_to(scene: str) -> None:
+def test_no_slip_is_reported_without_slip(scene: str) -> None:
     found = score(Run(SENSOR, load_scene(scene, SENSOR), 3.0, 2, CALIBRATED, MISMATCH))
     assert found.slip_recall is None
     assert found.false_slips_per_hour == 0.0

@@ -1,4 +1,4 @@
-"""The converter: nearest code, ties to even, clipping flagged, round trip over every code."""
+"""The ADC: nearest code, ties to even, clipping flagged, round trip over every code."""
 
 import math
 
@@ -19,13 +19,13 @@ def test_every_code_survives_the_round_trip(bits: int, low: float, high: float) 
     assert not converted.clipped.any()
 
 
-def test_first_and_last_code_are_the_ends_of_the_range() -> None:
+def test_first_and_last_codes_are_the_ends_of_the_range() -> None:
     np.testing.assert_allclose(counts_to_volts([0, 4095], 12, -1.0, 2.0), [-1.0, 2.0], rtol=0, atol=1e-15)
     assert lsb(12, 0.0, 4.095) == pytest.approx(1e-3, abs=1e-18)
 
 
-def test_ties_go_to_the_even_code() -> None:
-    volts = np.array([0.5, 1.5, 2.5, 3.5])  # one volt a code
+def test_ties_round_to_the_even_code() -> None:
+    volts = np.array([0.5, 1.5, 2.5, 3.5])  # 1 V per code
     np.testing.assert_array_equal(volts_to_counts(volts, 3, 0.0, 7.0).counts, [0, 2, 2, 4])
 
 
@@ -53,14 +53,14 @@ def test_error_is_at_most_half_a_step(bits: int, low: float, span: float, fracti
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("shape", [(), (0,), (5, 5), (2, 3, 4), (1_000_000,)])
-def test_shape_is_kept(dtype: type, shape: tuple[int, ...]) -> None:
+def test_shape_is_preserved(dtype: type, shape: tuple[int, ...]) -> None:
     converted = volts_to_counts(np.full(shape, 1.0, dtype), 12, 0.0, 3.3)
     assert converted.counts.shape == converted.clipped.shape == shape
     assert converted.counts.dtype == np.uint16
     assert counts_to_volts(converted.counts, 12, 0.0, 3.3).shape == shape
 
 
-def test_more_than_16_bits_need_a_wider_word() -> None:
+def test_more_than_16_bits_need_a_wider_dtype() -> None:
     assert volts_to_counts(1.0, 17, 0.0, 1.0).counts == 2**17 - 1
     assert volts_to_counts(1.0, 17, 0.0, 1.0).counts.dtype == np.uint32
 
@@ -81,12 +81,14 @@ def test_more_than_16_bits_need_a_wider_word() -> None:
         (1.0, 12, 0.0, 1e7, "high must be in"),
     ],
 )
-def test_bad_arguments_are_named(volts: object, bits: int, low: float, high: float, message: str) -> None:
+def test_invalid_arguments_are_rejected_by_name(
+    volts: object, bits: int, low: float, high: float, message: str
+) -> None:
     with pytest.raises(ValueError, match=message):
         volts_to_counts(volts, bits, low, high)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("counts", [-1, 4096, math.nan, [[0, 5000]]])
-def test_counts_out_of_range_are_refused(counts: object) -> None:
+def test_counts_out_of_range_are_rejected(counts: object) -> None:
     with pytest.raises(ValueError, match=r"counts must be in \[0, 4095\]"):
         counts_to_volts(counts, 12, 0.0, 3.3)  # type: ignore[arg-type]

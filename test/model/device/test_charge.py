@@ -1,4 +1,4 @@
-"""Charge of the film: against 40 digits, against itself in other steps, and over the whole range of its arguments."""
+"""Charge of the film: against 40-digit references, for independence of the step size, and over the whole range."""
 
 import math
 
@@ -27,10 +27,10 @@ FIRST_ORDER_HOLD_ARGUMENTS = ("charge", "source_start", "source_end", "step", "t
 
 
 def step_error(charges, dtype=np.float64):
-    """Most that rounding moves the charge after a step [C/m2]; exp and expm1 are called in float64.
+    """Return the largest rounding error of the charge after a step [C/m2]; exp and expm1 are called in float64.
 
-    sigma0*exp(-r): a call, and the roundings of r (r*exp(-r) is below 1/2), decay, product and sum: 2 eps. (q1 -
-    q0)*mean: a call, and the roundings of q1 - q0, r, quotient, mean, product and sum: 3 eps.
+    sigma0*exp(-r): one call, and the roundings of r (r*exp(-r) is below 1/2), decay, product and sum: 2 eps. (q1 -
+    q0)*mean: one call, and the roundings of q1 - q0, r, quotient, mean, product and sum: 3 eps.
     """
     start, before, after = (np.abs(np.asarray(charge, np.float64)) for charge in charges)
     change = np.abs(np.asarray(charges[2], np.float64) - np.asarray(charges[1], np.float64))
@@ -73,14 +73,15 @@ def test_a_step_against_the_40_digit_table(function, column, dtype) -> None:
     assert (np.abs(computed - table[column]) <= step_error(charges, dtype)).all()
 
 
-def test_the_inverse_gives_back_the_source_over_the_table() -> None:
+def test_the_inverse_recovers_the_source_over_the_table() -> None:
     table = reference("charge_step")
     change = charge.invert_first_order_hold(
         table["charge"], table["first_order_hold"], table["step"], table["time_constant"]
     )
     ratio = table["step"] / table["time_constant"]
     remaining = np.abs(table["charge"]) * np.exp(-ratio)
-    # exp(-x) is right to a call and x roundings; every error of the end comes back (h/tau)/(1 - exp(-h/tau)) times.
+    # exp(-x) has the error of one call and x roundings; the inverse amplifies every error of the end by
+    # (h/tau)/(1 - exp(-h/tau)).
     end_error = 4 * EPS * np.abs(table["first_order_hold"]) + (call_error() + (2 + ratio) * EPS) * remaining
     atol = end_error * np.maximum(ratio, 1) + 4 * EPS * np.abs(table["source_end"] - table["source_start"])
     assert (np.abs(change - (table["source_end"] - table["source_start"])) <= atol).all()
@@ -90,12 +91,12 @@ def test_the_inverse_gives_back_the_source_over_the_table() -> None:
 def test_step_and_inverse_are_a_round_trip(step: float, time_constant: float, start: float, change: float) -> None:
     end = charge.propagate_first_order_hold(start, 0.0, change, step, time_constant)
     back = charge.invert_first_order_hold(start, end, step, time_constant)
-    rest = abs(start) * math.exp(-min(step / time_constant, 745.0))  # what one rounding of `end` can hide
+    rest = abs(start) * math.exp(-min(step / time_constant, 745.0))  # lost in one rounding of `end`
     assert abs(back - change) <= 1e-12 * abs(change) + 4 * EPS * rest * max(1.0, step / time_constant)
 
 
 @given(decades(1e-9, 1e3), decades(1e-9, 1e9), signed_decades(1e-9, 1e2))
-def test_two_half_steps_are_one_step(step: float, time_constant: float, start: float) -> None:
+def test_two_half_steps_equal_one_step(step: float, time_constant: float, start: float) -> None:
     whole = charge.propagate_first_order_hold(start, 1.0, 3.0, step, time_constant)
     half = charge.propagate_first_order_hold(start, 1.0, 2.0, step / 2, time_constant)
     twice = charge.propagate_first_order_hold(half, 2.0, 3.0, step / 2, time_constant)
@@ -110,18 +111,18 @@ def test_responses_against_the_40_digit_table() -> None:
     np.testing.assert_allclose(response.real, table["response_real"], rtol=0, atol=4 * EPS)
     np.testing.assert_allclose(response.imag, table["response_imag"], rtol=0, atol=4 * EPS)
     left = charge.step_response(table["variable"], table["time_constant"])
-    # A call, and x*exp(-x) < 1/2 times the rounding of x.
+    # One call, and x*exp(-x) < 1/2 times the rounding of x.
     np.testing.assert_allclose(left, table["step_response"], rtol=0, atol=call_error() + EPS)
 
 
-def test_step_response_is_what_the_steps_give() -> None:
+def test_step_response_matches_single_steps() -> None:
     sigma = charge.propagate_step(0.0, 0.0, 1.0, 0.01, TAU)
     for _ in range(99):
         sigma = charge.propagate_first_order_hold(sigma, 1.0, 1.0, 0.01, TAU)
     assert sigma == pytest.approx(charge.step_response(1.0, TAU), rel=0, abs=100 * EPS)
 
 
-def test_frequency_response_is_what_the_steps_give() -> None:
+def test_frequency_response_matches_single_steps() -> None:
     frequency, per_cycle, cycles = 1.0, 2000, 3  # three cycles are 11 time constants
     time = np.arange(cycles * per_cycle + 1) / (frequency * per_cycle)
     source = np.sin(2 * np.pi * frequency * time)
@@ -130,12 +131,12 @@ def test_frequency_response_is_what_the_steps_give() -> None:
         sigma[i] = charge.propagate_first_order_hold(sigma[i - 1], source[i - 1], source[i], time[1], TAU)
     last = slice(-per_cycle, None)
     seen = 2j * np.mean(sigma[last] * np.exp(-2j * np.pi * frequency * time[last]))
-    # What is left of the transient after two cycles, and the chord of the sine (its error is (w*dt)^2/12).
+    # The remaining transient after two cycles, and the linear interpolation of the sine (error (w*dt)^2/12).
     assert abs(seen - charge.frequency_response(frequency, TAU)) <= 3 * math.exp(-2 / TAU)
 
 
 class TestSweep:
-    """The whole range the model is used in, corners included."""
+    """The whole range of use, corners included."""
 
     ARGUMENTS = corners(
         charge=[0.0, 1e-5, -0.1],
@@ -146,7 +147,7 @@ class TestSweep:
     )
 
     @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-    def test_finite_and_bounded_by_what_goes_in(self, dtype) -> None:
+    def test_result_is_finite_and_bounded_by_the_input(self, dtype) -> None:
         charges = [self.ARGUMENTS[name].astype(dtype) for name in FIRST_ORDER_HOLD_ARGUMENTS[:3]]
         bound = (np.abs(charges[0]) + np.abs(charges[2] - charges[1])) * (1 + 4 * np.finfo(dtype).eps)
         for function in (charge.propagate_first_order_hold, charge.propagate_step):
@@ -170,7 +171,7 @@ class TestSweep:
     @pytest.mark.parametrize("time_constant", [1e-9, TAU, 1e9])
     def test_charge_falls_with_the_step_and_rises_with_the_source(self, time_constant: float) -> None:
         steps = np.logspace(-9, 3, 1201)
-        # Neighbours may change places by the errors of both.
+        # Neighbours may be out of order by the errors of both.
         left = charge.propagate_first_order_hold(1.0, 0.0, 0.0, steps, time_constant)
         assert_monotone(left, rising=False, slack=2 * step_error((1.0, 0.0, 0.0)))
         gains = charge.propagate_first_order_hold(0.0, 0.0, 1.0, steps, time_constant)
@@ -188,11 +189,11 @@ class TestSweep:
 
 
 class TestManySteps:
-    """1e8 steps: rounding adds up to no more than the stated bound, 1.5 units in the last place a step."""
+    """1e8 steps: the accumulated rounding stays within the stated bound, 1.5 units in the last place per step."""
 
     @pytest.mark.parametrize("ratio", [1e-18, 1e-12, 1e-9, 1e-8])
     def test_decay_over_1e8_steps(self, ratio: float) -> None:
-        # Without a source a step is one rounded product, and cumprod takes the same products one after the other.
+        # Without a source a step is one rounded product, and cumprod computes the same products in sequence.
         decay = float(charge.propagate_first_order_hold(1.0, 0.0, 0.0, ratio, 1.0)) if ratio >= 1e-12 else 1.0
         block = np.empty(100_000)
         left = 1.0
@@ -203,9 +204,9 @@ class TestManySteps:
         assert abs(left - math.exp(-1e8 * ratio)) <= 1e8 * 1.5 * EPS
 
     @pytest.mark.parametrize("ratio", [3e-3, 1e-2, 0.5, 1.0, 1e3, 1e12])
-    def test_a_ramp_settles_where_it_should_and_stays(self, ratio: float) -> None:
-        # Rounding keeps the order of numbers, so each lane runs monotonically into a fixed point and 1e8 steps from
-        # any start between the lanes end between the fixed points of the lanes.
+    def test_a_ramp_settles_at_its_steady_state_and_stays(self, ratio: float) -> None:
+        # Rounding is monotonic, so each sequence converges monotonically to a fixed point, and 1e8 steps from any start
+        # between two sequences end between their fixed points.
         sigma = np.array([-1.0, 0.0, 2.0 / ratio + 2.0])
         for _ in range(int(45 / ratio) + 2):
             sigma = charge.propagate_first_order_hold(sigma, 0.0, 1.0, 1e3, 1e3 / ratio)
@@ -267,11 +268,11 @@ class TestManySteps:
         refusals(charge.step_response, {"time": 1.0, "time_constant": TAU}, time=[-1e-9], time_constant=[0]),
     ],
 )
-def test_bad_arguments_are_refused_by_name(function, cases) -> None:
+def test_invalid_arguments_are_rejected_by_name(function, cases) -> None:
     assert_all_refused(function, cases)
 
 
-def test_shapes_that_do_not_fit_are_named() -> None:
+def test_incompatible_shapes_are_rejected_by_name() -> None:
     with pytest.raises(ValueError, match=r"shapes must broadcast.*charge \(3,\).*source_end \(4,\)"):
         charge.propagate_first_order_hold(np.zeros(3), 0.0, np.zeros(4), 1e-3, TAU)
     with pytest.raises(ValueError, match=r"step \(2,\)"):

@@ -1,4 +1,4 @@
-"""Hysteresis of the film: branches against 40 digits, minor loops by what must hold of any loop, memory of poling."""
+"""Hysteresis of the film: branches against 40-digit references, general properties of minor loops, poling memory."""
 
 import dataclasses
 import itertools
@@ -41,17 +41,17 @@ def _loop_bounds(fields):
 
 
 def steepness_error(material: Film) -> float:
-    """Most that the steepness Ec/(2*artanh(u)), u = Pr/Ps, is wrong by [1]: a call, and u's rounding through artanh."""
+    """Return the largest error of the steepness Ec/(2*artanh(u)), u = Pr/Ps [1]: one call, and the rounding of u."""
     u = material.remnant_polarisation / material.saturation_polarisation
     return call_error() + EPS + EPS / 2 * u / ((1 - u * u) * math.atanh(u))
 
 
 def branch_error(material: Film, polarisation, dtype=np.float64):
-    """Most that a saturated branch is wrong by [C/m2].
+    """Return the largest error of a saturated branch [C/m2].
 
-    Of Ps*tanh(z): a call, the product and the sum; z by the steepness, Ec, the difference and the quotient, times
-    z*tanh'(z) < 1/2, or by a rounding of a field near Ec where z is nearly 0, times tanh' <= 1. The linear term is
-    three products, and no more than the polarisation and Ps together.
+    Ps*tanh(z): one call, the product and the sum; the error of z comes from the steepness, Ec, the difference and the
+    quotient, times z*tanh'(z) < 1/2, or from the rounding of a field near Ec where z is nearly 0, times tanh' <= 1. The
+    linear term is three products, and not larger than the sum of polarisation and Ps.
     """
     eps = float(np.finfo(dtype).eps)
     turned = call_error(dtype) + eps + (steepness_error(material) + 2 * eps) / 2
@@ -87,13 +87,13 @@ class TestSaturatedLoop:
 
     @pytest.mark.parametrize("dtype", [np.float64, np.float32])
     @pytest.mark.parametrize("size", [0, 1, 1_000_000])
-    def test_finite_and_rising_to_1e12_volts_per_metre(self, dtype, size: int) -> None:
+    def test_branches_are_finite_and_rise_up_to_1e12_volts_per_metre(self, dtype, size: int) -> None:
         fields = np.linspace(-1e12, 1e12, size, dtype=dtype)
         with np.errstate(over="raise", invalid="raise"):
             rising, falling = film.rising_branch(fields, PAPER), film.falling_branch(fields, PAPER)
         assert rising.dtype == falling.dtype == dtype and rising.shape == (size,)
         assert_finite(rising)
-        # Beyond saturation the branches are one line, and neighbours may change places by their errors.
+        # Beyond saturation the branches coincide, and neighbours may be out of order by their errors.
         errors = branch_error(PAPER, np.abs(rising), dtype)
         assert_monotone(rising, rising=True, slack=errors[1:] + errors[:-1])
         assert (rising <= falling + 2 * errors).all()
@@ -105,8 +105,8 @@ class TestMinorLoops:
         for row, path in enumerate(zip(table["up"], table["down"], table["end"], strict=True)):
             material = _of_row(table, row)
             expected = [table[name][row] for name in ("at_up", "at_down", "at_end")]
-            # What is left to the target shrinks by a weight of three exponentials, of a quotient of two of half the
-            # effect each, and of their arguments, wrong by the steepness; the error of a turn stays in what follows.
+            # The distance to the target shrinks by a weight with the errors of three exponentials, of a quotient of two
+            # with half the effect each, and of their arguments (steepness); the error of a reversal persists.
             turn = (4 * call_error() + 4 * EPS + steepness_error(material)) * (
                 material.saturation_polarisation + np.max(np.abs(expected))
             )
@@ -114,13 +114,13 @@ class TestMinorLoops:
             assert (error <= turn * np.arange(1, 4)).all()
 
     @given(FIELDS)
-    def test_every_loop_stays_within_the_saturated_one(self, fields) -> None:
+    def test_every_loop_stays_within_the_saturated_loop(self, fields) -> None:
         low, high = _loop_bounds(fields)
         switched = _switched(fields)
         assert (switched >= low - 4 * EPS).all() and (switched <= high + 4 * EPS).all()
 
     @given(FIELDS, st.floats(-SPAN, SPAN), st.floats(-SPAN, SPAN))
-    def test_a_minor_loop_closes_and_is_forgotten(self, fields, turn, back) -> None:
+    def test_a_minor_loop_closes_and_is_erased_from_the_history(self, fields, turn, back) -> None:
         before = film.polarise([*fields, turn], PAPER)
         low, high = sorted((turn, back))
         inside = [low + share * (high - low) for share in (0.3, 0.8, 0.4, 0.6)]
@@ -130,7 +130,7 @@ class TestMinorLoops:
         assert around.history == straight.history
 
     @given(st.floats(0.01, 1), st.floats(0.01, 0.99))
-    def test_loops_lie_within_each_other(self, outer, share) -> None:
+    def test_loops_are_nested(self, outer, share) -> None:
         high = outer * SPAN
         start = film.polarise([SPAN, -SPAN, high], PAPER).history
         path = np.linspace(-high, high, 41)
@@ -145,14 +145,14 @@ class TestMinorLoops:
         assert_monotone(falling_outer, rising=True, slack=2 * EPS)
 
     @given(st.lists(st.floats(0.01, 1).map(lambda share: share * SPAN), min_size=1, max_size=8))
-    def test_growing_cycles_of_a_new_film_are_symmetric_about_the_curve_of_first_poling(self, amplitudes) -> None:
+    def test_growing_cycles_of_a_virgin_film_are_symmetric_about_the_initial_poling_curve(self, amplitudes) -> None:
         growing = sorted(amplitudes)
         tips = _switched([sign * field for field in growing for sign in (1, -1)])
         np.testing.assert_allclose(tips[0::2], -tips[1::2], rtol=0, atol=4 * EPS)
         np.testing.assert_allclose(tips[0::2], _switched(growing), rtol=0, atol=4 * EPS)
 
     @given(FIELDS)
-    def test_the_way_between_two_fields_does_not_matter(self, fields) -> None:
+    def test_intermediate_fields_do_not_change_the_result(self, fields) -> None:
         dense = [0.0]
         for start, end in itertools.pairwise([0.0, *fields]):
             dense += [start + (end - start) * share for share in (0.25, 0.5, 0.75)] + [end]
@@ -164,14 +164,14 @@ class TestMinorLoops:
         np.testing.assert_array_equal(_switched([-field for field in fields]), -_switched(fields))
 
     @given(FIELDS, st.integers(0, 30))
-    def test_history_carries_a_sequence_on(self, fields, cut) -> None:
+    def test_history_continues_a_sequence(self, fields, cut) -> None:
         first = film.polarise(fields[:cut], PAPER)
         second = film.polarise(fields[cut:], PAPER, first.history)
         whole = film.polarise(fields, PAPER)
         np.testing.assert_array_equal(np.concatenate([first.polarisation, second.polarisation]), whole.polarisation)
         assert second.history == whole.history
 
-    def test_a_saturated_film_runs_on_the_saturated_branch(self) -> None:
+    def test_a_saturated_film_follows_the_saturated_branch(self) -> None:
         fields = np.linspace(0, 1e9, 501)
         np.testing.assert_allclose(
             film.polarise(fields, PAPER, film.saturated(PAPER, positive=False)).polarisation,
@@ -180,7 +180,7 @@ class TestMinorLoops:
             atol=4 * EPS * 0.2,
         )
 
-    def test_a_hundred_thousand_cycles_leave_no_trace(self) -> None:
+    def test_a_hundred_thousand_cycles_have_no_lasting_effect(self) -> None:
         start = film.polarise([2 * EC, -EC], PAPER)
         cycles = film.polarise(np.tile([0.5 * EC, -0.3 * EC, 0.2 * EC, -EC], 50_000), PAPER, start.history)
         assert cycles.history == start.history
@@ -188,7 +188,7 @@ class TestMinorLoops:
 
     @settings(max_examples=50)
     @given(st.lists(signed_decades(1e-3, 1e12), max_size=30))
-    def test_any_field_gives_a_finite_bounded_polarisation(self, fields) -> None:
+    def test_any_field_gives_a_finite_and_bounded_polarisation(self, fields) -> None:
         poling = film.polarise(fields, PAPER)
         assert poling.polarisation.shape == (len(fields),) and poling.polarisation.dtype == np.float64
         assert_finite(poling.polarisation)
@@ -216,7 +216,7 @@ def _dipole_equation(start: float, end: float, switched: float, steps: int = 400
     return switched
 
 
-def test_the_dipole_equation_creeps_where_the_turning_points_close() -> None:
+def test_the_dipole_equation_creeps_where_loops_of_the_turning_point_model_close() -> None:
     state = _dipole_equation(0.0, 2 * EC, 0.0)
     upper = []
     for _ in range(6):
@@ -238,7 +238,7 @@ class TestPoling:
 
     def test_shrinking_cycles_depole_the_film(self) -> None:
         left = []
-        for count in (100, 1000, 10_000):  # the finer the steps down, the less is left
+        for count in (100, 1000, 10_000):  # the finer the steps down, the smaller the remainder
             fields = 3e8 * np.linspace(1, 0, count) * (-1) ** np.arange(count)
             left.append(abs(film.remnant_after(fields, PAPER)) / PAPER.remnant_polarisation)
         assert left[0] > left[1] > left[2]
@@ -293,16 +293,16 @@ class TestPoling:
         ),
     ],
 )
-def test_bad_arguments_are_refused_by_name(function, cases) -> None:
+def test_invalid_arguments_are_rejected_by_name(function, cases) -> None:
     assert_all_refused(function, cases)
 
 
 @pytest.mark.parametrize("direction", [0, 1])
-def test_turning_points_that_cannot_be_are_refused(direction: int) -> None:
+def test_impossible_turning_points_are_rejected(direction: int) -> None:
     with pytest.raises(ValueError, match="turning_points must alternate"):
         History(0.0, 0.0, direction, (TurningPoint(1.0, 0.0),))
 
 
-def test_the_history_of_a_stronger_film_is_refused() -> None:
+def test_the_history_of_a_film_with_larger_polarisation_is_rejected() -> None:
     with pytest.raises(ValueError, match=r"history.switched must be in \[-0.05, 0.05\], got 0.06"):
         film.polarise([1.0], PAPER, History(0.0, 0.06, 0, ()))

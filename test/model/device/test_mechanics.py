@@ -1,4 +1,4 @@
-"""Membranes and bent chips: against 40 digits, against an independent plate solution, and by what bending must obey."""
+"""Membranes and bent chips: against 40-digit references, an independent plate solution, and the laws of bending."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ RANGES = {
 
 
 def _clamped_square_centre(order: int) -> float:
-    """Centre deflection of a clamped square plate in P*a^4/D, by Galerkin with Shen's Legendre functions."""
+    """Return the centre deflection of a clamped square plate in P*a^4/D, by Galerkin with Shen's Legendre functions."""
     functions = []
     for k in range(0, order, 2):
         weights = np.zeros(k + 5)
@@ -61,11 +61,11 @@ class TestMembranes:
     def test_coefficient_of_the_square_plate_against_another_solution(self) -> None:
         assert _clamped_square_centre(40) == pytest.approx(mechanics.SQUARE_PLATE_COEFFICIENT, rel=0, abs=2e-14)
 
-    def test_printed_coefficient_is_met_at_its_poisson_ratio(self) -> None:
+    def test_printed_coefficient_is_reproduced_at_its_poisson_ratio(self) -> None:
         assert pytest.approx(0.0138, rel=0, abs=2e-5) == 12 * mechanics.SQUARE_PLATE_COEFFICIENT * (1 - 0.3**2)
 
     @pytest.mark.parametrize(("thickness", "limit"), [(20e-6, 97.85), (50e-6, 3822.1)])
-    def test_the_flag_falls_where_the_deflection_passes_half_the_thickness(self, thickness, limit) -> None:
+    def test_the_validity_flag_drops_where_the_deflection_exceeds_half_the_thickness(self, thickness, limit) -> None:
         bent = mechanics.square_deflection([0.0, 0.999 * limit, 1.001 * limit], 1e-2, thickness, **SILICON)
         assert bent.small.tolist() == [True, True, False]
 
@@ -105,21 +105,21 @@ def test_bending_and_mask_opening_against_the_40_digit_table() -> None:
         bent = mechanics.bend_on_cylinder([chip, film], now["radius"])
         height = now["chip"] + now["film"]
         assert abs(bent.neutral_axis - now["neutral_axis"]) <= 8 * EPS * height
-        for name in ("back_strain", "top_strain", "film_strain"):  # a difference of heights, over the radius
+        for name in ("back_strain", "top_strain", "film_strain"):  # a difference of heights, divided by the radius
             assert abs(getattr(bent, name) - now[name]) <= 16 * EPS * height / (now["radius"] + now["neutral_axis"])
         opening = mechanics.mask_opening(now["film"], now["chip"])
         assert abs(opening - now["opening"]) <= 2 * EPS * now["opening"]
 
 
 class TestBending:
-    def test_one_layer_bends_about_its_middle(self) -> None:
+    def test_one_layer_bends_about_its_midplane(self) -> None:
         bent = mechanics.bend_on_cylinder([Layer(50e-6, 169e9, 0.3)], 10e-3)
         assert bent.neutral_axis == pytest.approx(25e-6, rel=0, abs=1e-20)
         assert bent.top_strain == pytest.approx(25e-6 / 10.025e-3, rel=0, abs=1e-17)
         assert bent.back_strain == -bent.top_strain
         assert abs(bent.film_strain) <= EPS
 
-    def test_a_layer_cut_in_two_bends_alike(self) -> None:
+    def test_a_layer_split_in_two_bends_identically(self) -> None:
         whole = mechanics.bend_on_cylinder([Layer(20e-6, 169e9, 0.3)], 5e-3)
         cut = mechanics.bend_on_cylinder([Layer(8e-6, 169e9, 0.3), Layer(12e-6, 169e9, 0.3)], 5e-3)
         assert cut.neutral_axis == pytest.approx(whole.neutral_axis, rel=0, abs=1e-19)
@@ -129,7 +129,7 @@ class TestBending:
         st.lists(st.tuples(decades(1e-8, 1e-3), decades(1e6, 1e12), st.floats(0, 0.49)), min_size=1, max_size=6),
         decades(1e-3, 1e3),
     )
-    def test_no_net_force_along_the_chip(self, stack, radius) -> None:
+    def test_bending_causes_no_net_force_along_the_chip(self, stack, radius) -> None:
         layers = [Layer(*layer) for layer in stack]
         bent = mechanics.bend_on_cylinder(layers, radius)
         bottoms = np.cumsum([0.0, *(layer.thickness for layer in layers[:-1])])
@@ -195,10 +195,10 @@ class TestBending:
         ),
     ],
 )
-def test_bad_arguments_are_refused_by_name(function, cases) -> None:
+def test_invalid_arguments_are_rejected_by_name(function, cases) -> None:
     assert_all_refused(function, cases)
 
 
-def test_a_chip_of_no_layers_is_refused() -> None:
+def test_a_chip_without_layers_is_rejected() -> None:
     with pytest.raises(ValueError, match="layers must be a sequence of one Layer or more"):
         mechanics.bend_on_cylinder([], 1e-2)

@@ -1,4 +1,4 @@
-"""Each misprint against physics that knows nothing of the package: the right form holds, the printed one does not."""
+"""Each misprint against physics independent of the package: the corrected form holds, the printed one does not."""
 
 import math
 import shutil
@@ -15,15 +15,15 @@ SILICON = (paper.SILICON_MODULUS.value, paper.SILICON_POISSON_RATIO.value)
 
 def test_eq_1_an_unstressed_film_is_a_capacitor() -> None:
     field, permittivity = 16e6, paper.FILM_PERMITTIVITY.value
-    plate_charge = permittivity * 8.8541878188e-12 * field  # of a capacitor without any piezoelectricity
+    plate_charge = permittivity * 8.8541878188e-12 * field  # capacitor without piezoelectricity
     assert charge.electric_displacement(0.0, field, -38e-12, permittivity) == pytest.approx(plate_charge, abs=1e-15)
     assert as_printed.electric_displacement(0.0, -38e-12, permittivity) == 0
-    # At no field a push leaves d33*T3 alone; the printed form adds a stress counted as a field.
+    # At zero field a stress gives d33*T3 alone; the printed form adds a stress in place of a field.
     assert charge.electric_displacement(-1e6, 0.0, -38e-12, permittivity) == pytest.approx(3.8e-5, abs=1e-19)
     assert as_printed.electric_displacement(-1e6, -38e-12, permittivity) < 0
 
 
-def test_eq_3_the_branch_leaves_the_remnant_polarisation_at_no_field() -> None:
+def test_eq_3_the_branch_gives_the_remnant_polarisation_at_zero_field() -> None:
     coercive, remnant, saturation = 160e5, 0.02, 0.05
 
     def left(steepness: float) -> float:
@@ -33,7 +33,7 @@ def test_eq_3_the_branch_leaves_the_remnant_polarisation_at_no_field() -> None:
     assert math.isnan(as_printed.branch_steepness(coercive, 0.05, 0.02))
 
 
-def test_eq_6_and_7_no_oxide_stands_the_whole_polarisation() -> None:
+def test_eq_6_and_7_no_oxide_withstands_the_whole_polarisation() -> None:
     breakdown = 1e9  # V/m: thermal oxide breaks at 8 to 12 MV/cm
     switched, thickness = paper.FILM.switched_polarisation, paper.OXIDE_THICKNESS.value
     assert -as_printed.threshold_shift(switched, paper.STACK) / thickness > 2 * breakdown
@@ -43,12 +43,12 @@ def test_eq_6_and_7_no_oxide_stands_the_whole_polarisation() -> None:
 
 
 def test_eq_6_to_10_charge_and_current_by_gauss() -> None:
-    """A sheet of charge between film and oxide, gate and channel held: what reaches the channel carries the current."""
+    """A sheet of charge between film and oxide, gate and channel at fixed potential: current by the channel charge."""
     stack, sheet, overdrive = paper.STACK, 3.8e-5, 1.0
     aspect = paper.CHANNEL_WIDTH.value / paper.CHANNEL_LENGTH.value
-    # The voltage of the sheet is the same seen through either capacitor: sheet = (Cox + Cpvdf)*V.
+    # The sheet has the same voltage across both capacitors: sheet = (Cox + Cpvdf)*V.
     node = np.linalg.solve([[stack.oxide + stack.film]], [sheet])[0]
-    channel = stack.oxide * node  # C/m2 more in the channel
+    channel = stack.oxide * node  # additional channel charge [C/m2]
     exact = paper.MOBILITY.value * aspect * overdrive * channel
     beta = paper.channel_gain_factor(Plane.GATE)
     right = -beta * overdrive * transistor.threshold_shift(sheet, stack, Plane.GATE, 1.0)
@@ -57,8 +57,8 @@ def test_eq_6_to_10_charge_and_current_by_gauss() -> None:
     assert exact / printed == pytest.approx(stack.oxide / stack.film, rel=1e-12)
 
 
-def test_eq_10_the_channel_summed_up_to_pinch_off() -> None:
-    """Gradual channel: Id*L = mu*W times the integral of the channel's charge over its voltage."""
+def test_eq_10_the_channel_integrated_up_to_pinch_off() -> None:
+    """Gradual channel: Id*L = mu*W times the integral of the channel charge over the channel voltage."""
     overdrive, beta = 1.3, 1e-3
     voltage = (np.arange(1000) + 0.5) * overdrive / 1000
     exact = beta * float(np.sum(overdrive - voltage)) * overdrive / 1000
@@ -67,7 +67,7 @@ def test_eq_10_the_channel_summed_up_to_pinch_off() -> None:
 
 
 def test_eq_11_the_wall_between_crystal_planes() -> None:
-    wall = math.acos(np.dot([1, 1, 1], [0, 0, 1]) / math.sqrt(3))  # of (111) against (001)
+    wall = math.acos(np.dot([1, 1, 1], [0, 0, 1]) / math.sqrt(3))  # between (111) and (001)
     depth = paper.WAFER_THICKNESS.value
     assert math.degrees(wall) == pytest.approx(54.7356, abs=1e-4)
     assert mechanics.mask_opening(1e-3, depth) - 1e-3 == pytest.approx(2 * depth / math.tan(wall), abs=1e-15)
@@ -93,7 +93,7 @@ def test_eq_12_the_plate_equation_solved_on_a_grid() -> None:
 
 
 def _tridiagonal(lower: np.ndarray, diagonal: np.ndarray, upper: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Thomas's algorithm; lower[0] and upper[-1] play no part."""
+    """Thomas algorithm; lower[0] and upper[-1] are not used."""
     upper, right = upper.copy(), right.copy()
     upper[0] /= diagonal[0]
     right[0] /= diagonal[0]
@@ -107,7 +107,7 @@ def _tridiagonal(lower: np.ndarray, diagonal: np.ndarray, upper: np.ndarray, rig
 
 
 def test_eq_13_the_square_plate_solved_on_grids() -> None:
-    """``D*(d4/dx4 + 2*d4/dx2dy2 + d4/dy4)y = P``, clamped, on two grids, extrapolated to no spacing."""
+    """``D*(d4/dx4 + 2*d4/dx2dy2 + d4/dy4)y = P``, clamped, on two grids, extrapolated to zero spacing."""
     coarse, fine = _square_plate(16), _square_plate(32)
     exact = fine + (fine - coarse) / 3  # the error falls with the square of the spacing
     assert pytest.approx(exact, rel=2e-3) == mechanics.SQUARE_PLATE_COEFFICIENT
@@ -118,12 +118,12 @@ def test_eq_13_the_square_plate_solved_on_grids() -> None:
 
 
 def _square_plate(cells: int) -> float:
-    """Deflection of the middle in units of P*a^4/D, by the second difference applied twice."""
+    """Return the centre deflection in units of P*a^4/D, by the second difference applied twice."""
     inner = cells - 1
     second = (np.eye(inner, k=1) + np.eye(inner, k=-1) - 2 * np.eye(inner)) * cells**2
     fourth = second @ second
-    # Second differences of the second difference would have it vanish at the edge. Clamped, the mirror image of the
-    # first inner point lies beyond the edge, which doubles that point's share.
+    # Two second differences alone would make the curvature vanish at the edge. For a clamped edge, the mirror image of
+    # the first inner point lies beyond the edge, which doubles the weight of that point.
     fourth[0, 0] += 2 * cells**4
     fourth[-1, -1] += 2 * cells**4
     unit = np.eye(inner)
@@ -134,7 +134,7 @@ def _square_plate(cells: int) -> float:
 @pytest.mark.spice
 @pytest.mark.skipif(shutil.which("ngspice") is None, reason="ngspice is not on PATH")
 def test_table_ii_the_missing_width_of_m8_by_simulation() -> None:
-    """60 um leave what channel-length modulation makes, 2.4 mV; half and twice that width three times as much."""
+    """60 um leave the offset of channel-length modulation, 2.4 mV; half and twice that width three times as much."""
     text = ngspice.netlist("opamp_b")
 
     def offset(width: str) -> float:
@@ -157,6 +157,6 @@ def test_sec_v_full_feedback_is_a_voltage_follower_and_one_transistor_is_not() -
         name: abs(ngspice.run_follower_ac(circuit, highest=1e3).transfer[0])
         for name, circuit in {"amplifier": ngspice.netlist("opamp_b"), "one transistor": single}.items()
     }
-    # 42.3 dB with full feedback: A0/(1 + A0). A source follower has 1/(1 + 1/(gm*RL)), and is a gate voltage off.
+    # 42.3 dB with full feedback: A0/(1 + A0). A source follower has 1/(1 + 1/(gm*RL)), and an offset of a gate voltage.
     assert gain["amplifier"] == pytest.approx(130.32 / 131.32, abs=2e-3)
     assert gain["one transistor"] < 0.9

@@ -1,4 +1,4 @@
-"""Noise: closed forms against 40 digits, a generator against its spectrum, and the smallest force."""
+"""Noise: closed forms against 40-digit references, a generator against its spectrum, and the smallest force."""
 
 import math
 
@@ -27,7 +27,7 @@ def test_closed_forms_against_the_40_digit_table() -> None:
     white = [noise.white_rms(1.0, low, high) for low, high in zip(table["low"], table["high"], strict=True)]
     np.testing.assert_allclose(np.array(white) / table["white_rms"], 1, rtol=0, atol=2 * EPS)
     flicker = [noise.flicker_rms(1.0, low, high) for low, high in zip(table["low"], table["high"], strict=True)]
-    # The root halves the error of the logarithm, of its argument's two roundings and of the product.
+    # The square root halves the error of the logarithm, of the two roundings of its argument and of the product.
     atol = (call_error() + 1.5 * EPS) / 2 + EPS
     np.testing.assert_allclose(np.array(flicker) / table["flicker_rms"], 1, rtol=0, atol=atol)
 
@@ -41,7 +41,7 @@ def test_bias_resistor_against_the_integral_to_40_digits() -> None:
     np.testing.assert_allclose(computed / table["bias_rms"], 1, rtol=0, atol=atol)
 
 
-def test_bias_resistor_in_all_frequencies_is_kt_over_c() -> None:
+def test_bias_resistor_noise_over_all_frequencies_is_kt_over_c() -> None:
     for resistance in (1e3, 1e6, 1e10):
         whole = noise.bias_resistor_rms(resistance, 27e-12, 300.0, 0.0, 1e15)
         assert whole == pytest.approx(math.sqrt(1.380649e-23 * 300 / 27e-12), abs=1e-12)
@@ -50,7 +50,7 @@ def test_bias_resistor_in_all_frequencies_is_kt_over_c() -> None:
     assert loud / quiet == pytest.approx(10, abs=0.02)
 
 
-def test_the_bias_resistor_outweighs_the_amplifiers_thermal_noise() -> None:
+def test_the_bias_resistor_dominates_the_amplifiers_thermal_noise() -> None:
     capacitance = paper.LEAK_TIME_CONSTANT.value / paper.BIAS_RESISTANCE.value
     assert noise.bias_resistor_rms(10e9, 26.6e-12, 300.0, 0.1, 1000.0) == pytest.approx(11.8e-6, abs=5e-8)
     bias = noise.bias_resistor_rms(paper.BIAS_RESISTANCE.value, capacitance, 300.0, 0.1, 1000.0)
@@ -81,20 +81,22 @@ class TestFlickerSequence:
         power = self._periodograms(count, samples)[:, 1:]
         frequency = np.fft.rfftfreq(samples, 1 / self.RATE)[1:]
         ratio = power.mean(axis=0) * frequency / self.COEFFICIENT
-        # Each bin is scattered by 1/sqrt(count); 5.5 of that is passed once in 1e7. The mean over bins is far sharper.
+        # Each bin has a standard deviation of 1/sqrt(count); 5.5 times that is exceeded once in 1e7. The mean over bins
+        # is far more precise.
         assert np.abs(ratio - 1).max() <= 5.5 * math.sqrt(2 / count)
         assert np.mean(ratio[:-1]) == pytest.approx(1, abs=5 / math.sqrt(count * ratio.size))
 
-    def test_rms_is_that_of_the_band(self) -> None:
+    def test_rms_equals_that_of_the_band(self) -> None:
         generator = np.random.default_rng(8)
         records = [noise.flicker_sequence(1.0, self.RATE, self.SAMPLES, generator) for _ in range(200)]
         low = self.RATE / self.SAMPLES
-        # The sum over bins of 1/m is ln(n) + 0.577, that over the band ln(n): half a bin more at the low end.
+        # The sum of 1/m over the bins is ln(n) + 0.577, the integral over the band ln(n): half a bin more at the
+        # low end.
         expected = math.sqrt(np.sum(1 / np.arange(1, self.SAMPLES // 2 + 1)))
         assert np.sqrt(np.mean(np.square(records))) == pytest.approx(expected, abs=0.05 * expected)
         assert noise.flicker_rms(1.0, low / 2, self.RATE / 2) == pytest.approx(expected, abs=0.03 * expected)
 
-    def test_a_seed_gives_the_same_record_and_another_seed_another(self) -> None:
+    def test_the_seed_determines_the_record(self) -> None:
         records = [noise.flicker_sequence(1.0, 1.0, 64, np.random.default_rng(seed)) for seed in (1, 1, 2)]
         np.testing.assert_array_equal(records[0], records[1])
         assert not np.array_equal(records[0], records[2])
@@ -196,7 +198,7 @@ GOOD_BUDGET = {
         refusals(BUDGET.minimum_force, {}, sigmas=[0.0, -1.0]),
     ],
 )
-def test_bad_arguments_are_named(function, cases) -> None:
+def test_invalid_arguments_are_rejected_by_name(function, cases) -> None:
     assert_all_refused(function, cases)
 
 
@@ -220,6 +222,6 @@ TWO, THREE = np.ones(2), np.ones(3)
         ),
     ],
 )
-def test_shapes_that_do_not_go_together_are_named(function, arguments, names) -> None:
+def test_incompatible_shapes_are_rejected_by_name(function, arguments, names) -> None:
     for name in names:
         assert_refused(function, arguments, name)

@@ -1,4 +1,4 @@
-"""The paper's numbers and its printed formulas: what they are, where from, and how far off."""
+"""The numbers of the paper and its formulas as printed: values, sources and errors."""
 
 import math
 import subprocess
@@ -22,7 +22,7 @@ def test_every_number_has_a_name_a_unit_and_a_source() -> None:
         assert math.isfinite(quantity.value)
 
 
-def test_what_the_paper_does_not_give_is_said_to_be_assumed() -> None:
+def test_values_that_the_paper_does_not_give_are_marked_as_assumed() -> None:
     for quantity in paper.quantities():
         from_somewhere = quantity.source.startswith(("Table", "Sec.", "text", "Measurement Specialties"))
         assert quantity.assumed or from_somewhere
@@ -36,7 +36,7 @@ def test_table_i_in_si() -> None:
     assert film.branch_steepness(160e5, 0.02, 0.05) == pytest.approx(1.8884e7, rel=0, abs=500)
 
 
-def test_pressing_and_warming_move_the_charge_in_opposite_directions() -> None:
+def test_pressing_and_warming_change_the_charge_in_opposite_directions() -> None:
     coefficients = paper.PIEZOELECTRIC_COEFFICIENT.value, paper.PYROELECTRIC_COEFFICIENT.value
     assert charge.source_charge(-1e6, 0.0, *coefficients) == pytest.approx(38e-6, rel=0, abs=1e-15)
     assert charge.source_charge(0.0, 1.0, *coefficients) == pytest.approx(-40e-6, rel=0, abs=1e-15)
@@ -51,7 +51,7 @@ def test_the_second_stage_balances() -> None:
 
 
 class TestAsPrinted:
-    def test_steepness_of_the_swapped_values_has_no_value(self) -> None:
+    def test_steepness_of_the_swapped_values_is_undefined(self) -> None:
         assert math.isnan(as_printed.branch_steepness(160e5, 0.05, 0.02))
         assert as_printed.branch_steepness(160e5, 0.02, 0.05) == pytest.approx(paper.FILM.steepness, rel=1e-12, abs=0)
         assert as_printed.branch_steepness(160e5, 0.05, 0.05) == 0.0
@@ -111,7 +111,7 @@ NO_PLATE = {"pressure": [-1.0], "thickness": [0.0, -50e-6], "young_modulus": [0.
         ),
     ],
 )
-def test_the_printed_forms_refuse_by_name(function, cases) -> None:
+def test_the_printed_forms_reject_invalid_arguments_by_name(function, cases) -> None:
     assert_all_refused(function, cases)
 
 

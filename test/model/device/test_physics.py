@@ -1,4 +1,4 @@
-"""What any right model of the device has to obey, whatever its equations: units, conservation, causality, limits."""
+"""Laws that any correct model of the device obeys: units, conservation, causality, limiting cases."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ N, HZ, C = M + KG - 2 * S, -S, A + S
 V, F = N + M - C, 2 * C - N - M
 OHM, PA, MOBILITY = V - A, N - 2 * M, 2 * M - V - S
 FACTORS = np.array([1.7, 2.3, 0.6, 1.9, 1.2])
-"""How many new units of m, kg, s, A, K an old one is."""
+"""Number of new units of m, kg, s, A and K in one SI unit."""
 
 Value = tuple[float, np.ndarray]
 
@@ -93,7 +93,7 @@ def branch(field: float, **properties: float) -> Any:
 
 
 def op_amp(figures: Callable[..., Any], **values: float) -> Any:
-    """The op-amp with Table II's sizes in the new metre, where the stack is given in it."""
+    """Return the op-amp with the sizes of Table II in the new metre if the stack is given in it."""
     metre = values.pop("metre")
     sizes = tuple(
         dataclasses.replace(size, width=metre * size.width, length=metre * size.length)
@@ -196,7 +196,7 @@ def results_of(function: Callable[..., Any], arguments: dict[str, float], names:
 
 
 def in_other_units(name: str, patch: pytest.MonkeyPatch) -> list[tuple[float, float]]:
-    """Each result of a case calculated in the new units, and the old one converted to them."""
+    """Return each result of a case computed in the new units, and the SI result converted to them."""
     function, arguments, results = CASES[name]
     before = results_of(function, {argument: value for argument, (value, _) in arguments.items()}, results)
     for module in (as_printed, film, transistor, charge):
@@ -207,13 +207,13 @@ def in_other_units(name: str, patch: pytest.MonkeyPatch) -> list[tuple[float, fl
 
 
 @pytest.mark.parametrize("name", [name for name in CASES if name != "displacement as printed"])
-def test_other_units_give_the_same_in_other_units(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A formula that adds unlike units, or hides a number with a unit, does not survive a change of all of them."""
+def test_results_are_independent_of_the_units(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A formula that adds different units, or hides a constant with a unit, fails when all units change."""
     for calculated, converted in in_other_units(name, monkeypatch):
         assert calculated == pytest.approx(converted, rel=1e-11, abs=0)
 
 
-def test_the_misprint_of_eq_1_does_not_survive_other_units(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_misprint_of_eq_1_depends_on_the_units(monkeypatch: pytest.MonkeyPatch) -> None:
     [(calculated, converted)] = in_other_units("displacement as printed", monkeypatch)
     assert abs(calculated / converted - 1) > 0.1
 
@@ -223,14 +223,14 @@ fields = st.lists(st.floats(-8e7, 8e7), min_size=1, max_size=6)
 
 @settings(max_examples=60, deadline=None)
 @given(fields=fields)
-def test_a_film_never_gives_back_more_energy_than_it_took(fields: list[float]) -> None:
-    """Over a closed cycle the integral of E*dP is heat: the second law lets it be positive or 0."""
+def test_a_film_never_returns_more_energy_than_it_received(fields: list[float]) -> None:
+    """Over a closed cycle the integral of E*dP is heat: positive or 0 by the second law."""
     cycle = np.array([0.0, *fields, 0.0])
     fine = np.concatenate([np.linspace(a, b, 100)[1:] for a, b in itertools.pairwise(cycle)])
     once = film.polarise(fine, paper.FILM)
     again = film.polarise(fine, paper.FILM, once.history)
     polarisation = np.array([once.polarisation[-1], *again.polarisation])
-    assert polarisation[-1] == pytest.approx(polarisation[0], abs=1e-14)  # the second round closes
+    assert polarisation[-1] == pytest.approx(polarisation[0], abs=1e-14)  # the second cycle closes
     field = np.array([0.0, *fine])
     work = 0.5 * (field[1:] + field[:-1]) * np.diff(polarisation)
     rounding = 1e-15 * np.abs(field).max() * paper.FILM.saturation_polarisation
@@ -238,7 +238,7 @@ def test_a_film_never_gives_back_more_energy_than_it_took(fields: list[float]) -
 
 
 def test_charge_is_conserved() -> None:
-    """What the source brought is on the gate or went through the leak, the current of which is sigma/tau."""
+    """The charge of the source is on the gate or has leaked; the leakage current is sigma/tau."""
     tau, step = 0.27, 1e-3
     source = 4e-5 * np.sin(np.linspace(0, 9, 4001)) ** 2
     density = np.zeros(source.size)
@@ -256,7 +256,7 @@ LINEAR = [
 
 
 @pytest.mark.parametrize("model", LINEAR)
-def test_step_response_and_frequency_response_are_one_thing(model: follower.Follower) -> None:
+def test_step_response_and_frequency_response_agree(model: follower.Follower) -> None:
     """H(f) is the transform of the impulse response, the slope of the step response."""
     time = np.linspace(0, 1e-5, 100001)
     answer = model.run(np.r_[0.0, time], np.r_[0.0, np.ones(time.size)]).v_out[1:]
@@ -270,8 +270,8 @@ def test_step_response_and_frequency_response_are_one_thing(model: follower.Foll
         assert abs(transform - exact) < 2e-6
 
 
-def test_the_leak_in_time_and_in_frequency_are_one_thing() -> None:
-    """The high pass is 1 less the transform of the leak's current after a step of the source."""
+def test_leakage_in_time_and_frequency_domain_agrees() -> None:
+    """The high pass is 1 minus the transform of the leakage current after a step of the source."""
     tau = 0.27
     time = np.linspace(0, 10, 200001)
     for frequency in (0.05, 0.59, 10.0):
@@ -282,14 +282,14 @@ def test_the_leak_in_time_and_in_frequency_are_one_thing() -> None:
 
 @pytest.mark.parametrize("model", LINEAR)
 def test_real_and_imaginary_part_obey_kramers_and_kronig(model: follower.Follower) -> None:
-    """No answer comes before its cause: ``Re H(f) = 2/pi*P integral of x*Im H(x)/(f^2 - x^2)``, at points between x."""
+    """Causality: ``Re H(f) = 2/pi*P integral of x*Im H(x)/(f^2 - x^2)``, at points between x."""
     decades = np.linspace(-6, 6, 400001)
     x = 1e6 * 10.0 ** (0.5 * (decades[1:] + decades[:-1]))
     response = model.response(x)
     imaginary = response.gain * np.sin(response.phase)
     width = x * math.log(10) * (decades[1] - decades[0])
     for place in (150_000, 200_000, 230_000):
-        frequency = 1e6 * 10.0 ** decades[place]  # half-way between two x, which makes it the principal value
+        frequency = 1e6 * 10.0 ** decades[place]  # half-way between two x, which gives the principal value
         real = 2 / math.pi * np.sum(x * imaginary / (frequency**2 - x**2) * width)
         exact = model.response(frequency)
         assert real == pytest.approx(float(exact.gain * np.cos(exact.phase)), abs=1e-4)
@@ -300,22 +300,22 @@ def test_currents_first_derivatives_are_continuous_at_the_edge_of_saturation(mod
     edge = (2.0, 1.3, 0.7, 1e-3, modulation)  # Vds = Vgs - Vth
     for conductance in (transistor.transconductance, transistor.output_conductance):
         at = float(conductance(*edge))
-        for nudge in (-1e-9, 1e-9):
-            beside = conductance(2.0, 1.3 + nudge, *edge[2:])
+        for offset in (-1e-9, 1e-9):
+            beside = conductance(2.0, 1.3 + offset, *edge[2:])
             assert beside == pytest.approx(at, abs=2e-12)  # the second derivative is about beta
 
 
 @pytest.mark.parametrize("drain", [0.4, 3.0])
-def test_the_current_is_a_function_of_both_voltages(drain: float) -> None:
-    """Mixed derivatives agree: gm of the drain voltage is gds of the gate voltage."""
+def test_mixed_derivatives_of_the_current_agree(drain: float) -> None:
+    """The derivative of gm with respect to the drain voltage equals that of gds with respect to the gate voltage."""
     h, rest = 1e-5, (0.7, 1e-3, 0.1)
     gm = [float(transistor.transconductance(2.0, drain + d, *rest)) for d in (-h, h)]
     gds = [float(transistor.output_conductance(2.0 + d, drain, *rest)) for d in (-h, h)]
     assert gm[1] - gm[0] == pytest.approx(gds[1] - gds[0], abs=1e-15)
 
 
-def test_the_planes_agree_where_the_film_is_thick() -> None:
-    """A film without capacitance leaves all of the charge to the channel; 1 % of the oxide's is 1 % of error."""
+def test_the_planes_agree_for_a_thick_film() -> None:
+    """With a film of no capacitance all charge is in the channel; 1 % of the oxide capacitance gives 1 % error."""
     for ratio in (1e-2, 1e-6):
         stack = transistor.Stack(oxide=7.7e-4, film=7.7e-4 * ratio)
         currents = [stack.drive(plane) * float(transistor.threshold_shift(1e-5, stack, plane, 1.0)) for plane in Plane]
@@ -324,8 +324,8 @@ def test_the_planes_agree_where_the_film_is_thick() -> None:
     assert thin.series == pytest.approx(thin.oxide, rel=1e-8, abs=0)
 
 
-def test_bands_of_noise_add_up_to_the_whole() -> None:
-    """White, 1/f and bias noise: squares of neighbouring bands add, wherever they are cut."""
+def test_noise_powers_of_adjacent_bands_add_up() -> None:
+    """White, 1/f and bias noise: the squares of adjacent bands add, for any boundary between them."""
     usual = taxel.Taxel()
     edges = [0.1, 0.37, 5.0, 88.0, 1e3]
     whole = usual.noise_budget(1e-16, 1e-10, 0.0, edges[0], edges[-1])

@@ -1,4 +1,4 @@
-"""The transistor: currents and derivatives against 40 digits, continuity, inverses, planes, and the sweep."""
+"""The transistor: currents and derivatives against 40-digit references, continuity, inverses, planes, and a sweep."""
 
 import math
 
@@ -57,11 +57,11 @@ class TestStack:
             assert (np.abs(values - table[name]) <= 8 * EPS * np.abs(table[name])).all(), name
 
     @given(decades(1e-12, 1e3), decades(1e-12, 1e3))
-    def test_in_series_the_inverses_add(self, oxide: float, film: float) -> None:
+    def test_inverse_capacitances_in_series_add(self, oxide: float, film: float) -> None:
         series = Stack(oxide, film).series
         assert 1 / series == pytest.approx(1 / oxide + 1 / film, rel=4 * EPS, abs=0)
 
-    def test_signal_current_is_the_same_charge_divided_between_oxide_and_film(self) -> None:
+    def test_signal_current_divides_the_same_charge_between_oxide_and_film(self) -> None:
         at_gate, at_oxide = (
             STACK.drive(plane) * transistor.threshold_shift(1e-5, STACK, plane, 1.0)
             for plane in (Plane.GATE, Plane.OXIDE)
@@ -76,13 +76,13 @@ class TestStack:
         assert fraction == pytest.approx(0.010962, rel=0, abs=5e-7)
 
     @given(st.floats(1e-6, 1), signed_decades(1e-9, 1.0).filter(bool), st.sampled_from(Plane))
-    def test_the_fraction_is_found_again(self, fraction: float, charge: float, plane: Plane) -> None:
+    def test_the_fraction_is_recovered(self, fraction: float, charge: float, plane: Plane) -> None:
         shift = transistor.threshold_shift(charge, STACK, plane, fraction)
         found = transistor.uncompensated_fraction(shift, charge, STACK, plane)
         assert found == pytest.approx(fraction, rel=1e-12, abs=0)
 
     @pytest.mark.parametrize("shift", [1.0, -92.0])
-    def test_a_shift_that_the_charge_cannot_explain_is_refused(self, shift: float) -> None:
+    def test_a_shift_that_the_charge_cannot_explain_is_rejected(self, shift: float) -> None:
         with pytest.raises(ValueError, match=r"kappa .* must be in \[0, 1\]"):
             transistor.uncompensated_fraction(shift, 0.07, STACK, Plane.OXIDE)
 
@@ -100,7 +100,9 @@ class TestDrainCurrent:
         found.check(record_property)
 
     @given(decades(1e-9, 1e6), decades(1e-12, 1e6), st.sampled_from([0.0, 0.0248, 0.1, 10.0]))
-    def test_no_jump_at_the_edge_of_saturation(self, overdrive: float, beta: float, modulation: float) -> None:
+    def test_the_current_is_continuous_at_the_edge_of_saturation(
+        self, overdrive: float, beta: float, modulation: float
+    ) -> None:
         edge = [math.nextafter(overdrive, 0), overdrive, math.nextafter(overdrive, math.inf)]
         edge = np.minimum(edge, 1e6)
         for function in OPERATORS[:2]:
@@ -109,8 +111,8 @@ class TestDrainCurrent:
 
     @given(decades(1e-3, 1e3), decades(1e-3, 1e3), st.floats(-5, 5), st.sampled_from([0.0, 0.1]))
     def test_conductances_are_the_slopes(self, overdrive: float, drain: float, vth: float, modulation: float) -> None:
-        # Id is piecewise a polynomial of degree 3, so away from the edge a five-point rule has no error but rounding;
-        # a complex step would need complex arguments, which are refused.
+        # Id is piecewise a polynomial of degree 3, so away from the edge a five-point rule has rounding error only;
+        # a complex step would need complex arguments, which are rejected.
         step = 0.01 * min(overdrive, drain)
         if abs(overdrive - drain) <= 4 * step:
             drain = 2 * overdrive
@@ -136,7 +138,7 @@ class TestDrainCurrent:
             overdrive, rel=1e-12, abs=0
         )
 
-    def test_no_current_gives_the_threshold(self) -> None:
+    def test_zero_current_gives_the_threshold(self) -> None:
         assert transistor.gate_voltage(0.0, 5.0, 0.7, 1e-3) == 0.7
 
 
@@ -151,7 +153,7 @@ class TestSweep:
 
     @pytest.mark.parametrize("dtype", [np.float64, np.float32])
     @pytest.mark.parametrize("function", OPERATORS)
-    def test_finite_and_never_negative(self, function, dtype) -> None:
+    def test_results_are_finite_and_never_negative(self, function, dtype) -> None:
         with np.errstate(over="raise", invalid="raise", divide="raise"):
             values = function(**{name: value.astype(dtype) for name, value in self.BIAS.items()})
         assert values.dtype == dtype
@@ -171,7 +173,7 @@ class TestSweep:
     @pytest.mark.parametrize("size", [0, 1, 1_000_000])
     def test_any_number_of_taxels(self, size: int, dtype) -> None:
         gate = np.linspace(0, 5, size, dtype=dtype)
-        rest = (5.0, 0.7, 9.3446e-4, 0.0)  # scalars do not widen the array
+        rest = (5.0, 0.7, 9.3446e-4, 0.0)  # scalars do not change the dtype of the array
         currents = transistor.drain_current(gate, *rest)
         assert currents.shape == (size,) and currents.dtype == dtype
         back = transistor.gate_voltage(currents, *rest)
@@ -197,8 +199,8 @@ class TestThresholdFit:
         assert fit.threshold_voltage == pytest.approx(vth, rel=1e-12, abs=0)
         assert fit.gain_factor == pytest.approx(beta, rel=1e-12, abs=0)
 
-    def test_a_meter_that_is_off_and_noisy_gives_the_threshold_all_the_same(self) -> None:
-        """Below threshold it shows currents of either sign; they are left out."""
+    def test_meter_offset_and_noise_do_not_bias_the_threshold(self) -> None:
+        """Readings below threshold have either sign; they are excluded."""
         generator = np.random.default_rng(8)
         for fit, drain in (
             (threshold_extraction.fit_saturation_curve, 5.0),
@@ -222,7 +224,7 @@ class TestThresholdFit:
         moved = fits[1].threshold_voltage - fits[0].threshold_voltage
         assert moved == pytest.approx(float(shift), rel=0, abs=1e-12)
 
-    def test_curves_from_the_other_region_are_refused(self) -> None:
+    def test_curves_from_the_wrong_region_are_rejected(self) -> None:
         linear = transistor.drain_current(self.GATE, 0.05, 0.7, 1e-3)
         with pytest.raises(ValueError, match="to saturate"):
             threshold_extraction.fit_saturation_curve(self.GATE, linear, 0.05)
@@ -242,7 +244,7 @@ class TestThresholdFit:
             (1.0, 1e-3, r"shape \(n,\)"),
         ],
     )
-    def test_curves_that_hold_no_line_are_refused(self, fit, gate, current, complaint) -> None:
+    def test_curves_unusable_for_a_fit_are_rejected(self, fit, gate, current, complaint) -> None:
         with pytest.raises(ValueError, match=complaint):
             fit(gate, current, 0.1)
 
@@ -315,18 +317,18 @@ class TestThresholdFit:
         ),
     ],
 )
-def test_bad_arguments_are_refused_by_name(function, cases) -> None:
+def test_invalid_arguments_are_rejected_by_name(function, cases) -> None:
     assert_all_refused(function, cases)
 
 
 @pytest.mark.parametrize("plane", ["gate", "GATE", None, 0])
-def test_a_plane_that_is_none_is_refused(plane) -> None:
+def test_a_value_that_is_no_plane_is_rejected(plane) -> None:
     with pytest.raises(ValueError, match=r"plane must be Plane.GATE or Plane.OXIDE, got"):
         STACK.drive(plane)
     with pytest.raises(ValueError, match=r"plane must be"):
         transistor.threshold_shift(0.07, STACK, plane, 1.0)
 
 
-def test_shapes_that_do_not_fit_are_named() -> None:
+def test_incompatible_shapes_are_rejected_by_name() -> None:
     with pytest.raises(ValueError, match=r"shapes must broadcast.*gate_voltage \(3,\), drain_voltage \(2,\)"):
         transistor.drain_current(np.zeros(3), np.zeros(2), 0.7, 1e-3)

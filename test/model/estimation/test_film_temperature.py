@@ -1,4 +1,4 @@
-"""The film's temperature from sensors that are slow, noisy, or gone."""
+"""The film temperature from sensors that are slow, noisy, or missing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ STEP = 1e-3
 
 
 def follow(film: FilmTemperature, readings: list[tuple[float, float]], step: float = STEP) -> list[float]:
-    """The film's change after each pair of readings."""
+    """Return the change of the film temperature after each pair of readings."""
     total, history = 0.0, []
     for pair in readings:
         total += film.update(np.array(pair, np.float32), step)
@@ -21,44 +21,44 @@ def follow(film: FilmTemperature, readings: list[tuple[float, float]], step: flo
     return history
 
 
-def test_a_step_of_the_chip_reaches_the_film_with_its_lag() -> None:
+def test_the_film_follows_a_chip_temperature_step_with_its_lag() -> None:
     film = FilmTemperature(0.05)
     history = follow(film, [(25.0, 25.0)] + [(26.0, 26.0)] * 100)
-    # First order from the step on, until the sensor is overdue to say something new and its slope is dropped.
+    # First order from the step on, until a new reading is overdue and the slope is discarded.
     assert history[0] == 0.0
     assert history[50] == pytest.approx(1 - math.exp(-1), abs=0.02)
     assert history[-1] == pytest.approx(1 - math.exp(-2), abs=0.02)
 
 
-def test_without_lag_the_film_is_where_the_chip_is() -> None:
+def test_without_lag_the_film_has_the_chip_temperature() -> None:
     film = FilmTemperature(0.0)
     ramp = [(25.0 + 0.01 * k, 24.0 + 0.01 * k) for k in range(100)]
     np.testing.assert_allclose(follow(film, ramp), 0.01 * np.arange(100), rtol=0, atol=5e-6)
 
 
-def test_readings_at_10_hz_are_carried_on_along_a_ramp() -> None:
+def test_readings_at_10_hz_are_extrapolated_along_a_ramp() -> None:
     film = FilmTemperature(0.0)
     ramp = [(25.0 + 0.1 * (k // 100), 25.0 + 0.1 * (k // 100)) for k in range(4000)]
     history = np.array(follow(film, ramp))
     truth = 1e-3 * np.arange(4000)
-    # Held, the last reading is 0.1 K behind at the end of each 0.1 s.
+    # Without extrapolation the last reading lags 0.1 K behind at the end of each 0.1 s.
     assert np.abs(history - truth)[3000:].max() < 0.01
 
 
-def test_a_ramp_that_ends_is_not_carried_on_for_ever() -> None:
+def test_extrapolation_stops_after_a_ramp_ends() -> None:
     film = FilmTemperature(0.0)
     ramp = [(25.0 + 0.1 * min(k // 100, 20),) * 2 for k in range(3000)]
     assert follow(film, ramp)[-1] == pytest.approx(2.0, abs=1e-4)
 
 
-def test_a_sensor_that_comes_or_goes_shifts_nothing() -> None:
+def test_an_appearing_or_failing_sensor_causes_no_jump() -> None:
     film = FilmTemperature(0.0)
     nan = math.nan
     readings = [(nan, 30.0), (25.0, 30.0), (25.0, 30.0), (25.0, nan), (25.5, nan), (25.5, 30.5), (nan, 30.5)]
     np.testing.assert_allclose(follow(film, readings), [0, 0, 0, 0, 0.5, 0.5, 0.5], rtol=0, atol=2e-3)
 
 
-def test_an_unknown_temperature_is_held_and_its_doubt_grows_until_it_is_known_again() -> None:
+def test_the_last_temperature_is_kept_with_growing_uncertainty_while_unknown() -> None:
     film = FilmTemperature(0.05)
     follow(film, [(25.0, 25.0)] * 10)
     assert film.known
@@ -72,21 +72,21 @@ def test_an_unknown_temperature_is_held_and_its_doubt_grows_until_it_is_known_ag
     assert film.standard_deviation < 1e-3
 
 
-def test_never_known_is_no_change_and_no_nan() -> None:
+def test_without_any_reading_the_change_is_zero_and_not_nan() -> None:
     film = FilmTemperature(0.05)
     assert follow(film, [(math.nan, math.nan)] * 10) == [0.0] * 10
     assert math.isfinite(film.standard_deviation)
 
 
-def test_noise_of_the_sensors_shows_in_the_deviation() -> None:
+def test_sensor_noise_is_included_in_the_standard_uncertainty() -> None:
     film = FilmTemperature(0.0)
     noise = np.random.default_rng(5).normal(25.0, 0.01, (200, 2))
     follow(film, [tuple(pair) for pair in noise.tolist()], step=0.1)
-    # The error of a prediction: noise of the mean of two, now and before.
+    # The error of a prediction: noise of the mean of two readings, now and before.
     assert film.standard_deviation == pytest.approx(0.01, rel=0.5)
 
 
-def test_a_nudge_is_believed_up_to_the_fastest_film() -> None:
+def test_a_common_mode_correction_is_limited_to_the_fastest_film_change() -> None:
     film = FilmTemperature(0.05)
     follow(film, [(25.0, 25.0)] * 2)
     assert film.common_mode_correction(1e-4, 0.0, extend=True) == 1e-4

@@ -1,4 +1,4 @@
-"""The leak found while the sensor is used, and a force that moves not taken for a leak."""
+"""Online identification of the charge leakage; a varying force is not mistaken for leakage."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def totals(device: Sensor, duration: float, force: object, seed: int = 0) -> np.
 
 
 @pytest.mark.parametrize("percent", [-20.0, -8.0, 8.0, 20.0])
-def test_a_wrong_leak_is_found_while_a_force_is_held(percent: float) -> None:
+def test_a_leakage_error_is_identified_while_a_force_is_held(percent: float) -> None:
     device = perturbed(SENSOR, {"leak": percent})
     found = totals(device, 4.0, press(2.0, 0.3, 60.0))
-    # Left alone, the force would be wrong by as much as the leak.
+    # Without identification the relative error of the force would equal that of the leakage.
     assert found[2000:] == pytest.approx(2.0, abs=0.06)
 
 
-def test_once_found_it_holds_for_the_next_touch() -> None:
+def test_identified_leakage_is_used_for_the_next_touch() -> None:
     device = perturbed(SENSOR, {"leak": 20.0})
     found = totals(device, 4.0, lambda time: press(1.0, 0.3, 1.5)(time) + press(2.0, 3.0, 60.0)(time))
     assert found[3200] == pytest.approx(2.0, abs=0.03)
@@ -43,7 +43,7 @@ def test_once_found_it_holds_for_the_next_touch() -> None:
 
 
 @pytest.mark.parametrize("hertz", [0.3, 1.0, 2.0])
-def test_a_force_that_moves_is_not_taken_for_a_leak(hertz: float) -> None:
+def test_a_varying_force_is_not_mistaken_for_leakage(hertz: float) -> None:
     def force(time: float) -> float:
         return press(2.0, 0.3, 60.0)(time) * (1.0 - 0.3 * math.sin(2 * math.pi * hertz * max(time - 0.5, 0.0)))
 
@@ -52,7 +52,7 @@ def test_a_force_that_moves_is_not_taken_for_a_leak(hertz: float) -> None:
     assert np.abs(found - true)[400:].max() < 0.06
 
 
-def test_what_is_reported_holds_the_error_of_a_leak_not_found_yet() -> None:
+def test_the_reported_uncertainty_covers_a_leakage_error_not_identified_yet() -> None:
     device = replace(perturbed(SENSOR, {"leak": 15.0}))
     reconstructor, outside = Reconstructor(SENSOR), 0
     for time, scan in scans(device, 3.0, force=press(2.0, 0.3, 60.0), shape=SHAPE):

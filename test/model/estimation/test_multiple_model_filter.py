@@ -1,4 +1,4 @@
-"""Offset and warmth of a film that wanders, told apart by what all taxels share."""
+"""Offset and temperature rise of a film with random-walk temperature drift, separated by the common-mode signal."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ import pytest
 
 from posfet_model.estimation.multiple_model_filter import RESOLUTION, BlockObservation, CommonOffsetFilter
 
-LEAK, LAG, PER_KELVIN = 0.3, 0.06, 0.9
+LEAKAGE, LAG, PER_KELVIN = 0.3, 0.06, 0.9
 BLOCK = 0.02
 STEPS = 20
-"""Of the simulation in a block."""
+"""Number of simulation steps in a block."""
 
 
-def blocks(wander: float, offset: float, seed: int = 0, rise: float = 0.0) -> Iterator[BlockObservation]:
-    """Yield blocks at rest, for ever.
+def blocks(random_walk: float, offset: float, seed: int = 0, rise: float = 0.0) -> Iterator[BlockObservation]:
+    """Yield blocks at rest, without end.
 
-    The chip's temperature is a random walk [K/sqrt(s)]; by `rise` [N/s] something presses that no one notices.
+    The chip temperature is a random walk of intensity `random_walk` [K/sqrt(s)]; `rise` [N/s] is the rate of an
+    undetected press.
     """
     random = np.random.default_rng(seed)
     step = BLOCK / STEPS
@@ -30,47 +31,47 @@ def blocks(wander: float, offset: float, seed: int = 0, rise: float = 0.0) -> It
             warmed = (chip - film) * -math.expm1(-step / LAG)
             film += warmed
             pressed += rise * step
-            charge = charge * math.exp(-step / LEAK) + PER_KELVIN * warmed + rise * step
-            chip += wander * math.sqrt(step) * random.standard_normal()
+            charge = charge * math.exp(-step / LEAKAGE) + PER_KELVIN * warmed + rise * step
+            chip += random_walk * math.sqrt(step) * random.standard_normal()
             signal += (offset + charge) / STEPS
         before, reading = reading, round(chip / RESOLUTION) * RESOLUTION
         age = 0.0 if reading != before else age + BLOCK
         yield BlockObservation(signal + 1e-5 * random.standard_normal(), 1e-10, 0.0, 0.0, 0.0, 0.0, reading, age)
 
 
-def rest(shared: CommonOffsetFilter, seconds: float, wander: float, offset: float = 0.0, seed: int = 0) -> None:
-    """Let nothing touch for a time [s]."""
-    for _, seen in zip(range(round(seconds / BLOCK)), blocks(wander, offset, seed), strict=False):
+def rest(shared: CommonOffsetFilter, seconds: float, random_walk: float, offset: float = 0.0, seed: int = 0) -> None:
+    """Update with blocks at rest for a time [s]."""
+    for _, seen in zip(range(round(seconds / BLOCK)), blocks(random_walk, offset, seed), strict=False):
         shared.update_at_rest(seen, BLOCK, BLOCK, known=True)
 
 
 @pytest.mark.parametrize("offset", [-0.02, 0.0, 0.5])
-@pytest.mark.parametrize("wander", [1e-3, 3e-3])
-def test_the_offset_is_within_what_is_reported(wander: float, offset: float) -> None:
+@pytest.mark.parametrize("random_walk", [1e-3, 3e-3])
+def test_the_offset_error_is_within_the_reported_uncertainty(random_walk: float, offset: float) -> None:
     errors = []
     for seed in range(40):
-        shared = CommonOffsetFilter(LEAK, LAG, PER_KELVIN, 1e-16)
-        rest(shared, 2.0, wander, offset, seed)
+        shared = CommonOffsetFilter(LEAKAGE, LAG, PER_KELVIN, 1e-16)
+        rest(shared, 2.0, random_walk, offset, seed)
         assert shared.random_walk_found
         touch = shared.begin_touch(0.0, BLOCK)
-        later = shared.update_touched(0.0, math.nan, 0.0, 20.0)  # what is not known of the offset leaks
+        later = shared.update_touched(0.0, math.nan, 0.0, 20.0)  # the offset error leaks
         assert later.offset == pytest.approx(touch.offset, abs=1e-9)
-        drift = (touch.offset - offset) * 20.0 / LEAK
+        drift = (touch.offset - offset) * 20.0 / LEAKAGE
         errors.append(drift / math.sqrt(shared.variance))
-    # Without the chip's sensors the film wanders on for 20 s, which is in the variance and not in this error.
+    # Without chip temperature the film drifts for 20 s, which is included in the variance but not in this error.
     assert np.mean(np.abs(errors) <= 2.0) >= 0.9
     assert np.sqrt(np.mean(np.square(errors))) >= 0.2
 
 
-def test_a_film_at_rest_is_not_found_to_wander() -> None:
-    shared = CommonOffsetFilter(LEAK, LAG, PER_KELVIN, 1e-16)
+def test_no_random_walk_is_identified_for_a_film_at_rest() -> None:
+    shared = CommonOffsetFilter(LEAKAGE, LAG, PER_KELVIN, 1e-16)
     rest(shared, 60.0, 0.0, 0.01)
     assert shared.at_rest
     assert not shared.random_walk_found
 
 
-def test_a_jump_of_the_signal_is_no_warmth() -> None:
-    shared = CommonOffsetFilter(LEAK, LAG, PER_KELVIN, 1e-16)
+def test_a_signal_jump_is_not_attributed_to_temperature() -> None:
+    shared = CommonOffsetFilter(LEAKAGE, LAG, PER_KELVIN, 1e-16)
     rest(shared, 2.0, 2e-3)
     assert shared.random_walk_found
     assert (
@@ -80,11 +81,11 @@ def test_a_jump_of_the_signal_is_no_warmth() -> None:
     assert not shared.random_walk_found
 
 
-def test_a_slow_press_on_all_is_given_up_when_the_chip_does_not_bear_it_out() -> None:
-    shared, taken = CommonOffsetFilter(LEAK, LAG, PER_KELVIN, 1e-16), 0.0
+def test_a_slow_press_on_all_taxels_is_rejected_when_the_chip_temperature_disagrees() -> None:
+    shared, duration = CommonOffsetFilter(LEAKAGE, LAG, PER_KELVIN, 1e-16), 0.0
     rest(shared, 2.0, 2e-3)
     for _, seen in zip(range(100), blocks(0.0, 0.0, rise=0.05), strict=False):
         shared.update_at_rest(seen, BLOCK, BLOCK, known=True)
-        taken += BLOCK * shared.random_walk_found
+        duration += BLOCK * shared.random_walk_found
     assert not shared.random_walk_found
-    assert taken < 0.5
+    assert duration < 0.5

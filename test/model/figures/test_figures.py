@@ -1,4 +1,4 @@
-"""The figures: drawn without fault, the same on every run, with units, and readable without colour."""
+"""The figures: drawn without errors, reproducible, with units, and readable without colour."""
 
 import re
 import subprocess
@@ -19,7 +19,7 @@ from posfet_model.figures.style import save, style
 STORED = DOCS / "figures"
 
 
-def test_the_command_draws_what_it_is_asked_for_the_same_on_every_run(tmp_path, capsys) -> None:
+def test_the_command_draws_the_requested_figures_reproducibly(tmp_path, capsys) -> None:
     name = "fig2_hysteresis"
     for run in ("first", "second"):
         assert command.main([name, "--out", str(tmp_path / run)]) == 0
@@ -30,14 +30,14 @@ def test_the_command_draws_what_it_is_asked_for_the_same_on_every_run(tmp_path, 
         assert not re.search(rb"<dc:date>|Matplotlib v", first)
 
 
-def test_a_figure_that_is_not_there_is_an_error_with_the_names(tmp_path, capsys) -> None:
+def test_an_unknown_figure_is_an_error_that_lists_the_names(tmp_path, capsys) -> None:
     with pytest.raises(SystemExit) as stop:
         command.main(["fig99", "--out", str(tmp_path)])
     assert stop.value.code == 2
     assert "no figure fig99; there are fig2_hysteresis" in capsys.readouterr().err
 
 
-def test_without_matplotlib_one_line_says_so() -> None:
+def test_missing_matplotlib_is_reported_in_one_line() -> None:
     program = "import runpy, sys; sys.modules['matplotlib'] = None; runpy.run_module('posfet_model.figures')"
     folder = Path(command.__file__).parents[2]
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, cwd=folder)
@@ -53,12 +53,12 @@ def test_every_figure_is_stored_and_can_be_drawn(name: str, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_axes_are_named_and_lines_differ_in_more_than_colour(name: str) -> None:
+def test_axes_are_labelled_and_lines_differ_in_more_than_colour(name: str) -> None:
     with style():
         figure = FIGURES[name]()
         figure.draw_without_rendering()
     panels = [axes for axes in figure.axes if hasattr(axes, "get_subplotspec") and axes.get_subplotspec() is not None]
-    for axes in panels:  # a name may stand once for a column or a row of panels
+    for axes in panels:  # one label may serve a column or a row of panels
         place = axes.get_subplotspec()
         column = [other for other in panels if other.get_subplotspec().colspan == place.colspan]
         row = [other for other in panels if other.get_subplotspec().rowspan == place.rowspan]
@@ -74,4 +74,4 @@ def test_axes_are_named_and_lines_differ_in_more_than_colour(name: str) -> None:
                     line.get_linewidth(),
                 )
                 colour = line_styles.setdefault(look, line.get_color())
-                assert colour == line.get_color(), f"two colours of the same dashes: {look}"
+                assert colour == line.get_color(), f"two colours with the same line style: {look}"

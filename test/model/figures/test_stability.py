@@ -1,4 +1,4 @@
-"""The map of integration schemes says what docs/stability.md says of each, and only the exact one is in the model."""
+"""The map of integration schemes agrees with docs/stability.md, and the model uses only the exact scheme."""
 
 import ast
 import math
@@ -18,13 +18,13 @@ RATIOS = np.logspace(-18, 12, 301)
 
 
 @pytest.mark.parametrize(("name", "limit"), [("Euler", 2.0), ("Heun", 2.0), ("Runge-Kutta 4", 2.785293563)])
-def test_explicit_schemes_blow_up_from_their_limit_on(name: str, limit: float) -> None:
+def test_explicit_schemes_diverge_beyond_their_stability_limit(name: str, limit: float) -> None:
     below, above = remaining_error(BY_NAME[name], np.array([0.95 * limit, 1.1 * limit]), steps=1000)
     assert below < 1e-9
     assert above > DIVERGED
 
 
-def test_clipped_euler_stays_finite_and_is_wrong() -> None:
+def test_clipped_euler_stays_finite_but_is_wrong() -> None:
     scheme = BY_NAME["Euler, slew clipped"]
     assert remaining_error(scheme, np.array([1.9]))[0] < 1e-9
     wrong = remaining_error(scheme, np.logspace(math.log10(2.1), 6, 100))
@@ -44,13 +44,13 @@ def test_the_trapezoidal_rule_rings() -> None:
     assert remaining_error(scheme, np.array([1e4]))[0] > 0.9
 
 
-def test_backward_euler_is_stable_and_inexact() -> None:
+def test_backward_euler_is_stable_but_inexact() -> None:
     error = largest_error(BY_NAME["backward Euler"], RATIOS)
     assert 0.2 < error.max() < 0.21
     assert remaining_error(BY_NAME["backward Euler"], RATIOS[RATIOS > 1]).max() < 1e-12
 
 
-def test_the_exact_step_is_exact_and_the_one_of_the_model() -> None:
+def test_the_exact_step_is_exact_and_is_the_one_in_the_model() -> None:
     scheme = BY_NAME["exact exponential"]
     assert largest_error(scheme, RATIOS).max() < 1e-13
     assert math.isnan(first_step_beyond(scheme, 1e-9))
@@ -61,7 +61,7 @@ def test_the_exact_step_is_exact_and_the_one_of_the_model() -> None:
     np.testing.assert_allclose(held.lags[0], scheme.advance(np.ones(ratio.size), ratio), rtol=0, atol=2e-16)
 
 
-def test_no_module_outside_the_figures_knows_the_other_schemes() -> None:
+def test_no_module_outside_the_figures_uses_the_other_schemes() -> None:
     package = Path(posfet_model.__file__).parent
     for module in package.rglob("*.py"):
         if module.parent.name == "figures":

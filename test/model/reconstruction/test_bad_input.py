@@ -1,4 +1,4 @@
-"""Every fault of the input, into rest and into a held touch: flagged, over within 50 ms, and without a trace."""
+"""Every input fault, at rest and during a held touch: flagged, recovered within 50 ms, and without lasting effect."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SENSOR = load_sensor()
 LAYOUT = SENSOR.layout
 FINGER = sphere_forces(0.6e-3, -0.4e-3, 1.0, 6e-3, 1e6, SENSOR.device.contact_spread, LAYOUT.pitch_x, LAYOUT.rows)
 BEGIN = 1000
-"""Index of the scan in which a fault begins; scans come every millisecond."""
+"""Index of the scan in which a fault begins; the scan period is 1 ms."""
 RECOVERED = 50
 
 Edit = Callable[[int, Scan], "bool | None"]
@@ -52,12 +52,12 @@ def random_counts(length: int) -> Edit:
     return edit
 
 
-def lose(length: int) -> Edit:
+def drop(length: int) -> Edit:
     return lambda index, scan: not BEGIN <= index < BEGIN + length
 
 
 def later(field: str, change: int) -> Edit:
-    """A clock that jumps, and stays so."""
+    """Return a fault that shifts a clock permanently."""
 
     def edit(index: int, scan: Scan) -> None:
         if index >= BEGIN:
@@ -66,7 +66,7 @@ def later(field: str, change: int) -> Edit:
     return edit
 
 
-def begins_anew(index: int, scan: Scan) -> None:
+def restarts(index: int, scan: Scan) -> None:
     if index >= BEGIN:
         scan.sequence, scan.device_time = index - BEGIN, 1000 * (index - BEGIN)
         scan.status = int(ScanStatus.BOARD_RESET) if index == BEGIN else scan.status
@@ -74,9 +74,9 @@ def begins_anew(index: int, scan: Scan) -> None:
 
 FAULTS: dict[str, tuple[int, Edit]] = {
     "no temperature": (0, set_field(300, temperatures=np.full(2, np.nan, np.float32))),
-    "one lost": (0, lose(1)),
-    "20 lost": (0, lose(20)),
-    "200 lost": (0, lose(200)),
+    "one lost": (0, drop(1)),
+    "20 lost": (0, drop(20)),
+    "200 lost": (0, drop(200)),
     "ADC fault": (5, set_field(5, status=int(ScanStatus.ADC_FAULT))),
     "other layout": (5, set_field(5, layout_id=99)),
     "too few counts": (5, set_field(5, counts=np.zeros(3, np.uint16))),
@@ -87,9 +87,9 @@ FAULTS: dict[str, tuple[int, Edit]] = {
     "clock ahead": (1, later("device_time", 10**9)),
     "clock behind": (1, later("device_time", -500_000)),
     "sequence far ahead": (0, later("sequence", 2**31)),
-    "begins anew": (1, begins_anew),
+    "begins anew": (1, restarts),
 }
-"""By name: how many scans have to be flagged at least, and the fault."""
+"""By name: minimum number of flagged scans, and the fault."""
 
 
 def play(force: float, edit: Edit, repeat: bool = False) -> tuple[list[tuple[int, bool, Any, Any]], Reconstructor]:
@@ -110,7 +110,7 @@ def play(force: float, edit: Edit, repeat: bool = False) -> tuple[list[tuple[int
 
 @pytest.mark.parametrize("force", [0.0, 1.5])
 @pytest.mark.parametrize("name", list(FAULTS))
-def test_a_fault_is_flagged_and_gone_within_50_ms(name: str, force: float) -> None:
+def test_a_fault_is_flagged_and_has_no_effect_after_50_ms(name: str, force: float) -> None:
     flagged, edit = FAULTS[name]
     frames, _ = play(force, edit)
     quiet = {index: forces for index, _, forces, _ in play(force, lambda index, scan: None)[0]}
@@ -119,13 +119,13 @@ def test_a_fault_is_flagged_and_gone_within_50_ms(name: str, force: float) -> No
     after = [frame for frame in frames if frame[0] >= end + RECOVERED]
     assert len(after) > 300
     assert all(valid for _, valid, *_ in after)
-    # What was learnt of the leak is less, or other; a wrong leak is in what is reported.
+    # The leakage estimate is less accurate or different; the reported uncertainty covers its error.
     for index, _, forces, deviations in after:
         assert (np.abs(forces - quiet[index]) <= np.maximum(5e-3, deviations)).all()
 
 
 @pytest.mark.parametrize("force", [0.0, 1.5])
-def test_scans_that_come_twice_change_nothing(force: float) -> None:
+def test_duplicate_scans_change_nothing(force: float) -> None:
     twice, reconstructor = play(force, lambda index, scan: None, repeat=True)
     once, _ = play(force, lambda index, scan: None)
     assert reconstructor.counts.repeated == 600
@@ -133,7 +133,7 @@ def test_scans_that_come_twice_change_nothing(force: float) -> None:
     np.testing.assert_array_equal(twice[-1][2], once[-1][2])
 
 
-def test_a_force_that_was_held_through_an_interruption_is_not_valid_until_it_ends() -> None:
+def test_a_force_held_through_an_interruption_is_invalid_until_release() -> None:
     reconstructor = Reconstructor(SENSOR)
     valid = {}
     for time, scan in scans(SENSOR, 5.0, force=press(1.5, 0.5, 3.0), shape=FINGER):

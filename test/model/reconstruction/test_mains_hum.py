@@ -1,4 +1,4 @@
-"""Hum is found, followed and taken away, and nothing else is."""
+"""Mains hum is detected, tracked and removed; other signals stay unchanged."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ BLOCK = 20
 CONTACT = [6, 7, 8, 11, 12, 13, 16, 17, 18]
 
 Signal = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Times [s] in, what the taxels show besides noise out, shape [scans, taxels]."""
+"""Maps times [s] to the signals of the taxels without noise, shape [scans, taxels]."""
 
 
-def hum(frequency: float, amplitude: float = 1.5, wander: float = 0.0) -> Signal:
-    """Return a hum whose amplitudes and phases differ; its frequency changes by `wander` [Hz/s]."""
+def hum(frequency: float, amplitude: float = 1.5, drift: float = 0.0) -> Signal:
+    """Return a hum whose amplitudes and phases differ between taxels; its frequency drifts at `drift` [Hz/s]."""
     random = np.random.default_rng(5)
     size, ahead = amplitude * random.uniform(0.5, 1.5, TAXELS), random.uniform(-0.6, 0.6, TAXELS)
 
     def show(times: NDArray[np.float64]) -> NDArray[np.float64]:
-        turns = frequency * times + 0.5 * wander * times**2
+        turns = frequency * times + 0.5 * drift * times**2
         return size * np.cos(2.0 * math.pi * turns[:, None] + ahead)
 
     return show
 
 
 def nothing(times: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what no hum shows."""
+    """Return the signal without hum."""
     return np.zeros((len(times), TAXELS))
 
 
@@ -53,7 +53,7 @@ def run(
     start: float = 0.0,
     noise: float = NOISE,
 ) -> NDArray[np.float64]:
-    """Run from `start` [s] on; return what is left of `signal`, noise left out, shape [scans, taxels]."""
+    """Process from `start` [s] on; return the residual of `signal` without noise, shape [scans, taxels]."""
     times = start + (np.arange(round(seconds * rate)) + 1) / rate
     shown = signal(times)
     given = shown + noise * np.random.default_rng(1).standard_normal(shown.shape)
@@ -76,26 +76,26 @@ def rms(values: NDArray[np.float64]) -> float:
 
 @pytest.mark.parametrize("frequency", [49.8, 50.0, 50.2, 59.8, 60.0, 60.2])
 @pytest.mark.parametrize("rate", [500.0, 1000.0, 4000.0])
-def test_a_hum_is_taken_away_wherever_mains_are(frequency: float, rate: float) -> None:
+def test_hum_is_removed_at_any_mains_frequency(frequency: float, rate: float) -> None:
     mains, shown = MainsHum(TAXELS, rate, NOISE), hum(frequency)
     left = run(mains, shown, 4.0, rate=rate)
     assert rms(left[-round(rate) :]) < 0.15 * rms(shown(np.arange(1000) / 1000))
     assert mains.frequency == pytest.approx(frequency, abs=0.03)
 
 
-def test_it_follows_a_frequency_that_wanders() -> None:
-    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0, wander=0.02)
+def test_a_drifting_mains_frequency_is_tracked() -> None:
+    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0, drift=0.02)
     left = run(mains, shown, 12.0)
     assert rms(left[-1000:]) < 0.15 * rms(shown(np.arange(1000) / 1000))
 
 
-def test_a_sum_of_all_taxels_loses_nearly_all_of_the_hum() -> None:
+def test_nearly_all_hum_is_removed_from_the_sum_of_all_taxels() -> None:
     mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0)
     total = run(mains, shown, 4.0).sum(axis=1)
     assert rms(total[-1000:]) < 0.03 * rms(shown(np.arange(1000) / 1000).sum(axis=1))
 
 
-def test_without_a_hum_signals_stay_to_the_bit_and_not_all_are_looked_at() -> None:
+def test_without_hum_signals_stay_bit_identical_and_not_all_are_analysed() -> None:
     mains = MainsHum(TAXELS, RATE, NOISE)
     assert not run(mains, nothing, 10.0).any()
     assert not mains.present and math.isnan(mains.frequency) and mains.amplitude == 0.0
@@ -110,7 +110,7 @@ def test_without_a_hum_signals_stay_to_the_bit_and_not_all_are_looked_at() -> No
 
 
 @pytest.mark.parametrize("end", [0.0, 3.0])
-def test_a_burst_at_the_frequency_of_the_mains_leaves_nothing_behind(end: float) -> None:
+def test_a_burst_at_mains_frequency_leaves_no_residual(end: float) -> None:
     mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0)
     run(mains, shown, 0.15 + end)
     left = run(mains, nothing, 4.0, start=0.15 + end)
@@ -121,13 +121,13 @@ def test_a_burst_at_the_frequency_of_the_mains_leaves_nothing_behind(end: float)
 @pytest.mark.parametrize(
     "signal", [lambda t: np.outer(t, np.full(TAXELS, 50.0)), lambda t: np.outer(t > 1.0, np.ones(TAXELS)) * 80.0]
 )
-def test_ramps_and_steps_are_no_hum(signal: Signal) -> None:
+def test_ramps_and_steps_are_not_mistaken_for_hum(signal: Signal) -> None:
     mains = MainsHum(TAXELS, RATE, NOISE)
     left = run(mains, signal, 4.0)
     assert rms((left - signal((np.arange(4000) + 1) / RATE))[-1000:]) == 0.0
 
 
-def test_a_contact_that_vibrates_with_the_mains_stays_what_it_is() -> None:
+def test_contact_vibration_at_mains_frequency_is_preserved() -> None:
     mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0)
     run(mains, shown, 3.0)
 
@@ -141,14 +141,14 @@ def test_a_contact_that_vibrates_with_the_mains_stays_what_it_is() -> None:
     assert rms((left - force)[-1000:]) < 0.15 * rms(shown(np.arange(1000) / 1000))
 
 
-def test_in_a_long_touch_the_untouched_taxels_keep_the_phase_for_all() -> None:
-    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0, wander=0.01)
+def test_during_a_long_touch_untouched_taxels_keep_the_phase_locked() -> None:
+    mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0, drift=0.01)
     run(mains, shown, 3.0)
     left = run(mains, shown, 20.0, CONTACT, start=3.0)
     assert rms(left[-1000:, CONTACT]) < 0.15 * rms(shown(np.arange(1000) / 1000)[:, CONTACT])
 
 
-def test_when_all_are_touched_it_is_foretold_for_a_while_and_then_left_in() -> None:
+def test_when_all_taxels_are_touched_hum_is_predicted_for_a_limited_time() -> None:
     mains, shown, every = MainsHum(TAXELS, RATE, NOISE), hum(50.1), list(range(TAXELS))
     run(mains, shown, 6.0)
     soon = run(mains, shown, 2.0, every, start=6.0)
@@ -158,7 +158,7 @@ def test_when_all_are_touched_it_is_foretold_for_a_while_and_then_left_in() -> N
     np.testing.assert_array_equal(late[-100:], shown(8.0 + (np.arange(len(late))[-100:] + 1) / RATE))
 
 
-def test_after_an_interruption_it_is_found_anew() -> None:
+def test_hum_is_identified_again_after_an_interruption() -> None:
     mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0)
     run(mains, shown, 2.0)
     mains.interrupt()
@@ -167,7 +167,7 @@ def test_after_an_interruption_it_is_found_anew() -> None:
     assert rms(left[-500:]) < 0.15 * rms(shown(np.arange(1000) / 1000))
 
 
-def test_a_taxel_that_does_not_work_says_nothing() -> None:
+def test_faulty_taxels_are_ignored() -> None:
     mains, shown = MainsHum(TAXELS, RATE, NOISE), hum(50.0)
     broken = np.zeros(TAXELS, np.bool_)
     broken[3] = True
@@ -181,14 +181,14 @@ def test_a_taxel_that_does_not_work_says_nothing() -> None:
     assert rms(np.delete(given[-500:], 3, axis=1)) < 0.05 * rms(shown(times))
 
 
-def test_too_few_scans_in_a_period_leave_all_as_it_is() -> None:
+def test_too_few_scans_per_period_leave_the_signals_unchanged() -> None:
     mains = MainsHum(TAXELS, 100.0, NOISE)
     assert not mains.sampling
     run(mains, hum(50.0), 3.0, rate=100.0)
     assert not mains.present
 
 
-def test_a_board_that_hums_is_as_quiet_as_one_that_does_not() -> None:
+def test_a_board_with_hum_is_as_quiet_as_one_without() -> None:
     sensor = load_sensor()
     scene = load_scene("idle", sensor)
     spread = {}

@@ -1,4 +1,4 @@
-"""The whole path from counts to contacts, on pressure integrated elsewhere, on other devices, and on broken scans."""
+"""The whole path from counts to contacts, with independent pressure, with model mismatch, and with faulty scans."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LAYOUT = SENSOR.layout
 
 
 def sphere(x: float, y: float) -> Any:
-    """Force of each taxel for a fingertip of 1 N."""
+    """Return the force on each taxel for a fingertip of 1 N."""
     return sphere_forces(x, y, 1.0, 6e-3, 1e6, SENSOR.device.contact_spread, LAYOUT.pitch_x, LAYOUT.rows)
 
 
@@ -47,7 +47,7 @@ def run(
     device: Sensor = SENSOR,
     **scene: Any,
 ) -> list[Reconstruction]:
-    """Results of all scans; `edit` may change a scan, or return False to lose it."""
+    """Return the results of all scans; `edit` may change a scan, or return False to drop it."""
     results = []
     for time, scan in scans(device, duration, **scene):
         if edit(round(time * 1000), scan) is not False:
@@ -56,7 +56,7 @@ def run(
 
 
 def at(results: list[Reconstruction], seconds: float) -> Reconstruction:
-    """The newest result that was taken at a time [s] of the scene."""
+    """Return the newest result at a time [s] of the scene."""
     return [result for result in results if result.stamp <= START + round(seconds * 1e9)][-1]
 
 
@@ -64,11 +64,11 @@ def contacts_of(results: list[Reconstruction]) -> list[Contact]:
     return [contact for result in results for contact in result.contacts]
 
 
-def test_a_fingertip_presses_and_lifts() -> None:
+def test_onset_and_release_of_a_fingertip() -> None:
     reconstructor = Reconstructor(SENSOR)
     results = run(reconstructor, 2.0, force=press(1.5, 0.5, 1.5), shape=FINGER)
     assert not results[0].valid
-    assert all(result.valid for result in results[101:])  # one after the block that settles it
+    assert all(result.valid for result in results[101:])  # one scan after the block that makes the offsets known
     assert not contacts_of(results[:501])
     [contact] = at(results, 1.0).contacts
     assert contact.region.force == pytest.approx(1.5, abs=0.02)
@@ -81,15 +81,15 @@ def test_a_fingertip_presses_and_lifts() -> None:
 
 
 @pytest.mark.parametrize("newton", [0.5, 2.0])
-def test_a_slide_across_the_array_keeps_its_id_and_place(newton: float) -> None:
+def test_a_slide_across_the_array_keeps_its_id_and_position(newton: float) -> None:
     reconstructor = Reconstructor(SENSOR)
     chain = ForwardSignalChain(SENSOR, np.random.default_rng(8))
     scan = Scan.empty(LAYOUT.id, LAYOUT.taxels)
-    places = np.linspace(-3e-3, 3e-3, 41)
-    shapes = [sphere(x, 0.5e-3) * newton for x in places]
+    positions = np.linspace(-3e-3, 3e-3, 41)
+    shapes = [sphere(x, 0.5e-3) * newton for x in positions]
     errors, ids, speeds = [], set(), []
     for index in range(1100):
-        # 200 ms without touch, 100 ms of pressing, then 6 mm in 800 ms between the tabulated places.
+        # 200 ms without touch, 100 ms of pressing, then 6 mm in 800 ms between the tabulated positions.
         where = max(0.0, (index - 300) / 800) * 40
         low = min(int(where), 39)
         forces = shapes[low] + (where - low) * (shapes[low + 1] - shapes[low])
@@ -100,7 +100,7 @@ def test_a_slide_across_the_array_keeps_its_id_and_place(newton: float) -> None:
         result = reconstructor.process(scan)
         if index > 300:
             [contact] = result.contacts
-            truth = places[0] + (places[-1] - places[0]) * where / 40
+            truth = positions[0] + (positions[-1] - positions[0]) * where / 40
             errors.append(math.dist(contact.region.centre_of_pressure, (truth, 0.5e-3)))
             ids.add(contact.id)
             speeds.append(contact.velocity[0])
@@ -110,7 +110,7 @@ def test_a_slide_across_the_array_keeps_its_id_and_place(newton: float) -> None:
     assert np.median(speeds[100:]) == pytest.approx(7.5e-3, rel=0.05)
 
 
-def test_a_light_step_is_found_within_two_scans() -> None:
+def test_a_light_step_is_detected_within_two_scans() -> None:
     results = run(Reconstructor(SENSOR), 0.6, force=press(0.021, 0.5, 9.0, rise=1e-6))
     first = next(index for index, result in enumerate(results) if result.contacts)
     assert 500 <= first <= 502
@@ -124,20 +124,20 @@ def test_a_light_step_is_found_within_two_scans() -> None:
         ({"piezoelectric_coefficient": -38e-12 * 1.1}, 1.1),
     ],
 )
-def test_another_device_than_described_still_gives_one_contact_in_its_place(
+def test_a_device_that_differs_from_its_description_still_gives_one_contact_at_its_position(
     device: dict[str, float], scale: float
 ) -> None:
     other = replace(SENSOR, device=replace(SENSOR.device, **device))
     reconstructor = Reconstructor(SENSOR)
     results = run(reconstructor, 5.0, device=other, force=press(1.5, 0.5, 2.5), shape=FINGER)
     [contact] = at(results, 2.4).contacts
-    assert contact.region.force == pytest.approx(1.5 * scale, rel=0.03)  # the leak is found
+    assert contact.region.force == pytest.approx(1.5 * scale, rel=0.03)  # the leakage is identified
     assert math.dist(contact.region.centre_of_pressure, (0.6e-3, -0.4e-3)) < 0.1e-3
     assert results[-1].valid
     assert not results[-1].contacts
 
 
-def lose(first: int, last: int) -> Callable[[int, Scan], bool | None]:
+def drop(first: int, last: int) -> Callable[[int, Scan], bool | None]:
     return lambda index, scan: False if first <= index <= last else None
 
 
@@ -194,7 +194,7 @@ def repeated(index: int, scan: Scan) -> None:
 @pytest.mark.parametrize(
     ("edit", "cause", "count"),
     [
-        (lose(1000, 1099), "missed", 100),
+        (drop(1000, 1099), "missed", 100),
         (board_reset, "resets", 1),
         (clock_jump, "time_jumps", 1),
         (wrapped, "resets", 1),
@@ -207,7 +207,7 @@ def repeated(index: int, scan: Scan) -> None:
         (no_temperature, "missed", 0),
     ],
 )
-def test_a_broken_scan_is_counted_and_the_held_force_goes_on(
+def test_a_faulty_scan_is_counted_and_the_held_force_is_kept(
     edit: Callable[[int, Scan], bool | None], cause: str, count: int
 ) -> None:
     reconstructor = Reconstructor(SENSOR)
@@ -223,7 +223,7 @@ def test_a_broken_scan_is_counted_and_the_held_force_goes_on(
 
 
 @pytest.mark.parametrize("edit", [full_scale, absurd, adc_fault, other_layout])
-def test_a_frame_that_cannot_be_used_is_flagged_and_nothing_is_lost_from_the_next_on(
+def test_an_unusable_frame_is_flagged_and_the_next_ones_are_complete(
     edit: Callable[[int, Scan], bool | None],
 ) -> None:
     reconstructor = Reconstructor(SENSOR)
@@ -253,19 +253,21 @@ def test_a_frame_that_cannot_be_used_is_flagged_and_nothing_is_lost_from_the_nex
 
 def test_a_contact_released_before_an_unusable_scan_is_not_released_twice() -> None:
     reconstructor = Reconstructor(SENSOR)
-    states = []
+    states: list[ContactState] = []
+    released = False
     for time, scan in scans(SENSOR, 1.0, force=press(1.5, 0.5, 0.7), shape=FINGER):
-        released = any(contact.state is ContactState.RELEASED for contact in reconstructor._result.contacts)
         if released:
             scan.status = int(ScanStatus.ADC_FAULT)
-        states += [contact.state for contact in reconstructor.process(scan).contacts]
-        assert time < 0.7 or not reconstructor._result.unusable or not reconstructor._result.contacts
+        result = reconstructor.process(scan)
+        states += [contact.state for contact in result.contacts]
+        released = any(contact.state is ContactState.RELEASED for contact in result.contacts)
+        assert time < 0.7 or not result.unusable or not result.contacts
     assert states.count(ContactState.RELEASED) == 1
     assert reconstructor.counts.adc_fault == 1
 
 
-def test_an_interruption_is_not_valid_and_heals_within_50_ms() -> None:
-    results = run(Reconstructor(SENSOR), 2.5, lose(700, 1500), force=press(1.5, 0.5, 0.6), shape=FINGER)
+def test_an_interruption_is_invalid_and_recovers_within_50_ms() -> None:
+    results = run(Reconstructor(SENSOR), 2.5, drop(700, 1500), force=press(1.5, 0.5, 0.6), shape=FINGER)
     later = [result for result in results if result.stamp >= START + 1_500_000_000]
     assert not later[0].valid
     assert all(result.valid for result in later[50:])
@@ -274,33 +276,33 @@ def test_an_interruption_is_not_valid_and_heals_within_50_ms() -> None:
 
 @pytest.mark.parametrize("lag", [0.7, 1.0, 1.3])
 @pytest.mark.parametrize("rate", [0.25, 1.0, -1.0])
-def test_an_abrupt_ramp_of_temperature_at_10_hz_is_no_contact(rate: float, lag: float) -> None:
+def test_an_abrupt_temperature_ramp_sampled_at_10_hz_causes_no_contact(rate: float, lag: float) -> None:
     reconstructor, chain = Reconstructor(SENSOR), ForwardSignalChain(SENSOR, np.random.default_rng(2))
     scan = Scan.empty(LAYOUT.id, LAYOUT.taxels)
     behind = 0.0
     contacts = 0
     for index in range(4000):
-        warmth = min(max((index - 1000) * 1e-3 * abs(rate), 0.0), 5.0)
+        rise = min(max((index - 1000) * 1e-3 * abs(rate), 0.0), 5.0)
         step = leakage_step(1e-3, lag * SENSOR.device.thermal_time_constant)
-        behind = step.decay * behind + step.mean * (abs(rate) * 1e-3 if 0 < warmth < 5.0 else 0.0)
-        chain.advance(np.zeros(LAYOUT.taxels), 25.0 + math.copysign(warmth - behind, rate), 1e-3)
+        behind = step.decay * behind + step.mean * (abs(rate) * 1e-3 if 0 < rise < 5.0 else 0.0)
+        chain.advance(np.zeros(LAYOUT.taxels), 25.0 + math.copysign(rise - behind, rate), 1e-3)
         chain.counts(scan.counts)
         if index % 100 == 0:
-            scan.temperatures[:] = round((25.0 + math.copysign(warmth, rate)) * 256) / 256
+            scan.temperatures[:] = round((25.0 + math.copysign(rise, rate)) * 256) / 256
         scan.sequence, scan.device_time, scan.stamp = index, 1000 * index, START + 1_000_000 * index
         contacts += len(reconstructor.process(scan).contacts)
     assert contacts == 0
 
 
 @pytest.mark.parametrize("seed", [5, 6])
-def test_warming_of_a_board_with_other_leaks_than_described_is_no_contact(seed: int) -> None:
+def test_warming_with_leakage_model_mismatch_causes_no_contact(seed: int) -> None:
     score = run_score(Run(SENSOR, load_scene("temperature_ramp", SENSOR), 7.0, seed, ErrorModel.default()))
     assert score.false_contacts_per_hour == 0.0
 
 
 WARM_FINGER = """
 name: warm_finger
-description: a fingertip of 34 degC holds 1.5 N on a chip of 25 degC, and lifts
+description: a fingertip of 34 degC holds 1.5 N on a chip of 25 degC, then releases
 temperature_degC: 25.0
 objects:
   - name: fingertip
@@ -317,8 +319,10 @@ objects:
 
 
 @pytest.mark.parametrize(("board", "error"), [("ideal", 0.05), ("calibrated", 0.2)])
-def test_a_warm_finger_stays_one_contact_of_its_force_until_it_lifts(board: str, error: float, tmp_path: Path) -> None:
-    """It warms the film by 1.1 K, of which each taxel makes as much signal as of 1.2 N."""
+def test_a_warm_finger_stays_one_contact_with_correct_force_until_release(
+    board: str, error: float, tmp_path: Path
+) -> None:
+    """The finger warms the film by 1.1 K, which gives each taxel the signal of 1.2 N."""
     path = tmp_path / "warm_finger.yaml"
     path.write_text(WARM_FINGER)
     imperfections = None if board == "ideal" else replace(ErrorModel.default(), resets_per_hour=0.0)
@@ -331,7 +335,7 @@ def test_a_warm_finger_stays_one_contact_of_its_force_until_it_lifts(board: str,
             assert result.valid
             [contact] = result.contacts
             assert contact.region.force == pytest.approx(1.45, abs=error)
-            if calibration:  # the untouched taxels show what the leak of the warmth's charge comes to
+            if calibration:  # the untouched taxels show the leakage of the pyroelectric charge
                 assert math.sqrt(contact.region.force_variance) < 0.25
         elif truth.time > 9.4:
             assert not result.contacts
@@ -339,10 +343,10 @@ def test_a_warm_finger_stays_one_contact_of_its_force_until_it_lifts(board: str,
 
 
 @pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 2), (3, 1), (2, 2), (1, 7)])
-def test_an_array_of_few_taxels_does_what_a_large_one_does(rows: int, cols: int) -> None:
+def test_a_small_array_behaves_like_a_large_one(rows: int, cols: int) -> None:
     sensor = replace(SENSOR, layout=replace(LAYOUT, rows=rows, cols=cols))
     shape = np.ones(rows * cols)
-    shape[4:] = 0.0  # a fingertip covers a small one whole
+    shape[4:] = 0.0  # a fingertip covers a small array completely
     reconstructor = Reconstructor(sensor)
     results = run(reconstructor, 1.5, device=sensor, force=press(0.5, 0.5, 9.0, rise=0.2), shape=shape)
     assert all(result.valid for result in results[101:])
@@ -354,7 +358,7 @@ def test_an_array_of_few_taxels_does_what_a_large_one_does(rows: int, cols: int)
     assert not reconstructor.tare().done
 
 
-def test_a_slow_press_on_the_whole_array_comes_to_light() -> None:
+def test_a_slow_press_on_the_whole_array_is_detected() -> None:
     results = run(Reconstructor(SENSOR), 3.0, force=press(0.1, 1.0, 9.0, rise=0.2), shape=np.ones(LAYOUT.taxels))
     assert not contacts_of(results[:1000])
     [contact] = at(results, 2.9).contacts
@@ -362,7 +366,7 @@ def test_a_slow_press_on_the_whole_array_comes_to_light() -> None:
 
 
 @pytest.mark.parametrize("gap", [range(1000, 1100), range(1500, 1600), range(2600, 2700)])
-def test_scans_lost_while_a_finger_slides_and_lifts_do_not_spoil_its_force(gap: range) -> None:
+def test_scans_lost_during_slide_and_release_do_not_corrupt_the_force(gap: range) -> None:
     reconstructor, errors = Reconstructor(SENSOR), []
     for scan, truth in received_scans(SENSOR, load_scene("press_slide_lift", SENSOR), gap.stop * 1e-3 + 0.1, 0):
         if scan.sequence in gap:
@@ -375,8 +379,8 @@ def test_scans_lost_while_a_finger_slides_and_lifts_do_not_spoil_its_force(gap: 
     assert max(errors) < 0.03
 
 
-def test_the_deviation_of_a_contact_holds_what_a_wrong_leak_makes_of_its_force() -> None:
-    """By the description alone the leak is known to 10 %, and this board's is that far off."""
+def test_the_contact_uncertainty_covers_the_force_error_of_wrong_leakage() -> None:
+    """Uncalibrated, the leakage has an uncertainty of 10 %, and this board deviates by that much."""
     device = perturbed(SENSOR, {"leak": -10.0})
     reconstructor, inside = Reconstructor(SENSOR), []
     for scan, truth in received_scans(device, load_scene("hold", device), 4.0, 1):
@@ -389,19 +393,19 @@ def test_the_deviation_of_a_contact_holds_what_a_wrong_leak_makes_of_its_force()
 
 
 @pytest.mark.parametrize("start", [0.1, 0.35, 0.6, 1.0, 1.5, 2.0, 2.65])
-def test_a_start_amid_a_touch_is_not_valid_until_its_zero_can_be_trusted(start: float) -> None:
+def test_a_start_during_a_touch_is_invalid_until_the_baseline_is_reliable(start: float) -> None:
     reconstructor, begun = Reconstructor(SENSOR), round(1000 * start)
     valid_from, worst = 0, 0.0
     for scan, truth in received_scans(SENSOR, load_scene("press_slide_lift", SENSOR), 7.0, 0):
         if scan.sequence >= begun and reconstructor.process(scan).valid:
             valid_from = valid_from or scan.sequence
             worst = max(worst, abs(reconstructor.image().total - float(truth.force.sum())))
-    # Untouched until 0.3 s, and from 2.9 s on.
+    # Untouched until 0.3 s and from 2.9 s on.
     assert begun < valid_from <= (250 if start == 0.1 else 2900 + 1300)
     assert worst < 0.1
 
 
-def test_a_lasting_overload_is_believed_and_flagged() -> None:
+def test_a_lasting_overload_is_kept_and_flagged() -> None:
     reconstructor = Reconstructor(SENSOR)
     run(reconstructor, 0.53, force=press(9.0, 0.5, 9.0), shape=np.ones(LAYOUT.taxels))
     image = reconstructor.image()
@@ -411,7 +415,7 @@ def test_a_lasting_overload_is_believed_and_flagged() -> None:
     assert math.isnan(image.total_standard_deviation)
 
 
-def test_one_overloaded_taxel_is_a_lower_bound_and_comes_back() -> None:
+def test_one_overloaded_taxel_gives_a_lower_bound_and_recovers() -> None:
     reconstructor = Reconstructor(SENSOR)
     tip = sphere_forces(0.0, 0.0, 1.0, 1e-3, 8e6, SENSOR.device.contact_spread, LAYOUT.pitch_x, LAYOUT.rows)
     results = run(reconstructor, 3.0, force=press(8.0, 0.5, 1.5), shape=tip / tip.max())
@@ -420,7 +424,7 @@ def test_one_overloaded_taxel_is_a_lower_bound_and_comes_back() -> None:
     assert math.isnan(first.contacts[0].region.peak_pressure)
     [held] = at(results, 1.0).contacts
     assert 5.0 < held.region.force - 8.0 * (1.0 / tip.max() - 1.0) <= 8.0, (
-        "of that taxel; the others are not at the end"
+        "of that taxel; the others are not out of range"
     )
     assert results[-1].valid
     assert not results[-1].contacts
@@ -435,7 +439,7 @@ def test_forces_are_nan_until_the_offsets_are_known() -> None:
     assert reconstructor.unsettled == LAYOUT.taxels
 
 
-def test_a_taxel_that_a_calibration_calls_dead_holds_up_nothing() -> None:
+def test_a_taxel_marked_dead_by_a_calibration_delays_nothing() -> None:
     gain = np.ones(LAYOUT.taxels)
     gain[[0, 18]] = math.nan
     reconstructor = Reconstructor(SENSOR, replace(Calibration.nominal(SENSOR), gain=gain))
@@ -445,7 +449,7 @@ def test_a_taxel_that_a_calibration_calls_dead_holds_up_nothing() -> None:
     assert np.flatnonzero(np.isnan(reconstructor.image().force)).tolist() == [0, 18]
 
 
-def test_random_scans_never_raise_and_leave_no_trace() -> None:
+def test_random_scans_never_raise_and_have_no_lasting_effect() -> None:
     reconstructor = Reconstructor(SENSOR)
     rng = np.random.default_rng(11)
     index = 0
@@ -468,7 +472,7 @@ def test_random_scans_never_raise_and_leave_no_trace() -> None:
     assert contact.region.force == pytest.approx(1.5, abs=0.05)
 
 
-def test_idle_scans_allocate_nothing_that_stays() -> None:
+def test_idle_scans_retain_no_memory() -> None:
     reconstructor = Reconstructor(SENSOR)
     stream = scans(SENSOR, 3.0)
     for _ in range(1000):

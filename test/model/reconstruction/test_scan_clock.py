@@ -1,4 +1,4 @@
-"""Which scans are taken, the interval before each, and what is counted."""
+"""Which scans are accepted, the interval before each, and the counters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ START = 1_700_000_000_000_000_000
 
 
 def scan(index: int, **changes: Any) -> Scan:
-    """Scan `index` of a board at 1 kHz."""
+    """Return scan `index` of a board at 1 kHz."""
     made = Scan.empty(SENSOR.layout.id, SENSOR.layout.taxels)
     made.sequence, made.device_time, made.stamp = index, 1000 * index, START + 1_000_000 * index
     for name, value in changes.items():
@@ -26,13 +26,13 @@ def scan(index: int, **changes: Any) -> Scan:
     return made
 
 
-def take(clock: ScanClock, made: Scan) -> bool:
+def accept(clock: ScanClock, made: Scan) -> bool:
     return clock.fits(made) and clock.admit(made)
 
 
 def clock_after(scans: int) -> ScanClock:
     clock = ScanClock(SENSOR)
-    assert all(take(clock, scan(index)) for index in range(scans))
+    assert all(accept(clock, scan(index)) for index in range(scans))
     return clock
 
 
@@ -40,7 +40,7 @@ def counted(clock: ScanClock) -> dict[str, int]:
     return {name: value for name, value in asdict(clock.counts).items() if value and name != "accepted"}
 
 
-def test_a_regular_stream_has_regular_steps() -> None:
+def test_a_regular_stream_has_regular_intervals() -> None:
     clock = clock_after(50)
     assert clock.step == pytest.approx(1e-3, abs=1e-12)
     assert (clock.interrupted, clock.suspect, clock.counts.accepted) == (False, False, 50)
@@ -59,83 +59,83 @@ def test_a_regular_stream_has_regular_steps() -> None:
         ({"sequence": 5, "stamp": START}, "late"),
     ],
 )
-def test_a_refused_scan_is_counted_and_bridged(changes: dict[str, Any], cause: str) -> None:
+def test_a_rejected_scan_is_counted_and_bridged(changes: dict[str, Any], cause: str) -> None:
     clock = clock_after(10)
-    assert not take(clock, scan(10, **changes))
+    assert not accept(clock, scan(10, **changes))
     assert counted(clock) == {cause: 1}
-    assert take(clock, scan(11))
+    assert accept(clock, scan(11))
     assert clock.step == pytest.approx(2e-3, abs=1e-12)
     assert counted(clock) == {cause: 1, "missed": 1}
 
 
-def test_missing_scans_are_counted_and_their_time_is_in_the_step() -> None:
+def test_missing_scans_are_counted_and_included_in_the_interval() -> None:
     clock = clock_after(10)
-    assert take(clock, scan(209))
+    assert accept(clock, scan(209))
     assert clock.step == pytest.approx(0.2, abs=1e-9)
     assert not clock.interrupted
     assert counted(clock) == {"missed": 199}
 
 
-def test_a_gap_beyond_two_time_constants_interrupts() -> None:
+def test_a_gap_longer_than_two_time_constants_is_an_interruption() -> None:
     clock = clock_after(10)
-    assert take(clock, scan(1009))
+    assert accept(clock, scan(1009))
     assert clock.interrupted
     assert counted(clock) == {"missed": 999, "gaps": 1}
-    assert take(clock, scan(1010))
+    assert accept(clock, scan(1010))
     assert not clock.interrupted
 
 
 @pytest.mark.parametrize("jump", [3_600_000_000, -9000, -5_000_000_000])
 def test_a_jump_of_the_boards_clock_is_bridged_by_the_sequence(jump: int) -> None:
     clock = clock_after(10)
-    assert take(clock, scan(10, device_time=10_000 + jump))
+    assert accept(clock, scan(10, device_time=10_000 + jump))
     assert (clock.suspect, clock.interrupted) == (True, False)
     assert clock.step == pytest.approx(1e-3, rel=0.01)
-    assert take(clock, scan(11, device_time=11_000 + jump))
+    assert accept(clock, scan(11, device_time=11_000 + jump))
     assert not clock.suspect
     assert clock.step == pytest.approx(1e-3, abs=1e-12)
     assert counted(clock) == {"time_jumps": 1}
 
 
 @pytest.mark.parametrize("flag", [ScanStatus.BOARD_RESET, ScanStatus.OK])
-def test_a_reset_is_bridged_by_the_stamps_flagged_or_not(flag: ScanStatus) -> None:
+def test_a_reset_is_bridged_by_timestamps_whether_flagged_or_not(flag: ScanStatus) -> None:
     clock = clock_after(100)
-    assert take(clock, scan(0, stamp=START + 150_000_000, status=flag))
+    assert accept(clock, scan(0, stamp=START + 150_000_000, status=flag))
     assert (clock.suspect, clock.interrupted) == (True, False)
     assert clock.step == pytest.approx(0.051, abs=1e-9)
-    assert take(clock, scan(1, stamp=START + 151_000_000))
+    assert accept(clock, scan(1, stamp=START + 151_000_000))
     assert clock.step == pytest.approx(1e-3, abs=1e-12)
     assert counted(clock) == {"resets": 1}
 
 
 @pytest.mark.parametrize("stamp", [START - 1, START + 60_000_000_000])
-def test_a_reset_of_unknown_length_interrupts(stamp: int) -> None:
+def test_a_reset_of_unknown_duration_is_an_interruption(stamp: int) -> None:
     clock = clock_after(100)
-    assert take(clock, scan(0, stamp=stamp, status=ScanStatus.BOARD_RESET))
+    assert accept(clock, scan(0, stamp=stamp, status=ScanStatus.BOARD_RESET))
     assert clock.interrupted
 
 
-def test_without_the_boards_time_the_stamps_tell_the_step() -> None:
+def test_without_board_time_the_interval_comes_from_timestamps() -> None:
     clock = ScanClock(SENSOR)
     for index in range(5):
         made = scan(index, device_time=0, status=ScanStatus.TIME_ESTIMATED, stamp=START + 2_000_000 * index)
-        assert take(clock, made)
+        assert accept(clock, made)
     assert clock.step == pytest.approx(2e-3, abs=1e-12)
     assert counted(clock) == {}
 
 
-def test_a_board_that_stays_behind_is_followed_in_the_end() -> None:
+def test_a_sequence_that_stays_behind_is_eventually_accepted() -> None:
     clock = clock_after(100)
-    taken = [take(clock, scan(index, stamp=START - 1)) for index in range(20)]
-    assert taken.index(True) == 10
-    assert all(taken[10:])
+    accepted = [accept(clock, scan(index, stamp=START - 1)) for index in range(20)]
+    assert accepted.index(True) == 10
+    assert all(accepted[10:])
     assert counted(clock)["resets"] == 1
 
 
-def test_a_wrapped_or_huge_sequence_does_no_harm() -> None:
+def test_a_wrapped_or_huge_sequence_is_harmless() -> None:
     clock = clock_after(10)
-    assert take(clock, scan(10, sequence=2**63))
-    assert take(clock, scan(11, sequence=2**63 + 1))
+    assert accept(clock, scan(10, sequence=2**63))
+    assert accept(clock, scan(11, sequence=2**63 + 1))
     assert clock.step == pytest.approx(1e-3, abs=1e-12)
 
 
@@ -163,22 +163,24 @@ GOOD = ScanCounts(accepted=1000)
         (GOOD, {"temperature_known": False}, Level.WARN, "temperature"),
     ],
 )
-def test_the_verdict_names_the_cause(after: ScanCounts, state: dict[str, Any], level: Level, word: str) -> None:
+def test_the_diagnostic_level_names_the_cause(
+    after: ScanCounts, state: dict[str, Any], level: Level, word: str
+) -> None:
     known = {"unsettled": 0, "saturated": 0, "faulty": 0, "temperature_known": True, **state}
     verdict = judge(Period.between(ScanCounts(), after, **known))
     assert verdict.level is level
     assert word in verdict.text
 
 
-def test_times_of_arrival_are_averaged() -> None:
-    """A classic board sends no time: scans that come late and in bursts are still 1 ms apart."""
+def test_arrival_times_are_averaged() -> None:
+    """A classic board sends no timestamps: scans that arrive late and in bursts are still 1 ms apart."""
     clock = ScanClock(SENSOR)
     generator = np.random.default_rng(1)
     steps = []
     arrival = 0
     for index in range(20_000):
         due = START + 1_000_000 * index + int(generator.exponential(300_000))
-        arrival = max(arrival, due)  # one that is late makes the next ones come with it
+        arrival = max(arrival, due)  # a late scan delays the next ones
         assert clock.admit(scan(index, device_time=0, stamp=arrival, status=ScanStatus.TIME_ESTIMATED))
         steps.append(clock.step)
     assert clock.counts.time_jumps == 0

@@ -1,4 +1,4 @@
-"""Bad taxels: found, flagged, never a zero, left out of contacts that are then measured around them; and healed."""
+"""Faulty taxels: detected, flagged, never reported as 0, excluded from contacts, and used again after recovery."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def run(
     sensor: Sensor = SENSOR,
     rate: float = 1000.0,
 ) -> tuple[Reconstructor, list[Reconstruction], list[NDArray[np.uint8]]]:
-    """The reconstructor, its results, and the status of the taxels after each scan."""
+    """Return the reconstructor, its results, and the status of the taxels after each scan."""
     reconstructor = Reconstructor(sensor)
     results, statuses = [], []
     for time, scan in scans(SENSOR, duration, force=force, shape=shape, rate=rate):
@@ -93,21 +93,21 @@ def well(index: int, scan: Scan) -> None:
     """No fault."""
 
 
-def known_to(results: list[Reconstruction]) -> float:
-    """Standard deviation of the force of the only contact in the last scan [N]."""
+def standard_uncertainty(results: list[Reconstruction]) -> float:
+    """Return the standard uncertainty of the force of the only contact in the last scan [N]."""
     [contact] = results[-1].contacts
     return math.sqrt(contact.region.force_variance)
 
 
 def found_at(statuses: list[NDArray[np.uint8]], taxel: int, status: TaxelStatus) -> int:
-    """Index of the first scan with that status of the taxel; no other taxel may ever have one."""
+    """Return the index of the first scan with that status of the taxel; all other taxels must stay without fault."""
     others = np.array(statuses)[:, np.arange(LAYOUT.taxels) != taxel]
     assert not others.any()
     return [row[taxel] for row in statuses].index(status)
 
 
 @pytest.mark.parametrize("taxel", [12, 13, 7, 2, 24])
-def test_a_dead_taxel_is_found_by_its_first_touch_and_the_contact_goes_on_without_it(taxel: int) -> None:
+def test_a_dead_taxel_is_detected_on_first_touch_and_the_contact_continues_without_it(taxel: int) -> None:
     x, y = LAYOUT.positions[taxel] * 0.8
     shape = finger(x, y)
     reconstructor, results, statuses = run(dead(taxel), 1.5, press(1.5, 0.5, 9.0), shape)
@@ -117,8 +117,8 @@ def test_a_dead_taxel_is_found_by_its_first_touch_and_the_contact_goes_on_withou
     estimated = shape[taxel] * 1.5
     assert abs(contact.region.force - 1.5 * shape.sum()) < 2 * INTERPOLATION_UNCERTAINTY * estimated + 0.01
     _, undisturbed, _ = run(well, 1.5, press(1.5, 0.5, 9.0), shape)
-    expected = math.hypot(known_to(undisturbed), INTERPOLATION_UNCERTAINTY * estimated)
-    assert known_to(results) == pytest.approx(expected, rel=0.25)
+    expected = math.hypot(standard_uncertainty(undisturbed), INTERPOLATION_UNCERTAINTY * estimated)
+    assert standard_uncertainty(results) == pytest.approx(expected, rel=0.25)
     assert math.dist(contact.region.centre_of_pressure, (x, y)) < 0.15e-3
     image = reconstructor.image()
     assert math.isnan(image.force[taxel])
@@ -128,16 +128,16 @@ def test_a_dead_taxel_is_found_by_its_first_touch_and_the_contact_goes_on_withou
     assert reconstructor.faulty == 1
 
 
-def test_a_gap_between_two_contacts_is_no_dead_taxel() -> None:
+def test_a_gap_between_two_contacts_is_not_a_dead_taxel() -> None:
     small = [sphere(x, 0.0, 1.0, 1.5e-3, 8e6) for x in (-2e-3, 2e-3)]
     _, _, statuses = run(lambda index, scan: None, 1.5, press(2.0, 0.5, 1.2), sum(small))
     assert not np.any(statuses)
 
 
-def test_one_or_two_spheres_anywhere_leave_every_taxel_alive() -> None:
+def test_one_or_two_spheres_anywhere_mark_no_taxel_dead() -> None:
     rng = np.random.default_rng(3)
     surroundings, none, everywhere = NeighbourInterpolation(LAYOUT), np.zeros(25, np.bool_), np.arange(25)
-    told = 0
+    compared = 0
     spheres = []
     for _ in range(40):
         x, y = rng.uniform(-3e-3, 3e-3, 2)
@@ -147,12 +147,12 @@ def test_one_or_two_spheres_anywhere_leave_every_taxel_alive() -> None:
     for force in spheres + pairs:
         least = surroundings.lower_bound(force, none, everywhere, 1.7e-3)
         pressed = least >= 5 * SENSOR.contact.threshold
-        told += int(np.count_nonzero(pressed))
+        compared += int(np.count_nonzero(pressed))
         assert (force[pressed] >= 1.5 * TaxelFaultSettings().dead * least[pressed]).all()
-    assert told > 500
+    assert compared > 500
 
 
-def test_what_a_taxel_should_read_is_told_within_the_deviation_that_is_claimed() -> None:
+def test_interpolated_force_is_within_the_stated_uncertainty() -> None:
     rng = np.random.default_rng(4)
     surroundings, none = NeighbourInterpolation(LAYOUT), np.zeros(25, np.bool_)
     errors = []
@@ -168,7 +168,7 @@ def test_what_a_taxel_should_read_is_told_within_the_deviation_that_is_claimed()
 
 
 @pytest.mark.parametrize("count", [REST, 0x9000, 0, 0xFFFF])
-def test_a_taxel_stuck_from_the_start_is_found_and_does_not_hold_up_the_others(count: int) -> None:
+def test_a_taxel_stuck_from_the_start_is_detected_and_does_not_delay_the_others(count: int) -> None:
     reconstructor, results, statuses = run(stuck(12, count), 2.5, press(1.5, 2.0, 9.0))
     at = found_at([np.where(row == TaxelStatus.SATURATED, 0, row) for row in statuses], 12, TaxelStatus.STUCK)
     assert at < 200
@@ -179,13 +179,13 @@ def test_a_taxel_stuck_from_the_start_is_found_and_does_not_hold_up_the_others(c
     assert abs(contact.region.force - 1.5) < 2 * math.sqrt(contact.region.force_variance)
 
 
-def test_a_taxel_pressed_beyond_its_range_for_a_moment_is_saturated_and_not_stuck() -> None:
+def test_a_briefly_overloaded_taxel_is_saturated_and_not_stuck() -> None:
     _, _, statuses = run(stuck(12, 0xFFFF, 600, 850), 1.2, press(6.0, 0.6, 9.0))
     assert {row[12] for row in statuses[600:850]} == {TaxelStatus.SATURATED}
     assert not np.any(statuses[900:])
 
 
-def test_a_taxel_that_dies_while_it_is_pressed_holds_no_contact_for_ever() -> None:
+def test_a_taxel_that_dies_while_pressed_does_not_keep_a_contact_forever() -> None:
     dying = dead(12)
 
     def fault(index: int, scan: Scan) -> None:
@@ -197,7 +197,7 @@ def test_a_taxel_that_dies_while_it_is_pressed_holds_no_contact_for_ever() -> No
     assert not any(result.contacts for result in results[1950:])
 
 
-def test_a_taxel_with_a_loose_wire_does_not_hold_up_the_others() -> None:
+def test_a_taxel_with_a_loose_wire_does_not_delay_the_others() -> None:
     def fault(index: int, scan: Scan) -> None:
         if index // 100 % 2:
             scan.counts[12] = 0
@@ -209,7 +209,7 @@ def test_a_taxel_with_a_loose_wire_does_not_hold_up_the_others() -> None:
     assert abs(contact.region.force - 1.5) < 2 * math.sqrt(contact.region.force_variance)
 
 
-def test_a_taxel_that_sticks_under_load_and_comes_loose_is_taken_back() -> None:
+def test_a_taxel_that_recovers_after_sticking_under_load_is_used_again() -> None:
     def fault(index: int, scan: Scan) -> None:
         if 600 <= index < 900:
             scan.counts[12] = held[0]
@@ -224,7 +224,7 @@ def test_a_taxel_that_sticks_under_load_and_comes_loose_is_taken_back() -> None:
     assert reconstructor.image().force[12] == pytest.approx(FINGER[12], abs=0.02)
 
 
-def test_a_coarse_converter_whose_counts_rest_is_not_stuck() -> None:
+def test_a_coarse_adc_with_constant_counts_is_not_stuck() -> None:
     assert longest_run(CLASSIC) == math.inf
     assert 10 < longest_run(SENSOR) < 200
     _, results, statuses = run(lambda index, scan: None, 4.0, press(1.5, 3.0, 3.5), sensor=CLASSIC)
@@ -233,7 +233,7 @@ def test_a_coarse_converter_whose_counts_rest_is_not_stuck() -> None:
 
 
 @pytest.mark.parametrize(("times", "rate"), [(8.0, 1000.0), (200.0, 1000.0), (20.0, 100.0)])
-def test_a_noisy_taxel_is_found_and_healed(times: float, rate: float) -> None:
+def test_a_noisy_taxel_is_detected_and_recovers(times: float, rate: float) -> None:
     fault = noisy(7, times, round(0.5 * rate), round(2 * rate))
     reconstructor, results, statuses = run(fault, 5.0, rate=rate)
     found = found_at(statuses, 7, TaxelStatus.NOISY) / rate
@@ -246,8 +246,8 @@ def test_a_noisy_taxel_is_found_and_healed(times: float, rate: float) -> None:
 
 
 @pytest.mark.parametrize("taxel", [12, 11, 8])
-def test_a_noisy_taxel_is_not_listed_but_what_it_tells_counts(taxel: int) -> None:
-    """With five times the noise a touch is still told from none: no guess by the neighbours is as good."""
+def test_a_noisy_taxel_is_not_listed_but_its_signal_is_used(taxel: int) -> None:
+    """With five times the noise a touch is still detected, better than by interpolation from neighbours."""
     _, results, statuses = run(noisy(taxel, 5.0), 1.5, press(1.5, 0.7, 9.0, rise=0.1))
     assert statuses[690][taxel] == TaxelStatus.NOISY
     first = next(result for result in results if result.contacts)
@@ -258,23 +258,23 @@ def test_a_noisy_taxel_is_not_listed_but_what_it_tells_counts(taxel: int) -> Non
         assert math.dist(contact.region.centre_of_pressure, (0.3e-3, -0.2e-3)) < 0.06e-3
         assert abs(contact.region.force - 1.5) < 0.03
     _, undisturbed, _ = run(well, 1.5, press(1.5, 0.7, 9.0, rise=0.1))
-    assert known_to(results) == pytest.approx(known_to(undisturbed), rel=0.1)
+    assert standard_uncertainty(results) == pytest.approx(standard_uncertainty(undisturbed), rel=0.1)
 
 
-def test_a_noisy_taxel_whose_noise_hides_a_touch_is_guessed() -> None:
+def test_a_taxel_too_noisy_to_detect_a_touch_is_interpolated() -> None:
     _, results, statuses = run(noisy(12, 40.0), 1.5, press(1.5, 0.9, 9.0))
     assert statuses[890][12] == TaxelStatus.NOISY
     assert not any(result.contacts for result in results[500:899])
     _, undisturbed, _ = run(well, 1.5, press(1.5, 0.9, 9.0))
-    expected = math.hypot(known_to(undisturbed), INTERPOLATION_UNCERTAINTY * 1.5 * FINGER[12])
-    assert known_to(results) == pytest.approx(expected, rel=0.25)
+    expected = math.hypot(standard_uncertainty(undisturbed), INTERPOLATION_UNCERTAINTY * 1.5 * FINGER[12])
+    assert standard_uncertainty(results) == pytest.approx(expected, rel=0.25)
 
 
 def vibrating(share: float, time: float) -> float:
     return press(1.5, 0.5, 2.5)(time) * (1.0 + share * math.sin(2 * math.pi * 200 * time))
 
 
-def test_vibration_under_a_fingertip_is_no_noise() -> None:
+def test_vibration_under_a_fingertip_is_not_noise() -> None:
     for place, share in (((0.0, 0.0), 0.3), ((3e-3, 3e-3), 0.3), ((1.5e-3, 0.0), 0.004), ((0.0, 0.0), 0.01)):
         wave = functools.partial(vibrating, share)
         _, _, statuses = run(lambda index, scan: None, 2.5, wave, finger(*place))

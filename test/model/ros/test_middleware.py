@@ -1,4 +1,4 @@
-"""What the middleware is told, and that it heeds it."""
+"""The settings of the middleware, and their effect."""
 
 from __future__ import annotations
 
@@ -51,9 +51,9 @@ with ros([]) as stack:
 """
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="counts wake-ups as Linux tells them")
-def test_a_message_to_a_reliable_reader_wakes_no_second_thread() -> None:
-    """Its thread for events would wake up twice or more for each message; now it does once in 5 ms or so."""
+@pytest.mark.skipif(sys.platform != "linux", reason="needs the wake-up counters of Linux")
+def test_a_message_to_a_reliable_subscriber_wakes_no_second_thread() -> None:
+    """With default settings the event thread wakes up at least twice per message; with these about once in 5 ms."""
     context, received = Context(), []
     rclpy.init(context=context)
     reader = Node("reader", context=context)
@@ -71,15 +71,15 @@ def test_a_message_to_a_reliable_reader_wakes_no_second_thread() -> None:
             executor.shutdown()
             reader.destroy_node()
             rclpy.shutdown(context=context)
-    assert error == "", "the settings cannot be read, or something else is wrong"
+    assert error == "", "the process reported an error, such as unreadable settings"
     subscriptions, wakes, seconds = out.split()
     assert subscriptions == "1"
-    assert received == list(range(MESSAGES)), "reliable still"
+    assert received == list(range(MESSAGES)), "a message was lost: the connection is not reliable"
     assert int(wakes) < 3 * float(seconds) / 5e-3 + 50
 
 
 @pytest.mark.parametrize("own", ["", "/etc/own.xml"])
-def test_settings_of_the_user_stay(own: str) -> None:
+def test_settings_of_the_user_are_kept(own: str) -> None:
     environment = {name: value for name, value in os.environ.items() if name != "FASTRTPS_DEFAULT_PROFILES_FILE"}
     if own:
         environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = own

@@ -1,10 +1,10 @@
-"""The model node in process: scans of the forward chain published on raw, what comes out received as others would."""
+"""The model node in process: scans of the forward chain are published on raw, its outputs received by a subscriber."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,6 +26,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 from posfet_model.config import ConfigError
 from posfet_model.contacts.tracker import ContactState
 from posfet_model.reconstruction.reconstructor import TaxelStatus
+from posfet_model.ros import model_node
+from posfet_model.ros.conversions import ScanReader
 from posfet_model.ros.model_node import ModelNode
 from posfet_model.sensor.description import SENSOR_FOLDER, load_sensor
 from posfet_model.sensor.scan import ScanStatus
@@ -44,7 +46,7 @@ X, Y, FORCE = 0.6e-3, -0.4e-3, 1.5
 
 
 class Bench:
-    """A node under test and one that listens, spun in this thread until something has come."""
+    """A node under test and a subscriber, spun in this thread until an event occurs."""
 
     def __init__(self) -> None:
         self.context = Context()
@@ -65,10 +67,16 @@ class Bench:
         self.peer.create_subscription(kind, topic, received.append, qos)
         return received
 
+    def wait_for_subscribers(self, node: ModelNode, *topics: str) -> None:
+        """Spin until the node sees a subscriber to each of its topics."""
+        wanted = [publisher for publisher in node.publishers if publisher.topic_name.removeprefix("/") in topics]
+        assert len(wanted) == len(topics)
+        self.spin_until(lambda: all(publisher.get_subscription_count() for publisher in wanted))
+
     def spin_until(self, done: Callable[[], bool]) -> None:
         end = time.monotonic() + DEADLINE
         while not done():
-            assert time.monotonic() < end, "nothing came in time"
+            assert time.monotonic() < end, "time-out"
             self.executor.spin_once(timeout_sec=0.05)
 
     def close(self) -> None:
@@ -86,7 +94,7 @@ def bench() -> Iterator[Bench]:
 
 
 def recorded_scans() -> list[TactileRaw]:
-    """Scans of a sphere that presses from scan 300 to 399, at 1 kHz."""
+    """Return scans of a sphere that presses from scan 300 to 399, at 1 kHz."""
     layout = SENSOR.layout
     chain = ForwardSignalChain(SENSOR, np.random.default_rng(3))
     pressed = sphere_forces(X, Y, FORCE, 6e-3, 1e6, SENSOR.device.contact_spread, layout.pitch_x, layout.rows)
@@ -102,8 +110,15 @@ def recorded_scans() -> list[TactileRaw]:
     return messages
 
 
+def process(node: ModelNode, scans: Sequence[TactileRaw]) -> None:
+    """Have the node process the scans without transport."""
+    reader = ScanReader(SENSOR.layout)
+    for message in scans:
+        node.process(reader.read(message))
+
+
 def play(bench: Bench, outputs: tuple[list[Any], ...], scans: list[TactileRaw]) -> None:
-    """Publish the scans one by one, each when the answers to the one before have come, and wait for the last."""
+    """Publish the scans one by one and wait for all outputs of each before the next."""
     raw = bench.peer.create_publisher(TactileRaw, "raw", 100)
     bench.spin_until(lambda: raw.get_subscription_count() > 0)
     for message in scans:
@@ -112,7 +127,7 @@ def play(bench: Bench, outputs: tuple[list[Any], ...], scans: list[TactileRaw]) 
         bench.spin_until(lambda before=before: all(len(r) > n for r, n in zip(outputs, before, strict=True)))
 
 
-def test_press_comes_out_as_one_contact_with_all_its_messages(bench: Bench) -> None:
+def test_a_press_is_published_as_one_contact_with_all_its_messages(bench: Bench) -> None:
     outputs = tuple(
         bench.listen(kind, topic)
         for kind, topic in (
@@ -125,8 +140,7 @@ def test_press_comes_out_as_one_contact_with_all_its_messages(bench: Bench) -> N
     )
     contacts, images, wrenches, pictures, clouds = outputs
     node = bench.model()
-    wanted = (node._contacts, *(publisher for publisher, _ in node._maps))
-    bench.spin_until(lambda: all(publisher.get_subscription_count() for publisher in wanted))
+    bench.wait_for_subscribers(node, "contacts", "image", "wrench", "force_image", "points")
     play(bench, outputs, recorded_scans())
 
     assert not contacts[0].data_valid
@@ -137,7 +151,7 @@ def test_press_comes_out_as_one_contact_with_all_its_messages(bench: Bench) -> N
     assert math.dist((contact.centre_of_pressure.x, contact.centre_of_pressure.y), (X, Y)) < 0.1e-3
     assert contact.force.z == pytest.approx(-FORCE, abs=0.03)
     assert contact.normal.z == 1.0
-    assert 1e-3 < contact.force_covariance[8] ** 0.5 < 0.05 * FORCE, "noise, and gains known to 5 % each"
+    assert 1e-3 < contact.force_covariance[8] ** 0.5 < 0.05 * FORCE, "noise, and a gain uncertainty of 5 % each"
     assert math.isnan(contact.force_covariance[0])
     assert contact.age.nanosec == 50_000_000
     assert list(contact.taxels) == sorted(contact.taxels)
@@ -153,7 +167,7 @@ def test_press_comes_out_as_one_contact_with_all_its_messages(bench: Bench) -> N
     assert image.total_force == pytest.approx(sum(image.force), abs=1e-5)
     assert list(image.status) == [TactileImage.TAXEL_OK] * SENSOR.layout.taxels
     assert wrench.force.z == pytest.approx(-image.total_force, abs=1e-6)
-    # A push (0, 0, -f) at (x, y) turns about the origin by (-y*f, x*f, 0).
+    # A force (0, 0, -f) at (x, y) has the moment (-y*f, x*f, 0) about the origin.
     assert wrench.torque.x == pytest.approx(-Y * FORCE, abs=3e-5)
     assert wrench.torque.y == pytest.approx(X * FORCE, abs=3e-5)
     picture = np.frombuffer(pictures[350].data, np.float32).reshape(pictures[350].height, pictures[350].width)
@@ -165,19 +179,19 @@ def test_press_comes_out_as_one_contact_with_all_its_messages(bench: Bench) -> N
     assert not clouds[0].is_dense
 
 
-def test_on_a_bent_chip_everything_lies_on_its_surface(bench: Bench, tmp_path: Any) -> None:
+def test_on_a_bent_chip_all_positions_lie_on_its_surface(bench: Bench, tmp_path: Any) -> None:
     path, radius = tmp_path / "bent.yaml", 6e-3
     text = (SENSOR_FOLDER / "posfet_5x5.yaml").read_text(encoding="utf-8")
     path.write_text(text.replace("  # bend_axis", "  bend_radius_mm: 6.0\n  bend_axis: y\n  # bend_axis"))
-    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    transient_local = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     outputs = tuple(
         bench.listen(kind, topic)
         for kind, topic in ((TactileContacts, "contacts"), (WrenchStamped, "wrench"), (PointCloud2, "points"))
     )
-    infos = bench.listen(TactileInfo, "info", latched)
+    infos = bench.listen(TactileInfo, "info", transient_local)
     node = bench.model(sensor_file=str(path))
-    wanted = (node._contacts, *(publisher for publisher, _ in node._maps if publisher.topic_name != "/image"))
-    bench.spin_until(lambda: wanted[0].get_subscription_count() > 0 and len(infos) > 0)
+    bench.wait_for_subscribers(node, "contacts", "wrench", "points")
+    bench.spin_until(lambda: len(infos) > 0)
     play(bench, outputs, recorded_scans()[:360])
     contacts, wrenches, clouds = outputs
     [contact] = contacts[350].contacts
@@ -187,10 +201,10 @@ def test_on_a_bent_chip_everything_lies_on_its_surface(bench: Bench, tmp_path: A
     np.testing.assert_allclose(normal, [math.sin(X / radius), 0.0, math.cos(X / radius)], rtol=0, atol=0.02)
     np.testing.assert_allclose(force, -np.linalg.norm(force) * normal, rtol=0, atol=1e-9)
     assert np.linalg.norm(force) == pytest.approx(FORCE, abs=0.03)
-    # On the cylinder about an axis along y, one radius below the middle of the array.
+    # On the cylinder about an axis along y, one radius below the centre of the array.
     assert math.hypot(centre[0], centre[2] + radius) == pytest.approx(radius, abs=1e-9)
     assert np.isnan(contact.force_covariance).all()
-    assert 1e-3 < contact.normal_force_deviation < 0.05 * FORCE, "noise, and gains known to 5 % each"
+    assert 1e-3 < contact.normal_force_deviation < 0.05 * FORCE, "noise, and a gain uncertainty of 5 % each"
     points = np.frombuffer(clouds[350].data, np.float32).reshape(-1, 4)
     np.testing.assert_allclose(np.hypot(points[:, 0], points[:, 2] + radius), radius, rtol=0, atol=1e-8)
     np.testing.assert_allclose(
@@ -199,18 +213,17 @@ def test_on_a_bent_chip_everything_lies_on_its_surface(bench: Bench, tmp_path: A
     wrench = wrenches[350].wrench
     assert math.hypot(wrench.force.x, wrench.force.z) < FORCE
     assert wrench.force.x < 0.0
-    # No force that meets the cylinder's axis turns about it.
+    # A force through the axis of the cylinder has no moment about it.
     assert wrench.torque.y == pytest.approx(-radius * wrench.force.x, abs=1e-9)
 
 
-def test_markers_come_and_go_with_the_contact(bench: Bench) -> None:
+def test_markers_appear_and_disappear_with_the_contact(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(model_node, "MARKER_PERIOD", 0)  # a message for every scan, however fast they are processed
     markers = bench.listen(MarkerArray, "markers")
     node = bench.model(direct=True)
-    bench.spin_until(lambda: node._markers.get_subscription_count() > 0)
+    bench.wait_for_subscribers(node, "markers")
     scans = recorded_scans()
-    for message in scans:
-        node._next_markers = 0  # a message for every scan, however fast they are played
-        node.process(node._reader.read(message))
+    process(node, scans)
     bench.spin_until(lambda: len(markers) == len(scans))
     shown = [(m.action, m.ns) for message in markers for m in message.markers]
     assert (Marker.ADD, "contact") in shown
@@ -221,13 +234,12 @@ def test_markers_come_and_go_with_the_contact(bench: Bench) -> None:
     assert not markers[-1].markers
 
 
-def test_nothing_is_published_when_nobody_subscribes(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_published_without_subscribers(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     node = bench.model(direct=True)
     published: list[str] = []
-    for publisher in (node._contacts, node._markers, node._vibration, *(publisher for publisher, _ in node._maps)):
+    for publisher in node.publishers:
         monkeypatch.setattr(publisher, "publish", lambda message, name=publisher.topic_name: published.append(name))
-    for message in recorded_scans():
-        node.process(node._reader.read(message))
+    process(node, recorded_scans())
     assert not published
     snapshot = node.latest()
     assert snapshot is not None
@@ -239,19 +251,17 @@ def test_latest_is_a_copy_and_none_before_the_first_scan(bench: Bench) -> None:
     node = bench.model(direct=True)
     assert node.latest() is None
     scans = recorded_scans()
-    for message in scans[:350]:
-        node.process(node._reader.read(message))
+    process(node, scans[:350])
     pressed = node.latest()
     assert pressed is not None
     total, force = pressed.total, pressed.force.copy()
     assert total == pytest.approx(FORCE, abs=0.03)
-    for message in scans[350:]:
-        node.process(node._reader.read(message))
+    process(node, scans[350:])
     np.testing.assert_array_equal(pressed.force, force)
     assert node.latest().total == pytest.approx(0.0, abs=0.03)
 
 
-def test_info_is_latched_and_says_what_the_sensor_is(bench: Bench) -> None:
+def test_info_is_transient_local_and_describes_the_sensor(bench: Bench) -> None:
     node = bench.model(simulated=True, direct=True, frame_id="thumb")
     infos = bench.listen(TactileInfo, "info", QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
     bench.spin_until(lambda: bool(infos))
@@ -268,28 +278,33 @@ def test_info_is_latched_and_says_what_the_sensor_is(bench: Bench) -> None:
     np.testing.assert_allclose(where, layout.positions, rtol=0, atol=1e-12)
 
 
-def test_scans_of_another_layout_are_counted_and_named_in_diagnostics(bench: Bench) -> None:
+def mismatches(diagnostics: DiagnosticArray) -> str:
+    """Return the counter of layout mismatches in a diagnostics message of the node."""
+    return {entry.key: entry.value for entry in diagnostics.status[0].values}["layout mismatch"]
+
+
+def test_scans_of_another_layout_are_counted_and_reported_in_diagnostics(bench: Bench) -> None:
     diagnostics = bench.listen(DiagnosticArray, "/diagnostics")
     node = bench.model(direct=True)
-    bench.spin_until(lambda: node._diagnostics.get_subscription_count() > 0)
+    bench.wait_for_subscribers(node, "diagnostics")
     good = recorded_scans()[0]
     for change in ({"layout_id": 9}, {"rows": 1, "cols": 25}, {"counts": [1, 2, 3]}, {"counts": []}):
         message = TactileRaw(layout_id=good.layout_id, rows=good.rows, cols=good.cols)
         message.counts, message.temperatures = good.counts, good.temperatures
         for name, value in change.items():
             setattr(message, name, value)
-        node.process(node._reader.read(message))
-    node._report()
-    bench.spin_until(lambda: bool(diagnostics))
-    status = diagnostics[0].status[0]
-    assert {entry.key: entry.value for entry in status.values}["layout mismatch"] == "4"
+        process(node, [message])
+    reported_before = len(diagnostics)
+    bench.spin_until(lambda: len(diagnostics) > reported_before and mismatches(diagnostics[-1]) != "0")
+    status = diagnostics[-1].status[0]
+    assert mismatches(diagnostics[-1]) == "4"
     assert status.level == b"\x02"
     assert "layout mismatch" in status.message
     assert node.latest() is None
 
 
-def spoilt(message: TactileRaw, change: dict[str, Any]) -> TactileRaw:
-    """A copy of a scan with other fields."""
+def with_fields(message: TactileRaw, change: dict[str, Any]) -> TactileRaw:
+    """Return a copy of a scan with changed fields."""
     copy = TactileRaw(layout_id=message.layout_id, rows=message.rows, cols=message.cols)
     copy.header, copy.sequence, copy.device_time = message.header, message.sequence, message.device_time
     copy.counts, copy.temperatures = message.counts, message.temperatures
@@ -312,15 +327,14 @@ ALTERNATING = [0, 0xFFFF] * 12 + [0]
         {"status": int(ScanStatus.ADC_FAULT)},
     ],
 )
-def test_a_scan_that_cannot_be_used_gives_frames_that_are_not_valid_and_the_next_ones_are(
+def test_an_unusable_scan_gives_invalid_frames_and_the_next_ones_are_valid(
     bench: Bench, change: dict[str, Any]
 ) -> None:
     outputs = (bench.listen(TactileContacts, "contacts"), bench.listen(TactileImage, "image"))
     node = bench.model()
-    wanted = (node._contacts, node._maps[0][0])
-    bench.spin_until(lambda: all(publisher.get_subscription_count() for publisher in wanted))
+    bench.wait_for_subscribers(node, "contacts", "image")
     scans = recorded_scans()
-    scans[350] = spoilt(scans[350], change)
+    scans[350] = with_fields(scans[350], change)
     play(bench, outputs, scans[:360])
     contacts, images = outputs
     for message in (contacts[350], images[350]):
@@ -338,33 +352,32 @@ def test_a_scan_that_cannot_be_used_gives_frames_that_are_not_valid_and_the_next
 
 
 @pytest.mark.parametrize("again", [350, 340])
-def test_a_scan_that_comes_twice_or_late_gives_no_frame(bench: Bench, again: int) -> None:
+def test_a_duplicate_or_late_scan_gives_no_frame(bench: Bench, again: int) -> None:
     received = bench.listen(TactileContacts, "contacts")
     node = bench.model(direct=True)
-    bench.spin_until(lambda: node._contacts.get_subscription_count() > 0)
+    bench.wait_for_subscribers(node, "contacts")
     scans = recorded_scans()
-    for message in (*scans[:351], scans[again], *scans[351:355]):
-        node.process(node._reader.read(message))
+    process(node, [*scans[:351], scans[again], *scans[351:355]])
     bench.spin_until(lambda: len(received) == 355)
     assert [message.sequence for message in received] == list(range(355))
     assert all(message.data_valid for message in received[340:])
 
 
-def test_vibration_is_published_when_somebody_subscribes(bench: Bench) -> None:
+def test_vibration_is_published_for_subscribers(bench: Bench) -> None:
     received = bench.listen(TactileVibration, "vibration")
     node = bench.model()
-    bench.spin_until(lambda: node._vibration.get_subscription_count() > 0)
+    bench.wait_for_subscribers(node, "vibration")
     play(bench, (received,), recorded_scans()[:320])
     assert (received[0].rows, received[0].cols, received[0].band_low) == (5, 5, 50.0)
     assert received[299].data_valid
-    # The press is a step of 1.5 N between two scans, which the fast channel feels most where it is.
+    # The press is a step of 1.5 N between two scans, with the largest vibration at its position.
     quiet, pressed = np.array(received[299].vibration), np.array(received[305].vibration)
     assert 0 < quiet.max() < 2e-3
     assert pressed.argmax() == 12
     assert pressed.max() > 20 * quiet.max()
 
 
-def test_a_bad_parameter_or_file_is_one_line(bench: Bench) -> None:
+def test_an_invalid_parameter_or_file_is_reported_in_one_line(bench: Bench) -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.yaml: no such sensor file"):
         bench.model(sensor_file="nowhere.yaml")
     with pytest.raises(ConfigError, match="direct: must be true or false"):
@@ -388,7 +401,7 @@ def constants(message: Any, prefix: str) -> dict[str, int]:
         (TactileContact, "STATE_", ContactState),
     ],
 )
-def test_constants_of_messages_are_those_of_the_code(message: Any, prefix: str, enumeration: Any) -> None:
+def test_message_constants_equal_those_of_the_code(message: Any, prefix: str, enumeration: Any) -> None:
     assert constants(message, prefix) == {name: int(member) for name, member in enumeration.__members__.items()}
 
 
@@ -400,18 +413,16 @@ def call(bench: Bench, kind: Any, name: str, **fields: Any) -> Any:
     return future.result()
 
 
-def test_tare_refuses_under_load_and_reports_what_it_changed_at_rest(bench: Bench) -> None:
+def test_tare_is_rejected_under_load_and_reports_the_change_at_rest(bench: Bench) -> None:
     model = bench.model()
     assert not call(bench, TareService, "tare").success
     feed = recorded_scans()
-    for message in feed[:PRESS_FROM]:
-        model._receive(message)
+    process(model, feed[:PRESS_FROM])
     answer = call(bench, TareService, "tare")
     assert answer.success, answer.message
     assert len(answer.force_change) == SENSOR.layout.taxels
     assert 0 < max(abs(change) for change in answer.force_change) < 1e-3
-    for message in feed[PRESS_FROM : PRESS_UNTIL - 10]:
-        model._receive(message)
+    process(model, feed[PRESS_FROM : PRESS_UNTIL - 10])
     answer = call(bench, TareService, "tare")
     assert not answer.success
     assert "under load" in answer.message
@@ -419,14 +430,13 @@ def test_tare_refuses_under_load_and_reports_what_it_changed_at_rest(bench: Benc
     assert model.latest().total == pytest.approx(FORCE, abs=0.05)
 
 
-def test_calibrations_are_saved_loaded_and_refused_in_one_line(bench: Bench, tmp_path: Any) -> None:
+def test_calibrations_are_saved_loaded_and_rejected_in_one_line(bench: Bench, tmp_path: Any) -> None:
     model, path = bench.model(), tmp_path / "cal.yaml"
     answer = call(bench, CalibrationFile, "calibration/save", path=str(path))
     assert answer.success, answer.message
     answer = call(bench, CalibrationFile, "calibration/load", path=str(path))
     assert answer.success, answer.message
-    for message in recorded_scans()[: PRESS_UNTIL - 10]:
-        model._receive(message)
+    process(model, recorded_scans()[: PRESS_UNTIL - 10])
     assert model.latest().total == pytest.approx(FORCE, abs=0.05)
     path.write_text(path.read_text().replace("layout: 1", "layout: 2"))
     answer = call(bench, CalibrationFile, "calibration/load", path=str(path))

@@ -11,7 +11,7 @@ from support.sweep import EPS, call_error
 
 
 def rotation(axis: int, angle: float) -> np.ndarray:
-    """Return the matrix of a right-handed turn about a fixed axis."""
+    """Return the matrix of a right-handed rotation about a fixed axis."""
     a, b = [index for index in range(3) if index != axis]
     matrix = np.eye(3)
     sign = -1.0 if axis == 1 else 1.0
@@ -21,7 +21,7 @@ def rotation(axis: int, angle: float) -> np.ndarray:
 
 
 def turned(orientation: tuple[float, float, float, float], vector: np.ndarray) -> np.ndarray:
-    """Return `vector` turned by a unit quaternion x, y, z, w (Rodrigues' formula)."""
+    """Return `vector` rotated by a unit quaternion x, y, z, w (Rodrigues' formula)."""
     axis, w = np.array(orientation[:3]), orientation[3]
     return vector + 2.0 * np.cross(axis, np.cross(axis, vector) + w * vector)
 
@@ -29,17 +29,18 @@ def turned(orientation: tuple[float, float, float, float], vector: np.ndarray) -
 @pytest.mark.parametrize(
     "angles", [(0, 0, 0), (0.3, 0, 0), (0, -0.7, 0), (0, 0, 2.0), (0.4, -1.1, 2.9), (3.0, 1.5, -2.0)]
 )
-def test_orientation_turns_about_the_fixed_axes_in_order(angles: tuple[float, float, float]) -> None:
+def test_orientation_rotates_about_the_fixed_axes_in_order(angles: tuple[float, float, float]) -> None:
     mount = parse_mount("0.1 -0.2 0.3 " + " ".join(map(str, angles)))
     matrix = rotation(2, angles[2]) @ rotation(1, angles[1]) @ rotation(0, angles[0])
     assert mount.position == (0.1, -0.2, 0.3)
-    # The norm is a product of three hypot(sin, cos), each right to a call, with the roundings of products and sums.
+    # The norm is a product of three hypot(sin, cos), each with the error of one call, and of roundings of products
+    # and sums.
     assert math.hypot(*mount.orientation) == pytest.approx(1.0, abs=3 * call_error() + 3 * EPS)
     for column, unit in zip(matrix.T, np.eye(3), strict=True):
         np.testing.assert_allclose(turned(mount.orientation, unit), column, rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("text", ["", "0 0 0", "0 0 0 0 0 x", "0 0 0 0 0 nan", "0 0 inf 0 0 0", "0 0 0 0 0 0 1"])
-def test_what_is_no_pose_is_refused(text: str) -> None:
+def test_an_invalid_pose_is_rejected(text: str) -> None:
     with pytest.raises(ConfigError, match="mount: must be six numbers 'x y z roll pitch yaw' in m and rad"):
         parse_mount(text)

@@ -1,4 +1,4 @@
-"""The frame of the array in TF, as a robot's tree receives it."""
+"""The frame of the array in the TF tree of a robot."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def mounted(context: Context, parent: str, pose: str = "0.1 0 0.01 0 0 0") -> No
     return node
 
 
-def test_the_transform_waits_for_those_who_come_later(context: Context) -> None:
+def test_late_subscribers_receive_the_transform(context: Context) -> None:
     messages = pytest.importorskip("tf2_msgs.msg", reason="needs tf2_msgs")
     node, peer = mounted(context, "thumb_tip"), Node("peer", context=context)
     received: list[messages.TFMessage] = []
@@ -65,7 +65,7 @@ def test_the_transform_waits_for_those_who_come_later(context: Context) -> None:
 @pytest.mark.parametrize("parent", ["", "thumb_tip"])
 def test_nothing_is_broadcast_without_a_parent_or_without_tf(context: Context, parent: str) -> None:
     if parent and find_spec("tf2_msgs"):
-        pytest.skip("tf2_msgs is there")
+        pytest.skip("tf2_msgs is installed")
     node = mounted(context, parent)
     assert "/tf_static" not in [name for name, _ in node.get_publisher_names_and_types_by_node("model_node", "/")]
     node.destroy_node()
@@ -78,6 +78,6 @@ def test_nothing_is_broadcast_without_a_parent_or_without_tf(context: Context, p
         ("thumb_tip", "0 0 0", "mount: must be six numbers"),
     ],
 )
-def test_a_mount_that_cannot_be_is_refused(context: Context, parent: str, pose: str, reason: str) -> None:
+def test_an_invalid_mount_is_rejected(context: Context, parent: str, pose: str, reason: str) -> None:
     with pytest.raises(ConfigError, match=reason):
         mounted(context, parent, pose)

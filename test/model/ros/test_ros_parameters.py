@@ -1,4 +1,4 @@
-"""Parameters of a node as others see and set them: types, ranges, descriptions, and what is refused."""
+"""Parameters of a node as seen and set by other nodes: types, ranges, descriptions, and rejected values."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_descriptors_have_type_range_description_and_constraints(context: Contex
         ("use_sim_time:=true", "use_sim_time: must be false"),
     ],
 )
-def test_what_is_not_allowed_is_refused_in_one_line(context: Context, word: str, reason: str) -> None:
+def test_an_invalid_value_is_rejected_in_one_line(context: Context, word: str, reason: str) -> None:
     node = node_with(context, word)
     with pytest.raises(ConfigError) as refused:
         declare(node, TABLE)
@@ -108,7 +108,7 @@ def test_what_is_not_allowed_is_refused_in_one_line(context: Context, word: str,
     node.destroy_node()
 
 
-def test_given_values_come_back_with_their_types(context: Context) -> None:
+def test_given_values_keep_their_types(context: Context) -> None:
     node = node_with(context, "bitrate:=500000", "rate:=50.0", "frames:='true'", "options:=[a=1, b=2]", "on:=false")
     values = declare(node, TABLE)
     assert (values["bitrate"], values["rate"], values["frames"], values["on"]) == (500_000, 50.0, "true", False)
@@ -128,7 +128,7 @@ def test_given_values_come_back_with_their_types(context: Context) -> None:
         ("bitrate", 5, "read-only"),
     ],
 )
-def test_a_running_node_takes_allowed_values_of_writable_parameters_only(
+def test_a_running_node_accepts_only_valid_values_of_writable_parameters(
     context: Context, name: str, value: Any, reason: str
 ) -> None:
     node = node_with(context)

@@ -1,4 +1,4 @@
-"""Reading of YAML: one reader at a time, and files that are none."""
+"""Reading of YAML: every reader, and invalid files."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def section(**values: Any) -> Section:
         (lambda s: [part.whole("y", 0, 9) for part in s.sections("x")], [{"y": 1}, {"y": 2}], [1, 2]),
     ],
 )
-def test_a_good_value_is_taken_and_leaves_nothing(read: Callable[[Section], Any], value: Any, result: Any) -> None:
+def test_a_valid_value_is_read_and_no_key_is_left(read: Callable[[Section], Any], value: Any, result: Any) -> None:
     part = section(x=value)
     assert "x" in part
-    taken = read(part)
-    assert taken == result
-    assert type(taken) is type(result)
+    value_read = read(part)
+    assert value_read == result
+    assert type(value_read) is type(result)
     part.end()
 
 
@@ -49,7 +49,7 @@ def test_a_good_value_is_taken_and_leaves_nothing(read: Callable[[Section], Any]
         (lambda s: s.text("x", default="a"), "a"),
     ],
 )
-def test_a_default_stands_in_for_a_missing_key(read: Callable[[Section], Any], result: Any) -> None:
+def test_a_default_replaces_a_missing_key(read: Callable[[Section], Any], result: Any) -> None:
     assert read(section()) == result
 
 
@@ -86,7 +86,7 @@ def test_a_default_stands_in_for_a_missing_key(read: Callable[[Section], Any], r
         (lambda s: s.sections("x"), [{}, 2], "part.x[1]: must be a mapping of keys to values, got 2"),
     ],
 )
-def test_a_bad_value_is_one_line(read: Callable[[Section], Any], value: Any, said: str) -> None:
+def test_an_invalid_value_is_reported_in_one_line(read: Callable[[Section], Any], value: Any, said: str) -> None:
     with pytest.raises(ConfigError) as caught:
         read(section(x=value))
     assert str(caught.value) == f"file.yaml: {said}"
@@ -104,27 +104,27 @@ def test_a_bad_value_is_one_line(read: Callable[[Section], Any], value: Any, sai
         (lambda s: s.sections("x"), "a list of mappings"),
     ],
 )
-def test_a_missing_key_says_what_it_must_be(read: Callable[[Section], Any], expected: str) -> None:
+def test_the_error_for_a_missing_key_states_what_it_must_be(read: Callable[[Section], Any], expected: str) -> None:
     with pytest.raises(ConfigError) as caught:
         read(section())
     assert str(caught.value) == f"file.yaml: part.x: missing, must be {expected}"
 
 
-def test_a_key_that_nobody_took_is_refused_with_the_known_ones() -> None:
+def test_an_unread_key_is_rejected_and_the_known_ones_are_listed() -> None:
     part = section(x=1, extra=2)
     part.whole("x", 0, 9)
     with pytest.raises(ConfigError, match=r"^file\.yaml: part\.extra: unknown key, known here are x$"):
         part.end()
 
 
-def test_a_key_that_was_asked_for_is_known_though_it_is_not_there() -> None:
+def test_a_requested_key_is_listed_as_known_though_it_is_missing() -> None:
     part = section(speed=3)
     assert "period" not in part
     with pytest.raises(ConfigError, match=r"part.speed: unknown key, known here are period$"):
         part.end()
 
 
-def test_a_long_value_is_cut_short() -> None:
+def test_a_long_value_is_truncated() -> None:
     with pytest.raises(ConfigError) as caught:
         section(x=list(range(1000))).flag("x")
     assert len(str(caught.value)) < 120
@@ -144,7 +144,7 @@ def test_a_long_value_is_cut_short() -> None:
         (b"a: !!python/object/apply:os.getcwd []\n", "is not valid YAML: "),
     ],
 )
-def test_a_file_that_is_no_mapping_is_one_line(tmp_path: Path, content: bytes, said: str) -> None:
+def test_a_file_that_is_no_mapping_is_reported_in_one_line(tmp_path: Path, content: bytes, said: str) -> None:
     path = tmp_path / "odd.yaml"
     path.write_bytes(content)
     with pytest.raises(ConfigError) as caught:
@@ -153,7 +153,7 @@ def test_a_file_that_is_no_mapping_is_one_line(tmp_path: Path, content: bytes, s
     assert "\n" not in str(caught.value)
 
 
-def test_a_file_that_cannot_be_opened_is_told_with_the_reason(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_opened_is_reported_with_the_reason(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be read: No such file or directory"):
         read_yaml(tmp_path / "none.yaml")
     os.mkfifo(tmp_path / "pipe")
@@ -164,7 +164,7 @@ def test_a_file_that_cannot_be_opened_is_told_with_the_reason(tmp_path: Path) ->
         read_yaml(tmp_path)
 
 
-def test_a_shipped_file_is_found_by_name_and_any_by_path(tmp_path: Path) -> None:
+def test_a_shipped_file_is_found_by_name_and_any_file_by_path(tmp_path: Path) -> None:
     shipped = tmp_path / "good.yaml"
     shipped.touch()
     assert find_file("good", tmp_path, "scene") == shipped

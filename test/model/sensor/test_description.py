@@ -1,4 +1,4 @@
-"""The sensor file: what it becomes, and each way in which it can be wrong, told in one line."""
+"""The sensor file: its conversion, and every error in it, reported in one line."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def values() -> dict[str, Any]:
 
 
 def refusal(folder: Path, content: dict[str, Any] | str) -> str:
-    """Write a sensor file that must be refused and return the message, without the file's path."""
+    """Write a sensor file that must be rejected and return the message, without the path of the file."""
     path = folder / "odd.yaml"
     path.write_text(content if isinstance(content, str) else yaml.safe_dump(content), encoding="utf-8")
     with pytest.raises(ConfigError) as caught:
@@ -56,7 +56,7 @@ LEAVES = leaves(values())
 NUMBERS = [path for path in LEAVES if path[0] not in ("name", "serial") and path[-1] != "fd"]
 
 
-def test_shipped_sensor_is_read_in_si() -> None:
+def test_the_shipped_sensor_is_converted_to_si_units() -> None:
     sensor = load_sensor()
     assert sensor.layout.taxels == 25
     assert sensor.layout.pitch_x == pytest.approx(1.5e-3, abs=1e-18)
@@ -68,7 +68,7 @@ def test_shipped_sensor_is_read_in_si() -> None:
     assert sensor.can.base_id == 0x100
 
 
-def test_positions_run_row_by_row_about_the_middle() -> None:
+def test_positions_run_row_by_row_about_the_centre() -> None:
     positions = load_sensor().layout.positions
     np.testing.assert_allclose(positions[:2], [[-3e-3, -3e-3], [-1.5e-3, -3e-3]], rtol=0, atol=1e-15)
     np.testing.assert_allclose(positions[5], [-3e-3, -1.5e-3], rtol=0, atol=1e-15)
@@ -83,7 +83,7 @@ def test_a_name_a_path_and_a_copy_give_the_same_sensor(tmp_path: Path) -> None:
     assert load_sensor(DEFAULT_SENSOR) == load_sensor(SHIPPED) == load_sensor(str(copy))
 
 
-def test_unknown_names_and_paths_are_told_with_the_shipped_ones(tmp_path: Path) -> None:
+def test_unknown_names_and_paths_are_reported_with_the_shipped_ones(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=f"^posfet_9x9: no such sensor; .* one of .*{DEFAULT_SENSOR}"):
         load_sensor("posfet_9x9")
     missing = tmp_path / "missing.yaml"
@@ -91,7 +91,7 @@ def test_unknown_names_and_paths_are_told_with_the_shipped_ones(tmp_path: Path) 
         load_sensor(missing)
 
 
-def test_a_missing_key_is_named_with_what_it_must_be(tmp_path: Path) -> None:
+def test_a_missing_key_is_reported_with_what_it_must_be(tmp_path: Path) -> None:
     with each_row() as row:
         for path in LEAVES:
             with row(".".join(path)):
@@ -99,7 +99,7 @@ def test_a_missing_key_is_named_with_what_it_must_be(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("section", ["layout", "device", "amplifier", "adc", "can", "contact"])
-def test_a_missing_or_wrong_section_is_named(tmp_path: Path, section: str) -> None:
+def test_a_missing_or_invalid_section_is_reported(tmp_path: Path, section: str) -> None:
     missing = refusal(tmp_path, changed((section,), ...))
     assert missing == f"{section}: missing, must be a mapping of keys to values"
     wrong = refusal(tmp_path, changed((section,), [1]))
@@ -108,7 +108,7 @@ def test_a_missing_or_wrong_section_is_named(tmp_path: Path, section: str) -> No
     assert unknown.startswith(f"{section}.colour: unknown key, known here are ")
 
 
-def test_a_wrong_type_is_named_with_the_value(tmp_path: Path) -> None:
+def test_a_wrong_type_is_reported_with_the_value(tmp_path: Path) -> None:
     with each_row() as row:
         for path, value in itertools.product(LEAVES, (None, {"a": 1}, [1.0])):
             with row(f"{'.'.join(path)} = {value}"):
@@ -118,11 +118,11 @@ def test_a_wrong_type_is_named_with_the_value(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", [("name",), ("serial",)], ids=".".join)
-def test_a_number_is_no_text(tmp_path: Path, path: tuple[str, ...]) -> None:
+def test_a_number_in_place_of_text_is_rejected(tmp_path: Path, path: tuple[str, ...]) -> None:
     assert refusal(tmp_path, changed(path, 3)) == f"{path[0]}: must be text, got 3"
 
 
-def test_a_number_out_of_range_is_told_with_the_range(tmp_path: Path) -> None:
+def test_a_number_out_of_range_is_reported_with_the_range(tmp_path: Path) -> None:
     with each_row() as row:
         for path, value in itertools.product(NUMBERS, (math.nan, math.inf, -1e300, 1e300, True)):
             with row(f"{'.'.join(path)} = {value}"):
@@ -132,7 +132,7 @@ def test_a_number_out_of_range_is_told_with_the_range(tmp_path: Path) -> None:
                 assert any(bracket in message for bracket in "[(")
 
 
-def test_a_number_that_yaml_reads_as_text_is_explained_or_refused(tmp_path: Path) -> None:
+def test_a_number_that_yaml_reads_as_text_is_explained_or_rejected(tmp_path: Path) -> None:
     with each_row() as row:
         for path in NUMBERS:
             with row(".".join(path)):
@@ -141,18 +141,18 @@ def test_a_number_that_yaml_reads_as_text_is_explained_or_refused(tmp_path: Path
                 assert "1e-3" in message
 
 
-def test_yaml_needs_a_point_in_a_number_and_that_is_said(tmp_path: Path) -> None:
+def test_the_error_explains_that_yaml_needs_a_decimal_point(tmp_path: Path) -> None:
     text = SHIPPED.read_text(encoding="utf-8").replace("noise_mV: 0.3 ", "noise_mV: 3e-1 ")
     assert "got the text '3e-1' (YAML wants a point: 1.0e-3)" in refusal(tmp_path, text)
 
 
-def test_a_repeated_key_is_refused_with_its_line(tmp_path: Path) -> None:
+def test_a_duplicate_key_is_rejected_with_its_line(tmp_path: Path) -> None:
     text = SHIPPED.read_text(encoding="utf-8").replace("  rows: 5 ", "  rows: 6\n  rows: 5 ")
     line = text[: text.index("  rows: 5 ")].count("\n") + 1
     assert refusal(tmp_path, text).startswith(f"is not valid YAML: key 'rows' is given twice (line {line}, ")
 
 
-def test_an_unknown_top_key_is_refused(tmp_path: Path) -> None:
+def test_an_unknown_top_level_key_is_rejected(tmp_path: Path) -> None:
     assert refusal(tmp_path, {**values(), "colour": "red"}).startswith(
         "colour: unknown key, known here are name, serial"
     )
@@ -176,13 +176,11 @@ def test_an_unknown_top_key_is_refused(tmp_path: Path) -> None:
     ],
     ids=lambda value: ".".join(value) if isinstance(value, tuple) else None,
 )
-def test_values_that_do_not_go_together_are_refused(
-    tmp_path: Path, path: tuple[str, ...], value: Any, said: str
-) -> None:
+def test_inconsistent_values_are_rejected(tmp_path: Path, path: tuple[str, ...], value: Any, said: str) -> None:
     assert refusal(tmp_path, changed(path, value)) == said
 
 
-def test_a_force_that_the_amplifier_cannot_show_is_refused_with_the_limit(tmp_path: Path) -> None:
+def test_a_force_beyond_the_amplifier_range_is_rejected_with_the_limit(tmp_path: Path) -> None:
     message = refusal(tmp_path, changed(("device", "force_max_N"), 6.0))
     # 4.8 V over 0.8873 V/N.
     assert message == "device.force_max_N: must be in (0, 5.41] for this amplifier and ADC, got 6"

@@ -36,13 +36,13 @@ def test_table_and_lists_follow_the_offsets(rows: int, cols: int, offsets: tuple
         ]
 
 
-def test_edges_and_corners_make_up_all_neighbours() -> None:
+def test_edge_and_corner_neighbours_are_all_neighbours() -> None:
     assert sorted(ALL_NEIGHBOURS) == sorted(EDGE_NEIGHBOURS + CORNER_NEIGHBOURS)
     assert len(set(ALL_NEIGHBOURS)) == 8
 
 
 @pytest.mark.parametrize(("rows", "cols"), SHAPES)
-def test_opposite_corners_complete_a_square(rows: int, cols: int) -> None:
+def test_diagonal_neighbours_complete_a_square(rows: int, cols: int) -> None:
     pairs = opposite_corners(layout(rows, cols))
     assert len(pairs) == 4 * (rows - 1) * (cols - 1)
     for pair, others in pairs.items():

@@ -1,4 +1,4 @@
-"""The chain against plain formulas integrated at 100 kHz, the converter's own functions, and its inverse."""
+"""The signal chain against plain formulas integrated at 100 kHz, the functions of the ADC, and its inverse."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def with_adc(**changes: Any) -> Sensor:
 
 
 def force_at(time: float) -> float:
-    """A press of 2 N within 50 ms, then 0.5 N of 7 Hz on it [N]."""
+    """Return a press of 2 N within 50 ms, with 0.5 N at 7 Hz superimposed [N]."""
     return 2.0 * min(time / 0.05, 1.0) + 0.5 * math.sin(2 * math.pi * 7 * time)
 
 
@@ -34,7 +34,7 @@ def temperature_at(time: float) -> float:
 
 
 def integrated_at_100_khz(duration: float, every: int) -> list[float]:
-    """Follower output [V], each `every` steps: the formulas of one taxel written out with numbers, by Heun's rule."""
+    """Return the follower output [V], every `every` steps: explicit formulas of one taxel, by Heun's method."""
     d33, area, pyro, tau = -38e-12, 1e-6, -40e-6, 0.27
     capacitance = 8.8541878188e-12 * 12 / 2.5e-6
     gain = 10 ** (42.3 / 20)
@@ -65,8 +65,8 @@ def test_chain_equals_plain_integration_at_100_khz(every: int) -> None:
         force[7] = force_at(index * step)
         chain.advance(force, temperature_at(index * step), step)
         volts.append(chain.volts()[7])
-    # Straight lines between the samples lie below a sine by (w*h)^2/12 of it on average; the leak integrates that over
-    # half a period, 2/w of it, with 1/tau. Heun's rule itself is good to 1e-8 V.
+    # Linear interpolation between the samples is below a sine by (w*h)^2/12 of it on average; the leakage integrates
+    # that over half a period, 2/w of it, with 1/tau. Heun's method itself has an error of 1e-8 V.
     frequency = 2 * math.pi * 7
     bound = 0.5 * (frequency * step) ** 2 / 12 * 2 / frequency / 0.27 * SENSOR.volts_per_newton + 1e-8
     np.testing.assert_allclose(volts, integrated_at_100_khz(0.5, every), rtol=0, atol=bound)
@@ -84,17 +84,17 @@ def test_one_long_step_equals_many_short_ones() -> None:
 
 
 @given(ratio=st.floats(1e-9, 1e3), start=st.floats(-1, 1), end=st.floats(-1, 1), rise=st.floats(-1, 1))
-def test_coefficients_of_a_step_are_the_charge_functions(ratio: float, start: float, end: float, rise: float) -> None:
-    leak = leakage_step(ratio * 0.27, 0.27)
-    forward = leak.decay * start + leak.mean * rise
-    backward = (end - start) / leak.mean + leak.ratio * start
+def test_step_coefficients_equal_the_charge_functions(ratio: float, start: float, end: float, rise: float) -> None:
+    leakage = leakage_step(ratio * 0.27, 0.27)
+    forward = leakage.decay * start + leakage.mean * rise
+    backward = (end - start) / leakage.mean + leakage.ratio * start
     assert forward == pytest.approx(float(propagate_first_order_hold(start, 0, rise, ratio * 0.27, 0.27)), abs=1e-15)
     expected = float(invert_first_order_hold(start, end, ratio * 0.27, 0.27))
     assert backward == pytest.approx(expected, abs=4e-15 * max(1.0, ratio))
 
 
 @pytest.mark.parametrize("bits", [8, 10, 12, 14, 16])
-def test_counts_are_those_of_the_converter_on_the_16_bit_scale(bits: int) -> None:
+def test_counts_equal_adc_codes_on_the_16_bit_scale(bits: int) -> None:
     sensor = with_adc(bits=bits)
     chain = ForwardSignalChain(sensor)
     chain.advance(np.zeros(TAXELS), 25.0, 1e-3)
@@ -106,7 +106,7 @@ def test_counts_are_those_of_the_converter_on_the_16_bit_scale(bits: int) -> Non
     np.testing.assert_allclose(counts / 65535, codes / (2**bits - 1), rtol=0, atol=1 / 65535)
 
 
-def test_last_code_of_a_short_converter_is_full_scale() -> None:
+def test_last_code_of_a_low_resolution_adc_is_full_scale() -> None:
     amplifier = replace(SENSOR.amplifier, rail_low=-20.0, rail_high=20.0)
     chain = ForwardSignalChain(replace(with_adc(bits=12), amplifier=amplifier))
     chain.advance(np.full(TAXELS, 9.0), 25.0, 1e-3)
@@ -115,7 +115,7 @@ def test_last_code_of_a_short_converter_is_full_scale() -> None:
     assert (chain.counts() == 0).all()
 
 
-def test_output_stays_between_the_rails_and_offset_passes_the_follower() -> None:
+def test_output_stays_between_the_rails_and_offset_passes_through_the_follower() -> None:
     chain = ForwardSignalChain(replace(SENSOR, amplifier=replace(SENSOR.amplifier, offset=0.1)))
     chain.advance(np.zeros(TAXELS), 25.0, 1e-3)
     np.testing.assert_allclose(chain.volts(), 0.1 * SENSOR.amplifier.follower_gain, rtol=0, atol=1e-15)
@@ -123,7 +123,7 @@ def test_output_stays_between_the_rails_and_offset_passes_the_follower() -> None
     np.testing.assert_array_equal(chain.volts(), SENSOR.amplifier.rail_high)
 
 
-def test_inverse_returns_the_charge_to_half_a_step_of_the_converter() -> None:
+def test_inverse_recovers_the_charge_to_half_an_adc_step() -> None:
     chain, inverse = ForwardSignalChain(SENSOR), InverseSignalChain(SENSOR)
     chain.advance(np.zeros(TAXELS), 25.0, 1e-3)
     chain.advance(np.linspace(-4, 5, TAXELS), 25.0, 1e-3)
@@ -146,13 +146,13 @@ def test_saturation_is_flagged_at_both_ends_under_noise() -> None:
     assert low < -SENSOR.device.force_max
 
 
-def test_noise_has_the_stated_deviation_and_the_seed_repeats_it() -> None:
+def test_noise_has_the_stated_standard_deviation_and_is_reproducible_by_seed() -> None:
     chain, again = (ForwardSignalChain(SENSOR, np.random.default_rng(9)) for _ in range(2))
     draws = np.array([chain.counts() for _ in range(400)], float)
     np.testing.assert_array_equal(draws, [again.counts() for _ in range(400)])
     step = 10 / 65535
     expected = math.sqrt(SENSOR.adc.noise**2 + step**2 / 12)
-    # 10000 draws: the deviation is known to 0.7 %.
+    # 10000 draws: the standard deviation has a standard error of 0.7 %.
     assert draws.std() * step == pytest.approx(expected, rel=0.03)
 
 
@@ -166,12 +166,12 @@ def test_noise_has_the_stated_deviation_and_the_seed_repeats_it() -> None:
         (np.zeros(TAXELS), 25.0, math.nan, "step"),
     ],
 )
-def test_bad_arguments_are_named(force: Any, temperature: float, step: float, named: str) -> None:
+def test_invalid_arguments_are_rejected_by_name(force: Any, temperature: float, step: float, named: str) -> None:
     chain = ForwardSignalChain(SENSOR)
     with pytest.raises(ValueError, match=named):
         chain.advance(force, temperature, step)
 
 
-def test_a_converter_lost_in_noise_is_refused() -> None:
+def test_an_adc_with_excessive_noise_is_rejected() -> None:
     with pytest.raises(ValueError, match=r"adc\.noise"):
         InverseSignalChain(with_adc(noise=2.0))

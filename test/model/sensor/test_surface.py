@@ -1,4 +1,4 @@
-"""The surface of a bent chip, held to that of the scenes, and contacts on it."""
+"""The surface of a bent chip, verified against that of the scenes, and contacts on it."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def bent_file(folder: Path, radius: object, axis: str = "y") -> Path:
 
 
 @given(surfaces, lengths, lengths)
-def test_it_is_the_surface_of_the_scenes(surface: Surface, x: float, y: float) -> None:
+def test_the_surface_equals_that_of_the_scenes(surface: Surface, x: float, y: float) -> None:
     point, tilt = ChipBend(surface.radius, surface.axis_x).surface_point(x, y)
     np.testing.assert_allclose(surface.point(x, y), point, rtol=0, atol=1e-15)
     assert surface.tilt(x, y) == tilt
@@ -43,7 +43,9 @@ def test_it_is_the_surface_of_the_scenes(surface: Surface, x: float, y: float) -
 
 
 @given(surfaces, lengths, lengths, st.floats(-1, 1), st.floats(-1, 1))
-def test_vectors_in_the_surface_are_its_slopes(surface: Surface, x: float, y: float, u: float, v: float) -> None:
+def test_tangent_vectors_equal_the_slopes_of_the_surface(
+    surface: Surface, x: float, y: float, u: float, v: float
+) -> None:
     step = 1e-7
     ahead, behind = (np.array(surface.point(x + way * u * step, y + way * v * step)) for way in (1, -1))
     along = surface.along(x, y, (u, v))
@@ -53,7 +55,7 @@ def test_vectors_in_the_surface_are_its_slopes(surface: Surface, x: float, y: fl
 
 
 @given(surfaces, lengths, lengths)
-def test_the_orientation_turns_z_to_the_normal(surface: Surface, x: float, y: float) -> None:
+def test_the_orientation_rotates_z_to_the_normal(surface: Surface, x: float, y: float) -> None:
     i, j, k, w = surface.orientation(x, y)
     turned = (2 * (i * k + j * w), 2 * (j * k - i * w), 1 - 2 * (i * i + j * j))
     np.testing.assert_allclose(turned, surface.normal(x, y), rtol=0, atol=1e-12)
@@ -69,7 +71,7 @@ def test_a_flat_chip_lies_in_its_frame() -> None:
 
 
 @pytest.mark.parametrize("axis", ["x", "y"])
-def test_contacts_on_a_bent_chip_have_the_normals_of_the_truth(tmp_path: Path, axis: str) -> None:
+def test_contacts_on_a_bent_chip_have_the_true_normals(tmp_path: Path, axis: str) -> None:
     sensor = load_sensor(bent_file(tmp_path, 6.0, axis))
     place, reconstructor = placement_on(Surface.of(sensor.layout)), Reconstructor(sensor)
     scene = load_scene("press_slide_lift", sensor)
@@ -90,7 +92,7 @@ def test_contacts_on_a_bent_chip_have_the_normals_of_the_truth(tmp_path: Path, a
     assert tilted > 0.1
 
 
-def test_what_is_not_measured_is_not_known_and_breaks_no_transform() -> None:
+def test_unknown_values_stay_unknown_and_transforms_stay_valid() -> None:
     region = Region(1, np.arange(1), (0.0, 1e-3), (0.0, 0.0), 2.0, 0.01, 1e-6, 1.0, (1e-3, 0.0), (0.0, 1e-3))
     contact = Contact(1, ContactState.HELD, region, (0.0, 0.0), 1.0)
     for surface, known in ((Surface(math.inf, True), 1), (Surface(5e-3, True), 0)):
@@ -106,7 +108,7 @@ def test_what_is_not_measured_is_not_known_and_breaks_no_transform() -> None:
 @pytest.mark.parametrize(
     ("radius", "axis", "words"), [(1.0, "y", "bend_radius_mm"), ("x", "y", "bend_radius_mm"), (9, "z", "bend_axis")]
 )
-def test_a_bend_that_cannot_be_is_refused_in_one_line(tmp_path: Path, radius: object, axis: str, words: str) -> None:
+def test_an_impossible_bend_is_rejected_in_one_line(tmp_path: Path, radius: object, axis: str, words: str) -> None:
     with pytest.raises(ConfigError, match=words) as caught:
         load_sensor(bent_file(tmp_path, radius, axis))
     assert len(str(caught.value).splitlines()) == 1

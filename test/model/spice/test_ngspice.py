@@ -35,7 +35,7 @@ def live(circuit: str, stimulus: str) -> FollowerRun:
 
 
 def calibrated(circuit: str) -> dict[str, Follower]:
-    """The models of a circuit of which only an AC run is known."""
+    """Return the models of a circuit from its AC run alone."""
     loop = ngspice.closed_loop(small_signal(circuit, "ac"))
     return calibrated_models(loop, slew_model(loop).follower())
 
@@ -48,7 +48,7 @@ def run(request: pytest.FixtureRequest) -> Run:
 @pytest.mark.parametrize("circuit", ngspice.CIRCUITS)
 @pytest.mark.parametrize(("stimulus", "bound"), [("press", 0.25), ("tap", 0.25), ("sine", 0.15)])
 @pytest.mark.parametrize("model", ["one_pole", "two_pole", "square_law_slew"])
-def test_blind_models(run: Run, circuit: str, stimulus: str, bound: float, model: str) -> None:
+def test_uncalibrated_models(run: Run, circuit: str, stimulus: str, bound: float, model: str) -> None:
     assert deviation(run(circuit, stimulus), blind_models()[model]).max_pct <= bound
 
 
@@ -61,13 +61,13 @@ def test_calibrated_models(run: Run, circuit: str, stimulus: str, model: str) ->
 
 
 @pytest.mark.parametrize(("circuit", "straight"), [("opamp_b", 0.009), ("opamp_c", 0.036)])
-def test_an_input_held_between_samples_costs_half_a_percent_on_a_tap(circuit: str, straight: float) -> None:
+def test_zero_order_hold_input_costs_half_a_percent_on_a_tap(circuit: str, straight: float) -> None:
     """The numbers of docs/stability.md: samples at most 0.4 us apart, one pole, calibrated."""
     tap = transient(circuit, "tap")
     assert np.diff(tap.time).max() == pytest.approx(0.4e-6, abs=1e-12)
     follower = calibrated(circuit)["one_pole"]
     assert deviation(tap, follower).max_pct == pytest.approx(straight, abs=5e-4)
-    # The last input is held until the next sample, where it jumps: each sample comes twice, first with the old input.
+    # Zero-order hold: the input jumps at each sample, so each sample occurs twice, first with the old input.
     held = follower.run(np.repeat(tap.time, 2)[1:], np.repeat(tap.v_in, 2)[:-1]).v_out[::2]
     error = (held - held[0]) - (tap.v_out - tap.v_out[0])
     assert 100 * np.abs(error).max() / np.ptp(tap.v_out) == pytest.approx(0.48, abs=5e-3)
@@ -91,14 +91,14 @@ STEPS = {
     "from 0 to -1 V": (0.0, -1.0, 1e-8),
 }
 FALLING_B = {"from 1 to 0 V": 2.4, "from 0 to -1 V": 10.0}
-"""Its output stage cannot sink what Cc asks for; the fall is steeper than `falling_slew_rate`, so it is flagged."""
+"""Its output stage cannot sink the current of Cc; the fall is steeper than `falling_slew_rate`, so it is flagged."""
 
 
 @pytest.mark.spice
 @needs_ngspice
 @pytest.mark.parametrize("name", STEPS)
 @pytest.mark.parametrize(("circuit", "bound"), [("opamp_b", 1.0), ("opamp_c", 2.0)])
-def test_other_steps_than_the_one_of_the_target(circuit: str, bound: float, name: str) -> None:
+def test_other_steps_than_the_target_step(circuit: str, bound: float, name: str) -> None:
     low, high, edge = STEPS[name]
     source = ngspice.piecewise_linear([0, 1e-6, 1e-6 + edge, 6e-6], [low, low, high, high])
     seen = ngspice.run_follower(ngspice.netlist(circuit), source, 6e-6, 1e-8)
@@ -138,7 +138,7 @@ IN_NETLIST = {
     ("circuit", "bias"), [*(("opamp_b", bias) for bias in BIASES_B), *(("opamp_c", bias) for bias in BIASES_C)]
 )
 def test_hand_formulas_alone_predict_a_step_at_any_bias(circuit: str, bias: dict[str, float]) -> None:
-    """Not even gain and bandwidth are measured: sizes and bias go in, 1.1 % rms of a step of 1 V is what is left."""
+    """Without measured gain and bandwidth, from sizes and bias alone: a residual of 1.1 % rms of a step of 1 V."""
     text = ngspice.netlist(circuit)
     for name, value in bias.items():
         assert f" {IN_NETLIST[circuit][name]}\n" in text
@@ -156,12 +156,12 @@ def test_hand_formulas_alone_predict_a_step_at_any_bias(circuit: str, bias: dict
 @needs_ngspice
 @pytest.mark.parametrize("circuit", ngspice.CIRCUITS)
 def test_hand_formulas_alone_predict_a_step_of_another_design(circuit: str) -> None:
-    """A film twice as thick, a pair half as wide, half the load and, in B, half its second stage: 1.1 % rms again."""
+    """A film twice as thick, a pair half as wide, half the load and, in B, half its second stage: 1.1 % rms as well."""
     halved = {"M1", "M2", "M3", "M4", *(("M7",) if circuit == "opamp_b" else ())}
     sizes = tuple(
         replace(size, width=size.width / 2) if size.name in halved else size for size in paper.AMPLIFIER_SIZES
     )
-    text = ngspice.netlist(circuit).replace("tox=857.5n", "tox=1670n")  # as much oxide as the new stack
+    text = ngspice.netlist(circuit).replace("tox=857.5n", "tox=1670n")  # the oxide that is equivalent to the new stack
     for name in halved:
         text, found = re.subn(rf"(?m)^({name.lower()} .* w=)(\d+)u", lambda m: f"{m[1]}{int(m[2]) / 2:g}u", text)
         assert found == 1
@@ -174,7 +174,7 @@ def test_hand_formulas_alone_predict_a_step_of_another_design(circuit: str) -> N
     assert rms <= 1.1
 
 
-def test_the_fall_that_the_model_does_not_follow_is_flagged() -> None:
+def test_a_falling_edge_outside_the_model_is_flagged() -> None:
     follower = two_stage_model().follower()
     time = np.linspace(0, 1e-6, 1001)
     rise, fall, small_fall = (follower.run(time, np.where(time > 0, volts, 0.0)) for volts in (1.0, -1.0, -0.2))
@@ -186,8 +186,8 @@ def test_the_fall_that_the_model_does_not_follow_is_flagged() -> None:
 @pytest.mark.spice
 @needs_ngspice
 @pytest.mark.parametrize(("circuit", "figures"), [("opamp_b", figures_of_merit()), ("opamp_c", one_stage_figures())])
-def test_the_follower_is_straight_within_its_limits_and_bent_beyond(circuit: str, figures: OpAmpFigures) -> None:
-    """Slow ramps from 0 to either rail: 0.1 % of the range off a straight line at most inside, ever more outside."""
+def test_the_follower_is_linear_within_its_limits_and_nonlinear_beyond(circuit: str, figures: OpAmpFigures) -> None:
+    """Slow ramps from 0 to either rail: at most 0.1 % of the range of nonlinearity inside, increasing outside."""
     limits = figures.limits
     runs = [
         ngspice.run_follower(ngspice.netlist(circuit), ngspice.piecewise_linear([0, 1e-3], [0, volts]), 1e-3, 1e-6)
@@ -215,13 +215,13 @@ def test_circuits_have_the_published_gain_and_bandwidth(circuit: str) -> None:
 
 
 @pytest.mark.parametrize("circuit", ngspice.CIRCUITS)
-def test_which_runs_slew(circuit: str) -> None:
+def test_which_stored_runs_slew(circuit: str) -> None:
     loop = ngspice.closed_loop(small_signal(circuit, "ac"))
     assert [slews(transient(circuit, name), loop) for name in ("press", "tap", "sine", "step")] == [False] * 3 + [True]
 
 
 @pytest.mark.parametrize(("circuit", "overdrive", "slack"), [("opamp_b", 0.466, 0.1), ("opamp_c", 0.321, 0.05)])
-def test_hand_formulas_have_the_overdrive_that_a_step_asks_for(circuit: str, overdrive: float, slack: float) -> None:
+def test_hand_formulas_have_the_overdrive_that_a_step_needs(circuit: str, overdrive: float, slack: float) -> None:
     model = slew_model(ngspice.closed_loop(small_signal(circuit, "ac")))
     assert model.overdrive == pytest.approx(overdrive, abs=5e-4)
     assert fit_overdrive(transient(circuit, "step"), model) == pytest.approx(overdrive, abs=slack)
@@ -231,17 +231,17 @@ def test_hand_formulas_have_the_overdrive_that_a_step_asks_for(circuit: str, ove
 @needs_ngspice
 class TestLive:
     @pytest.mark.parametrize("circuit", ngspice.CIRCUITS)
-    def test_stored_runs_are_what_ngspice_gives_now(self, circuit: str) -> None:
+    def test_stored_runs_match_the_installed_ngspice(self, circuit: str) -> None:
         now = ngspice.run_follower_ac(ngspice.netlist(circuit), per_decade=20)
         np.testing.assert_allclose(now.transfer, small_signal(circuit, "ac").transfer, rtol=0, atol=1e-4)
         for stimulus in ("tap", "step"):
             stored, fresh = transient(circuit, stimulus), live(circuit, stimulus)
             at_stored = np.interp(stored.time, fresh.time, fresh.v_out)
-            # Two versions step differently; straight lines between steps of 10 ns are 1 mV off at the sharpest bend.
+            # Versions use different time steps; linear interpolation over 10 ns is wrong by 1 mV at the sharpest bend.
             np.testing.assert_allclose(at_stored, stored.v_out, rtol=0, atol=2e-3)
 
     @pytest.mark.parametrize("circuit", ngspice.CIRCUITS)
-    def test_half_the_step_is_the_same_run(self, circuit: str) -> None:
+    def test_half_the_time_step_gives_the_same_run(self, circuit: str) -> None:
         what = reference_runs.stimuli()["step"]
         runs = [
             ngspice.run_follower(ngspice.netlist(circuit), what.source, what.stop, step)
@@ -250,18 +250,18 @@ class TestLive:
         at_coarse = np.interp(runs[0].time, runs[1].time, runs[1].v_out)
         assert np.abs(at_coarse - runs[0].v_out).max() <= 2e-3
 
-    def test_a_circuit_that_is_refused(self) -> None:
+    def test_a_rejected_circuit_is_an_error(self) -> None:
         with pytest.raises(ngspice.SpiceError, match="ngspice failed"):
             ngspice.run_follower(
                 ".subckt opamp plus minus out\nm1 out plus 0 0 nomodel\n.ends", "sin(0 1 1k)", 1e-3, 1e-5
             )
 
-    def test_a_run_that_is_aborted(self) -> None:
+    def test_an_aborted_run_is_an_error(self) -> None:
         chatter = "cx out 0 1f\nbout out 0 i=v(out)>v(plus)*(time>5e-4) ? 1e6 : -1e6\nrx out 0 1g\nrm minus plus 1k"
         with pytest.raises(ngspice.SpiceError, match=r"ngspice failed|stopped at"):
             ngspice.run_follower(f".subckt opamp plus minus out\n{chatter}\n.ends", "sin(0 1 1k)", 1e-3, 1e-5)
 
-    def test_a_run_too_coarse_for_its_output(self) -> None:
+    def test_a_run_too_coarse_for_its_output_is_an_error(self) -> None:
         wire = ".subckt opamp plus minus out\nrwire plus out 1\nrload out 0 1meg\n.ends"
         with pytest.raises(ngspice.SpiceError, match="coarse"):
             ngspice.run_follower(wire, "sin(0 1 1k)", 1e-3, 5e-5)
@@ -281,7 +281,7 @@ class TestWithoutNgspice:
     def _no_program(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
         monkeypatch.setenv("PATH", str(tmp_path))
 
-    def test_it_is_missing(self, tmp_path: Path, capsys) -> None:
+    def test_missing_ngspice_is_reported(self, tmp_path: Path, capsys) -> None:
         assert not ngspice.available()
         with pytest.raises(ngspice.SpiceError, match="not on PATH"):
             ngspice.run_follower(ngspice.netlist("opamp_b"), "sin(0 1 1k)", 1e-3, 1e-6)
@@ -325,7 +325,7 @@ def raw(time: np.ndarray, v_out: np.ndarray) -> bytes:
         (np.linspace(0, 1e-3, 1001), np.full(1001, math.nan), "not finite"),
     ],
 )
-def test_a_run_that_is_not_whole_or_not_fine_is_an_error(monkeypatch, time, v_out, reason: str) -> None:
+def test_an_incomplete_or_invalid_run_is_an_error(monkeypatch, time, v_out, reason: str) -> None:
     content = raw(time, v_out.astype(float))
     monkeypatch.setattr(
         ngspice, "_simulate", lambda deck, complex_values: ngspice.read_raw(content, complex_values=complex_values)
@@ -340,7 +340,7 @@ def test_a_gain_that_never_falls_has_no_bandwidth() -> None:
         ngspice.closed_loop(flat)
 
 
-def test_bad_arguments_are_named() -> None:
+def test_invalid_arguments_are_rejected_by_name() -> None:
     assert_refused(ngspice.netlist, {"circuit": "opamp_z"}, "circuit")
     assert_refused(ngspice.piecewise_linear, {"time": [0, 1], "volts": [0]}, "volts")
     for time in ([1, 2], [0, 0], [0, -1]):

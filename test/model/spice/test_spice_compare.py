@@ -1,4 +1,4 @@
-"""The command that compares any follower run with the models: what it prints, and what it says to bad files."""
+"""The command that compares any follower run with the models: its output, and its errors for invalid files."""
 
 import json
 import math
@@ -24,7 +24,7 @@ from posfet_model.spice.run_file import FollowerRun, read_run
 from support.spice_data import path, small_signal
 
 ONE_POLE_RATIO = 1 + 1 / AMPLIFIER_GAIN.value
-"""Bandwidth of a follower of one pole over the gain-bandwidth product of its op-amp."""
+"""Ratio of the bandwidth of a one-pole follower to the gain-bandwidth product of its op-amp."""
 
 MODELS = {"ideal", "static", "one_pole", "two_pole", "square_law_slew"}
 
@@ -40,7 +40,7 @@ def command(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int
     return code, printed.out, printed.err
 
 
-def test_blind_alone_without_gain_and_bandwidth(capsys) -> None:
+def test_without_gain_and_bandwidth_only_uncalibrated_models_are_compared(capsys) -> None:
     code, out, err = command(capsys, path("opamp_b", "tap"))
     printed = json.loads(out)
     assert (code, err, set(printed)) == (0, "", MODELS)
@@ -51,7 +51,7 @@ def test_blind_alone_without_gain_and_bandwidth(capsys) -> None:
 
 
 @pytest.mark.parametrize("circuit", CIRCUITS)
-def test_as_people_run_it(circuit: str) -> None:
+def test_the_command_as_users_run_it(circuit: str) -> None:
     loop = closed_loop(small_signal(circuit, "ac"))
     options = [path(circuit, "tap"), "--gain", f"{loop.gain:.6f}", "--bandwidth", f"{loop.bandwidth:.0f}"]
     done = subprocess.run(
@@ -68,7 +68,7 @@ def test_as_people_run_it(circuit: str) -> None:
         assert printed[name]["calibrated"]["max_pct"] <= 0.05
 
 
-def test_a_run_of_the_model_itself_is_met_exactly(tmp_path: Path) -> None:
+def test_a_run_of_the_model_itself_is_reproduced_exactly(tmp_path: Path) -> None:
     generator = np.random.default_rng(11)
     instants = np.cumsum(10 ** generator.uniform(-9, -6, 3000))
     v_in = np.repeat(generator.normal(size=30), 100)
@@ -79,14 +79,14 @@ def test_a_run_of_the_model_itself_is_met_exactly(tmp_path: Path) -> None:
     slewing = SquareLawFollower(gain=0.97, bandwidth=2e6, overdrive=0.123)
     write(file, instants, v_in, slewing.run(instants, v_in).v_out)
     product = 2e6 / ONE_POLE_RATIO
-    seen = 2.4e6  # a second pole is seen; the lag is that of the product
-    told = spice_compare.compare(file, 0.97, seen, gain_bandwidth=product, overdrive=0.123)
-    assert told["square_law_slew"]["calibrated"]["max_pct"] <= 1e-8
+    seen = 2.4e6  # measured with a second pole; the lag is that of the gain-bandwidth product
+    compared = spice_compare.compare(file, 0.97, seen, gain_bandwidth=product, overdrive=0.123)
+    assert compared["square_law_slew"]["calibrated"]["max_pct"] <= 1e-8
     model = slew_model(ClosedLoop(0.97, seen), product)
     assert fit_overdrive(read_run(file), model) == pytest.approx(0.123, abs=1e-3)
 
 
-def test_percent_are_of_peak_to_peak_and_rms_is_over_time() -> None:
+def test_percentages_refer_to_peak_to_peak_and_rms_is_over_time() -> None:
     instants = np.array([0.0, 1.0, 2.0, 10.0])
     v_out = np.array([0.5, 2.5, 0.5, 0.5])  # full scale 2 V
     result = deviation(FollowerRun(instants, np.full(4, 7.0), v_out), OnePoleFollower(gain=1.0, bandwidth=1e3))
@@ -102,7 +102,7 @@ def test_the_smallest_swing_accepted_prints_json(tmp_path: Path, capsys) -> None
         assert np.isfinite(list(result["blind"].values())).all()
 
 
-def test_a_number_that_is_no_json_is_one_line(capsys, monkeypatch) -> None:
+def test_a_value_that_json_cannot_represent_is_reported_in_one_line(capsys, monkeypatch) -> None:
     monkeypatch.setattr(spice_compare, "compare", lambda *_, **__: {"ideal": {"blind": {"max_pct": math.inf}}})
     code, out, err = command(capsys, path("opamp_b", "tap"))
     assert (code, out, err.count("\n")) == (1, "", 1)
@@ -112,7 +112,7 @@ def test_a_number_that_is_no_json_is_one_line(capsys, monkeypatch) -> None:
 @pytest.mark.parametrize(
     ("gain", "noted"), [("42.3", True), ("10", True), ("60", True), ("61", False), ("0.99", False)]
 )
-def test_a_gain_that_looks_like_decibels_is_noted_beside_the_json(capsys, gain: str, noted: bool) -> None:
+def test_a_gain_that_looks_like_decibels_is_noted_apart_from_the_json(capsys, gain: str, noted: bool) -> None:
     code, out, err = command(capsys, path("opamp_b", "tap"), "--gain", gain, "--bandwidth", "1.5e6", "--overdrive", "1")
     assert code == 0
     assert set(json.loads(out)) == MODELS
@@ -131,7 +131,7 @@ def test_a_gain_that_looks_like_decibels_is_noted_beside_the_json(capsys, gain: 
         ("opamp_b", 1e5, "one pole; overdrive 0.39 V, assumed"),
     ],
 )
-def test_what_the_op_amp_was_taken_for_is_noted_beside_the_json(capsys, circuit, bandwidth, said) -> None:
+def test_the_assumed_op_amp_is_noted_apart_from_the_json(capsys, circuit, bandwidth, said) -> None:
     loop = closed_loop(small_signal(circuit, "ac"))
     options = ["--gain", loop.gain, "--bandwidth", bandwidth or loop.bandwidth]
     code, out, err = command(capsys, path(circuit, "step"), *options)
@@ -140,8 +140,8 @@ def test_what_the_op_amp_was_taken_for_is_noted_beside_the_json(capsys, circuit,
 
 
 @pytest.mark.parametrize("circuit", CIRCUITS)
-def test_nothing_is_fitted_to_the_run_that_is_judged(circuit: str, monkeypatch) -> None:
-    """The calibrated model is the same whatever the run's output: only the deviation changes."""
+def test_nothing_is_fitted_to_the_evaluated_run(circuit: str, monkeypatch) -> None:
+    """The calibrated model does not depend on the output of the run: only the error changes."""
     loop, run = closed_loop(small_signal(circuit, "ac")), read_run(path(circuit, "step"))
     seen = []
     monkeypatch.setattr(spice_compare, "deviations", lambda run, models: seen.append(models) or {})
@@ -180,7 +180,7 @@ def test_the_overdrive_can_be_measured_on_another_run(tmp_path: Path, capsys) ->
         assert reason in err
 
 
-def test_an_open_loop_gain_stands_for_its_closed_loop() -> None:
+def test_an_open_loop_gain_is_converted_to_its_closed_loop_gain() -> None:
     file = path("opamp_b", "tap")
     assert spice_compare.compare(file, 130.0, 1.4e6) == spice_compare.compare(file, 130 / 131, 1.4e6)
 
@@ -224,7 +224,7 @@ def test_comments_blank_lines_and_jumps_are_read(tmp_path: Path) -> None:
         ("time,v_in,v_out\n0,0,0\n1_0,1,1\n", 3, "time must be a number"),
     ],
 )
-def test_a_bad_file_is_one_line(tmp_path: Path, capsys, text: str, line: int, reason: str) -> None:
+def test_an_invalid_file_is_reported_in_one_line(tmp_path: Path, capsys, text: str, line: int, reason: str) -> None:
     file = tmp_path / "bad.csv"
     file.write_text(text)
     code, out, err = command(capsys, file)
@@ -233,7 +233,7 @@ def test_a_bad_file_is_one_line(tmp_path: Path, capsys, text: str, line: int, re
     assert re.search(reason, err)
 
 
-def test_a_file_that_cannot_be_read_is_one_line(tmp_path: Path, capsys) -> None:
+def test_an_unreadable_file_is_reported_in_one_line(tmp_path: Path, capsys) -> None:
     (tmp_path / "binary.csv").write_bytes(b"\xff\xfe\x00time")
     for file in (tmp_path / "none.csv", tmp_path, tmp_path / "binary.csv"):
         code, out, err = command(capsys, file)
@@ -265,21 +265,21 @@ def test_a_file_that_cannot_be_read_is_one_line(tmp_path: Path, capsys) -> None:
         (["--gain", "0.99", "--bandwidth", "1e6", "--overdrive", "0"], "--overdrive must be in"),
     ],
 )
-def test_options_that_make_no_sense_are_one_line(capsys, options: list[str], reason: str) -> None:
+def test_invalid_options_are_reported_in_one_line(capsys, options: list[str], reason: str) -> None:
     code, out, err = command(capsys, path("opamp_b", "tap"), *options)
     assert (code, out, err.count("\n")) == (1, "", 1)
     assert reason in err
 
 
 @pytest.mark.parametrize("options", [[], ["x.csv", "--gain", "much"], ["x.csv", "--speed"]])
-def test_a_wrong_command_line_is_one_line(capsys, options: list[str]) -> None:
+def test_a_wrong_command_line_is_reported_in_one_line(capsys, options: list[str]) -> None:
     with pytest.raises(SystemExit) as left:
         spice_compare.main(options)
     assert left.value.code == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_help_says_what_gain_and_bandwidth_are(capsys) -> None:
+def test_help_explains_gain_and_bandwidth(capsys) -> None:
     with pytest.raises(SystemExit) as left:
         spice_compare.main(["--help"])
     assert left.value.code == 0
@@ -288,7 +288,7 @@ def test_help_says_what_gain_and_bandwidth_are(capsys) -> None:
         assert words in text
 
 
-def test_a_hundred_thousand_uneven_rows_take_less_than_a_loop_would(tmp_path: Path) -> None:
+def test_a_hundred_thousand_uneven_rows_take_less_time_than_a_loop(tmp_path: Path) -> None:
     generator = np.random.default_rng(12)
     instants = np.cumsum(10 ** generator.uniform(-9, -6, 100_000))
     v_in = np.sin(2 * np.pi * 2e4 * instants)

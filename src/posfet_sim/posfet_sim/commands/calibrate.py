@@ -39,7 +39,7 @@ def _from_recording(sensor: Sensor, options: argparse.Namespace) -> Calibration:
 
 def main(words: Sequence[str] | None = None) -> int:
     """Write a calibration file; return 0, or 1 with one line on stderr for bad input."""
-    options = _parser().parse_args(words)
+    options = make_parser().parse_args(words)
     try:
         sensor = load_sensor(options.sensor)
         if (options.recording is None) != (options.reference is None):
@@ -62,7 +62,8 @@ def main(words: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of `posfet calibrate`."""
     parser = argparse.ArgumentParser(
         prog="posfet calibrate",
         description="Fit the calibration of a board from a recording on a calibration rig that pressed a ball on each "

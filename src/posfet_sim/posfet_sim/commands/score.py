@@ -118,7 +118,7 @@ def perturbed(sensor: Sensor, percent: dict[str, float]) -> Sensor:
 
 def main(words: Sequence[str] | None = None) -> int:
     """Print the score as JSON; return 0, or 1 with one line on stderr for bad input."""
-    options = _parser().parse_args(words)
+    options = make_parser().parse_args(words)
     try:
         sensor = load_sensor(options.sensor)
         device = perturbed(sensor, dict(options.device))
@@ -157,7 +157,8 @@ def _calibration(name: str | None, sensor: Sensor, seed: int, error_model: Error
         raise ConfigError(f"calibration of the simulated board: {error}") from error
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of `posfet score`."""
     parser = argparse.ArgumentParser(
         prog="posfet score",
         description="Score the reconstruction of a simulated scene against its ground truth; prints JSON.",

@@ -55,7 +55,7 @@ def main(words: Sequence[str] | None = None) -> int:
         0 after a complete run; 1, with one line on stderr, for bad input; 130 when interrupted: the file then has the
         scans up to there.
     """
-    options = _parser().parse_args(words)
+    options = make_parser().parse_args(words)
     try:
         outcome = _run(options)
     except (ConfigError, OSError, ValueError) as error:
@@ -88,7 +88,8 @@ class _Outcome:
     """Computation time [s]."""
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of `posfet sim`."""
     parser = argparse.ArgumentParser(
         prog="posfet sim", description="Simulate a scene faster than real time and write it to a file."
     )
