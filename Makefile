@@ -23,10 +23,12 @@ BUILT := install/.built
 
 ifdef ROS_DISTRO
 READY := setup
+CHECK_READY :=
 setup:
 	@tools/setup.sh
 else
 READY := .venv/.ready
+CHECK_READY := .venv/.check_ready
 setup: $(READY)
 endif
 
@@ -51,7 +53,12 @@ test: $(BUILT)
 	if python3 -c 'import xdist' 2>/dev/null; then workers=(-n logical --maxprocesses 4); fi; \
 	exec python3 -m pytest "$${workers[@]}" $(ARGS)
 
-check: $(BUILT)
+# With a sourced ROS 2: pip install --requirement tools/check_requirements.txt, into an environment of your own
+.venv/.check_ready: tools/check_requirements.txt | $(READY)
+	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement $<
+	@touch $@
+
+check: $(BUILT) $(CHECK_READY)
 	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy && \
 	numpydoc lint --config . $$(find src -name '*.py' -not -name setup.py) && PYTHONPATH="$(PACKAGES):$$PYTHONPATH" lint-imports
 
