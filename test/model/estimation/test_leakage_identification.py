@@ -76,10 +76,10 @@ class HeldForce:
         self.force = self.charge = np.full(len(true), force)
         self.identifier.begin_touch(ALL, self.leaked)
 
-    def run(self, seconds: float, trend: float = 0.0, touched: np.ndarray = ALL) -> None:
-        """Let blocks pass; the true force changes by `trend` [N] in alternate blocks, there and back."""
+    def run(self, seconds: float, trend: float = 0.0, turn: int = 7, touched: np.ndarray = ALL) -> None:
+        """Let blocks pass; the true force changes by `trend` [N] in each, the other way after every `turn` blocks."""
         for number in range(round(seconds / BLOCK)):
-            change = trend * (1 - 2 * ((number // 7) % 2))
+            change = trend * (1 - 2 * ((number // turn) % 2))
             before, self.charge = self.charge, self.charge * np.exp(-BLOCK / self.true) + change
             lost = before - self.charge + change  # the force that has leaked, which tau' turns into an increment
             increment = lost * self.true / self.identifier.time_constant
@@ -118,6 +118,17 @@ def test_an_untouched_array_and_a_changing_force_show_nothing() -> None:
     for held in (idle, moving):
         assert held.identifier.time_constant.tolist() == DESCRIBED.tolist()
         assert held.identifier.common_deviation == 0.1
+
+
+@pytest.mark.parametrize(("percent", "found"), [(0.5, True), (8.0, False)])
+def test_a_slow_ramp_shows_the_leak_and_a_fast_one_may_have_any_cause(percent: float, found: bool) -> None:
+    held = HeldForce(1.1 * DESCRIBED)
+    window = 0.3 / BLOCK  # about one time constant
+    held.run(0.9, trend=2.0 * percent / 100 / window, turn=1000)
+    if found:
+        assert held.identifier.time_constant == pytest.approx(1.1 * DESCRIBED, rel=0.04)
+    else:
+        assert held.identifier.time_constant.tolist() == DESCRIBED.tolist()
 
 
 def test_the_force_is_as_uncertain_as_what_leaked_times_the_unknown_time_constant() -> None:

@@ -136,6 +136,33 @@ def test_taxels_without_charge_become_inactive_after_a_while_and_those_with_stay
     assert (charge.charge[1:] == 0.0).all()
 
 
+def test_charge_that_is_too_small_to_count_is_gone_when_its_taxel_becomes_inactive() -> None:
+    charge = made(compute_all=False)
+    everywhere = [patch(slice(0, ROWS), slice(0, COLS))]
+    charge.activate(everywhere)
+    advance(charge, np.array([2.0, 0.0]))
+    advance(charge, np.zeros(DEACTIVATE_INTERVAL), step=0.1)
+    assert charge.deactivate_discharged()
+    assert charge.active.size == 0
+    charge.activate(everywhere)
+    assert charge.active.size == TAXELS
+    assert (charge.charge == 0.0).all()
+
+
+def test_the_patches_of_the_call_before_are_activated_too_as_their_forces_may_end() -> None:
+    charge = made(compute_all=False)
+    charge.activate([patch(slice(0, 1), slice(0, 1))])
+    advance(charge, np.zeros(DEACTIVATE_INTERVAL))
+    assert charge.deactivate_discharged()
+    charge.activate([patch(slice(4, 5), slice(4, 5))])
+    first, second = {0, 1, COLS, COLS + 1}, {TAXELS - 1, TAXELS - 2, TAXELS - 1 - COLS, TAXELS - 2 - COLS}
+    assert set(charge.active.tolist()) == first | second
+    advance(charge, np.zeros(DEACTIVATE_INTERVAL))
+    assert charge.deactivate_discharged()
+    charge.activate([])
+    assert set(charge.active.tolist()) == second
+
+
 def test_where_all_are_computed_none_becomes_inactive() -> None:
     charge = made()
     advance(charge, np.zeros(2 * DEACTIVATE_INTERVAL))

@@ -131,6 +131,8 @@ class FailingBus:
         self.failed = threading.Event()
         self.timeouts: list[float] = []
         self.closed = False
+        self.incoming: list[Frame] = []
+        self.written: list[Frame] = []
         self._clock, self._room, self._reads = clock, room, reads
 
     def read_frames(self, timeout: float) -> list[Frame]:
@@ -140,12 +142,14 @@ class FailingBus:
         if self._reads < 0:
             self.failed.set()
             raise can.CanOperationError("cable\nout")
-        return []
+        frames, self.incoming = self.incoming, []
+        return frames
 
     def write_frame(self, frame: Frame) -> None:
         self._room -= 1
         if self._room < 0:
             raise can.CanOperationError("no room")
+        self.written.append(frame)
 
     def ask_state(self) -> None: ...
 
@@ -153,10 +157,13 @@ class FailingBus:
         self.closed = True
 
 
-def serve(monkeypatch: pytest.MonkeyPatch, node: CountingNode, room: int, reads: int) -> tuple[BusServer, FailingBus]:
+def serve(
+    monkeypatch: pytest.MonkeyPatch, node: CountingNode, room: int, reads: int, incoming: tuple[Frame, ...] = ()
+) -> tuple[BusServer, FailingBus]:
     """Serve a failing bus in stepped time until it has failed."""
     clock = SteppedClock(now=1_000_000_000)
     made = FailingBus(clock, room, reads)
+    made.incoming += incoming
     monkeypatch.setattr(bus_server, "open_bus", lambda _: made)
     server = BusServer(settings(), node, clock)
     server.open()
@@ -170,6 +177,13 @@ def test_frames_that_the_bus_does_not_accept_are_counted(monkeypatch: pytest.Mon
     # One frame is due in each of the ten rounds.
     assert (server.frames_sent, server.frames_dropped) == (4, 6)
     assert made.closed
+
+
+def test_what_was_due_before_a_command_is_sent_before_its_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    command: Frame = (0x101, CLASSIC, b"\x01\x02")
+    _, made = serve(monkeypatch, CountingNode(), room=100, reads=1, incoming=(command, command))
+    assert [identifier for identifier, _, _ in made.written] == [0x100, 0x200, 0x200]
+    assert made.written[1] == (0x200, CLASSIC, b"\x02\x01")
 
 
 def test_a_failure_of_the_bus_ends_the_service_with_its_reason_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:

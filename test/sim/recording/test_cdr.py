@@ -98,8 +98,9 @@ def test_sequences_start_with_their_length_and_align_their_elements() -> None:
 
 
 def test_empty_sequences_have_no_padding_for_elements() -> None:
-    values = {"bytes": [], "numbers": np.zeros((0, 3)), "names": [], "inner": [], "last": 1}
-    assert serialise(f"{PACKAGE}/Sequences", values) == ENCODING + bytes(16) + b"\x01\x00"
+    values = {"bytes": [9], "numbers": np.zeros((0, 3)), "names": [], "inner": [], "last": 1}
+    expected = struct.pack("<IBxxxIIIH", 1, 9, 0, 0, 0, 1)
+    assert serialise(f"{PACKAGE}/Sequences", values) == ENCODING + expected
 
 
 def test_an_array_of_any_shape_is_written_row_by_row() -> None:
