@@ -157,7 +157,8 @@ def measure(full: bool) -> Outcome:
     )
     note = (
         "Steps of 1 us for both, sines of 10 kHz; ngspice simulates the op-amp of circuit B for each taxel, the "
-        "model one pole. Error of the last taxel in percent of its full scale. The named ratio is that of the faster variant."
+        "model one pole. Error of the last taxel in percent of its full scale. The named ratio is that of the faster "
+        "variant."
     )
     return Outcome(values, [Table("Followers against ngspice at equal step", columns, rows, note)], [front()])
 

@@ -53,7 +53,7 @@ from support.fake_socketcand import FakeSocketcand
 EMULATED = with_layout(load_sensor(), 5, 5, scan_rate=200.0)
 REAL_BUS = os.environ.get("POSFET_TEST_CAN", "")
 REAL_BOARD = os.environ.get("POSFET_TEST_BOARD", "")
-PLACES = [
+BUSES = [
     "virtual",
     "slcan",
     "slcan-python-can",
@@ -93,41 +93,41 @@ def fd(request: pytest.FixtureRequest) -> bool:
     return bool(request.param)
 
 
-@pytest.fixture(params=PLACES)
+@pytest.fixture(params=BUSES)
 def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    place = request.param
-    clock: Clock = SystemClock() if place in {"board", "can"} else PacedClock()
+    bus_kind = request.param
+    clock: Clock = SystemClock() if bus_kind in {"board", "can"} else PacedClock()
     sensor = EMULATED
     with ExitStack() as stack:
         firmware = BoardFirmware(with_fd(sensor, fd), FakeBoard(sensor), clock.monotonic())
-        interface, channel, options = place, "", []
-        if place in {"slcan", "slcan-python-can"}:
+        interface, channel, options = bus_kind, "", []
+        if bus_kind in {"slcan", "slcan-python-can"}:
             adapter = EmulatedAdapter(tmp_path / "can0", firmware, clock)
             adapter.open()
             stack.callback(adapter.close)
             channel = str(adapter.link)
-            options = [] if place == "slcan" else ["sleep_after_open=0.0"]
-        elif place == "socketcand":
+            options = [] if bus_kind == "slcan" else ["sleep_after_open=0.0"]
+        elif bus_kind == "socketcand":
             if fd:
                 pytest.skip("socketcand carries classic frames only")
             daemon = FakeSocketcand(firmware, clock)
             daemon.open()
             stack.callback(daemon.close)
             channel, options = "can0", ["host=127.0.0.1", f"port={daemon.port}", "tcp_tune=true"]
-        elif place == "board":
+        elif bus_kind == "board":
             interface, _, channel = REAL_BOARD.partition(":")
             sensor = load_sensor(os.environ.get("POSFET_TEST_SENSOR") or "posfet_5x5")
             if sensor.can.fd != fd:
                 pytest.skip("the board has the other frames")
         else:
-            if place == "virtual":
+            if bus_kind == "virtual":
                 channel = uuid.uuid4().hex
-            elif place == "socketcan":
+            elif bus_kind == "socketcan":
                 kernel = FakeSocketcan(monkeypatch, tmp_path / "net")
                 stack.callback(kernel.close)
                 kernel.add("can0")
                 channel = "can0"
-            elif place == "udp_multicast":
+            elif bus_kind == "udp_multicast":
                 channel, options = "239.74.163.2", ["hop_limit=0", f"port={free_port()}"]
             else:
                 interface, channel = "socketcan", REAL_BUS
@@ -138,7 +138,7 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool, monkeypatch:
         board = Board(with_fd(sensor, fd), opener, clock, opener.presence)
         stack.callback(board.close)
         board.open()
-        yield Bench(board, sensor, place != "board", clock)
+        yield Bench(board, sensor, bus_kind != "board", clock)
 
 
 def test_scans_are_complete_and_in_order(bench: Bench) -> None:

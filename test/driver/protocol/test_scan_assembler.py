@@ -242,17 +242,17 @@ def test_published_and_lost_scans_add_up(fd: bool, start: int, faults: list[tupl
     blocks = line.codec.blocks
     dropped = 0
     usable = len(frames) - blocks  # the last scan is complete and settles the loss count
-    for place, fault in sorted({number % usable: fault for number, fault in faults}.items(), reverse=True):
-        identifier, kind, data = frames[place]
+    for position, fault in sorted({number % usable: fault for number, fault in faults}.items(), reverse=True):
+        identifier, kind, data = frames[position]
         if fault == "drop":
-            del frames[place]
+            del frames[position]
             dropped += 1
         elif fault == "repeat":
-            frames.insert(place, frames[place])
+            frames.insert(position, frames[position])
         elif fault == "spoil":
-            frames[place] = identifier, kind, data[:-1]
-        elif place + 1 < len(frames) - blocks:
-            frames[place : place + 2] = frames[place + 1], frames[place]
+            frames[position] = identifier, kind, data[:-1]
+        elif position + 1 < len(frames) - blocks:
+            frames[position : position + 2] = frames[position + 1], frames[position]
     line.feed(*frames)
     assert line.published == sorted(set(line.published))
     assert set(line.published) <= set(range(start, start + count))

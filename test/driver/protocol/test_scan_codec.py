@@ -55,7 +55,7 @@ def decoded(codec: ScanCodec, frames: list[bytes]) -> list[int]:
 
 
 @given(counts=COUNTS, sequence=st.integers(0, 1 << 40), time=st.integers(0, 1 << 40), status=st.integers(0, 31))
-def test_fd_block(counts: list[int], sequence: int, time: int, status: int) -> None:
+def test_fd_blocks_agree_with_cantools(counts: list[int], sequence: int, time: int, status: int) -> None:
     codec = FdCodec(25)
     ((identifier, kind, data),) = codec.encode(scan_of(counts, sequence, time, status), BASE)
     assert (identifier, kind) == (BASE + 3, FD | RATE_SWITCH)
@@ -69,7 +69,7 @@ def test_fd_block(counts: list[int], sequence: int, time: int, status: int) -> N
 
 
 @given(counts=COUNTS, sequence=st.integers(0, 1 << 40))
-def test_classic_blocks(counts: list[int], sequence: int) -> None:
+def test_classic_blocks_agree_with_cantools(counts: list[int], sequence: int) -> None:
     codec = ClassicCodec(25)
     frames = codec.encode(scan_of(counts, sequence), BASE)
     for block, (identifier, kind, data) in enumerate(frames):
@@ -90,7 +90,7 @@ def test_classic_blocks_preserve_both_ends_of_the_scale() -> None:
 
 
 @given(code=BYTES, tag=BYTES, argument=WORDS)
-def test_command(code: int, tag: int, argument: int) -> None:
+def test_command_messages_agree_with_cantools(code: int, tag: int, argument: int) -> None:
     request = Request(code, tag, argument)
     signals = {"CommandCode": code, "CommandTag": tag, "CommandArgument": argument}
     assert encode("Command", **signals) == request.pack()
@@ -99,7 +99,7 @@ def test_command(code: int, tag: int, argument: int) -> None:
 
 
 @given(code=BYTES, tag=BYTES, result=BYTES, value=WORDS, reset=st.booleans())
-def test_response(code: int, tag: int, result: int, value: int, reset: bool) -> None:
+def test_response_messages_agree_with_cantools(code: int, tag: int, result: int, value: int, reset: bool) -> None:
     response = Response(code, tag, result, value, reset)
     signals = {"ResponseCommand": code, "ResponseTag": tag, "ResponseResult": result, "ResponseValue": value}
     signals["ResponseReset"] = int(reset)
@@ -115,7 +115,9 @@ def test_response(code: int, tag: int, result: int, value: int, reset: bool) -> 
     page=st.sampled_from(Page),
     value=SHORTS,
 )
-def test_status(raw: tuple[int, int], supply: int, flags: int, page: Page, value: int) -> None:
+def test_status_messages_agree_with_cantools(
+    raw: tuple[int, int], supply: int, flags: int, page: Page, value: int
+) -> None:
     status = Status((raw[0] / 256, raw[1] / 256), supply / 20, flags, page, value)
     signals = {"Temperature1": raw[0] / 256, "Temperature2": raw[1] / 256, "Supply": supply / 20, "Page": page}
     signals |= {name: flags >> bit & 1 for bit, name in enumerate(FLAGS)}

@@ -225,7 +225,7 @@ def test_two_boards_on_one_bus_use_one_driver_each(bench: Bench, tmp_path: Path)
     """As documented: one sensor file each, with different base_id, and one namespace each."""
     channel, clock = uuid.uuid4().hex, bench.clock
     shipped = (Path(description.__file__).parent / "sensors" / "posfet_5x5.yaml").read_text(encoding="utf-8")
-    nodes, firmwares, taken = [], [], {}
+    nodes, firmwares, received = [], [], {}
     with can.Bus(interface="virtual", channel=channel) as bus:
         for name, base in (("thumb", 0x100), ("palm", 0x110)):
             file = tmp_path / f"{name}.yaml"
@@ -235,7 +235,7 @@ def test_two_boards_on_one_bus_use_one_driver_each(bench: Bench, tmp_path: Path)
             node = bench.driver(
                 f"/hand/{name}", can_interface="virtual", can_channel=channel, sensor_file=str(file), autostart=False
             )
-            taken[name] = scans = []
+            received[name] = scans = []
             node.sink = lambda scan, scans=scans: scans.append((scan.sequence, int(scan.counts[0])))
             assert (node.trigger_configure(), node.trigger_activate()) == (SUCCESS, SUCCESS)
             nodes.append(node)
@@ -248,10 +248,10 @@ def test_two_boards_on_one_bus_use_one_driver_each(bench: Bench, tmp_path: Path)
                     frames += firmware.receive(frame_of(message), now)
             for frame in frames:
                 bus.send(message_of(frame))
-            return all(len(scans) >= 50 for scans in taken.values())
+            return all(len(scans) >= 50 for scans in received.values())
 
         bench.wait(boards_turn)
-        for node, scans in zip(nodes, taken.values(), strict=True):
+        for node, scans in zip(nodes, received.values(), strict=True):
             node.trigger_shutdown()
             assert [count for _, count in scans] == [(n % 4096) << 4 | (n % 4096) >> 8 for n, _ in scans]
             report = node.source.report()
@@ -263,19 +263,19 @@ def test_lifecycle(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
     """Unconfigured at first; inactive it reads but does not publish; active it publishes; it can be cycled."""
     bench.watcher.listen()
     node = bench.driver(can_channel=str(link), autostart=False)
-    taken: list[int] = []
-    node.sink = lambda scan: taken.append(scan.sequence)
+    received: list[int] = []
+    node.sink = lambda scan: received.append(scan.sequence)
     node.start()
     assert node.source.report().state == "closed"
     for _ in range(2):
         assert node.trigger_configure() == SUCCESS
         seen = node.source.report().scans
         bench.wait(lambda seen=seen: node.source.report().scans >= seen + 50)
-        assert taken == bench.watcher.raw == []
+        assert received == bench.watcher.raw == []
         assert node.trigger_activate() == SUCCESS
-        bench.wait(lambda: len(taken) > 50 and bench.watcher.raw)
+        bench.wait(lambda: len(received) > 50 and bench.watcher.raw)
         assert_counting(bench.watcher.raw)
-        assert taken == list(range(taken[0], taken[0] + len(taken)))
+        assert received == list(range(received[0], received[0] + len(received)))
         assert node.trigger_deactivate() == SUCCESS
         assert node.trigger_cleanup() == SUCCESS
         assert node.source.report().state == "closed"
@@ -283,7 +283,7 @@ def test_lifecycle(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
         while seen != len(bench.watcher.raw):  # messages in transit
             seen = len(bench.watcher.raw)
             bench.executor.spin_once(timeout_sec=0.2)
-        taken.clear()
+        received.clear()
         bench.watcher.raw.clear()
     assert node.source.report().frames_lost == 0
     assert node.trigger_shutdown() == SUCCESS
@@ -291,8 +291,8 @@ def test_lifecycle(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
 
 def test_lifecycle_transitions_in_any_order_while_the_adapter_comes_and_goes(bench: Bench, link: Path) -> None:
     node = bench.driver(can_channel=str(link), autostart=False)
-    taken: list[int] = []
-    node.sink = lambda scan: taken.append(scan.sequence)
+    received: list[int] = []
+    node.sink = lambda scan: received.append(scan.sequence)
     threads = threading.active_count()
     noise, state, adapter = random.Random(5), "unconfigured", None
     for _ in range(20):
@@ -303,8 +303,8 @@ def test_lifecycle_transitions_in_any_order_while_the_adapter_comes_and_goes(ben
         assert getattr(node, f"trigger_{name}")() == SUCCESS
         state = TRANSITIONS[state][name]
         if state == "active" and adapter:
-            taken.clear()
-            bench.wait(lambda: len(taken) > 10)
+            received.clear()
+            bench.wait(lambda: len(received) > 10)
         if state == "unconfigured":
             assert threading.active_count() == threads + bool(adapter)
             assert node.source.report().state == "closed"
@@ -316,10 +316,10 @@ def test_lifecycle_transitions_in_any_order_while_the_adapter_comes_and_goes(ben
 
 def test_the_sink_gets_scans_without_subscribers(bench: Bench, adapter: EmulatedAdapter, link: Path) -> None:
     node = bench.driver(can_channel=str(link))
-    taken: list[int] = []
-    node.sink = lambda scan: taken.append(scan.sequence)
+    received: list[int] = []
+    node.sink = lambda scan: received.append(scan.sequence)
     node.start()
-    bench.wait(lambda: len(taken) > 100)
+    bench.wait(lambda: len(received) > 100)
     assert node.count_subscribers("raw") == 0
 
 
@@ -355,11 +355,11 @@ def test_commands_reach_the_board_while_it_scans(bench: Bench, adapter: Emulated
     bench.driver(can_channel=str(link)).start()
     bench.wait(lambda: len(bench.watcher.raw) > 10)
     call = bench.call
-    answer = call(BoardCommand.Request.IDENTIFY)
-    assert (answer.success, answer.message, answer.value) == (True, "", SENSOR.layout.id | 1 << 16)
-    refused = call(BoardCommand.Request.SET_RATE, 10)
-    assert not refused.success
-    assert refused.message == "SET_RATE: refused by the board: bad argument"
+    response = call(BoardCommand.Request.IDENTIFY)
+    assert (response.success, response.message, response.value) == (True, "", SENSOR.layout.id | 1 << 16)
+    rejected = call(BoardCommand.Request.SET_RATE, 10)
+    assert not rejected.success
+    assert rejected.message == "SET_RATE: refused by the board: bad argument"
     unknown = call(77)
     assert not unknown.success
     assert "command must be one of 1 START, 2 STOP" in unknown.message

@@ -32,9 +32,9 @@ def wide_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
 
 
-def main(words: list[str], clock: PacedClock | None = None) -> int:
+def main(arguments: list[str], clock: PacedClock | None = None) -> int:
     """Run the tool on a clock that waits for the tool and its board."""
-    return posfet_can.main(words, clock or PacedClock())
+    return posfet_can.main(arguments, clock or PacedClock())
 
 
 @pytest.fixture
@@ -84,10 +84,12 @@ def test_only_a_sender_of_all_status_pages_is_listed_as_a_board() -> None:
     assert [board.base for board in list_boards.boards(frames + other)] == [0x300]
 
 
-@pytest.mark.parametrize("words", [["identify"], ["start"], ["stop"], ["self_test"], ["set_rate", "2000"]])
-def test_commands(virtual: list[str], clock: PacedClock, words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["command", *words, *virtual], clock) == 0
-    assert capsys.readouterr().out.startswith(f"{words[0]}: ok, ")
+@pytest.mark.parametrize("arguments", [["identify"], ["start"], ["stop"], ["self_test"], ["set_rate", "2000"]])
+def test_each_command_is_acknowledged(
+    virtual: list[str], clock: PacedClock, arguments: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["command", *arguments, *virtual], clock) == 0
+    assert capsys.readouterr().out.startswith(f"{arguments[0]}: ok, ")
 
 
 def test_a_rejected_command_shows_the_reason_of_the_board(
@@ -173,7 +175,7 @@ def test_selftest_reports_what_failed(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize(
-    ("words", "error"),
+    ("arguments", "error"),
     [
         (["command", "stop", "-i", "slcam"], "CAN interface must be one of"),
         (["command", "stop", "-i", "virtual", "-o", "nonsense=1"], "has no option 'nonsense', known are"),
@@ -192,12 +194,14 @@ def test_selftest_reports_what_failed(tmp_path: Path, capsys: pytest.CaptureFixt
         (["replay", "/nowhere.log"], "/nowhere.log: No such file or directory"),
     ],
 )
-def test_usage_mistakes_give_one_line_errors(words: list[str], error: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(words) == 1
-    said = capsys.readouterr().err
-    assert error in said
-    assert said.startswith(f"posfet can {words[0]}: ")
-    assert said.count("\n") == 1
+def test_usage_mistakes_give_one_line_errors(
+    arguments: list[str], error: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 1
+    output = capsys.readouterr().err
+    assert error in output
+    assert output.startswith(f"posfet can {arguments[0]}: ")
+    assert output.count("\n") == 1
 
 
 @pytest.mark.parametrize("suffix", ["log", "asc", "blf"])
@@ -228,8 +232,8 @@ def test_a_truncated_recording_is_decoded_then_reported(tmp_path: Path, capsys: 
 def test_an_empty_recording_is_rejected(tmp_path: Path, suffix: str, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / f"bus.{suffix}"
     file.touch()
-    for words in ([], ["--decode"]):
-        assert main(["replay", str(file), *words]) == 1
+    for arguments in ([], ["--decode"]):
+        assert main(["replay", str(file), *arguments]) == 1
         assert capsys.readouterr().err == f"posfet can replay: {file}: contains no frame\n"
 
 
@@ -279,8 +283,8 @@ def test_a_full_disk_error_names_the_file(tmp_path: Path, suffix: str, capsys: p
 
 
 @pytest.mark.parametrize(
-    "words", [["nothing"], ["command", "fly"], ["monitor", "--for", "-1"], ["replay", "x", "--speed", "nan"]]
+    "arguments", [["nothing"], ["command", "fly"], ["monitor", "--for", "-1"], ["replay", "x", "--speed", "nan"]]
 )
-def test_invalid_arguments_are_rejected(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_arguments_are_rejected(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
-        main(words)
+        main(arguments)

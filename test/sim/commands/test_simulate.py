@@ -258,6 +258,6 @@ def test_a_terminal_shows_a_progress_bar(
     scene.write_text(shipped.replace(f"name: {SCENE}\n", 'name: "[/red]"\n'), encoding="utf-8")
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
     assert main([str(scene), "--out", str(tmp_path / "run.csv"), "--for", "0.5"]) == 0
-    shown = capsys.readouterr()
-    assert "[/red]" in shown.err
-    assert "500 scans" in shown.out
+    output = capsys.readouterr()
+    assert "[/red]" in output.err
+    assert "500 scans" in output.out

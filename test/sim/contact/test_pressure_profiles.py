@@ -138,8 +138,8 @@ def test_bumps_depend_on_the_seed_and_move_with_the_pad() -> None:
 def test_a_nearly_right_angle_gives_nearly_the_same_forces() -> None:
     for shape in SHAPES.values():
         for angle in (0.0, math.pi / 2, math.pi, 3 * math.pi / 2):
-            aligned, turned = (forces(shape, 0.3e-3, -0.2e-3, angle + step, 1.0) for step in (0.0, 1e-7))
-            np.testing.assert_allclose(aligned, turned, rtol=0, atol=1e-6)
+            aligned, rotated = (forces(shape, 0.3e-3, -0.2e-3, angle + step, 1.0) for step in (0.0, 1e-7))
+            np.testing.assert_allclose(aligned, rotated, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("bend", [FLAT, BENT, (0.0, 50.0), (20.0, 30.0)])
@@ -173,14 +173,14 @@ def test_a_batch_of_samples_equals_the_samples_one_by_one(name: str, bend: Bend)
     footprints = [shape.footprints(each, SPREAD, bend) for each in force.tolist()]
     together = cells.press(footprints, x, y, angle, force)
     assert together is not None
-    for moment in range(count):
+    for sample in range(count):
         whole, alone = np.zeros((2, WIDE.rows, WIDE.cols))
-        whole[together.rows, together.cols] = together.force[moment]
-        one = slice(moment, moment + 1)
+        whole[together.rows, together.cols] = together.force[sample]
+        one = slice(sample, sample + 1)
         patch = cells.press(footprints[one], x[one], y[one], angle[one], force[one])
         if patch is not None:
             alone[patch.rows, patch.cols] = patch.force[0]
-        np.testing.assert_allclose(whole, alone, rtol=0, atol=1e-13 * force[moment])
+        np.testing.assert_allclose(whole, alone, rtol=0, atol=1e-13 * force[sample])
 
 
 @pytest.mark.parametrize("bend", [FLAT, BENT, (0.0, 50.0), (20.0, 30.0)])

@@ -189,14 +189,14 @@ def test_pending_commands_fail_when_the_bus_disconnects(tmp_path: Path, clock: P
     try:
         next(read_scans(board, 1))
         firmware.receive = ignore
-        orders = [board.submit(Command.IDENTIFY, timeout=PATIENCE) for _ in range(3)]
+        commands = [board.submit(Command.IDENTIFY, timeout=PATIENCE) for _ in range(3)]
         read_until(board, lambda: len(ignored) > 0)
         adapter.close()
-        read_until(board, lambda: all(order.done() for order in orders))
-        assert not wait(orders, 0).not_done
-        for order in orders:
+        read_until(board, lambda: all(command.done() for command in commands))
+        assert not wait(commands, 0).not_done
+        for command in commands:
             with pytest.raises(CommandError, match="IDENTIFY: CAN bus unavailable, retrying"):
-                order.result()
+                command.result()
     finally:
         board.close()
 

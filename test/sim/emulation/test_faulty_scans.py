@@ -141,17 +141,17 @@ def test_frames_carry_the_drift_of_the_board_clock() -> None:
 
 def test_the_board_waits_for_a_start_command_after_a_reset() -> None:
     frames = frames_of_a_run(RESETTING, 6.0)
-    answers = [data for identifier, _, data in frames if identifier == SENSOR.can.base_id + RESPONSE_OFFSET]
-    assert len(answers) > 2
+    responses = [data for identifier, _, data in frames if identifier == SENSOR.can.base_id + RESPONSE_OFFSET]
+    assert len(responses) > 2
 
 
 @pytest.mark.parametrize("fd", [True, False])
 def test_the_driver_never_publishes_a_corrupted_scan(fd: bool) -> None:
     sensor = replace(SENSOR, can=replace(SENSOR.can, fd=fd, scan_rate=200.0))
-    spoilt = replace(NONE, drop_probability=0.03, truncation_probability=0.03, duplication_probability=0.03)
+    faulty = replace(NONE, drop_probability=0.03, truncation_probability=0.03, duplication_probability=0.03)
     clock = PacedClock()
-    settings = bus_settings("virtual", f"spoilt-{threading.get_ident()}-{fd}", sensor.can)
-    source = SimulatedBusPeer(sensor, load_scene("hold", sensor), 6, settings, clock, spoilt)
+    settings = bus_settings("virtual", f"faulty-{threading.get_ident()}-{fd}", sensor.can)
+    source = SimulatedBusPeer(sensor, load_scene("hold", sensor), 6, settings, clock, faulty)
     board = Board(sensor, lambda: open_bus(settings), clock)
     reference, expected = (
         SimulatedBoard(sensor, SceneLoads(load_scene("hold", sensor), sensor), 6),

@@ -98,8 +98,8 @@ class Listener(Node):
     def _behind(self) -> bool:
         """Return whether scans are queued that should be received first."""
         newest = [each.board.index for board in self.spin.boards if (each := board.source) and board.reading]
-        taken = self.messages.get("raw")
-        return bool(newest and taken) and newest[-1] - taken[-1].sequence > BACKLOG
+        received = self.messages.get("raw")
+        return bool(newest and received) and newest[-1] - received[-1].sequence > BACKLOG
 
 
 def test_raw_carries_the_scans_of_the_board(spin) -> None:
@@ -216,8 +216,8 @@ def test_another_scene_can_be_loaded_at_run_time(spin, tmp_path: Path) -> None:
     listener = Listener(spin, ("raw", TactileRaw), ("truth", TactileTruth))
     before = listener.wait("truth", 500)[-1]
     assert before.objects == []
-    answer = load(spin, node, "two_fingers")
-    assert (answer.success, answer.message) == (True, "scene 'two_fingers' from its start")
+    response = load(spin, node, "two_fingers")
+    assert (response.success, response.message) == (True, "scene 'two_fingers' from its start")
     while not (truths := [each for each in listener.messages["truth"] if each.objects]):
         listener.wait("truth", len(listener.messages["truth"]) + 1)
     assert truths[0].objects == ["lower", "upper"]
@@ -225,9 +225,9 @@ def test_another_scene_can_be_loaded_at_run_time(spin, tmp_path: Path) -> None:
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text("name: wrong\n", encoding="utf-8")
     for scene, reason in (("", ": no such scene"), ("nowhere", "nowhere: no such scene"), (str(wrong), f"{wrong}: ")):
-        refused = load(spin, node, scene)
-        assert not refused.success
-        assert refused.message.startswith(reason)
+        rejected = load(spin, node, scene)
+        assert not rejected.success
+        assert rejected.message.startswith(reason)
     listener.messages["truth"].clear()
     assert listener.wait("truth", 10)[-1].objects == ["lower", "upper"]
 
@@ -292,14 +292,14 @@ def test_behind_an_adapter_the_board_sends_frames_and_publishes_ground_truth(spi
 
 
 def test_an_adapter_link_failure_is_reported(spin, tmp_path: Path, capfd) -> None:
-    taken = tmp_path / "file"
-    taken.touch()
-    node = make_board(spin, adapter_link=str(taken))
-    with pytest.raises(ConfigError, match=f"{taken}: the adapter cannot be linked here: there is something else"):
+    existing = tmp_path / "file"
+    existing.touch()
+    node = make_board(spin, adapter_link=str(existing))
+    with pytest.raises(ConfigError, match=f"{existing}: the adapter cannot be linked here: there is something else"):
         node.start()
-    assert str(taken) not in capfd.readouterr().err  # reported once, by the caller of start
+    assert str(existing) not in capfd.readouterr().err  # reported once, by the caller of start
     node.trigger_configure()
-    assert f"{taken}: the adapter cannot be linked here" in capfd.readouterr().err
+    assert f"{existing}: the adapter cannot be linked here" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -252,7 +252,7 @@ REFUSED = [
     (GOOD[GOOD.index("      - {") :], "      []\n", "keyframes: must hold at least one keyframe"),
     (GOOD[GOOD.index("      - {") :], "      3\n", "keyframes: must be a list of mappings"),
 ]
-"""What is replaced in the good scene, by what, and what is said then."""
+"""Text replaced in the valid scene, its replacement, and the error message."""
 
 
 def test_invalid_input_is_rejected_with_a_one_line_error(tmp_path: Path) -> None:

@@ -72,10 +72,10 @@ def test_a_sine_and_a_sweep_have_their_frequencies() -> None:
 def test_a_stroke_moves_back_and_forth_at_constant_speed() -> None:
     stroke = Stroke(**TOUCH, to_x=2e-3, to_y=2e-3, to_angle=1.5, strokes=3)
     np.testing.assert_allclose(stroke.at(0.3), (1e-3, -1e-3, 0.5, 0.5), atol=1e-12)
-    way = 0.8 / 3
-    np.testing.assert_allclose(stroke.at(0.3 + way), (2e-3, 2e-3, 1.5, 0.5), atol=1e-12)
-    np.testing.assert_allclose(stroke.at(0.3 + 1.5 * way), (1.5e-3, 0.5e-3, 1.0, 0.5), atol=1e-12)
-    np.testing.assert_allclose(stroke.at(0.3 + 2 * way), (1e-3, -1e-3, 0.5, 0.5), atol=1e-12)
+    duration = 0.8 / 3
+    np.testing.assert_allclose(stroke.at(0.3 + duration), (2e-3, 2e-3, 1.5, 0.5), atol=1e-12)
+    np.testing.assert_allclose(stroke.at(0.3 + 1.5 * duration), (1.5e-3, 0.5e-3, 1.0, 0.5), atol=1e-12)
+    np.testing.assert_allclose(stroke.at(0.3 + 2 * duration), (1e-3, -1e-3, 0.5, 0.5), atol=1e-12)
     for time in (1.1, 1.15, 1.2, 7.0):
         np.testing.assert_allclose(stroke.at(time)[:3], (2e-3, 2e-3, 1.5), atol=1e-12)
 
