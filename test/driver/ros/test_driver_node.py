@@ -359,7 +359,7 @@ def test_commands_reach_the_board_while_it_scans(bench: Bench, adapter: Emulated
     assert (response.success, response.message, response.value) == (True, "", SENSOR.layout.id | 1 << 16)
     rejected = call(BoardCommand.Request.SET_RATE, 10)
     assert not rejected.success
-    assert rejected.message == "SET_RATE: rejected by the board: bad argument"
+    assert rejected.message == "SET_RATE: refused by the board: bad argument"
     unknown = call(77)
     assert not unknown.success
     assert "command must be one of 1 START, 2 STOP" in unknown.message
