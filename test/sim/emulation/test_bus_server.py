@@ -193,6 +193,7 @@ def test_a_failure_of_the_bus_ends_the_service_with_its_reason_in_one_line(monke
 
 
 def test_the_bus_is_read_until_the_next_frame_is_due_but_not_for_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bus_server, "IDLE", 0.1)  # every test shortens it, as other threads wait for its thread
     _, often = serve(monkeypatch, CountingNode(20 * MILLISECOND), room=100, reads=5)
     assert often.timeouts == pytest.approx([0.0] + [0.02] * 5)
     _, seldom = serve(monkeypatch, CountingNode(250 * MILLISECOND), room=100, reads=6)
