@@ -11,6 +11,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model.config import ConfigError
 from posfet_model.ros.mount import parse_mount
 
@@ -50,7 +51,7 @@ def broadcast_mount(node: Node, frame_id: str, parameters: Mapping[str, Any]) ->
         return None
     transform = TransformStamped(child_frame_id=frame_id)
     transform.header.frame_id = parent
-    transform.header.stamp.sec, transform.header.stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
+    transform.header.stamp.sec, transform.header.stamp.nanosec = divmod(time.time_ns(), NANOSECONDS)
     position, orientation = transform.transform.translation, transform.transform.rotation
     position.x, position.y, position.z = mount.position
     orientation.x, orientation.y, orientation.z, orientation.w = mount.orientation

@@ -20,7 +20,7 @@ from posfet_sim.contact.textured_pads import Ridges, Roughness, SoftPad
 from posfet_sim.scene.heat_transfer import chip_temperature_rise
 from posfet_sim.scene.scene import ChipBend, Scene, SceneObject
 from posfet_sim.scene.trajectories import Keyframes
-from posfet_sim.scene.trajectory_file import TIME_MAX, Limits, keyframe_time, keyframes, read_path
+from posfet_sim.scene.trajectory_file import SEED_MAX, TIME_MAX, Limits, keyframe_time, keyframes, read_path
 
 SCENE_FOLDER: Final = Path(__file__).parent / "scenes"
 """Folder of the shipped scenes."""
@@ -32,7 +32,6 @@ TEMPERATURE_RANGE: Final = (-40.0, 100.0)
 """Allowed temperatures [degC]; assumed: the copolymer is poled and operated well below its Curie temperature."""
 
 _LENGTH_RANGE: Final = (0.1, 1000.0)
-_SEED_MAX: Final = 1_000_000_000
 
 
 def load_scene(name: str | Path, sensor: Sensor) -> Scene:
@@ -174,7 +173,7 @@ def _edge(section: Section) -> Shape:
 def _texture(section: Section) -> Shape:
     length, width = _length(section, "length_mm"), _length(section, "width_mm")
     if section.text("profile", ("ridges", "bumps")) == "bumps":
-        return Roughness(length, width, section.whole("bumps", 1, 1000), section.whole("seed", 0, _SEED_MAX))
+        return Roughness(length, width, section.whole("bumps", 1, 1000), section.whole("seed", 0, SEED_MAX))
     ridges = section.whole("ridges", 1, 200)
     return Ridges(length, width, ridges, section.number("amplitude_um", 0, 1000) * 1e-6, _modulus(section))
 

@@ -23,7 +23,7 @@ ANGLE_RANGE: Final = (-3600.0, 3600.0)
 """Allowed angles [deg]: ten turns."""
 
 _COUNT_MAX: Final = 100_000
-_SEED_MAX: Final = 1_000_000_000
+SEED_MAX: Final = 1_000_000_000
 
 
 @dataclass(frozen=True)
@@ -226,7 +226,7 @@ def _random(section: Section, limits: Limits, by_indentation: bool) -> Path:
         amplitude=_amplitude(section, limits, by_indentation, common["load"]),
         reach=reach,
         bandwidth=section.number("bandwidth_Hz", *FREQUENCY_RANGE),
-        seed=section.whole("seed", 0, _SEED_MAX),
+        seed=section.whole("seed", 0, SEED_MAX),
     )
 
 
