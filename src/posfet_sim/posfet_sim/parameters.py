@@ -37,7 +37,7 @@ BUS_CHANNEL: Final = Parameter("bus_channel", "", "Channel of bus_interface")
 IMPERFECTIONS: Final = Parameter(
     "imperfections",
     DEFAULT,
-    "Sensor error model of the simulated board (non-idealities): none, default, or path of a YAML file",
+    "Sensor error model of the simulated board (non-idealities): none, default, moderate, hard, or path of a YAML file",
 )
 
 SIM_BOARD_NODE: Final = (

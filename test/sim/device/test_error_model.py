@@ -266,7 +266,8 @@ def test_another_seed_gives_another_board() -> None:
 
 
 def test_every_field_has_a_key_and_every_default_is_within_its_range() -> None:
-    assert sorted(key.attribute for key in KEYS) == sorted(field.name for field in fields(ErrorModel))
+    own = {"film", "board"}  # have their own keys
+    assert sorted(key.attribute for key in KEYS) == sorted({field.name for field in fields(ErrorModel)} - own)
     for key in KEYS:
         if not isinstance(key.default, bool):
             assert key.low <= key.default / key.scale * (1 + 1e-12)

@@ -5,16 +5,20 @@ keys (docs/simulation.md has the table); the dataclass is in SI. Properties from
 amplifier, bits, noise and range of the ADC, charge leakage, pyroelectric coefficient and thermal time constant) belong
 to the sensor, not to its error model, and hold with `none()`, too; `SENSOR_PROPERTIES` can be switched off.
 
-The option, launch argument and ROS parameter `imperfections` selects the error model.
+The option, launch argument and ROS parameter `imperfections` selects the error model. The effects of film and cover are
+in `posfet_sim.device.film_effects`, those of the readout board in `posfet_sim.device.board_effects`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 from posfet_model.config import read_yaml
+from posfet_sim.device.board_effects import BOARD_KEYS, BoardEffects
+from posfet_sim.device.error_model_key import Key, read_keys
+from posfet_sim.device.film_effects import FILM_KEYS, FilmEffects
 
 SENSOR_PROPERTIES: Final = (
     "pyroelectric", "amplifier_gain", "amplifier_offset", "amplifier_rails", "adc_noise", "quantisation",
@@ -24,6 +28,11 @@ NONE: Final = "none"
 """Name of the ideal board."""
 DEFAULT: Final = "default"
 """Name of the board with every default."""
+IDEAL, MODERATE, HARD = "ideal", "moderate", "hard"
+REALISM: Final = (IDEAL, MODERATE, HARD)
+"""Sizes of the effects of film, cover and readout board."""
+DEFAULT_REALISM: Final = IDEAL
+"""Size of these effects on the default board."""
 
 
 @dataclass(frozen=True)
@@ -91,17 +100,40 @@ class ErrorModel:
     """Rate of board resets, at random times [1/h]."""
     reset_time: float
     """Silence of the board after a reset [s]."""
+    film: FilmEffects = field(default_factory=FilmEffects.ideal)
+    """Effects of film and cover that an ideal film has not."""
+    board: BoardEffects = field(default_factory=BoardEffects.ideal)
+    """Further effects of the readout board; all off by default."""
 
     @classmethod
     def none(cls) -> ErrorModel:
         """Return the ideal board: the properties in the sensor file only."""
-        off: dict[str, Any] = {field.name: False if field.type == "bool" else 0.0 for field in fields(cls)}
+        off: dict[str, Any] = {key.attribute: False if isinstance(key.default, bool) else 0.0 for key in KEYS}
         return cls(**{**off, **dict.fromkeys(SENSOR_PROPERTIES, True), "noisy_factor": 1.0, "hum_frequency": 50.0})
 
     @classmethod
     def default(cls) -> ErrorModel:
         """Return a plausible board; every value is assumed."""
-        return cls(**{key.attribute: key.default for key in KEYS})
+        return cls(**{key.attribute: key.default for key in KEYS}).with_realism(DEFAULT_REALISM)
+
+    def with_realism(self, size: str) -> ErrorModel:
+        """Return the same board with the effects of film, cover and readout board of one size.
+
+        Mains hum, sampling jitter and lost scans belong to them; 'ideal' leaves these three as they are. Every value
+        is assumed.
+
+        Parameters
+        ----------
+        size : str
+            One of `REALISM`.
+        """
+        if size == IDEAL:
+            return replace(self, film=FilmEffects.ideal(), board=BoardEffects.ideal())
+        film, board, hum = {
+            MODERATE: (FilmEffects.moderate(), BoardEffects.moderate(), 0.5e-3),
+            HARD: (FilmEffects.hard(), BoardEffects.hard(), 5e-3),
+        }[size]
+        return replace(self, film=film, board=board, hum_amplitude=hum, clock_jitter=5e-6, drop_probability=1e-3)
 
     def without_noise(self) -> ErrorModel:
         """Return the same board without anything random from scan to scan, and without mains hum."""
@@ -116,27 +148,8 @@ class ErrorModel:
             truncation_probability=0.0,
             duplication_probability=0.0,
             resets_per_hour=0.0,
+            board=self.board.without_noise(),
         )
-
-
-@dataclass(frozen=True)
-class Key:
-    """One key of an error model file."""
-
-    section: str
-    """Section of the file."""
-    name: str
-    """Key in the section."""
-    attribute: str
-    """Field of `ErrorModel`."""
-    default: Any
-    """Default in SI; assumed."""
-    scale: float = 1.0
-    """SI unit per unit of the file."""
-    low: float = 0.0
-    """Minimum in the unit of the file; unused for true or false."""
-    high: float = 0.0
-    """Maximum in the unit of the file; unused for true or false."""
 
 
 KEYS: Final = (
@@ -175,14 +188,16 @@ KEYS: Final = (
 
 
 def load_error_model(name: str | Path) -> ErrorModel:
-    """Return the error model 'none' or 'default', or that of a YAML file.
+    """Return the error model 'none', 'default', 'moderate' or 'hard', or that of a YAML file.
 
-    A file names its base (`base: none` or `base: default`) and then the differences.
+    'moderate' and 'hard' are the default with effects of film, cover and readout board of that size. A file names its
+    base (`base: none` or `base: default`), may name the size of these effects (`realism: ideal`, `moderate` or `hard`),
+    and then the differences.
 
     Parameters
     ----------
     name : str or Path
-        'none', 'default', or the path of a file.
+        'none', 'default', 'moderate', 'hard', or the path of a file.
 
     Returns
     -------
@@ -197,22 +212,26 @@ def load_error_model(name: str | Path) -> ErrorModel:
     """
     if str(name) in (NONE, DEFAULT):
         return _base(str(name))
+    if str(name) in (MODERATE, HARD):
+        return ErrorModel.default().with_realism(str(name))
     top = read_yaml(name)
     base = _base(top.text("base", (NONE, DEFAULT)))
     changes: dict[str, Any] = {}
-    for title in dict.fromkeys(key.section for key in KEYS):
+    film_changes: dict[str, Any] = {}
+    board_changes: dict[str, Any] = {}
+    for title in dict.fromkeys(key.section for key in (*KEYS, *FILM_KEYS, *BOARD_KEYS)):
         if title not in top:
             continue
         section = top.section(title)
-        for key in (key for key in KEYS if key.section == title):
-            present = getattr(base, key.attribute)
-            if isinstance(key.default, bool):
-                changes[key.attribute] = section.flag(key.name, default=present)
-            elif key.name in section:
-                changes[key.attribute] = section.number(key.name, key.low, key.high) * key.scale
+        changes |= read_keys(section, [key for key in KEYS if key.section == title])
+        film_changes |= read_keys(section, [key for key in FILM_KEYS if key.section == title])
+        board_changes |= read_keys(section, [key for key in BOARD_KEYS if key.section == title])
         section.end()
+    if "realism" in top:
+        base = base.with_realism(top.text("realism", REALISM))
     top.end()
-    return replace(base, **changes)
+    film, board = replace(base.film, **film_changes), replace(base.board, **board_changes)
+    return replace(base, **changes, film=film, board=board)
 
 
 def _base(name: str) -> ErrorModel:

@@ -20,6 +20,12 @@ class Stream(IntEnum):
     TAXEL_FAULTS = 8
     LINK = 9
     RESETS = 10
+    LEAK_DRIFT = 11
+    GAIN_DRIFT = 12
+    BOARD = 13
+    """Drawn once for a board; the page is one of `board_effects.Draw`."""
+    BURST = 14
+    TELEGRAPH = 15
     FLICKER = 16
     """Octave k of the 1/f noise has the stream FLICKER + k: no other stream may follow."""
 

@@ -19,8 +19,12 @@ from posfet_model.device import adc
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.grid import EDGE_NEIGHBOURS, neighbour_table
 from posfet_model.sensor.signal_chain import SCALE_BITS
+from posfet_sim.device.board_effects import affected_taxels
+from posfet_sim.device.code_errors import CodeErrors, to_scale
 from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.flicker_noise import FlickerNoise
+from posfet_sim.device.interference import Interference
+from posfet_sim.device.mains_hum import MainsHum
 from posfet_sim.device.random_streams import Stream, generator
 from posfet_sim.device.sample_clock import SampleClock
 from posfet_sim.device.taxel_variation import TaxelParameters, TaxelStatus
@@ -82,10 +86,14 @@ class Readout:
         margin = 40 * self._white_lsb.max()
         self._clips = self._rails[0] < margin or self._rails[1] > self._top - margin
         self._flicker_lsb = math.sqrt(flicker) / self._lsb
-        self._hum_lsb = parameters.hum / self._lsb
         self.block = 64 if taxels <= SMALL_ARRAY else 16
         """Number of scans of a block."""
         self._flicker = FlickerNoise(seed, taxels, self.block) if flicker else None
+        self._delay: Array | None = None
+        self._hum: MainsHum | None = None
+        self._interference: Interference | None = None
+        self._code_errors: CodeErrors | None = None
+        self._add_board_effects()
         self._number = -1  # of the block that is stored
         self._white: Array | None = None
         self._slow: Array | None = None
@@ -96,6 +104,20 @@ class Readout:
         """Indices of the taxels that have charge."""
         self._active: slice | NDArray[np.intp]
         self.activate(self.active)
+
+    def _add_board_effects(self) -> None:
+        """Set up hum, interference, skew and errors of the codes, those that are on."""
+        effects, taxels = self._error_model.board, self._unloaded.size
+        affected = affected_taxels(self._parameters.status, self._seed)
+        if effects.taxel_skew:  # from the sampling of each taxel to the time of the scan [s]
+            self._delay = min(effects.taxel_skew, self._clock.interval) * (1 - np.arange(taxels) / taxels)
+        if self._error_model.hum_amplitude:
+            amplitude = self._parameters.hum / self._lsb
+            self._hum = MainsHum(amplitude, self._error_model.hum_frequency, effects, self._delay, self._seed)
+        if Interference.is_on(effects):
+            self._interference = Interference(effects, taxels, affected.telegraph, self._clock.interval, self._seed)
+        if CodeErrors.is_on(effects):
+            self._code_errors = CodeErrors(effects, self._bits, affected.stuck_bit, self._seed)
 
     def activate(self, active: NDArray[np.intp]) -> None:
         """Set which taxels have charge, by their indices, ascending."""
@@ -127,10 +149,14 @@ class Readout:
             Change of the outputs [LSB], shape [scans, active].
         """
         shift, steps = charge * self._per_charge, steps.astype(charge.dtype, copy=False)
-        if self._lag_time:
+        if self._lag_time or self._delay is not None:
             # One pole and an input that is linear between scans: the lag is slope*tau*(1 - exp(-h/tau)). The initial
-            # state has decayed, as the scan interval is hundreds of time constants.
-            lag = np.diff(shift, axis=0) * np.minimum(self._lag_time / steps, 1.0)[:, None]
+            # state has decayed, as the scan interval is hundreds of time constants. A taxel that is sampled before the
+            # time of the scan lags by that delay.
+            behind = np.array(self._lag_time, charge.dtype)
+            if self._delay is not None:
+                behind = (behind + self._delay[self.active]).astype(charge.dtype, copy=False)
+            lag = np.diff(shift, axis=0) * np.minimum(behind / steps[:, None], 1.0)
             shift = shift[1:] - lag
         else:
             shift = shift[1:]
@@ -213,11 +239,13 @@ class Readout:
             np.maximum(signal, 0, out=signal)
             np.minimum(signal, self._top, out=signal)
         codes = signal.astype(np.uint16)
-        if self._bits < SCALE_BITS:
-            codes[...] = codes << (SCALE_BITS - self._bits) | codes >> (2 * self._bits - SCALE_BITS)
-        return codes
+        if self._code_errors:
+            codes = self._code_errors.convert(codes)
+        return to_scale(codes, self._bits)
 
     def _with_stuck(self, codes: NDArray[np.uint16]) -> NDArray[np.uint16]:
+        if self._code_errors:
+            self._code_errors.stick(codes)
         if self._stuck.size:
             codes[:, self._stuck] = self._parameters.stuck_counts[self._stuck]
         return codes
@@ -233,12 +261,17 @@ class Readout:
         if self._flicker:
             weights.append(self._flicker.weights * self._flicker_lsb)
             rows.append(self._flicker.rows(number))
-        if self._error_model.hum_amplitude:
-            cycles = self._error_model.hum_frequency * self._clock.times(first, self.block)
-            weights.append(np.sin(2 * math.pi * cycles)[:, None])
-            rows.append(self._hum_lsb[None])
+        if self._hum:
+            weights.append(self._hum.weights(self._clock.times(first, self.block)))
+            rows.append(self._hum.rows)
         unloaded = np.tile(self._unloaded, (self.block, 1))
         if rows:
             self._slow = np.concatenate(weights, axis=1) @ np.concatenate(rows)
+        if self._interference:
+            if not rows:
+                self._slow = np.zeros((self.block, taxels))
+            assert self._slow is not None
+            self._interference.add(self._slow, number, self._clock.times(first, self.block), self._lsb)
+        if self._slow is not None:
             unloaded += self._slow
         self._unloaded_codes = self._with_stuck(self._convert(unloaded, self._white))

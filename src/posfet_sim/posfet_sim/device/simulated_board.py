@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -13,12 +14,14 @@ from posfet_model._lib.validation import whole_number
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_sim.device.error_model import ErrorModel
+from posfet_sim.device.film import Film, chip_warming
 from posfet_sim.device.ground_truth import Truth
 from posfet_sim.device.readout import Readout
 from posfet_sim.device.sample_clock import SampleClock
 from posfet_sim.device.taxel_charge import TaxelCharge
 from posfet_sim.device.taxel_variation import draw_taxel_parameters
-from posfet_sim.loads import Loads, ObjectsState
+from posfet_sim.device.temperature_sensors import TemperatureSensors
+from posfet_sim.loads import Loads, ObjectsState, Patch
 
 SEED_MAX: Final = 1_000_000_000
 """Maximum seed."""
@@ -50,6 +53,8 @@ class _Batch(NamedTuple):
     """Temperature of the chip at each [degC]."""
     film: list[float]
     """Temperature of the film at each [degC]."""
+    sensed: list[float]
+    """Temperature of the sensors on the chip at each, without their offsets [degC]."""
     active: NDArray[np.intp]
     """Taxels with charge."""
     charge: NDArray[np.float64]
@@ -66,6 +71,7 @@ class _Batch(NamedTuple):
 class SimulatedBoard:
     """Computes the scans of a board from loads; the same seed gives the same bytes.
 
+    The board starts without charge: that of forces which act from the start on has leaked away before.
     Noise depends on the seed and the index of the scan only. Force and temperature are piecewise linear between scans
     (first-order hold); charge leakage and the first-order lag of the film temperature behind the chip temperature, with
     the thermal time constant of the sensor, are exact for that. Both temperature sensors measure the chip. Effects
@@ -77,13 +83,14 @@ class SimulatedBoard:
     constants) not at all. Consecutive scans are computed ahead in batches of up to 32 (64 of a small array under
     constant loads): the first one of a batch takes the time, or `prepare` before it.
 
+    A film with effects of its own (`ErrorModel.film`) never rests: every taxel is computed in every scan.
+
     Link faults and resets are applied outside the board, by `posfet_sim.emulation.link_faults`.
 
-    Not simulated: tangential force as a signal, friction and viscosity of the elastomer skin, errors of the temperature
-    sensors, temperature gradients over the chip, change of the piezoelectric coefficient with temperature and age,
-    field dependence of the permittivity, crosstalk beyond the four neighbours, an anti-aliasing filter, the delay of
-    the ADC from taxel to taxel, its nonlinearity, supply faults, electromagnetic interference other than mains hum,
-    taxels that fail during operation, and a changing clock drift.
+    Not simulated: tangential force as a signal, friction and viscosity of the elastomer skin, temperature gradients
+    over the chip other than under a contact, field dependence of the permittivity, crosstalk beyond the four
+    neighbours, an anti-aliasing filter, nonlinearity of the ADC other than missing codes, supply faults, taxels that
+    fail during operation, and a changing clock drift.
 
     Parameters
     ----------
@@ -126,25 +133,41 @@ class SimulatedBoard:
         """Sampling times."""
         taxels = draw_taxel_parameters(sensor, self.error_model, seed)
         self._taxels = taxels.single_precision() if single_precision else taxels
-        self._charge = TaxelCharge(sensor, self._taxels, self.error_model.hysteresis, compute_all)
+        effects = self.error_model.film
+        self._force = self._forces([0.0])[1][0]
+        self._chip = self.loads.temperatures([0.0])[0]
+        self._chip_warming = chip_warming(effects)
+        if self._chip_warming is not None and self._force.any():
+            total = self._force.sum(keepdims=True)
+            self._chip_warming.start_under(total)
+            self._chip += self._chip_warming.respond(total[None], np.zeros(1)).item()
+        self._start_temperature = self._chip
+        film = Film(sensor, effects, self._start_temperature, seed) if effects.any_on else None
+        self._charge = TaxelCharge(sensor, self._taxels, self.error_model.hysteresis, compute_all, film)
         self._readout = Readout(sensor, self.error_model, self._taxels, self.clock, seed)
         self._readout.activate(self._charge.active)
         self._compute_all = compute_all
-        self._start_temperature = self._chip = self.loads.temperatures([0.0])[0]
+        self._changes_at_rest = film is not None  # films creep and drift while the loads are constant
         self._film_lag = 0.0
-        self._force = np.zeros(sensor.layout.taxels)
+        self._sensors = TemperatureSensors(self.error_model.board, self._chip, seed)
+        if self._force.any():
+            self._charge.start_under(self._force)
         self._memory = math.ceil(
             _MEMORY
-            * max(self._taxels.leak_time_constant.max(), sensor.device.thermal_time_constant)
+            * max(
+                self._taxels.leak_time_constant.max(),
+                sensor.device.thermal_time_constant,
+                self.error_model.board.sensor_lag,
+            )
             / self.clock.interval
         )
         self._end = -1  # last scan that loads, film and charge were advanced to
         self._constant_end = -1  # scan up to which nothing changes
         self._batch = 1  # scans computed at once
         self._skipped_batch = max(_SKIPPED_BATCH // sensor.layout.taxels, MAX_BATCH)  # the same for scans not read
-        nothing, charge = np.zeros((1, sensor.layout.taxels)), np.zeros((2, self._charge.active.size))
+        force, charge = self._force[None], np.zeros((2, self._charge.active.size))
         chip = [self._chip]
-        start = _Batch(-1, [self.clock.time(0)], nothing, chip, chip, self._charge.active, charge, charge)
+        start = _Batch(-1, [self.clock.time(0)], force, chip, chip, chip, self._charge.active, charge, charge)
         self._next = self._with_outputs(start, self.clock.steps(-1, 1))
         self._counts = self._readout.counts(0, self._next.outputs)  # of `_next`
         self._now = self._next, -1  # the batch of the last scan, and its index
@@ -180,7 +203,8 @@ class SimulatedBoard:
         """Compute one scan.
 
         After a gap the state is the one that the skipped scans would have led to, within 1e-12 of full scale; only the
-        hysteresis of the film has no memory of more than 30 time constants before.
+        hysteresis of an ideal film has no memory of more than 30 time constants before. Those of a real film
+        (`ErrorModel.film`) are computed.
 
         Parameters
         ----------
@@ -203,7 +227,8 @@ class SimulatedBoard:
         out.layout_id = self.sensor.layout.id
         out.sequence = index
         out.device_time = round(index / self.sensor.can.scan_rate * 1e6)
-        out.temperatures[:] = batch.chip[row]
+        offsets = self._sensors.offsets
+        out.temperatures[:] = batch.sensed[row] if offsets is None else batch.sensed[row] + offsets
         out.status = _HOT if batch.chip[row] > OVERTEMPERATURE else _OK
 
     def prepare(self, index: int) -> None:
@@ -267,7 +292,7 @@ class SimulatedBoard:
 
     def _approach(self, index: int) -> None:
         """Advance to the scan before `index`, or to the start of constant loads that last until then."""
-        if index - self._end > self._memory and self._constant_end < index:
+        if index - self._end > self._memory and self._constant_end < index and not self._changes_at_rest:
             # By then the state before has decayed, and so has the error of a linear force over the jump.
             self._advance(index - self._memory, index - self._memory)
         while self._end < index - 1 and self._constant_end < index:
@@ -279,30 +304,40 @@ class SimulatedBoard:
 
     def _advance(self, first: int, last: int) -> _Batch:
         """Advance loads, film and charge by several scans in which force or temperature may change."""
-        count, layout = last - first + 1, self.sensor.layout
+        count = last - first + 1
         times = self.clock.times(first, count).tolist()
         steps = self.clock.steps(first, count)
         steps[0] = self.clock.between(self._end, first)
-        patches = self.loads.forces(times)
-        force = np.zeros((count, layout.rows, layout.cols))
-        for patch in patches:
-            force[:, patch.rows, patch.cols] += patch.force
-        force.flags.writeable = False  # a ground truth may keep it
+        patches, all_forces = self._forces(times)
         chip = list(self.loads.temperatures(times))
+        if self._chip_warming is not None:
+            rises = self._chip_warming.respond(all_forces.sum(axis=1)[:, None], steps)
+            chip = [each + rise for each, rise in zip(chip, rises[:, 0].tolist(), strict=True)]
         lag, steady = self._film_lags(chip, steps)
         film = [each - behind for each, behind in zip(chip, lag, strict=True)]
+        sensed = self._sensors.advance(chip, steps)
         self._charge.activate(patches)
         if not steady:
             self._charge.activate_all()
-        all_forces = force.reshape(count, -1)
         charge = self._charge.advance(all_forces, np.array(film) - self._start_temperature, steps)
         self._force, self._chip, self._film_lag, self._end = all_forces[-1], chip[-1], lag[-1], last
         constant_end = self.clock.last_by(self.loads.constant_until(times[-1]))
-        if self._film_lag == 0.0 and constant_end > last and not self._compute_all:
+        settled = self._film_lag == self._sensors.lag == 0.0
+        if settled and constant_end > last and not (self._compute_all or self._changes_at_rest):
             self._constant_end = constant_end
         return self._with_outputs(
-            _Batch(first, times, all_forces, chip, film, self._charge.active, charge, charge), steps
+            _Batch(first, times, all_forces, chip, film, sensed, self._charge.active, charge, charge), steps
         )
+
+    def _forces(self, times: list[float]) -> tuple[Sequence[Patch], NDArray[np.float64]]:
+        """Return the patches at several times [s], and the force on every taxel [N], shape [times, rows * cols]."""
+        layout = self.sensor.layout
+        patches = self.loads.forces(times)
+        force = np.zeros((len(times), layout.rows, layout.cols))
+        for patch in patches:
+            force[:, patch.rows, patch.cols] += patch.force
+        force.flags.writeable = False  # a ground truth may keep it
+        return patches, force.reshape(len(times), -1)
 
     def _hold(self, first: int, last: int) -> _Batch:
         """Advance the charge by several scans under constant loads."""
@@ -312,7 +347,7 @@ class SimulatedBoard:
         chip = [self._chip] * count
         charge = self._charge.decay(self.clock.spans(self._end, first - 1, count + 1))
         self._end = last
-        batch = _Batch(first, times, force, chip, chip, self._charge.active, charge, charge)
+        batch = _Batch(first, times, force, chip, chip, chip, self._charge.active, charge, charge)
         return self._with_outputs(batch, self.clock.steps(first, count))
 
     def _with_outputs(self, batch: _Batch, steps: NDArray[np.float64]) -> _Batch:

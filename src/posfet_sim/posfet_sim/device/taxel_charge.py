@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 from posfet_model._lib.types import Array
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.grid import EDGE_NEIGHBOURS, dilate, neighbour_table
+from posfet_sim.device.film import Film
+from posfet_sim.device.play_operators import play_outputs
+from posfet_sim.device.pole_bank import NEGLIGIBLE_STATE
 from posfet_sim.device.taxel_variation import TaxelParameters
 from posfet_sim.loads import Patch
 
@@ -30,7 +33,7 @@ PLAY_HALF_WIDTHS: Final = (0.05, 0.10, 0.20)
 
 
 class TaxelCharge:
-    """Charge of each taxel from forces and film temperature; starts without force and charge.
+    """Charge of each taxel from forces and film temperature; starts without charge, and without force unless set.
 
     Hysteresis is a Prandtl-Ishlinskii model (A. Visintin, Differential Models of Hysteresis, 1994, ch. III): the
     effective force is ``F - w*sum(F - p_k)``, where p_k is the output of a play operator of half-width r_k. The model
@@ -48,9 +51,19 @@ class TaxelCharge:
         Width of the hysteresis loop relative to the full-scale force [1].
     compute_all : bool
         Whether to keep every taxel active.
+    film : Film, optional
+        Response of a real film, which keeps every taxel active; default: an ideal film.
     """
 
-    def __init__(self, sensor: Sensor, parameters: TaxelParameters, hysteresis: float, compute_all: bool) -> None:
+    def __init__(
+        self,
+        sensor: Sensor,
+        parameters: TaxelParameters,
+        hysteresis: float,
+        compute_all: bool,
+        film: Film | None = None,
+    ) -> None:
+        compute_all = compute_all or film is not None
         layout, dtype = sensor.layout, parameters.charge_per_newton.dtype
         self.updates = 0
         """Number of updates of the charge of one taxel so far."""
@@ -60,6 +73,7 @@ class TaxelCharge:
         """Charge density of the active taxels [C/m2]."""
         self._parameters = parameters
         self._compute_all = compute_all
+        self._film = film
         largest = float(np.abs(parameters.charge_per_newton).max(initial=0.0))
         self._negligible = NEGLIGIBLE_CHARGE * sensor.device.force_max * largest
         self._patches: tuple[Patch, ...] = ()
@@ -77,6 +91,29 @@ class TaxelCharge:
         self._plays: Array
         self._rate: Array
         self._set_active(np.full((layout.rows, layout.cols), compute_all, np.bool_))
+
+    def start_under(self, force: Array) -> None:
+        """Start under forces whose charge has leaked away; before the first scan only.
+
+        Parameters
+        ----------
+        force : numpy.ndarray
+            Force on every taxel [N], shape [rows * cols].
+        """
+        force = force.astype(self.charge.dtype, copy=False)
+        if self._half_widths.size:
+            self._all_plays = np.clip(0.0, force - self._half_widths, force + self._half_widths)
+        # The same sum as in `_effective_force`, of plays that started at 0.
+        effective = force * (1 - self._weight * len(self._half_widths)) + self._weight * self._all_plays.sum(axis=0)
+        source = effective * self._parameters.charge_per_newton
+        if self._film is not None:
+            response = self._film.start_under(force[None], effective[None])
+            source = (response.force * self._parameters.charge_per_newton)[0]
+            rise = response.temperature_rise
+            source += ((rise if rise.ndim > 1 else rise[:, None]) * self._parameters.charge_per_kelvin)[0]
+        self._all_source = source.astype(self.charge.dtype, copy=False)
+        self._source = self._all_source[self.active]
+        self._plays = self._all_plays[:, self.active]
 
     def activate(self, patches: Sequence[Patch]) -> None:
         """Activate the taxels under these forces and under those of the previous call, and their neighbours."""
@@ -118,12 +155,19 @@ class TaxelCharge:
         force, steps = force.astype(dtype, copy=False), steps.astype(dtype, copy=False)
         sources = np.empty((len(steps) + 1, self.active.size), dtype)
         sources[0] = self._source
-        sources[1:] = self._effective_force(force)
+        effective, leak_factor = self._effective_force(force), None
+        if self._film is not None:
+            response = self._film.respond(force, effective, temperature_rise, steps)
+            effective, temperature_rise, leak_factor = response.force, response.temperature_rise, response.leak_factor
+        sources[1:] = effective
         sources[1:] *= self._per_newton
         if temperature_rise.any():
-            sources[1:] += np.multiply.outer(temperature_rise.astype(dtype, copy=False), self._per_kelvin)
-        uniform = steps.min() == steps.max()
+            rise = temperature_rise.astype(dtype, copy=False)
+            sources[1:] += (rise if rise.ndim > 1 else rise[:, None]) * self._per_kelvin
+        uniform = leak_factor is None and steps.min() == steps.max()
         exponent = np.multiply.outer(steps[:1] if uniform else steps, self._rate)
+        if leak_factor is not None:
+            exponent *= leak_factor.astype(dtype, copy=False)
         lost = np.expm1(exponent)
         decay = np.broadcast_to(1 + lost, (len(steps), self.active.size))
         charge = np.empty_like(sources)
@@ -132,6 +176,8 @@ class TaxelCharge:
         for before, after, left in zip(charge[:-1], charge[1:], decay, strict=True):
             np.add(after, before * left, out=after)
         self._source = sources[-1]
+        if self._film is not None:
+            charge[-1][np.abs(charge[-1]) < NEGLIGIBLE_STATE] = 0.0
         return self._store(charge)
 
     def decay(self, times: Array) -> Array:
@@ -173,13 +219,7 @@ class TaxelCharge:
         """Return the effective forces [N] after the hysteresis of the film, shape [scans, active]."""
         if not self._half_widths.size:
             return force
-        lower, upper = force[:, None] - self._half_widths, force[:, None] + self._half_widths
-        plays = np.empty_like(lower)
-        before = self._plays
-        for low, high, after in zip(lower, upper, plays, strict=True):
-            np.maximum(before, low, out=after)
-            np.minimum(after, high, out=after)
-            before = after
+        plays = play_outputs(force, self._plays, self._half_widths)
         self._plays = plays[-1]
         effective: Array = force * (1 - self._weight * len(self._half_widths))
         effective += self._weight * plays.sum(axis=1)
