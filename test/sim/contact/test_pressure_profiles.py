@@ -14,6 +14,8 @@ from posfet_sim.contact.closed_forms import hertz_ellipse, line_stiffness
 from posfet_sim.contact.indenters import FLAT, Bend, FlatIndenter, Shape, Sphere
 from posfet_sim.contact.line_contacts import Cylinder, Edge, LineShape
 from posfet_sim.contact.rectangular_indenter import RectangularIndenter
+from posfet_sim.contact.ridged_fingertip import RidgedFingertip
+from posfet_sim.contact.soft_faces import Pad, Ring, ScrewHead, SoftFace
 from posfet_sim.contact.taxel_forces import SPREAD_PER_THICKNESS, Cells, skin_spread
 from posfet_sim.contact.textured_pads import Ridges, Roughness
 from support.sweep import decades
@@ -31,8 +33,12 @@ SHAPES: dict[str, Shape] = {
     "edge": Edge(4e-3, MODULUS, math.tan(math.radians(20))),
     "ridges": Ridges(6e-3, 3e-3, 3, 10e-6, MODULUS),
     "bumps": Roughness(5e-3, 4e-3, 40, 7),
+    "pad": Pad(4e-3, 3e-3),
+    "ring": Ring(2e-3, 1.5e-3),
+    "screw head": ScrewHead(1.9e-3, 0.5e-3),
+    "ridged fingertip": RidgedFingertip(8e-3, 1e6, 1.5e-3, 0.8),
 }
-PRESSED = [name for name in SHAPES if name not in ("ridges", "bumps")]
+PRESSED = [name for name, shape in SHAPES.items() if not isinstance(shape, SoftFace)]
 POINTS = 400
 
 normal_below = np.vectorize(lambda z: 0.5 * math.erfc(-z / math.sqrt(2)))
@@ -122,6 +128,73 @@ def test_ridges_agree_with_a_dense_grid_of_the_wavy_pressure(angle: float, share
     expected = force * collected(points, weight, 0.4e-3, 0.2e-3, angle)
     found = forces(SHAPES["ridges"], 0.4e-3, 0.2e-3, angle, force)
     np.testing.assert_allclose(found, expected, rtol=0, atol=3e-4 * force)
+
+
+@pytest.mark.parametrize("angle", [0.0, math.pi / 2, 0.7])
+def test_a_pad_agrees_with_a_dense_grid_of_uniform_pressure(angle: float) -> None:
+    points, weight = dense(middles(2e-3, 160), np.ones(160), middles(1.5e-3, 120), np.ones(120))
+    expected = 1.3 * collected(points, weight, 0.4e-3, 0.2e-3, angle)
+    # The grid's own error is that of the midpoint rule, (25 um)^2/24 times curvature over 0.36e-6 m2: below 1e-4.
+    np.testing.assert_allclose(forces(SHAPES["pad"], 0.4e-3, 0.2e-3, angle, 1.3), expected, rtol=0, atol=1e-4)
+
+
+def polar(inner: float, outer: float, rings: int, angles: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return midpoints (u, v), shape [n, 2], of equal steps in radius and angle between two radii, and their areas."""
+    radius = inner + (np.arange(rings) + 0.5) / rings * (outer - inner)
+    angle = (np.arange(angles) + 0.5) / angles * 2 * math.pi
+    points = np.multiply.outer(radius, np.stack([np.cos(angle), np.sin(angle)], axis=1)).reshape(-1, 2)
+    return points, np.repeat(radius, angles)
+
+
+@pytest.mark.parametrize(("x", "y"), [(0.0, 0.0), (0.7e-3, -1.1e-3), (3.9e-3, 0.2e-3)])
+def test_a_ring_agrees_with_polar_sums_of_uniform_pressure(x: float, y: float) -> None:
+    points, weight = polar(1.5e-3, 2e-3, 20, 90)
+    expected = 1.3 * collected(points, weight / weight.sum(), x, y, 0.0)
+    np.testing.assert_allclose(forces(SHAPES["ring"], x, y, 0.0, 1.3), expected, rtol=0, atol=1e-4)
+    # Under its middle there is less than beside.
+    wide = forces(Ring(2.8e-3, 2.2e-3), 0.75e-3, 0.0, 0.0, 1.0)
+    assert wide[2, 3] < 0.2 * wide[2, 5]
+
+
+@pytest.mark.parametrize("angle", [0.0, math.pi / 2, 0.7])
+def test_a_screw_head_agrees_with_a_dense_grid_without_the_slot(angle: float) -> None:
+    # Strips along the slot, each from rim to rim with equal steps; the midpoint rule across errs at the rim, where the
+    # chords end like a root, by (1/200)^1.5 of the area.
+    v = 0.25e-3 + (np.arange(100) + 0.5) / 100 * (1.9e-3 - 0.25e-3)
+    chord = np.sqrt(1.9e-3**2 - v**2)
+    u = np.multiply.outer(chord, middles(1.0, 40)).ravel()
+    upper, weight = np.stack([u, np.repeat(v, 40)], axis=1), np.repeat(chord, 40)
+    points, weight = np.concatenate([upper, -upper]), np.concatenate([weight, weight])
+    expected = 1.3 * collected(points, weight / weight.sum(), 0.4e-3, 0.2e-3, angle)
+    found = forces(SHAPES["screw head"], 0.4e-3, 0.2e-3, angle, 1.3)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=5e-4)
+    area = 2 * chord.sum() * 2 * (v[1] - v[0])
+    assert SHAPES["screw head"].area(1.0, FLAT) == pytest.approx(area, rel=1e-3)
+
+
+@pytest.mark.parametrize("angle", [0.0, math.pi / 2, 0.7])
+@pytest.mark.parametrize("force", [0.02, 1.3])
+def test_a_ridged_fingertip_agrees_with_polar_sums_of_its_pressure(angle: float, force: float) -> None:
+    radius = (3 * force * 8e-3 / (4 * 1e6)) ** (1 / 3)  # Hertz
+    points, area = polar(0.0, radius, 60, 60)
+    pressure = np.sqrt(1 - (points**2).sum(axis=1) / radius**2) * (
+        1 + 0.8 * np.cos(2 * math.pi * points[:, 0] / 1.5e-3)
+    )
+    weight = pressure * area
+    expected = force * collected(points, weight / weight.sum(), 0.4e-3, 0.2e-3, angle)
+    found = forces(SHAPES["ridged fingertip"], 0.4e-3, 0.2e-3, angle, force)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=5e-4 * force)  # the sums err by (1/60)^1.5/6 at the rim
+
+
+def test_ridges_of_a_fingertip_are_blurred_by_the_skin_as_documented() -> None:
+    # Cells of 0.1 mm resolve the pressure under the skin; over the middle of a wide contact the envelope is flat.
+    fine = Layout(id=1, rows=64, cols=64, pitch_x=0.1e-3, pitch_y=0.1e-3, taxel_area=1e-8)
+    tip, smooth = RidgedFingertip(40e-3, 1e6, 1.5e-3, 0.8), Sphere(40e-3, 1e6)
+    ridged, plain = (forces(shape, 0.0, 0.0, 0.0, 5.0, layout=fine)[32] for shape in (tip, smooth))
+    middle = slice(32 - 7, 32 + 8)  # one ridge
+    ratio = ridged[middle] / plain[middle]
+    left = 0.8 * math.exp(-2 * (math.pi * SPREAD / 1.5e-3) ** 2)
+    assert (ratio.max() - ratio.min()) / 2 == pytest.approx(left, rel=0.1)
 
 
 def test_bumps_depend_on_the_seed_and_move_with_the_pad() -> None:

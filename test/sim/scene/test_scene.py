@@ -13,6 +13,8 @@ from posfet_model.sensor.description import load_sensor
 from posfet_sim.contact.indenters import FlatIndenter, Sphere
 from posfet_sim.contact.line_contacts import Cylinder, Edge
 from posfet_sim.contact.rectangular_indenter import RectangularIndenter
+from posfet_sim.contact.ridged_fingertip import RidgedFingertip
+from posfet_sim.contact.soft_faces import Pad, Ring, ScrewHead
 from posfet_sim.contact.taxel_forces import Cells
 from posfet_sim.contact.textured_pads import Ridges, Roughness
 from posfet_sim.scene import (
@@ -33,6 +35,15 @@ from support.paths import DOCS
 SENSOR = load_sensor()
 DOCUMENT = (DOCS / "scenes.md").read_text(encoding="utf-8")
 SHIPPED = sorted(path.stem for path in SCENE_FOLDER.glob("*.yaml"))
+
+FIRST_CONTACT = dict.fromkeys(
+    ("flat_pad_fast", "flat_pad_slow", "hold", "hold_10s", "hold_300s", "hold_fluctuating", "mixed", "overload"), 1.0
+) | {"slow_press": 1.0, "contact_at_power_on": 0.0}
+"""Time of the first contact [s], where it is not 0.3 s: the longer a force is held, the more accurate its offset has to
+be."""
+
+MAX_LOAD = {"overload": 20.0, "slow_press": 0.2, "hold_fluctuating": 2.1}
+"""Maximum force of an object [N], where it is not in [0.5, 2]."""
 
 GOOD = """\
 name: good
@@ -117,6 +128,14 @@ def test_a_file_is_read_into_si_units(tmp_path: Path) -> None:
             Ridges(6e-3, 3e-3, 3, 16e-6, 2e6),
         ),
         ("kind: texture, profile: bumps, length_mm: 6, width_mm: 3, bumps: 9, seed: 4", Roughness(6e-3, 3e-3, 9, 4)),
+        ("kind: pad, length_mm: 6, width_mm: 3", Pad(6e-3, 3e-3)),
+        ("kind: ring, outer_radius_mm: 3, inner_radius_mm: 2.5", Ring(3e-3, 2.5e-3)),
+        ("kind: screw_head, radius_mm: 2, slot_width_mm: 0.5", ScrewHead(2e-3, 0.5e-3)),
+        (
+            "kind: ridged_fingertip, radius_mm: 8, effective_modulus_MPa: 1, ridge_spacing_mm: 2,"
+            " ridge_contrast_percent: 50",
+            RidgedFingertip(8e-3, 1e6, 2e-3, 0.5),
+        ),
     ],
 )
 def test_each_object_kind_is_read(tmp_path: Path, lines: str, shape: object) -> None:
@@ -148,12 +167,28 @@ def test_temperature_by_keyframes_and_no_period(tmp_path: Path) -> None:
 def test_shipped_scenes(name: str) -> None:
     scene = load_scene(name, SENSOR)
     assert scene.name == name
-    rest = 1.0 if name == "hold" else 0.3  # the longer a force is held, the more accurate its offset has to be
+    rest = FIRST_CONTACT.get(name, 0.3)
     for item in scene.objects:
-        assert 0.5 <= item.path.max_load() <= 2.0
+        if name in MAX_LOAD:
+            assert item.path.max_load() == MAX_LOAD[name]
+        else:
+            assert 0.5 <= item.path.max_load() <= 2.0
+        if name == "contact_at_power_on":
+            assert item.path.at(rest)[-1] == 1.0
+            continue
         assert item.path.at(rest)[-1] == 0
         if name != "warm_finger":  # the chip cools from the touch before
             assert scene.constant_until(0.0) == pytest.approx(rest, abs=1e-12)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_a_shipped_scene_begins_with_what_it_is_for(name: str) -> None:
+    lines = (SCENE_FOLDER / f"{name}.yaml").read_text(encoding="utf-8").splitlines()
+    paragraph = " ".join(line.removeprefix("# ") for line in lines[2 : lines.index(f"name: {name}")])
+    assert lines[1] == "#"
+    assert len(paragraph) > 80
+    assert "#" not in paragraph
+    assert paragraph.endswith(".")
 
 
 def test_all_documented_scenes_are_shipped() -> None:
@@ -192,12 +227,12 @@ REFUSED = [
     (
         "    kind: sphere\n",
         "",
-        r"objects\[0\].kind: missing, must be one of sphere, cylinder, punch, edge, texture",
+        rf"objects\[0\].kind: missing, must be one of {', '.join(SHAPES)}",
     ),
     (
         "kind: sphere",
         "kind: cube",
-        r"objects\[0\].kind: must be one of sphere, cylinder, punch, edge, texture, got 'cube'",
+        rf"objects\[0\].kind: must be one of {', '.join(SHAPES)}, got 'cube'",
     ),
     ("radius_mm: 5.0", "radius_mm: -5.0", r"objects\[0\].radius_mm: must be .* \[0.1, 1000\], got -5"),
     ("radius_mm: 5.0\n", "radius_mm: 5.0\n    mass_g: 3\n", r"objects\[0\].mass_g: unknown key"),
@@ -219,6 +254,16 @@ REFUSED = [
         "kind: sphere\n    radius_mm: 5.0",
         "kind: punch\n    length_mm: 4.1\n    width_mm: 0.2",
         r"objects\[0\].length_mm: must be in 1/20 to 20 times width_mm, got 20.5 times",
+    ),
+    (
+        "kind: sphere\n    radius_mm: 5.0\n    effective_modulus_MPa: 2.0",
+        "kind: ring\n    outer_radius_mm: 2\n    inner_radius_mm: 2",
+        r"objects\[0\].inner_radius_mm: must be a number in \(0.1, 2\), got 2",
+    ),
+    (
+        "kind: sphere\n    radius_mm: 5.0\n    effective_modulus_MPa: 2.0",
+        "kind: screw_head\n    radius_mm: 2\n    slot_width_mm: 4",
+        r"objects\[0\].slot_width_mm: must be a number in \(0, 4\), got 4",
     ),
     ("kind: sphere", "kind: punch\n    length_mm: 4\n    width_mm: 2", r"objects\[0\].radius_mm: unknown key"),
     (
@@ -274,7 +319,9 @@ def test_duplicate_object_names_are_rejected(tmp_path: Path) -> None:
 
 
 def test_an_unknown_scene_error_lists_the_shipped_scenes() -> None:
-    with pytest.raises(ConfigError, match=r"no_such: no such scene; .* hold, idle, press, press_slide_lift, slide"):
+    with pytest.raises(
+        ConfigError, match=r"no_such: no such scene; .* hold, .*idle, mixed, .*press_slide_lift, .*slide"
+    ):
         load_scene("no_such", SENSOR)
 
 
@@ -362,7 +409,7 @@ def test_a_texture_driven_by_indentation_is_rejected(tmp_path: Path) -> None:
     pad = "kind: texture, profile: bumps, length_mm: 6, width_mm: 3, bumps: 9, seed: 4"
     frames = "keyframes: [{time_s: 0, x_mm: 0, y_mm: 0, indentation_mm: 0}]"
     text = GOOD[: GOOD.index("  - name")] + f"  - {{name: it, {pad}, {frames}}}\n"
-    with pytest.raises(ConfigError, match="indentation_mm: cannot drive a texture"):
+    with pytest.raises(ConfigError, match="indentation_mm: cannot drive a soft face"):
         load_scene(write(tmp_path, text), SENSOR)
 
 
@@ -393,11 +440,11 @@ def test_rest_intervals_of_a_scene_are_exact(name: str) -> None:
         until = scene.constant_until(float(time))
         assert until >= time
         if until == time:
-            assert any(state(time + step) != state(time) for step in (0.01, 0.0037))
+            assert any(state(time + step) != state(time) for step in (0.01, 0.0037, 0.0003))
         for later in np.linspace(time, min(until, time + 2 * span), 8):
             assert state(float(later) - 1e-9 * (later > time)) == state(time)
         if math.isfinite(until):
-            assert any(state(until + step) != state(time) for step in (0.02, 0.01, 0.0037))
+            assert any(state(until + step) != state(time) for step in (0.02, 0.01, 0.0037, 0.0005))
 
 
 def test_two_fingers_stay_two_separate_contacts() -> None:

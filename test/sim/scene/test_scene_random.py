@@ -56,6 +56,22 @@ KINDS = st.one_of(
             "seed": st.integers(0, 99),
         }
     ),
+    st.fixed_dictionaries({"kind": st.just("pad"), "length_mm": number(1, 9), "width_mm": number(1, 9)}),
+    st.fixed_dictionaries(
+        {"kind": st.just("ring"), "outer_radius_mm": number(2, 4), "inner_radius_mm": number(0.2, 1.9)}
+    ),
+    st.fixed_dictionaries(
+        {"kind": st.just("screw_head"), "radius_mm": number(1, 4), "slot_width_mm": number(0.1, 1.9)}
+    ),
+    st.fixed_dictionaries(
+        {
+            "kind": st.just("ridged_fingertip"),
+            "radius_mm": number(1, 50),
+            "ridge_spacing_mm": number(0.3, 5),
+            "ridge_contrast_percent": number(0, 100),
+            **MODULUS,
+        }
+    ),
 )
 PLACE = {"x_mm": number(-2, 2), "y_mm": number(-2, 2), "angle_deg": number(-360, 360)}
 FORCE = {"force_N": number(0.005, 0.02)}

@@ -154,7 +154,7 @@ def test_what_cannot_be_is_refused_in_one_line(case: str) -> None:
 
 
 def test_a_texture_has_no_indentation() -> None:
-    with pytest.raises(ConfigError, match="indentation_mm: cannot drive a texture, which must be given force_N"):
+    with pytest.raises(ConfigError, match="indentation_mm: cannot drive a soft face, which must be given force_N"):
         read("keyframes: [{time_s: 0, x_mm: 0, y_mm: 0, indentation_mm: 0}]", replace(LIMITS, indentation=None))
 
 

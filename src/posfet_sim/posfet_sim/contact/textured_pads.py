@@ -9,44 +9,32 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_sim.contact.closed_forms import FORCE_LIMIT
 from posfet_sim.contact.indenters import Bend
 from posfet_sim.contact.quadrature import Line, half_ellipse, uniform
+from posfet_sim.contact.soft_faces import SoftFace
 from posfet_sim.contact.taxel_forces import Footprint, points_for
 
 
 @dataclass(frozen=True)
-class SoftPad:
+class TexturedPad(SoftFace):
     """Common part of the textured pads."""
 
     length: float
     """Length along u [m]."""
     width: float
     """Width along v [m]."""
-    depends_on_angle: ClassVar[bool] = True
-    height: ClassVar[float] = 0.0
-    max_force: ClassVar[float] = FORCE_LIMIT
-
-    def indentation(self, force: float, bend: Bend) -> float:
-        """Return 0: the face of the pad is assumed to lie in the surface."""
-        return 0.0
 
     def area(self, force: float, bend: Bend) -> float:
         """Return the area of the pad [m2]."""
         return self.length * self.width
 
-    def force(self, indentation: float, bend: Bend) -> float:
-        """Raise ValueError: the force of a pad does not follow from an indentation."""
-        raise ValueError("a textured pad must be given a force, not an indentation")
-
 
 @dataclass(frozen=True)
-class Ridges(SoftPad):
+class Ridges(TexturedPad):
     """Sinusoidal ridges across u, a whole number of them, with troughs at both ends.
 
     Pressure of a wavy surface (Westergaard 1939; Johnson, Contact Mechanics, 1985, section 13.2): above the mean
@@ -110,7 +98,7 @@ def _uniform_across(order: int) -> Line:
 
 
 @dataclass(frozen=True)
-class Roughness(SoftPad):
+class Roughness(TexturedPad):
     """Bumps at random positions that carry random fractions of the force, the same at every force (assumed).
 
     The fractions are exponentially distributed, as for bumps of exponentially distributed height (Greenwood and

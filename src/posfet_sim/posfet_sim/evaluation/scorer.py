@@ -15,6 +15,7 @@ from posfet_model.reconstruction.force_image import ForceImage
 from posfet_model.reconstruction.reconstructor import Reconstruction
 from posfet_model.sensor.description import Sensor
 from posfet_sim.device.ground_truth import Truth
+from posfet_sim.evaluation.reliability_scorer import ReliabilityScorer
 from posfet_sim.evaluation.slip_scorer import SlipScorer
 
 MATCH: Final = 1.5
@@ -62,6 +63,17 @@ class Score:
     """Fraction of the true slips that are detected within `SLIP_LATE` [1]."""
     false_slips_per_hour: float
     """Rate of slips detected without a true one [1/h]."""
+    total_force_worst_pct: float | None
+    """Greatest error of a valid total force of at least 50 mN over the true one [%]."""
+    coverage_pct: dict[str, float | None]
+    """Share of errors within two reported standard deviations, of each touched `taxel`, each `contact`, and the `total`
+    force [%]."""
+    valid_pct: float | None
+    """Share of the scans that are valid [%]."""
+    misleading_pct: float | None
+    """Share of the scans that are valid although the total force is wrong by more than 10 % and 50 mN [%]."""
+    contacts_left: int | None
+    """Number of contacts at the end, at least 5 s after the last touch."""
     us_per_scan: float
     """Computation time of the reconstruction including the force image [us]."""
 
@@ -90,6 +102,7 @@ class Scorer:
         self._seen: set[int] = set()
         self._held = _Hold()
         self._slips = SlipScorer()
+        self._reliability = ReliabilityScorer(sensor.contact.threshold)
         self._seconds = 0.0
 
     def add(self, result: Reconstruction, image: ForceImage, truth: Truth) -> None:
@@ -109,7 +122,9 @@ class Scorer:
         if result.valid:
             self._add_forces(image, truth, touched)
         live = [contact for contact in result.contacts if contact.state is not ContactState.RELEASED]
-        partners = self._add_contacts(live, truth)
+        pairs = self._pairs(live, [tuple(centre) for centre in truth.objects.contact_centres.tolist()])
+        partners = self._add_contacts(live, truth, pairs)
+        self._reliability.add(result, image, truth, pairs, len(live))
         slipping = {contact.id for contact in live if result.motions[contact.id].slipping}
         self._slips.add(truth, partners, slipping)
 
@@ -126,13 +141,14 @@ class Scorer:
             self._total_true.append(true)
         self._held.add(truth.time, truth.force, float(error.sum()), true)
 
-    def _add_contacts(self, live: Sequence[Contact], truth: Truth) -> dict[int, int]:
+    def _add_contacts(
+        self, live: Sequence[Contact], truth: Truth, pairs: Sequence[tuple[Contact, int]]
+    ) -> dict[int, int]:
         """Compare contacts with true ones; return the track id of the contact of each detected object."""
         objects = truth.objects
         numbers = [int(number) for number in objects.contact_objects]
         centres = [tuple(centre) for centre in objects.contact_centres.tolist()]
         on_chip = [self._on_chip(centre) for centre in centres]
-        pairs = self._pairs(live, centres)
         partners = {index: contact for contact, index in pairs}
         self._reported += len(live)
         self._seen |= {contact.id for contact in live}
@@ -238,6 +254,11 @@ class Scorer:
             slip_onset_delay_ms=self._slips.delay(),
             slip_recall=self._slips.recall(),
             false_slips_per_hour=self._slips.false * 3600 / self._seconds if self._seconds else 0.0,
+            total_force_worst_pct=self._reliability.worst,
+            coverage_pct=self._reliability.coverage,
+            valid_pct=self._reliability.valid,
+            misleading_pct=self._reliability.misleading,
+            contacts_left=self._reliability.contacts_left,
             us_per_scan=us_per_scan,
         )
 

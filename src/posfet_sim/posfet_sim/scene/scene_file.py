@@ -15,8 +15,10 @@ from posfet_model.sensor.description import Sensor
 from posfet_sim.contact.indenters import FLAT, Bend, FlatIndenter, Shape, Sphere
 from posfet_sim.contact.line_contacts import Cylinder, Edge
 from posfet_sim.contact.rectangular_indenter import MAX_ASPECT_RATIO, RectangularIndenter
+from posfet_sim.contact.ridged_fingertip import RidgedFingertip
+from posfet_sim.contact.soft_faces import Pad, Ring, ScrewHead, SoftFace
 from posfet_sim.contact.taxel_forces import Cells, skin_spread
-from posfet_sim.contact.textured_pads import Ridges, Roughness, SoftPad
+from posfet_sim.contact.textured_pads import Ridges, Roughness
 from posfet_sim.scene.heat_transfer import chip_temperature_rise
 from posfet_sim.scene.scene import ChipBend, Scene, SceneObject
 from posfet_sim.scene.trajectories import Keyframes
@@ -130,7 +132,7 @@ def _object(section: Section, sensor: Sensor, cells: Cells, bend: ChipBend | Non
         half_x=sensor.layout.cols * sensor.layout.pitch_x / 2,
         half_y=sensor.layout.rows * sensor.layout.pitch_y / 2,
         force=force,
-        indentation=None if isinstance(shape, SoftPad) else shape.indentation(force, under),
+        indentation=None if isinstance(shape, SoftFace) else shape.indentation(force, under),
         period=period,
     )
     path, by_indentation = read_path(section, limits)
@@ -170,6 +172,27 @@ def _edge(section: Section) -> Shape:
     return Edge(_length(section, "length_mm"), _modulus(section), slope)
 
 
+def _pad(section: Section) -> Shape:
+    return Pad(_length(section, "length_mm"), _length(section, "width_mm"))
+
+
+def _ring(section: Section) -> Shape:
+    outer = _length(section, "outer_radius_mm")
+    inner = section.number("inner_radius_mm", _LENGTH_RANGE[0], outer * 1e3, exclusive=True) * 1e-3
+    return Ring(outer, inner)
+
+
+def _screw_head(section: Section) -> Shape:
+    radius = _length(section, "radius_mm")
+    return ScrewHead(radius, section.number("slot_width_mm", 0, 2e3 * radius, exclusive=True) * 1e-3)
+
+
+def _ridged_fingertip(section: Section) -> Shape:
+    radius, modulus = _length(section, "radius_mm"), _modulus(section)
+    spacing = section.number("ridge_spacing_mm", 0.1, 1000) * 1e-3
+    return RidgedFingertip(radius, modulus, spacing, section.number("ridge_contrast_percent", 0, 100) * 1e-2)
+
+
 def _texture(section: Section) -> Shape:
     length, width = _length(section, "length_mm"), _length(section, "width_mm")
     if section.text("profile", ("ridges", "bumps")) == "bumps":
@@ -184,6 +207,10 @@ SHAPES: Final[dict[str, Callable[[Section], Shape]]] = {
     "punch": _flat_indenter,
     "edge": _edge,
     "texture": _texture,
+    "pad": _pad,
+    "ring": _ring,
+    "screw_head": _screw_head,
+    "ridged_fingertip": _ridged_fingertip,
 }
 """Reader of each kind of object."""
 

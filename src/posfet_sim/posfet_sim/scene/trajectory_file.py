@@ -152,7 +152,7 @@ def _load(section: Section, limits: Limits, by_indentation: bool, low: float = 0
     if not by_indentation:
         return section.number("force_N", low, limits.force)
     if limits.indentation is None:
-        raise section.error("indentation_mm", "cannot drive a texture, which must be given force_N")
+        raise section.error("indentation_mm", "cannot drive a soft face, which must be given force_N")
     return section.number("indentation_mm", low * 1e3, limits.indentation * 1e3) * 1e-3
 
 
