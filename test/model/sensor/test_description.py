@@ -170,6 +170,17 @@ def test_an_unknown_top_level_key_is_rejected(tmp_path: Path) -> None:
         (("adc", "low_V"), 6.0, "adc.low_V: must be at least 0.001 below high_V = 5, got 6"),
         (("contact", "deadband_mN"), 21.0, "contact.deadband_mN: must be a number in [0, 20], got 21"),
         (("device", "force_max_N"), 0.0, "device.force_max_N: must be a number in (0, 10000), got 0"),
+        (
+            ("adc", "low_V"),
+            1.0,
+            "adc.low_V: must leave more than 0.00224 V (4 standard deviations of the noise and a step of the ADC) "
+            "between adc.low_V and the signal at rest, amplifier.offset_mV = 0, got -1 V: widen the range",
+        ),
+        (
+            ("amplifier", "rail_high_V"),
+            -1.0,
+            "amplifier.rail_high_V: rail_high_V and adc.high_V must be above 0 and the offset",
+        ),
         (("can", "base_id"), 0x7FF, "can.base_id: must be a whole number in [0, 2032], got 2047"),
         (("layout", "rows"), 5.0, "layout.rows: must be a whole number in [1, 128], got 5.0"),
         (("can", "fd"), 1, "can.fd: must be true or false, got 1"),
@@ -184,3 +195,12 @@ def test_a_force_beyond_the_amplifier_range_is_rejected_with_the_limit(tmp_path:
     message = refusal(tmp_path, changed(("device", "force_max_N"), 6.0))
     # 4.8 V over 0.8873 V/N.
     assert message == "device.force_max_N: must be in (0, 5.41] for this amplifier and ADC, got 6"
+
+
+def test_noise_that_leaves_no_range_at_rest_is_rejected(tmp_path: Path) -> None:
+    content = changed(("adc", "noise_mV"), 1000.0)
+    content["amplifier"]["rail_low_V"] = -3.0
+    assert refusal(tmp_path, content) == (
+        "adc.noise_mV: must leave more than 4 V (4 standard deviations of the noise and a step of the ADC) between "
+        "amplifier.rail_low_V and the signal at rest, amplifier.offset_mV = 0, got 3 V: lower the noise"
+    )

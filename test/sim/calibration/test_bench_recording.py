@@ -42,7 +42,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Files:
     """A recording of the simulated board, and the readings of a noisy, delayed calibration rig at 200 Hz."""
     folder = tmp_path_factory.mktemp("bench")
     log, stand = folder / "board.log", folder / "stand.csv"
-    scene = pressing_scene(SENSOR)
+    scene = pressing_scene(SENSOR, long_hold=False)
     node = BusBoard(SimulatedBoard(SENSOR, SceneLoads(scene, SENSOR), SEED, ROUGH), SEED, 0)
     with can.Logger(str(log)) as write:
         node.receive((SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, Request(Command.START, 0).pack()), 0)

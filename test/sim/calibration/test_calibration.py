@@ -12,7 +12,11 @@ import yaml
 
 from posfet_model.calibration.calibration_file import load_calibration, save_calibration
 from posfet_model.calibration.least_squares_fit import Recording, fit
-from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.calibration.taxel_calibration import (
+    CALIBRATED_GAIN_DEVIATION,
+    CALIBRATED_LEAK_DEVIATION,
+    Calibration,
+)
 from posfet_model.config import ConfigError
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.reconstruction.taxel_faults import TaxelStatus
@@ -120,7 +124,7 @@ def test_a_saved_calibration_survives_a_round_trip(found: Calibration, tmp_path:
         (("sensor", "serial"), "B7", "another sensor"),
         (("sensor", "layout"), 9, "another layout"),
         (("sensor", "rows"), 8, "another layout"),
-        (("version",), 2, "version"),
+        (("version",), 3, "version"),
         (("taxels", "gain"), [1.0], "25 numbers"),
         (("taxels", "gain"), [float("nan")] * 25, "gain"),
         (("taxels", "dead"), [25], "dead"),
@@ -166,11 +170,15 @@ def test_the_command_writes_a_calibration_that_the_score_reads(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], found: Calibration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "cal.yaml"
-    assert main([str(path)]) == 0
+    page = tmp_path / "report.html"
+    assert main([str(path), "--report", str(page)]) == 0
     assert "hold-out set" in capsys.readouterr().out
+    text = page.read_text()
+    assert text.count("<svg") == 4
+    assert text.count("http") == 0  # self-contained
     assert score_main(["press_slide_lift", "--calibration", str(path), "--for", "1"]) == 0
     capsys.readouterr()
-    monkeypatch.setattr(calibrate, "calibrate", lambda *_: found)  # rejected before it runs
+    monkeypatch.setattr(calibrate, "calibrate", lambda *_: pytest.fail("an unwritable file is rejected before the fit"))
     assert main([str(tmp_path / "none" / "cal.yaml")]) == 1
     assert "cannot be written" in capsys.readouterr().err
     device = tmp_path / "device"
@@ -178,3 +186,22 @@ def test_the_command_writes_a_calibration_that_the_score_reads(
     assert main([str(device)]) == 1
     assert capsys.readouterr().err == f"{device}: cannot be written: not a regular file\n"
     assert device.is_fifo()
+    assert main([str(path), "--report", str(tmp_path / "none" / "report.html")]) == 1
+    assert "report.html: cannot be written" in capsys.readouterr().err
+
+
+def test_a_file_of_the_first_version_is_read_with_assumed_deviations(tmp_path: Path) -> None:
+    path = tmp_path / "cal.yaml"
+    save_calibration(path, SENSOR, Calibration.nominal(SENSOR))
+    document = yaml.safe_load(path.read_text())
+    for key in (
+        "relaxation_poles", "relaxation", "warmth", "temperature_sensor_lag_s", "common_gain_deviation_percent",
+        "common_leak_deviation_percent",
+    ):  # fmt: skip
+        del document[key]
+    del document["taxels"]["gain_deviation_percent"], document["taxels"]["leak_deviation_percent"]
+    path.write_text(yaml.safe_dump({**document, "version": 1}))
+    read = load_calibration(path, SENSOR)
+    assert read.relaxation_sizes.size == 0
+    assert (read.gain_deviation == CALIBRATED_GAIN_DEVIATION).all()
+    assert (read.leak_deviation == CALIBRATED_LEAK_DEVIATION).all()

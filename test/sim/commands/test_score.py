@@ -36,6 +36,11 @@ NAMES = [
     "slip_onset_delay_ms",
     "slip_recall",
     "false_slips_per_hour",
+    "total_force_worst_pct",
+    "coverage_pct",
+    "valid_pct",
+    "misleading_pct",
+    "contacts_left",
     "us_per_scan",
 ]
 
@@ -229,6 +234,18 @@ def test_the_json_output_has_exactly_these_keys(capsys: pytest.CaptureFixture[st
     words = ["--for", "1", "--mismatch", "5", "--device", "leak=20", "--seed", "3", "--calibration", "none"]
     assert main(["press_slide_lift", *words]) == 0
     assert list(json.loads(capsys.readouterr().out)) == NAMES
+
+
+def test_the_estimator_of_the_command_line_is_scored(capsys: pytest.CaptureFixture[str]) -> None:
+    found = []
+    for more in ([], ["--estimator", "observer"], ["--estimator", "error_state"]):
+        words = ["--for", "1", "--calibration", "none", "--imperfections", "none", *more]
+        assert main(["press_slide_lift", *words]) == 0
+        score = json.loads(capsys.readouterr().out)
+        found.append(score["force_rmse_pct"])
+    assert found[0] == found[1] != found[2]
+    with pytest.raises(SystemExit):
+        main(["press_slide_lift", "--estimator", "kalman"])
 
 
 def test_a_board_is_calibrated_before_scoring_by_default(capsys: pytest.CaptureFixture[str]) -> None:

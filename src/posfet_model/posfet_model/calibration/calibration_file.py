@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,12 +12,21 @@ import numpy as np
 import yaml
 
 from posfet_model._lib.types import Array
-from posfet_model.calibration.taxel_calibration import Calibration, Residuals
+from posfet_model.calibration.taxel_calibration import (
+    CALIBRATED_GAIN_DEVIATION,
+    CALIBRATED_LEAK_DEVIATION,
+    Calibration,
+    Residuals,
+)
 from posfet_model.config import ConfigError, Section, read_yaml
 from posfet_model.sensor.description import Sensor
 
-VERSION: Final = 1
-"""Version of the file format."""
+VERSION: Final = 2
+"""Version of the file format that is written. Version 1 is read, too: it has neither deviations nor relaxation, and the
+assumed values of `taxel_calibration` are used."""
+
+MAX_POLES: Final = 8
+"""Largest number of relaxation poles in a file."""
 
 DIGITS: Final = 6
 """Significant digits of the numbers in a file."""
@@ -53,29 +63,72 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
         "taxels": {
             "dead": np.flatnonzero(calibration.dead).tolist(),
             "gain": _rounded(calibration.usable_gain),
+            "gain_deviation_percent": _rounded(calibration.gain_deviation * 100),
             "pyroelectric_gain": _rounded(calibration.pyroelectric_gain),
             "leak_time_constant_s": _rounded(calibration.leak_time_constant),
+            "leak_deviation_percent": _rounded(calibration.leak_deviation * 100),
             "offset_mV": _rounded(calibration.offset * 1e3),
         },
-        "crosstalk_percent": float(f"{calibration.crosstalk * 100:.{DIGITS}g}"),
+        "common_gain_deviation_percent": _number(calibration.common_gain_deviation * 100),
+        "common_leak_deviation_percent": _number(calibration.common_leak_deviation * 100),
+        "crosstalk_percent": _number(calibration.crosstalk * 100),
+        "relaxation_poles": len(calibration.relaxation_sizes),
+        "relaxation": {
+            "time_constants_s": _rounded(calibration.relaxation_time_constants),
+            "sizes_percent": _rounded(calibration.relaxation_sizes * 100),
+            "deviations_percent": _rounded(calibration.relaxation_deviations * 100),
+        },
+        "warmth": {
+            "level_K": _number(calibration.warmth),
+            "deviation_K": _number(calibration.warmth_deviation),
+        },
+        "temperature_sensor_lag_s": _number(calibration.temperature_sensor_lag),
     }
+    if calibration.temperature is not None:
+        document["temperature_C"] = _number(calibration.temperature)
     if calibration.thermal_time_constant is not None:
-        document["thermal_time_constant_s"] = float(f"{calibration.thermal_time_constant:.{DIGITS}g}")
+        document["thermal_time_constant_s"] = _number(calibration.thermal_time_constant)
     if residuals is not None:
         document["residuals"] = {
-            "force_rms_mN": float(f"{residuals.force_rms * 1e3:.{DIGITS}g}"),
-            "force_rms_before_mN": float(f"{residuals.force_rms_before * 1e3:.{DIGITS}g}"),
+            "force_rms_mN": _number(residuals.force_rms * 1e3),
+            "force_rms_before_mN": _number(residuals.force_rms_before * 1e3),
             "samples": residuals.samples,
         }
-    target = Path(path)
-    if not target.name or (target.exists() and not target.is_file()):  # os.replace would replace a device node
-        raise ConfigError(f"{target}: cannot be written: not a regular file")
+    target = check_writable(path)
     part = target.with_name(f"{target.name}.part")
     try:
         part.write_text(yaml.safe_dump(document, sort_keys=False, width=120), encoding="utf-8")
         os.replace(part, target)  # never an incomplete file
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def check_writable(path: str | Path) -> Path:
+    """Refuse a file that cannot be written, before the work that leads to it.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; it is neither created nor changed.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ConfigError
+        The file is not a regular one, or its folder is missing or read-only; one line.
+    """
+    target = Path(path)
+    if not target.name or (target.exists() and not target.is_file()):  # os.replace would replace a device node
+        raise ConfigError(f"{target}: cannot be written: not a regular file")
+    if not target.parent.is_dir():
+        raise ConfigError(f"{target}: cannot be written: {target.parent} is not a folder")
+    if not os.access(target.parent, os.W_OK | os.X_OK):
+        raise ConfigError(f"{target}: cannot be written: {target.parent} is read-only")
+    return target
 
 
 def load_calibration(path: str | Path, sensor: Sensor) -> Calibration:
@@ -100,7 +153,7 @@ def load_calibration(path: str | Path, sensor: Sensor) -> Calibration:
         key, allowed values and value.
     """
     top = read_yaml(path)
-    top.whole("version", VERSION, VERSION)
+    version = top.whole("version", 1, VERSION)
     date = top.text("date")
     owner = top.section("sensor")
     for name, expected in (("name", sensor.name), ("serial", sensor.serial)):
@@ -122,6 +175,8 @@ def load_calibration(path: str | Path, sensor: Sensor) -> Calibration:
         pyroelectric_gain=np.array(section.numbers("pyroelectric_gain", taxels, -100.0, 100.0)),
         leak_time_constant=np.array(section.numbers("leak_time_constant_s", taxels, 0.05 * tau, 20.0 * tau)),
         offset=np.array(section.numbers("offset_mV", taxels, -1000.0, 1000.0)) * 1e-3,
+        gain_deviation=np.full(taxels, CALIBRATED_GAIN_DEVIATION),
+        leak_deviation=np.full(taxels, CALIBRATED_LEAK_DEVIATION),
         crosstalk=top.number("crosstalk_percent", 0.0, 20.0) / 100,
         thermal_time_constant=top.number("thermal_time_constant_s", 0.0, 1e4)
         if "thermal_time_constant_s" in top
@@ -129,8 +184,34 @@ def load_calibration(path: str | Path, sensor: Sensor) -> Calibration:
         date=date,
         residuals=_residuals(top.section("residuals")) if "residuals" in top else None,
     )
+    if version > 1:
+        calibration = _with_deviations(calibration, top, section)
     section.end()
     top.end()
+    return calibration
+
+
+def _with_deviations(calibration: Calibration, top: Section, taxels: Section) -> Calibration:
+    """Return the calibration with what version 2 of the format added."""
+    count = len(calibration.gain)
+    relaxation, warmth = top.section("relaxation"), top.section("warmth")
+    listed = top.whole("relaxation_poles", 0, MAX_POLES)
+    calibration = replace(
+        calibration,
+        gain_deviation=np.array(taxels.numbers("gain_deviation_percent", count, 0.0, 100.0)) / 100,
+        leak_deviation=np.array(taxels.numbers("leak_deviation_percent", count, 0.0, 100.0)) / 100,
+        common_gain_deviation=top.number("common_gain_deviation_percent", 0.0, 100.0) / 100,
+        common_leak_deviation=top.number("common_leak_deviation_percent", 0.0, 100.0) / 100,
+        relaxation_time_constants=np.array(relaxation.numbers("time_constants_s", listed, 1e-3, 1e6)),
+        relaxation_sizes=np.array(relaxation.numbers("sizes_percent", listed, -100.0, 100.0)) / 100,
+        relaxation_deviations=np.array(relaxation.numbers("deviations_percent", listed, 0.0, 100.0)) / 100,
+        warmth=warmth.number("level_K", -10.0, 10.0),
+        warmth_deviation=warmth.number("deviation_K", 0.0, 10.0),
+        temperature_sensor_lag=top.number("temperature_sensor_lag_s", 0.0, 1e4),
+        temperature=top.number("temperature_C", -273.15, 1000.0) if "temperature_C" in top else None,
+    )
+    relaxation.end()
+    warmth.end()
     return calibration
 
 
@@ -145,4 +226,8 @@ def _residuals(section: Section) -> Residuals:
 
 
 def _rounded(values: Array) -> list[float]:
-    return [float(f"{value:.{DIGITS}g}") for value in values.tolist()]
+    return [_number(value) for value in values.tolist()]
+
+
+def _number(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")

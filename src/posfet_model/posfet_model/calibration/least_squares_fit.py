@@ -1,18 +1,18 @@
-"""Least-squares calibration of every taxel from a recording with known forces.
+"""Least-squares calibration of every taxel from a recording with known forces, in steps that do not mix up the causes.
 
-The signal x of a taxel, expressed as a nominal force, follows its source and leaks: ``dx/dt = g*dF/dt + p*dT/dt -
-(x - o)/tau``. Integrated from the start of a recording, the equation is linear in the parameters:
-
-    x(t) = g*F(t) + p*T(t) - (1/tau)*I(t) + (o/tau)*t + c,    I(t) = integral of x
-
-One linear least-squares fit per taxel therefore gives its gain g, pyroelectric gain p, time constant tau and offset o.
-T is the temperature of the film, which lags behind that of the chip; the lag with the smallest residuals is used. A
-first fit has the force on the four neighbours as a further regressor, from which the crosstalk follows. The signals are
-compensated for it before the final fit.
+1. *Presses alone.* Gain, hysteresis, leakage and offset of each taxel are fitted while and shortly after it is pressed
+   (`response_fit`), without the chip's temperature: a drift of the film over a second is an offset there. A first fit
+   has the signals of the four neighbours as a further source, from which the crosstalk follows, for which the signals
+   are then compensated; the total force is a source, too, so that bending of the chip does not count as crosstalk.
+2. *Temperature.* What the untouched taxels have in common, with leakage compensated, is compared with the chip's
+   sensors (`temperature_fit`): lag of either sign, pyroelectric gains.
+3. *Long hold.* The common-mode signal is subtracted, and the sizes of slow poles (dielectric relaxation, viscoelastic
+   creep) and the temperature rise of touched taxels are fitted jointly with gain and leakage of all taxels.
+4. *Checks* (`fit_checks`): a fit whose residuals are not noise is refused.
 
 The film's hysteresis leaves residual charge when a force has gone, which a fit without it would attribute to leakage,
 drift or temperature. So the distance F - P of the force from a play operator P of half width r (the elementary
-hysteresis loop: P is dragged along, never further than r from F) is a regressor, too. The signal contains
+hysteresis loop: P is dragged along, never further than r from F) is a source, too. The signal contains
 ``g1*F + w*(F - P)``, and the gain is that of the regression line through the loop,
 ``g = g1 + w*sum((F - P)*F)/sum(F^2)``, for presses of typical strength (`TYPICAL_FORCE`).
 """
@@ -20,18 +20,35 @@ hysteresis loop: P is dragged along, never further than r from F) is a regressor
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model._lib.types import Array, Mask
-from posfet_model.calibration.taxel_calibration import Calibration, Residuals
+from posfet_model.calibration.fit_checks import check_ranges, check_responses, check_temperature
+from posfet_model.calibration.leaky_response import block_means, high_pass, low_pass, play_distance
+from posfet_model.calibration.response_fit import (
+    WARMTH_TIME_CONSTANT,
+    ResponseFit,
+    Segment,
+    TaxelResponse,
+    block_size,
+    fit_responses,
+)
+from posfet_model.calibration.taxel_calibration import (
+    CALIBRATED_COMMON_GAIN_DEVIATION,
+    CALIBRATED_COMMON_LEAK_DEVIATION,
+    NOMINAL_WARMTH_DEVIATION,
+    Calibration,
+    Residuals,
+)
+from posfet_model.calibration.temperature_fit import TemperatureFit, fit_temperature
 from posfet_model.sensor.crosstalk import CrosstalkCompensator
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.grid import EDGE_NEIGHBOURS, neighbour_lists
-from posfet_model.sensor.signal_chain import InverseSignalChain, charge_per_newton
+from posfet_model.sensor.signal_chain import InverseSignalChain, charge_per_newton, force_noise_rms
 
 MIN_FORCE: Final = 0.2
 """Every taxel has to be pressed with at least this force [N]."""
@@ -42,21 +59,62 @@ MIN_TEMPERATURE_RANGE: Final = 0.5
 DEAD_GAIN: Final = 0.1
 """A taxel with a smaller gain is dead [1]."""
 
-PLAY_HALF_WIDTH: Final = 0.1
-"""Half width r of the play operator that models the film's hysteresis, relative to the maximum force [1], assumed."""
+PLAY_HALF_WIDTHS: Final = (0.1,)
+"""Half widths r of the play operators that model the film's hysteresis, relative to the maximum force [1], assumed: for
+loops of small and of large forces."""
+
+SOURCES: Final = 1 + len(PLAY_HALF_WIDTHS)
+"""Number of sources of a taxel: force, and its distance from each play operator."""
 
 TYPICAL_FORCE: Final = 0.1
 """The gain is that of presses of this strength, relative to the maximum force [1], assumed: hysteresis attenuates small
 changes of force more than large ones, and a fingertip presses no taxel harder."""
 
+POLES: Final = (0.1, 1.0, 10.0)
+"""Time constants of the relaxation poles [s]: a spread of time constants over three decades is one pole per decade."""
+
+LONG_HOLD: Final = 20.0
+"""A force on a taxel for at least this long is a long hold [s]: twice the slowest pole."""
+
+HOLD_TAIL: Final = 20.0
+"""Time after the release of a long hold that is fitted [s]."""
+
+NO_FORCE: Final = 5e-3
+"""A smaller force on a taxel counts as none [N]: a rig has a millinewton of noise."""
+
+TAIL: Final = 6.0
+"""A taxel is fitted until this many nominal leakage time constants after a force: exp(-6) = 0.2 % is left [1]."""
+
+LEAD: Final = 0.3
+"""A taxel is fitted from this long before a force on [s]."""
+
+ROUNDS: Final = 2
+"""Rounds of steps 2 and 3: the first knows no slow poles, which leave charge on taxels that are no longer touched."""
+
+MIN_UNTOUCHED: Final = 3
+"""Fewest untouched taxels from which the common-mode signal is known."""
+
+MAX_WARMTH_DEVIATION: Final = 0.01
+"""The temperature rise of touched taxels counts as measured with a smaller standard deviation [K]."""
+
+MAX_CROSSTALK: Final = 0.2
+"""Largest share of a neighbour's signal that is compensated [1]."""
+
+RESOLUTION: Final = 4e-3
+"""Scans are averaged over this time before the fit [s]: a press rises within a tenth of a second."""
+
+TOUCH_FORCE: Final = 2.0
+"""Force from which a taxel is touched over most of its area, as its temperature rise supposes, relative to the contact
+threshold [1], assumed; a smaller force touches a part of it."""
+
+WARMTH_DOUBT: Final = (3e-3, 0.25)
+"""Standard deviation of the temperature rise from touch to touch: absolute [K], and relative to it [1]; assumed."""
+
 FOLDS: Final = 5
-"""One segment in this many belongs to the hold-out set."""
+"""One stretch in this many belongs to the hold-out set."""
 
-SEGMENT: Final = 0.25
-"""Length of a segment [s]."""
-
-LAGS: Final = tuple(np.geomspace(0.5, 2.0, 13).tolist())
-"""Thermal lags that are tried, relative to that in the sensor file [1]."""
+STRETCH: Final = 0.25
+"""Length of a stretch [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,66 +146,342 @@ def fit(sensor: Sensor, recording: Recording, date: str) -> Calibration:
     Returns
     -------
     Calibration
-        Gain, pyroelectric gain, time constant and offset of every taxel, crosstalk, thermal lag, and the residuals on
-        the hold-out set.
+        Gain, pyroelectric gain, time constant and offset of every taxel, crosstalk, thermal lag, relaxation, and the
+        residuals on the hold-out set.
 
     Raises
     ------
     ValueError
-        The recording is too short, has the wrong shape, leaves a taxel without force, or no taxel responds; one line.
+        The recording is too short, has the wrong shape, leaves a taxel without force, no taxel responds, or a part of
+        the fit leaves residuals that are not noise; one line.
     """
     _check(sensor, recording)
-    signal = _signal(sensor, recording)
-    temperature = recording.temperature - recording.temperature[0]
-    temperature_varies = bool(np.ptp(temperature) >= MIN_TEMPERATURE_RANGE)
-    lag = sensor.device.thermal_time_constant
-    if temperature_varies and lag > 0:
-        lag *= _best_lag(sensor, recording, signal, temperature)
-    film = _film_temperature(recording.time, temperature, lag) if temperature_varies else None
-    neighbours = neighbour_lists(sensor.layout, EDGE_NEIGHBOURS)
-    crosstalk = _crosstalk(neighbours, _fit(sensor, recording, signal, film, neighbours=neighbours))
-    compensator = CrosstalkCompensator(sensor.layout, crosstalk)
-    signal = np.stack([compensator.apply(row) for row in signal])
-    found = _fit(sensor, recording, signal, film)
-    tau = 1.0 / np.maximum(found.leakage_rate, 1e-9)
-    gain = _regression_gain(sensor, recording, found)
-    dead = gain < DEAD_GAIN
+    data = _Data(sensor, recording)
+    nominal_rate = 1.0 / sensor.device.leak_time_constant
+    total = np.broadcast_to(data.force.sum(axis=1, keepdims=True), data.force.shape)
+    first = fit_responses(
+        data.press_segments(total, data.near_signal), data.noise, data.start(SOURCES + 2), nominal_rate
+    )
+    data.compensate(_crosstalk(first))
+    presses = fit_responses(data.press_segments(), data.noise, data.start(SOURCES), nominal_rate)
+    dead = np.array([presses.taxels[taxel].gain < DEAD_GAIN for taxel in range(data.taxels)])
     if dead.all():
         raise ValueError("no taxel responds to the force: nothing to calibrate")
-    nominal_tau = sensor.device.leak_time_constant
-    nominal = sensor.device.pyroelectric_coefficient / charge_per_newton(sensor)
-    pyroelectric = found.pyroelectric / nominal if temperature_varies and nominal else np.ones(len(dead))
-    return Calibration(
-        gain=np.where(dead, np.nan, gain),
-        pyroelectric_gain=np.where(dead, 1.0, pyroelectric),
-        leak_time_constant=np.where(dead, nominal_tau, np.clip(tau, 0.1 * nominal_tau, 10.0 * nominal_tau)),
-        offset=np.where(dead, 0.0, found.drift * tau) * sensor.volts_per_newton,
-        crosstalk=crosstalk,
-        thermal_time_constant=lag,
-        date=date,
-        residuals=_residuals(sensor, recording, signal, film, found, dead),
-    )
+    check_ranges(sensor, presses, dead)
+    found = presses
+    data.offsets = np.array([np.median(presses.taxels[taxel].offsets) for taxel in range(data.taxels)])
+    for index in range(ROUNDS):
+        data.find_common_mode(found, dead)
+        thermal = data.fit_temperature()
+        shares = data.film_shares(found, dead)
+        last = index == ROUNDS - 1
+        found = data.fit_all(found, shares, dead, with_crosstalk=not last)
+        if not last:
+            data.compensate(data.crosstalk + _crosstalk(found))
+    data.find_common_mode(found, dead)
+    if thermal is not None:
+        check_temperature(thermal, data.block_temperature)
+    check_ranges(sensor, found, dead)
+    check_responses(data.segments, found, data.noise, data.hold)
+    return _calibration(sensor, data, found, thermal, shares, dead, date)
 
 
 @dataclass(frozen=True, eq=False)
-class _Fit:
-    """Coefficients of each taxel, shape [taxels]."""
+class _Shares:
+    """Response of each taxel to the common-mode signal."""
 
-    gain: Array
-    leakage_rate: Array
-    """1/tau [1/s]."""
-    drift: Array
-    """o/tau [N/s]."""
-    start: Array
-    """c [N]."""
-    pyroelectric: Array
-    """p [N/K]."""
-    neighbour_gain: Array
-    """Signal per force on the four neighbours [1]."""
-    hysteresis: Array
-    """w: signal per distance of the force from its play operator [1]."""
-    squares: float
-    """Sum of the squared residuals [N2]."""
+    share: Array
+    """Signal per common-mode signal [1], shape [taxels]."""
+    offset: Array
+    """Offset of the signal [N], shape [taxels]."""
+
+
+class _Data:
+    """The recording as signals, and the segments of it that each step fits."""
+
+    def __init__(self, sensor: Sensor, recording: Recording) -> None:
+        self.sensor, self.taxels = sensor, sensor.layout.taxels
+        inverse = InverseSignalChain(sensor)
+        signal = inverse.charge(recording.counts, np.empty(recording.counts.shape)) / charge_per_newton(sensor)
+        # Means over a fixed time obey the same linear equations.
+        self.thinning = max(1, int(RESOLUTION / float(np.median(np.diff(recording.time))) + 1e-6))
+        self.time, self.signal, self.force, self.temperature = (
+            block_means(values, self.thinning)
+            for values in (recording.time - recording.time[0], signal, recording.force, recording.temperature)
+        )
+        self._raw, self.crosstalk = self.signal, 0.0
+        self._neighbours = [list(each) for each in neighbour_lists(sensor.layout, EDGE_NEIGHBOURS)]
+        self.plays = _play_distances(sensor, self.force)
+        self.size = block_size(self.time)
+        tau = sensor.device.leak_time_constant
+        self.hold = _long_hold(self.time, self.force)
+        touched = self.force > NO_FORCE
+        self.near_force = np.stack(
+            [_dilated(self.time, touched[:, taxel], LEAD, TAIL * tau) for taxel in range(self.taxels)], axis=1
+        )
+        if self.hold is not None:
+            held = touched[(self.time >= self.hold[0]) & (self.time <= self.hold[1])].any(axis=0)
+            self.near_force |= self._during_hold(self.time)[:, None] & held
+        self.noise = self._noise()
+        self.common = np.zeros(len(self.time))
+        """Common-mode signal of the untouched taxels, leakage compensated [N], shape [scans]."""
+        self.film_lag = sensor.device.thermal_time_constant
+        self.newton_per_kelvin = sensor.device.pyroelectric_coefficient / charge_per_newton(sensor)
+        self.shares = np.ones(self.taxels)
+        """Signal of each taxel per common-mode signal [1], of the last fit."""
+        self.offsets = np.zeros(self.taxels)
+        """Offset of each taxel [N], of the last fit."""
+        self.segments: list[Segment] = []
+        """Segments of the last fit."""
+
+    def _during_hold(self, time: Array) -> Mask:
+        """Return which times [s] are in the long hold or in its tail."""
+        if self.hold is None:
+            return np.zeros(len(time), np.bool_)
+        during: Mask = (time >= self.hold[0] - LEAD) & (time <= self.hold[1] + HOLD_TAIL)
+        return during
+
+    def _noise(self) -> Array:
+        """Return the standard deviation of a block mean of each taxel [N], from differences of blocks without force."""
+        least = force_noise_rms(self.sensor) / np.sqrt(self.size)
+        quiet = block_means(self.near_force.astype(np.float64), self.size) == 0.0
+        means = block_means(self.signal, self.size)
+        noise = np.full(self.taxels, least)
+        for taxel in range(self.taxels):
+            steps = np.abs(np.diff(means[:, taxel]))[quiet[1:, taxel] & quiet[:-1, taxel]]
+            if len(steps):
+                # The median of |a - b| of two normal values is 0.954 standard deviations.
+                noise[taxel] = max(least, float(np.median(steps)) / 0.954)
+        return noise
+
+    def start(self, sources: int) -> dict[int, TaxelResponse]:
+        """Return the nominal parameters, with which a fit starts."""
+        rate = 1.0 / self.sensor.device.leak_time_constant
+        coefficients = np.zeros(sources)
+        coefficients[0] = 1.0
+        return {
+            taxel: TaxelResponse(rate, coefficients, np.zeros(count), np.zeros(count))
+            for taxel in range(self.taxels)
+            if (count := len(self._intervals(taxel, with_hold=False)))
+        }
+
+    def _intervals(self, taxel: int, with_hold: bool) -> list[tuple[int, int]]:
+        """Return the scans (first, last + 1) of each segment of a taxel."""
+        mask = self.near_force[:, taxel]
+        if not with_hold:
+            mask = mask & ~self._during_hold(self.time)
+        return [(begin, end) for begin, end in _runs(mask) if end - begin >= 10 * self.size]
+
+    def press_segments(self, *further: Array) -> list[Segment]:
+        """Return the presses, with further sources [N] of shape [scans, taxels]: one that leaks, then signals."""
+        return [
+            self._segment(taxel, begin, end, self.signal[begin:end, taxel], further)
+            for taxel in range(self.taxels)
+            for begin, end in self._intervals(taxel, with_hold=False)
+        ]
+
+    def _segment(
+        self,
+        taxel: int,
+        begin: int,
+        end: int,
+        signal: Array,
+        further: Sequence[Array] = (),
+        common: Array | None = None,
+    ) -> Segment:
+        scans = slice(begin, end)
+        sources = [self.force[scans, taxel], *self.plays[:, scans, taxel]]
+        sources += [each[scans, taxel] for each in further]
+        time = self.time[scans]
+        return Segment(
+            taxel=taxel,
+            time=time,
+            signal=signal,
+            sources=np.stack(sources, axis=1),
+            common_sources=np.zeros((end - begin, 0)) if common is None else common[scans],
+            leaking=SOURCES + 1 if further else None,
+            fitted=_fitted(block_means(time, self.size)),
+        )
+
+    @property
+    def near_signal(self) -> Array:
+        """Sum of the signals of the four neighbours of each taxel [N], shape [scans, taxels]."""
+        return np.stack([self.signal[:, near].sum(axis=1) for near in self._neighbours], axis=1)
+
+    def compensate(self, crosstalk: float) -> None:
+        """Compensate the signals for crosstalk."""
+        self.crosstalk = min(max(crosstalk, 0.0), MAX_CROSSTALK)
+        compensator = CrosstalkCompensator(self.sensor.layout, self.crosstalk)
+        matrix = np.stack([compensator.apply(row).copy() for row in np.eye(self.taxels)])
+        self.signal = self._raw @ matrix
+
+    def find_common_mode(self, fitted: ResponseFit, dead: Mask) -> None:
+        """Find what the untouched taxels have in common, as the mean of their changes with leakage compensated.
+
+        What an earlier touch still brings in by the slow poles is subtracted.
+        """
+        usable = ~self.near_force & ~dead
+        enough = usable.sum(axis=1) >= MIN_UNTOUCHED
+        step = np.diff(self.time)
+        changes, weights = np.zeros(len(step)), np.zeros(len(step))
+        for taxel in np.flatnonzero(~dead):
+            found = fitted.taxels[int(taxel)]
+            signal = self.signal[:, taxel] - self.offsets[taxel]
+            change = np.diff(signal) + 0.5 * (signal[1:] + signal[:-1]) * step * found.rate
+            change -= np.diff(self.slow_charge(int(taxel), found.gain, fitted))
+            used = (usable[1:, taxel] & usable[:-1, taxel]) * 1.0
+            changes += used * change
+            weights += used
+        changes = np.where(enough[1:], changes / np.maximum(weights, 1.0), 0.0)
+        self.common = np.concatenate([[0.0], np.cumsum(changes)])
+
+    @property
+    def block_temperature(self) -> Array:
+        """Temperature of the chip's sensors relative to the start [K], shape [blocks]."""
+        return block_means(self.temperature - self.temperature[0], self.size)
+
+    def slow_charge(self, taxel: int, gain: float, fitted: ResponseFit) -> Array:
+        """Return the charge of a taxel that came in slowly, by relaxation and by the touch's temperature [N]."""
+        sources = self._common_sources(taxel, self.shares[taxel] / gain)
+        if sources is None or not len(fitted.common):
+            return np.zeros(len(self.time))
+        slow: Array = gain * (sources @ fitted.common)
+        return slow
+
+    def fit_temperature(self) -> TemperatureFit | None:
+        """Fit lag and pyroelectric gain, None if the temperature varies too little; the common mode loses its drift."""
+        time, common = block_means(self.time, self.size), block_means(self.common, self.size)
+        used = ~self._during_hold(time)
+        if np.ptp(self.block_temperature[used]) < MIN_TEMPERATURE_RANGE:
+            used[:] = True
+        if np.ptp(self.block_temperature[used]) < MIN_TEMPERATURE_RANGE:
+            return None
+        thermal = fit_temperature(time[used], self.block_temperature[used], common[used], self.film_lag)
+        self.common = self.common - thermal.drift * self.time
+        self.newton_per_kelvin = thermal.newton_per_kelvin
+        return thermal
+
+    def film_shares(self, fitted: ResponseFit, dead: Mask) -> _Shares:
+        """Return how strongly each taxel shows the common-mode signal while it is untouched, and its offset."""
+        share, offset = np.ones(self.taxels), np.zeros(self.taxels)
+        varies = np.ptp(self.temperature) >= MIN_TEMPERATURE_RANGE
+        for taxel in np.flatnonzero(~dead):
+            found = fitted.taxels[int(taxel)]
+            tau = 1.0 / found.rate
+            offset[taxel] = np.median(found.offsets)
+            parts = [part for part in _runs(~self.near_force[:, taxel]) if part[1] - part[0] >= 50 * self.size]
+            rows, values = [], []
+            for index, (begin, end) in enumerate(parts):
+                time = self.time[begin:end]
+                columns = np.zeros((end - begin, 2 + len(parts)))
+                columns[:, 0] = high_pass(time, self.common[begin:end], tau)
+                columns[:, 1] = 1.0
+                columns[:, 2 + index] = np.exp(-(time - time[0]) / tau)
+                rows.append(block_means(columns, self.size))
+                slow = high_pass(time, self.slow_charge(int(taxel), found.gain, fitted)[begin:end], tau)
+                values.append(block_means(self.signal[begin:end, taxel] - slow, self.size))
+            if not rows:
+                continue
+            system, signal = np.concatenate(rows), np.concatenate(values)
+            if not varies:
+                signal, system = signal - system[:, 0], system[:, 1:]
+            solved = np.linalg.lstsq(system, signal, rcond=None)[0]
+            offset[taxel] = solved[1 if varies else 0]
+            if varies:
+                share[taxel] = solved[0]
+        self.shares, self.offsets = share, offset
+        return _Shares(share, offset)
+
+    def fit_all(self, before: ResponseFit, shares: _Shares, dead: Mask, with_crosstalk: bool) -> ResponseFit:
+        """Fit presses and long hold jointly, common-mode signal subtracted; the signals of the neighbours on demand."""
+        near_signal = self.near_signal if with_crosstalk else None
+        start = dict(before.taxels)
+        segments: list[Segment] = []
+        for taxel in np.flatnonzero(~dead).tolist():
+            response = before.taxels[taxel]
+            intervals = self._intervals(taxel, with_hold=True)
+            common_sources = self._common_sources(taxel, shares.share[taxel] / response.gain)
+            for begin, end in intervals:
+                time = self.time[begin:end]
+                common = high_pass(time, self.common[begin:end], 1.0 / response.rate)
+                signal = self.signal[begin:end, taxel] - shares.share[taxel] * common
+                part = self._segment(taxel, begin, end, signal, common=common_sources)
+                if near_signal is not None:
+                    near = near_signal[begin:end, taxel] - len(self._neighbours[taxel]) * common
+                    part = replace(part, sources=np.column_stack([part.sources, near]), leaking=SOURCES)
+                segments.append(part)
+            zeros = np.zeros(len(intervals))
+            coefficients = np.append(response.coefficients[:SOURCES], np.zeros(1 if with_crosstalk else 0))
+            start[taxel] = TaxelResponse(response.rate, coefficients, zeros, zeros)
+        self.segments = segments
+        return fit_responses(segments, self.noise, start, 1.0 / self.sensor.device.leak_time_constant)
+
+    def _common_sources(self, taxel: int, share: float) -> Array | None:
+        """Return the sources of relaxation and of the temperature rise of a touched taxel, None without a long hold."""
+        if self.hold is None:
+            return None
+        force = self.force[:, taxel]
+        touched = -np.expm1(-np.maximum(force, 0.0) / (TOUCH_FORCE * self.sensor.contact.threshold))
+        columns = [low_pass(self.time, force, pole) for pole in POLES]
+        columns.append(self.newton_per_kelvin * share * low_pass(self.time, touched, WARMTH_TIME_CONSTANT))
+        return np.stack(columns, axis=1)
+
+
+def _calibration(
+    sensor: Sensor,
+    data: _Data,
+    found: ResponseFit,
+    thermal: TemperatureFit | None,
+    shares: _Shares,
+    dead: Mask,
+    date: str,
+) -> Calibration:
+    """Return the calibration that a fit has found."""
+    nominal_tau = sensor.device.leak_time_constant
+    gain, tau = np.full(data.taxels, np.nan), np.full(data.taxels, nominal_tau)
+    gain_deviation, leak_deviation = np.zeros(data.taxels), np.zeros(data.taxels)
+    effect = _hysteresis_share(sensor, data.force)
+    for taxel in np.flatnonzero(~dead).tolist():
+        each = found.taxels[taxel]
+        gain[taxel] = each.gain + float(each.coefficients[1:] @ effect[:, taxel])
+        tau[taxel] = 1.0 / each.rate
+        gain_deviation[taxel] = each.deviations[0] / each.gain
+        leak_deviation[taxel] = each.deviations[-1] / each.rate
+    nominal = sensor.device.pyroelectric_coefficient / charge_per_newton(sensor)
+    pyroelectric = np.ones(data.taxels)
+    if thermal is not None and nominal:
+        pyroelectric = np.where(dead, 1.0, shares.share * thermal.newton_per_kelvin / nominal)
+    poles = len(POLES) if data.hold is not None else 0
+    deviations = np.sqrt(np.diag(found.common_covariance))
+    warmth, warmth_deviation = 0.0, NOMINAL_WARMTH_DEVIATION
+    if poles and deviations[-1] < MAX_WARMTH_DEVIATION:
+        warmth = float(found.common[-1])
+        warmth_deviation = float(np.hypot(deviations[-1], WARMTH_DOUBT[0] + WARMTH_DOUBT[1] * abs(warmth)))
+    film_lag, sensor_lag = data.film_lag, 0.0
+    if thermal is not None:
+        film_lag = thermal.lag if thermal.lag >= 0.0 else data.film_lag
+        sensor_lag = film_lag - thermal.lag
+    return Calibration(
+        gain=gain,
+        pyroelectric_gain=pyroelectric,
+        leak_time_constant=tau,
+        offset=np.where(dead, 0.0, shares.offset) * sensor.volts_per_newton,
+        gain_deviation=gain_deviation,
+        leak_deviation=leak_deviation,
+        crosstalk=data.crosstalk,
+        common_gain_deviation=CALIBRATED_COMMON_GAIN_DEVIATION,
+        common_leak_deviation=CALIBRATED_COMMON_LEAK_DEVIATION,
+        thermal_time_constant=film_lag,
+        date=date,
+        residuals=_residuals(sensor, data, found, shares, dead),
+        relaxation_time_constants=np.array(POLES[:poles]),
+        relaxation_sizes=found.common[:poles],
+        relaxation_deviations=deviations[:poles],
+        warmth=warmth,
+        warmth_deviation=warmth_deviation,
+        temperature_sensor_lag=sensor_lag,
+        temperature=float(data.temperature.mean()),
+    )
 
 
 def _check(sensor: Sensor, recording: Recording) -> None:
@@ -163,167 +497,95 @@ def _check(sensor: Sensor, recording: Recording) -> None:
         raise ValueError(f"every taxel must be pressed with {MIN_FORCE:g} N, but taxel {weak[0]} was not")
 
 
-def _signal(sensor: Sensor, recording: Recording) -> Array:
-    """Return the charge of every scan as a nominal force [N]."""
-    inverse = InverseSignalChain(sensor)
-    charge = np.empty(recording.counts.shape)
-    return inverse.charge(recording.counts, charge) / charge_per_newton(sensor)
+def _long_hold(time: Array, force: Array) -> tuple[float, float] | None:
+    """Return begin and end [s] of the longest time for which one taxel is held with `MIN_FORCE`, None if too short."""
+    best: tuple[float, float] | None = None
+    for taxel in range(force.shape[1]):
+        for begin, end in _runs(force[:, taxel] >= MIN_FORCE):
+            span = float(time[begin]), float(time[end - 1])
+            if span[1] - span[0] >= LONG_HOLD and (best is None or span[1] - span[0] > best[1] - best[0]):
+                best = span
+    return best
 
 
-def _film_temperature(time: Array, temperature: Array, lag: float) -> Array:
-    """Return the temperature [K] of the film, a first-order lag behind a piecewise linear chip temperature."""
-    film = np.zeros(len(time))
-    behind = 0.0
-    for index, (step, change) in enumerate(zip(np.diff(time), np.diff(temperature), strict=True), 1):
-        ratio = step / lag
-        behind = behind * np.exp(-ratio) + change * -np.expm1(-ratio) / ratio
-        film[index] = temperature[index] - behind
-    return film
+def _runs(mask: Mask) -> list[tuple[int, int]]:
+    """Return where each run of true begins, and where it has ended."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
-def _best_lag(sensor: Sensor, recording: Recording, signal: Array, temperature: Array) -> float:
-    """Return the thermal lag with the smallest residuals, relative to that in the sensor file."""
-    thinned = slice(None, None, max(1, len(recording.time) // 4000))
-    few = Recording(recording.time[thinned], recording.counts[thinned], temperature[thinned], recording.force[thinned])
-    integral = _integral(recording.time, signal)[thinned]
-
-    def misfit(lag: float) -> float:
-        film = _film_temperature(few.time, few.temperature, lag * sensor.device.thermal_time_constant)
-        return _fit(sensor, few, signal[thinned], film, integral=integral).squares
-
-    misfits = [misfit(lag) for lag in LAGS]
-    best = int(np.argmin(misfits))
-    if best in (0, len(LAGS) - 1):
-        return float(LAGS[best])
-    # Vertex of the parabola through the best lag and its neighbours, which are equally spaced on a logarithmic axis.
-    before, lowest, after = misfits[best - 1 : best + 2]
-    curvature = before - 2.0 * lowest + after
-    shift = 0.5 * (before - after) / curvature if curvature > 0.0 else 0.0
-    return float(LAGS[best] * (LAGS[1] / LAGS[0]) ** shift)
+def _dilated(time: Array, mask: Mask, before: float, after: float) -> Mask:
+    """Return the mask with each run extended by times [s] before and after it."""
+    wide = np.zeros_like(mask)
+    for begin, end in _runs(mask):
+        first, last = np.searchsorted(time, (time[begin] - before, time[end - 1] + after))
+        wide[first:last] = True
+    return wide
 
 
-def _integral(time: Array, signal: Array) -> Array:
-    """Return the integral of the signal since the first scan by the trapezoidal rule [N s]."""
-    pieces = 0.5 * (signal[1:] + signal[:-1]) * np.diff(time)[:, None]
-    return np.concatenate([np.zeros((1, signal.shape[1])), np.cumsum(pieces, axis=0)])
-
-
-def _training_set(time: Array) -> Mask:
-    """Return which scans are fitted; the others are the hold-out set."""
-    mask: Mask = ((time - time[0]) / SEGMENT).astype(np.intp) % FOLDS != FOLDS - 1
+def _fitted(time: Array) -> Mask:
+    """Return which blocks are fitted; the others are the hold-out set."""
+    mask: Mask = (time / STRETCH).astype(np.intp) % FOLDS != FOLDS - 1
     return mask
 
 
-def _regressors(
-    recording: Recording,
-    integral: Array,
-    hysteresis: Array,
-    film: Array | None,
-    taxel: int,
-    neighbours: Sequence[int] | None = None,
-) -> Array:
-    """Return the regressors of one taxel's fit, shape [scans, regressors]."""
-    elapsed = recording.time - recording.time[0]
-    force = recording.force[:, taxel]
-    columns = [force, -integral[:, taxel], elapsed, np.ones(len(elapsed)), hysteresis[:, taxel]]
-    if film is not None:
-        columns.append(film)
-    if neighbours is not None:
-        columns.append(recording.force[:, neighbours].sum(axis=1))
-    return np.stack(columns, axis=1)
+def _hysteresis_share(sensor: Sensor, forces: Array) -> Array:
+    """Return the slope of F - P against F in the loops that typical forces make [1], shape [operators, taxels]."""
+    force = forces * (TYPICAL_FORCE * sensor.device.force_max / forces.max(axis=0))
+    share: Array = (_play_distances(sensor, force) * force).sum(axis=1) / (force * force).sum(axis=0)
+    return share
 
 
-def _fit(
-    sensor: Sensor,
-    recording: Recording,
-    signal: Array,
-    film: Array | None,
-    neighbours: Sequence[Sequence[int]] | None = None,
-    integral: Array | None = None,
-) -> _Fit:
-    """Fit every taxel to the training set; with `neighbours`, their force is a regressor."""
-    integral = _integral(recording.time, signal) if integral is None else integral
-    used = _training_set(recording.time)
-    hysteresis = _hysteresis(sensor, recording.force)
-    rows = np.zeros((signal.shape[1], 7))
-    squares = 0.0
-    for taxel in range(signal.shape[1]):
-        near = None if neighbours is None else neighbours[taxel]
-        columns = _regressors(recording, integral, hysteresis, film, taxel, near)[used]
-        scale = np.maximum(np.abs(columns).max(axis=0), 1e-12)
-        found = np.linalg.lstsq(columns / scale, signal[used, taxel], rcond=None)[0] / scale
-        error = columns @ found - signal[used, taxel]
-        squares += float(error @ error)
-        rows[taxel, :5] = found[:5]
-        if film is not None:
-            rows[taxel, 5] = found[5]
-        if near is not None:
-            rows[taxel, 6] = found[-1]
-    gain, leakage_rate, drift, start, width, pyroelectric, neighbour_gain = np.ascontiguousarray(rows.T)
-    return _Fit(gain, leakage_rate, drift, start, pyroelectric, neighbour_gain, width, squares)
+def _play_distances(sensor: Sensor, force: Array) -> Array:
+    """Return the distance of each force [N] from its play operators, shape [operators, scans, taxels]."""
+    return np.stack([play_distance(force, width * sensor.device.force_max) for width in PLAY_HALF_WIDTHS])
 
 
-def _hysteresis(sensor: Sensor, force: Array) -> Array:
-    """Return the distance F - P of each force [N] from its play operator, shape [scans, taxels]."""
-    reach = PLAY_HALF_WIDTH * sensor.device.force_max
-    play = np.zeros(force.shape[1])
-    distance = np.empty(force.shape)
-    for index, now in enumerate(force):
-        np.clip(play, now - reach, now + reach, out=play)
-        np.subtract(now, play, out=distance[index])
-    return distance
+def _crosstalk(found: ResponseFit) -> float:
+    """Return the share of each neighbour's signal that a taxel picks up: the median over the taxels."""
+    shares = [float(each.coefficients[-1]) for each in found.taxels.values() if each.gain >= DEAD_GAIN]
+    return float(np.median(shares)) if shares else 0.0
 
 
-def _regression_gain(sensor: Sensor, recording: Recording, found: _Fit) -> Array:
-    """Return each taxel's gain [1]: slope of the line through the hysteresis loops that typical forces make."""
-    force = recording.force * (TYPICAL_FORCE * sensor.device.force_max / recording.force.max(axis=0))
-    share = (_hysteresis(sensor, force) * force).sum(axis=0) / (force * force).sum(axis=0)
-    gain: Array = found.gain + found.hysteresis * share
-    return gain
+def _residuals(sensor: Sensor, data: _Data, found: ResponseFit, shares: _Shares, dead: Mask) -> Residuals:
+    """Return the prediction error on the hold-out set as forces, with the fit and with nominal parameters.
 
-
-def _crosstalk(neighbours: Sequence[Sequence[int]], found: _Fit) -> float:
-    """Return the share of each neighbour's signal that a taxel picks up: the median over the taxels, not below 0."""
-    gains = np.where(found.gain < DEAD_GAIN, np.nan, found.gain)
-    shares = [
-        found.neighbour_gain[taxel] / np.nanmean(gains[near])
-        for taxel, near in enumerate(neighbours)
-        if near and np.isfinite(gains[near]).any()
-    ]
-    return float(np.clip(np.median(shares), 0.0, 0.2)) if shares else 0.0
-
-
-def _residuals(
-    sensor: Sensor,
-    recording: Recording,
-    signal: Array,
-    film: Array | None,
-    found: _Fit,
-    dead: Mask,
-) -> Residuals:
-    """Return the prediction error on the hold-out set as forces, with the fit and with nominal parameters."""
-    integral = _integral(recording.time, signal)
-    hysteresis = _hysteresis(sensor, recording.force)
-    held_out = ~_training_set(recording.time)
-    pyroelectric = sensor.device.pyroelectric_coefficient / charge_per_newton(sensor)
-    after, before = [], []
-    for taxel in np.flatnonzero(~dead):
-        columns = _regressors(recording, integral, hysteresis, film, int(taxel))[held_out]
-        fitted = [
-            found.gain[taxel],
-            found.leakage_rate[taxel],
-            found.drift[taxel],
-            found.start[taxel],
-            found.hysteresis[taxel],
-        ]
-        nominal = [1.0, 1.0 / sensor.device.leak_time_constant, 0.0, 0.0, 0.0]
-        if film is not None:
-            fitted.append(found.pyroelectric[taxel])
-            nominal.append(pyroelectric)
-        after.append((columns @ fitted - signal[held_out, taxel]) / found.gain[taxel])
-        before.append(columns @ nominal - signal[held_out, taxel])
+    Forces with the leakage compensated from the first scan on, 20 ms means; the film's temperature is that of the
+    untouched taxels.
+    """
+    time = block_means(data.time, data.size)
+    held_out = ~_fitted(time)
+    nominal_tau = sensor.device.leak_time_constant
+    after, before, samples = np.zeros(held_out.sum()), np.zeros(held_out.sum()), 0
+    for taxel in np.flatnonzero(~dead).tolist():
+        each = found.taxels[taxel]
+        force, signal = data.force[:, taxel], data.signal[:, taxel]
+        source = each.gain * force + each.coefficients[1:] @ data.plays[:, :, taxel] + shares.share[taxel] * data.common
+        source = source + data.slow_charge(taxel, each.gain, found)
+        fitted = block_means(_compensated(data.time, signal, 1.0 / each.rate) - source, data.size)
+        # Start and offset, of which the latter is a slope here, are those of the training set.
+        line = np.polynomial.Polynomial.fit(time[~held_out], fitted[~held_out], 1)
+        error = (fitted - line(time))[held_out] / each.gain
+        nominal = _compensated(data.time, signal, nominal_tau) - force - data.common
+        unfitted = block_means(nominal, data.size)[held_out]
+        after, before = after + error**2, before + unfitted**2
+        samples += len(error)
+    alive = max(int((~dead).sum()), 1)
+    stretch = (time[held_out] / STRETCH).astype(np.intp)
+    starts, index, counts = np.unique(stretch, return_inverse=True, return_counts=True)
+    over_time = [np.sqrt(np.bincount(index, weights=each) / counts / alive) for each in (after, before)]
     return Residuals(
-        force_rms=float(np.sqrt(np.mean(np.square(after)))),
-        force_rms_before=float(np.sqrt(np.mean(np.square(before)))),
-        samples=sum(len(row) for row in after),
+        force_rms=float(np.sqrt(after.sum() / max(samples, 1))),
+        force_rms_before=float(np.sqrt(before.sum() / max(samples, 1))),
+        samples=samples * data.size * data.thinning,
+        time=starts.astype(np.float64) * STRETCH,
+        force_rms_over_time=over_time[0],
+        force_rms_before_over_time=over_time[1],
     )
+
+
+def _compensated(time: Array, signal: Array, time_constant: float) -> Array:
+    """Return the signal with the leakage compensated since the first scan [N], shape [scans]."""
+    lost = 0.5 * (signal[1:] + signal[:-1]) * np.diff(time) / time_constant
+    compensated: Array = signal + np.concatenate([[0.0], np.cumsum(lost)])
+    return compensated

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -11,8 +12,43 @@ from posfet_model._lib.types import Array, Mask
 from posfet_model._lib.validation import real_number
 from posfet_model.sensor.description import Sensor
 
+NOMINAL_GAIN_DEVIATION: Final = 0.06
+"""Relative standard deviation of each taxel's own gain, uncalibrated [1], assumed: that of a simulated board, 5 %
+and 3 %."""
 
-@dataclass(frozen=True)
+NOMINAL_COMMON_GAIN_DEVIATION: Final = 0.08
+"""Relative standard deviation of the gains that all taxels have in common, uncalibrated [1], assumed: film."""
+
+NOMINAL_LEAK_DEVIATION: Final = 0.1
+"""Relative standard deviation of leakage time constants, each taxel's own and in common, uncalibrated [1], assumed."""
+
+CALIBRATED_GAIN_DEVIATION: Final = 0.02
+"""Relative standard deviation of each taxel's own gain after a calibration that does not state it [1], assumed."""
+
+CALIBRATED_COMMON_GAIN_DEVIATION: Final = 0.015
+"""The same of what the gains have in common: ageing and temperature since the calibration [1], assumed."""
+
+CALIBRATED_LEAK_DEVIATION: Final = 0.02
+"""Relative standard deviation of each taxel's own leakage time constant after a calibration that does not state it [1],
+assumed."""
+
+CALIBRATED_COMMON_LEAK_DEVIATION: Final = 0.07
+"""The same of what the leakage time constants have in common: ageing and temperature since the calibration [1],
+assumed."""
+
+NOMINAL_WARMTH_DEVIATION: Final = 0.03
+"""Standard deviation of the temperature rise of a touched taxel that was not measured [K], assumed: a thick chip."""
+
+UNCALIBRATED_ERROR: Final = 0.1
+"""Error of the total force without a calibration [1]: docs/accuracy.md, ablation, 9 % of a press and of a hold, rounded
+up."""
+
+
+def _none() -> Array:
+    return np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
 class Residuals:
     """Prediction error of a fit on the hold-out set, the part of the recording that was not fitted."""
 
@@ -22,6 +58,12 @@ class Residuals:
     """The same uncalibrated, with the nominal parameters of the sensor file [N]."""
     samples: int
     """Number of values: scans times taxels."""
+    time: Array = field(default_factory=_none)
+    """Start of each stretch of the hold-out set [s]; not in the file."""
+    force_rms_over_time: Array = field(default_factory=_none)
+    """`force_rms` of each stretch [N]; not in the file."""
+    force_rms_before_over_time: Array = field(default_factory=_none)
+    """`force_rms_before` of each stretch [N]; not in the file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,14 +78,38 @@ class Calibration:
     """Time constant tau of the charge leakage [s]."""
     offset: Array
     """Output without charge, relative to the nominal offset [V]."""
+    gain_deviation: Array
+    """Relative standard deviation of each taxel's own gain [1]."""
+    leak_deviation: Array
+    """Relative standard deviation of each taxel's own leakage time constant [1]."""
     crosstalk: float
     """Share of a taxel's signal that each of its four neighbours picks up [1]."""
+    common_gain_deviation: float = CALIBRATED_COMMON_GAIN_DEVIATION
+    """Relative standard deviation of the gains that all taxels have in common [1]."""
+    common_leak_deviation: float = CALIBRATED_COMMON_LEAK_DEVIATION
+    """Relative standard deviation of the leakage time constants that all taxels have in common [1]."""
     thermal_time_constant: float | None = None
     """Lag of the film's temperature behind the chip's [s]; None: as in the sensor file."""
     date: str = ""
     """Date of the recording, ISO 8601; empty: uncalibrated."""
     residuals: Residuals | None = field(default=None)
     """Prediction error on the hold-out set; None: uncalibrated."""
+    relaxation_time_constants: Array = field(default_factory=_none)
+    """Time constants of dielectric relaxation and viscoelastic creep, common to all taxels [s], shape [poles]."""
+    relaxation_sizes: Array = field(default_factory=_none)
+    """Share of a force's charge that comes in slowly with each pole, relative to that which comes at once [1], shape
+    [poles]; common to all taxels."""
+    relaxation_deviations: Array = field(default_factory=_none)
+    """Standard deviations of `relaxation_sizes` [1], shape [poles]."""
+    warmth: float = 0.0
+    """Level of the temperature rise of a taxel's film that a touch of room temperature causes [K]; 0: not observed."""
+    warmth_deviation: float = NOMINAL_WARMTH_DEVIATION
+    """Standard deviation of `warmth` [K]."""
+    temperature_sensor_lag: float = 0.0
+    """Lag of the chip's temperature sensors behind the chip [s]. The film lags behind the sensors by
+    `thermal_time_constant` minus this, which may be below 0."""
+    temperature: float | None = None
+    """Mean chip temperature during the calibration [degC]; None: unknown."""
 
     @classmethod
     def nominal(cls, sensor: Sensor) -> Calibration:
@@ -54,8 +120,29 @@ class Calibration:
             pyroelectric_gain=np.ones(taxels),
             leak_time_constant=np.full(taxels, sensor.device.leak_time_constant),
             offset=np.zeros(taxels),
+            gain_deviation=np.full(taxels, NOMINAL_GAIN_DEVIATION),
+            leak_deviation=np.full(taxels, NOMINAL_LEAK_DEVIATION),
             crosstalk=0.0,
+            common_gain_deviation=NOMINAL_COMMON_GAIN_DEVIATION,
+            common_leak_deviation=NOMINAL_LEAK_DEVIATION,
         )
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether the parameters were fitted to a recording."""
+        return self.residuals is not None
+
+    @property
+    def warmth_observed(self) -> bool:
+        """Whether the temperature rise of a touched taxel was observable in the recording."""
+        return self.warmth != 0.0
+
+    @property
+    def summary(self) -> str:
+        """Date of the calibration, or what its absence costs, in one line."""
+        if self.calibrated:
+            return f"of {self.date or 'unknown date'}"
+        return f"uncalibrated: forces may be off by {UNCALIBRATED_ERROR:.0%}"
 
     @cached_property
     def dead(self) -> Mask:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model.config import ConfigError, Section, find_file, read_yaml
+from posfet_model.device import adc as converter
 from posfet_model.device.constants import VACUUM_PERMITTIVITY
 
 SENSOR_FOLDER = Path(__file__).parent / "sensors"
@@ -26,6 +27,10 @@ MAX_SIDE = 128
 """Largest number of rows and of columns."""
 MIN_SPAN = 1e-3
 """Smallest span of the amplifier's rails and of the ADC [V]."""
+COARSEST_BITS = 12
+"""Bits of a count sent over classic CAN: the coarsest resolution that a count can have."""
+SATURATION_SIGMAS = 4.0
+"""Margin between an unsaturated voltage and the end of the range, in standard deviations of the noise."""
 
 
 @dataclass(frozen=True)
@@ -170,6 +175,12 @@ class Sensor:
         charge = -self.device.piezoelectric_coefficient / self.layout.taxel_area
         return charge / self.device.film_capacitance * self.amplifier.follower_gain
 
+    @property
+    def saturation_margin(self) -> float:
+        """Distance from the ends of ADC and amplifier within which a voltage may have been clipped [V]."""
+        coarsest = converter.lsb(min(COARSEST_BITS, self.adc.bits), self.adc.low, self.adc.high)
+        return SATURATION_SIGMAS * self.adc.noise + coarsest
+
 
 def load_sensor(name: str | Path = DEFAULT_SENSOR) -> Sensor:
     """Return the sensor described by a YAML file.
@@ -211,6 +222,7 @@ def load_sensor(name: str | Path = DEFAULT_SENSOR) -> Sensor:
             "device.force_max_N",
             f"must be in (0, {limit:.4g}] for this amplifier and ADC, got {sensor.device.force_max:g}",
         )
+    _check_rest(sensor, top)
     return sensor
 
 
@@ -234,6 +246,30 @@ def with_frames(sensor: Sensor, fd: str) -> Sensor:
     if fd == "auto":
         return sensor
     return replace(sensor, can=replace(sensor.can, fd=fd == "true"))
+
+
+def _check_rest(sensor: Sensor, top: Section) -> None:
+    """Raise ConfigError unless the signal at rest is inside the range of amplifier and ADC, unclipped."""
+    amplifier, adc = sensor.amplifier, sensor.adc
+    noise = SATURATION_SIGMAS * adc.noise
+    # One count more, so that the range holds a count however the counts lie.
+    margin = sensor.saturation_margin + converter.lsb(16, adc.low, adc.high)
+    rest = amplifier.offset * amplifier.follower_gain
+    low = "adc.low_V" if adc.low >= amplifier.rail_low else "amplifier.rail_low_V"
+    high = "adc.high_V" if adc.high <= amplifier.rail_high else "amplifier.rail_high_V"
+    for key, inside in (
+        (low, rest - max(amplifier.rail_low, adc.low)),
+        (high, min(amplifier.rail_high, adc.high) - rest),
+    ):
+        if inside <= margin:
+            noisy = inside > margin - noise
+            raise top.error(
+                "adc.noise_mV" if noisy else key,
+                f"must leave more than {margin:.3g} V ({SATURATION_SIGMAS:g} standard deviations of the noise and a "
+                f"step of the ADC) between {key} and the signal at rest, amplifier.offset_mV = "
+                f"{amplifier.offset * 1e3:g}, got "
+                f"{inside:.3g} V: {'lower the noise' if noisy else 'widen the range'}",
+            )
 
 
 def _layout(section: Section) -> Layout:

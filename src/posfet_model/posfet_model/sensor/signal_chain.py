@@ -20,17 +20,11 @@ from numpy.typing import NDArray
 from posfet_model._lib.types import FloatArray
 from posfet_model.device import adc
 from posfet_model.device.charge import invert_first_order_hold, propagate_first_order_hold
-from posfet_model.sensor.description import Sensor
+from posfet_model.sensor.description import COARSEST_BITS, Sensor
 from posfet_model.sensor.scan import FULL_SCALE_COUNT
 
 SCALE_BITS: Final = 16
 """Bits of the scale of counts, whatever the resolution of the ADC."""
-
-COARSEST_BITS: Final = 12
-"""Bits of a count sent over classic CAN: the coarsest resolution that a count can have."""
-
-SATURATION_SIGMAS: Final = 4.0
-"""Margin between an unsaturated voltage and the end of the range, in standard deviations of the noise."""
 
 
 @dataclass(frozen=True)
@@ -282,8 +276,7 @@ class InverseSignalChain:
         volts = adc.counts_to_volts(np.arange(FULL_SCALE_COUNT + 1), SCALE_BITS, converter.low, converter.high)
         capacitance = sensor.device.film_capacitance
         self._charge = (volts / amplifier.follower_gain - amplifier.offset) * capacitance
-        coarsest = adc.lsb(min(COARSEST_BITS, converter.bits), converter.low, converter.high)
-        margin = SATURATION_SIGMAS * converter.noise + coarsest
+        margin = sensor.saturation_margin
         self._saturated = (volts <= max(amplifier.rail_low, converter.low) + margin) | (
             volts >= min(amplifier.rail_high, converter.high) - margin
         )

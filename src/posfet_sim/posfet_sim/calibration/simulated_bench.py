@@ -1,4 +1,4 @@
-"""The simulated calibration rig: presses each taxel once and fits the calibration."""
+"""The simulated calibration rig: presses each taxel, cools and warms, holds one for long, and fits the calibration."""
 
 from __future__ import annotations
 
@@ -26,14 +26,45 @@ RELATIVE_FORCE: Final = 0.4
 """Force of a press relative to the full-scale force of a taxel [1]."""
 
 COOLING: Final = 3.0
-"""Temperature drop after the presses [K], which charges the film as a press does."""
+"""Range of the temperature after the presses [K], which charges the film as a press does: half of it is below and half
+above the temperature of the presses, so that leakage that changes with temperature does not count as pyroelectric gain.
+"""
 
-COOLING_TIME: Final = 4.0
-"""Duration of the temperature drop [s]."""
+COOLING_TIME: Final = 8.0
+"""Duration of the temperature's way down, up and back [s]."""
+
+PAUSE: Final = 2.0
+"""Rest before and after the change of temperature [s]."""
+
+LIGHT_FORCE: Final = 0.05
+"""Force of a light touch before the long hold, relative to the full-scale force [1]: the temperature rise of a
+touched taxel hardly depends on the force, while relaxation is in proportion to it."""
+
+LIGHT_TIME: Final = 3.0
+"""Duration of the light touch, and of the rest after it [s]."""
+
+HOLD: Final = 40.0
+"""Duration of the long hold [s]: four times the slowest relaxation pole."""
+
+AFTER_HOLD: Final = 15.0
+"""Duration of the rest after the long hold [s]."""
 
 
-def pressing_scene(sensor: Sensor) -> Scene:
-    """Return a scene in which a small ball presses each taxel in turn, and then the chip cools."""
+def pressing_scene(sensor: Sensor, long_hold: bool = True) -> Scene:
+    """Return a scene in which a small ball presses each taxel in turn, the chip cools and warms, and the ball holds.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    long_hold : bool, default True
+        Whether there are a light touch and a long hold at the end.
+
+    Returns
+    -------
+    Scene
+        The scene; it plays once.
+    """
     force = RELATIVE_FORCE * sensor.device.force_max
     times: list[float] = []
     values: list[tuple[float, ...]] = []
@@ -43,13 +74,31 @@ def pressing_scene(sensor: Sensor) -> Scene:
             times.append(begin + fraction * PRESS)
             values.append((x, y, 0.0, load))
     end = REST + sensor.layout.taxels * PRESS
+    cool = end + PAUSE
+    period = cool + COOLING_TIME + PAUSE
+    if long_hold:
+        x, y = sensor.layout.positions[_middle(sensor)].tolist()
+        light = LIGHT_FORCE * sensor.device.force_max
+        for begin, duration, load in ((period, LIGHT_TIME, light), (period + 2 * LIGHT_TIME, HOLD, force)):
+            for time, value in ((0.0, 0.0), (0.2, load), (duration - 0.2, load), (duration, 0.0)):
+                times.append(begin + time)
+                values.append((x, y, 0.0, value))
+        period += 2 * LIGHT_TIME + HOLD + AFTER_HOLD
     return Scene(
         name="calibration",
-        description="a ball presses each taxel in turn, then the chip cools",
-        period=end + 2 * COOLING_TIME,
+        description="a ball presses each taxel in turn, then the chip cools and warms, and the ball holds",
+        period=period,
         objects=(SceneObject("ball", Sphere(2e-3, 4e6), Keyframes(tuple(times), tuple(values))),),
-        temperature=Keyframes((end, end + COOLING_TIME), ((25.0,), (25.0 - COOLING,))),
+        temperature=Keyframes(
+            tuple(cool + part * COOLING_TIME for part in (0.0, 0.25, 0.75, 1.0)),
+            ((25.0,), (25.0 - COOLING / 2,), (25.0 + COOLING / 2,), (25.0,)),
+        ),
     )
+
+
+def _middle(sensor: Sensor) -> int:
+    """Return the taxel next to the middle of the array."""
+    return int(np.argmin(np.abs(sensor.layout.positions).sum(axis=1)))
 
 
 def record(sensor: Sensor, seed: int, error_model: ErrorModel | None, device: Sensor | None = None) -> Recording:

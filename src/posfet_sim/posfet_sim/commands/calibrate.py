@@ -13,13 +13,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from posfet_model.calibration.calibration_file import save_calibration
+from posfet_model.calibration.calibration_file import check_writable, save_calibration
 from posfet_model.calibration.least_squares_fit import fit
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.command_line import positive
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.calibration.bench_recording import COLUMNS, combine, read_reference, read_scans
+from posfet_sim.calibration.report import summary, write_report
 from posfet_sim.calibration.simulated_bench import calibrate, timestamp
 from posfet_sim.commands.options import add_error_model, add_seed, add_sensor
 from posfet_sim.contact.indenters import Sphere
@@ -42,6 +43,9 @@ def main(words: Sequence[str] | None = None) -> int:
     options = make_parser().parse_args(words)
     try:
         sensor = load_sensor(options.sensor)
+        for path in (options.out, options.report):
+            if path is not None:
+                check_writable(path)
         if (options.recording is None) != (options.reference is None):
             raise ConfigError("--recording and --reference are only valid together")
         if options.recording is not None:
@@ -50,6 +54,8 @@ def main(words: Sequence[str] | None = None) -> int:
             error_model = replace(load_error_model(options.imperfections), resets_per_hour=0.0)
             calibration = calibrate(sensor, options.seed, error_model)
         save_calibration(options.out, sensor, calibration)
+        if options.report is not None:
+            write_report(options.report, sensor, calibration)
     except (ConfigError, ValueError) as error:
         print(error, file=sys.stderr)
         return BAD_INPUT
@@ -59,6 +65,7 @@ def main(words: Sequence[str] | None = None) -> int:
             f"{options.out}: {found.force_rms * 1e3:.2f} mN RMS on the hold-out set, "
             f"{found.force_rms_before * 1e3:.2f} mN uncalibrated"
         )
+        print("\n".join(summary(calibration)[:-1]))
     return 0
 
 
@@ -83,6 +90,9 @@ def make_parser() -> argparse.ArgumentParser:
         type=positive,
         default=4.0,
         help="effective modulus of ball and elastomer skin [MPa] (default: 4)",
+    )
+    parser.add_argument(
+        "--report", metavar="FILE", type=Path, help="also write a report: numbers, maps and residuals, one HTML file"
     )
     add_sensor(parser)
     add_error_model(parser)

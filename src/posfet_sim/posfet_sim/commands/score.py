@@ -18,6 +18,8 @@ import numpy as np
 from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
+from posfet_model.estimation.choice import Estimator
+from posfet_model.parameters import ESTIMATOR
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.calibration.simulated_bench import calibrate
@@ -62,6 +64,8 @@ class Run:
     """Calibration of the reconstruction; None: nominal parameters."""
     device: Sensor | None = None
     """True properties of the board; None: as in `sensor`."""
+    estimator: Estimator = Estimator.OBSERVER
+    """How forces are estimated."""
 
 
 def run(what: Run) -> Score:
@@ -82,7 +86,7 @@ def run(what: Run) -> Score:
     ConfigError
         The layout does not fit the frames.
     """
-    reconstructor = Reconstructor(what.sensor, what.calibration)
+    reconstructor = Reconstructor(what.sensor, what.calibration, what.estimator)
     scorer = Scorer(what.sensor)
     spent, scans = 0, 0
     for scan, truth in received_scans(
@@ -136,6 +140,7 @@ def main(words: Sequence[str] | None = None) -> int:
                 error_model=error_model,
                 calibration=calibration,
                 device=device,
+                estimator=Estimator(options.estimator),
             )
         )
     except ConfigError as error:
@@ -176,6 +181,7 @@ def make_parser() -> argparse.ArgumentParser:
         metavar="P",
         help="random gain errors of the taxels after calibration, standard deviation [%%] (default: 0)",
     )
+    parser.add_argument("--estimator", choices=ESTIMATOR.choices, default=ESTIMATOR.default, help=ESTIMATOR.help)
     add_sensor(parser)
     add_error_model(parser)
     parser.add_argument(

@@ -1,0 +1,132 @@
+"""Response of a leaking taxel to its sources, and the columns of a linear fit of it; exact for first-order holds.
+
+Sources are piecewise linear between scans. The charge x of a taxel, as a nominal force, follows its source u and leaks:
+``dx/dt = du/dt - rate*(x - o)``, rate = 1/tau.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from posfet_model._lib.types import Array
+
+MAX_REACH: Final = 200.0
+"""Time constants over which a response is one running sum of terms that grow with exp(t/tau): exp(200) is far below the
+largest float64, and rounding is relative to the latest terms."""
+
+
+def high_pass(time: Array, source: Array, time_constant: float) -> Array:
+    """Return what a source leaves after leakage, from no charge at the first scan.
+
+    Parameters
+    ----------
+    time : ndarray
+        [s], ascending, shape [scans].
+    source : ndarray
+        Any unit, shape [scans] or [scans, columns].
+    time_constant : float
+        Time constant tau of the leakage [s].
+
+    Returns
+    -------
+    ndarray
+        Response y with ``dy/dt = du/dt - y/tau``, in the unit and shape of the source.
+    """
+    ratio = np.diff(time) / time_constant
+    return _recurrence(ratio, np.diff(source, axis=0), source.shape)
+
+
+def low_pass(time: Array, source: Array, time_constant: float) -> Array:
+    """Return a first-order lag behind a source, from 0 at the first scan.
+
+    Parameters
+    ----------
+    time : ndarray
+        [s], ascending, shape [scans].
+    source : ndarray
+        Any unit, shape [scans] or [scans, columns].
+    time_constant : float
+        Time constant of the lag [s]; 0: none.
+
+    Returns
+    -------
+    ndarray
+        Response y with ``dy/dt = (u - y)/tau``, in the unit and shape of the source.
+    """
+    change = source - source[:1]
+    if time_constant <= 0.0:
+        return change
+    slow: Array = change - high_pass(time, change, time_constant)
+    if source[0].any():
+        shape = (-1,) + (1,) * (source.ndim - 1)
+        slow += source[:1] * -np.expm1(-(time - time[0]) / time_constant).reshape(shape)
+    return slow
+
+
+def _recurrence(ratio: Array, change: Array, shape: tuple[int, ...]) -> Array:
+    response = np.zeros(shape)
+    if len(ratio) == 0:
+        return response
+    columns = change.reshape(len(ratio), -1) * (-np.expm1(-ratio) / np.maximum(ratio, 1e-300))[:, None]
+    reach = np.cumsum(ratio)
+    solved = np.empty_like(columns)
+    state = np.zeros(columns.shape[1])
+    pieces = np.flatnonzero(np.diff(np.floor(reach / MAX_REACH))) + 1
+    for begin, end in zip((0, *pieces), (*pieces, len(ratio)), strict=True):
+        growth = np.exp(reach[begin:end] - reach[begin])[:, None]
+        first = state * np.exp(-ratio[begin])
+        piece = solved[begin:end]
+        np.cumsum(columns[begin:end] * growth, axis=0, out=piece)
+        piece += first
+        piece /= growth
+        state = piece[-1].copy()
+    response[1:] = solved.reshape(change.shape)
+    return response
+
+
+def block_means(values: Array, size: int) -> Array:
+    """Return the means of consecutive blocks of scans; an incomplete last block is left out.
+
+    Parameters
+    ----------
+    values : ndarray
+        Shape [scans] or [scans, columns].
+    size : int
+        Number of scans in a block.
+
+    Returns
+    -------
+    ndarray
+        Shape [blocks] or [blocks, columns].
+    """
+    blocks = len(values) // size
+    means: Array = values[: blocks * size].reshape(blocks, size, *values.shape[1:]).mean(axis=1)
+    return means
+
+
+def play_distance(force: Array, half_width: float) -> Array:
+    """Return the distance F - P of a force from its play operator, which starts at 0.
+
+    Parameters
+    ----------
+    force : ndarray
+        Force F [N], shape [scans, taxels].
+    half_width : float
+        Half width r of the play operator [N]: P is dragged along, never further than r from F.
+
+    Returns
+    -------
+    ndarray
+        [N], shape [scans, taxels].
+    """
+    changed = np.flatnonzero(np.concatenate([[True], (np.diff(force, axis=0) != 0.0).any(axis=1)]))
+    play = np.zeros(force.shape[1])
+    plays = np.empty((len(changed), force.shape[1]))
+    for index, now in enumerate(force[changed]):
+        np.maximum(play, now - half_width, out=play)
+        np.minimum(play, now + half_width, out=play)
+        plays[index] = play
+    distance: Array = force - np.repeat(plays, np.diff(np.append(changed, len(force))), axis=0)
+    return distance

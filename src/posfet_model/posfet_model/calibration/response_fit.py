@@ -1,0 +1,264 @@
+"""Joint least-squares fit of gain, hysteresis and leakage of each taxel, and of what all taxels have in common.
+
+The charge of a taxel, as a nominal force, is
+
+    x(t) = H[ g*(F + sum_k s_k*L_k[F] + W*q*L_w[touched]) + w*(F - P) + common ] + o + c*exp(-t/tau)
+
+H is the leakage (high-pass of time constant tau), L a first-order lag. Of each taxel: gain g, hysteresis w (P is the
+play operator of F), leakage rate 1/tau, and in each of its segments offset o and start c. Of all taxels: the sizes s_k
+of the relaxation poles and the level W of the temperature rise of a touched taxel, which the film turns into q newtons
+per kelvin. The common-mode signal is given. Residuals are those of the output: noise, when the model holds.
+
+The model is linear but for 1/tau and g*s_k; each iteration is a linear fit with the derivative by 1/tau as a column and
+the last g. The parameters of a taxel are eliminated from the equations of the common ones (arrow structure), so
+that the cost is linear in the number of taxels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from posfet_model._lib.types import Array, Mask
+from posfet_model.calibration.leaky_response import block_means, high_pass, low_pass
+
+BLOCK: Final = 0.02
+"""Scans are averaged over this time [s]: a period of the mains."""
+
+WARMTH_TIME_CONSTANT: Final = 0.5
+"""Time constant with which the film of a touched taxel warms and cools [s], assumed."""
+
+SIZE_DEVIATION: Final = 0.1
+"""Prior standard deviation of the size of a relaxation pole [1], assumed; for sizes that are not observable."""
+
+WARMTH_PRIOR: Final = 0.3
+"""Prior standard deviation of the temperature rise of a touched taxel [K], assumed: that of a thin chip."""
+
+ITERATIONS: Final = 4
+"""Iterations of the fit; the first finds gain and offset with the given leakage."""
+
+RATE_RANGE: Final = (0.1, 10.0)
+"""Range in which the fit looks for the leakage rate, relative to nominal [1]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """Consecutive scans of one taxel."""
+
+    taxel: int
+    time: Array
+    """[s], shape [scans]."""
+    signal: Array
+    """Charge as a nominal force [N], common-mode signal subtracted, shape [scans]."""
+    sources: Array
+    """Sources [N]: force, distance from the play operator, and further ones, shape [scans, 2 or more]; those after the
+    first `leaking` ones are signals, which have leaked already."""
+    common_sources: Array
+    """Sources per gain and common parameter: L_k[F] [N], then q*L_w[touched] [N/K], shape [scans, common]."""
+    fitted: Mask
+    """Blocks that are fitted; the others belong to the hold-out set, shape [blocks]."""
+    leaking: int | None = None
+    """Number of sources that leak; None: all."""
+
+
+@dataclass(eq=False)
+class TaxelResponse:
+    """Parameters of one taxel."""
+
+    rate: float
+    """Leakage rate 1/tau [1/s]."""
+    coefficients: Array
+    """Coefficients of the sources [1]: gain, hysteresis, further ones."""
+    offsets: Array
+    """Offset o of each segment [N]."""
+    starts: Array
+    """Start c of each segment [N]."""
+    deviations: Array = field(default_factory=lambda: np.zeros(0))
+    """Standard deviations of the coefficients [1], then of the leakage rate [1/s]."""
+    residuals: tuple[Array, ...] = ()
+    """Residuals of each segment [N], shapes [blocks]."""
+
+    @property
+    def gain(self) -> float:
+        """Signal per force [1]."""
+        return float(self.coefficients[0])
+
+
+@dataclass(eq=False)
+class ResponseFit:
+    """Result of the fit."""
+
+    taxels: dict[int, TaxelResponse]
+    """Parameters of each taxel."""
+    common: Array
+    """Sizes s_k of the poles [1], and the temperature rise W of a touched taxel [K]."""
+    common_covariance: Array
+    """Covariance of `common`."""
+
+
+def fit_responses(
+    segments: Sequence[Segment], noise: Array, start: dict[int, TaxelResponse], nominal_rate: float
+) -> ResponseFit:
+    """Fit all segments jointly.
+
+    Parameters
+    ----------
+    segments : sequence of Segment
+        Segments of every taxel that is to be fitted.
+    noise : ndarray
+        Standard deviation of a block mean of each taxel [N], shape [rows * cols].
+    start : dict of int to TaxelResponse
+        Where the fit starts, for every taxel with a segment.
+    nominal_rate : float
+        Nominal leakage rate [1/s].
+
+    Returns
+    -------
+    ResponseFit
+        Parameters of the taxels and common parameters.
+    """
+    of_taxel: dict[int, list[Segment]] = {}
+    for segment in segments:
+        of_taxel.setdefault(segment.taxel, []).append(segment)
+    poles = segments[0].common_sources.shape[1]
+    prior = np.append(np.full(max(poles - 1, 0), SIZE_DEVIATION), WARMTH_PRIOR)[: poles or None][:poles]
+    common, covariance = np.zeros(poles), np.diag(prior**2)
+    responses = dict(start)
+    limits = RATE_RANGE[0] * nominal_rate, RATE_RANGE[1] * nominal_rate
+    for iteration in range(ITERATIONS):
+        systems = {taxel: _System(parts, responses[taxel], iteration > 0, common) for taxel, parts in of_taxel.items()}
+        if poles:
+            information, moment = np.diag(prior**-2.0), np.zeros(poles)
+            for taxel, system in systems.items():
+                variance = system.variance(noise[taxel])
+                information += system.common_information / variance
+                moment += system.common_moment / variance
+            covariance = np.linalg.inv(information)
+            common = covariance @ moment
+        responses = {taxel: system.response(common, limits) for taxel, system in systems.items()}
+    for taxel, system in systems.items():
+        system.complete(responses[taxel], common, covariance)
+    return ResponseFit(responses, common, covariance)
+
+
+class _System:
+    """Linear equations of one taxel in one iteration."""
+
+    def __init__(self, parts: Sequence[Segment], at: TaxelResponse, with_rate: bool, common: Array) -> None:
+        self._parts, self._at, self._with_rate = parts, at, with_rate
+        tau = 1.0 / at.rate
+        sources = parts[0].sources.shape[1]
+        rows, self._common_rows, self._signal, self._used = [], [], [], []
+        for index, part in enumerate(parts):
+            size = block_size(part.time)
+            elapsed = part.time - part.time[0]
+            responses = high_pass(part.time, np.hstack([part.sources, part.common_sources]), tau)
+            if part.leaking is not None:
+                responses[:, part.leaking : sources] = part.sources[:, part.leaking :]
+            decay = np.exp(-elapsed / tau)
+            model = responses[:, :sources] @ at.coefficients + at.starts[index] * decay
+            model += at.gain * (responses[:, sources:] @ common)
+            slope = -tau * low_pass(part.time, model, tau) * with_rate
+            columns = np.zeros((len(elapsed), sources + 1 + 2 * len(parts)))
+            columns[:, :sources] = responses[:, :sources]
+            columns[:, sources] = slope
+            columns[:, sources + 1 + 2 * index] = 1.0
+            columns[:, sources + 2 + 2 * index] = decay
+            rows.append(block_means(columns, size))
+            self._common_rows.append(block_means(at.gain * responses[:, sources:], size))
+            self._signal.append(block_means(part.signal, size))
+            self._used.append(part.fitted)
+        self._sources, self._rows = sources, rows
+        used = np.concatenate(self._used)
+        self._equations = np.concatenate(rows)[used]
+        # Columns of so different sizes are scaled; an empty one stays empty, and its coefficient 0.
+        self._scale = np.maximum(np.sqrt((self._equations**2).mean(axis=0)), 1e-12)
+        scaled = self._equations / self._scale
+        inverse = np.linalg.pinv(_product(scaled, scaled), rcond=1e-13, hermitian=True)
+        inverse = inverse / self._scale / self._scale[:, None]
+        signal, shared = np.concatenate(self._signal)[used], np.concatenate(self._common_rows)[used]
+        self._of_signal = inverse @ _product(self._equations, signal[:, None])[:, 0]
+        self._of_common = inverse @ _product(self._equations, shared)
+        rest = signal - self._equations @ self._of_signal
+        across = shared - self._equations @ self._of_common
+        self.common_information = _product(across, across)
+        self.common_moment = _product(across, rest[:, None])[:, 0]
+        self._rest, self._across, self._inverse = rest, across, inverse
+
+    def variance(self, noise: float) -> float:
+        """Return the variance of a block [N2], correlation included: of noise, or of what is left if that is more.
+
+        What is left is judged with the common parameters that fit this taxel alone best.
+        """
+        left = self._rest
+        if self._across.shape[1]:
+            left = left - self._across @ np.linalg.lstsq(self._across, self._rest, rcond=1e-9)[0]
+        return max(noise**2, correlated_variance(left))
+
+    def response(self, common: Array, limits: tuple[float, float]) -> TaxelResponse:
+        """Return the parameters of the taxel for given common parameters."""
+        found = self._of_signal - self._of_common @ common
+        sources = self._sources
+        rate = self._at.rate + (float(found[sources]) if self._with_rate else 0.0)
+        rate = float(np.clip(rate, 0.5 * self._at.rate, 2.0 * self._at.rate))
+        return TaxelResponse(
+            rate=float(np.clip(rate, *limits)),
+            coefficients=found[:sources],
+            offsets=found[sources + 1 :: 2],
+            starts=found[sources + 2 :: 2],
+        )
+
+    def complete(self, response: TaxelResponse, common: Array, covariance: Array) -> None:
+        """Add residuals and standard deviations to the parameters that were found last."""
+        found = self._of_signal - self._of_common @ common
+        response.residuals = tuple(
+            signal - rows @ found - shared @ common
+            for signal, rows, shared in zip(self._signal, self._rows, self._common_rows, strict=True)
+        )
+        left = np.concatenate(response.residuals)[np.concatenate(self._used)]
+        own = np.diag(self._inverse) * correlated_variance(left)
+        through_common = np.einsum("ij,jk,ik->i", self._of_common, covariance, self._of_common)
+        response.deviations = np.sqrt(own + through_common)[: self._sources + 1]
+
+
+def _product(left: Array, right: Array) -> Array:
+    """Return left.T @ right; einsum, because threads cost more than they gain for so narrow matrices."""
+    product: Array = np.einsum("ij,ik->jk", left, right)
+    return product
+
+
+def block_size(time: Array) -> int:
+    """Return the number of scans in a block.
+
+    Parameters
+    ----------
+    time : ndarray
+        [s], shape [scans].
+    """
+    return max(1, round(BLOCK / float(np.median(np.diff(time))))) if len(time) > 1 else 1
+
+
+def correlated_variance(residuals: Array) -> float:
+    """Return the variance that independent residuals would need for their means to scatter as these do.
+
+    The largest of ``n*var(means of n residuals)`` for n = 1, 2, 4, ... up to an eighth of the residuals; the variance
+    of white noise is the same for every n.
+
+    Parameters
+    ----------
+    residuals : ndarray
+        Residuals in order of time, shape [blocks].
+
+    Returns
+    -------
+    float
+        Variance, in the squared unit of the residuals.
+    """
+    largest, count = 0.0, 1
+    while count == 1 or count * 8 <= len(residuals):
+        largest = max(largest, count * float((block_means(residuals, count) ** 2).mean()))
+        count *= 2
+    return largest

@@ -1,0 +1,145 @@
+"""Calibration of boards whose film relaxes, creeps and warms, and refusal of what cannot be fitted."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from posfet_model.calibration.calibration_file import load_calibration, save_calibration
+from posfet_model.calibration.fit_checks import FitError
+from posfet_model.calibration.least_squares_fit import fit
+from posfet_model.calibration.taxel_calibration import NOMINAL_WARMTH_DEVIATION, Calibration
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.calibration.report import report
+from support.film_bench import Board, Film, gain_at_once, record, with_slow_charge
+
+SENSOR = load_sensor()
+DATE = "2024-01-01T00:00:00+00:00"
+Floats = NDArray[np.float64]
+
+FILMS = {
+    "sensors 0.1 s late": Film(sensor_lag=0.1),
+    "relaxation and creep": Film(relaxation=0.03, creep=0.05, sensor_lag=1.0),
+    "all": Film(relaxation=0.02, creep=0.04, warmth=0.03, sensor_lag=1.0, bending=2e-3, ramp=2.0 / 60.0),
+}
+
+
+@pytest.fixture(scope="module")
+def fitted() -> dict[str, tuple[Board, Calibration]]:
+    boards = {name: record(SENSOR, film) for name, film in FILMS.items()}
+    return {name: (board, fit(SENSOR, board.recording, DATE)) for name, board in boards.items()}
+
+
+@pytest.mark.parametrize("name", FILMS)
+def test_gain_and_leakage_are_right_whatever_the_film_does(
+    name: str, fitted: dict[str, tuple[Board, Calibration]]
+) -> None:
+    board, found = fitted[name]
+    np.testing.assert_allclose(found.gain, board.gain * gain_at_once(FILMS[name]), rtol=0.01)
+    np.testing.assert_allclose(found.leak_time_constant, board.leak_time_constant, rtol=0.01)
+    np.testing.assert_allclose(found.pyroelectric_gain, 1.0, rtol=0.02)
+
+
+@pytest.mark.parametrize("name", FILMS)
+def test_the_lag_is_found_with_either_sign(name: str, fitted: dict[str, tuple[Board, Calibration]]) -> None:
+    # A reading has 2 mK of noise while the chip cools and warms by 0.75 K/s: 3 ms, and fewer with 50 readings or more.
+    found = fitted[name][1]
+    assert found.thermal_time_constant is not None
+    film, sensors = SENSOR.device.thermal_time_constant, FILMS[name].sensor_lag
+    assert found.thermal_time_constant - found.temperature_sensor_lag == pytest.approx(film - sensors, abs=0.01)
+
+
+def test_the_poles_predict_a_held_force(fitted: dict[str, tuple[Board, Calibration]]) -> None:
+    """Charge of a force that rises within 0.1 s and is held for 20 s; without poles the growth itself is the error."""
+    film = FILMS["relaxation and creep"]
+    found = fitted["relaxation and creep"][1]
+    time = np.arange(0.0, 20.0, 0.004)
+    force = np.minimum(time / 0.1, 1.0)[:, None]
+    true = with_slow_charge(time, force, film)[:, 0] / gain_at_once(film)
+    predicted = force[:, 0].copy()
+    for tau, size in zip(found.relaxation_time_constants, found.relaxation_sizes, strict=True):
+        predicted += size * -np.expm1(-np.maximum(time - 0.05, 0.0) / tau)
+    held = time > 0.2
+    assert np.max(np.abs(true - 1.0)[held]) > 0.1
+    assert np.max(np.abs(predicted - true)[held] / true[held]) < 0.01
+
+
+def test_the_temperature_rise_of_touched_taxels_is_found_beside_the_rest(
+    fitted: dict[str, tuple[Board, Calibration]],
+) -> None:
+    for name, (_, found) in fitted.items():
+        assert abs(found.warmth - FILMS[name].warmth) < found.warmth_deviation
+        assert found.warmth_deviation < 0.5 * NOMINAL_WARMTH_DEVIATION
+
+
+def test_standard_deviations_cover_the_errors_of_the_fit(fitted: dict[str, tuple[Board, Calibration]]) -> None:
+    board, found = fitted["sensors 0.1 s late"]
+    for value, true, deviation in (
+        (found.gain, board.gain, found.gain_deviation),
+        (found.leak_time_constant, board.leak_time_constant, found.leak_deviation),
+    ):
+        # 50 values within four standard deviations: a chance of 0.3 % to fail if the deviations are right.
+        assert np.abs(value / true - 1.0).max() < 4.0 * deviation.max()
+        assert deviation.max() < 0.005
+
+
+def test_without_a_long_hold_there_are_no_poles_and_the_report_says_so() -> None:
+    board = record(SENSOR, Film(), long_hold=False)
+    found = fit(SENSOR, board.recording, DATE)
+    np.testing.assert_allclose(found.gain, board.gain, rtol=0.01)
+    assert found.relaxation_sizes.size == 0
+    assert (found.warmth, found.warmth_deviation) == (0.0, NOMINAL_WARMTH_DEVIATION)
+    assert report(SENSOR, found).count("not observable") == 2
+
+
+def late_press(time: Floats, source: Floats) -> Floats:
+    """A ball that pressed taxel 7 by 40 ms later than the reference says."""
+    changed = source.copy()
+    changed[10:, 7] = source[:-10, 7]
+    return changed
+
+
+def slip_while_held(time: Floats, source: Floats) -> Floats:
+    """A ball that slips off by a tenth of its force within ten seconds of the long hold, unknown to the reference."""
+    changed = source.copy()
+    changed[:, 12] *= 1.0 - 0.2 * np.clip((time - 60.0) / 2.0, 0.0, 1.0)
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("change", "temperature", "part"),
+    [
+        (late_press, None, "^presses of taxel 7: "),
+        (lambda _, source: 5.0 * source, None, "^gain of taxel 0: .*reference force"),
+        (slip_while_held, None, "^long hold: .*taxel 12"),
+        (None, lambda time, reading: reading[::-1], "^temperature part: "),
+        (None, lambda time, reading: reading + 0.2 * np.sin(time), "^temperature part: .*sensors"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused_with_the_name_of_the_part(change, temperature, part: str) -> None:  # type: ignore[no-untyped-def]
+    board = record(SENSOR, Film(), long_hold=change is slip_while_held, change=change, sensors=temperature)
+    with pytest.raises(FitError, match=part) as caught:
+        fit(SENSOR, board.recording, DATE)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_leakage_far_from_the_sensor_file_is_refused() -> None:
+    board = record(SENSOR, Film(), long_hold=False)
+    device = replace(SENSOR.device, leak_time_constant=8.0 * SENSOR.device.leak_time_constant)
+    with pytest.raises(FitError, match=r"^leakage of taxel \d+: .*leak_time_constant_s"):
+        fit(replace(SENSOR, device=device), board.recording, DATE)
+
+
+def test_poles_and_deviations_survive_a_round_trip(fitted, tmp_path) -> None:  # type: ignore[no-untyped-def]
+    found = fitted["all"][1]
+    save_calibration(tmp_path / "cal.yaml", SENSOR, found)
+    again = load_calibration(tmp_path / "cal.yaml", SENSOR)
+    for name in (
+        "relaxation_time_constants", "relaxation_sizes", "relaxation_deviations", "gain_deviation", "leak_deviation",
+        "common_gain_deviation", "common_leak_deviation", "warmth", "warmth_deviation", "temperature_sensor_lag",
+        "thermal_time_constant", "temperature",
+    ):  # fmt: skip
+        np.testing.assert_allclose(getattr(again, name), getattr(found, name), rtol=1e-5, err_msg=name)
