@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import copy
+import itertools
 import math
 from collections.abc import Callable
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 import pytest
 
-from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from reference.dense_pressure import sphere_forces
@@ -144,3 +146,62 @@ def test_a_force_held_through_an_interruption_is_invalid_until_release() -> None
     assert not any(ok for index, ok in valid.items() if 1500 <= index < 3000)
     assert valid[4999]
     assert math.isclose(reconstructor.image().total, 0.0, abs_tol=0.02)
+
+
+def test_a_temperature_sensor_that_fails_leaves_the_force_as_it_was() -> None:
+    """Both sensors report the same, 10 times a second while the chip warms: each of them alone suffices."""
+
+    def total(failing: bool) -> list[tuple[bool, float]]:
+        reconstructor, totals = Reconstructor(SENSOR), []
+        for time, scan in scans(
+            SENSOR, 2.5, press(1.0, 1.5, 9.0), FINGER, lambda time: 25.0 + 0.5 * max(time - 0.5, 0)
+        ):
+            # A reading of 1/256 K, as the sensors have.
+            scan.temperatures[:] = round((25.0 + 0.5 * max(math.floor(time * 10) / 10 - 0.5, 0)) * 256) / 256
+            if failing and time >= 0.8:
+                scan.temperatures[1] = math.nan
+            result = reconstructor.process(scan)
+            totals.append((result.valid, reconstructor.image().total))
+        return totals
+
+    sound = total(failing=False)
+    assert sound[-1] == (True, pytest.approx(1.0, abs=0.1))
+    np.testing.assert_array_equal(total(failing=True), sound)
+
+
+def outside(reconstructor: Reconstructor, result: Reconstruction) -> dict[str, Any]:
+    """Return what is seen from outside, apart from whether the last scan was accepted, and its cause."""
+    image, counts = reconstructor.image().snapshot(), asdict(reconstructor.counts)
+    seen = asdict(image) | {"vibration": reconstructor.vibration(), "result": asdict(result.snapshot())}
+    for name in ("accepted", "unusable"):
+        del seen["result"][name]
+    for name in ("late", "repeated"):
+        del counts[name]
+    return seen | {"counts": counts, "faulty": reconstructor.faulty, "due": reconstructor.maintenance_due}
+
+
+@pytest.mark.parametrize("back", [0, 3])
+@pytest.mark.parametrize("unusable_before", [False, True])
+def test_a_refused_duplicate_or_late_scan_changes_nothing_seen_from_outside(back: int, unusable_before: bool) -> None:
+    """After every scan of two blocks of 20 ms under a touch: after some of them a block is due."""
+    reconstructor = Reconstructor(SENSOR)
+    reconstructor.vibration_wanted = True
+    contents = itertools.cycle(itertools.product((0, 0xFFFF, 0x9000), (0, int(ScanStatus.ADC_FAULT))))
+    for time, scan in scans(SENSOR, 0.7, press(1.5, 0.5, 9.0), FINGER):
+        result = reconstructor.process(scan)
+        if time < 0.66:
+            continue
+        if unusable_before:
+            fault = copy.deepcopy(scan)
+            fault.sequence, fault.status = scan.sequence + 1, int(ScanStatus.ADC_FAULT)
+            result = reconstructor.process(fault)
+            assert result.unusable
+        before = outside(reconstructor, result)
+        refused, (count, status) = copy.deepcopy(scan), next(contents)
+        refused.sequence, refused.stamp = scan.sequence - back, scan.stamp - 1_000_000 * back
+        refused.counts[:], refused.status = count, status
+        result = reconstructor.process(refused)
+        assert not result.accepted
+        assert not result.unusable
+        np.testing.assert_equal(outside(reconstructor, result), before)
+    assert (reconstructor.counts.late if back else reconstructor.counts.repeated) == 40

@@ -15,7 +15,9 @@ import pytest
 
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.contacts.tracker import Contact, ContactState
+from posfet_model.estimation.choice import Estimator
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor, TaxelStatus
+from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_model.sensor.signal_chain import ForwardSignalChain, leakage_step
@@ -475,12 +477,21 @@ def test_random_scans_never_raise_and_have_no_lasting_effect() -> None:
 def test_idle_scans_retain_no_memory() -> None:
     reconstructor = Reconstructor(SENSOR)
     stream = scans(SENSOR, 3.0)
+    tracemalloc.start()  # before what is kept of the last blocks, which is replaced all the time
     for _ in range(1000):
         reconstructor.process(next(stream)[1])
-    tracemalloc.start()
     before = tracemalloc.get_traced_memory()[0]
     for _ in range(1000):
         reconstructor.process(next(stream)[1])
     grown = tracemalloc.get_traced_memory()[0] - before
     tracemalloc.stop()
     assert grown < 8192
+
+
+@pytest.mark.parametrize(("limit", "valid"), [(1e-3, False), (1.0, True)])
+def test_forces_are_valid_up_to_the_relative_uncertainty_that_is_asked_for(limit: float, valid: bool) -> None:
+    settings = ReconstructionSettings(max_relative_uncertainty=limit)
+    reconstructor = Reconstructor(SENSOR, estimator=Estimator.ERROR_STATE, settings=settings)
+    results = run(reconstructor, 2.0, force=press(1.0, 1.0, 60.0), shape=FINGER)
+    assert at(results, 0.9).valid
+    assert at(results, 1.8).valid is valid

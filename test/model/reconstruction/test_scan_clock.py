@@ -27,7 +27,10 @@ def scan(index: int, **changes: Any) -> Scan:
 
 
 def accept(clock: ScanClock, made: Scan) -> bool:
-    return clock.fits(made) and clock.admit(made)
+    accepted = clock.fits(made) and clock.is_new(made) and clock.is_sound(made)
+    if accepted:
+        clock.admit(made)
+    return accepted
 
 
 def clock_after(scans: int) -> ScanClock:
@@ -57,6 +60,8 @@ def test_a_regular_stream_has_regular_intervals() -> None:
         ({"status": ScanStatus.ADC_FAULT}, "adc_fault"),
         ({"sequence": 9}, "repeated"),
         ({"sequence": 5, "stamp": START}, "late"),
+        ({"sequence": 9, "status": ScanStatus.ADC_FAULT}, "repeated"),
+        ({"sequence": 5, "stamp": START, "status": ScanStatus.ADC_FAULT}, "late"),
     ],
 )
 def test_a_rejected_scan_is_counted_and_bridged(changes: dict[str, Any], cause: str) -> None:
@@ -161,12 +166,13 @@ GOOD = ScanCounts(accepted=1000)
         (GOOD, {"unsettled": 1}, Level.WARN, "offset"),
         (GOOD, {"faulty": 1}, Level.WARN, "stuck"),
         (GOOD, {"temperature_known": False}, Level.WARN, "temperature"),
+        (GOOD, {"calibrated": False}, Level.OK, "uncalibrated: forces may be off by 10%"),
     ],
 )
 def test_the_diagnostic_level_names_the_cause(
     after: ScanCounts, state: dict[str, Any], level: Level, word: str
 ) -> None:
-    known = {"unsettled": 0, "saturated": 0, "faulty": 0, "temperature_known": True, **state}
+    known = {"unsettled": 0, "saturated": 0, "faulty": 0, "temperature_known": True, "calibrated": True, **state}
     verdict = judge(Period.between(ScanCounts(), after, **known))
     assert verdict.level is level
     assert word in verdict.text
@@ -181,7 +187,7 @@ def test_arrival_times_are_averaged() -> None:
     for index in range(20_000):
         due = START + 1_000_000 * index + int(generator.exponential(300_000))
         arrival = max(arrival, due)  # a late scan delays the next ones
-        assert clock.admit(scan(index, device_time=0, stamp=arrival, status=ScanStatus.TIME_ESTIMATED))
+        assert accept(clock, scan(index, device_time=0, stamp=arrival, status=ScanStatus.TIME_ESTIMATED))
         steps.append(clock.step)
     assert clock.counts.time_jumps == 0
     assert max(abs(step - 1e-3) for step in steps[200:]) < 5e-5

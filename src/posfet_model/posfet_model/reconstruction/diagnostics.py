@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 
+from posfet_model.calibration.taxel_calibration import UNCALIBRATED_ERROR
 from posfet_model.reconstruction.scan_clock import ScanCounts
 
 
@@ -27,6 +28,8 @@ class Period:
     """Scans refused because their layout is not that of the sensor."""
     adc_fault: int
     """Scans refused because the ADC failed, as the board reports or as their counts show."""
+    bursts: int
+    """Scans refused for interference."""
     refused: int
     """Scans refused as duplicate or late."""
     missed: int
@@ -43,10 +46,19 @@ class Period:
     """Taxels dead, stuck or noisy at the end of the period."""
     temperature_known: bool
     """Whether a temperature sensor of the chip reports at the end of the period."""
+    calibrated: bool
+    """Whether the forces are those of a calibrated sensor."""
 
     @classmethod
     def between(
-        cls, before: ScanCounts, after: ScanCounts, unsettled: int, saturated: int, faulty: int, temperature_known: bool
+        cls,
+        before: ScanCounts,
+        after: ScanCounts,
+        unsettled: int,
+        saturated: int,
+        faulty: int,
+        temperature_known: bool,
+        calibrated: bool,
     ) -> Period:
         """Return the period between two counts.
 
@@ -58,6 +70,8 @@ class Period:
             Number of taxels at the end: with unknown offset, saturated, and dead, stuck or noisy.
         temperature_known : bool
             Whether a temperature sensor reports at the end.
+        calibrated : bool
+            Whether the forces are those of a calibrated sensor.
 
         Returns
         -------
@@ -68,6 +82,7 @@ class Period:
             scans=after.accepted - before.accepted,
             layout_mismatch=after.layout_mismatch - before.layout_mismatch,
             adc_fault=after.adc_fault + after.implausible - before.adc_fault - before.implausible,
+            bursts=after.bursts - before.bursts,
             refused=after.repeated + after.late - before.repeated - before.late,
             missed=after.missed - before.missed,
             interruptions=after.resets + after.gaps - before.resets - before.gaps,
@@ -76,6 +91,7 @@ class Period:
             saturated=saturated,
             faulty=faulty,
             temperature_known=temperature_known,
+            calibrated=calibrated,
         )
 
 
@@ -112,10 +128,13 @@ def judge(period: Period) -> Verdict:
         (period.unsettled > 0, Level.WARN, "offset of some taxels unknown: leave the sensor untouched for a moment"),
         (period.faulty > 0, Level.WARN, "taxels dead, stuck or noisy: excluded from contacts; see status in `image`"),
         (not period.temperature_known, Level.WARN, "no chip temperature: 1 K reads as 1 N; check the status frames"),
+        (period.bursts > 0, Level.WARN, "interference, scans refused: check shield and ground of board and cable"),
         (period.missed > 0, Level.WARN, "scans missing: the force is tracked across gaps; check the bus load"),
         (period.refused > 0, Level.WARN, "duplicate or late scans refused: check for a second driver"),
     )
     for present, level, text in faults:
         if present:
             return Verdict(level, text)
+    if not period.calibrated:
+        return Verdict(Level.OK, f"uncalibrated: forces may be off by {UNCALIBRATED_ERROR:.0%}; see posfet calibrate")
     return Verdict(Level.OK, "forces are valid")

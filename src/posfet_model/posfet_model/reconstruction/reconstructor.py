@@ -14,10 +14,14 @@ from posfet_model.contacts.detection import ENTER_DEVIATIONS, ContactFinder, For
 from posfet_model.contacts.footprint import Footprint
 from posfet_model.contacts.slip import DynamicChannel, Motion
 from posfet_model.contacts.tracker import Contact, ContactState, ContactTracker
+from posfet_model.estimation.choice import Estimator
+from posfet_model.estimation.force_estimator import ForceEstimator
 from posfet_model.estimation.force_observer import ForceObserver
+from posfet_model.reconstruction.bursts import BurstDetector
 from posfet_model.reconstruction.force_image import ForceImage, non_negative
 from posfet_model.reconstruction.mains_hum import MainsHum
 from posfet_model.reconstruction.scan_clock import ScanClock, ScanCounts
+from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.reconstruction.taxel_faults import INFORMATIVE, TaxelFaultDetector, TaxelStatus
 from posfet_model.sensor.crosstalk import CrosstalkCompensator
 from posfet_model.sensor.description import Sensor
@@ -80,26 +84,40 @@ class Reconstructor:
         Description of the sensor.
     calibration : Calibration, optional
         Properties of each taxel; None: nominal ones from the description.
+    estimator : Estimator, optional
+        How forces are estimated.
+    settings : ReconstructionSettings, optional
+        Settings; None: the defaults.
     """
 
-    def __init__(self, sensor: Sensor, calibration: Calibration | None = None) -> None:
+    def __init__(
+        self,
+        sensor: Sensor,
+        calibration: Calibration | None = None,
+        estimator: Estimator = Estimator.OBSERVER,
+        settings: ReconstructionSettings | None = None,
+    ) -> None:
         taxels = sensor.layout.taxels
+        settings = settings or ReconstructionSettings()
         self.calibration = calibration or Calibration.nominal(sensor)
         """Properties of each taxel in use."""
         self._clock = ScanClock(sensor)
         self._inverse = InverseSignalChain(sensor)
         self._crosstalk = CrosstalkCompensator(sensor.layout, self.calibration.crosstalk)
-        self._observer = ForceObserver(sensor, calibration=self.calibration)
+        self._observer = _force_estimator(estimator, sensor, self.calibration, settings)
         noise = force_noise_rms(sensor)
         self._newton_per_charge = 1.0 / charge_per_newton(sensor)
-        self._hum = MainsHum(taxels, sensor.can.scan_rate, noise / self._newton_per_charge)
+        hum_rate = sensor.can.scan_rate if settings.hum_removal else 0.0  # too low to find hum
+        self._hum = MainsHum(taxels, hum_rate, noise / self._newton_per_charge)
         self._dynamic = DynamicChannel(sensor.layout, noise)
         self.vibration_wanted = False
         """Whether the dynamic channel runs while nothing touches, too, and averages the power of each taxel."""
         self._finder = ContactFinder(sensor)
         self._tracker = ContactTracker(sensor)
         self._faults = TaxelFaultDetector(sensor, known_dead=self.calibration.dead)
+        self._detects_faults = settings.fault_detection
         self._observer.ignore(self._faults.faulty)
+        self._bursts = BurstDetector(sensor)
         self._least = INFORMATIVE * noise
         pitch = min(sensor.layout.pitch_x, sensor.layout.pitch_y)
         self._contact_margin = math.ceil(3.0 * sensor.device.contact_spread / pitch) + 1
@@ -117,6 +135,7 @@ class Reconstructor:
         self._set_thresholds()
         self._saturated_now = 0
         self._implausible_in_a_row = 0
+        self._blank = False  # whether the newest scan that was not refused as duplicate or late was unusable
         self._result = Reconstruction(False, False, 0, 0, False, (), {}, 0)
         self._image = ForceImage(
             np.full(taxels, np.nan, np.float32),
@@ -186,12 +205,17 @@ class Reconstructor:
         """
         result = self._result
         clock, observer = self._clock, self._observer
+        fits = clock.fits(scan)
+        if fits and not clock.is_new(scan):
+            result.accepted = result.unusable = False
+            return result
         if observer.block_due:
             self._close_block()
-        result.unusable = not (clock.fits(scan) and self._plausible(scan))
-        result.accepted = not result.unusable and clock.admit(scan)
-        if not result.accepted:
-            return self._flag(scan) if result.unusable else result
+        result.accepted = fits and clock.is_sound(scan) and self._plausible(scan) and not self._has_burst(scan)
+        result.unusable = self._blank = not result.accepted
+        if result.unusable:
+            return self._flag(scan)
+        clock.admit(scan)
         if self._any_offset:
             self._charge -= self._offset_charge
         charge = self._crosstalk.apply(self._charge) if self._crosstalk.present else self._charge
@@ -207,7 +231,7 @@ class Reconstructor:
         if result.saturated:
             observer.inflate_variance(self._saturated, clock.step)
         observer.compensate_common_mode(not self._tracker.idle)
-        self._faults.add_scan(scan.counts)
+        self._faults.add_scan(scan.counts, clock.close)
         regions = self._find_with_faulty() if self._any_interpolated else self._finder.find(observer.force)
         if regions or self.vibration_wanted:
             self._dynamic.advance(observer.change, clock.step)
@@ -233,8 +257,14 @@ class Reconstructor:
         if self._observer.block_due:
             self._close_block()
 
-    def tare(self) -> Tare:
+    def tare(self, force: bool = False) -> Tare:
         """Set the forces to zero while nothing touches; refused under load, and while offsets are unknown.
+
+        Parameters
+        ----------
+        force : bool, optional
+            Set the forces to zero in any case, for an operator who knows that nothing touches, or wants changes from
+            now on only. Contacts are released with the next scan. Offsets that are unknown stay unknown.
 
         Returns
         -------
@@ -243,22 +273,31 @@ class Reconstructor:
         """
         self.run_maintenance()
         result = self._result
+        if force and self.counts.accepted:
+            return self._tare(forced=True)
         live = [contact for contact in result.contacts if contact.state is not ContactState.RELEASED]
         none = np.zeros(0)
         if live:
             total = sum(contact.region.force for contact in live)
-            return Tare(False, f"refused under load: contacts: {len(live)}, force: {total:.3f} N; release first", none)
+            load = f"contacts: {len(live)}, force: {total:.3f} N"
+            return Tare(False, f"refused under load: {load}; release first, or force the tare", none)
         if not result.valid:
             return Tare(
                 False, "refused: no valid forces yet; check that scans arrive, and leave the sensor untouched", none
             )
-        change = self._observer.tare()
+        return self._tare(forced=False)
+
+    def _tare(self, forced: bool) -> Tare:
+        """Set the forces to zero."""
+        change = self._observer.tare(forced)
+        self._set_thresholds()
+        self._estimate = None
         largest = int(np.abs(change).argmax())
         moved = float(change[largest])
         return Tare(True, f"baseline shifted by {moved * 1e3:+.3f} mN at most (taxel {largest})", change)
 
     def image(self) -> ForceImage:
-        """Return the force image of the last accepted scan.
+        """Return the force image of the last scan that was neither duplicate nor late.
 
         Returns
         -------
@@ -273,18 +312,20 @@ class Reconstructor:
         if self._result.contacts:
             self._keep_non_negative(known)
         self._variance = observer.force_variance(self._variance)
-        np.sqrt(self._variance + common, out=image.standard_deviation, casting="same_kind")
+        shared = observer.correlated_error
+        each = self._variance + np.einsum("ij,ij->i", shared, shared) + common
+        np.sqrt(each, out=image.standard_deviation, casting="same_kind")
         image.status[:] = faults.status
-        if self._result.unusable:
+        if self._blank:
             known = np.zeros_like(known)
-        if faults.any_faulty or not observer.valid or self._result.unusable:
+        if faults.any_faulty or not observer.valid or self._blank:
             image.force[~known] = math.nan
             image.standard_deviation[~known] = math.nan
         image.total, image.total_standard_deviation = math.nan, math.nan
         count = int(np.count_nonzero(known))
         if count:
             image.total = float(observer.force.sum(where=known))
-            correlated = float(observer.correlated_error.sum(where=known)) ** 2 + count * count * common
+            correlated = float(np.square(shared[known].sum(axis=0)).sum()) + count * count * common
             variance = float(self._variance.sum(where=known)) + correlated
             image.total_standard_deviation = math.sqrt(variance)
         if self._result.saturated:
@@ -304,7 +345,7 @@ class Reconstructor:
             Vibration [N]; NaN for faulty and saturated taxels.
         """
         vibration = np.sqrt(self._dynamic.power).astype(np.float32)
-        vibration[self._faults.faulty | self._saturated | self._result.unusable] = math.nan
+        vibration[self._faults.faulty | self._saturated | self._blank] = math.nan
         return vibration
 
     def _flag(self, scan: Scan) -> Reconstruction:
@@ -335,6 +376,12 @@ class Reconstructor:
             return True
         self._clock.counts.implausible += 1
         return False
+
+    def _has_burst(self, scan: Scan) -> bool:
+        """Return whether the readings have a burst; count it."""
+        found = self._bursts.is_burst(self._charge, scan.sequence, self._faults.faulty)
+        self._clock.counts.bursts += found
+        return found
 
     def _follow(self, regions: list[Footprint], step: float) -> tuple[Contact, ...]:
         """Measure the regions in contact and update the contacts."""
@@ -374,13 +421,17 @@ class Reconstructor:
         """Correct baselines away from contacts, test the taxels, and set the thresholds by the new uncertainty."""
         observer, faults = self._observer, self._faults
         near = self._finder.dilated(self._finder.touched, self._contact_margin)
-        if faults.close_block(
-            observer.block_time, observer.block_mean, observer.residual_charge, self._saturated, near
+        variance = observer.variance(self._variance)
+        mean, charge = observer.block_mean, observer.residual_charge
+        if self._detects_faults and faults.close_block(
+            observer.block_time, mean, variance, charge, self._saturated, near, observer.offset_known
         ):
             observer.ignore(faults.faulty)
         observer.set_noise_variance(faults.noise_variance)
+        self._bursts.set_usual_change(faults.usual_change)
         self._hum.close_block(self._finder.touched, faults.faulty | self._saturated, observer.block_time)
-        observer.close_block(near)
+        contacts = [contact.region.taxels for contact in self._result.contacts]
+        observer.close_block(self._finder.touched, near, contacts)
         self._choose_interpolated()
         self._set_thresholds()
         self._estimate = None
@@ -404,3 +455,11 @@ class Reconstructor:
             self._variance[self._interpolated] = 0.0  # their forces are interpolated
         usable = None if observer.valid and not self._faults.any_faulty else observer.offset_known | self._interpolated
         self._finder.update_thresholds(observer.force, self._variance, observer.common_variance, usable)
+
+
+def _force_estimator(
+    estimator: Estimator, sensor: Sensor, calibration: Calibration, settings: ReconstructionSettings
+) -> ForceObserver | ForceEstimator:
+    if estimator is Estimator.ERROR_STATE:
+        return ForceEstimator(sensor, settings.priors, calibration, settings.max_relative_uncertainty)
+    return ForceObserver(sensor, settings.observer, calibration)

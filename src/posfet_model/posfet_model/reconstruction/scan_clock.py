@@ -13,6 +13,10 @@ LONGEST_GAP: Final = 2.0
 """Longest interval across which the force is tracked, in time constants of the leakage [1]; after a longer one little
 charge is left."""
 
+CLOSE: Final = 4
+"""Greatest step of the sequence to a scan that closely follows the one before [1], assumed: until then little charge
+leaks, and no more scans than that are refused in a row for bursts."""
+
 JUMP_FACTOR: Final = 4.0
 """An interval this many times longer than the missing scans explain is a clock jump [1]."""
 
@@ -50,6 +54,8 @@ class ScanCounts:
     """Refused: the board reports an ADC fault."""
     implausible: int = 0
     """Refused: most taxels saturated at once."""
+    bursts: int = 0
+    """Refused: interference in a single scan, which no touch can have caused."""
     missed: int = 0
     """Missing scans: gaps of the sequence. The force is tracked across them."""
     resets: int = 0
@@ -93,35 +99,47 @@ class ScanClock:
         """Interval before the scan [s], > 0."""
         self.interrupted = False
         """Whether the interval is unknown, or too long to track the force."""
+        self.close = False
+        """Whether at most a few scans were lost or refused since the one before: charge has hardly leaked."""
         self.suspect = False
         """Whether the interval was derived from the sequence or the stamps for lack of a valid device time."""
 
     def fits(self, scan: Scan) -> bool:
-        """Return whether a scan has the layout of this sensor and no ADC fault; count it otherwise."""
-        if scan.layout_id != self._layout_id or scan.counts.shape != self._shape:
-            self.counts.layout_mismatch += 1
+        """Return whether a scan has the layout of this sensor; count it otherwise."""
+        if scan.layout_id == self._layout_id and scan.counts.shape == self._shape:
+            return True
+        self.counts.layout_mismatch += 1
+        return False
+
+    def is_new(self, scan: Scan) -> bool:
+        """Return whether a scan that fits is neither duplicate nor late; count it otherwise."""
+        ahead = scan.sequence - self._sequence
+        if ahead > 0 or self._sequence < 0 or scan.status & _BOARD_RESET:
+            return True
+        if ahead == 0:
+            self.counts.repeated += 1
             return False
+        self._late_in_a_row += 1
+        if scan.stamp > self._stamp or self._late_in_a_row > MOST_LATE:
+            return True  # the sequence has restarted
+        self.counts.late += 1
+        return False
+
+    def is_sound(self, scan: Scan) -> bool:
+        """Return whether the board reports no ADC fault; count it otherwise."""
         if scan.status & _ADC_FAULT:
             self.counts.adc_fault += 1
             return False
         return True
 
-    def admit(self, scan: Scan) -> bool:
-        """Return whether a scan that fits is neither duplicate nor late; set the interval before it."""
+    def admit(self, scan: Scan) -> None:
+        """Accept a scan that fits, is new and sound; set the interval before it."""
         self.interrupted = self.suspect = False
         ahead = scan.sequence - self._sequence
+        self.close = 0 < ahead <= CLOSE and self._sequence >= 0 and not scan.status & _BOARD_RESET
         if self._sequence < 0:
             self.step = self._period
-        elif scan.status & _BOARD_RESET:
-            self._reset(scan)
-        elif ahead == 0:
-            self.counts.repeated += 1
-            return False
-        elif ahead < 0:
-            self._late_in_a_row += 1
-            if scan.stamp <= self._stamp and self._late_in_a_row <= MOST_LATE:
-                self.counts.late += 1
-                return False
+        elif scan.status & _BOARD_RESET or ahead < 0:
             self._reset(scan)
         else:
             self._measure(scan, ahead)
@@ -131,7 +149,6 @@ class ScanClock:
         self._estimated = bool(scan.status & _TIME_ESTIMATED)
         self._late_in_a_row = 0
         self.counts.accepted += 1
-        return True
 
     def _reset(self, scan: Scan) -> None:
         """Bridge a restart of the board by the stamps, which continue."""

@@ -1,9 +1,11 @@
 """Detection of faulty taxels and of their recovery, at run time.
 
 - Stuck: the counts stay constant although noise must change them, or although a charge so far from zero would leak, or
-  at the end of the range while no neighbour responds. Or the taxel holds a force to which no neighbour responds.
+  at the end of the range while no neighbour responds. Or the taxel holds a force of which its neighbours feel clearly
+  less than the elastomer skin must let them feel (skin_response.py).
 - Noisy: the second differences of the counts far exceed the described noise, that of most taxels, and that of every
-  neighbour. Neighbours respond to a touch, too: the elastomer skin spreads it.
+  neighbour. Neighbours respond to a touch, too: the elastomer skin spreads it. Or the signal switches between two
+  levels (telegraph_noise.py).
 - Dead: the taxel reads almost nothing while all taxels around it indicate a force on it.
 
 A dead taxel in a corner has one square of neighbours to indicate it, and in a single row of taxels none: there it is
@@ -22,18 +24,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model._lib.reductions import any_true, upper_median
-from posfet_model.sensor.description import Sensor
+from posfet_model.reconstruction.telegraph_noise import TelegraphDetector
+from posfet_model.sensor.description import COARSEST_BITS, Sensor
 from posfet_model.sensor.neighbour_estimate import NeighbourInterpolation
-from posfet_model.sensor.signal_chain import COARSEST_BITS, force_noise_rms, volts_per_count
+from posfet_model.sensor.signal_chain import force_noise_rms, volts_per_count
+from posfet_model.sensor.skin_response import LEAST_SPREAD, SkinResponse
 
 MOST_SCANS: Final = 64
 """Greatest number of scans that are kept for the noise estimate."""
 
 PERIOD: Final = 0.055
 """Period of the tests for noise and response [s], or that number of scans: every third block of 20 ms."""
-
-LEAST_SPREAD: Final = 0.3
-"""Spread of the elastomer skin from which a neighbour responds to every touch [pitch]."""
 
 INFORMATIVE: Final = 5.0
 """Standard deviations of noise from which a force is informative about that of its neighbour [1]."""
@@ -82,7 +83,9 @@ class TaxelFaultSettings:
     neighbours: float = 20.0
     """A touch moves some neighbour by at least one part in this many [1]."""
     alone: float = 50.0
-    """A taxel holds a force alone when no neighbour shows one part in this many of it [1]."""
+    """A taxel at the end of its range is there alone when no neighbour shows one part in this many of it [1]."""
+    certainty: float = 4.0
+    """Standard deviations by which the neighbours of a held force must miss what they must feel of it [1]."""
     common_touch: float = 10.0
     """A noisy taxel reads at most this many times as much as a neighbour of a touch on both [1]."""
     dead: float = 0.05
@@ -115,6 +118,8 @@ class TaxelFaultDetector:
         layout, taxels = sensor.layout, sensor.layout.taxels
         self._settings = settings or TaxelFaultSettings()
         self.surroundings = NeighbourInterpolation(layout)
+        self._skin = SkinResponse(sensor)
+        self._telegraph = TelegraphDetector(taxels, sensor.device.leak_time_constant, self._skin, self.surroundings)
         self._known_dead = np.zeros(taxels, np.bool_) if known_dead is None else known_dead
         self.status = np.where(self._known_dead, TaxelStatus.DEAD, TaxelStatus.OK).astype(np.uint8)
         """Values of TaxelStatus, OK, DEAD, STUCK or NOISY, shape [rows * cols]."""
@@ -125,15 +130,20 @@ class TaxelFaultDetector:
         self._all = np.arange(taxels)
         self._counts = np.zeros((MOST_SCANS + 2, taxels), np.uint16)
         self._rows = list(self._counts)
+        self._close = np.zeros(len(self._rows), np.bool_)  # whether a scan closely follows that in the row before
         self._filled = 0
         self._last = 0  # row of the last scan of the previous block
         self._elapsed = 0.0
         self._touched = np.zeros(taxels, np.bool_)  # since the last tests for noise and response, like the elapsed time
         self._threshold = sensor.contact.threshold
+        self._release_threshold = sensor.contact.threshold - sensor.contact.deadband
         self._informative = INFORMATIVE * force_noise_rms(sensor)
         self._force_max = sensor.device.force_max
         self._tau = sensor.device.leak_time_constant
-        self._newton2_per_count2 = (volts_per_count(sensor) / sensor.volts_per_newton) ** 2
+        self._newton_per_count = volts_per_count(sensor) / sensor.volts_per_newton
+        self._newton2_per_count2 = self._newton_per_count**2
+        self.usual_change = np.zeros(taxels)
+        """Median difference of two consecutive changes of each taxel [N], shape [rows * cols]."""
         self._noise = force_noise_rms(sensor) ** 2 / self._newton2_per_count2
         self._run_limit = longest_run(sensor)
         spread = sensor.device.contact_spread / max(layout.pitch_x, layout.pitch_y)
@@ -145,6 +155,7 @@ class TaxelFaultDetector:
         self._noisy_for = np.zeros(taxels)
         self._quiet_for = np.zeros(taxels)
         self._alone_for = np.zeros(taxels)
+        self._contradicted = np.zeros(taxels, np.bool_)  # noisy taxels whose force their neighbours contradict
         self._silent_for = np.zeros(taxels)
         self._responding_for = np.zeros(taxels)
         self._noisy, self._calm, self._dead, self._alive = np.zeros((4, taxels), np.bool_)
@@ -171,7 +182,7 @@ class TaxelFaultDetector:
         ndarray of bool, shape [rows * cols]
             Noisy taxels with at most that noise.
         """
-        noisy: NDArray[np.bool_] = self.status == _NOISY
+        noisy: NDArray[np.bool_] = (self.status == _NOISY) & ~self._telegraph.found & ~self._contradicted
         if not any_true(noisy):
             return noisy
         most = deviation**2 / self._newton2_per_count2
@@ -179,19 +190,31 @@ class TaxelFaultDetector:
         as_touch = self._level_overall <= np.maximum(most, self._settings.common_touch**2 * around)
         return noisy & (self._level <= most) & as_touch
 
-    def add_scan(self, counts: NDArray[np.uint16]) -> None:
-        """Keep the counts of a scan, shape [rows * cols], until the block ends."""
+    def add_scan(self, counts: NDArray[np.uint16], close: bool) -> None:
+        """Keep the counts of a scan until the block ends.
+
+        Parameters
+        ----------
+        counts : ndarray of uint16, shape [rows * cols]
+            Counts of the scan.
+        close : bool
+            Whether at most a few scans were lost since the last one. Across a long gap counts change by more than their
+            noise, as charge leaks.
+        """
         if self._filled < len(self._rows):
             self._rows[self._filled][...] = counts
+            self._close[self._filled] = close
             self._filled += 1
 
     def close_block(
         self,
         duration: float,
         force: NDArray[np.float64],
+        variance: NDArray[np.float64],
         charge: NDArray[np.float64],
         saturated: NDArray[np.bool_],
         touched: NDArray[np.bool_],
+        offset_known: NDArray[np.bool_],
     ) -> bool:
         """End a block: test all taxels, and update their status.
 
@@ -201,12 +224,16 @@ class TaxelFaultDetector:
             Duration of the block [s].
         force : ndarray of float64, shape [rows * cols]
             Mean forces of the block [N].
+        variance : ndarray of float64, shape [rows * cols]
+            Variance of each force at rest [N2].
         charge : ndarray of float64, shape [rows * cols]
             Charge at each gate, as a force [N].
         saturated : ndarray of bool, shape [rows * cols]
             Taxels at the end of their range.
         touched : ndarray of bool, shape [rows * cols]
             Taxels in or near a contact.
+        offset_known : ndarray of bool, shape [rows * cols]
+            Taxels whose force is known, not only its changes.
 
         Returns
         -------
@@ -215,22 +242,24 @@ class TaxelFaultDetector:
         """
         self._elapsed += duration
         self._touched |= touched
+        self._test_levels(duration)
         stuck, changed = self._test_runs(duration, charge, saturated)
         stuck |= self._alone_for >= self._settings.confirm
         if self._elapsed >= PERIOD or self._filled == len(self._counts):
             self._test_noise(saturated)
-            self._test_response(force)
-            self._test_alone(force)
+            self._test_response(force, offset_known)
+            self._test_alone(force, variance, offset_known)
             self._start_period()
         self._last = max(self._filled - 1, 0)
-        s, status, noisy, dead = self._settings, self.status, self._noisy, self._dead
+        s, status, dead, telegraph = self._settings, self.status, self._dead, self._telegraph.found
+        noisy = self._noisy | telegraph
         if self.any_faulty or any_true(stuck | noisy | dead):
-            sound = np.where(status == _STUCK, changed & self._calm, self._calm)
+            sound = np.where(status == _STUCK, changed & self._calm, self._calm & ~telegraph)
             self._quiet_for = np.where(sound, self._quiet_for + duration, 0.0)
             back = (status == _DEAD) & (self._alive | stuck | noisy)
             back |= ((status == _STUCK) | (status == _NOISY)) & (self._quiet_for >= s.recovery)
             status[back] = _OK
-            status[noisy & (status == _OK)] = _NOISY
+            status[noisy & (status == _OK) | telegraph & (status == _STUCK) & changed] = _NOISY
             status[dead & (status == _OK)] = _DEAD
             status[stuck] = _STUCK
             status[self._known_dead] = _DEAD
@@ -246,9 +275,18 @@ class TaxelFaultDetector:
         # The last two scans are kept, so that no difference is lost.
         keep = min(self._filled, 2)
         self._counts[:keep] = self._counts[self._filled - keep : self._filled]
+        self._close[:keep] = self._close[self._filled - keep : self._filled]
         self._filled = keep
         self._elapsed = 0.0
         self._touched[:] = False
+
+    def _test_levels(self, duration: float) -> None:
+        """Find the taxels with telegraph noise by the mean counts of the block."""
+        block = self._counts[self._last + 1 : self._filled]
+        if len(block):
+            variance = np.maximum(block.var(axis=0), self._noise) / len(block)
+            sound = ~self.faulty | self._telegraph.found
+            self._telegraph.close_block(block.mean(axis=0), variance, sound, duration)
 
     def _test_runs(
         self, duration: float, charge: NDArray[np.float64], saturated: NDArray[np.bool_]
@@ -280,10 +318,9 @@ class TaxelFaultDetector:
         s, duration, touched = self._settings, self._elapsed, self._touched
         usual = max(self._noise, upper_median(self._level))
         now = self._level_overall
-        if self._filled > 2:
-            block = self._counts[: self._filled]
-            difference = np.subtract(block[1:], block[:-1], dtype=np.float64)
-            second = difference[1:] - difference[:-1]
+        second = self._second_differences()
+        if len(second):
+            self.usual_change = np.sort(np.abs(second), axis=0)[len(second) // 2] * self._newton_per_count
             # White noise of variance v has second differences of variance 6*v.
             found: NDArray[np.float64] = np.einsum("ij,ij->j", second, second) / (6.0 * len(second))
             share = -math.expm1(-duration / s.confirm)
@@ -305,15 +342,26 @@ class TaxelFaultDetector:
         self._noisy_for = np.maximum(self._noisy_for + more, 0.0)
         self._noisy, self._calm = self._noisy_for >= s.confirm, self._level < s.quiet**2 * usual
 
-    def _test_response(self, force: NDArray[np.float64]) -> None:
+    def _second_differences(self) -> NDArray[np.float64]:
+        """Return the second differences of the counts in memory, where scans closely follow each other.
+
+        Their shape is [differences, rows * cols].
+        """
+        block, close = self._counts[: self._filled], self._close[: self._filled]
+        difference = np.subtract(block[1:], block[:-1], dtype=np.float64)
+        second: NDArray[np.float64] = difference[1:] - difference[:-1]
+        whole = close[2:] & close[1:-1]
+        return second if whole.all() else second[whole]
+
+    def _test_response(self, force: NDArray[np.float64], offset_known: NDArray[np.bool_]) -> None:
         """Find by the mean force of the last block [N] the dead taxels, and the dead ones that respond again."""
         s, duration = self._settings, self._elapsed
         load = s.dead_load * self._threshold
         if not any_true(force >= load):
             self._dead[:] = self._alive[:] = False
             return
-        least = self.surroundings.lower_bound(force, self.faulty, self._all, self._informative)
-        loaded = least >= load
+        least = self.surroundings.lower_bound(force, self.faulty | ~offset_known, self._all, self._informative)
+        loaded = (least >= load) & offset_known
         silent = loaded & (np.abs(force) < s.dead * least)
         self._silent_for = np.where(silent, self._silent_for + duration, np.where(loaded, 0.0, self._silent_for))
         responding = loaded & (force > 0.5 * least)
@@ -323,19 +371,25 @@ class TaxelFaultDetector:
         self._dead, self._alive = self._silent_for >= s.confirm_dead, self._responding_for >= s.confirm_dead
         self._responding_for[self._alive] = 0.0
 
-    def _test_alone(self, force: NDArray[np.float64]) -> None:
-        """Update how long taxels have held a force to which no neighbour responds, by the mean of the last block [N].
+    def _test_alone(
+        self, force: NDArray[np.float64], variance: NDArray[np.float64], offset_known: NDArray[np.bool_]
+    ) -> None:
+        """Update how long taxels have held a force that their neighbours contradict, by the mean of the last block [N].
 
-        Such taxels failed while they were pressed.
+        Such taxels failed while they were pressed, or their signal is not that of a force.
         """
-        s = self._settings
-        pressed = self._touched & (force >= s.dead_load * self._threshold)
-        if not (self._spread_by_skin and any_true(pressed)):
+        forced = force >= self._release_threshold
+        sound = offset_known & ~self.faulty
+        pressed, noisy = forced & self._touched & sound, forced & (self.status == _NOISY)
+        if not any_true(pressed | noisy):
             self._alone_for[:] = 0.0
+            self._contradicted[:] = False
             return
-        around = self.surroundings.max_neighbour(np.where(self.faulty, np.inf, np.abs(force)))
-        alone = pressed & (around < force / s.alone) & np.isfinite(around)
-        self._alone_for = np.where(alone, self._alone_for + self._elapsed, 0.0)
+        contradicted, _ = self._skin.contradicts(force, variance, sound, self._settings.certainty)
+        self._alone_for = np.where(pressed & contradicted, self._alone_for + self._elapsed, 0.0)
+        if any_true(noisy):  # of the mean of a block, its noise is a small part
+            contradicted, _ = self._skin.contradicts(force, np.zeros_like(variance), sound, 0.0)
+        self._contradicted = noisy & contradicted
 
 
 def longest_run(sensor: Sensor) -> float:

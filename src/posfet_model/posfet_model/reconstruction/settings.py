@@ -1,0 +1,26 @@
+"""Settings of the reconstruction, and switches for its components."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from posfet_model.estimation.choice import MAX_RELATIVE_UNCERTAINTY
+from posfet_model.estimation.error_states import ErrorPriors
+from posfet_model.estimation.settings import ObserverSettings
+
+
+@dataclass(frozen=True)
+class ReconstructionSettings:
+    """Settings of a reconstructor; a component is switched off to learn what it contributes."""
+
+    observer: ObserverSettings | None = None
+    """Settings of the force observer; None: the defaults."""
+    priors: ErrorPriors | None = None
+    """Priors of the estimator of all force errors; None: the defaults."""
+    max_relative_uncertainty: float = MAX_RELATIVE_UNCERTAINTY
+    """Standard deviation of the total force over that force above which the forces are not valid [1]; the force
+    observer has no such limit."""
+    hum_removal: bool = True
+    """Whether mains hum is estimated and subtracted."""
+    fault_detection: bool = True
+    """Whether taxels are tested for faults; without, those that the calibration found stay excluded."""

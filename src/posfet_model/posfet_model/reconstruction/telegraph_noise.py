@@ -1,0 +1,129 @@
+"""Telegraph noise: a taxel whose signal switches between two levels at random.
+
+The levels are constant, while the charge of a touch leaks: second differences do not show such noise, and a touch does
+not look like it. In the means of blocks of 20 ms a level is where two consecutive blocks agree. A taxel returns when
+its next level is the one that it had before the last; when it did so several times, and its neighbours felt nothing of
+these steps, it has telegraph noise. Where there are too few neighbours, as in a corner, a return counts when the charge
+of a force would have leaked clearly meanwhile, so that its release would have missed the level. The taxel is cured when
+it has not returned for a while.
+
+Steps of less than 8 standard deviations of a block's mean are not seen, nor levels that last for less than two blocks.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from posfet_model._lib.reductions import any_true
+from posfet_model._lib.types import Array, Mask
+from posfet_model.sensor.neighbour_estimate import NeighbourInterpolation
+from posfet_model.sensor.skin_response import SkinResponse
+
+LEAST_STEP: Final = 8.0
+"""Standard deviations of a block's mean from which another mean is another level [1]."""
+
+AGREEING: Final = 4.0
+"""Standard deviations of the difference of two blocks' means up to which they agree [1]."""
+
+TOLERANCE: Final = 0.1
+"""Part of a step by which the taxel may miss the level before [1], assumed."""
+
+LEAKED: Final = 2.0
+"""Leaked charge of a force from which it would have missed the level clearly [tolerance]."""
+
+NEIGHBOUR_STEP: Final = 0.07
+"""Part of a step beyond the noise by which no neighbour changes [1]: half of what the sharpest tip lets it feel. In a
+slide, neighbours change by as much."""
+
+RETURNS: Final = 2
+"""Number of returns that identify telegraph noise [1], assumed: up, down and up again."""
+
+MEMORY: Final = 10.0
+"""Time for which a return counts [s], assumed: levels last for up to 2 s."""
+
+CERTAINTY: Final = 4.0
+"""Standard deviations by which the neighbours of a step must miss their part [1]."""
+
+SPAN: Final = 4
+"""Number of blocks over which a step is measured [1]: the two that agree, and one in between."""
+
+
+class TelegraphDetector:
+    """Tests the taxels of one array block by block. Signals are in one unit of the caller's choice.
+
+    State variables per taxel: the present level and the one before, and the time on it [s]; the number of returns, and
+    the time since the last one [s]; means of the last blocks.
+
+    Parameters
+    ----------
+    taxels : int
+        Number of taxels.
+    time_constant : float
+        Leakage time constant [s].
+    skin : SkinResponse
+        What the neighbours of a pressed taxel must feel.
+    surroundings : NeighbourInterpolation
+        Neighbours of each taxel.
+    """
+
+    def __init__(
+        self, taxels: int, time_constant: float, skin: SkinResponse, surroundings: NeighbourInterpolation
+    ) -> None:
+        self._time_constant = time_constant
+        self._skin = skin
+        self._surroundings = surroundings
+        self._level, self._before = np.full((2, taxels), np.nan)
+        self._returns, self._age, self._dwell = np.zeros((3, taxels))
+        self._means = np.full((SPAN, taxels), np.nan)
+        self.found = np.zeros(taxels, np.bool_)
+        """Taxels with telegraph noise, shape [taxels]."""
+
+    def close_block(self, mean: Array, variance: Array, sound: Mask, duration: float) -> None:
+        """Process a block.
+
+        Parameters
+        ----------
+        mean : ndarray of float64, shape [taxels]
+            Mean signals of the block.
+        variance : ndarray of float64, shape [taxels]
+            Variance of each mean, in their unit squared.
+        sound : ndarray of bool, shape [taxels]
+            Taxels without other faults.
+        duration : float
+            Duration of the block [s].
+        """
+        self._age += duration
+        self._dwell += duration
+        self._returns[self._age > MEMORY] = 0.0
+        self._means[1:] = self._means[:-1]
+        self._means[0] = mean
+        deviation = np.sqrt(variance)
+        settled = np.abs(mean - self._means[1]) < AGREEING * math.sqrt(2.0) * deviation
+        away = ~(np.abs(mean - self._level) <= LEAST_STEP * deviation)  # true before the first level
+        self._level = np.where(settled & ~away, mean, self._level)
+        new = settled & away
+        if any_true(new):
+            self._returns += self._count_returns(mean, variance, sound, new)
+            self._before[new] = self._level[new]
+            self._level[new] = mean[new]
+            self._dwell[new] = 0.0
+        self.found = self._returns >= RETURNS
+
+    def _count_returns(self, mean: Array, variance: Array, sound: Mask, new: Mask) -> Mask:
+        """Return which of the taxels on a new level have returned to the one before, without their neighbours."""
+        step = np.abs(mean - self._level)
+        tolerance = np.maximum(TOLERANCE * step, AGREEING * np.sqrt(2.0 * variance))
+        returned: Mask = new & (np.abs(mean - self._before) < tolerance)
+        if not any_true(returned):
+            return returned
+        change = np.nan_to_num(mean - self._means[-1])
+        contradicted, testable = self._skin.contradicts(change, 2.0 * variance, sound, CERTAINTY)
+        around = self._surroundings.max_neighbour(np.where(sound, np.abs(change), 0.0))
+        leaks = -step * np.expm1(-self._dwell / self._time_constant) > LEAKED * tolerance
+        noise = AGREEING * np.sqrt(2.0 * variance)
+        returned &= (contradicted | ~testable & leaks) & (around < NEIGHBOUR_STEP * step + noise)
+        self._age[returned] = 0.0
+        return returned

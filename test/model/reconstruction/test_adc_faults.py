@@ -1,0 +1,85 @@
+"""ADC codes of one taxel with a stuck bit or a missing code: found, or without effect."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
+from posfet_model.reconstruction.taxel_faults import TaxelStatus
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.signal_chain import volts_per_count
+from reference.dense_pressure import sphere_forces
+from support.scan_player import press, scans
+
+SENSOR = load_sensor()
+LAYOUT = SENSOR.layout
+FINGER = sphere_forces(1.5e-3, 1.5e-3, 1.0, 6e-3, 1e6, SENSOR.device.contact_spread, LAYOUT.pitch_x, LAYOUT.rows)
+UNDER = int(FINGER.argmax())
+AWAY = 6
+"""A taxel under the finger, and one that it does not reach."""
+
+QUIET_MEANWHILE = "while the charge of a touch leaks, the bit does not toggle: the noisy taxel is quiet and used again"
+
+Code = Callable[[int], int]
+
+
+def stuck_bit(bit: int, value: int) -> Code:
+    return lambda code: code | 1 << bit if value else code & ~(1 << bit)
+
+
+def missing(code: int) -> int:
+    """Return the next lower code for one of four that noise at rest visits."""
+    return code - 1 if code % 4 == 1 else code
+
+
+def run(taxel: int, rest: int, convert: Code) -> tuple[list[Reconstruction], list[int]]:
+    """Return the results, and the status of the taxel after each; a touch lasts from 1 s to 2 s.
+
+    `rest` [counts] is the offset of the taxel: where its codes are at rest.
+    """
+    reconstructor, results, statuses = Reconstructor(SENSOR), [], []
+    for _, scan in scans(SENSOR, 3.0, force=press(1.0, 1.0, 2.0), shape=FINGER):
+        scan.counts[taxel] = convert(int(scan.counts[taxel]) + rest)
+        results.append(copy.copy(reconstructor.process(scan)))
+        status = reconstructor.image().status
+        statuses.append(int(status[taxel]))
+        assert not np.delete(status, taxel).any()
+    return results, statuses
+
+
+@pytest.mark.parametrize("value", [0, 1])
+@pytest.mark.parametrize(
+    ("taxel", "rest"),
+    [
+        pytest.param(UNDER, 0, marks=pytest.mark.xfail(strict=True, reason=QUIET_MEANWHILE)),
+        *((UNDER, rest) for rest in (64, 200)),
+        *((AWAY, rest) for rest in (0, 64, 200)),
+    ],
+)
+def test_a_stuck_bit_7_is_found_where_codes_cross_it_and_causes_no_contact(taxel: int, rest: int, value: int) -> None:
+    results, statuses = run(taxel, rest, stuck_bit(7, value))
+    assert not any(result.contacts for result in results[:1000])
+    held = [result.contacts for result in results[1100:2000] if result.accepted]
+    assert {contact.id for contacts in held for contact in contacts} == {1}
+    # Until it is found, such a taxel errs by up to the bit at each crossing, and again as that leaks.
+    bit = 128 * volts_per_count(SENSOR) / SENSOR.volts_per_newton
+    assert all(abs(contacts[0].region.force - FINGER.sum()) < 5 * bit for contacts in held)
+    assert not any(result.contacts for result in results[2500:])
+    crossed = taxel == UNDER or rest == 0
+    assert (statuses[-1] in (TaxelStatus.NOISY, TaxelStatus.STUCK)) == crossed
+    assert all(result.valid for result in results[2500:])
+
+
+@pytest.mark.parametrize("convert", [stuck_bit(1, 0), stuck_bit(1, 1), missing])
+@pytest.mark.parametrize("taxel", [UNDER, AWAY])
+def test_a_stuck_bit_1_or_a_missing_code_has_no_effect(taxel: int, convert: Code) -> None:
+    results, statuses = run(taxel, 0, convert)
+    assert not any(statuses)
+    assert not any(result.contacts for result in (*results[:1000], *results[2100:]))
+    assert all(result.valid for result in results[200:])
+    [contact] = results[1900].contacts
+    assert contact.region.force == pytest.approx(FINGER.sum(), abs=0.02)

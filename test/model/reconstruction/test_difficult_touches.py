@@ -1,0 +1,70 @@
+"""Touches that are difficult to distinguish from drift: broad ones, and one whose release is missed."""
+
+from __future__ import annotations
+
+import copy
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
+from posfet_model.sensor.description import load_sensor
+from reference.dense_pressure import sphere_forces
+from support.scan_player import press, scans
+
+SENSOR = load_sensor()
+LAYOUT = SENSOR.layout
+FINGER = sphere_forces(0.6e-3, -0.4e-3, 1.0, 6e-3, 1e6, SENSOR.device.contact_spread, LAYOUT.pitch_x, LAYOUT.rows)
+
+
+def shape(rows: str) -> NDArray[np.float64]:
+    """Return the force on each taxel under 1 N, from relative forces in single digits, row by row."""
+    force = np.array([float(digit) for digit in rows.replace(" ", "")])
+    return force / force.sum()
+
+
+PAD = shape("46664 69996 69996 69996 46664")
+"""A flat pad over most of the array; its rim lies on the outermost taxels."""
+
+RING = shape("13431 36563 45254 36563 13431")
+"""The rim of a screw head, of 2.5 mm radius."""
+
+CROSS = shape("01310 14641 36963 14641 01310")
+"""The edges of a cross recess."""
+
+
+def held(newton: float, rise: float, force: NDArray[np.float64]) -> list[tuple[Reconstruction, float]]:
+    """Return the results with the total force, in the last second of two in which a force is held."""
+    reconstructor, last = Reconstructor(SENSOR), []
+    for time, scan in scans(SENSOR, 3.0 + rise, force=press(newton, 1.0, 9.0, rise), shape=force):
+        result = reconstructor.process(scan)
+        if time >= 2.0 + rise:
+            last.append((copy.copy(result), reconstructor.image().total))
+    return last
+
+
+@pytest.mark.parametrize(("force", "rise"), [(PAD, 0.1), (RING, 0.1), (CROSS, 0.1), (CROSS, 0.3)])
+def test_a_broad_touch_of_2_newton_is_one_contact_with_an_error_of_1_percent(
+    force: NDArray[np.float64], rise: float
+) -> None:
+    last = held(2.0, rise, force)
+    assert all(result.valid for result, _ in last)
+    assert max(abs(total - 2.0) for _, total in last) < 0.02
+    assert all(result.contacts for result, _ in last)
+    assert {len(result.contacts) for result, _ in last} == {1}
+
+
+@pytest.mark.parametrize("onset", [0.5, 0.65])
+@pytest.mark.parametrize("release", [0.705, 0.85, 0.995])
+def test_a_force_whose_release_is_lost_with_300_ms_of_scans_is_gone_within_three_seconds(
+    onset: float, release: float
+) -> None:
+    reconstructor = Reconstructor(SENSOR)
+    for time, scan in scans(SENSOR, 4.0, force=press(1.5, onset, release, 0.005), shape=FINGER):
+        if not 0.7 <= time < 1.0:
+            result = reconstructor.process(scan)
+    total = reconstructor.image().total
+    assert not result.valid or abs(total) < 0.03
+    assert reconstructor.tare(force=not result.valid).done
+    assert abs(reconstructor.image().total) < 0.03
