@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from posfet_model._lib.validation import interval
+from posfet_model.estimation.choice import MAX_RELATIVE_UNCERTAINTY, Estimator
 from posfet_model.sensor.description import DEFAULT_SENSOR, FRAME_CHOICES
 
 Scalar: TypeAlias = "bool | int | float | str"
@@ -191,6 +192,23 @@ CALIBRATION_FILE: Final = Parameter(
     "Calibration of this individual sensor: path of a YAML file",
     empty="nominal values of the sensor file",
 )
+ESTIMATOR: Final = Parameter(
+    "estimator",
+    Estimator.OBSERVER.value,
+    "Estimator of the forces: observer (one filter for each cause of an error), error_state (one filter of all errors, "
+    "docs/estimation.md; new)",
+    choices=tuple(each.value for each in Estimator),
+)
+MAX_RELATIVE: Final = Parameter(
+    "max_relative_uncertainty",
+    MAX_RELATIVE_UNCERTAINTY,
+    "Standard deviation of the total force over that force above which data is not valid; only with estimator "
+    "error_state",
+    low=1e-3,
+    high=10.0,
+)
+ESTIMATION: Final = (ESTIMATOR, MAX_RELATIVE)
+"""The parameters that decide how forces are estimated."""
 SIMULATED: Final = Parameter("simulated", False, "Published in `info`: the signals come from a simulated board")
 
 MODEL_NODE: Final = (
@@ -198,6 +216,7 @@ MODEL_NODE: Final = (
     FRAME_ID,
     *MOUNT,
     CALIBRATION_FILE,
+    *ESTIMATION,
     SIMULATED,
     Parameter(
         "contacts_as_bytes",

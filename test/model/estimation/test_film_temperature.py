@@ -54,8 +54,11 @@ def test_extrapolation_stops_after_a_ramp_ends() -> None:
 def test_an_appearing_or_failing_sensor_causes_no_jump() -> None:
     film = FilmTemperature(0.0)
     nan = math.nan
-    readings = [(nan, 30.0), (25.0, 30.0), (25.0, 30.0), (25.0, nan), (25.5, nan), (25.5, 30.5), (nan, 30.5)]
-    np.testing.assert_allclose(follow(film, readings), [0, 0, 0, 0, 0.5, 0.5, 0.5], rtol=0, atol=2e-3)
+    readings = [(nan, 30.0), (25.0, 30.0), (25.0, 30.0), (25.0, nan), (25.5, nan), *[(25.5, 30.5)] * 10, (nan, 30.5)]
+    history = follow(film, readings)
+    np.testing.assert_allclose(history[:6], [0, 0, 0, 0, 0.5, 0.5], rtol=0, atol=2e-3)
+    # The slope of that step is followed until a new reading is overdue: then the film is back at the last reading.
+    np.testing.assert_allclose(history[-2:], [0.5, 0.5], rtol=0, atol=2e-3)
 
 
 def test_the_last_temperature_is_kept_with_growing_uncertainty_while_unknown() -> None:
@@ -92,3 +95,23 @@ def test_a_common_mode_correction_is_limited_to_the_fastest_film_change() -> Non
     assert film.common_mode_correction(1e-4, 0.0, extend=True) == 1e-4
     assert film.common_mode_correction(1.0, 0.0, extend=True) == pytest.approx(2e-3, abs=1e-12)
     assert film.common_mode_correction(-1e-4, 0.0, extend=True) == pytest.approx(-1e-4, abs=1e-12)
+
+
+def test_a_sensor_that_reports_nan_gives_no_new_reading() -> None:
+    """Of two sensors that report 10 times a second along a ramp, the second fails: the film follows the other alike."""
+    nan = math.nan
+    ramp = [25.0 + 0.05 * (k // 100) for k in range(3000)]
+    both, one = FilmTemperature(0.05), FilmTemperature(0.05)
+    sound = follow(both, [(value, value) for value in ramp])
+    failing = follow(one, [(value, value if k < 1000 else nan) for k, value in enumerate(ramp)])
+    np.testing.assert_array_equal(failing, sound)
+    assert (one.age, one.standard_deviation, one.steady) == (both.age, both.standard_deviation, both.steady)
+
+
+def test_a_sensor_that_drops_out_between_two_readings_gives_no_new_reading() -> None:
+    film = FilmTemperature(0.05)
+    follow(film, [(25.0, 24.0)] * 50)
+    age = film.age
+    follow(film, [(25.0, math.nan), (25.0, 24.0), (math.nan, 24.0)] * 10)
+    assert film.age == pytest.approx(age + 30 * STEP)
+    assert film.known

@@ -42,7 +42,7 @@ class Watch:
         self._last = time
         self._touched |= observer.force > self._limit
         if observer.block_due:
-            observer.close_block(self._touched)
+            observer.close_block(self._touched, self._touched)
             self._limit = np.maximum(self._threshold, 2.5 * self.deviation())
             self._touched = observer.force > self._limit
         return observer.force

@@ -430,6 +430,18 @@ def test_tare_is_rejected_under_load_and_reports_the_change_at_rest(bench: Bench
     assert model.latest().total == pytest.approx(FORCE, abs=0.05)
 
 
+def test_a_forced_tare_is_done_under_load(bench: Bench) -> None:
+    model = bench.model()
+    feed = recorded_scans()
+    process(model, feed[: PRESS_UNTIL - 50])
+    answer = call(bench, TareService, "tare", force=True)
+    assert answer.success, answer.message
+    assert sum(answer.force_change) == pytest.approx(-FORCE, abs=0.05)
+    process(model, feed[PRESS_UNTIL - 50 : PRESS_UNTIL - 10])
+    assert model.latest().total == pytest.approx(0.0, abs=0.05)
+    assert not model.latest().contacts
+
+
 def test_calibrations_are_saved_loaded_and_rejected_in_one_line(bench: Bench, tmp_path: Any) -> None:
     model, path = bench.model(), tmp_path / "cal.yaml"
     answer = call(bench, CalibrationFile, "calibration/save", path=str(path))
@@ -448,3 +460,32 @@ def test_calibrations_are_saved_loaded_and_rejected_in_one_line(bench: Bench, tm
         answer = call(bench, CalibrationFile, f"calibration/{action}", path=str(bad))
         assert not answer.success
         assert answer.message.count("cannot be") == 1
+
+
+def test_the_estimator_is_that_of_the_parameter_also_with_a_loaded_calibration(bench: Bench, tmp_path: Any) -> None:
+    model, path = bench.model(estimator="error_state", max_relative_uncertainty=1e-3), tmp_path / "cal.yaml"
+    for _ in range(2):
+        # No force is as certain as that; the default estimator has no such limit.
+        process(model, recorded_scans()[: PRESS_UNTIL - 10])
+        assert model.latest().total == pytest.approx(FORCE, abs=0.1)
+        assert not model.latest().valid
+        assert call(bench, CalibrationFile, "calibration/save", path=str(path)).success
+        assert call(bench, CalibrationFile, "calibration/load", path=str(path)).success
+    certain = bench.model(max_relative_uncertainty=1e-3)
+    process(certain, recorded_scans()[: PRESS_UNTIL - 10])
+    assert certain.latest().valid
+
+
+@pytest.mark.parametrize(
+    ("parameters", "reason"),
+    [
+        ({"estimator": "kalman"}, "must be one of observer, error_state"),
+        ({"max_relative_uncertainty": 0.0}, "must be a number"),
+        ({"max_relative_uncertainty": float("nan")}, "must be a number"),
+    ],
+)
+def test_an_unknown_estimator_or_meaningless_limit_is_rejected(
+    bench: Bench, parameters: dict[str, Any], reason: str
+) -> None:
+    with pytest.raises(ConfigError, match=reason):
+        bench.model(**parameters)

@@ -266,6 +266,10 @@ class DriftFilter:
         covariance[0, 0] = self.noise_variance - covariance[0, 1:].sum(axis=0)
         self._filled = 0
 
+    def forget(self) -> None:
+        """Forget the states after earlier blocks: a touch that begins does not roll back to them."""
+        self._filled = 0
+
     def store(self, mean: Array, noise: Array) -> None:
         """Keep the state after a block of this mean force [N], whose noise has the variance `noise` [N2].
 

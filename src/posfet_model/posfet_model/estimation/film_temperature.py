@@ -69,6 +69,7 @@ class FilmTemperature:
         self.reading = math.nan
         """Chip temperature since the start in the last reading [K]; NaN: no sensor reports."""
         self._last: list[float] = []
+        self._known: dict[int, float] = {}
         self._bias: dict[int, float] = {}
         self._chip = 0.0
         self._slope = 0.0
@@ -185,8 +186,7 @@ class FilmTemperature:
         self.step = step
         self._age += step
         self._transient -= step
-        if readings != self._last:  # always so while one is NaN
-            self._last = readings
+        if readings != self._last and self._is_new(readings):  # always different while one is NaN
             self._read(readings, step)
         elif self._slope or self._prediction_variance:
             self._extrapolate(step)
@@ -201,6 +201,14 @@ class FilmTemperature:
         if abs(self._lag) < ZERO_LAG:
             self._lag = 0.0
         return change
+
+    def _is_new(self, readings: list[float]) -> bool:
+        """Keep readings [degC]; return whether one is new, or none is known. A sensor that stops gives no new one."""
+        self._last = readings
+        known = {index: value for index, value in enumerate(readings) if math.isfinite(value)}
+        new = any(self._known.get(index) != value for index, value in known.items())
+        self._known.update(known)
+        return new or not known or math.isnan(self.reading)
 
     def _extrapolate(self, step: float) -> None:
         """Move the chip temperature along its slope, or back to the last reading when a new one is overdue."""

@@ -14,6 +14,8 @@ while a force is held, and when it is released: leakage_identification.py estima
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -128,6 +130,7 @@ class ForceObserver:
         self._was_touched = np.zeros(taxels, np.bool_)
         self._negative = NegativeForceMonitor(taxels, self._settings.steady_time)
         self._agreed, self._last_mean, self._sum = np.zeros((3, taxels))
+        self._rest_force = np.zeros(taxels)  # mean of the last block, with the corrections at its end
         self._jumped = np.zeros(taxels)  # variance due to long steps in the current block
 
     @property
@@ -158,7 +161,7 @@ class ForceObserver:
         return np.add(self._drift.variance, self._noise_variance + more if more else self._noise_variance, out=out)
 
     def force_variance(self, out: Array) -> Array:
-        """Return in `out` the variance of `force`, with the scale errors of gain and leakage, without the common one.
+        """Return in `out` the variance of `force`, with scale errors of gain and leakage, without what forces share.
 
         Scale errors are those at the end of the last block: a touch that began since then is not included yet.
 
@@ -172,12 +175,13 @@ class ForceObserver:
         ndarray of float64, shape [rows * cols]
             Variance of each force [N2].
         """
-        return np.add(self.variance(out), self._scale_variance, out=out)
+        np.add(self.variance(out), self._scale_variance, out=out)
+        return np.subtract(out, self._leakage.correlated_error**2, out=out)
 
     @property
     def correlated_error(self) -> Array:
-        """Error of each force for one standard deviation of the common leakage error [N], shape [rows * cols]."""
-        return self._leakage.correlated_error
+        """Error of each force for one standard deviation of the common leakage error [N], shape [rows * cols, 1]."""
+        return self._leakage.correlated_error[:, None]
 
     @property
     def block_time(self) -> float:
@@ -259,21 +263,34 @@ class ForceObserver:
 
     def compensate_common_mode(self, touched: bool) -> None:
         """Attribute the common-mode component of the forces to the film temperature; `touched`: something touches."""
-        if not self.valid or not (touched or self.common.active):
+        if not self._settings.common_mode or not self.valid or not (touched or self.common.active):
             return
         self._corrector.compensate(self.force[~self.ignored] if self._any_ignored else self.force, touched)
 
-    def tare(self) -> Array:
-        """Set the forces of the last block to zero; offsets stay, as they are estimated all the time.
+    def tare(self, forced: bool = False) -> Array:
+        """Set the forces to zero, and start a new block; offsets stay, as they are estimated all the time.
+
+        Parameters
+        ----------
+        forced : bool, optional
+            Whether forces may be applied: those of the newest scan are set to zero, and none remains a lower bound.
+            Otherwise the mean forces of the last block are set to zero, which have less noise.
 
         Returns
         -------
         ndarray of float64, shape [rows * cols]
             Correction that was added to each force [N]; 0 for ignored taxels.
         """
-        change = np.where(self.ignored, 0.0, -self._last_mean)
+        change = np.where(self.ignored, 0.0, -self.force if forced else -self._rest_force)
+        if forced:
+            self._leakage.restart_window()
+            self._negative.reset(slice(None))
+            self._lower_bound.mask[:] = False
         self._shift_baseline(change)
+        self._rest_force += change
         self._drift.reset_force_error(slice(None), self._noise_variance)
+        self._drift.forget()
+        self._start_block()
         return change
 
     def inflate_variance(self, saturated: Mask, step: float) -> None:
@@ -290,17 +307,23 @@ class ForceObserver:
         variance = self._drift.variance
         variance[saturated] = (np.sqrt(variance[saturated]) + lost) ** 2
 
-    def close_block(self, touched: Mask) -> None:
+    def close_block(self, touched: Mask, near: Mask, contacts: Sequence[NDArray[np.intp]] = ()) -> None:
         """Correct baseline and offset where nothing touched during the block; propagate the covariance elsewhere.
 
         Parameters
         ----------
         touched : ndarray of bool, shape [rows * cols]
+            Taxels in contact at any time of the block; not used.
+        near : ndarray of bool, shape [rows * cols]
             Taxels in or near a contact at any time of the block. Has no effect where the offset is unknown: there a
             constant force is as informative as no force.
+        contacts : sequence of ndarray of int
+            Taxels of each contact; not used.
         """
+        touched = near
         s, drift = self._settings, self._drift
         mean = self._sum / self._scans
+        deviation = mean - self.force  # of the mean from the last scan
         if self._corrector.due:
             self._corrector.measure(self._leaked, self._elapsed, self._scans)
         self._corrector.subtract_common_mode(mean, touched, self.common.observable)
@@ -340,6 +363,7 @@ class ForceObserver:
         self._last_mean = mean
         signal = self._inverse.signal
         self._corrector.close_block(mean, any_true(touched), signal, self.offset_known, self.valid, self._elapsed)
+        self._rest_force = self.force + deviation
         drift.store(mean, noise)
         self._start_block()
 
@@ -369,8 +393,10 @@ class ForceObserver:
         """Roll back taxels on which a touch begins, and estimate leakage time constants from touched taxels."""
         leakage, begun = self._leakage, touched & ~self._was_touched
         if any_true(begun):
-            change, blocks = self._drift.roll_back(begun)
-            self.force[begun] += change
+            blocks = np.zeros(np.count_nonzero(begun), np.intp)
+            if self._settings.roll_back:
+                change, blocks = self._drift.roll_back(begun)
+                self.force[begun] += change
             if self.valid and not any_true(self._was_touched):
                 self._corrector.begin_touch(begun, blocks, self._elapsed)
             self._drift.variance[begun] += self._jumped[begun]

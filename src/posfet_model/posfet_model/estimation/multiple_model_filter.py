@@ -225,6 +225,9 @@ class CommonOffsetFilter:
         ramps = self._read(seen.reading, seen.age, passed)
         observation = self._signal_model(duration)
         error, variance = self._update(observation, seen.signal, seen.noise)
+        if not bool((variance > 0.0).all()):  # rounding, where the sensor's values differ by too many powers of ten
+            self.reset()
+            return None
         # Readings do not count: the information in a rounded value depends on the intensity of the random walk.
         self._likelihood -= 0.5 * (error * error / variance + np.log(variance))
         self._likelihood -= self._likelihood.max()

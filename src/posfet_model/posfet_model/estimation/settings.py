@@ -85,3 +85,7 @@ class ObserverSettings:
     """No force is valid for this long after an interruption [s]."""
     recovery_time: float = 2.0
     """A taxel whose force stays negative for this long without becoming steady restarts [s]."""
+    common_mode: bool = True
+    """Whether the least-loaded taxels correct the film temperature ahead of the chip sensors."""
+    roll_back: bool = True
+    """Whether what the baseline absorbed of a touch before its detection is given back."""

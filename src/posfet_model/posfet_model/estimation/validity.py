@@ -59,7 +59,7 @@ class NegativeForceMonitor:
         self._steady[confirmed] = 0.0
         return confirmed
 
-    def reset(self, where: Mask) -> None:
+    def reset(self, where: Mask | slice) -> None:
         """Reset the masked taxels."""
         self.duration[where] = self._steady[where] = 0.0
 

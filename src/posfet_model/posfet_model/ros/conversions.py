@@ -41,6 +41,9 @@ FOREIGN_LAYOUT = 0
 
 LARGEST_INT32 = 0x7FFF_FFFF
 
+UNKNOWN_WRENCH = [math.nan] * 6
+"""Force and torque of a scan whose forces are not fit for control."""
+
 
 def set_stamp(stamp: Time, nanoseconds: int) -> None:
     """Set the time of a message to `nanoseconds` since the Unix epoch.
@@ -235,7 +238,7 @@ class WrenchMessage:
         self._per_newton = np.hstack([-normals, -np.cross(taxel_points(layout), normals)]).T.copy()
 
     def fill(self, result: Reconstruction, image: ForceImage) -> WrenchStamped:
-        """Return the message; the next call overwrites it. NaN if no force is known.
+        """Return the message; the next call overwrites it. All NaN if the result is not valid: it has no other flag.
 
         Parameters
         ----------
@@ -246,8 +249,8 @@ class WrenchMessage:
         """
         message = self._message
         set_stamp(message.header.stamp, result.stamp)
-        known = np.nan_to_num(image.force) if math.isfinite(image.total) else image.force
-        whole = (self._per_newton @ known).tolist()
+        usable = result.valid and math.isfinite(image.total)
+        whole = (self._per_newton @ np.nan_to_num(image.force)).tolist() if usable else UNKNOWN_WRENCH
         _set(message.wrench.force, whole[:3])
         _set(message.wrench.torque, whole[3:])
         return message

@@ -22,11 +22,13 @@ from visualization_msgs.msg import MarkerArray
 from posfet_model.calibration.calibration_file import load_calibration, save_calibration
 from posfet_model.config import ConfigError
 from posfet_model.contacts.tracker import Contact
+from posfet_model.estimation.choice import Estimator
 from posfet_model.parameters import MODEL_NODE
 from posfet_model.reconstruction.diagnostics import Period, judge
 from posfet_model.reconstruction.force_image import ForceImage
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
 from posfet_model.reconstruction.scan_clock import ScanCounts
+from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.ros.contacts_cdr import ContactsBytes
 from posfet_model.ros.conversions import (
     ContactsMessage,
@@ -80,6 +82,8 @@ class Snapshot:
     """Scans accepted since the start."""
     missed: int
     """Scans that were never received."""
+    calibration: str
+    """Date of the calibration, or what its absence costs, in one line."""
 
 
 class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
@@ -109,7 +113,9 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
             self.destroy_node()
             raise
         layout = self.sensor.layout
-        self._reconstructor = Reconstructor(self.sensor, calibration)
+        settings = ReconstructionSettings(max_relative_uncertainty=parameters["max_relative_uncertainty"])
+        self._estimation = Estimator(parameters["estimator"]), settings
+        self._reconstructor = Reconstructor(self.sensor, calibration, *self._estimation)
         self._lock = threading.Lock()
         self._result: Reconstruction | None = None
         self._reader = ScanReader(layout)
@@ -205,24 +211,26 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
                 contacts=self._result.contacts,
                 scans=counts.accepted,
                 missed=counts.missed,
+                calibration=self._reconstructor.calibration.summary,
             )
 
     def _receive(self, message: TactileRaw) -> None:
         self.process(self._reader.read(message))
 
-    def _tare(self, _: Any, response: Any) -> Any:
+    def _tare(self, request: Any, response: Any) -> Any:
         with self._lock:
-            tare = self._reconstructor.tare()
+            tare = self._reconstructor.tare(request.force)
         response.success, response.message = tare.done, tare.message
         response.force_change = array("f", tare.force_change.tolist())
         return response
 
     def _load(self, request: Any, response: Any) -> Any:
         try:
-            reconstructor = Reconstructor(self.sensor, load_calibration(request.path, self.sensor))
+            calibration = load_calibration(request.path, self.sensor)
         except ConfigError as error:
             response.success, response.message = False, str(error)
             return response
+        reconstructor = Reconstructor(self.sensor, calibration, *self._estimation)
         with self._lock:
             self._reconstructor = reconstructor
             self._result = None
@@ -249,9 +257,13 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
             bad = self._reconstructor.faulty
             temperature_known, rate = self._reconstructor.temperature_known, self._reconstructor.rate
             hum_frequency, hum_amplitude = self._reconstructor.hum_frequency, self._reconstructor.hum_amplitude
+            calibration = self._reconstructor.calibration
         before, self._reported = self._reported, counts
-        verdict = judge(Period.between(before, counts, unsettled, saturated, bad, temperature_known))
+        verdict = judge(
+            Period.between(before, counts, unsettled, saturated, bad, temperature_known, calibration.calibrated)
+        )
         values = {name.replace("_", " "): str(count) for name, count in asdict(counts).items()}
+        values["calibration"] = calibration.summary
         values["scan rate received [Hz]"] = f"{(counts.accepted - before.accepted) / REPORT_PERIOD:.0f}"
         values["scan rate by the board's clock [Hz]"] = f"{rate:.1f}"
         values["taxels without a baseline"] = str(unsettled)

@@ -1,0 +1,19 @@
+"""Which estimator of the forces a reconstruction uses, and the limit that decides about valid forces."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Final
+
+MAX_RELATIVE_UNCERTAINTY: Final = 0.2
+"""Standard deviation of the total force, over that force, above which the forces are not valid [1], assumed: fit for
+control of a grip."""
+
+
+class Estimator(Enum):
+    """Ways to estimate forces."""
+
+    OBSERVER = "observer"
+    """One filter for each cause of an error (`ForceObserver`)."""
+    ERROR_STATE = "error_state"
+    """One filter of all errors, for films that relax, warm and bend as well (`ForceEstimator`); new."""

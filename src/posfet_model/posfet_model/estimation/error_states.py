@@ -1,0 +1,275 @@
+"""The states of the force errors that all taxels share: what they are, how they change, and how well they are known.
+
+All priors and process noises are assumed; those that a calibration determines are smaller with one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from enum import IntEnum
+from typing import Any, Final
+
+import numpy as np
+
+from posfet_model._lib.types import Array
+from posfet_model.calibration.taxel_calibration import Calibration
+
+
+class Shared(IntEnum):
+    """Index of each shared state."""
+
+    CHIP = 0
+    """Temperature of the chip since the start [K]."""
+    RATE = 1
+    """Its rate of change [K/s]."""
+    FILM = 2
+    """Temperature of the film since the start [K]: follows the chip."""
+    SENSOR = 3
+    """Temperature of the sensors since the start [K]: follows the chip."""
+    LAG = 4
+    """Natural logarithm of the time constant of the sensors' lag in seconds [1]."""
+    SCALE = 5
+    """Relative error of the sensors' scale [1]."""
+    BEND = 6
+    """Charge of bending on every taxel, as a force per total force [1]."""
+    BEND_X = 7
+    """Its gradient: difference between the middle of the array and its edge in x [1]."""
+    BEND_Y = 8
+    """The same in y [1]."""
+    LEAK = 9
+    """Relative error of the leak rates that all taxels have in common [1]."""
+    WARMTH = 10
+    """Temperature of the film of a touched taxel above the others [K]."""
+    TAIL = 11
+    """Force that the cover lets an untouched taxel feel, relative to that of a geometric decline [1]."""
+    CREEP = 12
+    """First of the slow responses of the film to a force, relative to the force [1]; `CREEPS` of them."""
+
+
+CREEPS: Final = 3
+"""Number of slow responses of the film."""
+
+COUNT: Final = Shared.CREEP + CREEPS
+"""Number of shared states."""
+
+NEGLIGIBLE: Final = 1e-6
+"""Deviation of the temperatures at the start, which are zero by definition [K]; not 0, for a regular covariance."""
+
+
+@dataclass(frozen=True)
+class ErrorPriors:
+    """Standard deviations of the force errors; all assumed."""
+
+    film_walk: float = 0.4e-3
+    """Random walk of the film temperature [K/sqrt(s)]."""
+    rate: float = 5e-3
+    """Rate of the chip temperature at the start [K/s]."""
+    rate_walk: float = 2e-3
+    """Random walk of that rate [K/s/sqrt(s)], and"""
+    rate_change: float = 1.0
+    """the same as a share of the rate [1/sqrt(s)]: what warms the chip fast soon warms it less."""
+    fastest: float = 3.0
+    """Greatest change of that rate between two readings [K/s]."""
+    lag: float = 0.4
+    """Time constant of the sensors' lag [s]."""
+    lag_least: float = 0.02
+    """Least time constant of that lag [s]."""
+    lag_spread: float = 0.8
+    """Standard deviation of its logarithm [1]."""
+    lag_spread_calibrated: float = 0.3
+    """The same with calibration [1]."""
+    scale: float = 0.04
+    """Scale of the temperature sensors [1]."""
+    reading: float = 4e-3
+    """A reading of the temperature sensors: rounding and noise [K]."""
+    bend: float = 3e-3
+    """Charge of bending, as a force per total force [1]."""
+    bend_gradient: float = 1.5e-3
+    """Its gradient over half the array [1]."""
+    leak: float = 0.1
+    """Leak rates that all taxels have in common [1]."""
+    leak_calibrated: float = 0.03
+    """The same with calibration: the effect of temperature and ageing [1]."""
+    tail: float = 0.08
+    """Force of a taxel beside a contact, relative to that of a geometric decline [1]."""
+    tail_least: float = 0.005
+    """The same as a share of its neighbours' force [1]."""
+    tail_change: float = 0.003
+    """Change of that force from block to block, as a share of the neighbours' force [1]."""
+    warmth_beside: float = 0.03
+    """Warmth of a taxel beside a contact [K]."""
+    warmth_mean: float = 0.0
+    """Warmth of a touched taxel, expected [K], and"""
+    warmth: float = 0.015
+    """its standard deviation [K]."""
+    warmth_least: float = 3e-3
+    """Difference between the warmth of one taxel and that of the others [K], and"""
+    warmth_spread: float = 0.25
+    """as a share of the common warmth [1]."""
+    warmth_time: float = 0.5
+    """Time constant of that warmth [s]."""
+    creep_times: tuple[float, ...] = (0.3, 2.0, 15.0)
+    """Time constants of the slow responses of the film [s]."""
+    creep_mean: tuple[float, ...] = (0.0, 0.0, 0.0)
+    """Their expected sizes [1], and"""
+    creep: tuple[float, ...] = (0.008, 0.012, 0.015)
+    """the standard deviations of these [1]."""
+    creep_least: float = 0.003
+    """Least standard deviation of a size with calibration [1]."""
+    gain_least: float = 0.01
+    """Gain of one taxel, in addition to what its calibration states [1]."""
+    pyroelectric: float = 0.1
+    """Pyroelectric response of one taxel, uncalibrated [1]."""
+    pyroelectric_calibrated: float = 0.02
+    """The same with calibration [1]."""
+    offset_walk: float = 1e-5
+    """Random walk of the offset of a signal [N/sqrt(s)]."""
+    left_charge: float = 5e-5
+    """Charge left by an earlier force at the start, as a voltage [V]; grows when rejected."""
+    motion: float = 0.01
+    """Share of a change of the force by which the film's hysteresis changes the baseline [1]."""
+
+    def with_calibration(self, calibration: Calibration) -> ErrorPriors:
+        """Return a copy with what a calibration determined.
+
+        Parameters
+        ----------
+        calibration : Calibration
+            Properties of each taxel; unchanged priors when uncalibrated.
+        """
+        if not calibration.calibrated:
+            return self
+        found: dict[str, Any] = {
+            "leak": self.leak_calibrated,
+            "pyroelectric": self.pyroelectric_calibrated,
+        }
+        if calibration.temperature_sensor_lag > 0.0:
+            lag = max(calibration.temperature_sensor_lag, self.lag_least)
+            found |= {"lag": lag, "lag_spread": self.lag_spread_calibrated}
+        if calibration.warmth_observed:
+            deviation = math.hypot(calibration.warmth_deviation, self.warmth_least)
+            found |= {"warmth_mean": calibration.warmth, "warmth": deviation}
+        times = calibration.relaxation_time_constants[:CREEPS].tolist()
+        if times:
+            kept = len(times)
+            sizes, deviations = calibration.relaxation_sizes.tolist(), calibration.relaxation_deviations.tolist()
+            found["creep_times"] = (*times, *self.creep_times[kept:])
+            found["creep_mean"] = (*sizes[:kept], *self.creep_mean[kept:])
+            stated = [math.hypot(each, self.creep_least) for each in deviations[:kept]]
+            found["creep"] = (*stated, *self.creep[kept:])
+        return replace(self, **found)
+
+    def covariance(self) -> Array:
+        """Return the covariance of the shared states at the start, shape [COUNT, COUNT]."""
+        deviations = np.zeros(COUNT)
+        deviations[[Shared.CHIP, Shared.FILM]] = NEGLIGIBLE
+        deviations[Shared.RATE] = self.rate
+        deviations[Shared.SENSOR] = self.reading
+        deviations[Shared.LAG] = self.lag_spread
+        deviations[Shared.SCALE] = self.scale
+        deviations[Shared.BEND] = self.bend
+        deviations[[Shared.BEND_X, Shared.BEND_Y]] = self.bend_gradient
+        deviations[Shared.LEAK] = self.leak
+        deviations[Shared.WARMTH] = self.warmth
+        deviations[Shared.TAIL] = self.tail
+        deviations[Shared.CREEP :] = self.creep
+        return np.diag(np.square(deviations))
+
+    def mean(self) -> Array:
+        """Return the shared states at the start, shape [COUNT]."""
+        state = np.zeros(COUNT)
+        state[Shared.LAG] = math.log(self.lag)
+        state[Shared.TAIL] = self.tail
+        state[Shared.WARMTH] = self.warmth_mean
+        state[Shared.CREEP :] = self.creep_mean
+        return state
+
+
+class SharedDynamics:
+    """Transition of the shared states over a block.
+
+    Chip, film and sensors: ``C' = U``, ``Theta' = (C - Theta)/tau_film``, ``S' = (C - S)/exp(l)``; the others are
+    constant, but for a small random walk by which they forget in about ten minutes.
+
+    Parameters
+    ----------
+    priors : ErrorPriors
+        Noise of the states.
+    film_lag : float
+        Time constant of the film's lag behind the chip [s], >= 0.
+    """
+
+    FORGET: Final = 600.0
+    """Time in which a constant state becomes uncertain again [s]."""
+    LEAST_LAG: Final = -7.0
+    """Least logarithm of the time constant of the sensors' lag that makes a difference [1]: 0.9 ms."""
+    GREATEST_LAG: Final = 3.0
+    """Greatest one [1]: 20 s."""
+
+    def __init__(self, priors: ErrorPriors, film_lag: float) -> None:
+        self._film_lag = film_lag
+        self._rate_change = priors.rate_change
+        rates = np.diag(priors.covariance()).copy() / self.FORGET
+        rates[Shared.CHIP] = rates[Shared.FILM] = priors.film_walk**2
+        rates[Shared.RATE] = priors.rate_walk**2
+        rates[Shared.SENSOR] = 0.0
+        rates[Shared.TAIL] = priors.tail**2
+        self._noise = np.diag(rates)
+        both = [Shared.CHIP, Shared.FILM]
+        self._noise[np.ix_(both, both)] = priors.film_walk**2
+
+    def transition(self, state: Array, duration: float) -> tuple[Array, Array, Array]:
+        """Return the next state, the transition matrix and the covariance of the process noise of a block.
+
+        Parameters
+        ----------
+        state : ndarray of float64, shape [COUNT]
+            State at its start.
+        duration : float
+            Duration of the block [s].
+        """
+        matrix = np.eye(COUNT)
+        matrix[Shared.CHIP, Shared.RATE] = duration
+        self._follow(matrix, Shared.FILM, self._film_lag, duration)
+        lag, time = float(state[Shared.LAG]), self.sensor_lag(state)
+        self._follow(matrix, Shared.SENSOR, time, duration)
+        after = matrix @ state
+        if self.LEAST_LAG < lag < self.GREATEST_LAG:
+            # Derivative of the sensors' temperature with respect to the logarithm of the time constant.
+            ratio, behind = duration / time, state[Shared.CHIP] - state[Shared.SENSOR]
+            left, gone = math.exp(-ratio), -math.expm1(-ratio)
+            matrix[Shared.SENSOR, Shared.LAG] = (
+                state[Shared.RATE] * (duration * left - time * gone) - behind * left * ratio
+            )
+        noise = self._noise * duration
+        noise[Shared.RATE, Shared.RATE] += (self._rate_change * state[Shared.RATE]) ** 2 * duration
+        return after, matrix, noise
+
+    def maneuver(self, state: Array, duration: float) -> Array:
+        """Return how the shared states change if the rate of the chip temperature changed by 1 K/s, shape [COUNT].
+
+        Parameters
+        ----------
+        state : ndarray of float64, shape [COUNT]
+            State.
+        duration : float
+            Time since the rate changed [s].
+        """
+        response: Array = self.transition(state, duration)[1][:, Shared.RATE]
+        return response
+
+    @classmethod
+    def sensor_lag(cls, state: Array) -> float:
+        """Return the time constant of the sensors' lag [s], within what a sensor can have."""
+        return math.exp(min(max(float(state[Shared.LAG]), cls.LEAST_LAG), cls.GREATEST_LAG))
+
+    @staticmethod
+    def _follow(matrix: Array, row: int, time: float, duration: float) -> None:
+        """Let a temperature follow the chip with a time constant [s], exact for a constant rate."""
+        ratio = duration / time if time > 0.0 else math.inf
+        gone = -math.expm1(-ratio)
+        mean = gone / ratio if ratio else 1.0
+        matrix[row, row] = math.exp(-ratio)
+        matrix[row, Shared.CHIP] = gone
+        matrix[row, Shared.RATE] = duration * (1.0 - mean)

@@ -1,0 +1,329 @@
+"""Kalman filter of the force errors: states that all taxels share, and three of each taxel; linear in the taxels.
+
+Given the shared states s, the errors of the taxels are independent: with t_i = (d_i, o_i, r_i), error of the
+force, offset of the signal and, beside a contact, small force of taxel i,
+
+    t_i = m_i + G_i*(s - s^) + e_i,    cov(e_i) = V_i,    cov(s) = S.
+
+A known force of taxel i measures ``z_i = d_i + r_i + h_i.s + noise``. The update eliminates the taxels one by one: each
+adds ``g_i g_i'/v_i`` to the information on s, with ``g_i = h_i + a.G_i`` and ``v_i = a.V_i.a + R_i``, a = (1, 0, 1);
+then each taxel is updated given s. That costs O(taxels) instead of O(taxels^3), and is exact but for what the process
+noise of s makes common to the taxels (docs/estimation.md).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from posfet_model._lib.types import Array, Mask
+from posfet_model.estimation.error_states import Shared
+
+
+@dataclass
+class Belief:
+    """State of the filter: means and covariance of the force errors."""
+
+    shared: Array
+    """Shared states, shape [shared]; units as in `error_states.Shared`."""
+    covariance: Array
+    """Their covariance S, shape [shared, shared]."""
+    error: Array
+    """Errors of the forces d, offsets of the signals o, and small forces r beside a contact [N], shape [taxels, 3]."""
+    slope: Array
+    """Regression G of the taxels' errors on the shared states, shape [taxels, 3, shared]."""
+    own: Array
+    """Covariance V of the taxels' errors given the shared states [N2], shape [taxels, 3, 3]."""
+
+    def copy(self) -> Belief:
+        """Return an independent copy."""
+        return Belief(self.shared.copy(), self.covariance.copy(), self.error.copy(), self.slope.copy(), self.own.copy())
+
+    def integrate(self, leaked: Array) -> None:
+        """Add to the force errors what the offsets cause within a time, which may be negative.
+
+        Parameters
+        ----------
+        leaked : ndarray of float64, shape [taxels]
+            Share t/tau of an offset that the integration adds to the force in that time t [1].
+        """
+        self.error[:, 0] += leaked * self.error[:, 1]
+        self.slope[:, 0] += leaked[:, None] * self.slope[:, 1]
+        self.own[:, 0] += leaked[:, None] * self.own[:, 1]
+        self.own[:, :, 0] += leaked[:, None] * self.own[:, :, 1]
+
+    def forget_small_forces(self, where: Mask) -> None:
+        """Set the small forces r of the masked taxels to zero, as they are not beside a contact."""
+        self.error[where, 2] = 0.0
+        self.forget(where, 2)
+
+    def forget(self, where: Mask | slice, state: int) -> None:
+        """Make one state of the masked taxels exactly known and independent of all others.
+
+        Parameters
+        ----------
+        where : ndarray of bool, shape [taxels], or slice
+            Taxels concerned.
+        state : int
+            Index of the state: 0 for d, 1 for o, 2 for r.
+        """
+        self.slope[where, state] = 0.0
+        self.own[where, state] = 0.0
+        self.own[where, :, state] = 0.0
+
+
+def start_belief(taxels: int, shared: Array, covariance: Array) -> Belief:
+    """Return a belief without force errors.
+
+    Parameters
+    ----------
+    taxels : int
+        Number of taxels.
+    shared : ndarray of float64, shape [shared]
+        Shared states.
+    covariance : ndarray of float64, shape [shared, shared]
+        Their covariance.
+    """
+    size = len(shared)
+    return Belief(shared, covariance, np.zeros((taxels, 3)), np.zeros((taxels, 3, size)), np.zeros((taxels, 3, 3)))
+
+
+NEGLIGIBLE: Final = 1e-14
+"""Added to the correlation of each shared state with itself [1]: correlations are positive within rounding, then."""
+
+
+def _correlation(covariance: Array) -> tuple[Array, Array, Array]:
+    """Return deviations, scales (1 for a state that is known exactly), and a positive definite correlation matrix."""
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale = np.where(deviation > 0.0, deviation, 1.0)
+    correlation: Array = covariance / (scale[:, None] * scale)
+    correlation.flat[:: len(scale) + 1] = 1.0 + NEGLIGIBLE
+    return deviation, scale, correlation
+
+
+class ForceErrorFilter:
+    """Predicts and updates a belief. Matrices are those of the module's docstring.
+
+    Parameters
+    ----------
+    belief : Belief
+        Belief at the start; changed in place.
+    """
+
+    def __init__(self, belief: Belief) -> None:
+        self.belief = belief
+        """The belief."""
+
+    def predict(self, after: Array, matrix: Array, noise: Array, leaked: Array, own_noise: Array) -> None:
+        """Propagate over a block.
+
+        Parameters
+        ----------
+        after : ndarray of float64, shape [shared]
+            Shared states at its end.
+        matrix : ndarray of float64, shape [shared, shared]
+            Jacobian F of that transition.
+        noise : ndarray of float64, shape [shared, shared]
+            Covariance of the process noise Q of the shared states.
+        leaked : ndarray of float64, shape [taxels]
+            Share T/tau of an offset that the integration adds to the force in the block [1].
+        own_noise : ndarray of float64, shape [taxels, 3, 3]
+            Covariance of the process noise of each taxel [N2].
+        """
+        b = self.belief
+        before, slope = b.covariance, b.slope
+        b.integrate(leaked)
+        b.own += own_noise
+        self._become(before, slope @ (before @ matrix.T), matrix @ before @ matrix.T + noise)
+        b.shared = after
+
+    def admit(self, direction: Array, variance: float) -> None:
+        """Raise the uncertainty of the shared states, independently of the taxels' errors.
+
+        Parameters
+        ----------
+        direction : ndarray of float64, shape [shared]
+            How the shared states may have changed together.
+        variance : float
+            Variance of the size of that change [1].
+        """
+        b = self.belief
+        added = np.outer(direction, direction) * variance
+        self._become(b.covariance, b.slope @ b.covariance, b.covariance + added)
+
+    def _become(self, before: Array, cross: Array, after: Array) -> None:
+        """Replace the covariance of the shared states, and regress the taxels' errors on the new one.
+
+        Parameters
+        ----------
+        before : ndarray of float64, shape [shared, shared]
+            Covariance that the slopes belong to.
+        cross : ndarray of float64, shape [taxels, 3, shared]
+            Covariance of the taxels' errors with the new shared states.
+        after : ndarray of float64, shape [shared, shared]
+            New covariance.
+        """
+        b, slope = self.belief, self.belief.slope
+        _, scale, correlation = _correlation(after)
+        fresh = np.linalg.solve(correlation, (cross / scale).reshape(-1, len(after)).T).T.reshape(slope.shape) / scale
+        # What the noise takes from the regression stays as the taxel's own.
+        spread = slope @ before @ slope.transpose(0, 2, 1) - fresh @ after @ fresh.transpose(0, 2, 1)
+        b.own += 0.5 * (spread + spread.transpose(0, 2, 1))
+        b.slope = fresh
+        b.covariance = after
+
+    def innovation(self, measured: Array, response: Array, noise: Array) -> tuple[Array, Array, Array]:
+        """Return the residuals [N], their sensitivity g to the shared states, and their expected deviation [N].
+
+        Parameters
+        ----------
+        measured : ndarray of float64, shape [taxels]
+            Measured errors of the forces [N].
+        response : ndarray of float64, shape [taxels, shared]
+            Responses h of the measurements to the shared states.
+        noise : ndarray of float64, shape [taxels]
+            Variance R of each measurement [N2].
+        """
+        b = self.belief
+        sensitivity = response + b.slope[:, 0] + b.slope[:, 2]
+        own = b.own[:, 0, 0] + 2.0 * b.own[:, 0, 2] + b.own[:, 2, 2]
+        variance = np.maximum(own, 0.0) + noise + self.shared_variance(sensitivity)
+        return measured - self.predicted(response) - b.error[:, 2], sensitivity, np.sqrt(variance)
+
+    def shared_variance(self, sensitivity: Array) -> Array:
+        """Return the variance that the shared states give to residuals of a sensitivity g [N2], shape [taxels]."""
+        variance: Array = np.einsum("ij,ij->i", sensitivity @ self.belief.covariance, sensitivity)
+        return variance
+
+    def own_deviation(self, deviation: Array, sensitivity: Array, noise: Array) -> Array:
+        """Return the deviation of residuals without what the shared states contribute [N], shape [taxels].
+
+        Parameters
+        ----------
+        deviation : ndarray of float64, shape [taxels]
+            Expected deviations of the residuals, as from `innovation` [N].
+        sensitivity : ndarray of float64, shape [taxels, shared]
+            Their sensitivities g.
+        noise : ndarray of float64, shape [taxels]
+            Variance R of each measurement, the least that is left [N2].
+        """
+        own: Array = np.sqrt(np.maximum(deviation**2 - self.shared_variance(sensitivity), noise))
+        return own
+
+    def predicted(self, response: Array) -> Array:
+        """Return the errors of the forces for given responses to the shared states [N], shape [taxels]."""
+        b = self.belief
+        predicted: Array = b.error[:, 0] + response @ b.shared
+        return predicted
+
+    def update(self, where: Mask, residual: Array, sensitivity: Array, noise: Array) -> None:
+        """Update by the residuals of the masked taxels.
+
+        Parameters
+        ----------
+        where : ndarray of bool, shape [taxels]
+            Measured taxels.
+        residual : ndarray of float64, shape [taxels]
+            Residuals as from `innovation` [N].
+        sensitivity : ndarray of float64, shape [taxels, shared]
+            Their sensitivities g.
+        noise : ndarray of float64, shape [taxels]
+            Variance R of each measurement [N2].
+        """
+        b = self.belief
+        own = b.own[:, :, 0] + b.own[:, :, 2]
+        total = own[:, 0] + own[:, 2] + noise
+        weight = where / total
+        weighted = sensitivity * weight[:, None]
+        # S+ = L (I + L'JL)^-1 L' with S = LL' and the information J: stays positive.
+        deviation, _, correlation = _correlation(b.covariance)
+        root = deviation[:, None] * np.linalg.cholesky(correlation)
+        seen = weight[:, None] ** 0.5 * (sensitivity @ root)
+        updated = root @ np.linalg.solve(np.eye(len(root)) + seen.T @ seen, root.T)
+        b.covariance = 0.5 * (updated + updated.T)
+        change = b.covariance @ (weighted.T @ residual)
+        b.shared = b.shared + change
+        gain = own * weight[:, None]
+        left = residual - sensitivity @ change
+        b.error += b.slope @ change + gain * left[:, None]
+        b.slope -= gain[:, :, None] * sensitivity[:, None, :]
+        b.own -= gain[:, :, None] * own[:, None, :]
+
+    def temperature_innovation(self, reading: float, variance: float) -> tuple[float, Array, float]:
+        """Return the innovation of a reading [K], its covariance with the shared states, and its variance [K2].
+
+        Parameters
+        ----------
+        reading : float
+            Mean change of the sensors since the start [K].
+        variance : float
+            Variance of its noise [K2].
+        """
+        b = self.belief
+        scale = 1.0 + b.shared[Shared.SCALE]
+        sensors = b.shared[Shared.SENSOR]
+        column = scale * b.covariance[:, Shared.SENSOR] + sensors * b.covariance[:, Shared.SCALE]
+        total = float(scale * column[Shared.SENSOR] + sensors * column[Shared.SCALE]) + variance
+        return float(reading - scale * sensors), column, total
+
+    def measure_temperature(self, reading: float, variance: float) -> None:
+        """Update by a reading of the temperature sensors.
+
+        Parameters
+        ----------
+        reading : float
+            Mean change of the sensors since the start [K].
+        variance : float
+            Variance of its noise [K2].
+        """
+        b = self.belief
+        innovation, column, total = self.temperature_innovation(reading, variance)
+        gain = column / total
+        kept = np.eye(len(gain))
+        kept[:, Shared.SENSOR] -= gain * (1.0 + b.shared[Shared.SCALE])
+        kept[:, Shared.SCALE] -= gain * b.shared[Shared.SENSOR]
+        change = gain * innovation
+        b.shared = b.shared + change
+        b.error += b.slope @ change
+        # The form of Joseph, which stays positive.
+        b.covariance = kept @ b.covariance @ kept.T + variance * np.outer(gain, gain)
+
+    def restart_temperature(self, reading: float, shared: Array, covariance: Array) -> None:
+        """Forget the temperatures, but for a reading of the sensors, after a time that is unknown.
+
+        Film, chip and sensors have that temperature; their other states are as unknown as at the start.
+
+        Parameters
+        ----------
+        reading : float
+            Mean change of the sensors since the start [K].
+        shared : ndarray of float64, shape [shared]
+            Shared states at the start.
+        covariance : ndarray of float64, shape [shared, shared]
+            Their covariance.
+        """
+        b = self.belief
+        b.own += b.slope @ b.covariance @ b.slope.transpose(0, 2, 1)
+        b.slope[:] = 0.0
+        again = [Shared.CHIP, Shared.RATE, Shared.FILM, Shared.SENSOR, Shared.LAG, Shared.SCALE]
+        b.shared[again] = shared[again]
+        b.covariance[again] = b.covariance[:, again] = 0.0
+        b.covariance[np.ix_(again, again)] = covariance[np.ix_(again, again)]
+        b.shared[[Shared.CHIP, Shared.FILM, Shared.SENSOR]] = reading
+
+    def covariance_root(self, response: Array) -> tuple[Array, Array]:
+        """Return the own variance of each force error [N2] and a factor of what they share [N].
+
+        The covariance of the forces is ``diag(own) + factor @ factor.T``.
+
+        Parameters
+        ----------
+        response : ndarray of float64, shape [taxels, shared]
+            Responses h of the force errors to the shared states.
+        """
+        b = self.belief
+        values, vectors = np.linalg.eigh(b.covariance)
+        factor = (response + b.slope[:, 0]) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+        return np.maximum(b.own[:, 0, 0], 0.0), factor

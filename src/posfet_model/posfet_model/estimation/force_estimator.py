@@ -1,0 +1,754 @@
+"""Static force from the leaking charge signal: deterministic integration, and a filter of its errors.
+
+The inverse of the leak (`LeakageInverse`) gives a force F^ that is never corrected. Its errors, and what else generates
+charge besides the force, are the states of `ForceErrorFilter`, measured wherever a force is known (`known_forces`):
+
+    F_i = F^_i - d_i - h_i.s
+
+with the error d_i of taxel i, the states s that all taxels share (`error_states`), and the responses h_i to them
+(`touch_response`). Every block of 20 ms is one step of the filter. When a touch begins, the last blocks are processed
+again without the taxels that it touches: the first, weak part of a touch is no zero (docs/estimation.md).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import dropwhile, islice
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model._lib.types import Array, Mask
+from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.estimation.choice import MAX_RELATIVE_UNCERTAINTY
+from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared, SharedDynamics
+from posfet_model.estimation.force_error_filter import Belief, ForceErrorFilter, start_belief
+from posfet_model.estimation.known_forces import (
+    GATE,
+    NEGATIVE_TIME,
+    RELEASED_BLOCKS,
+    STILL_BLOCKS,
+    ReleaseDetector,
+    UnexplainedResiduals,
+    UniformChange,
+)
+from posfet_model.estimation.leakage_inverse import LeakageInverse
+from posfet_model.estimation.rest_detector import RestDetector
+from posfet_model.estimation.settings import LONG_STEP, OFFSET_SPREAD, REJECTED, RESTART_DEVIATION, RUNAWAY
+from posfet_model.estimation.thermometers import Thermometers
+from posfet_model.estimation.touch_response import TouchResponse
+from posfet_model.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
+from posfet_model.sensor.description import Sensor
+from posfet_model.sensor.grid import ALL_NEIGHBOURS, neighbour_table
+from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
+
+BLOCK: Final = 0.02
+"""Duration of a block [s]."""
+
+LAG: Final = 16
+"""Number of blocks that are processed again when a touch begins: 0.3 s, assumed to be the weak part of a touch."""
+
+SETTLE_TIME: Final = 0.1
+"""Time for which a taxel must be consistent with a constant force before its offset counts as known [s]."""
+
+RESUME_TIME: Final = 0.04
+"""No force is valid for this long after an interruption [s]."""
+
+LOST_FORCE_TIME: Final = 2.0
+"""Time after which a force without which an object released counts as none after an interruption [s]."""
+
+SURPRISING: Final = 3.0
+"""Deviations from which on a reading of the temperature sensors is unexpected [1]."""
+
+STALE: Final = 1.5
+"""Age of a correction, from the middle of a block to the end of the next one [block]."""
+
+LONGEST_INTERVAL: Final = 0.1
+"""Longest time between two readings of the temperature sensors [s]: one that shows no change is none."""
+
+CORRELATED: Final = 50.0
+"""Blocks over which the error of a taxel beside a contact, or that is still warm, stays the same [1]: one second."""
+
+LEAST_TAIL: Final = 1e-4
+"""Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N]."""
+
+NOTICEABLE: Final = 0.3
+"""Share of the contact threshold that a taxel must read before a scan is tested for a uniform change [1]."""
+
+LEAST_DEVIATION: Final = 1.0
+"""Deviation of the total force that is always accepted [contact threshold]."""
+
+GREATEST_WARMTH: Final = 0.08
+"""Warmth of touched taxels above which their forces are not valid [K]: force and warmth are hardly separable then."""
+
+ABSORBED_TIME: Final = 1.0
+"""Time constant of the baseline that a slow press is compared with [s]."""
+
+
+@dataclass
+class Block:
+    """What a block measured: kept until no touch can have begun in it."""
+
+    mean: Array
+    """Mean of the uncorrected forces F^ [N]."""
+    scans: int
+    duration: float
+    """Its duration [s]."""
+    square: float
+    """Sum of the squares of its steps [s2]."""
+    jumped: Array
+    """Variance due to long steps [N2]."""
+    reading: float
+    """New mean reading of the temperature sensors [K]; NaN: none."""
+    interval: float
+    """Time since the reading before [s]."""
+    listed: Mask
+    """Taxels in contact."""
+    touched: Mask
+    """These, and those whose residual was unexplained."""
+    response: Array
+    """Responses of the force errors to the shared states, shape [taxels, COUNT]."""
+    neighbour: Array
+    """Greatest force of a neighbour [N]; 0 where nothing touches."""
+    tail: Array
+    """Force of an untouched taxel if forces declined geometrically away from the contact [N]."""
+    own_noise: Array
+    """Variance that the force errors gain by motion, and the force of a taxel beside a contact, shape [2, taxels]."""
+    before: Belief
+    """Belief before this block."""
+
+
+class ForceEstimator:
+    """Force of every taxel with its covariance, from charge densities; arrays row by row, shape [rows * cols].
+
+    Call `advance` for each scan, and `close_block` whenever `block_due` is true. The force at the start is assumed to
+    be zero: a taxel that is loaded then reads zero, a negative force once the load is released, and zero soon after.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Description of the sensor.
+    priors : ErrorPriors, optional
+        How well everything is known; None: the defaults.
+    calibration : Calibration, optional
+        Properties of each taxel; None: nominal ones from the description.
+    max_relative_uncertainty : float, default 0.2
+        Standard deviation of the total force, over the greatest total force of the last 0.16 s, above which the forces
+        are not valid [1].
+    """
+
+    def __init__(
+        self,
+        sensor: Sensor,
+        priors: ErrorPriors | None = None,
+        calibration: Calibration | None = None,
+        max_relative_uncertainty: float = MAX_RELATIVE_UNCERTAINTY,
+    ) -> None:
+        taxels, device = sensor.layout.taxels, sensor.device
+        calibration = calibration or Calibration.nominal(sensor)
+        self._priors = p = (priors or ErrorPriors()).with_calibration(calibration)
+        gain, noise = calibration.usable_gain, force_noise_rms(sensor)
+        self._tau = calibration.leak_time_constant.copy()
+        # Force errors belong to the middle of a block: this share of an offset adds to them from there to its end.
+        self._half_block = 0.5 * BLOCK / self._tau
+        newton_per_kelvin = device.pyroelectric_coefficient / charge_per_newton(sensor)
+        self._per_kelvin = newton_per_kelvin * calibration.pyroelectric_gain / gain
+        self._inverse = LeakageInverse(self._tau, 1.0 / (charge_per_newton(sensor) * gain))
+        self._noise_variance = np.full(taxels, noise**2)
+        self._threshold = sensor.contact.threshold
+        self._relative = max_relative_uncertainty
+        self._runaway = RUNAWAY * device.force_max
+        self._long_step = LONG_STEP * float(self._tau.min())
+        lag = calibration.thermal_time_constant
+        self._film_lag = max(device.thermal_time_constant if lag is None else lag, 0.0)
+        self._dynamics = SharedDynamics(p, self._film_lag)
+        self._gain = np.hypot(calibration.gain_deviation, p.gain_least)
+        self._gain_common = calibration.common_gain_deviation
+        self._leak = calibration.leak_deviation
+        self._filter = ForceErrorFilter(start_belief(taxels, p.mean(), p.covariance()))
+        self._touch = TouchResponse(sensor.layout, self._tau, self._per_kelvin, p)
+        self._uniform = UniformChange(self._per_kelvin, p.pyroelectric)
+        self._unexplained = UnexplainedResiduals(taxels, self._threshold)
+        self._release = ReleaseDetector(taxels)
+        self._rest = RestDetector(taxels, noise, OFFSET_SPREAD * self._threshold, SETTLE_TIME, float(self._tau.max()))
+        self._negative = NegativeForceMonitor(taxels, NEGATIVE_TIME)
+        self._lower_bound = LowerBoundMonitor(taxels, self._threshold, LOST_FORCE_TIME)
+        self._neighbours = neighbour_table(sensor.layout, ALL_NEIGHBOURS)
+        self._left = p.left_charge / sensor.volts_per_newton
+        self._left_deviation = np.full(taxels, self._left)
+        self.film = Thermometers()
+        """The chip's temperature sensors."""
+        self.force = np.zeros(taxels)
+        """Estimated force [N], positive when pushed; valid where `offset_known`. Owned by the estimator."""
+        self.offset_known = np.zeros(taxels, np.bool_)
+        """Taxels whose offset is known."""
+        self.ignored = np.zeros(taxels, np.bool_)
+        """Faulty taxels: `valid` does not depend on them. Set by `ignore`."""
+        self.valid = False
+        """Whether the forces of all taxels are valid."""
+        self.restarts = 0
+        """Number of restarts of taxels whose signal was consistent with no force."""
+        self._make_state(taxels)
+        self._start_block()
+
+    def _make_state(self, taxels: int) -> None:
+        self._started, self._recovering, self._agreed, self._reading = False, 0.0, 0.0, math.nan
+        self._sensors, self._interval = math.nan, 0.0
+        self._blocks: deque[Block] = deque(maxlen=LAG)
+        self._recent_force: deque[float] = deque(maxlen=STILL_BLOCKS + RELEASED_BLOCKS)
+        self._unheated: ForceErrorFilter | None = None  # the belief while the hypothesis is open, without it
+        self._raw, self._change, self._correction, self._rate, self._work = np.zeros((5, taxels))
+        self._sum, self._raw_sum, self._jumped, self._mean, self._last_mean, self._nothing = np.zeros((6, taxels))
+        self._usual, self._touch_force, self._tail, self._warmth, self._film_before = np.zeros((5, taxels))
+        self._own = np.zeros(taxels)
+        self._factor = np.zeros((taxels, COUNT + 1))
+        self._touched, self._beside = np.zeros((2, taxels), np.bool_)
+
+    @property
+    def block_due(self) -> bool:
+        """Whether `close_block` must be called before the next scan."""
+        return self._elapsed >= BLOCK
+
+    @property
+    def block_time(self) -> float:
+        """Duration of the current block so far [s]."""
+        return self._elapsed
+
+    @property
+    def block_mean(self) -> Array:
+        """Mean of `force` over the block that is due [N], shape [rows * cols]."""
+        return self._sum / self._scans
+
+    @property
+    def residual_charge(self) -> Array:
+        """Charge at each gate, as the force that would generate it [N], shape [rows * cols]."""
+        charge: Array = self._inverse.signal - self.belief.error[:, 1]
+        return charge
+
+    @property
+    def change(self) -> Array:
+        """Change of each force in the last step according to the signals [N], shape [rows * cols]."""
+        return self._change
+
+    @property
+    def belief(self) -> Belief:
+        """Means and covariance of the states."""
+        return self._filter.belief
+
+    @property
+    def common_variance(self) -> float:
+        """Variance common to all taxels [N2]: 0, as `correlated_error` includes it."""
+        return 0.0
+
+    @property
+    def correlated_error(self) -> Array:
+        """Factor E of the covariance E E' that the forces share [N], shape [rows * cols, causes]."""
+        return self._factor
+
+    def force_variance(self, out: Array) -> Array:
+        """Return in `out` the variance of each force that it does not share with others [N2], shape [rows * cols]."""
+        np.add(self._own, self._noise_variance, out=out)
+        return out
+
+    def variance(self, out: Array) -> Array:
+        """Return in `out` the whole variance of each force [N2], shape [rows * cols]."""
+        np.add(self._shared_variance(), self._own, out=out)
+        out += self._noise_variance
+        return out
+
+    def ignore(self, taxels: Mask) -> None:
+        """Set the faulty taxels, shape [rows * cols]; one that works again restarts with an unknown offset."""
+        back = self.ignored & ~taxels
+        self.ignored[:] = taxels
+        if back.any():
+            self._restart(back)
+
+    def set_noise_variance(self, variance: Array) -> None:
+        """Set the variance of a reading of each taxel [N2], shape [rows * cols]; initially that of the description."""
+        self._noise_variance[:] = variance
+
+    def interrupt(self) -> None:
+        """Record that an unknown time passes before the next scan: changes of the force in it are unknown.
+
+        Offsets stay known. At the next scan the force is set to the remaining charge, a lower bound of the force.
+        """
+        self._started = self.valid = False
+        self._recovering = RESUME_TIME
+
+    def advance(self, charge: Array, temperatures: NDArray[np.float32], step: float) -> None:
+        """Process a scan.
+
+        Parameters
+        ----------
+        charge : ndarray of float64, shape [rows * cols]
+            Charge densities [C/m2].
+        temperatures : ndarray of float32, shape [sensors]
+            Chip temperatures [degC]; NaN: unknown.
+        step : float
+            Time since the previous scan [s], > 0.
+        """
+        reading = self.film.read(temperatures, step if self._started else math.inf)
+        if not math.isnan(reading):
+            self._reading = self._sensors = reading
+        if not self._started:
+            self._start(charge)
+            return
+        change = self._change
+        coefficients = self._inverse.advance(charge, self._nothing, step, change)
+        self._raw += change
+        self._raw_sum += self._raw
+        np.multiply(self._rate, step, out=self._work)
+        self._correction += self._work
+        np.subtract(self._raw, self._correction, out=self.force)
+        self._sum += self.force
+        self._scans += 1
+        self._elapsed += step
+        self._square += step * step
+        if step > self._long_step:
+            # The charge of a jump within the step leaked by a share of h/tau that is unknown, uniformly distributed.
+            self._jumped += (change * coefficients.ratio) ** 2 / 12.0
+
+    def compensate_common_mode(self, touched: bool) -> None:
+        """Keep a uniform change out of the forces of a scan until the block ends, while nothing touches."""
+        if touched or self._uniform.pause > 0.0 or not self._uniform.observable or self._touched.any():
+            return
+        usable = self.force[~self.ignored] if self.ignored.any() else self.force
+        if len(usable) < UniformChange.FEWEST or float(usable.max()) < NOTICEABLE * self._threshold:
+            return
+        least = self._uniform.least_loaded(usable)
+        if least > 0.0:
+            shift = self._per_kelvin * (least / float(self._per_kelvin.mean()))
+            self._correction += shift
+            self.force -= shift
+
+    def inflate_variance(self, saturated: Mask, step: float) -> None:
+        """Increase the variance of saturated taxels by the leakage that the clipped signal does not show.
+
+        Parameters
+        ----------
+        saturated : ndarray of bool, shape [rows * cols]
+            Taxels at the end of their range.
+        step : float
+            Time since the previous scan [s].
+        """
+        lost = np.abs(self._inverse.signal[saturated]) * (step / self._tau[saturated])
+        own = self.belief.own
+        own[saturated, 0, 0] = (np.sqrt(np.maximum(own[saturated, 0, 0], 0.0)) + lost) ** 2
+
+    def tare(self, forced: bool = False) -> Array:
+        """Set the forces to zero, and start a new block; offsets stay, as they are estimated all the time.
+
+        Parameters
+        ----------
+        forced : bool, optional
+            Whether forces may be applied: those of the newest scan are set to zero, and none remains a lower bound.
+            Otherwise the mean forces of the last block are set to zero, which have less noise.
+
+        Returns
+        -------
+        ndarray of float64, shape [rows * cols]
+            Correction that was added to each force [N]; 0 for ignored taxels.
+        """
+        change: Array = np.where(self.ignored, 0.0, -self.force if forced else -self._mean)
+        belief = self.belief
+        belief.error[:, 0] -= change
+        belief.own[:, 0, 0] += self._noise_variance
+        self._correction -= change
+        self.force += change
+        self._usual -= change
+        self._mean = self._mean + change
+        self._blocks.clear()
+        if forced:
+            self._lower_bound.mask[:] = False
+            self._unexplained.reset()
+            self._touch.reset()
+            self._touched[:] = self._beside[:] = False
+        self._start_block()
+        return change
+
+    def close_block(self, touched: Mask, near: Mask, contacts: Sequence[NDArray[np.intp]] = ()) -> None:
+        """Process the block that is due.
+
+        Parameters
+        ----------
+        touched : ndarray of bool, shape [rows * cols]
+            Taxels in contact at any time of the block. Has no effect where the offset is unknown: there a constant
+            force is as informative as no force.
+        near : ndarray of bool, shape [rows * cols]
+            Taxels in or near a contact; not used.
+        contacts : sequence of ndarray of int
+            Taxels of each contact.
+        """
+        listed = touched & self.offset_known
+        touched = listed | (self._unexplained.rising & self.offset_known)
+        if self._lower_bound.mask.any():
+            # Touched since before an interruption, with a force that is unknown: not none, whatever the signal says.
+            touched |= self._adjacent(self._lower_bound.mask) & self.offset_known
+        block, beside = self._measure(touched, listed)
+        begun = touched & ~self._touched & ~self._beside
+        self._blocks.append(block)
+        if self._unheated is not None:
+            self._predict(self._unheated, block)
+        if begun.any():
+            self._process_again(touched)
+        else:
+            self._step(block)
+        released = self._release.update(
+            contacts, self._mean, self._touched, self._own + self._shared_variance(), self._block_noise(block).max()
+        )
+        if released is not None:
+            self._set_zero(released, block)
+        if self._lower_bound.mask.any():
+            self._end_unknown_touch(block)
+        self._touched, self._beside = touched, beside
+        self._finish(block)
+
+    def _measure(self, touched: Mask, listed: Mask) -> tuple[Block, Mask]:
+        """Return the block that is due, and the taxels beside a touched one."""
+        mean = self._sum / self._scans
+        self._mean = mean
+        self._interval = min(self._interval + self._elapsed, LONGEST_INTERVAL)
+        any_touched = bool(touched.any())
+        near = self._adjacent(touched) if any_touched else touched
+        force = np.where(self._adjacent(listed), np.maximum(mean, 0.0), 0.0) if listed.any() else self._nothing
+        self._touch.advance(force, self._elapsed)
+        response = self._touch.matrix()
+        neighbour = tail = self._nothing
+        if any_touched:
+            neighbour = self._greatest_neighbour(np.abs(mean))
+            tail = neighbour * neighbour / max(float(mean.max()), 0.1 * self._threshold)
+        p = self._priors
+        held = np.where(touched, np.maximum(mean, 0.0), 0.0)
+        warm = self._touch.warm
+        own_noise = np.empty((2, len(mean)))
+        own_noise[0] = p.motion**2 * np.abs(held - self._touch_force) * np.maximum(held, self._touch_force)
+        own_noise[1] = p.tail**2 * np.abs(tail - self._tail) * np.maximum(tail, self._tail)
+        own_noise[1] += (p.warmth_beside * self._per_kelvin) ** 2 * np.abs(warm * warm - self._warmth)
+        self._touch_force, self._tail, self._warmth = held, tail, warm * warm
+        block = Block(
+            self._raw_sum / self._scans,
+            self._scans,
+            self._elapsed,
+            self._square,
+            self._jumped.copy(),
+            self._reading,
+            self._interval,
+            listed,
+            touched,
+            response,
+            neighbour,
+            tail,
+            own_noise,
+            self.belief.copy(),
+        )
+        if not math.isnan(self._reading):
+            self._reading, self._interval = math.nan, 0.0
+        return block, near
+
+    def _adjacent(self, mask: Mask) -> Mask:
+        """Return a mask with the neighbours of its taxels."""
+        adjacent: Mask = np.append(mask, False)[self._neighbours].any(axis=-1) | mask
+        return adjacent
+
+    def _greatest_neighbour(self, values: Array) -> Array:
+        """Return the greatest of the neighbours' values, which are >= 0."""
+        greatest: Array = np.append(values, 0.0)[self._neighbours].max(axis=-1)
+        return greatest
+
+    def _process_again(self, touched: Mask) -> None:
+        """Process the stored blocks again without the taxels that a touch, it turned out, had begun on."""
+        self._filter.belief = self._blocks[0].before
+        for block in tuple(self._blocks):  # the newest one may restart taxels, which forgets them
+            block.before = self.belief.copy()
+            block.touched = block.touched | touched
+            self._step(block)
+        # What a slow press lost to the zeros before.
+        lost = np.where(touched, np.maximum(self.belief.error[:, 0] - self._usual, 0.0), 0.0)
+        self.belief.own[:, 0, 0] += lost * lost
+
+    def _step(self, block: Block) -> None:
+        """Propagate the belief over a block, and update it by the temperature and by the forces that are known."""
+        beside = self._predict(self._filter, block)
+        if not math.isnan(block.reading):
+            self._measure_temperature(block)
+        self._measure_zeros(block, beside)
+
+    def _measure_temperature(self, block: Block) -> None:
+        """Update by a new reading of the temperature sensors.
+
+        An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces
+        determine the temperature of the film, it shows only that the sensors differ from their model, and is weighted
+        down.
+        """
+        f, variance = self._filter, self._priors.reading**2
+        innovation, _, total = f.temperature_innovation(block.reading, variance)
+        if innovation * innovation > SURPRISING * SURPRISING * total:
+            zeros = ~block.touched & ~self.ignored & (self._unexplained.below == 0.0)
+            if zeros.any():
+                variance += (innovation / SURPRISING) ** 2
+            else:
+                rate = min(abs(innovation) / block.interval, self._priors.fastest)
+                f.admit(self._dynamics.maneuver(f.belief.shared, block.interval), rate * rate)
+        f.measure_temperature(block.reading, variance)
+
+    def _predict(self, errors: ForceErrorFilter, block: Block) -> Mask:
+        """Propagate a belief over a block; return the taxels beside a contact."""
+        p, belief = self._priors, errors.belief
+        beside: Mask = ~block.touched & (block.neighbour > 0.0)
+        belief.forget_small_forces(~beside)
+        own_noise = np.zeros((len(beside), 3, 3))
+        own_noise[:, :2, :2] = p.offset_walk**2 * block.duration
+        own_noise[:, 0, 0] += self._noise_variance * block.square / self._tau**2 + block.own_noise[0] + block.jumped
+        own_noise[:, 2, 2] = block.own_noise[1]
+        fresh = beside & (belief.own[:, 2, 2] == 0.0)
+        own_noise[fresh, 2, 2] = (p.tail * block.tail[fresh] + p.tail_least * block.neighbour[fresh]) ** 2
+        after, matrix, noise = self._dynamics.transition(belief.shared, block.duration)
+        warmed = float(after[Shared.FILM] - belief.shared[Shared.FILM])
+        own_noise[:, 0, 0] += (p.pyroelectric * self._per_kelvin * warmed) ** 2
+        errors.predict(after, matrix, noise, block.duration / self._tau, own_noise)
+        return beside
+
+    def _measure_zeros(self, block: Block, beside: Mask) -> None:
+        """Update by the forces that are known to be zero or small."""
+        judged = (~block.listed | ~self.offset_known) & ~self.ignored
+        where = (~block.touched | ~self.offset_known) & ~self.ignored
+        if not judged.any():
+            return
+        p, f = self._priors, self._filter
+        response = block.response.copy()
+        response[beside, Shared.WARMTH] = 0.0  # part of the small force
+        response[:, Shared.TAIL] = np.where(beside, block.tail, 0.0)
+        noise = self._noise_variance / block.scans + CORRELATED * self._warmth_variance(block)
+        if beside.any():
+            noise += np.where(block.neighbour > 0.0, CORRELATED * LEAST_TAIL**2, 0.0)
+            noise += (p.tail_change * block.neighbour) ** 2
+        residual, sensitivity, deviation = f.innovation(block.mean, response, noise)
+        odd = np.abs(residual) > GATE * deviation
+        if (odd & where).any():
+            own = f.own_deviation(deviation, sensitivity, noise)
+            kelvin = self._uniform.temperature(residual, judged, deviation, own, block.duration)
+            if kelvin:
+                if kelvin * float(self._per_kelvin.mean()) > 0.0 and not block.listed.any():
+                    self._open_hypothesis(block)
+                direction = self._dynamics.maneuver(f.belief.shared, block.duration)
+                f.admit(direction, (kelvin / direction[Shared.FILM]) ** 2)
+                noise = noise + (p.pyroelectric * kelvin * self._per_kelvin) ** 2
+                residual, sensitivity, deviation = f.innovation(block.mean, response, noise)
+                own = f.own_deviation(deviation, sensitivity, noise)
+                odd = np.abs(residual - kelvin * self._per_kelvin) > GATE * own
+        f.update(where & ~odd, residual, sensitivity, noise)
+        if block is self._blocks[-1]:
+            self._judge(block, judged & odd, judged, residual)
+
+    def _open_hypothesis(self, block: Block) -> None:
+        """Open the hypothesis that a block shows a warmer film, and go on without it, too."""
+        if self._unheated is not None:
+            return
+        self._uniform.begin()
+        self._unheated = ForceErrorFilter(self.belief.copy())
+        from_here = dropwhile(lambda other: other is not block, self._blocks)
+        for later in islice(from_here, 1, None):
+            self._predict(self._unheated, later)
+
+    def _judge(self, block: Block, odd: Mask, where: Mask, residual: Array) -> None:
+        """Act on the residuals of the newest block that no state explains."""
+        shared, unheated = self.belief.shared, self._unheated
+        claimed = shown = deviation = math.nan
+        if unheated is not None:
+            before, scale = unheated.belief.shared, 1.0 + shared[Shared.SCALE]
+            claimed = float(shared[Shared.FILM] - before[Shared.FILM])
+            shown = float(self._sensors / scale - before[Shared.SENSOR])
+            variance = unheated.belief.covariance[Shared.SENSOR, Shared.SENSOR]
+            deviation = math.hypot(self._priors.reading, math.sqrt(max(variance, 0.0)))
+        wait = UniformChange.CONFIRMATION + 2.0 * self._dynamics.sensor_lag(shared)
+        if math.isnan(block.reading):
+            wait += UniformChange.INTERVAL
+        if self._uniform.is_refused(odd, where, claimed, shown, deviation, wait, block.duration):
+            self._uniform.refuse()
+            if unheated is not None:
+                self._filter.belief = unheated.belief
+                residual = block.mean - self._filter.predicted(block.response)
+                odd = where & (residual > 0.0)
+                self._blocks.clear()
+        if not self._uniform.open:
+            self._unheated = None
+        unknown = odd & ~self.offset_known
+        if unknown.any():
+            self._left_deviation[unknown] = np.minimum(REJECTED * self._left_deviation[unknown], self._runaway)
+            self.restarts += int(np.count_nonzero(unknown))
+            self._restart(unknown)
+        errors = self._unexplained.update(
+            odd & self.offset_known, residual, block.mean, self._block_noise(block), block.duration
+        )
+        if errors is not None and errors.any():
+            self.belief.own[errors, 0, 0] += residual[errors] ** 2
+
+    def _set_zero(self, where: Mask, block: Block) -> None:
+        """Update by the zero forces of released taxels."""
+        noise = self._noise_variance / block.scans + CORRELATED * (self._warmth_variance(block) + LEAST_TAIL**2)
+        residual, sensitivity, _ = self._filter.innovation(block.mean, block.response, noise)
+        self._filter.update(where, residual, sensitivity, noise)
+
+    def _end_unknown_touch(self, block: Block) -> None:
+        """End the touches since before an interruption: where forces stay below zero, they are zero."""
+        noise, mean = self._block_noise(block), self._mean
+        still = np.abs(mean - self._last_mean) <= GATE * math.sqrt(2.0) * noise
+        limit = np.full(len(mean), self._threshold)
+        ended = self._negative.update(self._lower_bound.mask, mean, limit, still, block.duration)
+        self._lower_bound.update(np.where(ended, mean, np.maximum(mean, 0.0)), block.duration)
+        self._last_mean = mean
+        if ended.any():
+            belief = self.belief
+            belief.error[ended, 0] += mean[ended]
+            belief.forget(ended, 0)
+            belief.own[ended, 0, 0] = noise[ended] ** 2
+
+    def _block_noise(self, block: Block) -> Array:
+        deviation: Array = np.sqrt(self._noise_variance / block.scans)
+        return deviation
+
+    def _warmth_variance(self, block: Block) -> Array:
+        """Return the variance of the warmth of each taxel about the common one, as a force [N2]."""
+        p = self._priors
+        level = p.warmth_least + p.warmth_spread * abs(float(self.belief.shared[Shared.WARMTH]))
+        variance: Array = (level * block.response[:, Shared.WARMTH]) ** 2
+        return variance
+
+    def _shared_variance(self) -> Array:
+        variance: Array = np.einsum("ij,ij->i", self._factor, self._factor)
+        return variance
+
+    def _finish(self, block: Block) -> None:
+        """Set the correction of the next scans, covariance and validity."""
+        belief = self.belief
+        film_rate = self._film_rate()
+        self._rate = belief.error[:, 1] / self._tau + self._per_kelvin * film_rate
+        self._correction = self._filter.predicted(block.response) + 0.5 * block.duration * self._rate
+        old = self.force.copy()
+        np.subtract(self._raw, self._correction, out=self.force)
+        self._mean = self._mean + (self.force - old)
+        self._set_covariance(block)
+        rested = ~self._touched
+        share = min(block.duration / ABSORBED_TIME, 1.0)
+        drift = belief.error[:, 1] * (block.duration / self._tau)
+        self._usual += drift
+        self._usual += np.where(rested, share * (belief.error[:, 0] - self._usual), 0.0)
+        self._agreed += block.duration
+        self._recovering = max(0.0, self._recovering - block.duration)
+        failed = np.abs(self.force) > self._runaway
+        if failed.any():
+            self.restarts += int(np.count_nonzero(failed & ~self.ignored))
+            self._restart(failed)
+        self._confirm_offsets(block.duration)
+        self.valid = self._is_valid()
+        self._start_block()
+
+    def _film_rate(self) -> float:
+        """Return the rate of the film's temperature [K/s]."""
+        shared = self.belief.shared
+        if self._film_lag > 0.0:
+            return float(shared[Shared.CHIP] - shared[Shared.FILM]) / self._film_lag
+        return float(shared[Shared.RATE])
+
+    def _set_covariance(self, block: Block) -> None:
+        p, held = self._priors, np.where(self._touched, np.maximum(self.force, 0.0), 0.0)
+        film = float(self.belief.shared[Shared.FILM])
+        self._film_before = np.where(self._touched, self._film_before, film)
+        own, self._factor[:, :COUNT] = self._filter.covariance_root(block.response)
+        self._factor[:, COUNT] = self._gain_common * held
+        own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2 + self._warmth_variance(block)
+        # What the film's temperature has changed in touched taxels, and will change until the next correction.
+        ahead = STALE * block.duration * self._film_rate()
+        own += (p.pyroelectric * (np.abs(film - self._film_before) + abs(ahead)) * self._per_kelvin) ** 2
+        self._own = own
+
+    def _is_valid(self) -> bool:
+        sound = self.offset_known & (self._unexplained.below == 0.0) & ~self._lower_bound.mask | self.ignored
+        touched = self._touched & ~self.ignored
+        self._recent_force.append(abs(float(self.force[touched].sum())))
+        if self._recovering > 0.0 or not sound.all():
+            return False
+        if not touched.any():
+            return True
+        if abs(float(self.belief.shared[Shared.WARMTH])) > GREATEST_WARMTH:
+            return False
+        variance = float(self._own[touched].sum() + np.square(self._factor[touched].sum(axis=0)).sum())
+        greatest = max(self._recent_force)  # a release makes the force small before it is found
+        return math.sqrt(variance) <= max(self._relative * greatest, LEAST_DEVIATION * self._threshold)
+
+    def _confirm_offsets(self, duration: float) -> None:
+        """Mark offsets as known once the array has been still."""
+        if self.offset_known.all():
+            return
+        shared = self.belief.shared
+        warming = abs(float(shared[Shared.RATE])) > 3.0 * math.sqrt(self.belief.covariance[Shared.RATE, Shared.RATE])
+        at_rest = self._rest.update(self._inverse.signal, self.ignored, duration, warming)
+        if self._rest.moved:
+            self._restart(~self.offset_known)
+        elif at_rest and self._agreed >= SETTLE_TIME:
+            self.offset_known |= (self.belief.own[:, 1, 1] <= (0.5 * self._threshold * self._tau) ** 2) & ~self.ignored
+
+    def _start(self, charge: Array) -> None:
+        """Start with a scan that has no predecessor."""
+        self._inverse.start(charge)
+        signal, belief = self._inverse.signal, self.belief
+        if not math.isnan(self._sensors):
+            p = self._priors
+            self._filter.restart_temperature(self._sensors, p.mean(), p.covariance())
+            self._film_before[:] = belief.shared[Shared.FILM]
+        remaining = np.where(self.offset_known, signal - belief.error[:, 1], 0.0)
+        known = ~self.ignored
+        self._lower_bound.start(self.force * known, remaining * known)
+        self.force[:] = np.maximum(remaining, 0.0)
+        self._correction[:] = self._raw - self.force
+        belief.error[:, 0] = self._correction - self._touch.matrix() @ belief.shared
+        belief.forget(slice(None), 0)
+        belief.own[:, 0, 0] = self._noise_variance + belief.own[:, 1, 1]
+        belief.integrate(-self._half_block)
+        self._usual[:] = belief.error[:, 0]
+        self._blocks.clear()
+        self._recent_force.clear()
+        self._negative.reset(slice(None))
+        self._unexplained.reset()
+        self._started = True
+        self._rest.start(signal)
+        self._restart(~self.offset_known)
+        self._start_block()
+
+    def _restart(self, where: Mask) -> None:
+        """Restart the masked taxels: no force, and the signal is offset, or charge left by an earlier force.
+
+        After each rejection the deviation of that charge is larger.
+        """
+        if not where.any():
+            return
+        belief, noise = self.belief, self._noise_variance
+        new, known = where & ~self.offset_known, where & self.offset_known
+        belief.slope[where] = 0.0
+        belief.error[where, 0] = (self._raw - self._touch.matrix() @ belief.shared)[where]
+        belief.error[where, 2] = 0.0
+        belief.own[where] = 0.0
+        # The offset has the noise of the signal that it is set to; so has the force.
+        belief.error[new, 1] = self._inverse.signal[new]
+        belief.own[new, 0, 0] = belief.own[new, 0, 1] = belief.own[new, 1, 0] = noise[new]
+        belief.own[new, 1, 1] = noise[new] + self._left_deviation[new] ** 2
+        self._left_deviation[known] = self._left
+        belief.own[known, 0, 0] = noise[known]
+        belief.own[known, 1, 1] = (RESTART_DEVIATION * self._threshold) ** 2
+        belief.integrate(np.where(where, -self._half_block, 0.0))
+        self._rate[where] = (belief.error[:, 1] / self._tau)[where]
+        self.offset_known[where] = False
+        self._correction[where] = self._raw[where]
+        self.force[where] = 0.0
+        self._usual[where] = belief.error[where, 0]
+        self._agreed = 0.0
+        self._blocks.clear()
+
+    def _start_block(self) -> None:
+        self._sum[:] = self._raw_sum[:] = self._jumped[:] = 0.0
+        self._scans = 0
+        self._elapsed = self._square = 0.0

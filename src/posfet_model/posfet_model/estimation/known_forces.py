@@ -1,0 +1,297 @@
+"""When a force is known: policies of the zero-force updates, each for one situation.
+
+A taxel's force is known while nothing touches it, while it is beside a contact but not in it, and after a release. It
+is never known during motion: a filter that may explain motion by nuisance states does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model._lib.types import Array, Mask
+
+GATE: Final = 5.0
+"""Deviations from which on a residual is no error that the filter expects [1]."""
+
+STEADY_DEVIATIONS: Final = 8.0
+"""A taxel is steady while its mean stays within this many standard deviations of its noise [1]."""
+
+NEGATIVE_TIME: Final = 0.2
+"""A negative force that lasts for this long is an error of the baseline [s]: no object pulls."""
+
+UNEXPLAINED_TIME: Final = 2.0
+"""A small positive force that is steady for this long, without a contact, is an error of the baseline [s]."""
+
+SMALL: Final = 0.25
+"""Such a force is small below this share of the contact threshold [1]."""
+
+STILL_BLOCKS: Final = 5
+"""Blocks over which a released contact is still."""
+
+RELEASED_BLOCKS: Final = 3
+"""Blocks for which a contact must look released."""
+
+RELEASED_SHARE: Final = 0.3
+"""A released contact has less than this share of its recent peak left [1]."""
+
+RELEASED_SQUARE: Final = 3.0
+"""Mean square of a released contact's forces, in variances [1]."""
+
+RESIDUAL_MOTION: Final = 0.01
+"""Share of its recent peak by which a released contact may still move [1]: the film creeps back."""
+
+PEAK_DECAY: Final = 0.999
+"""Decay of the recent peak from block to block [1]: 20 s."""
+
+
+class UnexplainedResiduals:
+    """Taxels whose residual no state explains: they are left out until they are explained, or known to be errors.
+
+    State variables: for how long each taxel has been below zero, and steady above it, both [s], shapes [taxels].
+
+    Parameters
+    ----------
+    taxels : int
+        Number of taxels.
+    threshold : float
+        Contact threshold [N].
+    """
+
+    def __init__(self, taxels: int, threshold: float) -> None:
+        self.rising = np.zeros(taxels, np.bool_)
+        """Taxels with a positive residual: a touch may begin there."""
+        self.below = np.zeros(taxels)
+        """Time for which each taxel has been below zero [s]."""
+        self._steady = np.zeros(taxels)
+        self._level = np.zeros(taxels)
+        self._small = SMALL * threshold
+
+    def update(self, odd: Mask, residual: Array, mean: Array, noise: Array, duration: float) -> Mask | None:
+        """Process a block; return the mask of the taxels whose residual is an error of the baseline, None without one.
+
+        Parameters
+        ----------
+        odd : ndarray of bool, shape [taxels]
+            Taxels whose residual is unexplained.
+        residual : ndarray of float64, shape [taxels]
+            Residuals [N].
+        mean : ndarray of float64, shape [taxels]
+            Uncorrected forces of the block [N].
+        noise : ndarray of float64, shape [taxels]
+            Standard deviation of these means [N].
+        duration : float
+            Duration of the block [s].
+        """
+        if not odd.any():
+            if self.rising.any() or self.below.any():
+                self.rising[:] = False
+                self.below[:] = self._steady[:] = 0.0
+            return None
+        up = residual > 0.0
+        self.rising = odd & up
+        self.below = np.where(odd & ~up, self.below + duration, 0.0)
+        moved = ~self.rising | (np.abs(mean - self._level) > STEADY_DEVIATIONS * noise)
+        self._level = np.where(moved, mean, self._level)
+        self._steady = np.where(moved, 0.0, self._steady + duration)
+        errors: Mask = self.below >= NEGATIVE_TIME
+        errors |= (self._steady >= UNEXPLAINED_TIME) & (residual < self._small)
+        self.below[errors] = self._steady[errors] = 0.0
+        return errors
+
+    def reset(self) -> None:
+        """Forget everything."""
+        self.rising[:] = False
+        self.below[:] = self._steady[:] = 0.0
+
+
+class ReleaseDetector:
+    """Finds contacts that are still listed, as their forces are above the threshold, but were released.
+
+    A contact was released when its forces are jointly within their uncertainty, small against its recent peak, and
+    still; without the last, the end of a slow release would become zero too early.
+
+    State variables: peak force of each taxel [N], the means of the last blocks, and the number of blocks for which each
+    contact has looked released.
+
+    Parameters
+    ----------
+    taxels : int
+        Number of taxels.
+    """
+
+    def __init__(self, taxels: int) -> None:
+        self._peak = np.zeros(taxels)
+        self._means: deque[Array] = deque(maxlen=STILL_BLOCKS + 1)
+        self._blocks = np.zeros(taxels, np.intp)
+
+    def update(
+        self, contacts: Sequence[NDArray[np.intp]], mean: Array, touched: Mask, variance: Array, noise: float
+    ) -> Mask | None:
+        """Process a block; return the mask of the taxels of released contacts, None without one.
+
+        Parameters
+        ----------
+        contacts : sequence of ndarray of int
+            Taxels of each contact.
+        mean : ndarray of float64, shape [taxels]
+            Mean forces [N].
+        touched : ndarray of bool, shape [taxels]
+            Touched taxels.
+        variance : ndarray of float64, shape [taxels]
+            Their variances [N2].
+        noise : float
+            Standard deviation of a mean [N].
+        """
+        self._peak *= PEAK_DECAY
+        np.maximum(self._peak, np.where(touched, mean, 0.0), out=self._peak)
+        self._means.append(mean)
+        looks = np.zeros(len(mean), np.bool_)
+        if len(self._means) > STILL_BLOCKS:
+            before = self._means[0]
+            for contact in contacts:
+                peak = float(self._peak[contact].max())
+                force = mean[contact]
+                moved = float(np.abs(force - before[contact]).max())
+                looks[contact] = (
+                    float(force.max()) < RELEASED_SHARE * peak
+                    and moved < GATE * noise + RESIDUAL_MOTION * peak
+                    and float(np.mean(force * force / variance[contact])) < RELEASED_SQUARE
+                )
+        self._blocks = np.where(looks, self._blocks + 1, 0)
+        released: Mask = self._blocks >= RELEASED_BLOCKS
+        return released if released.any() else None
+
+
+class UniformChange:
+    """Hypothesis that all taxels changed because the film's temperature did, faster than the filter expects.
+
+    A press on the whole array looks the same at first. What distinguishes it is its pattern, as warming acts on every
+    taxel by its pyroelectric response; its rate; and, after `CONFIRMATION`, what the sensors show.
+
+    State variables: since when the hypothesis has been open [s], and for how long it must not be made again [s].
+
+    Parameters
+    ----------
+    newton_per_kelvin : ndarray of float64, shape [taxels]
+        Pyroelectric signal of each taxel [N/K].
+    spread : float
+        Relative standard deviation of these signals [1].
+    """
+
+    FEWEST: Final = 5
+    """With fewer taxels a uniform change is no evidence: a fingertip presses them all."""
+    LEAST_LOADED: Final = 0.2
+    """Quantile of the forces that represents the least-loaded taxels [1]."""
+    NOTICEABLE: Final = 3.0
+    """Deviations from which on a common residual needs this hypothesis [1]."""
+    FASTEST: Final = 3.0
+    """Greatest rate of a temperature [K/s], assumed."""
+    MISFITS: Final = 0.2
+    """Share of the taxels that may not fit the pattern [1]."""
+    CONFIRMATION: Final = 0.3
+    """Time after which the chip's sensors must show the change, and twice their lag [s]: three readings."""
+    INTERVAL: Final = 0.15
+    """A new reading is awaited for this long [s]; a reading that did not change until then is a new one, too."""
+    CONFIRMED: Final = 0.3
+    """Share of it that they must show [1]."""
+    DISTINCT: Final = 4.0
+    """Least change that the sensors resolve, in deviations of what they show [1]; a smaller one is no contact."""
+    PAUSE: Final = 1.0
+    """Time for which a refused hypothesis is not made again [s]."""
+
+    def __init__(self, newton_per_kelvin: Array, spread: float) -> None:
+        self._per_kelvin = newton_per_kelvin
+        self._spread = spread
+        self.pause = 0.0
+        """Time for which the hypothesis must not be made [s]."""
+        self._open = math.nan
+        self.observable = len(newton_per_kelvin) >= self.FEWEST and bool((newton_per_kelvin != 0.0).all())
+        """Whether the pattern is informative."""
+
+    @property
+    def open(self) -> bool:
+        """Whether the hypothesis is open for a rise of the forces."""
+        return not math.isnan(self._open)
+
+    def temperature(self, residual: Array, where: Mask, deviation: Array, own: Array, duration: float) -> float:
+        """Return the temperature change that explains the residuals of a block [K]; 0: there is none.
+
+        Parameters
+        ----------
+        residual : ndarray of float64, shape [taxels]
+            Residuals [N].
+        where : ndarray of bool, shape [taxels]
+            Taxels with a known force.
+        deviation : ndarray of float64, shape [taxels]
+            Their expected deviations [N].
+        own : ndarray of float64, shape [taxels]
+            Those of what the taxels do not share [N].
+        duration : float
+            Duration of the block [s].
+        """
+        if not self.observable or np.count_nonzero(where) < self.FEWEST:
+            return 0.0
+        response = self._per_kelvin[where]
+        change = residual[where]
+        kelvin = float(np.median(change / response))
+        force = kelvin * response
+        if abs(float(force.mean())) < self.NOTICEABLE * float(np.median(deviation[where])):
+            return 0.0
+        if float(force.mean()) < 0.0:
+            return kelvin  # no object pulls at the whole array
+        misfit = np.abs(change - force) > self.NOTICEABLE * (self._spread * np.abs(force) + own[where])
+        fits = np.mean(misfit) <= self.MISFITS and abs(kelvin) <= self.FASTEST * duration
+        return kelvin if fits and self.pause <= 0.0 else 0.0
+
+    def begin(self) -> None:
+        """Open the hypothesis that the forces rise with the film's temperature."""
+        if not self.open:
+            self._open = 0.0
+
+    def is_refused(
+        self, odd: Mask, where: Mask, claimed: float, shown: float, deviation: float, wait: float, duration: float
+    ) -> bool:
+        """Process a block; return whether the open hypothesis is wrong.
+
+        Parameters
+        ----------
+        odd : ndarray of bool, shape [taxels]
+            Taxels that do not fit the pattern.
+        where : ndarray of bool, shape [taxels]
+            Taxels with a known force.
+        claimed : float
+            Change of the film's temperature according to the hypothesis [K].
+        shown : float
+            The change that the sensors show [K]; NaN without sensors.
+        deviation : float
+            Standard deviation of that change without a change of the film [K].
+        wait : float
+            Time after which the sensors show most of a change of the film [s].
+        duration : float
+            Duration of the block [s].
+        """
+        self.pause = max(self.pause - duration, 0.0)
+        if not self.open:
+            return False
+        self._open += duration
+        wrong = np.count_nonzero(odd & where) > self.MISFITS * np.count_nonzero(where)
+        if self._open >= wait:
+            resolved = math.isfinite(shown) and abs(claimed) > self.DISTINCT * deviation
+            wrong |= resolved and shown * claimed < self.CONFIRMED * claimed * claimed
+            self._open = math.nan
+        return bool(wrong)
+
+    def refuse(self) -> None:
+        """Close the hypothesis as wrong."""
+        self._open, self.pause = math.nan, self.PAUSE
+
+    def least_loaded(self, force: Array) -> float:
+        """Return the force of the least-loaded taxels [N]: a touch on all other taxels does not affect it."""
+        index = int(self.LEAST_LOADED * len(force))
+        return float(np.partition(force, index)[index])

@@ -1,0 +1,98 @@
+"""What a touch leaves in the signals besides its force: responses of leak, creep, warmth and bending to it.
+
+All are simulated from the estimated force of the touched taxels, never from the measured signals: those are noise at
+rest, which would explain everything.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from posfet_model._lib.types import Array
+from posfet_model.estimation.error_states import COUNT, CREEPS, ErrorPriors, Shared
+from posfet_model.sensor.description import Layout
+
+FULLY_WARM: Final = 0.05
+"""Force from which on the object warms the film of a taxel fully [N], assumed."""
+
+
+class TouchResponse:
+    """Responses of the force errors to the shared states.
+
+    State variables: the force that creep follows with each time constant [N], shape [creep, taxels]; the remaining
+    charge of the touched force [N], and the warmth of each taxel relative to the steady one [1], shapes [taxels].
+
+    Parameters
+    ----------
+    layout : Layout
+        The array.
+    time_constant : ndarray of float64, shape [taxels]
+        Leakage time constants [s].
+    newton_per_kelvin : ndarray of float64, shape [taxels]
+        Pyroelectric signal of each taxel [N/K].
+    priors : ErrorPriors
+        Time constants of creep and warmth.
+    """
+
+    def __init__(self, layout: Layout, time_constant: Array, newton_per_kelvin: Array, priors: ErrorPriors) -> None:
+        taxels = layout.taxels
+        rows, cols = np.divmod(np.arange(taxels), layout.cols)
+        self._x = (cols - 0.5 * (layout.cols - 1)) / max(0.5 * (layout.cols - 1), 0.5)
+        self._y = (rows - 0.5 * (layout.rows - 1)) / max(0.5 * (layout.rows - 1), 0.5)
+        self._tau = time_constant
+        self._per_kelvin = newton_per_kelvin
+        self._warmth_time = priors.warmth_time
+        self._creep_times = np.array(priors.creep_times)
+        self._followed = np.zeros((CREEPS, taxels))
+        self._charge = np.zeros(taxels)
+        self._force, self._greatest = np.zeros((2, taxels))
+        self.warm = np.zeros(taxels)
+        """Warmth of each taxel relative to the steady one [1], shape [taxels]."""
+        self._responding = False
+
+    def reset(self) -> None:
+        """Forget all touches."""
+        self._followed[:] = 0.0
+        self._charge = np.zeros_like(self._charge)
+        self._force = np.zeros_like(self._force)
+        self._greatest = np.zeros_like(self._greatest)
+        self.warm[:] = 0.0
+        self._responding = False
+
+    @property
+    def leaked(self) -> Array:
+        """Leaked charge of the touched force, as a force [N], shape [taxels]."""
+        leaked: Array = self._force - self._charge
+        return leaked
+
+    def advance(self, force: Array, duration: float) -> None:
+        """Advance by a block of `duration` [s] with a mean touched force [N], shape [taxels], 0 where untouched."""
+        self._responding |= bool(force.any())
+        if not self._responding:
+            return
+        share = -np.expm1(-duration / self._creep_times)[:, None]
+        self._followed += share * (force - self._followed)
+        ratio = duration / self._tau
+        left = np.exp(-ratio)
+        self._charge = self._charge * left + (force - self._force) * (1.0 - left) / ratio
+        self._force = force
+        # Driven by the greatest force of the touch: a force that seems to fall because the film warms would feed back.
+        self._greatest = np.where(force > 0.0, np.maximum(self._greatest, force), 0.0)
+        driven = np.minimum(self._greatest / FULLY_WARM, 1.0)
+        self.warm += -np.expm1(-duration / self._warmth_time) * (driven - self.warm)
+
+    def matrix(self) -> Array:
+        """Return the responses h of the force errors to the shared states, shape [taxels, COUNT]."""
+        response = np.zeros((len(self._tau), COUNT))
+        response[:, Shared.FILM] = self._per_kelvin
+        if self._responding:
+            total = float(self._force.sum())
+            response[:, Shared.BEND] = total
+            response[:, Shared.BEND_X] = total * self._x
+            response[:, Shared.BEND_Y] = total * self._y
+            response[:, Shared.LEAK] = self.leaked
+            response[:, Shared.WARMTH] = self._per_kelvin * self.warm
+            response[:, Shared.CREEP :] = self._followed.T
+        return response

@@ -1,0 +1,196 @@
+"""Shared states: their transition against differential equations solved by other means."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from posfet_model.calibration.taxel_calibration import Calibration, Residuals
+from posfet_model.estimation.error_states import COUNT, CREEPS, ErrorPriors, Shared, SharedDynamics
+from posfet_model.sensor.description import load_sensor
+
+Array = NDArray[np.float64]
+BLOCK = 0.02
+LAGS = [0.0, 1e-6, 0.06, 5.0, 1e9]
+
+
+def state(sensor_lag: float = 0.4) -> Array:
+    """Return a state in which everything differs from zero."""
+    result = np.linspace(0.1, 1.0, COUNT)
+    result[Shared.LAG] = math.log(sensor_lag)
+    return result
+
+
+def dynamics(film_lag: float = 0.06) -> SharedDynamics:
+    return SharedDynamics(ErrorPriors(), film_lag)
+
+
+def exponential(rates: Array) -> Array:
+    """Return the matrix exponential by scaling, Taylor series and squaring.
+
+    Scaled to a norm below 1/16, the remainder after 13 terms is below (1/16)^13/13! = 4e-26; each squaring doubles the
+    relative rounding error.
+    """
+    squarings = max(0, math.ceil(math.log2(max(float(np.abs(rates).sum(axis=1).max()), 1e-300))) + 4)
+    scaled = rates / 2.0**squarings
+    term = result = np.eye(len(rates))
+    for order in range(1, 14):
+        term = term @ scaled / order
+        result = result + term
+    for _ in range(squarings):
+        result = result @ result
+    return result
+
+
+def thermal_rates(film_lag: float, sensor_lag: float) -> Array:
+    """Return the differential equations in the docstring of the dynamics, for chip, rate, film and sensors."""
+    rates = np.zeros((4, 4))
+    rates[0, 1] = 1.0
+    rates[2, [0, 2]] = 1.0 / film_lag, -1.0 / film_lag
+    rates[3, [0, 3]] = 1.0 / sensor_lag, -1.0 / sensor_lag
+    return rates
+
+
+@pytest.mark.parametrize("duration", [1e-3, BLOCK, 1.0])
+@pytest.mark.parametrize("film_lag", [1e-3, 0.06, 5.0])
+@pytest.mark.parametrize("sensor_lag", [0.01, 0.4, 15.0])
+def test_the_temperatures_follow_their_differential_equations(
+    film_lag: float, sensor_lag: float, duration: float
+) -> None:
+    start = state(sensor_lag)
+    after, matrix, _ = dynamics(film_lag).transition(start, duration)
+    solved = exponential(thermal_rates(film_lag, sensor_lag) * duration)
+    # The rounding of 1 - mean and of the squarings: at most 1e3 units of 2^-53 each.
+    np.testing.assert_allclose(after[:4], solved @ start[:4], rtol=0, atol=5e-13)
+    np.testing.assert_allclose(matrix[:4, :4], solved, rtol=0, atol=5e-13)
+
+
+def test_all_other_states_stay() -> None:
+    start = state()
+    after, matrix, _ = dynamics().transition(start, BLOCK)
+    np.testing.assert_array_equal(after[4:], start[4:])
+    np.testing.assert_array_equal(matrix[4:], np.eye(COUNT)[4:])
+
+
+@pytest.mark.parametrize("film_lag", LAGS)
+@pytest.mark.parametrize("sensor_lag", [0.002, 0.02, 0.4, 15.0])
+def test_the_matrix_is_the_derivative_of_the_transition(film_lag: float, sensor_lag: float) -> None:
+    model, start, step = dynamics(film_lag), state(sensor_lag), 1e-5
+    _, matrix, _ = model.transition(start, BLOCK)
+    for column in range(COUNT):
+        change = step * np.eye(COUNT)[column]
+        slope = (model.transition(start + change, BLOCK)[0] - model.transition(start - change, BLOCK)[0]) / (2 * step)
+        # Central differences: a third of step^2 times the third derivative, about 100 at most for the shortest lag
+        # and below 1 otherwise, and rounding of 2^-53/step.
+        np.testing.assert_allclose(matrix[:, column], slope, rtol=0, atol=3e-9, err_msg=str(column))
+
+
+def test_a_film_without_lag_has_the_temperature_of_the_chip() -> None:
+    after, _, _ = dynamics(film_lag=0.0).transition(state(), BLOCK)
+    assert after[Shared.FILM] == pytest.approx(after[Shared.CHIP], rel=1e-15)
+
+
+def test_a_film_or_sensor_that_hardly_follows_keeps_its_temperature() -> None:
+    start = state()
+    start[Shared.LAG] = 700.0  # beyond the range of exp would be an overflow; the time constant is limited to 20 s
+    after, matrix, _ = dynamics(film_lag=1e9).transition(start, BLOCK)
+    assert after[Shared.FILM] == pytest.approx(start[Shared.FILM], abs=1e-10)
+    assert abs(after[Shared.SENSOR] - start[Shared.SENSOR]) <= BLOCK / math.exp(3.0)
+    assert np.isfinite(matrix).all()
+
+
+def test_sensors_far_faster_than_a_block_show_the_chip() -> None:
+    start = state()
+    start[Shared.LAG] = -700.0  # the time constant is limited to 0.9 ms
+    after, matrix, _ = dynamics().transition(start, BLOCK)
+    assert abs(after[Shared.SENSOR] - after[Shared.CHIP]) <= start[Shared.RATE] * math.exp(-7.0)
+    assert np.isfinite(matrix).all()
+
+
+@pytest.mark.parametrize("lag", [-20.0, 10.0])
+def test_beyond_its_limits_the_lag_changes_nothing(lag: float) -> None:
+    start = state()
+    start[Shared.LAG] = lag
+    _, matrix, _ = dynamics().transition(start, BLOCK)
+    assert matrix[Shared.SENSOR, Shared.LAG] == 0.0
+
+
+def test_the_process_noise_is_a_covariance_proportional_to_time() -> None:
+    model = dynamics()
+    once, ten = (model.transition(state(), duration)[2] for duration in (BLOCK, 10 * BLOCK))
+    np.testing.assert_allclose(ten, 10 * once, rtol=1e-12)
+    np.testing.assert_array_equal(once, once.T)
+    values = np.linalg.eigvalsh(once)
+    assert values[0] >= -1e-15 * values[-1]
+
+
+def test_chip_and_film_wander_together() -> None:
+    noise = dynamics().transition(state(), BLOCK)[2]
+    both = [Shared.CHIP, Shared.FILM]
+    np.testing.assert_allclose(noise[np.ix_(both, both)], ErrorPriors().film_walk ** 2 * BLOCK, rtol=1e-12)
+
+
+def test_in_ten_minutes_a_constant_state_forgets_as_much_as_was_unknown_at_the_start() -> None:
+    priors = ErrorPriors()
+    gained = np.diag(dynamics().transition(state(), SharedDynamics.FORGET)[2])
+    for constant in (Shared.LAG, Shared.SCALE, Shared.BEND, Shared.LEAK, Shared.WARMTH, Shared.CREEP):
+        assert gained[constant] == pytest.approx(priors.covariance()[constant, constant], rel=1e-12)
+
+
+def calibration(**found: Any) -> Calibration:
+    """Return a calibration that determined what is given, and gains and time constants."""
+    return replace(
+        Calibration.nominal(load_sensor()), residuals=Residuals(1e-3, 1e-2, 1000), date="2026-01-01", **found
+    )
+
+
+def test_priors_have_a_value_for_every_state() -> None:
+    priors = ErrorPriors()
+    assert len(priors.creep) == len(priors.creep_mean) == len(priors.creep_times) == CREEPS
+    assert priors.covariance().shape == (COUNT, COUNT)
+    assert priors.mean().shape == (COUNT,)
+    assert (np.diag(priors.covariance()) > 0.0).all()
+
+
+def test_without_a_calibration_the_priors_stay() -> None:
+    priors = ErrorPriors()
+    assert priors.with_calibration(Calibration.nominal(load_sensor())) == priors
+
+
+def test_a_calibration_makes_no_prior_less_certain() -> None:
+    priors = ErrorPriors()
+    known = priors.with_calibration(calibration(warmth=0.02, warmth_deviation=0.004))
+    assert (known.covariance() <= priors.covariance()).all()
+    assert known.leak < priors.leak
+    assert known.pyroelectric < priors.pyroelectric
+
+
+def test_slow_responses_that_a_calibration_found_replace_the_assumed_ones() -> None:
+    priors = ErrorPriors()
+    known = priors.with_calibration(
+        calibration(
+            relaxation_time_constants=np.array([0.5]),
+            relaxation_sizes=np.array([0.03]),
+            relaxation_deviations=np.array([0.001]),
+        )
+    )
+    assert known.creep_times == (0.5, *priors.creep_times[1:])
+    assert known.mean()[Shared.CREEP] == 0.03
+    assert not known.mean()[Shared.CREEP + 1 :].any()
+    # Stated by the calibration, but a film ages.
+    assert priors.creep_least <= known.creep[0] < priors.creep[0]
+    assert known.creep[1:] == priors.creep[1:]
+
+
+def test_more_slow_responses_than_states_are_left_out() -> None:
+    many = np.linspace(0.1, 20.0, CREEPS + 2)
+    known = ErrorPriors().with_calibration(
+        calibration(relaxation_time_constants=many, relaxation_sizes=0.01 * many, relaxation_deviations=0.001 * many)
+    )
+    assert known.creep_times == tuple(many[:CREEPS])
+    assert known.mean().shape == (COUNT,)

@@ -1,0 +1,357 @@
+"""Static force by the filter of all force errors: accuracy, consistency, onset of a touch, start and validity."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.estimation.error_states import Shared
+from posfet_model.estimation.force_estimator import BLOCK, RESUME_TIME, ForceEstimator
+from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_model.sensor.signal_chain import InverseSignalChain, force_noise_rms
+from support.scan_player import Forces, nothing, press, scans
+
+SENSOR = load_sensor()
+TAXELS = SENSOR.layout.taxels
+MIDDLE = TAXELS // 2
+THRESHOLD = SENSOR.contact.threshold
+SIDE = SENSOR.layout.cols
+
+
+def patch() -> Forces:
+    """Return the share of each taxel in a press on the 3 x 3 taxels in the middle."""
+    shape = np.zeros((SIDE, SIDE))
+    middle = SIDE // 2
+    shape[middle - 1 : middle + 2, middle - 1 : middle + 2] = np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 16
+    return shape.ravel()
+
+
+PATCH = patch()
+PRESSED = PATCH > 0.0
+
+
+class Watch:
+    """An estimator with scans as input; a taxel counts as touched while its force is known and above the threshold."""
+
+    def __init__(self, model: Sensor = SENSOR, **options: Any) -> None:
+        self.estimator = ForceEstimator(model, **options)
+        self.valid: list[bool] = []
+        self._inverse = InverseSignalChain(model)
+        self._charge = np.zeros(TAXELS)
+        self._touched = np.zeros(TAXELS, np.bool_)
+        self._limit = np.full(TAXELS, THRESHOLD)
+        self._last = -1e-3
+
+    def process(self, time: float, scan: Any) -> NDArray[np.float64]:
+        estimator = self.estimator
+        estimator.advance(self._inverse.charge(scan.counts, self._charge), scan.temperatures, time - self._last)
+        self._last = time
+        estimator.compensate_common_mode(bool(self._touched.any()))
+        self._touched |= estimator.force > self._limit
+        if estimator.block_due:
+            touched = self._touched & estimator.offset_known
+            estimator.close_block(touched, touched, [np.flatnonzero(touched)] if touched.any() else [])
+            self._limit = np.maximum(THRESHOLD, 2.5 * self.deviation())
+            self._touched = estimator.force > self._limit
+        self.valid.append(estimator.valid)
+        return estimator.force
+
+    def deviation(self) -> NDArray[np.float64]:
+        return np.sqrt(self.estimator.variance(np.empty(TAXELS)))
+
+    def total_deviation(self) -> float:
+        """Return the standard uncertainty of the total force [N]."""
+        shared = self.estimator.correlated_error.sum(axis=0)
+        return math.sqrt(self.estimator.force_variance(np.empty(TAXELS)).sum() + float(shared @ shared))
+
+
+def history(watch: Watch, device: Sensor, duration: float, **scene: Any) -> NDArray[np.float64]:
+    """Return the forces of all taxels at every scan."""
+    return np.array([watch.process(time, scan).copy() for time, scan in scans(device, duration, **scene)])
+
+
+def with_device(**changes: float) -> Sensor:
+    return replace(SENSOR, device=replace(SENSOR.device, **changes))
+
+
+def test_two_newton_held_for_10_s_stay_within_the_uncertainty_and_2_percent() -> None:
+    watch = Watch()
+    forces = history(watch, SENSOR, 11.0, force=press(2.0, 1.0, 60.0), shape=PATCH)
+    totals = forces[1100:].sum(axis=1)
+    assert np.abs(totals - 2.0).max() < 0.04
+    assert abs(totals[-1] - 2.0) < 2.0 * watch.total_deviation()
+    # The signal itself has decayed by e^-37.
+    assert watch.total_deviation() > 3.0 * force_noise_rms(SENSOR)
+    assert all(watch.valid[300:])
+
+
+def test_the_uncertainty_grows_while_held_and_recovers_after_the_release() -> None:
+    watch, seen = Watch(), {}
+    for time, scan in scans(SENSOR, 6.0, force=press(1.0, 1.0, 5.0), shape=PATCH):
+        watch.process(time, scan)
+        seen[round(time, 3)] = float(watch.deviation()[MIDDLE])
+    assert seen[0.9] < seen[2.0] < seen[3.0] < seen[4.9]
+    assert seen[5.9] < 0.2 * seen[4.9]
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        {},
+        {"leak_time_constant": 1.05 * SENSOR.device.leak_time_constant},
+        {"leak_time_constant": 0.95 * SENSOR.device.leak_time_constant},
+    ],
+    ids=["exact", "leaks less", "leaks more"],
+)
+def test_the_two_sigma_interval_covers_a_held_force_95_percent_of_the_time(error: dict[str, float]) -> None:
+    # A leak rate that differs by half a standard deviation is within what the model admits.
+    device = with_device(**error)
+    inside, totals = [], []
+    for seed in range(2):
+        watch = Watch()
+        force = press(2.0, 1.0, 60.0)
+        for time, scan in scans(device, 5.0, force=force, shape=PATCH, seed=seed):
+            estimate = watch.process(time, scan)
+            if time > 1.1 and round(time * 1000) % 100 == 0:
+                truth = force(time) * PATCH
+                inside.extend(np.abs(estimate - truth) <= 2.0 * watch.deviation())
+                totals.append(abs(float(estimate.sum()) - 2.0) <= 2.0 * watch.total_deviation())
+    assert len(inside) >= 1900
+    assert np.mean(inside) >= 0.95
+    assert np.mean(totals) >= 0.95
+
+
+@pytest.mark.parametrize("rise", [0.02, 0.1, 0.25])
+def test_the_onset_of_a_touch_is_not_absorbed(rise: float) -> None:
+    # Blocks of the last 0.3 s are processed again without the touched taxels: what they took is given back. Measured
+    # for six seeds: +6 to +7 %, +2 to +4 % and -3 to 0 %.
+    watch = Watch()
+    forces = history(watch, SENSOR, 1.5 + rise, force=press(0.2, 1.0, 60.0, rise=rise), shape=PATCH)
+    held = forces[-50:].sum(axis=1).mean()
+    assert abs(held - 0.2) <= 2.0 * watch.total_deviation()
+    assert held == pytest.approx(0.2, rel=0.1)
+
+
+@pytest.mark.parametrize("rise", [1.0, 3.0])
+@pytest.mark.parametrize("seed", range(2))
+def test_what_a_slow_press_may_have_lost_is_in_the_uncertainty(rise: float, seed: int) -> None:
+    # Measured for six seeds: 13 to 15 % are lost at a rise of 1 s, 9 to 21 % at 3 s.
+    watch = Watch()
+    force = press(0.2, 1.0, 60.0, rise=rise)
+    forces = history(watch, SENSOR, 1.5 + rise, force=force, shape=PATCH, seed=seed)
+    assert abs(forces[-50:].sum(axis=1).mean() - 0.2) <= 2.0 * watch.total_deviation()
+
+
+@pytest.mark.parametrize("offset", [-0.15, -0.02, 0.005, 0.05, 0.15])
+def test_any_amplifier_offset_is_estimated(offset: float) -> None:
+    device = replace(SENSOR, amplifier=replace(SENSOR.amplifier, offset=offset))
+    watch = Watch()
+    forces = history(watch, device, 3.0, force=press(2.0, 1.0, 2.5), shape=PATCH)
+    assert watch.estimator.valid
+    assert np.abs(forces[500:1000]).max() < 5e-3
+    np.testing.assert_allclose(forces[1100:2500].sum(axis=1), 2.0, rtol=0, atol=0.04)
+    assert np.abs(forces[2900:]).max() < 5e-3
+
+
+def test_an_offset_does_not_look_like_a_temperature_at_the_start() -> None:
+    # Force errors belong to the middle of a block. Half a block of leakage at 0.15 V would be 6 mK of the film.
+    device = replace(SENSOR, amplifier=replace(SENSOR.amplifier, offset=0.15))
+    watch = Watch()
+    history(watch, device, 0.07)
+    assert abs(watch.estimator.belief.shared[Shared.FILM]) < 2e-3
+
+
+def test_a_load_held_from_the_start_ends_with_a_correct_baseline() -> None:
+    watch = Watch()
+    forces = history(watch, SENSOR, 4.0, force=press(2.0, -1.0, 1.0), shape=PATCH)
+    assert watch.estimator.valid
+    assert np.abs(forces[3900:]).max() < 5e-3
+
+
+@pytest.mark.parametrize("rate", [-0.1, 0.0, 0.1])
+def test_an_array_at_rest_reads_zero_within_its_uncertainty_at_any_constant_temperature_rate(rate: float) -> None:
+    watch = Watch()
+    inside = []
+    for time, scan in scans(SENSOR, 5.0, temperature=lambda time: 25.0 + rate * time):
+        force = watch.process(time, scan)
+        if time > 2.0 and round(time * 1000) % 100 == 0:
+            inside.extend(np.abs(force) <= 2.0 * watch.deviation())
+    # 95.4 % of a normal distribution; 725 values, not independent, have a standard error of 0.8 % at least.
+    assert np.mean(inside) >= 0.93
+    assert np.abs(watch.estimator.force).max() < 0.25 * THRESHOLD
+
+
+def test_a_force_held_while_the_chip_warms_is_within_its_uncertainty() -> None:
+    watch = Watch()
+    force = press(2.0, 4.0, 60.0)
+    totals = []
+    for time, scan in scans(SENSOR, 9.0, force=force, shape=PATCH, temperature=lambda time: 25.0 + 0.05 * time):
+        estimate = watch.process(time, scan)
+        if time > 4.1 and round(time * 1000) % 100 == 0:
+            totals.append(abs(float(estimate[PRESSED].sum()) - 2.0) <= 2.0 * watch.total_deviation())
+    # 0.25 K at about 1 N/K are 2.4 N on the nine taxels, of which the untouched ones determine nearly all.
+    assert np.mean(totals) >= 0.95
+
+
+def test_the_forces_are_valid_up_to_the_relative_uncertainty_that_is_asked_for() -> None:
+    def held(limit: float) -> list[bool]:
+        watch = Watch(max_relative_uncertainty=limit)
+        history(watch, SENSOR, 3.0, force=press(2.0, 1.0, 60.0), shape=PATCH)
+        return watch.valid[1500:]
+
+    assert all(held(0.2))
+    assert not any(held(1e-3))
+
+
+def test_the_relative_uncertainty_does_not_matter_at_rest() -> None:
+    watch = Watch(max_relative_uncertainty=1e-3)
+    history(watch, SENSOR, 1.5)
+    assert all(watch.valid[500:])
+
+
+def test_a_tare_sets_the_forces_to_zero_and_keeps_the_offsets() -> None:
+    watch = Watch()
+    history(watch, SENSOR, 1.0)
+    before = watch.estimator.force.copy()
+    change = watch.estimator.tare()
+    np.testing.assert_allclose(watch.estimator.force, before + change, rtol=0, atol=1e-15)
+    assert watch.estimator.offset_known.all()
+    assert np.abs(watch.estimator.force).max() < 5.0 * force_noise_rms(SENSOR)
+
+
+def test_a_forced_tare_under_load_reads_changes_from_then_on() -> None:
+    watch, rows = Watch(), []
+    for time, scan in scans(SENSOR, 3.0, force=press(1.0, 1.0, 2.0), shape=PATCH):
+        rows.append(watch.process(time, scan).copy())
+        if round(time * 1000) == 1500:
+            watch.estimator.tare(forced=True)
+    # The load is released from 2.0 s on: minus 1 N at first, and zero soon after, as no object pulls.
+    assert np.abs(rows[1510]).max() < 0.01
+    assert rows[2050].sum() == pytest.approx(-1.0, abs=0.1)
+    assert np.abs(rows[-1]).max() < 0.01
+
+
+def test_after_an_interruption_the_force_is_the_remaining_charge_and_not_valid_at_once() -> None:
+    watch = Watch()
+    for time, scan in scans(SENSOR, 2.0, force=press(1.0, 1.0, 60.0), shape=PATCH):
+        if round(time * 1000) == 1200:
+            remaining = watch.estimator.residual_charge.copy()
+            watch.estimator.interrupt()
+            assert not watch.estimator.valid
+        force = watch.process(time, scan)
+        if round(time * 1000) == 1200:
+            # One step of leakage and its noise.
+            np.testing.assert_allclose(force, remaining, rtol=0, atol=0.01 * remaining.max())
+    assert watch.estimator.offset_known.all()
+    assert not any(watch.valid[1200 : 1200 + round(RESUME_TIME * 1000)])
+    # The force is a lower bound until it is released.
+    assert not watch.estimator.valid
+
+
+def test_an_interruption_at_rest_leaves_forces_valid_soon_after() -> None:
+    watch = Watch()
+    for time, scan in scans(SENSOR, 2.0):
+        if round(time * 1000) == 1200:
+            watch.estimator.interrupt()
+        watch.process(time, scan)
+    assert all(watch.valid[1200 + round((RESUME_TIME + 2 * BLOCK) * 1000) :])
+
+
+def test_an_ignored_taxel_does_not_affect_the_others() -> None:
+    broken = np.zeros(TAXELS, np.bool_)
+    broken[0] = True
+    alone, beside = Watch(), Watch()
+    for each in (alone, beside):
+        each.estimator.ignore(broken)
+    scene: dict[str, Any] = {"force": press(1.0, 1.0, 60.0), "shape": PATCH}
+    reference = history(alone, SENSOR, 2.5, **scene)
+    rows = []
+    random = np.random.default_rng(1)
+    for time, scan in scans(SENSOR, 2.5, **scene):
+        scan.counts[0] = random.integers(0, 4095)
+        rows.append(beside.process(time, scan).copy())
+    assert beside.estimator.valid
+    # A taxel of the corner is two taxels away from the press: its noise is no contact.
+    np.testing.assert_allclose(np.array(rows)[1500:, PRESSED], reference[1500:, PRESSED], rtol=0, atol=5e-3)
+
+
+def test_a_saturated_taxel_becomes_less_certain_by_what_may_have_leaked() -> None:
+    watch = Watch()
+    force = press(1.0, 1.0, 60.0)
+    one = np.zeros(TAXELS, np.bool_)
+    one[MIDDLE] = True
+    for time, scan in scans(SENSOR, 1.5, force=force, shape=PATCH):
+        watch.process(time, scan)
+        if round(time * 1000) == 1200:
+            before, signal = watch.deviation(), watch.estimator.residual_charge[MIDDLE]
+            for _ in range(100):
+                watch.estimator.inflate_variance(one, 1e-3)
+        if round(time * 1000) == 1200 + 2 * round(BLOCK * 1000):
+            after = watch.deviation()
+    lost = 0.1 * signal / SENSOR.device.leak_time_constant
+    assert after[MIDDLE] >= math.hypot(before[MIDDLE], 0.9 * lost)
+    assert after[MIDDLE + 1] < 1.1 * before[MIDDLE + 1] + 1e-3
+
+
+def test_variances_agree_with_each_other() -> None:
+    watch = Watch()
+    history(watch, SENSOR, 2.0, force=press(1.0, 1.0, 60.0), shape=PATCH)
+    estimator = watch.estimator
+    shared = estimator.correlated_error
+    each = estimator.force_variance(np.empty(TAXELS)) + np.einsum("ij,ij->i", shared, shared)
+    np.testing.assert_allclose(estimator.variance(np.empty(TAXELS)), each + estimator.common_variance, rtol=1e-12)
+    assert (each > 0.0).all()
+
+
+def test_gains_of_a_calibration_scale_the_forces() -> None:
+    nominal = Calibration.nominal(SENSOR)
+    watch = Watch(calibration=replace(nominal, gain=nominal.gain * 2.0))
+    forces = history(watch, SENSOR, 2.0, force=press(2.0, 1.0, 60.0), shape=PATCH)
+    assert forces[1500:].sum(axis=1).mean() == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.parametrize("name", ["gain_deviation", "leak_deviation"])
+def test_what_a_calibration_leaves_unknown_is_in_the_uncertainty_of_each_taxel(name: str) -> None:
+    nominal = Calibration.nominal(SENSOR)
+    variances = []
+    for deviation in (0.0, 0.2):
+        watch = Watch(calibration=replace(nominal, **{name: np.full(TAXELS, deviation)}))
+        history(watch, SENSOR, 3.0, force=press(2.0, 1.0, 60.0), shape=PATCH)
+        variances.append(watch.estimator.force_variance(np.empty(TAXELS)))
+    # After two seconds, seven time constants, the whole charge has leaked: both act in proportion to the force.
+    expected = (0.2 * 2.0 * PATCH) ** 2
+    np.testing.assert_allclose((variances[1] - variances[0])[PRESSED], expected[PRESSED], rtol=0.05)
+    assert (variances[1] - variances[0])[~PRESSED].max() < 0.01 * expected.max()
+
+
+@pytest.mark.parametrize("rate", [200.0, 1000.0, 3000.0])
+def test_the_scan_rate_does_not_matter(rate: float) -> None:
+    watch = Watch()
+    forces = history(watch, SENSOR, 2.5, force=press(1.0, 1.0, 60.0), shape=PATCH, rate=rate)
+    assert forces[-1].sum() == pytest.approx(1.0, abs=0.02)
+    assert watch.estimator.valid
+
+
+def test_the_temperature_sensors_are_not_needed_for_a_steady_chip() -> None:
+    watch = Watch()
+    rows = []
+    force: Callable[[float], float] = press(1.0, 1.0, 3.0)
+    for time, scan in scans(SENSOR, 4.0, force=force, shape=PATCH):
+        scan.temperatures[:] = math.nan
+        rows.append(watch.process(time, scan).copy())
+    assert not watch.estimator.film.known
+    assert np.array(rows)[1500:2900].sum(axis=1) == pytest.approx(1.0, abs=0.02)
+    assert np.abs(rows[-1]).max() < 5e-3
+
+
+def test_an_untouched_array_has_no_restarts() -> None:
+    watch = Watch()
+    history(watch, SENSOR, 3.0, force=nothing)
+    assert watch.estimator.restarts == 0

@@ -1,0 +1,312 @@
+"""When a force is known: each policy alone, with residuals made for its situation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from posfet_model.estimation.known_forces import (
+    NEGATIVE_TIME,
+    RELEASED_BLOCKS,
+    RELEASED_SHARE,
+    SMALL,
+    STILL_BLOCKS,
+    UNEXPLAINED_TIME,
+    ReleaseDetector,
+    UnexplainedResiduals,
+    UniformChange,
+)
+
+Array = NDArray[np.float64]
+BLOCK = 0.02
+NOISE = 1e-4
+THRESHOLD = 0.02
+TAXELS = 12
+EVERYWHERE = np.ones(TAXELS, np.bool_)
+NOWHERE = np.zeros(TAXELS, np.bool_)
+
+
+def at(value: float, *taxels: int) -> Array:
+    result = np.zeros(TAXELS)
+    result[list(taxels)] = value
+    return result
+
+
+class Unexplained:
+    """The policy with constant noise; returns what each block declares an error."""
+
+    def __init__(self) -> None:
+        self.policy = UnexplainedResiduals(TAXELS, THRESHOLD)
+
+    def run(self, residual: Array, blocks: int, steps: float = 0.0) -> list[list[int]]:
+        """Process blocks whose mean alternates by `steps` times the noise."""
+        found = []
+        for number in range(blocks):
+            mean = residual + steps * NOISE * (-1) ** number
+            errors = self.policy.update(np.abs(residual) > 0.0, residual, mean, np.full(TAXELS, NOISE), BLOCK)
+            found.append([] if errors is None else np.flatnonzero(errors).tolist())
+        return found
+
+
+def blocks_in(time: float) -> int:
+    """Return the number of blocks after which a time has passed, tolerating rounding of its sum."""
+    return math.ceil(time / BLOCK - 1e-6)
+
+
+def first(found: Sequence[Sequence[int]]) -> int | None:
+    """Return the number of blocks until anything was found."""
+    return next((number for number, taxels in enumerate(found, 1) if taxels), None)
+
+
+def test_a_negative_force_is_an_error_of_the_baseline_once_it_lasts() -> None:
+    unexplained = Unexplained()
+    found = unexplained.run(at(-0.1, 3), 30)
+    assert blocks_in(NEGATIVE_TIME) <= (first(found) or 0) <= blocks_in(NEGATIVE_TIME) + 1
+    assert {3} == {taxel for taxels in found for taxel in taxels}
+
+
+def test_a_negative_force_that_ends_earlier_is_none() -> None:
+    unexplained = Unexplained()
+    for _ in range(5):
+        assert first(unexplained.run(at(-0.1, 3), blocks_in(NEGATIVE_TIME) - 2)) is None
+        assert unexplained.policy.below[3] > 0.0
+        assert unexplained.run(np.zeros(TAXELS), 1) == [[]]
+        assert not unexplained.policy.below.any()
+
+
+def test_a_small_steady_force_without_a_contact_is_an_error_of_the_baseline() -> None:
+    found = Unexplained().run(at(0.9 * SMALL * THRESHOLD, 5), 150)
+    # The first block sets the level that the others are compared with.
+    expected = blocks_in(UNEXPLAINED_TIME) + 1
+    assert expected <= (first(found) or 0) <= expected + 1
+    assert {5} == {taxel for taxels in found for taxel in taxels}
+
+
+@pytest.mark.parametrize("force", [1.1 * SMALL * THRESHOLD, 0.9 * THRESHOLD, 1.0])
+def test_a_force_that_is_not_small_never_becomes_an_error(force: float) -> None:
+    assert first(Unexplained().run(at(force, 5), 500)) is None
+
+
+def test_a_force_that_moves_never_becomes_an_error() -> None:
+    assert first(Unexplained().run(at(0.5 * SMALL * THRESHOLD, 5), 500, steps=10.0)) is None
+
+
+def test_only_positive_residuals_look_like_a_touch() -> None:
+    unexplained = Unexplained()
+    unexplained.run(at(0.01, 1) + at(-0.01, 2), 1)
+    assert np.flatnonzero(unexplained.policy.rising).tolist() == [1]
+    unexplained.run(np.zeros(TAXELS), 1)
+    assert not unexplained.policy.rising.any()
+
+
+def test_a_reset_forgets_what_was_unexplained() -> None:
+    unexplained = Unexplained()
+    unexplained.run(at(0.004, 1) + at(-0.01, 2), 9)
+    unexplained.policy.reset()
+    assert not unexplained.policy.rising.any()
+    assert first(unexplained.run(at(-0.01, 2), blocks_in(NEGATIVE_TIME) - 1)) is None
+
+
+CONTACT = np.array([4, 5, 6])
+OTHER = np.array([9, 10])
+DEVIATION = 0.01
+
+
+class Release:
+    """The detector with contacts that stay listed, and the same variance for all taxels."""
+
+    def __init__(self) -> None:
+        self.detector = ReleaseDetector(TAXELS)
+
+    def run(self, forces: Sequence[Array], contacts: Sequence[NDArray[np.intp]] = (CONTACT,)) -> list[list[int]]:
+        touched = NOWHERE.copy()
+        touched[np.concatenate(contacts)] = True
+        found = []
+        for force in forces:
+            released = self.detector.update(contacts, force, touched, np.full(TAXELS, DEVIATION**2), NOISE)
+            found.append([] if released is None else np.flatnonzero(released).tolist())
+        return found
+
+
+def hold(force: float, blocks: int, taxels: NDArray[np.intp] = CONTACT) -> list[Array]:
+    return [at(force, *taxels.tolist())] * blocks
+
+
+def test_a_contact_whose_forces_are_within_their_uncertainty_was_released() -> None:
+    found = Release().run(hold(1.0, 20) + hold(DEVIATION, 20))
+    number = (first(found) or 0) - 20
+    assert STILL_BLOCKS + RELEASED_BLOCKS - 1 <= number <= STILL_BLOCKS + RELEASED_BLOCKS
+    assert found[-1] == CONTACT.tolist()
+
+
+def test_a_contact_is_not_released_while_its_force_is_significant() -> None:
+    assert first(Release().run(hold(1.0, 20) + hold(2.0 * DEVIATION, 100))) is None
+
+
+def test_a_contact_is_not_released_while_it_has_a_good_part_of_its_peak_left() -> None:
+    # Within its uncertainty, but no less than before: a light touch that has been measured badly is not over.
+    assert first(Release().run(hold(DEVIATION, 200))) is None
+    assert first(Release().run(hold(2.5 * DEVIATION, 20) + hold(1.2 * RELEASED_SHARE * 2.5 * DEVIATION, 50))) is None
+
+
+def test_a_contact_is_not_released_while_it_moves() -> None:
+    falling = [at(0.015 - 0.0008 * number, *CONTACT.tolist()) for number in range(30)]
+    assert first(Release().run(hold(0.1, 20) + falling)) is None
+
+
+def test_all_taxels_of_a_contact_are_released_together_and_no_others() -> None:
+    one, other = hold(1.0, 20), hold(1.0, 40, OTHER)
+    forces = [a + b for a, b in zip(one + hold(0.0, 20), other, strict=True)]
+    found = Release().run(forces, (CONTACT, OTHER))
+    assert found[-1] == CONTACT.tolist()
+    # One loaded taxel keeps its contact.
+    kept = hold(1.0, 20) + [at(0.05, int(CONTACT[0]))] * 50
+    assert first(Release().run(kept)) is None
+
+
+def test_nothing_is_released_before_it_can_be_known_to_be_still() -> None:
+    assert first(Release().run(hold(1.0, 1) + hold(0.0, STILL_BLOCKS - 1))) is None
+
+
+PER_KELVIN = -np.linspace(0.8, 1.2, TAXELS)
+SPREAD = 0.02
+
+
+def uniform() -> UniformChange:
+    return UniformChange(PER_KELVIN, SPREAD)
+
+
+def explanation(policy: UniformChange, residual: Array, where: NDArray[np.bool_] = EVERYWHERE) -> float:
+    return policy.temperature(residual, where, np.full(TAXELS, 10 * NOISE), np.full(TAXELS, NOISE), BLOCK)
+
+
+@pytest.mark.parametrize("kelvin", [-0.05, -0.01, 0.01, 0.05])
+def test_a_change_by_the_pyroelectric_response_is_a_temperature(kelvin: float) -> None:
+    assert explanation(uniform(), kelvin * PER_KELVIN) == pytest.approx(kelvin, rel=1e-12)
+
+
+def test_a_change_within_its_deviation_needs_no_explanation() -> None:
+    assert explanation(uniform(), 0.9 * UniformChange.NOTICEABLE * 10 * NOISE / PER_KELVIN.mean() * PER_KELVIN) == 0.0
+
+
+def test_a_rise_by_another_pattern_is_a_press() -> None:
+    # A uniform pressure: forces are equal, where warmth would follow the pyroelectric responses.
+    assert explanation(uniform(), np.full(TAXELS, 0.04)) == 0.0
+
+
+def test_a_few_touched_taxels_do_not_hide_a_temperature_change() -> None:
+    residual = -0.02 * PER_KELVIN
+    residual[[0, 7]] += 1.0
+    assert explanation(uniform(), -residual) == pytest.approx(0.02, rel=0.05)
+    assert explanation(uniform(), residual) == pytest.approx(-0.02, rel=0.05)
+
+
+def test_a_rise_faster_than_heat_is_a_press_but_no_fall_is() -> None:
+    fast = 1.2 * UniformChange.FASTEST * BLOCK
+    assert explanation(uniform(), -fast * PER_KELVIN) == 0.0
+    assert explanation(uniform(), fast * PER_KELVIN) == pytest.approx(fast)
+
+
+def test_a_fall_is_never_a_press_whatever_its_pattern() -> None:
+    assert explanation(uniform(), np.full(TAXELS, -0.04)) == pytest.approx(0.04, rel=0.25)
+
+
+def test_too_few_taxels_tell_nothing() -> None:
+    few = NOWHERE.copy()
+    few[: UniformChange.FEWEST - 1] = True
+    assert explanation(uniform(), -0.02 * PER_KELVIN, few) == 0.0
+    small = UniformChange(PER_KELVIN[: UniformChange.FEWEST - 1], SPREAD)
+    assert not small.observable
+
+
+def test_a_film_without_pyroelectric_response_tells_nothing() -> None:
+    response = PER_KELVIN.copy()
+    response[3] = 0.0
+    policy = UniformChange(response, SPREAD)
+    assert not policy.observable
+    assert explanation(policy, np.full(TAXELS, 0.04)) == 0.0
+
+
+CLAIMED = 0.1
+READING = 0.004
+
+
+def decide(
+    policy: UniformChange,
+    shown: float,
+    claimed: float = CLAIMED,
+    wait: float = 0.0,
+    odd: NDArray[np.bool_] = NOWHERE,
+) -> int | None:
+    """Return the number of blocks after which a rise of the film is refused, None if it is kept."""
+    policy.begin()
+    for number in range(1, 200):
+        if policy.is_refused(odd, EVERYWHERE, claimed, shown, READING, wait, BLOCK):
+            return number
+        if not policy.open:
+            return None
+    raise AssertionError("never decided")
+
+
+@pytest.mark.parametrize("wait", [0.0, 0.3, 1.1])
+def test_a_rise_that_the_sensors_do_not_show_is_refused_once_they_must(wait: float) -> None:
+    number = decide(uniform(), 0.9 * UniformChange.CONFIRMED * CLAIMED, wait=wait)
+    assert number is not None
+    expected = max(blocks_in(wait), 1)
+    assert expected <= number <= expected + 1
+
+
+def test_a_rise_that_the_sensors_show_is_kept() -> None:
+    assert decide(uniform(), 1.1 * UniformChange.CONFIRMED * CLAIMED) is None
+    assert decide(uniform(), CLAIMED, wait=0.8) is None
+
+
+def test_a_rise_that_the_sensors_contradict_is_refused() -> None:
+    assert decide(uniform(), -CLAIMED) is not None
+
+
+def test_without_sensors_a_rise_cannot_be_refused_by_them() -> None:
+    assert decide(uniform(), math.nan) is None
+
+
+def test_a_rise_within_the_noise_of_the_sensors_cannot_be_refused_by_them() -> None:
+    assert decide(uniform(), 0.0, claimed=0.9 * UniformChange.DISTINCT * READING) is None
+    assert decide(uniform(), 0.0, claimed=1.1 * UniformChange.DISTINCT * READING) is not None
+
+
+def test_a_rise_whose_pattern_ceases_to_fit_is_refused_at_once() -> None:
+    odd = NOWHERE.copy()
+    odd[: math.ceil(UniformChange.MISFITS * TAXELS)] = True
+    assert decide(uniform(), CLAIMED, wait=1.0, odd=odd) == 1
+
+
+def test_a_refused_hypothesis_is_not_made_again_for_a_while() -> None:
+    policy = uniform()
+    policy.begin()
+    policy.refuse()
+    assert not policy.open
+    rise = -0.02 * PER_KELVIN
+    blocks = 0
+    while explanation(policy, rise) == 0.0:
+        assert not policy.is_refused(NOWHERE, EVERYWHERE, 0.0, 0.0, READING, 0.0, BLOCK)
+        blocks += 1
+    assert blocks_in(UniformChange.PAUSE) <= blocks <= blocks_in(UniformChange.PAUSE) + 1
+
+
+def test_the_hypothesis_keeps_the_time_at_which_it_was_opened() -> None:
+    policy, wait = uniform(), 0.3
+    policy.begin()
+    for _ in range(blocks_in(wait) - 1):
+        assert not policy.is_refused(NOWHERE, EVERYWHERE, CLAIMED, 0.0, READING, wait, BLOCK)
+        policy.begin()
+    assert any(policy.is_refused(NOWHERE, EVERYWHERE, CLAIMED, 0.0, READING, wait, BLOCK) for _ in range(2))
+
+
+def test_the_least_loaded_taxels_do_not_feel_a_touch_of_the_others() -> None:
+    force = np.full(TAXELS, 0.01)
+    force[: TAXELS - 1 - int(UniformChange.LEAST_LOADED * TAXELS)] = 5.0
+    assert uniform().least_loaded(force) == 0.01

@@ -1,0 +1,103 @@
+"""Temperature sensors of the chip: what counts as a new reading, and their mean change."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from posfet_model.estimation.thermometers import Thermometers
+
+NAN = math.nan
+
+
+def read(thermometers: Thermometers, *values: float) -> float:
+    """Process readings a second after the last."""
+    return thermometers.read(np.array(values, np.float32), 1.0)
+
+
+def test_the_first_reading_is_the_zero_of_the_scale() -> None:
+    thermometers = Thermometers()
+    assert not thermometers.known
+    assert read(thermometers, 25.0, 31.0) == 0.0
+    assert thermometers.known
+
+
+def test_a_reading_is_the_mean_change_since_the_first() -> None:
+    thermometers = Thermometers()
+    read(thermometers, 25.0, 31.0)
+    assert read(thermometers, 25.5, 31.25) == pytest.approx(0.375)
+    assert read(thermometers, 24.5, 31.0) == pytest.approx(-0.25)
+
+
+def test_the_same_values_again_are_no_new_reading() -> None:
+    thermometers = Thermometers()
+    read(thermometers, 25.0, 31.0)
+    assert math.isnan(read(thermometers, 25.0, 31.0))
+    assert read(thermometers, 25.0, 31.5) == pytest.approx(0.25)
+    assert math.isnan(read(thermometers, 25.0, 31.5))
+
+
+def test_a_sensor_that_stops_gives_no_new_reading() -> None:
+    thermometers = Thermometers()
+    read(thermometers, 25.0, 31.0)
+    read(thermometers, 25.5, 31.5)
+    assert math.isnan(read(thermometers, 25.5, NAN))
+    assert thermometers.known
+    # The other one goes on, by itself.
+    assert read(thermometers, 25.75, NAN) == pytest.approx(0.75)
+
+
+def test_a_sensor_that_appears_does_not_shift_the_mean() -> None:
+    thermometers = Thermometers()
+    read(thermometers, 25.0, NAN)
+    assert read(thermometers, 26.0, NAN) == pytest.approx(1.0)
+    assert read(thermometers, 26.0, 40.0) == pytest.approx(1.0)
+    assert read(thermometers, 26.5, 40.5) == pytest.approx(1.5)
+
+
+def test_a_sensor_that_returns_keeps_its_own_zero() -> None:
+    thermometers = Thermometers()
+    read(thermometers, 25.0, 31.0)
+    read(thermometers, 25.0, NAN)
+    assert read(thermometers, 26.0, 32.0) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("values", [(), (NAN,), (NAN, NAN)])
+def test_without_a_sensor_there_is_no_reading(values: tuple[float, ...]) -> None:
+    thermometers = Thermometers()
+    assert math.isnan(read(thermometers, *values))
+    assert not thermometers.known
+
+
+def test_after_all_sensors_stopped_none_is_known() -> None:
+    thermometers = Thermometers()
+    read(thermometers, 25.0, 31.0)
+    assert math.isnan(read(thermometers, NAN, NAN))
+    assert not thermometers.known
+    assert read(thermometers, 25.5, NAN) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("value", [math.inf, -math.inf])
+def test_an_infinite_reading_is_none(value: float) -> None:
+    thermometers = Thermometers()
+    read(thermometers, 25.0, 31.0)
+    assert math.isnan(read(thermometers, 25.0, value))
+
+
+def test_a_sensor_that_jumps_faster_than_a_chip_can_warm_counts_from_then_on() -> None:
+    thermometers = Thermometers()
+    read(thermometers, 25.0, 31.0)
+    read(thermometers, 25.5, 31.5)
+    jumped = 25.5 + 2.0 * Thermometers.FASTEST
+    assert read(thermometers, jumped, 31.5) == pytest.approx(0.5, abs=1e-6)
+    assert read(thermometers, jumped + 0.25, 31.75) == pytest.approx(0.75, abs=1e-6)
+
+
+def test_after_an_interruption_any_change_is_possible() -> None:
+    thermometers = Thermometers()
+    read(thermometers, 25.0, 31.0)
+    change = 10.0 * Thermometers.FASTEST
+    later = np.array([25.0 + change, 31.0 + change], np.float32)
+    assert thermometers.read(later, math.inf) == pytest.approx(change)

@@ -1,0 +1,185 @@
+"""Responses of the force errors to a touch, against simulations of each cause in fine steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
+from posfet_model.estimation.touch_response import FULLY_WARM, TouchResponse
+from posfet_model.sensor.description import load_sensor
+
+Array = NDArray[np.float64]
+BLOCK = 0.02
+LAYOUT = replace(load_sensor().layout, rows=3, cols=4)
+TAXELS = LAYOUT.taxels
+TAU = np.linspace(0.1, 2.0, TAXELS)
+PER_KELVIN = -np.linspace(0.8, 1.2, TAXELS)
+PRIORS = ErrorPriors(warmth_time=0.4, creep_times=(0.2, 1.5, 10.0))
+WARMTH_TIME = PRIORS.warmth_time
+CREEP_TIMES = PRIORS.creep_times
+FINE = 200
+"""Steps of the simulation in a block."""
+
+
+def response() -> TouchResponse:
+    return TouchResponse(LAYOUT, TAU, PER_KELVIN, PRIORS)
+
+
+def touch(time: float) -> Array:
+    """Return a press of some taxels, from 0.1 to 1.5 s, that is never constant."""
+    force = np.zeros(TAXELS)
+    if 0.1 <= time <= 1.5:
+        force[[1, 2, 5]] = np.array([0.5, 1.0, 0.01]) * (1.0 + 0.3 * math.sin(5.0 * time))
+    return force
+
+
+def blocks(duration: float, force: Callable[[float], Array] = touch) -> list[Array]:
+    return [force((number + 0.5) * BLOCK) for number in range(round(duration / BLOCK))]
+
+
+def advance(each: TouchResponse, means: list[Array]) -> TouchResponse:
+    for mean in means:
+        each.advance(mean, BLOCK)
+    return each
+
+
+def follow(means: list[Array], time_constant: float) -> Array:
+    """Return the output of a first-order lag whose input is constant within blocks, by the midpoint rule.
+
+    Its error is below h^2/(24 tau^2) of the input.
+    """
+    level, step = np.zeros(TAXELS), BLOCK / FINE
+    for mean in means:
+        for _ in range(FINE):
+            middle = level + 0.5 * step * (mean - level) / time_constant
+            level = level + step * (mean - middle) / time_constant
+    return level
+
+
+@pytest.mark.parametrize("duration", [0.5, 1.0, 3.0])
+def test_leaked_charge_is_that_of_a_force_that_changes_linearly_between_blocks(duration: float) -> None:
+    means, step = blocks(duration), BLOCK / FINE
+    charge, last = np.zeros(TAXELS), np.zeros(TAXELS)
+    for mean in means:
+        slope = (mean - last) / BLOCK
+        for _ in range(FINE):
+            middle = charge + 0.5 * step * (slope - charge / TAU)
+            charge = charge + step * (slope - middle / TAU)
+        last = mean
+    # Midpoint rule: h^2/(24 tau^2) of 1 N with h = 0.1 ms and tau = 0.1 s.
+    np.testing.assert_allclose(advance(response(), means).leaked, last - charge, rtol=0, atol=1e-7)
+
+
+def test_creep_follows_the_force_with_each_time_constant() -> None:
+    means = blocks(1.2)
+    matrix = advance(response(), means).matrix()
+    for index, time_constant in enumerate(CREEP_TIMES):
+        expected = follow(means, time_constant)
+        np.testing.assert_allclose(matrix[:, Shared.CREEP + index], expected, rtol=0, atol=1e-8)
+
+
+def test_warmth_follows_the_greatest_force_of_the_touch_and_saturates_with_it() -> None:
+    means = blocks(1.2)
+    greatest = np.maximum.accumulate(means)
+    warm = follow(list(np.minimum(greatest / FULLY_WARM, 1.0)), WARMTH_TIME)
+    each = advance(response(), means)
+    np.testing.assert_allclose(each.warm, warm, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(each.matrix()[:, Shared.WARMTH], PER_KELVIN * warm, rtol=0, atol=1e-8)
+    assert each.warm[1] == each.warm[2] > each.warm[5] > 0.0
+    assert (each.warm <= 1.0).all()
+
+
+def test_warmth_of_a_force_that_seems_to_fall_does_not() -> None:
+    # Otherwise warmth that is taken for less force would make less warmth, and so on.
+    strong = np.zeros(TAXELS)
+    strong[3] = FULLY_WARM
+    falling, steady = (advance(response(), [strong] * 5) for _ in range(2))
+    advance(falling, [0.2 * strong] * 20)
+    advance(steady, [strong] * 20)
+    assert falling.warm[3] == steady.warm[3]
+
+
+def test_each_touch_warms_by_its_own_force() -> None:
+    strong, weak = np.zeros((2, TAXELS))
+    strong[3], weak[3] = FULLY_WARM, 0.1 * FULLY_WARM
+    each = advance(response(), [strong] * 100 + [np.zeros(TAXELS)] * 1000 + [weak] * 1000)
+    assert each.warm[3] == pytest.approx(0.1, rel=1e-12)
+
+
+def test_a_reset_forgets_all_touches() -> None:
+    each = advance(response(), blocks(1.2))
+    each.reset()
+    np.testing.assert_array_equal(each.matrix(), response().matrix())
+    np.testing.assert_array_equal(each.leaked, 0.0)
+    again, first = (advance(which, blocks(1.2)) for which in (each, response()))
+    np.testing.assert_array_equal(again.matrix(), first.matrix())
+
+
+def test_bending_acts_on_every_taxel_in_proportion_to_the_total_force() -> None:
+    each = response()
+    force = touch(0.5)
+    each.advance(force, BLOCK)
+    matrix = each.matrix()
+    np.testing.assert_array_equal(matrix[:, Shared.BEND], force.sum())
+    across = matrix[:, Shared.BEND_X].reshape(3, 4) / force.sum()
+    along = matrix[:, Shared.BEND_Y].reshape(3, 4) / force.sum()
+    np.testing.assert_allclose(across, np.tile(np.linspace(-1.0, 1.0, 4), (3, 1)), rtol=1e-12)
+    np.testing.assert_allclose(along, np.tile(np.linspace(-1.0, 1.0, 3)[:, None], (1, 4)), rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 6), (2, 1)])
+def test_an_array_of_one_row_does_not_bend_across_it(rows: int, cols: int) -> None:
+    layout = replace(LAYOUT, rows=rows, cols=cols)
+    each = TouchResponse(layout, np.ones(rows * cols), np.ones(rows * cols), PRIORS)
+    each.advance(np.ones(rows * cols), BLOCK)
+    matrix = each.matrix()
+    assert np.isfinite(matrix).all()
+    if rows == 1:
+        assert not matrix[:, Shared.BEND_Y].any()
+    if cols == 1:
+        assert not matrix[:, Shared.BEND_X].any()
+
+
+def test_before_the_first_touch_only_the_temperature_of_the_film_acts() -> None:
+    each = advance(response(), [np.zeros(TAXELS)] * 50)
+    expected = np.zeros((TAXELS, COUNT))
+    expected[:, Shared.FILM] = PER_KELVIN
+    np.testing.assert_array_equal(each.matrix(), expected)
+    np.testing.assert_array_equal(each.leaked, 0.0)
+
+
+def test_long_after_a_touch_nothing_is_left_of_it() -> None:
+    each = advance(response(), blocks(1.6))
+    long = 40.0 * max(CREEP_TIMES)  # e^-40 = 4e-18
+    for _ in range(10):
+        each.advance(np.zeros(TAXELS), long / 10)
+    matrix = each.matrix()
+    matrix[:, Shared.FILM] = 0.0
+    np.testing.assert_allclose(matrix, 0.0, rtol=0, atol=1e-15)
+
+
+def test_a_block_of_any_duration_gives_the_same_response_to_a_constant_force() -> None:
+    force = touch(0.5)
+    one, many = response(), response()
+    for each in (one, many):
+        each.advance(force, BLOCK)
+    one.advance(force, 0.6)
+    for _ in range(30):
+        many.advance(force, BLOCK)
+    np.testing.assert_allclose(one.matrix(), many.matrix(), rtol=0, atol=1e-14)
+
+
+def test_a_taxel_responds_to_its_own_force_only_but_for_bending() -> None:
+    force = np.zeros(TAXELS)
+    force[4] = 1.0
+    matrix = advance(response(), [force] * 30).matrix()
+    matrix[:, [Shared.FILM, Shared.BEND, Shared.BEND_X, Shared.BEND_Y]] = 0.0
+    assert np.flatnonzero(matrix.any(axis=1)).tolist() == [4]
+    # The small force of a taxel beside a contact is not a response to its own.
+    assert not matrix[:, Shared.TAIL].any()

@@ -1,0 +1,98 @@
+"""All messages of one scan agree on whether its forces are valid, and on what they are."""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2")
+pytest.importorskip("posfet_msgs", reason="needs the built posfet_msgs")
+
+from rclpy.serialization import deserialize_message
+
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.ros.contacts_cdr import ContactsBytes
+from posfet_model.ros.conversions import ContactsMessage, ImageMessage, VibrationMessage, WrenchMessage
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.scan import Scan, ScanStatus
+from posfet_msgs.msg import TactileContacts
+from reference.dense_pressure import sphere_forces
+from support.scan_player import press, scans
+
+pytestmark = pytest.mark.ros
+
+SENSOR = load_sensor()
+LAYOUT = SENSOR.layout
+FINGER = sphere_forces(0.6e-3, -0.4e-3, 1.0, 6e-3, 1e6, SENSOR.device.contact_spread, LAYOUT.pitch_x, LAYOUT.rows)
+BEGIN = 700
+"""Index of the scan in which a fault begins, under a touch."""
+
+Edit = Callable[[int, Scan], "bool | None"]
+
+
+def lost(index: int, scan: Scan) -> bool:
+    return not BEGIN <= index < BEGIN + 800
+
+
+def adc_fault(index: int, scan: Scan) -> None:
+    scan.status = int(ScanStatus.ADC_FAULT) if BEGIN <= index < BEGIN + 5 else 0
+
+
+def clock_jump(index: int, scan: Scan) -> None:
+    scan.device_time += 10**9 if index >= BEGIN else 0
+
+
+def stuck(index: int, scan: Scan) -> None:
+    scan.counts[3] = 0x8000
+
+
+def overload(index: int, scan: Scan) -> None:
+    scan.counts[12] = 0xFFFF if BEGIN <= index < BEGIN + 20 else scan.counts[12]
+
+
+def well(index: int, scan: Scan) -> None:
+    """No fault: forces are unknown at the start."""
+
+
+@pytest.mark.parametrize("edit", [well, lost, adc_fault, clock_jump, stuck, overload])
+def test_the_messages_of_a_scan_agree(edit: Edit) -> None:
+    reconstructor = Reconstructor(SENSOR)
+    reconstructor.vibration_wanted = True
+    image_message, wrench_message = ImageMessage(LAYOUT, "finger"), WrenchMessage(LAYOUT, "finger")
+    contacts_message, contacts_bytes = ContactsMessage(SENSOR, "finger"), ContactsBytes(SENSOR, "finger")
+    vibration_message = VibrationMessage(LAYOUT, "finger")
+    valid = []
+    for index, (_, original) in enumerate(scans(SENSOR, 1.7, force=press(1.5, 0.5, 9.0), shape=FINGER)):
+        scan = copy.deepcopy(original)
+        if edit(index, scan) is False:
+            continue
+        result = reconstructor.process(scan)
+        if index % 10 and not 0 <= index - BEGIN < 25:
+            continue
+        picture = reconstructor.image()
+        image, wrench = image_message.fill(result, picture), wrench_message.fill(result, picture)
+        contacts = contacts_message.fill(result)
+        serialised = deserialize_message(contacts_bytes.fill(result), TactileContacts)
+        vibration = vibration_message.fill(result, reconstructor.vibration())
+        stamps = {
+            (message.header.stamp.sec, message.header.stamp.nanosec)
+            for message in (image, wrench, contacts, serialised, vibration)
+        }
+        assert len(stamps) == 1
+        assert image.sequence == contacts.sequence == serialised.sequence == vibration.sequence == scan.sequence
+        assert image.data_valid == contacts.data_valid == serialised.data_valid == vibration.data_valid
+        axes = [getattr(vector, axis) for vector in (wrench.wrench.force, wrench.wrench.torque) for axis in "xyz"]
+        assert np.isfinite(axes).all() == image.data_valid
+        assert np.isnan(axes).all() != image.data_valid
+        if image.data_valid:
+            known = np.nansum(np.asarray(image.force, np.float64))
+            assert image.total_force == pytest.approx(known, abs=1e-5)
+            assert wrench.wrench.force.z == pytest.approx(-known, abs=1e-5)
+            assert math.isfinite(image.total_force)
+        valid.append(image.data_valid)
+    assert not all(valid)
+    assert valid[-1] or edit is lost, "a force held through an interruption is a lower bound"
