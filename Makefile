@@ -6,7 +6,7 @@
 #   make soak               run the tests against the wall clock, then the driver under faults for half an hour     FOR=60
 #   make bench              measure speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
 #   make stability          run every follower model for 1e8 steps, half an hour     STEPS=1e6
-#   make accuracy           measure the accuracy of forces and contacts; writes docs/accuracy.md    FULL=1
+#   make accuracy           measure the accuracy of forces and contacts; writes docs/accuracy.md    FULL=1  ONLY=effects (that section)
 #   make figures            draw the figures of docs/
 #   make parameters         write the tables of docs/parameters.md
 #   make clean              remove what was built; make distclean removes .venv as well
@@ -47,10 +47,10 @@ endif
 bringup: $(BUILT)
 	@$(IN_ENVIRONMENT) exec posfet bringup $(if $(FOR),--for $(FOR)) $(if $(SOURCE),source:=$(SOURCE)) $(if $(SCENE),scene:=$(SCENE)) $(ARGS)
 
-# Where pytest-xdist is, every processor runs tests, four at most: more would start their nodes all at once.
+# Where pytest-xdist is, four processes run tests, on few processors, too: those that run nodes mostly wait.
 test: $(BUILT)
 	@$(IN_ENVIRONMENT) workers=(); \
-	if python3 -c 'import xdist' 2>/dev/null; then workers=(-n logical --maxprocesses 4); fi; \
+	if python3 -c 'import xdist' 2>/dev/null; then workers=(-n 4); fi; \
 	exec python3 -m pytest "$${workers[@]}" $(ARGS)
 
 # With a sourced ROS 2: pip install --requirement tools/check_requirements.txt, into an environment of your own
@@ -79,7 +79,7 @@ stability: $(BUILT)
 	@$(IN_ENVIRONMENT) cd test && exec python3 -m support.drift $(if $(STEPS),--steps $(STEPS)) $(ARGS)
 
 accuracy: $(BUILT)
-	@$(IN_ENVIRONMENT) PYTHONPATH="$$PWD/test:$$PYTHONPATH" exec python3 -m benchmarks.accuracy $(if $(FULL),--full) $(ARGS)
+	@$(IN_ENVIRONMENT) PYTHONPATH="$$PWD/test:$$PYTHONPATH" exec python3 -m benchmarks.accuracy $(if $(FULL),--full) $(if $(ONLY),--only $(ONLY)) $(ARGS)
 
 figures: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet_model.figures $(ARGS)

@@ -28,6 +28,12 @@ def facts() -> dict[str, str | float]:
     }
 
 
+def text() -> str:
+    """Return one sentence on processor, Python, NumPy and commit."""
+    versions = f"Python {platform.python_version()}, NumPy {_version('numpy')}"
+    return f"Machine: {os.cpu_count()} processors, {_processor()}; {versions}; commit {_commit()}."
+
+
 def _commit() -> str:
     def git(*words: str) -> str:
         try:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 from contextlib import ExitStack
 from importlib.util import find_spec
 from typing import Any
@@ -11,6 +12,10 @@ from typing import Any
 import pytest
 from hypothesis import HealthCheck, settings
 
+from posfet_driver.bus.frame import Frame
+from posfet_driver.bus.python_can_bus import PythonCanFrameBus
+from posfet_driver.bus.slcan_bus import SlcanBus
+from posfet_driver.bus.socketcan_bus import SocketcanFrameBus
 from posfet_model.sensor.description import Sensor, load_sensor
 from support.clocks import POLL
 from support.expected_time import expected, keep
@@ -78,10 +83,16 @@ def pytest_unconfigure() -> None:
 
 
 @pytest.fixture(autouse=True)
-def boards_look_often(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Emulated boards look at their clock often, so that time that waits for them passes also when nothing is due."""
+def waits_are_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Boards and readers look at their clock often: time that waits for them passes also when nothing is due."""
     monkeypatch.setattr("posfet_sim.emulation.slcan_adapter.IDLE", POLL)
     monkeypatch.setattr("posfet_sim.emulation.bus_server.IDLE", POLL)
+    for bus in (PythonCanFrameBus, SlcanBus, SocketcanFrameBus):
+        monkeypatch.setattr(bus, "read_frames", _shortly(bus.read_frames))
+
+
+def _shortly(read_frames: Callable[[Any, float], list[Frame]]) -> Callable[[Any, float], list[Frame]]:
+    return lambda bus, timeout: read_frames(bus, min(timeout, POLL))
 
 
 @pytest.fixture(scope="session")

@@ -20,7 +20,8 @@ from typing import Final
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.accuracy import ablation, held_force, slips, slow_press
+from benchmarks import machine
+from benchmarks.accuracy import ablation, effects, held_force, slips, slow_press
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.figures import style
 from posfet_model.sensor.description import load_sensor
@@ -121,17 +122,17 @@ def score(job: Job) -> tuple[Score, float]:
     device = perturbed(sensor, dict(job.differences))
     scorer, calibration = Scorer(sensor), replace(right, gain=right.gain * wrong)
     errors, forces = [], []
-    with ablation.PIECES[job.without].reconstructor(sensor, calibration) as reconstructor:
-        for scan, truth in received_scans(device, load_scene(job.scene, device), job.seconds, job.seed, job.board):
-            result = reconstructor.process(scan)
-            image = reconstructor.image()
-            if not result.accepted:
-                continue
-            scorer.add(result, image, truth)
-            if result.valid and truth.force.any():
-                force = np.where(np.isfinite(image.force), truth.force, 0.0)
-                errors.append(abs(float((force / wrong - force).sum())))
-                forces.append(float(force.sum()))
+    reconstructor = ablation.PIECES[job.without].reconstructor(sensor, calibration)
+    for scan, truth in received_scans(device, load_scene(job.scene, device), job.seconds, job.seed, job.board):
+        result = reconstructor.process(scan)
+        image = reconstructor.image()
+        if not result.accepted:
+            continue
+        scorer.add(result, image, truth)
+        if result.valid and truth.force.any():
+            force = np.where(np.isfinite(image.force), truth.force, 0.0)
+            errors.append(abs(float((force / wrong - force).sum())))
+            forces.append(float(force.sum()))
     return scorer.score(0.0), 100.0 * sum(errors) / sum(forces) if sum(forces) else math.nan
 
 
@@ -282,78 +283,133 @@ def draw(found: dict[str, list[Point]]) -> Figure:
     return figure
 
 
+@dataclass(frozen=True)
+class Section:
+    """A section of the document, without its heading."""
+
+    heading: str
+    text: Callable[[Executor, Sequence[int], bool], Sequence[str]]
+    """Measures, and returns the lines; arguments: pool, seeds of the boards, whether the run is full."""
+
+
+def _scenes(pool: Executor, seeds: Sequence[int], full: bool) -> list[str]:
+    return [*scene_rows(pool, seeds, full), "", FAULTY]
+
+
+def _held(pool: Executor, _: Sequence[int], full: bool) -> list[str]:
+    return [held_force.TEXT, "", *held_force.rows(pool, full)]
+
+
+def _ablation(pool: Executor, seeds: Sequence[int], _: bool) -> list[str]:
+    return [ablation.TEXT, "", *without_rows(pool, seeds)]
+
+
+def _slow(pool: Executor, seeds: Sequence[int], _: bool) -> list[str]:
+    return [slow_press.TEXT, "", *slow_press.rows(pool, seeds[0], BOARD, _calibration)]
+
+
+def _slips(pool: Executor, seeds: Sequence[int], full: bool) -> list[str]:
+    return [slips.TEXT, "", *slips.rows(pool, seeds, SLIPLESS_FULL if full else SLIPLESS, _calibration)]
+
+
+def _mismatch(pool: Executor, seeds: Sequence[int], full: bool) -> list[str]:
+    found = mismatches(pool, seeds, full)
+    style.save(lambda: draw(found), DOCUMENT.parent / "figures" / FIGURE)
+    tables = {"steady": STEADY, "warm": WARM}
+    names = {kind: ", ".join(f"`{name}` ({seconds:g} s)" for name, seconds in of) for kind, of in tables.items()}
+    text = f"""\
+A parameter of the device deviates from the model and the calibration. For each figure the worst of the scenes counts:
+{names["steady"]};
+for lag and pyroelectric coefficient {names["warm"]}, whose error at +0 is that of the scene itself.
+The force error published for a comparable PVDF array is {PUBLISHED:g} % (PMC4934245), also a mean.
+An error of d33 scales all forces, and is observable only with a reference force:
+a device with -10 % reads 0.9 of each force, an error of 10 % in addition to all others."""
+    return [text, "", *mismatch_rows(found), "", f"![Total force error against mismatch](figures/{FIGURE}.svg)"]
+
+
+FAULTY: Final = """\
+Faulty taxels are excluded from the true force, too. The latency counts from the first scan in which the true force of a
+taxel reaches the contact threshold (20 mN), whether that taxel is faulty or not."""
+
+SECTIONS: Final = {
+    "scenes": Section("Scenes", _scenes),
+    "held": Section("Held force against the optimal estimator", _held),
+    "effects-alone": Section("Real film and board", lambda pool, _, full: effects.alone_rows(pool, full)),
+    "effects-together": Section(
+        "Real film and board, all effects", lambda pool, _, full: effects.together_rows(pool, full)
+    ),
+    "effects-contacts": Section(
+        "Real film and board, contacts", lambda pool, _, full: effects.contact_rows(pool, full)
+    ),
+    "effects-holds": Section("Real film and board, holds", lambda pool, _, full: effects.hold_rows(pool, full)),
+    "ablation": Section("Ablation", _ablation),
+    "slow": Section("Slow presses", _slow),
+    "slips": Section("Slips", _slips),
+    "mismatch": Section("Model mismatch", _mismatch),
+}
+"""Sections of the document, in its order, by their names on the command line."""
+
+
+def origin(full: bool, only: str | None) -> str:
+    """Return a sentence on command, time and machine."""
+    command = f"make accuracy{' FULL=1' if full else ''}{f' ONLY={only}' if only else ''}"
+    return f"Made by `{command}` on {date.today().isoformat()}; all numbers are generated by that run. {machine.text()}"
+
+
+def replaced(document: str, heading: str, text: str) -> str:
+    """Return a document with the text of one section replaced; a new section is added at the end.
+
+    Parameters
+    ----------
+    document : str
+        The document.
+    heading : str
+        Heading of the section, without the signs before it.
+    text : str
+        Its new text.
+    """
+    head, *sections = document.rstrip().split("\n## ")
+    texts = {section.partition("\n")[0]: section.partition("\n")[2].strip() for section in sections}
+    texts[heading] = text.strip()
+    order = [section.heading for section in SECTIONS.values() if section.heading in texts]
+    order += [title for title in texts if title not in order]
+    return "\n\n".join([head.strip(), *(f"## {title}\n\n{texts[title]}" for title in order)]) + "\n"
+
+
 def main() -> None:
     """Measure, and write the document."""
     parser = argparse.ArgumentParser(prog="make accuracy")
     parser.add_argument("--full", action="store_true", help="more boards, longer scenes")
-    full = parser.parse_args().full
-    begin = time.monotonic()
+    parser.add_argument(
+        "--only",
+        choices=[*SECTIONS, "effects"],
+        metavar="NAME",
+        help=f"one section: {', '.join(SECTIONS)}; effects: all four of them",
+    )
+    options = parser.parse_args()
+    full, only = options.full, options.only
+    begin, made = time.monotonic(), origin(full, only)
     seeds = (1, 2, 3, 4) if full else (1, 2)
-    with ProcessPoolExecutor(PROCESSES) as pool:
-        scenes, held_table = scene_rows(pool, seeds, full), held_force.rows(pool, full)
-        without, slow = without_rows(pool, seeds), slow_press.rows(pool, seeds[0], BOARD, _calibration)
-        slipped = slips.rows(pool, seeds, SLIPLESS_FULL if full else SLIPLESS, _calibration)
-        found = mismatches(pool, seeds, full)
-    style.save(lambda: draw(found), DOCUMENT.parent / "figures" / FIGURE)
-    command = "make accuracy FULL=1" if full else "make accuracy"
-    tables = {"steady": STEADY, "warm": WARM}
-    names = {kind: ", ".join(f"`{name}` ({seconds:g} s)" for name, seconds in of) for kind, of in tables.items()}
     document = f"""# Accuracy
 
-Made by `{command}` on {date.today().isoformat()}; all numbers are generated by that run.
+{made}
 
 Simulated boards with the default sensor error model (docs/simulation.md; without resets), calibrated
 (`posfet calibrate`), with an additional random gain error of {MISMATCH * 100:g} %.
 Figures are means over {len(seeds)} boards, each run twice, with gain errors of both signs;
 in runs longer than {LONG:g} s over {FEW} boards with one sign. Id switches and latency are the worst of the boards.
 "By gain errors alone" is the error of the total force when everything else is exact: only a
-better calibration reduces it.
-
-## Scenes
-
-{chr(10).join(scenes)}
-
-Faulty taxels are excluded from the true force, too. The latency counts from the first scan in which the true force of a
-taxel reaches the contact threshold (20 mN), whether that taxel is faulty or not.
-
-## Held force against the optimal estimator
-
-{held_force.TEXT}
-
-{chr(10).join(held_table)}
-
-## Ablation
-
-{ablation.TEXT}
-
-{chr(10).join(without)}
-
-## Slow presses
-
-{slow_press.TEXT}
-
-{chr(10).join(slow)}
-
-## Slips
-
-{slips.TEXT}
-
-{chr(10).join(slipped)}
-
-## Model mismatch
-
-A parameter of the device deviates from the model and the calibration. For each figure the worst of the scenes counts:
-{names["steady"]};
-for lag and pyroelectric coefficient {names["warm"]}, whose error at +0 is that of the scene itself.
-The force error published for a comparable PVDF array is {PUBLISHED:g} % (PMC4934245), also a mean.
-An error of d33 scales all forces, and is observable only with a reference force:
-a device with -10 % reads 0.9 of each force, an error of 10 % in addition to all others.
-
-{chr(10).join(mismatch_rows(found))}
-
-![Total force error against mismatch](figures/{FIGURE}.svg)
+better calibration reduces it. A section with a date of its own was made by another run.
 """
-    DOCUMENT.write_text(document, encoding="utf-8")
+    if only:
+        document = DOCUMENT.read_text(encoding="utf-8")
+    with ProcessPoolExecutor(PROCESSES) as pool:
+        for name, section in SECTIONS.items():
+            if only in (None, name, name.partition("-")[0]):
+                lines = section.text(pool, seeds, full)
+                text = "\n".join([made, "", *lines] if only else lines)
+                document = replaced(document, section.heading, text)
+                DOCUMENT.write_text(document, encoding="utf-8")
     print(f"{DOCUMENT}: {time.monotonic() - begin:.0f} s")
 
 

@@ -1,29 +1,20 @@
 """Ablation study: scenes with one component of the reconstruction disabled. Part of `make accuracy`.
 
-The product has no switches for this: a component is disabled by a calibration without it, by settings, or by a
-replacement that is patched in here.
+A component is disabled by a calibration without it, or by the settings of the reconstructor.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, replace
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final
-from unittest.mock import patch
 
 import numpy as np
 
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.estimation.common_mode import CommonModeTemperature
-from posfet_model.estimation.drift_filter import DriftFilter
-from posfet_model.estimation.force_observer import ForceObserver
 from posfet_model.estimation.settings import ObserverSettings
-from posfet_model.reconstruction import reconstructor
-from posfet_model.reconstruction.mains_hum import MainsHum
 from posfet_model.reconstruction.reconstructor import Reconstructor
-from posfet_model.reconstruction.taxel_faults import TaxelFaultDetector
+from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.sensor.description import Sensor
 from posfet_sim.evaluation.scorer import Score
 
@@ -52,35 +43,22 @@ def _same(_: Sensor, calibration: Calibration) -> Calibration:
     return calibration
 
 
-def _none(*_: object) -> float:
-    return 0.0
-
-
-def _no_change(_: DriftFilter, where: Any) -> tuple[Any, Any]:
-    taxels = np.count_nonzero(where)
-    return np.zeros(taxels), np.zeros(taxels, np.intp)
-
-
 @dataclass(frozen=True)
 class Without:
     """How to disable one component."""
 
     calibration: Callable[[Sensor, Calibration], Calibration] = _same
     """Changes the calibration."""
-    settings: ObserverSettings | None = None
-    """Settings of the observer; None: the defaults."""
-    instead: Mapping[tuple[type, str], object] = field(default_factory=dict)
-    """Replacements for members of classes."""
+    settings: ReconstructionSettings | None = None
+    """Settings of the reconstructor; None: the defaults."""
 
-    @contextmanager
-    def reconstructor(self, sensor: Sensor, calibration: Calibration) -> Iterator[Reconstructor]:
-        """Yield a reconstructor without the component, within the context."""
-        with ExitStack() as stack:
-            for (owner, name), replacement in self.instead.items():
-                stack.enter_context(patch.object(owner, name, replacement))
-            observer = partial(ForceObserver, settings=self.settings)
-            stack.enter_context(patch.object(reconstructor, "ForceObserver", observer))
-            yield Reconstructor(sensor, self.calibration(sensor, calibration))
+    def reconstructor(self, sensor: Sensor, calibration: Calibration) -> Reconstructor:
+        """Return a reconstructor without the component."""
+        return Reconstructor(sensor, self.calibration(sensor, calibration), settings=self.settings)
+
+
+def _observer(**settings: Any) -> Without:
+    return Without(settings=ReconstructionSettings(observer=ObserverSettings(**settings)))
 
 
 PIECES: Final = {
@@ -90,19 +68,15 @@ PIECES: Final = {
         lambda _, calibration: replace(calibration, pyroelectric_gain=np.zeros_like(calibration.gain))
     ),
     "thermal lag of the film": Without(lambda _, calibration: replace(calibration, thermal_time_constant=0.0)),
-    "common-mode compensation": Without(
-        instead={(CommonModeTemperature, name): _none for name in ("update_untouched", "update_touched", "update")}
+    "common-mode compensation": _observer(common_mode=False),
+    "leakage identification": _observer(
+        leakage_common_deviation_calibrated=1e-6, leakage_individual_deviation_calibrated=1e-6
     ),
-    "leakage identification": Without(
-        settings=ObserverSettings(
-            leakage_common_deviation_calibrated=1e-6, leakage_individual_deviation_calibrated=1e-6
-        )
-    ),
-    "1/f noise model of the baseline": Without(settings=ObserverSettings(flicker=1e-9)),
-    "roll-back of absorbed drift": Without(instead={(DriftFilter, "roll_back"): _no_change}),
+    "1/f noise model of the baseline": _observer(flicker=1e-9),
+    "roll-back of absorbed drift": _observer(roll_back=False),
     "crosstalk compensation": Without(lambda _, calibration: replace(calibration, crosstalk=0.0)),
-    "mains hum removal": Without(instead={(MainsHum, "sampling"): False}),
-    "fault detection": Without(instead={(TaxelFaultDetector, "close_block"): lambda *_: False}),
+    "mains hum removal": Without(settings=ReconstructionSettings(hum_removal=False)),
+    "fault detection": Without(settings=ReconstructionSettings(fault_detection=False)),
 }
 """Disabled components, by name."""
 

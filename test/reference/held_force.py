@@ -178,7 +178,8 @@ def hold(
         if held in times:
             true = force * rise
             error, least = np.mean(recent, axis=0)[pressed] - true, np.mean(best, axis=0) - true
-            deviation = np.sqrt(observer.force_variance(np.empty(taxels)) + observer.common_variance)[pressed]
+            shared = np.square(observer.correlated_error).sum(axis=1) + observer.common_variance
+            deviation = np.sqrt(observer.force_variance(np.empty(taxels)) + shared)[pressed]
             yield Held(
                 time=held,
                 force=true,
@@ -237,7 +238,7 @@ def _observe(
     observer.compensate_common_mode(bool(touched.any()))
     touched |= observer.force > threshold
     if observer.block_due:
-        observer.close_block(touched)
+        observer.close_block(touched, touched)
         touched[:] = observer.force > threshold
 
 

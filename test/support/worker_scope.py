@@ -11,6 +11,7 @@ They take longest and start first.
 TOGETHER: Final = (
     "sim/calibration/test_calibration.py",
     "sim/calibration/test_bench_recording.py",
+    "sim/calibration/test_real_film.py",
     "sim/commands/test_score.py",
 )
 """Files with a fixture that takes seconds to set up: one worker runs each of them."""

@@ -75,6 +75,14 @@ def test_the_live_display_shows_numeric_forces_and_marks_unknown_ones() -> None:
     assert text.index("?") < text.index("1150")  # y points up: row 1 is above row 0
 
 
+def test_an_uncalibrated_model_is_shown_with_what_it_costs() -> None:
+    cost = "uncalibrated: forces may be off by 10%"
+    assert cost in shown(replace(SNAPSHOT, calibration=cost))
+    assert "(uncalibrated)" in line(replace(SNAPSHOT, calibration=cost), 10.0, 998.7)
+    for text in (shown(replace(SNAPSHOT, calibration="of 2026-01-01")), line(SNAPSHOT, 10.0, 998.7)):
+        assert "uncalibrated" not in text
+
+
 def test_large_arrays_are_displayed_without_numbers() -> None:
     force = np.linspace(0.0, 1.0, 32 * 32)
     assert "@" in shown(replace(SNAPSHOT, rows=32, cols=32, force=force, contacts=(), truth=()))

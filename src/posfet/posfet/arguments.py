@@ -9,7 +9,17 @@ from typing import Final
 from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE
 from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError
-from posfet_model.parameters import CALIBRATION_FILE, CAN_FD, MOUNT_POSE, PARENT_FRAME, SENSOR_FILE, Parameter, Scalar
+from posfet_model.parameters import (
+    CALIBRATION_FILE,
+    CAN_FD,
+    ESTIMATOR,
+    MAX_RELATIVE,
+    MOUNT_POSE,
+    PARENT_FRAME,
+    SENSOR_FILE,
+    Parameter,
+    Scalar,
+)
 from posfet_sim.parameters import BUS_CHANNEL, BUS_INTERFACE, IMPERFECTIONS, SCENE
 
 
@@ -20,7 +30,13 @@ def _for(source: str, parameter: Parameter) -> Parameter:
 
 def _optional(parameter: Parameter) -> Parameter:
     """Return a node's parameter as an argument that leaves the parameter file its value when it is not given."""
-    return replace(parameter, empty=f"as in params_file, otherwise {parameter.empty}")
+    limits = f", {parameter.allowed}" if parameter.bounded or parameter.choices else ""
+    return Parameter(
+        parameter.name,
+        "",
+        f"{parameter.description}{limits}",
+        empty=f"as in params_file, otherwise {parameter.empty or parameter.default_text}",
+    )
 
 
 NAMESPACE: Final = Parameter("namespace", "tactile", "Namespace of nodes and topics, one for each sensor")
@@ -41,6 +57,8 @@ ARGUMENTS: Final = (
     NAMESPACE,
     SENSOR_FILE,
     _optional(CALIBRATION_FILE),
+    _optional(ESTIMATOR),
+    _optional(MAX_RELATIVE),
     _optional(PARENT_FRAME),
     MOUNT_POSE,
     Parameter("params_file", "", "YAML file with node parameters", empty="config/parameters.yaml of package posfet"),
@@ -109,6 +127,29 @@ def check(values: dict[str, str]) -> dict[str, str]:
 def node_parameters(values: Mapping[str, str], *arguments: Parameter) -> dict[str, Scalar]:
     """Return `arguments` as node parameters: by name, with values of the parameter's type."""
     return {argument.name: argument.parse(values[argument.name]) for argument in arguments}
+
+
+def given_parameters(values: Mapping[str, str], *parameters: Parameter) -> dict[str, Scalar]:
+    """Return those of a node's parameters that are given as arguments: the parameter file may give the others.
+
+    Raises ConfigError, one line, for a value that is not allowed.
+
+    Parameters
+    ----------
+    values : mapping of str to str
+        Every argument by name.
+    *parameters : Parameter
+        Parameters of the node whose arguments are optional.
+    """
+    found = {}
+    for parameter in parameters:
+        text = values[parameter.name]
+        try:
+            if text:
+                found[parameter.name] = parameter.parse(text)
+        except ValueError as error:
+            raise ConfigError(f"{parameter.name}: {error}") from error
+    return found
 
 
 def describe() -> str:

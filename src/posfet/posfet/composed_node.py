@@ -85,6 +85,7 @@ class Graph:
             contacts=tuple(_view(contact) for contact in latest.contacts if contact.state != ContactState.RELEASED),
             truth=self._truth(latest.sequence),
             state=report.state,
+            calibration=latest.calibration,
         )
 
     def state(self) -> str:

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from posfet.arguments import node_parameters
+from posfet.arguments import given_parameters, node_parameters
 from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE, DRIVER_NODE
 from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError, read_yaml
-from posfet_model.parameters import CALIBRATION_FILE, MODEL_NODE, MOUNT, MOUNT_POSE, SENSOR, Scalar
+from posfet_model.parameters import CALIBRATION_FILE, ESTIMATION, MODEL_NODE, MOUNT, MOUNT_POSE, SENSOR, Scalar
 from posfet_model.ros.mount import parse_mount
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.device.error_model import load_error_model
@@ -147,7 +147,8 @@ def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
     def node(package: str, executable: str, parameters: Mapping[str, Scalar]) -> NodeSpec:
         return NodeSpec(package, executable, namespace, params_file, arguments["log_level"], {**shared, **parameters})
 
-    model = {"simulated": source != "can", **_mount(arguments), **_calibration(arguments, sensor)}
+    model: dict[str, Scalar] = {"simulated": source != "can", **_mount(arguments), **_calibration(arguments, sensor)}
+    model |= given_parameters(arguments, *ESTIMATION)
     nodes = [node("posfet_model", "model_node", model)]
     if source != "can":
         board = node_parameters(arguments, SCENE, IMPERFECTIONS)

@@ -39,7 +39,10 @@ def render(snapshot: Snapshot, scan_rate: float, full_scale: float) -> Renderabl
         f"{scan_rate:6.0f} scans/s   total force {total}   ",
         (f"{snapshot.frames_lost} frames lost, {snapshot.scans_lost} scans missing", lost),
     )
-    return Group(head, Columns([force_map, _contacts(snapshot)]), Text(snapshot.state, style="dim"))
+    lines: list[RenderableType] = [head, Columns([force_map, _contacts(snapshot)]), Text(snapshot.state, style="dim")]
+    if snapshot.uncalibrated:
+        lines.insert(1, Text(snapshot.calibration, style="yellow"))
+    return Group(*lines)
 
 
 def _force_map(snapshot: Snapshot, full_scale: float) -> Text:

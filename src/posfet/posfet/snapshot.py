@@ -63,6 +63,13 @@ class Snapshot:
     truth: tuple[TrueContact, ...] = ()
     state: str = ""
     """State of the source of scans, in one line."""
+    calibration: str = ""
+    """Date of the calibration, or what its absence costs, in one line; empty: not reported."""
+
+    @property
+    def uncalibrated(self) -> bool:
+        """Whether the model reports that there is no calibration."""
+        return self.calibration.startswith("uncalibrated")
 
 
 class SnapshotSource(Protocol):
@@ -160,6 +167,7 @@ def line(snapshot: Snapshot, elapsed: float, scan_rate: float) -> str:
         for contact in snapshot.contacts
     ]
     total = f"{snapshot.total_force:.2f} N" if snapshot.data_valid else "settling"
+    total += " (uncalibrated)" if snapshot.uncalibrated else ""
     return (
         f"{elapsed:6.1f} s  {scan_rate:6.0f} scans/s  total {total}  "
         f"{'; '.join(contacts) or 'no contact'}  {snapshot.frames_lost} frames lost"

@@ -44,6 +44,7 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._contacts: dict[int, TactileContacts] = {}
         self._truth: dict[int, TactileTruth] = {}
         self._state = ""
+        self._calibration = ""
         self._frames_lost = 0
         self._scans_lost = 0
         self._first_sequence: int | None = None
@@ -74,6 +75,7 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
             contacts=tuple(_view(contact) for contact in contacts.contacts if contact.state != ContactState.RELEASED),
             truth=_true_contacts(self._truth.get(sequence)),
             state=self._state,
+            calibration=self._calibration,
         )
 
     def state(self) -> str:
@@ -102,6 +104,7 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
                 self._state = status.message
                 # With an emulated adapter the simulated board reports 0 and the driver the losses: keep the larger.
                 self._frames_lost = max(self._frames_lost, int(values["frames lost"]))
+            self._calibration = values.get("calibration", self._calibration)
             if "missed" in values:
                 self._scans_lost = int(values["missed"])
 

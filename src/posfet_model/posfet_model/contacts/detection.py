@@ -94,7 +94,7 @@ class ForceEstimate:
     interpolated: NDArray[np.bool_] | None = None
     """Those among them whose force is interpolated from their neighbours, and that are no region by themselves."""
     correlated_error: NDArray[np.float64] | None = None
-    """Error of each force for one standard deviation of an error that the forces have in common [N]."""
+    """Factor E of the covariance E E' that the forces have in common [N], shape [rows * cols, causes]."""
 
     _sums: dict[tuple[int, bytes], float] = field(default_factory=dict, init=False, repr=False)
 
@@ -122,7 +122,7 @@ class ForceEstimate:
     def _variance_of_sum(self, taxels: NDArray[np.intp]) -> float:
         variance = float(np.add.reduce(self.variance[taxels])) + len(taxels) ** 2 * self.common_variance
         if self.correlated_error is not None:
-            variance += float(np.add.reduce(self.correlated_error[taxels])) ** 2
+            variance += float(np.square(self.correlated_error[taxels].sum(axis=0)).sum())
         return variance
 
 

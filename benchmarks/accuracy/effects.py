@@ -1,0 +1,413 @@
+"""Accuracy under the effects of a real film and board, for contacts of every kind, and for long holds.
+
+Part of `make accuracy`; alone: `make accuracy ONLY=effects`. Both estimators process the same scans.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, Final
+
+import numpy as np
+
+from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.estimation.choice import Estimator
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.calibration.simulated_bench import calibrate
+from posfet_sim.contact.indenters import Sphere
+from posfet_sim.device.board_effects import BoardEffects
+from posfet_sim.device.error_model import HARD, MODERATE, ErrorModel
+from posfet_sim.device.film_effects import FilmEffects
+from posfet_sim.emulation.offline import received_scans
+from posfet_sim.evaluation.reliability_scorer import SETTLED
+from posfet_sim.evaluation.scorer import Score, Scorer
+from posfet_sim.scene import Keyframes, Scene, SceneObject, load_scene
+
+BOARD: Final = replace(ErrorModel.default(), resets_per_hour=0.0)
+
+REST: Final = SETTLED + 0.2
+"""Rest after the last touch [s]."""
+
+WARMING: Final = 2.0 / 60.0
+"""Rate of the chip temperature where an effect needs a change of temperature [K/s]."""
+
+EVERY: Final = 7
+"""One of this many scans is scored, which meets every phase of the mains hum."""
+
+ALONE, ALONE_FULL = 1, 3
+"""Number of boards for an effect alone, in the short and in the full run."""
+
+TOGETHER, TOGETHER_FULL = 2, 5
+"""The same for all effects at once."""
+
+SHAPES, SHAPES_FULL = 1, 3
+"""The same for each contact and hold."""
+
+FILM: Final = {
+    "dielectric relaxation": "relaxation",
+    "creep": "creep",
+    "minor loops": "minor_loops",
+    "preload": "preload_nonlinearity",
+    "d33 with temperature": "d33_temperature",
+    "leakage with temperature": "leak_halving",
+    "leakage drift": "leak_drift",
+    "warmth of touched taxels": "contact_warmth",
+    "warming of the chip": "chip_warming",
+    "gain drift": "gain_drift",
+}
+"""Field of `FilmEffects` by the title of an effect; bending has two."""
+
+CIRCUIT: Final = {
+    "lag of the temperature sensors": ("sensor_lag",),
+    "offset of the temperature sensors": ("sensor_offset",),
+    "mains hum with harmonics": ("third_harmonic", "fifth_harmonic", "frequency_wander"),
+    "bursts": ("burst_rate", "burst_amplitude"),
+    "telegraph noise": ("telegraph_amplitude", "telegraph_dwell"),
+    "stuck bit": ("stuck_bit",),
+    "missing codes": ("missing_codes",),
+    "skew of the taxels": ("taxel_skew",),
+}
+"""Fields of `BoardEffects` by the title of an effect."""
+
+WHILE_WARMING: Final = (
+    "d33 with temperature",
+    "leakage with temperature",
+    "lag of the temperature sensors",
+    "offset of the temperature sensors",
+)
+"""Effects that show only while the temperature changes."""
+
+CONTACTS: Final = (
+    "flat_pad_fast",
+    "flat_pad_slow",
+    "ring",
+    "ridged_fingertip",
+    "screw_head",
+    "rolling",
+    "stick_slip",
+    "tap_1ms",
+    "slow_press",
+    "contact_at_power_on",
+    "overload",
+)
+"""Scenes of one kind of contact each."""
+
+HOLD: Final = 2.0
+"""Duration of the hold of `BRIEF` [s]."""
+
+BRIEF: Final = Scene(
+    name="brief",
+    description="a press, a slide and a hold of 2 N by one fingertip",
+    period=math.inf,
+    objects=(
+        SceneObject(
+            "fingertip",
+            Sphere(5e-3, 2e6),
+            Keyframes(
+                (1.0, 1.2, 2.0, 2.2, 3.0, 3.2, 4.4, 5.6, 5.8, 6.6, 6.8, 6.8 + HOLD, 7.1 + HOLD),
+                tuple(
+                    (x * 1e-3, y * 1e-3, 0.0, force)
+                    for x, y, force in (
+                        *((-1.5, -1.2, force) for force in (0.0, 1.0, 1.0, 0.0)),
+                        *((-1.4, -0.7, 0.0), (-1.4, -0.7, 1.2), (1.4, 0.7, 1.2), (-1.4, -0.7, 1.2), (-1.4, -0.7, 0.0)),
+                        *((0.2, -0.1, force) for force in (0.0, 2.0, 2.0, 0.0)),
+                    )
+                ),
+            ),
+        ),
+    ),
+    temperature=Keyframes((0.0,), ((25.0,),)),
+)
+"""The scene for an effect alone: `mixed` with less of everything."""
+
+HOLDS: Final = ("hold_10s", "hold")
+LONGEST_HOLD: Final = "hold_300s"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row for each estimator."""
+
+    title: str
+    board: ErrorModel
+    scene: Scene
+    boards: int
+    """Number of boards."""
+    warming: float = 0.0
+    """Rate of the chip temperature from 1 s on [K/s]."""
+    stand: ErrorModel | None = None
+    """The board on its calibration stand; None: the same."""
+
+    def play(self) -> tuple[Scene, float]:
+        """Return the scene, which plays once, and its duration with a rest at the end [s]."""
+        scene = replace(self.scene, period=math.inf)
+        duration = scene.duration + REST
+        if self.warming:
+            warm = 25.0 + self.warming * (duration - 1.0)
+            scene = replace(scene, temperature=Keyframes((1.0, duration), ((25.0,), (warm,))))
+        return scene, duration
+
+
+@dataclass(frozen=True)
+class Run:
+    """Scores of both estimators on one board."""
+
+    scores: Mapping[Estimator, Score]
+    calibration: str
+    """What is wrong with the calibration; empty: nothing."""
+    seconds: float
+    """Simulated time [s]."""
+    processor: float
+    """Processor time [s]."""
+
+
+def alone(boards: int, moderate_too: bool) -> list[Case]:
+    """Return the cases of each effect alone, hard or, where that differs, at both sizes."""
+
+    def case(title: str, board: ErrorModel, warming: float = 0.0) -> Case:
+        return Case(title, board, BRIEF, boards, warming)
+
+    cases = [case("none", BOARD), case("none, while warming", BOARD, WARMING)]
+    for title, changed in _single_effects().items():
+        warming = WARMING if title in WHILE_WARMING else 0.0
+        moderate, hard = (changed(BOARD.with_realism(size)) for size in (MODERATE, HARD))
+        if moderate == hard:
+            cases.append(case(f"{title}, either size", hard, warming))
+            continue
+        if moderate_too:
+            cases.append(case(f"{title}, moderate", moderate, warming))
+        cases.append(case(f"{title}, hard", hard, warming))
+    return cases
+
+
+def _single_effects() -> dict[str, Callable[[ErrorModel], ErrorModel]]:
+    """Return, by title, what leaves of a board with all effects only one."""
+
+    def of_film(*names: str) -> Callable[[ErrorModel], ErrorModel]:
+        def only(real: ErrorModel) -> ErrorModel:
+            return replace(
+                BOARD, film=replace(FilmEffects.ideal(), **{name: getattr(real.film, name) for name in names})
+            )
+
+        return only
+
+    def of_circuit(*names: str, also: Sequence[str] = ()) -> Callable[[ErrorModel], ErrorModel]:
+        def only(real: ErrorModel) -> ErrorModel:
+            effects = BoardEffects(**{name: getattr(real.board, name) for name in names})
+            more: dict[str, Any] = {name: getattr(real, name) for name in also}
+            return replace(BOARD, board=effects, **more)
+
+        return only
+
+    effects = {title: of_film(name) for title, name in FILM.items()}
+    effects["bending"] = of_film("bending", "bending_gradient")
+    for title, names in CIRCUIT.items():
+        effects[title] = of_circuit(*names, also=("hum_amplitude",) if "harmonics" in title else ())
+    effects["jitter"] = of_circuit(also=("clock_jitter",))
+    effects["lost scans"] = of_circuit(also=("drop_probability",))
+    return effects
+
+
+def together(boards: int) -> list[Case]:
+    """Return the cases of all effects at once."""
+    mixed = load_scene("mixed", load_sensor())
+    return [
+        Case(f"all, {size}{title}", BOARD.with_realism(size), mixed, boards, stand=stand)
+        for size in (MODERATE, HARD)
+        for title, stand in (("", None), (", calibrated without them", BOARD))
+    ]
+
+
+def by_contact(boards: int, scenes: Sequence[str]) -> list[Case]:
+    """Return the cases of scenes without the effects and with all of them at moderate size."""
+    sensor = load_sensor()
+    return [
+        Case(f"`{scene}`, {name}", board, load_scene(scene, sensor), boards)
+        for scene in scenes
+        for name, board in (("none", BOARD), ("all, moderate", BOARD.with_realism(MODERATE)))
+    ]
+
+
+@lru_cache
+def _calibration(seed: int, stand: ErrorModel) -> Calibration | str:
+    """Return the calibration of a board, or why it was refused."""
+    try:
+        return calibrate(load_sensor(), seed, stand)
+    except ValueError as error:
+        return str(error)
+
+
+def run(case: Case, seed: int) -> Run:
+    """Run both estimators on the scans of one board, calibrated on its own stand."""
+    begin, sensor, wrong = time.process_time(), load_sensor(), ""
+    calibration = _calibration(seed, case.stand or case.board)
+    if isinstance(calibration, str):
+        wrong, calibration = f"refused ({calibration}), nominal parameters used", None
+    if calibration is not None and calibration.residuals is not None:
+        after, before = calibration.residuals.force_rms, calibration.residuals.force_rms_before
+        if after > before:
+            wrong = f"residual {1e3 * after:.0f} mN, with nominal parameters {1e3 * before:.0f} mN"
+    scene, duration = case.play()
+    models = {kind: Reconstructor(sensor, calibration, kind) for kind in Estimator}
+    scorers = {kind: Scorer(sensor) for kind in Estimator}
+    for number, (scan, truth) in enumerate(received_scans(sensor, scene, duration, seed, case.board)):
+        for kind, model in models.items():
+            result = model.process(scan)
+            if number % EVERY == 0 and result.accepted:
+                scorers[kind].add(result, model.image(), truth)
+    scores = {kind: scorer.score(0.0) for kind, scorer in scorers.items()}
+    return Run(scores, wrong, duration, time.process_time() - begin)
+
+
+@dataclass(frozen=True)
+class Column:
+    """A figure over the boards of a case."""
+
+    head: str
+    of: Callable[[Score], float | None]
+    digits: int = 0
+    worst: bool = False
+    """Whether the greatest value of the boards counts, not their mean."""
+
+    def value(self, scores: Sequence[Score]) -> float | None:
+        """Return the figure; None: no board has one."""
+        known = [value for score in scores if (value := self.of(score)) is not None]
+        if not known:
+            return None
+        return max(known) if self.worst else float(np.mean(known))
+
+
+MEAN: Final = Column("mean error %", lambda score: score.total_force_error_pct, 2)
+MISLEADING: Final = Column("misleading %", lambda score: score.misleading_pct, 1)
+COLUMNS: Final = (
+    MEAN,
+    Column("worst %", lambda score: score.total_force_worst_pct, 1, worst=True),
+    Column("covered %: taxels", lambda score: score.coverage_pct["taxel"], 1),
+    Column("contacts", lambda score: score.coverage_pct["contact"], 1),
+    Column("total", lambda score: score.coverage_pct["total"], 1),
+    Column("valid %", lambda score: score.valid_pct, 1),
+    MISLEADING,
+    Column("contacts left", lambda score: score.contacts_left, 0, worst=True),
+)
+
+NAMES: Final = {Estimator.OBSERVER: "observer", Estimator.ERROR_STATE: "error state"}
+
+HEAD: Final = (
+    f"| effects | s | boards | estimator | {' | '.join(column.head for column in COLUMNS)} |",
+    "|---|---|---|---|" + "---|" * len(COLUMNS),
+)
+
+TEXT: Final = f"""\
+What a film and a readout board do that ideal ones do not (docs/simulation.md#real-film and below it), each alone, at
+the hard size and, with FULL=1 only, at the moderate one; all at once in the next section. The board is the default one
+besides, without resets and without an additional gain error, calibrated on its own stand with its effects (the
+recording of `posfet calibrate`). Both estimators process the same scans:
+`Estimator.OBSERVER`, the default, and `Estimator.ERROR_STATE`. Every {EVERY}th scan is scored.
+
+Force errors, coverage and "misleading" are about valid scans only: read them together with the share of scans that is
+valid, which includes the start. "Mean error" is the mean absolute error of the total force over the mean true one
+during contact; "worst" the greatest error over the true total force of at least 50 mN. "Covered" is the share of errors
+within two reported standard deviations, of taxels whose true force reaches the contact threshold, of contacts and of
+the total force; 95 % would be right for normally distributed errors, more is cautious. "Misleading" is the share of
+scans that are valid although the total force is wrong by more than 10 % and by more than 50 mN. "Contacts left" are
+those that are still reported {SETTLED:g} s after the last touch. Figures are means over the boards; "worst" and
+"contacts left" are the greatest.
+
+"Wrongly calibrated" are boards whose calibration was refused, or fits its own recording worse than nominal parameters
+do, and was not refused: nothing can be expected of them.
+
+Here each effect acts alone, during a press of 1 N, a slide and a hold of 2 N for {HOLD:g} s. Sensor lag and offset,
+d33 and leakage with temperature act while the chip warms by {60 * WARMING:g} K a minute from 1 s on: compare them with
+"none, while warming"."""
+
+TOGETHER_TEXT: Final = """\
+All effects at once, on `mixed`: four presses, a slide and a hold of 2 N for 20 s. "Calibrated without them": the same
+board, on a stand where it has none of the effects, so that what the estimators do is separated from what the
+calibration does."""
+
+CONTACTS_TEXT: Final = """\
+Each scene without the effects ("none": the default board) and with all of them at moderate size."""
+
+HOLDS_TEXT: Final = """\
+The same for a force of 2 N that is held for 10 s, a minute, and, with FULL=1 only, five minutes."""
+
+NOT_COVERED: Final = """\
+Not covered: combinations of effects other than all at once; faults of the link and resets; tangential forces, which are
+not simulated; other arrays than the 5 x 5 one; temperature changes in the tables of contacts and holds. One board, or
+few, give no confidence interval: a difference of some tenths of a per cent between two rows may be that of the draw.
+The effects are simulated by models of assumed magnitude, and the priors of the error-state estimator were chosen for
+such magnitudes: no real film was measured."""
+
+
+def alone_rows(pool: Executor, full: bool) -> list[str]:
+    """Return text and table of each effect alone."""
+    return [TEXT, "", *_rows(pool, alone(ALONE_FULL if full else ALONE, moderate_too=full))]
+
+
+def together_rows(pool: Executor, full: bool) -> list[str]:
+    """Return text and table of all effects at once."""
+    return [TOGETHER_TEXT, "", *_rows(pool, together(TOGETHER_FULL if full else TOGETHER))]
+
+
+def contact_rows(pool: Executor, full: bool) -> list[str]:
+    """Return text and table of contacts of every kind."""
+    return [CONTACTS_TEXT, "", *_rows(pool, by_contact(SHAPES_FULL if full else SHAPES, CONTACTS))]
+
+
+def hold_rows(pool: Executor, full: bool) -> list[str]:
+    """Return text and table of held forces, and what none of the tables covers."""
+    scenes = (*HOLDS, LONGEST_HOLD) if full else HOLDS
+    return [HOLDS_TEXT, "", *_rows(pool, by_contact(SHAPES_FULL if full else SHAPES, scenes)), "", NOT_COVERED]
+
+
+def _rows(pool: Executor, cases: Sequence[Case]) -> list[str]:
+    """Return a table, and sentences on which estimator is better."""
+    futures = [(case, [pool.submit(run, case, seed + 1) for seed in range(case.boards)]) for case in cases]
+    table, found, processor = list(HEAD), [], 0.0
+    for case, waiting in futures:
+        runs = [future.result() for future in waiting]
+        processor += sum(one.processor for one in runs)
+        found.append((case, runs))
+        table += _case_rows(case, runs)
+        print(*table[-len(NAMES) :], sep="\n", flush=True)
+    return [*table, "", *_comparison(found), "", f"Processor time of this table: {processor:.0f} s."]
+
+
+def _case_rows(case: Case, runs: Sequence[Run]) -> list[str]:
+    wrong = ", wrongly calibrated" if any(one.calibration for one in runs) else ""
+    table = []
+    for kind, name in NAMES.items():
+        values = [column.value([one.scores[kind] for one in runs]) for column in COLUMNS]
+        cells = ["-" if value is None else f"{value:.{of.digits}f}" for of, value in zip(COLUMNS, values, strict=True)]
+        table.append(f"| {case.title}{wrong} | {runs[0].seconds:g} | {len(runs)} | {name} | {' | '.join(cells)} |")
+    return table
+
+
+def _comparison(found: Sequence[tuple[Case, Sequence[Run]]]) -> list[str]:
+    """Return sentences on which estimator is better in which rows."""
+    text = []
+    for column, margin in ((MEAN, 0.1), (MISLEADING, 0.1)):
+        better, worse = [], []
+        for case, runs in found:
+            old, new = (column.value([one.scores[kind] for one in runs]) for kind in NAMES)
+            if old is None or new is None or abs(new - old) <= margin:
+                continue
+            (better if new < old else worse).append(f"{case.title}: {old:.{column.digits}f} -> {new:.{column.digits}f}")
+        text.append(
+            f"- {column.head}, observer -> error state, differences above {margin:g}: smaller in {len(better)} of "
+            f"{len(found)} cases{_listed(better)}; greater in {len(worse)}{_listed(worse)}."
+        )
+    wrong = [f"{case.title}: {one.calibration}" for case, runs in found for one in runs if one.calibration]
+    if wrong:
+        text += ["", f"Calibrations that failed, one for each board: {'; '.join(wrong)}."]
+    return text
+
+
+def _listed(changes: Sequence[str]) -> str:
+    return f" ({'; '.join(changes)})" if changes else ""

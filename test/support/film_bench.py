@@ -1,0 +1,157 @@
+"""A calibration rig with a film that relaxes, creeps and warms, integrated apart from the model that the fit uses.
+
+Dielectric relaxation is a spread of many time constants, creep a second one; the fit has three. The forces are those of
+the simulated rig.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model.calibration.least_squares_fit import Recording
+from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_model.sensor.signal_chain import charge_per_newton
+from posfet_sim.calibration.simulated_bench import pressing_scene
+from posfet_sim.scene import Scene, SceneLoads
+
+RATE = 250.0
+"""Scans per second [Hz]."""
+RELAXATION_TIMES = np.geomspace(3e-3, 30.0, 17)
+"""Time constants of the dielectric relaxation [s]: four per decade."""
+CREEP_TIMES = np.array([1.0, 1.8, 3.2, 5.6, 10.0])
+"""Time constants of the creep [s]."""
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Film:
+    """What a film does that an ideal one does not."""
+
+    relaxation: float = 0.0
+    """Charge that comes in slowly, per decade of time [1]."""
+    creep: float = 0.0
+    """Charge that comes in from 1 to 10 s [1]."""
+    warmth: float = 0.0
+    """Temperature rise of a touched taxel [K]."""
+    sensor_lag: float = 0.0
+    """Lag of the temperature sensors behind the chip [s]."""
+    nonlinearity: float = 0.0
+    """Loss of sensitivity per force [1/N]."""
+    ramp: float = 0.0
+    """Slope of the chip's temperature [K/s]."""
+    bending: float = 0.0
+    """Charge on every taxel per total force [1]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Board:
+    """A board with random gains, leakage and offsets, and a recording of it."""
+
+    recording: Recording
+    gain: Floats
+    """Signal per force at once, relative to nominal [1], shape [taxels]."""
+    leak_time_constant: Floats
+    """[s], shape [taxels]."""
+
+
+@lru_cache(maxsize=4)
+def _programme(sensor_name: str, long_hold: bool) -> tuple[Floats, Floats, Floats]:
+    sensor = load_sensor(sensor_name)
+    return forces_of(sensor, pressing_scene(sensor, long_hold))
+
+
+def forces_of(sensor: Sensor, scene: Scene) -> tuple[Floats, Floats, Floats]:
+    """Return times [s], forces [N] and chip temperature [degC] of a scene."""
+    time = np.arange(0.0, scene.period, 1.0 / RATE)
+    loads = SceneLoads(scene, sensor)
+    force = np.zeros((len(time), sensor.layout.rows, sensor.layout.cols))
+    for begin in range(0, len(time), 256):
+        part = force[begin : begin + 256]
+        for patch in loads.forces(time[begin : begin + 256].tolist()):
+            part[:, patch.rows, patch.cols] += patch.force
+    return time, force.reshape(len(time), -1), np.array(list(loads.temperatures(time.tolist())))
+
+
+def lag(time: Floats, values: Floats, tau: float) -> Floats:
+    """Return a first-order lag behind values by the trapezoidal rule, from rest at the first value."""
+    if tau == 0:
+        return values.copy()
+    half = 0.5 * float(time[1] - time[0]) / tau
+    slow = np.empty_like(values)
+    slow[0] = state = values[0]
+    for index in range(1, len(values)):
+        state = (state * (1.0 - half) + half * (values[index] + values[index - 1])) / (1.0 + half)
+        slow[index] = state
+    return slow
+
+
+def with_slow_charge(time: Floats, force: Floats, film: Film) -> Floats:
+    """Return the force whose charge an ideal film would give at once, shape [scans, taxels]."""
+    source = force * (1.0 - film.nonlinearity * force)
+    share = film.relaxation * np.log10(RELAXATION_TIMES[1] / RELAXATION_TIMES[0])
+    times = np.concatenate([np.maximum(RELAXATION_TIMES, 0.6 / RATE), CREEP_TIMES])
+    sizes = np.concatenate([np.full(len(RELAXATION_TIMES), share), np.full(len(CREEP_TIMES), film.creep / 5.0)])
+    if not sizes.any():
+        return source
+    half = 0.5 * float(time[1] - time[0]) / times[:, None]
+    state = np.repeat(source[:1], len(times), axis=0)
+    total = source.copy()
+    total[0] += sizes @ state
+    for index in range(1, len(source)):
+        state = (state * (1.0 - half) + half * (source[index] + source[index - 1])) / (1.0 + half)
+        total[index] += sizes @ state
+    return total
+
+
+def gain_at_once(film: Film) -> float:
+    """Return the signal per force after 30 ms, relative to that of an ideal film [1]: a press is no faster."""
+    per_time = film.relaxation * np.log10(RELAXATION_TIMES[1] / RELAXATION_TIMES[0])
+    return 1.0 + float(per_time * np.sum(RELAXATION_TIMES < 0.03))
+
+
+def record(
+    sensor: Sensor,
+    film: Film,
+    seed: int = 1,
+    long_hold: bool = True,
+    change: Callable[[Floats, Floats], Floats] | None = None,
+    sensors: Callable[[Floats, Floats], Floats] | None = None,
+) -> Board:
+    """Return a board and what the rig records of it.
+
+    `change` alters the film's signal [N], `sensors` the reading of the chip's sensors [degC], with time [s].
+    """
+    rng = np.random.default_rng(seed)
+    taxels = sensor.layout.taxels
+    time, force, chip = _programme(sensor.name, long_hold)
+    chip = chip + film.ramp * time
+    gain = 1.0 + 0.06 * rng.standard_normal(taxels)
+    tau = sensor.device.leak_time_constant * np.exp(0.1 * rng.standard_normal(taxels))
+    per_kelvin = sensor.device.pyroelectric_coefficient / charge_per_newton(sensor)
+    temperature = lag(time, chip, sensor.device.thermal_time_constant)[:, None] - chip[0]
+    if film.warmth:
+        temperature = temperature + lag(time, film.warmth * force / (force + sensor.contact.threshold), 0.5)
+    source = gain * with_slow_charge(time, force, film) + per_kelvin * temperature
+    source = source + film.bending * force.sum(axis=1, keepdims=True)
+    if change is not None:
+        source = change(time, source)
+    charge = np.zeros(source.shape)
+    half = 0.5 / RATE / tau
+    for index in range(1, len(time)):
+        charge[index] = (charge[index - 1] * (1.0 - half) + source[index] - source[index - 1]) / (1.0 + half)
+    volts = charge * sensor.volts_per_newton + 5e-3 * rng.standard_normal(taxels)
+    volts += np.cumsum(rng.standard_normal(volts.shape), axis=0) * 1e-6 / np.sqrt(RATE)
+    volts += sensor.adc.noise * rng.standard_normal(volts.shape)
+    counts = (volts - sensor.adc.low) / (sensor.adc.high - sensor.adc.low) * 65535
+    reading = lag(time, chip, film.sensor_lag)
+    slow = time[:: int(RATE / 10)]
+    reported = np.round((reading[:: int(RATE / 10)] + 2e-3 * rng.standard_normal(len(slow))) * 256) / 256
+    if sensors is not None:
+        reported = sensors(slow, reported)
+    recording = Recording(time, np.round(counts).astype(np.uint16), np.interp(time, slow, reported), force)
+    return Board(recording, gain, tau)
