@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared, SharedDynamics
-from posfet_model.estimation.force_error_filter import Belief, ForceErrorFilter, start_belief
+from posfet_model.estimation.force_error_filter import NEGLIGIBLE, Belief, ForceErrorFilter, start_belief
 from posfet_model.estimation.touch_response import TouchResponse
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
@@ -54,6 +54,7 @@ class Step:
     matrix: Array
     noise: Array
     leaked: Array
+    driven: Array
     own_noise: Array
     response: Array
     measured_noise: Array
@@ -66,6 +67,7 @@ class Step:
         result[:shared, :shared] = self.matrix
         for i in range(taxels):
             result[shared + OWN * i, shared + OWN * i + 1] = self.leaked[i]
+            result[shared + OWN * i, :shared] = self.driven[i]
         return result
 
     @property
@@ -99,6 +101,7 @@ def random_step(random: np.random.Generator, shared: int, taxels: int, shared_no
         matrix=np.eye(shared) + motion * random.standard_normal((shared, shared)),
         noise=random_covariance(random, shared, shared_noise) if shared_noise else np.zeros((shared, shared)),
         leaked=random.uniform(0.01, 0.3, taxels),
+        driven=0.1 * random.standard_normal((taxels, shared)),
         own_noise=np.array([random_covariance(random, OWN, 0.02) for _ in range(taxels)]),
         response=random.standard_normal((taxels, shared)),
         measured_noise=random.uniform(0.05, 0.5, taxels),
@@ -130,7 +133,7 @@ def as_dense(belief: Belief) -> Dense:
 
 def predict(filtered: ForceErrorFilter, step: Step) -> None:
     after = step.matrix @ filtered.belief.shared
-    filtered.predict(after, step.matrix, step.noise, step.leaked, step.own_noise)
+    filtered.predict(after, step.matrix, step.noise, step.leaked, step.driven, step.own_noise)
 
 
 def update(filtered: ForceErrorFilter, step: Step, measured: Array) -> None:
@@ -146,9 +149,10 @@ def dense_update(dense: Dense, step: Step, measured: Array) -> None:
 def rounding(dense: Dense, steps: int) -> float:
     """Return a bound of the rounding error relative to the largest entry.
 
-    Each step solves a system with the covariance: eps times its condition number, for each of its rows.
+    Each step solves a system with the covariance: eps times its condition number, for each of its rows. The filter adds
+    `NEGLIGIBLE` to the correlation of each shared state with itself.
     """
-    return steps * len(dense.mean) * EPSILON * float(np.linalg.cond(dense.covariance))
+    return steps * (NEGLIGIBLE + len(dense.mean) * EPSILON * float(np.linalg.cond(dense.covariance)))
 
 
 def assert_same(belief: Belief, dense: Dense, steps: int) -> None:
@@ -277,6 +281,8 @@ def touch_scene(taxels: int, seed: int, blocks: int, begin: int) -> Iterator[tup
     per_kelvin = per_kelvin * (1.0 + 0.05 * random.standard_normal(taxels))
     response = TouchResponse(layout, tau, per_kelvin, priors)
     dynamics = SharedDynamics(priors, device.thermal_time_constant)
+    driven = np.zeros((taxels, COUNT))
+    driven[:, Shared.DRIFT] = block
     own = np.zeros((taxels, OWN, OWN))
     own[:, :2, :2] = priors.offset_walk**2 * block
     own[:, 0, 0] += noise**2 * 20 * 1e-3**2 / tau**2
@@ -287,7 +293,7 @@ def touch_scene(taxels: int, seed: int, blocks: int, begin: int) -> Iterator[tup
         force = touched * 0.3 * (1.0 + 0.2 * math.sin(0.1 * number))
         response.advance(force, block)
         measured_noise = np.full(taxels, noise**2 / 20)
-        yield Step(nothing, nothing, block / tau, own, response.matrix(), measured_noise, ~touched), dynamics
+        yield Step(nothing, nothing, block / tau, driven, own, response.matrix(), measured_noise, ~touched), dynamics
 
 
 def test_with_the_states_of_the_estimator_the_variance_is_not_below_that_of_the_dense_filter() -> None:
@@ -302,7 +308,7 @@ def test_with_the_states_of_the_estimator_the_variance_is_not_below_that_of_the_
     for number, (scene, dynamics) in enumerate(touch_scene(taxels, 0, 200, 75)):
         after, matrix, shared_noise = dynamics.transition(filtered.belief.shared, 0.02)
         step = replace(scene, matrix=matrix, noise=shared_noise)
-        filtered.predict(after, matrix, shared_noise, step.leaked, step.own_noise)
+        filtered.predict(after, matrix, shared_noise, step.leaked, step.driven, step.own_noise)
         for each in (dense, truth):
             each.predict(step.dense_transition, step.dense_noise)
         if number % 5 == 0:
@@ -403,6 +409,7 @@ def test_the_order_of_the_taxels_does_not_matter() -> None:
         other = replace(
             step,
             leaked=step.leaked[order],
+            driven=step.driven[order],
             own_noise=step.own_noise[order],
             response=step.response[order],
             measured_noise=step.measured_noise[order],
@@ -486,7 +493,8 @@ def test_an_admitted_change_is_independent_of_the_errors_of_the_taxels() -> None
 def test_integrating_forth_and_back_changes_nothing() -> None:
     random = np.random.default_rng(11)
     belief, leaked = random_belief(random, 3, 4), random.uniform(0.01, 0.3, 4)
+    driven = random.standard_normal((4, 3))
     before = as_dense(belief)
-    belief.integrate(leaked)
-    belief.integrate(-leaked)
+    belief.integrate(leaked, driven)
+    belief.integrate(-leaked, -driven)
     assert_same(belief, before, 2)

@@ -43,7 +43,9 @@ class Shared(IntEnum):
     """Temperature of the film of a touched taxel above the others [K]."""
     TAIL = 11
     """Force that the cover lets an untouched taxel feel, relative to that of a geometric decline [1]."""
-    CREEP = 12
+    DRIFT = 12
+    """What the offsets of all taxels have in common, as a rate of the force errors [N/s]."""
+    CREEP = 13
     """First of the slow responses of the film to a force, relative to the force [1]; `CREEPS` of them."""
 
 
@@ -123,6 +125,8 @@ class ErrorPriors:
     """Pyroelectric response of one taxel, uncalibrated [1]."""
     pyroelectric_calibrated: float = 0.02
     """The same with calibration [1]."""
+    drift: float = 2e-4
+    """Common drift of the forces at the start, due to the offsets [N/s]."""
     offset_walk: float = 1e-5
     """Random walk of the offset of a signal [N/sqrt(s)]."""
     left_charge: float = 5e-5
@@ -173,6 +177,7 @@ class ErrorPriors:
         deviations[Shared.LEAK] = self.leak
         deviations[Shared.WARMTH] = self.warmth
         deviations[Shared.TAIL] = self.tail
+        deviations[Shared.DRIFT] = self.drift
         deviations[Shared.CREEP :] = self.creep
         return np.diag(np.square(deviations))
 
@@ -213,7 +218,7 @@ class SharedDynamics:
         rates = np.diag(priors.covariance()).copy() / self.FORGET
         rates[Shared.CHIP] = rates[Shared.FILM] = priors.film_walk**2
         rates[Shared.RATE] = priors.rate_walk**2
-        rates[Shared.SENSOR] = 0.0
+        rates[[Shared.SENSOR, Shared.DRIFT]] = 0.0
         rates[Shared.TAIL] = priors.tail**2
         self._noise = np.diag(rates)
         both = [Shared.CHIP, Shared.FILM]

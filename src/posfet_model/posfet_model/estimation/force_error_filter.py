@@ -41,16 +41,18 @@ class Belief:
         """Return an independent copy."""
         return Belief(self.shared.copy(), self.covariance.copy(), self.error.copy(), self.slope.copy(), self.own.copy())
 
-    def integrate(self, leaked: Array) -> None:
-        """Add to the force errors what the offsets cause within a time, which may be negative.
+    def integrate(self, leaked: Array, driven: Array) -> None:
+        """Add to the force errors what causes them within a time, which may be negative.
 
         Parameters
         ----------
         leaked : ndarray of float64, shape [taxels]
             Share t/tau of an offset that the integration adds to the force in that time t [1].
+        driven : ndarray of float64, shape [taxels, shared]
+            What the shared states add to the force error in that time.
         """
-        self.error[:, 0] += leaked * self.error[:, 1]
-        self.slope[:, 0] += leaked[:, None] * self.slope[:, 1]
+        self.error[:, 0] += leaked * self.error[:, 1] + driven @ self.shared
+        self.slope[:, 0] += leaked[:, None] * self.slope[:, 1] + driven
         self.own[:, 0] += leaked[:, None] * self.own[:, 1]
         self.own[:, :, 0] += leaked[:, None] * self.own[:, :, 1]
 
@@ -116,7 +118,9 @@ class ForceErrorFilter:
         self.belief = belief
         """The belief."""
 
-    def predict(self, after: Array, matrix: Array, noise: Array, leaked: Array, own_noise: Array) -> None:
+    def predict(
+        self, after: Array, matrix: Array, noise: Array, leaked: Array, driven: Array, own_noise: Array
+    ) -> None:
         """Propagate over a block.
 
         Parameters
@@ -129,12 +133,14 @@ class ForceErrorFilter:
             Covariance of the process noise Q of the shared states.
         leaked : ndarray of float64, shape [taxels]
             Share T/tau of an offset that the integration adds to the force in the block [1].
+        driven : ndarray of float64, shape [taxels, shared]
+            What the shared states add to the force errors in the block.
         own_noise : ndarray of float64, shape [taxels, 3, 3]
             Covariance of the process noise of each taxel [N2].
         """
         b = self.belief
         before, slope = b.covariance, b.slope
-        b.integrate(leaked)
+        b.integrate(leaked, driven)
         b.own += own_noise
         self._become(before, slope @ (before @ matrix.T), matrix @ before @ matrix.T + noise)
         b.shared = after

@@ -49,6 +49,9 @@ from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 BLOCK: Final = 0.02
 """Duration of a block [s]."""
 
+HALF_BLOCK: Final = 0.5 * BLOCK
+"""Time from the middle of a block, to which force errors belong, to its end [s]."""
+
 LAG: Final = 16
 """Number of blocks that are processed again when a touch begins: 0.3 s, assumed to be the weak part of a touch."""
 
@@ -70,6 +73,10 @@ STALE: Final = 1.5
 LONGEST_INTERVAL: Final = 0.1
 """Longest time between two readings of the temperature sensors [s]: one that shows no change is none."""
 
+REPEATED: Final = 1.0
+"""Time after which a reading of the temperature sensors that has not changed counts again [s], assumed: until then its
+rounding error is the same."""
+
 CORRELATED: Final = 50.0
 """Blocks over which the error of a taxel beside a contact, or that is still warm, stays the same [1]: one second."""
 
@@ -78,6 +85,9 @@ LEAST_TAIL: Final = 1e-4
 
 NOTICEABLE: Final = 0.3
 """Share of the contact threshold that a taxel must read before a scan is tested for a uniform change [1]."""
+
+SMALL_FORCE: Final = (Shared.LEAK, Shared.WARMTH, *range(Shared.CREEP, COUNT))
+"""Responses that are part of the small force of a taxel beside a contact: they tell nothing of the shared states."""
 
 LEAST_DEVIATION: Final = 1.0
 """Deviation of the total force that is always accepted [contact threshold]."""
@@ -153,8 +163,6 @@ class ForceEstimator:
         self._priors = p = (priors or ErrorPriors()).with_calibration(calibration)
         gain, noise = calibration.usable_gain, force_noise_rms(sensor)
         self._tau = calibration.leak_time_constant.copy()
-        # Force errors belong to the middle of a block: this share of an offset adds to them from there to its end.
-        self._half_block = 0.5 * BLOCK / self._tau
         newton_per_kelvin = device.pyroelectric_coefficient / charge_per_newton(sensor)
         self._per_kelvin = newton_per_kelvin * calibration.pyroelectric_gain / gain
         self._inverse = LeakageInverse(self._tau, 1.0 / (charge_per_newton(sensor) * gain))
@@ -197,7 +205,7 @@ class ForceEstimator:
 
     def _make_state(self, taxels: int) -> None:
         self._started, self._recovering, self._agreed, self._reading = False, 0.0, 0.0, math.nan
-        self._sensors, self._interval = math.nan, 0.0
+        self._sensors, self._unread = math.nan, 0.0
         self._blocks: deque[Block] = deque(maxlen=LAG)
         self._recent_force: deque[float] = deque(maxlen=STILL_BLOCKS + RELEASED_BLOCKS)
         self._unheated: ForceErrorFilter | None = None  # the belief while the hypothesis is open, without it
@@ -226,7 +234,7 @@ class ForceEstimator:
     @property
     def residual_charge(self) -> Array:
         """Charge at each gate, as the force that would generate it [N], shape [rows * cols]."""
-        charge: Array = self._inverse.signal - self.belief.error[:, 1]
+        charge: Array = self._inverse.signal - self._offset()
         return charge
 
     @property
@@ -411,7 +419,9 @@ class ForceEstimator:
         """Return the block that is due, and the taxels beside a touched one."""
         mean = self._sum / self._scans
         self._mean = mean
-        self._interval = min(self._interval + self._elapsed, LONGEST_INTERVAL)
+        self._unread += self._elapsed
+        if math.isnan(self._reading) and self._unread >= REPEATED and self.film.known:
+            self._reading = self._sensors
         any_touched = bool(touched.any())
         near = self._adjacent(touched) if any_touched else touched
         force = np.where(self._adjacent(listed), np.maximum(mean, 0.0), 0.0) if listed.any() else self._nothing
@@ -419,8 +429,9 @@ class ForceEstimator:
         response = self._touch.matrix()
         neighbour = tail = self._nothing
         if any_touched:
-            neighbour = self._greatest_neighbour(np.abs(mean))
-            tail = neighbour * neighbour / max(float(mean.max()), 0.1 * self._threshold)
+            felt = np.where(self.ignored, 0.0, np.abs(mean))
+            neighbour = self._greatest_neighbour(felt)
+            tail = neighbour * neighbour / max(float(felt.max()), 0.1 * self._threshold)
         p = self._priors
         held = np.where(touched, np.maximum(mean, 0.0), 0.0)
         warm = self._touch.warm
@@ -436,7 +447,7 @@ class ForceEstimator:
             self._square,
             self._jumped.copy(),
             self._reading,
-            self._interval,
+            min(self._unread, LONGEST_INTERVAL),
             listed,
             touched,
             response,
@@ -446,7 +457,7 @@ class ForceEstimator:
             self.belief.copy(),
         )
         if not math.isnan(self._reading):
-            self._reading, self._interval = math.nan, 0.0
+            self._reading, self._unread = math.nan, 0.0
         return block, near
 
     def _adjacent(self, mask: Mask) -> Mask:
@@ -458,6 +469,17 @@ class ForceEstimator:
         """Return the greatest of the neighbours' values, which are >= 0."""
         greatest: Array = np.append(values, 0.0)[self._neighbours].max(axis=-1)
         return greatest
+
+    def _offset(self) -> Array:
+        """Return the offset of each signal [N], with what all have in common."""
+        offset: Array = self.belief.error[:, 1] + self._tau * self.belief.shared[Shared.DRIFT]
+        return offset
+
+    def _integrated(self, time: float | Array) -> tuple[Array, Array]:
+        """Return what the offsets and the common drift add to the force errors in a time [s], as for `integrate`."""
+        driven = np.zeros((len(self._tau), COUNT))
+        driven[:, Shared.DRIFT] = time
+        return time / self._tau, driven
 
     def _process_again(self, touched: Mask) -> None:
         """Process the stored blocks again without the taxels that a touch, it turned out, had begun on."""
@@ -509,7 +531,7 @@ class ForceEstimator:
         after, matrix, noise = self._dynamics.transition(belief.shared, block.duration)
         warmed = float(after[Shared.FILM] - belief.shared[Shared.FILM])
         own_noise[:, 0, 0] += (p.pyroelectric * self._per_kelvin * warmed) ** 2
-        errors.predict(after, matrix, noise, block.duration / self._tau, own_noise)
+        errors.predict(after, matrix, noise, *self._integrated(block.duration), own_noise)
         return beside
 
     def _measure_zeros(self, block: Block, beside: Mask) -> None:
@@ -520,7 +542,7 @@ class ForceEstimator:
             return
         p, f = self._priors, self._filter
         response = block.response.copy()
-        response[beside, Shared.WARMTH] = 0.0  # part of the small force
+        response[np.ix_(beside, SMALL_FORCE)] = 0.0
         response[:, Shared.TAIL] = np.where(beside, block.tail, 0.0)
         noise = self._noise_variance / block.scans + CORRELATED * self._warmth_variance(block)
         if beside.any():
@@ -626,7 +648,7 @@ class ForceEstimator:
         """Set the correction of the next scans, covariance and validity."""
         belief = self.belief
         film_rate = self._film_rate()
-        self._rate = belief.error[:, 1] / self._tau + self._per_kelvin * film_rate
+        self._rate = self._offset() / self._tau + self._per_kelvin * film_rate
         self._correction = self._filter.predicted(block.response) + 0.5 * block.duration * self._rate
         old = self.force.copy()
         np.subtract(self._raw, self._correction, out=self.force)
@@ -634,7 +656,7 @@ class ForceEstimator:
         self._set_covariance(block)
         rested = ~self._touched
         share = min(block.duration / ABSORBED_TIME, 1.0)
-        drift = belief.error[:, 1] * (block.duration / self._tau)
+        drift = self._offset() * (block.duration / self._tau)
         self._usual += drift
         self._usual += np.where(rested, share * (belief.error[:, 0] - self._usual), 0.0)
         self._agreed += block.duration
@@ -700,7 +722,7 @@ class ForceEstimator:
             p = self._priors
             self._filter.restart_temperature(self._sensors, p.mean(), p.covariance())
             self._film_before[:] = belief.shared[Shared.FILM]
-        remaining = np.where(self.offset_known, signal - belief.error[:, 1], 0.0)
+        remaining = np.where(self.offset_known, signal - self._offset(), 0.0)
         known = ~self.ignored
         self._lower_bound.start(self.force * known, remaining * known)
         self.force[:] = np.maximum(remaining, 0.0)
@@ -708,7 +730,7 @@ class ForceEstimator:
         belief.error[:, 0] = self._correction - self._touch.matrix() @ belief.shared
         belief.forget(slice(None), 0)
         belief.own[:, 0, 0] = self._noise_variance + belief.own[:, 1, 1]
-        belief.integrate(-self._half_block)
+        belief.integrate(*self._integrated(-HALF_BLOCK))
         self._usual[:] = belief.error[:, 0]
         self._blocks.clear()
         self._recent_force.clear()
@@ -733,14 +755,14 @@ class ForceEstimator:
         belief.error[where, 2] = 0.0
         belief.own[where] = 0.0
         # The offset has the noise of the signal that it is set to; so has the force.
-        belief.error[new, 1] = self._inverse.signal[new]
+        belief.error[new, 1] = (self._inverse.signal - self._tau * belief.shared[Shared.DRIFT])[new]
         belief.own[new, 0, 0] = belief.own[new, 0, 1] = belief.own[new, 1, 0] = noise[new]
         belief.own[new, 1, 1] = noise[new] + self._left_deviation[new] ** 2
         self._left_deviation[known] = self._left
         belief.own[known, 0, 0] = noise[known]
         belief.own[known, 1, 1] = (RESTART_DEVIATION * self._threshold) ** 2
-        belief.integrate(np.where(where, -self._half_block, 0.0))
-        self._rate[where] = (belief.error[:, 1] / self._tau)[where]
+        belief.integrate(*self._integrated(np.where(where, -HALF_BLOCK, 0.0)))
+        self._rate[where] = (self._offset() / self._tau)[where]
         self.offset_known[where] = False
         self._correction[where] = self._raw[where]
         self.force[where] = 0.0
