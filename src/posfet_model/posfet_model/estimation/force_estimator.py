@@ -86,8 +86,9 @@ LEAST_TAIL: Final = 1e-4
 NOTICEABLE: Final = 0.3
 """Share of the contact threshold that a taxel must read before a scan is tested for a uniform change [1]."""
 
-SMALL_FORCE: Final = (Shared.LEAK, Shared.WARMTH, *range(Shared.CREEP, COUNT))
-"""Responses that are part of the small force of a taxel beside a contact: they tell nothing of the shared states."""
+OF_TOUCH: Final = (Shared.LEAK, Shared.WARMTH, *range(Shared.CREEP, COUNT))
+"""Responses of a taxel to its own force. Those of a taxel beside a contact are part of its small force, and tell nothing
+of the shared states."""
 
 LEAST_DEVIATION: Final = 1.0
 """Deviation of the total force that is always accepted [contact threshold]."""
@@ -212,7 +213,7 @@ class ForceEstimator:
         self._raw, self._change, self._correction, self._rate, self._work = np.zeros((5, taxels))
         self._sum, self._raw_sum, self._jumped, self._mean, self._last_mean, self._nothing = np.zeros((6, taxels))
         self._usual, self._touch_force, self._tail, self._warmth, self._film_before = np.zeros((5, taxels))
-        self._own = np.zeros(taxels)
+        self._own, self._untouched_variance = np.zeros((2, taxels))
         self._factor = np.zeros((taxels, COUNT + 1))
         self._touched, self._beside = np.zeros((2, taxels), np.bool_)
 
@@ -263,9 +264,11 @@ class ForceEstimator:
         return out
 
     def variance(self, out: Array) -> Array:
-        """Return in `out` the whole variance of each force [N2], shape [rows * cols]."""
-        np.add(self._shared_variance(), self._own, out=out)
-        out += self._noise_variance
+        """Return in `out` the variance that each force would have without a touch [N2], shape [rows * cols].
+
+        That of a touched taxel does not include what the touch itself makes uncertain: leaked charge, creep and warmth.
+        """
+        np.add(self._untouched_variance, self._noise_variance, out=out)
         return out
 
     def ignore(self, taxels: Mask) -> None:
@@ -321,15 +324,21 @@ class ForceEstimator:
             self._jumped += (change * coefficients.ratio) ** 2 / 12.0
 
     def compensate_common_mode(self, touched: bool) -> None:
-        """Keep a uniform change out of the forces of a scan until the block ends, while nothing touches."""
+        """Keep a uniform change out of the forces of a scan until the block ends, while nothing touches.
+
+        No more of it than the film can warm in that time.
+        """
         if touched or self._uniform.pause > 0.0 or not self._uniform.observable or self._touched.any():
             return
         usable = self.force[~self.ignored] if self.ignored.any() else self.force
         if len(usable) < UniformChange.FEWEST or float(usable.max()) < NOTICEABLE * self._threshold:
             return
-        least = self._uniform.least_loaded(usable)
+        per_kelvin = float(self._per_kelvin.mean())
+        most = UniformChange.FASTEST * self._elapsed * abs(per_kelvin) - self._compensated
+        least = min(self._uniform.least_loaded(usable), most)
         if least > 0.0:
-            shift = self._per_kelvin * (least / float(self._per_kelvin.mean()))
+            self._compensated += least
+            shift = self._per_kelvin * (least / per_kelvin)
             self._correction += shift
             self.force -= shift
 
@@ -542,7 +551,7 @@ class ForceEstimator:
             return
         p, f = self._priors, self._filter
         response = block.response.copy()
-        response[np.ix_(beside, SMALL_FORCE)] = 0.0
+        response[np.ix_(beside, OF_TOUCH)] = 0.0
         response[:, Shared.TAIL] = np.where(beside, block.tail, 0.0)
         noise = self._noise_variance / block.scans + CORRELATED * self._warmth_variance(block)
         if beside.any():
@@ -677,10 +686,15 @@ class ForceEstimator:
         return float(shared[Shared.RATE])
 
     def _set_covariance(self, block: Block) -> None:
-        p, held = self._priors, np.where(self._touched, np.maximum(self.force, 0.0), 0.0)
-        film = float(self.belief.shared[Shared.FILM])
+        p, held, belief = self._priors, np.where(self._touched, np.maximum(self.force, 0.0), 0.0), self.belief
+        film = float(belief.shared[Shared.FILM])
         self._film_before = np.where(self._touched, self._film_before, film)
         own, self._factor[:, :COUNT] = self._filter.covariance_root(block.response)
+        # The covariance without the responses to the touch itself.
+        response = block.response.copy()
+        response[:, OF_TOUCH] = 0.0
+        sensitivity = response + belief.slope[:, 0]
+        self._untouched_variance = own + self._filter.shared_variance(sensitivity)
         self._factor[:, COUNT] = self._gain_common * held
         own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2 + self._warmth_variance(block)
         # What the film's temperature has changed in touched taxels, and will change until the next correction.
@@ -773,4 +787,4 @@ class ForceEstimator:
     def _start_block(self) -> None:
         self._sum[:] = self._raw_sum[:] = self._jumped[:] = 0.0
         self._scans = 0
-        self._elapsed = self._square = 0.0
+        self._elapsed = self._square = self._compensated = 0.0
