@@ -43,7 +43,7 @@ from posfet_model.estimation.thermometers import Thermometers
 from posfet_model.estimation.touch_response import TouchResponse
 from posfet_model.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.grid import ALL_NEIGHBOURS, neighbour_table
+from posfet_model.sensor.grid import ALL_NEIGHBOURS, CORNER_NEIGHBOURS, EDGE_NEIGHBOURS, neighbour_table
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 
 BLOCK: Final = 0.02
@@ -79,6 +79,10 @@ rounding error is the same."""
 
 CORRELATED: Final = 50.0
 """Blocks over which the error of a taxel beside a contact, or that is still warm, stays the same [1]: one second."""
+
+DIAGONAL: Final = 0.3
+"""Weight of the force of a taxel at a corner against that of one at an edge, for what a taxel beside them feels [1],
+assumed."""
 
 LEAST_TAIL: Final = 1e-4
 """Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N]."""
@@ -187,6 +191,8 @@ class ForceEstimator:
         self._negative = NegativeForceMonitor(taxels, NEGATIVE_TIME)
         self._lower_bound = LowerBoundMonitor(taxels, self._threshold, LOST_FORCE_TIME)
         self._neighbours = neighbour_table(sensor.layout, ALL_NEIGHBOURS)
+        self._at_edge = neighbour_table(sensor.layout, EDGE_NEIGHBOURS)
+        self._at_corner = neighbour_table(sensor.layout, CORNER_NEIGHBOURS)
         self._left = p.left_charge / sensor.volts_per_newton
         self._left_deviation = np.full(taxels, self._left)
         self.film = Thermometers()
@@ -475,8 +481,10 @@ class ForceEstimator:
         return adjacent
 
     def _greatest_neighbour(self, values: Array) -> Array:
-        """Return the greatest of the neighbours' values, which are >= 0."""
-        greatest: Array = np.append(values, 0.0)[self._neighbours].max(axis=-1)
+        """Return the greatest of the neighbours' values, which are >= 0; those at a corner count less."""
+        padded = np.append(values, 0.0)
+        at_edge, at_corner = padded[self._at_edge].max(axis=-1), padded[self._at_corner].max(axis=-1)
+        greatest: Array = np.maximum(at_edge, DIAGONAL * at_corner)
         return greatest
 
     def _offset(self) -> Array:
