@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.emulation.offline import received_scans
 from posfet_sim.evaluation.scorer import Score, Scorer
 from posfet_sim.evaluation.slip_scorer import SlipScorer
+from posfet_sim.loads import Loads
 from posfet_sim.scene import load_scene
 
 SENSOR = load_sensor()
@@ -212,7 +214,8 @@ def test_a_gain_error_appears_in_the_score_to_the_percent() -> None:
 def test_misplaced_contacts_count_as_false_and_as_missed() -> None:
     scorer, reconstructor = Scorer(SENSOR), Reconstructor(SENSOR)
     for scan, truth in received_scans(SENSOR, SCENE, 1.0, 1):
-        shifted = replace(truth, objects=replace(truth.objects, contact_centres=truth.objects.contact_centres + 5e-3))
+        elsewhere = replace(truth.objects, contact_centres=truth.objects.contact_centres + 5e-3)
+        shifted = replace(truth, loads=Mock(spec=Loads, objects=Mock(return_value=elsewhere)))
         scorer.add(reconstructor.process(scan), reconstructor.image(), shifted)
     score: Score = scorer.score(0.0)
     assert score.contact_precision == 0.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from posfet_model.reconstruction.force_image import ForceImage
 from posfet_model.reconstruction.reconstructor import Reconstruction
 from posfet_sim.device.ground_truth import Truth
 from posfet_sim.evaluation.reliability_scorer import ReliabilityScorer
-from posfet_sim.loads import ObjectsState
+from posfet_sim.loads import Loads, ObjectsState
 
 THRESHOLD = 0.02
 NO_FORCE = (0.0, 0.0, 0.0)
@@ -42,7 +43,7 @@ def truth(time: float, force: Sequence[float], objects: Sequence[float] = ()) ->
         np.zeros((count, 3)),
         np.array(objects, float),
     )
-    return Truth(0, time, np.array(force, float), 25.0, 25.0, np.zeros(3, np.uint8), state)
+    return Truth(0, time, np.array(force, float), 25.0, 25.0, np.zeros(3, np.uint8), Mock(spec=Loads, objects=Mock(return_value=state)))
 
 
 def contact(force: float, deviation: float) -> Contact:

@@ -125,13 +125,13 @@ def record(sensor: Sensor, seed: int, error_model: ErrorModel | None, device: Se
     for scan, truth in received_scans(device or sensor, scene, scene.period, seed, error_model):
         times.append(truth.time)
         counts.append(scan.counts.copy())
-        temperatures.append(float(np.mean(scan.temperatures)))
+        temperatures.append(scan.temperatures.copy())
         forces.append(truth.force)
     time = np.array(times)
     return Recording(
         time=time,
         counts=np.array(counts),
-        temperature=interpolated_temperature(time, np.array(temperatures)),
+        temperature=interpolated_temperature(time, np.array(temperatures, np.float64).mean(axis=1)),
         force=np.array(forces),
     )
 

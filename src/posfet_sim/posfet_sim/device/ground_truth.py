@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model.sensor.description import Layout
-from posfet_sim.loads import ObjectsState
+from posfet_sim.loads import Loads, ObjectsState
 
 _OBJECT_COLUMNS: Final = (
     *("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"),
@@ -35,8 +36,13 @@ class Truth:
     """Temperature of the film [degC]."""
     taxel_status: NDArray[np.uint8]
     """Fault of each taxel, TAXEL_* of posfet_msgs/TactileImage, shape [rows * cols]."""
-    objects: ObjectsState
-    """Poses and contacts of the objects."""
+    loads: Loads
+    """What acts on the sensor."""
+
+    @cached_property
+    def objects(self) -> ObjectsState:
+        """Poses and contacts of the objects; computed when first asked for."""
+        return self.loads.objects(self.time)
 
 
 def truth_columns(layout: Layout, names: Sequence[str]) -> list[str]:

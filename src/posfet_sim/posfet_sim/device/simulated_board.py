@@ -262,7 +262,7 @@ class SimulatedBoard:
             chip_temperature=batch.chip[row],
             film_temperature=batch.film[row],
             taxel_status=self._taxels.status,
-            objects=self.loads.objects(batch.times[row]),
+            loads=self.loads,
         )
 
     def objects(self, time: float) -> ObjectsState:
