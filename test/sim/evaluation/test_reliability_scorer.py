@@ -43,7 +43,8 @@ def truth(time: float, force: Sequence[float], objects: Sequence[float] = ()) ->
         np.zeros((count, 3)),
         np.array(objects, float),
     )
-    return Truth(0, time, np.array(force, float), 25.0, 25.0, np.zeros(3, np.uint8), Mock(spec=Loads, objects=Mock(return_value=state)))
+    loads = Mock(spec=Loads, objects=Mock(return_value=state))
+    return Truth(0, time, np.array(force, float), 25.0, 25.0, np.zeros(3, np.uint8), loads)
 
 
 def contact(force: float, deviation: float) -> Contact:

@@ -91,8 +91,8 @@ NOTICEABLE: Final = 0.3
 """Share of the contact threshold that a taxel must read before a scan is tested for a uniform change [1]."""
 
 OF_TOUCH: Final = (Shared.LEAK, Shared.WARMTH, *range(Shared.CREEP, COUNT))
-"""Responses of a taxel to its own force. Those of a taxel beside a contact are part of its small force, and tell nothing
-of the shared states."""
+"""Responses of a taxel to its own force. Those of a taxel beside a contact are part of its small force, and tell
+nothing of the shared states."""
 
 LEAST_DEVIATION: Final = 1.0
 """Deviation of the total force that is always accepted [contact threshold]."""
@@ -270,9 +270,14 @@ class ForceEstimator:
         return out
 
     def variance(self, out: Array) -> Array:
-        """Return in `out` the variance that each force would have without a touch [N2], shape [rows * cols].
+        """Return in `out` the variance that each force would have without a touch [N2].
 
-        That of a touched taxel does not include what the touch itself makes uncertain: leaked charge, creep and warmth.
+        It does not include what a touch itself makes uncertain: leaked charge, creep and warmth.
+
+        Parameters
+        ----------
+        out : ndarray of float64, shape [rows * cols]
+            Overwritten by the result.
         """
         np.add(self._untouched_variance, self._noise_variance, out=out)
         return out
@@ -333,6 +338,11 @@ class ForceEstimator:
         """Keep a uniform change out of the forces of a scan until the block ends, while nothing touches.
 
         No more of it than the film can warm in that time.
+
+        Parameters
+        ----------
+        touched : bool
+            Whether anything touches.
         """
         if touched or self._uniform.pause > 0.0 or not self._uniform.observable or self._touched.any():
             return
