@@ -49,9 +49,9 @@ def test_a_held_force_is_as_accurate_while_the_chip_warms(ramp: float) -> None:
 def test_a_held_force_is_nearly_as_accurate_during_random_walk_temperature_drift(
     random_walk: float, limit: float
 ) -> None:
-    # The common-mode error is one draw per seed: a ratio has a standard error of 10 %; docs/accuracy.md gives it from
+    # The common-mode error is one draw per seed: a ratio has a standard error of 12 %; docs/accuracy.md gives it from
     # more seeds. A fast random walk sometimes looks like a ramp.
-    found = [held for seed in range(16) for held in hold(seed, (5.0,), drift=Drift(random_walk=random_walk), side=8)]
+    found = [held for seed in range(12) for held in hold(seed, (5.0,), drift=Drift(random_walk=random_walk), side=8)]
     assert _ratio(found) <= limit
     assert _coverage(found) >= 0.95
 
