@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,9 @@ RELAXATION_TIMES = np.geomspace(3e-3, 30.0, 17)
 """Time constants of the dielectric relaxation [s]: four per decade."""
 CREEP_TIMES = np.array([1.0, 1.8, 3.2, 5.6, 10.0])
 """Time constants of the creep [s]."""
-Floats = NDArray[np.float64]
+Floats: TypeAlias = "NDArray[np.float64]"
+Alteration: TypeAlias = "Callable[[Floats, Floats], Floats]"
+"""Alters a signal, given with its times [s]."""
 
 
 @dataclass(frozen=True)
@@ -119,8 +122,8 @@ def record(
     film: Film,
     seed: int = 1,
     long_hold: bool = True,
-    change: Callable[[Floats, Floats], Floats] | None = None,
-    sensors: Callable[[Floats, Floats], Floats] | None = None,
+    change: Alteration | None = None,
+    sensors: Alteration | None = None,
 ) -> Board:
     """Return a board and what the rig records of it.
 

@@ -96,7 +96,7 @@ def test_warmth_follows_the_greatest_force_of_the_touch_and_saturates_with_it() 
 
 
 def test_warmth_of_a_force_that_seems_to_fall_does_not() -> None:
-    # Otherwise warmth that is taken for less force would make less warmth, and so on.
+    # Otherwise a temperature rise that reads as less force would make a smaller rise, and so on.
     strong = np.zeros(TAXELS)
     strong[3] = FULLY_WARM
     falling, steady = (advance(response(), [strong] * 5) for _ in range(2))

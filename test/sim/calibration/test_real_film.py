@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from posfet_model.calibration.least_squares_fit import fit
 from posfet_model.calibration.taxel_calibration import NOMINAL_WARMTH_DEVIATION, Calibration
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.calibration.report import report
-from support.film_bench import Board, Film, gain_at_once, record, with_slow_charge
+from support.film_bench import Alteration, Board, Film, gain_at_once, record, with_slow_charge
 
 SENSOR = load_sensor()
 DATE = "2024-01-01T00:00:00+00:00"
@@ -119,7 +120,9 @@ def slip_while_held(time: Floats, source: Floats) -> Floats:
         (None, lambda time, reading: reading + 0.2 * np.sin(time), "^temperature part: .*sensors"),
     ],
 )
-def test_what_cannot_be_fitted_is_refused_with_the_name_of_the_part(change, temperature, part: str) -> None:  # type: ignore[no-untyped-def]
+def test_what_cannot_be_fitted_is_refused_with_the_name_of_the_part(
+    change: Alteration | None, temperature: Alteration | None, part: str
+) -> None:
     board = record(SENSOR, Film(), long_hold=change is slip_while_held, change=change, sensors=temperature)
     with pytest.raises(FitError, match=part) as caught:
         fit(SENSOR, board.recording, DATE)
@@ -133,7 +136,9 @@ def test_a_leakage_far_from_the_sensor_file_is_refused() -> None:
         fit(replace(SENSOR, device=device), board.recording, DATE)
 
 
-def test_poles_and_deviations_survive_a_round_trip(fitted, tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_poles_and_deviations_survive_a_round_trip(
+    fitted: dict[str, tuple[Board, Calibration]], tmp_path: Path
+) -> None:
     found = fitted["all"][1]
     save_calibration(tmp_path / "cal.yaml", SENSOR, found)
     again = load_calibration(tmp_path / "cal.yaml", SENSOR)

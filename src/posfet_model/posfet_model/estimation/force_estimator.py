@@ -43,7 +43,7 @@ from posfet_model.estimation.thermometers import Thermometers
 from posfet_model.estimation.touch_response import TouchResponse
 from posfet_model.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.grid import ALL_NEIGHBOURS, CORNER_NEIGHBOURS, EDGE_NEIGHBOURS, neighbour_table
+from posfet_model.sensor.grid import CORNER_NEIGHBOURS, EDGE_NEIGHBOURS, neighbour_table
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 
 BLOCK: Final = 0.02
@@ -190,9 +190,9 @@ class ForceEstimator:
         self._rest = RestDetector(taxels, noise, OFFSET_SPREAD * self._threshold, SETTLE_TIME, float(self._tau.max()))
         self._negative = NegativeForceMonitor(taxels, NEGATIVE_TIME)
         self._lower_bound = LowerBoundMonitor(taxels, self._threshold, LOST_FORCE_TIME)
-        self._neighbours = neighbour_table(sensor.layout, ALL_NEIGHBOURS)
         self._at_edge = neighbour_table(sensor.layout, EDGE_NEIGHBOURS)
         self._at_corner = neighbour_table(sensor.layout, CORNER_NEIGHBOURS)
+        self._neighbours = np.hstack((self._at_edge, self._at_corner))
         self._left = p.left_charge / sensor.volts_per_newton
         self._left_deviation = np.full(taxels, self._left)
         self.film = Thermometers()

@@ -30,7 +30,7 @@ class MainsHum:
     frequency : float
         Mean frequency f [Hz].
     effects : BoardEffects
-        Harmonics and wander.
+        Harmonics and deviation of the frequency.
     delay : numpy.ndarray or None
         Time d from the sampling of each taxel to the time of the scan [s], shape [taxels]; None: none.
     seed : int
