@@ -34,7 +34,7 @@ def compare(sensor: Sensor, block: Message) -> tuple[int, float, float, int]:
     """Return the frames per scan, the times of the decoder and of cantools [us], and the number of wrong counts."""
     frames, counts = frames_of(sensor)
     decoder, numbers = Decoder(sensor), count()
-    decoder.resync(0, count_gap=False)
+    decoder.start()
     theirs = np.zeros(len(frames) * FD_TAXELS, np.uint16)
 
     def with_decoder() -> None:

@@ -88,7 +88,7 @@ class FramePlayer:
     def __init__(self, sensor: Sensor, seed: int) -> None:
         self.player = Player(sensor, 1, seed)
         self.decoder = Decoder(sensor)
-        self.decoder.resync(0, count_gap=False)
+        self.decoder.start()
         codec = make_codec(sensor)
         self.frames = []
         for index, counts in enumerate(self.player.counts):

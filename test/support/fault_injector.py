@@ -10,7 +10,8 @@ from typing import Final
 
 from posfet_driver.bus.error_frame import BUS_OFF, CONTROLLER, NO_ACKNOWLEDGE, OVERFLOW, PROTOCOL, error_frame
 from posfet_driver.bus.frame import CLASSIC, FD, Frame
-from posfet_driver.protocol.messages import COMMAND_OFFSET, STATUS_OFFSET
+from posfet_driver.protocol.messages import HEADER_OFFSET, IDENTITY_OFFSET, RESPONSE_OFFSET, STATUS_OFFSET
+from posfet_driver.protocol.scan_codec import CLASSIC_COUNTER, checksum
 from posfet_sim.emulation.firmware import BoardFirmware
 
 UNRELATED_PERIOD: Final = 111_000
@@ -34,7 +35,6 @@ class InjectedFault(Enum):
     MALFORMED = "malformed frames"
     FROZEN_COUNTER = "frozen sequence counter"
     FROZEN_TIMESTAMP = "frozen timestamp"
-    """Only of CAN FD frames: classic ones have no timestamp."""
     UNRELATED = "unrelated traffic"
     ERRORS = "error frames"
     UNACKNOWLEDGED = "unacknowledged"
@@ -73,6 +73,7 @@ class FaultInjector:
         self._fault = InjectedFault.NONE
         self._busy = self._cut = False
         self._make_firmware = make_firmware
+        self._boots = 0
         self._base = base
         self._random = random.Random(seed)
         self._next_unrelated = now
@@ -121,6 +122,8 @@ class FaultInjector:
         self._frozen = None
         if self.fault in {InjectedFault.RESET, InjectedFault.BROWN_OUT}:
             self.firmware = self._make_firmware(now)
+            self._boots += 1
+            self.firmware.boot = self._boots & 0xF
         if self.fault == InjectedFault.BROWN_OUT:
             self.firmware.supply = LOW_SUPPLY
 
@@ -137,13 +140,15 @@ class FaultInjector:
             run = list(group)
             if short:
                 result += run
-            else:
-                for begin in range(0, len(run), size):
-                    result += effect(self, run[begin : begin + size])
+                continue
+            while run:
+                count = size + (run[0][0] == self._base + HEADER_OFFSET)  # a header belongs to the scan behind it
+                result += effect(self, run[:count])
+                run = run[count:]
         return result
 
     def _is_short(self, frame: Frame) -> bool:
-        return self._base + COMMAND_OFFSET <= frame[0] <= self._base + STATUS_OFFSET
+        return frame[0] - self._base in {RESPONSE_OFFSET, STATUS_OFFSET, IDENTITY_OFFSET}
 
     def _other_frame(self) -> Frame:
         if self.fault == InjectedFault.ERRORS:
@@ -183,25 +188,34 @@ class FaultInjector:
         ]
 
     def _freeze_counter(self, frames: list[Frame]) -> list[Frame]:
-        """Give every frame the sequence counter of the first affected scan."""
+        """Give every block the sequence of the first affected one; headers are sent no more."""
+        frames = [frame for frame in frames if frame[0] != self._base + HEADER_OFFSET]
         if frames and self._frozen is None:
             self._frozen = frames[0][2]
         frozen = self._frozen or b""
         return [(number, kind, _with_counter(kind, data, frozen)) for number, kind, data in frames]
 
     def _freeze_timestamp(self, frames: list[Frame]) -> list[Frame]:
-        """Give every FD frame the timestamp of the first affected one."""
-        if frames and self._frozen is None:
-            self._frozen = frames[0][2]
-        frozen = self._frozen or b""
-        return [(number, kind, frozen[:4] + data[4:] if kind & FD else data) for number, kind, data in frames]
+        """Give every FD block and every header the timestamp of the first affected one."""
+        result = []
+        for number, kind, data in frames:
+            if kind & FD or number == self._base + HEADER_OFFSET:
+                self._frozen = self._frozen or data
+                data = _sealed(kind, data[:4] + self._frozen[4:8] + data[8:])
+            result.append((number, kind, data))
+        return result
 
 
 def _with_counter(kind: int, data: bytes, frozen: bytes) -> bytes:
-    """Return the data of a block with the sequence counter of an earlier one."""
+    """Return the data of a block with the sequence of an earlier one."""
     if kind & FD:
-        return data[:4] + frozen[4:6] + data[6:]
-    return bytes([data[0] & 0xF0 | frozen[0] & 0x0F]) + data[1:]
+        return _sealed(kind, frozen[:4] + data[4:])
+    return bytes([data[0] & ~CLASSIC_COUNTER & 0xFF | frozen[0] & CLASSIC_COUNTER]) + data[1:]
+
+
+def _sealed(kind: int, data: bytes) -> bytes:
+    """Return the data of an FD block with the checksum that fits it."""
+    return data[:10] + checksum(data).to_bytes(2, "little") + data[12:] if kind & FD else data
 
 
 _ERROR_FRAMES: Final = {

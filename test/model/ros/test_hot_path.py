@@ -176,7 +176,7 @@ def count_messages(publisher: Any, counts: dict[str, int]) -> None:
 def test_a_scan_retains_no_memory(touched: bool) -> None:
     """From frames to serialised contacts there are no reference cycles and no growth of memory."""
     decoder, model = Decoder(SENSOR), Reconstructor(SENSOR)
-    decoder.resync(0, count_gap=False)
+    decoder.start()
     writer, codec, scan = ContactsBytes(SENSOR, "finger"), make_codec(SENSOR), Scan.empty(1, 25)
     frames = []
     for index, counts in enumerate(played(touched)):

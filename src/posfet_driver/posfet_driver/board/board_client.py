@@ -21,15 +21,18 @@ from posfet_driver.bus.frame_timing import classic_time, fd_time
 from posfet_driver.bus.open_bus import one_line
 from posfet_driver.bus.reconnecting_bus import PRESENCE_PERIOD, ReconnectingBus
 from posfet_driver.clock import Clock, SystemClock
-from posfet_driver.protocol.decoder import Decoded, Decoder, ResponseReceived, ScanReady
+from posfet_driver.protocol.decoder import Decoded, Decoder, ResponseReceived, ScanReady, StatusReceived
 from posfet_driver.protocol.messages import (
     COMMAND_OFFSET,
+    LONGEST_PERIOD,
     PROTOCOL_VERSION,
     Command,
+    Identification,
+    Identity,
     Request,
     Response,
     Result,
-    version,
+    Status,
 )
 from posfet_driver.protocol.scan_codec import CLASSIC_LENGTH, FD_LENGTH
 from posfet_model._lib.units import NANOSECONDS
@@ -39,6 +42,10 @@ from posfet_model.sensor.scan import Scan, ScanStatus
 
 RESPONSE_TIMEOUT: Final = 0.2
 """Time within which a board has to respond [s]; then the command is repeated."""
+LONGEST_TIMEOUT: Final = 1.6
+"""The same for repeated commands: doubled each time up to this, since a link may delay responses [s]."""
+TAGS_KEPT: Final = 16
+"""Number of the newest commands whose responses are accepted."""
 REFUSED_PERIOD: Final = 1.0
 """Period at which an unsuitable board is identified again [s]."""
 SCAN_TIMEOUT: Final = 0.3
@@ -112,8 +119,6 @@ class Board:
         self.load = BusLoad(sensor.can.bitrate, sensor.can.data_bitrate)
         self.restarted = 0
         """Number of times a silent board was restarted."""
-        self.resets = 0
-        """Number of times the board was reset between two scans."""
         self.brown_outs = 0
         """Resets around which the supply voltage was low."""
         self._sensor = sensor
@@ -123,7 +128,6 @@ class Board:
         self._transit_time = scan_transit_time(sensor.can, self.decoder.blocks)
         self._batch: list[Frame] = []
         self._decoded: Iterator[Decoded] = iter(())
-        self._status_received = False  # in the current batch
         self._commands = CommandQueue()
         self._state = ConnectionState.CLOSED
         self._reason = "closed"
@@ -132,15 +136,13 @@ class Board:
         self._deadline = NEVER
         self._checked = -1  # deadline after which the bus was read once more
         self._tag = 0
-        self._own_tag = -1  # of the command that was sent to identify and start the board
+        self._sent: dict[int, Command] = {}  # the newest commands by tag, in the order of sending
+        self._timeout = RESPONSE_TIMEOUT
+        self._boot: int | None = None
         self._bus_offs = 0
         self._low_supply = -round(LOW_SUPPLY_MEMORY * NANOSECONDS)  # time of the newest report
-        self._stopped = True  # a board that was stopped on request loses nothing
         self._flowing = False  # a scan arrived since the board was started
-        self._counter_ambiguous = not sensor.can.fd  # classic counters have few bits
-        self._period = 0
-        self._scan_timeout = 0
-        self._set_period(round(1e6 / sensor.can.scan_rate))
+        self._period = round(1e6 / sensor.can.scan_rate)  # to be set at each start [us]
 
     @property
     def stamp_uncertainty(self) -> float:
@@ -164,7 +166,7 @@ class Board:
         """Stop the board and close the bus; may be called twice."""
         if self._state in _STARTING:
             self._send(Command.STOP)
-        self._stopped = True
+            self.decoder.forget_gap()
         self._fault = None
         self.bus.close()
         self._decoded = iter(())
@@ -256,7 +258,6 @@ class Board:
             state=self._reason,
             fault=self._fault,
             restarts=self.restarted,
-            resets=self.resets,
             brown_outs=self.brown_outs,
             stamp_uncertainty=self.stamp_uncertainty,
         )
@@ -267,38 +268,38 @@ class Board:
         for decoded in self._decoded:
             if isinstance(decoded, ScanReady):
                 if self._flowing:
-                    self._deadline = self._arrival + self._scan_timeout
+                    self._deadline = self._arrival + self._scan_timeout()
                 else:  # started, or sending again before it was restarted
                     self._flowing = True
                     self._fault = None
-                    self._enter(ConnectionState.SCANS, "receiving scans", self._scan_timeout / NANOSECONDS)
+                    self._enter(ConnectionState.SCANS, "receiving scans", self._scan_timeout() / NANOSECONDS)
                 return True
             if isinstance(decoded, ResponseReceived):
                 self._handle_response(decoded.response)
+            elif isinstance(decoded, StatusReceived):
+                self._handle_status(decoded.status)
             else:
-                self._status_received = True
-        if self._status_received or self.bus.errors.bus_off != self._bus_offs:
-            self._check_bus_and_status()
+                self._handle_identity(decoded.identity)
+        if self.bus.errors.bus_off != self._bus_offs:
+            self._bus_offs = self.bus.errors.bus_off
+            self._fail(can.CanOperationError("the controller is bus-off"), FaultKind.BUS_OFF)
         return False
 
-    def _check_bus_and_status(self) -> None:
-        """Act on the errors and the status of a batch of frames."""
-        decoder, bus_offs = self.decoder, self.bus.errors.bus_off
-        if bus_offs != self._bus_offs:
-            self._bus_offs = bus_offs
-            self._fail(can.CanOperationError("the controller is bus-off"), FaultKind.BUS_OFF)
-            return
-        self._status_received = False
-        flags = decoder.status.flags
-        if flags & ScanStatus.SUPPLY_LOW:
-            self._low_supply = self._clock.monotonic()
-        if self._state != ConnectionState.SCANS:
-            return
-        if decoder.layout_id not in {None, self._sensor.layout.id}:
-            self._identify()
-        elif flags & ScanStatus.BOARD_RESET:
-            self._reason = "the board was reset: restarting it"
+    def _handle_status(self, status: Status) -> None:
+        now = self._clock.monotonic()
+        if status.flags & ScanStatus.SUPPLY_LOW:
+            self._low_supply = now
+        reset = self._boot is not None and status.boot != self._boot
+        self._boot = status.boot
+        if reset:
+            self.brown_outs += now - self._low_supply < LOW_SUPPLY_MEMORY * NANOSECONDS
+        if self._state == ConnectionState.SCANS and (reset or not status.scanning):
+            self._reason = f"the board {'was reset' if reset else 'does not scan'}: restarting it"
             self._flowing = False
+            self._identify()
+
+    def _handle_identity(self, identity: Identity) -> None:
+        if self._state == ConnectionState.SCANS and self._unsuitable(identity.board):
             self._identify()
 
     def _wait(self, now: int, end: int) -> None:
@@ -335,10 +336,12 @@ class Board:
             self._fault = FaultKind.NO_SCANS
             self._ask_adapter()
         elif self._state == ConnectionState.IDENTITY:
+            self._timeout = min(2 * self._timeout, LONGEST_TIMEOUT)
             self._diagnose_no_response()
             if self._state != ConnectionState.IDENTITY:
                 return
         elif self._state in {ConnectionState.RATE, ConnectionState.START}:
+            self._timeout = min(2 * self._timeout, LONGEST_TIMEOUT)
             self._reason = "the board responds, but does not start"
             self._fault = FaultKind.START_FAILED
         self._identify()
@@ -374,81 +377,85 @@ class Board:
     def _identify(self, first: bool = False) -> None:
         if first or self._state != ConnectionState.IDENTITY:
             self._no_response.begin(self._clock.monotonic())
-        self._enter(ConnectionState.IDENTITY, self._reason, RESPONSE_TIMEOUT)
-        self._send_own(Command.IDENTIFY)
+        self._enter(ConnectionState.IDENTITY, self._reason, self._timeout)
+        self._send(Command.IDENTIFY)
 
     def _handle_response(self, response: Response) -> None:
-        if self._commands.complete(response) is not None:
-            if response.result == Result.OK:
-                self._command_completed(response)
+        """Act on the response to one of the newest commands, however late it is: the board has done as it says."""
+        if self._sent.get(response.tag) != response.command:
             return
-        if response.tag != self._own_tag:
-            return
-        if self._state == ConnectionState.IDENTITY and response.command == Command.IDENTIFY:
-            self._check_identity(response.value)
-        elif self._state == ConnectionState.RATE and response.command == Command.SET_RATE:
-            if response.result != Result.OK:
-                reason = f"the board refuses a scan period of {self._period} us: {response.reason}"
-                self._refuse(FaultKind.RATE_REFUSED, reason)
-                return
-            self._set_period(response.value)
-            self._enter(ConnectionState.START, self._reason, RESPONSE_TIMEOUT)
-            self._send_own(Command.START)
-        elif response.command == Command.START and response.result == Result.OK and self._state in _STARTING:
-            self._started(response)
+        asked = self._commands.complete(response) is not None
+        match response.command:
+            case Command.IDENTIFY if self._state == ConnectionState.IDENTITY and response.result == Result.OK:
+                self._check_identity(Identification.unpack(response.value))
+            case Command.SET_RATE:
+                self._rate_answered(response, asked)
+            case Command.STOP if response.result == Result.OK and self._state != ConnectionState.CLOSED:
+                self._flowing, self._fault = False, None
+                self.decoder.forget_gap()
+                self._enter(ConnectionState.STOPPED, "stopped on request", 0.0)
+            case Command.START if response.result == Result.OK:
+                self._started()
 
-    def _check_identity(self, value: int) -> None:
-        layout, firmware = value & 0xFFFF, value >> 16
-        wanted = self._sensor.layout.id
-        if layout != wanted:
-            self._refuse(FaultKind.WRONG_LAYOUT, f"the board has layout {layout}, the sensor file {wanted}")
-        elif firmware >> 8 != PROTOCOL_VERSION:
-            reason = f"the board has firmware {version(firmware)}, this driver needs {PROTOCOL_VERSION}.x"
-            self._refuse(FaultKind.WRONG_FIRMWARE, reason)
+    def _unsuitable(self, board: Identification) -> tuple[FaultKind, str] | None:
+        """Return why a board is not the one that the sensor file describes; None when it is."""
+        if board.protocol != PROTOCOL_VERSION:
+            reason = f"the board implements version {board.protocol} of the protocol, this driver {PROTOCOL_VERSION}"
+            return FaultKind.WRONG_PROTOCOL, reason
+        wanted = self._sensor
+        if board.layout != wanted.layout.id:
+            reason = f"the board has layout {board.layout}, the sensor file {wanted.layout.id}"
+            return FaultKind.WRONG_LAYOUT, reason
+        if board.fd != wanted.can.fd:
+            formats = "classic CAN", "CAN FD"
+            reason = f"the board sends scans in {formats[board.fd]} frames, the sensor file says {formats[wanted.can.fd]}"
+            return FaultKind.WRONG_FORMAT, reason
+        return None
+
+    def _check_identity(self, board: Identification) -> None:
+        if unsuitable := self._unsuitable(board):
+            self._refuse(*unsuitable)
         else:
-            self._enter(ConnectionState.RATE, self._reason, RESPONSE_TIMEOUT)
-            self._send_own(Command.SET_RATE, self._period)
+            self._enter(ConnectionState.RATE, self._reason, self._timeout)
+            self._send(Command.SET_RATE, self._period)
+
+    def _rate_answered(self, response: Response, asked: bool) -> None:
+        """Act on the response to SET_RATE; the decoder has the new period from it."""
+        if response.result == Result.OK and 1 <= response.value <= LONGEST_PERIOD:
+            self._period = response.value
+        elif not asked and self._state == ConnectionState.RATE:
+            reason = f"the board answers a scan period of {self._period} us with: {response.reason}"
+            self._refuse(FaultKind.RATE_REFUSED, reason)
+        if self._state == ConnectionState.RATE:
+            self._enter(ConnectionState.START, self._reason, self._timeout)
+            self._send(Command.START)
 
     def _refuse(self, fault: FaultKind, reason: str) -> None:
         self._fault, self._flowing = fault, False
+        self._timeout = RESPONSE_TIMEOUT
         self._enter(ConnectionState.REFUSED, reason, REFUSED_PERIOD)
 
-    def _started(self, response: Response) -> None:
-        if self.decoder.resync(response.value, count_gap=not self._stopped, reset=response.reset):
-            self.resets += 1
-            recent = self._clock.monotonic() - self._low_supply < LOW_SUPPLY_MEMORY * NANOSECONDS
-            self.brown_outs += recent
-        if self._state == ConnectionState.SCANS:  # the request was for the sequence only
+    def _started(self) -> None:
+        if self._state not in {ConnectionState.START, ConnectionState.STOPPED}:
             return
-        self._stopped = False
+        self.decoder.start()
+        self._flowing = False
+        self._timeout = RESPONSE_TIMEOUT
         self.bus.reset_backoff()
         self._no_response.board_responded()
-        self._flowing = False
-        self._enter(ConnectionState.SCANS, self._reason, self._scan_timeout / NANOSECONDS)
-
-    def _command_completed(self, response: Response) -> None:
-        """Update the connection after a command of the user."""
-        if response.command == Command.SET_RATE:
-            self._set_period(response.value)
-        elif response.command == Command.STOP:
-            self._stopped, self._flowing, self._fault = True, False, None
-            self._enter(ConnectionState.STOPPED, "stopped on request", 0.0)
-        elif response.command == Command.START and self._state != ConnectionState.SCANS:
-            self._started(response)
+        self._enter(ConnectionState.SCANS, self._reason, self._scan_timeout() / NANOSECONDS)
 
     def _process_commands(self, now: int) -> None:
         """Send the next command when the board is ready for it, and fail those that have expired."""
+        self._commands.expire(now, self._reason)
         if not self.bus.is_open:
             self._commands.fail(self._reason)
         elif self._state in _READY and (pending := self._commands.next()):
             pending.tag = self._send(pending.command, pending.argument)
-        self._commands.expire(now, self._reason)
 
-    def _set_period(self, period: int) -> None:
-        """Store the scan period [us] that the board confirmed; it is set again when the board is restarted."""
-        self._period = period
-        self.decoder.set_period(period * 1e3)
-        self._scan_timeout = max(round(SCAN_TIMEOUT * NANOSECONDS), SCAN_TIMEOUT_SCANS * period * 1000)
+    def _scan_timeout(self) -> int:
+        """Return the time without a scan after which the board is restarted [ns]."""
+        return max(round(SCAN_TIMEOUT * NANOSECONDS), SCAN_TIMEOUT_SCANS * self.decoder.scan_period * 1000)
 
     def _read_frames(self, timeout: int) -> bool:
         """Read the frames that are waiting or arrive within `timeout` [ns]; return whether anything happened."""
@@ -461,19 +468,15 @@ class Board:
             return True
         arrival = self._arrival = self._clock.monotonic()
         self._decoded = self.decoder.decode(frames, arrival, self._clock.wall() - arrival)
-        if self._counter_ambiguous and self._state == ConnectionState.SCANS and self.decoder.resync_needed():
-            self._send_own(Command.START)
         return bool(frames)
-
-    def _send_own(self, command: Command, argument: int = 0) -> None:
-        self._own_tag = self._send(command, argument)
 
     def _send(self, command: Command, argument: int = 0) -> int:
         """Send a command and return its tag."""
         self._tag = (self._tag + 1) & 0xFF
+        self._sent[self._tag] = command
+        if len(self._sent) > TAGS_KEPT:
+            del self._sent[next(iter(self._sent))]
         request = Request(command, self._tag, argument)
-        if command == Command.START:
-            self.decoder.note_start_sent(self._tag, self._clock.monotonic())
         try:
             self.bus.write((self._sensor.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()))
         except (can.CanError, OSError) as error:

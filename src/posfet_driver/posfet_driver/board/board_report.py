@@ -10,7 +10,6 @@ from posfet_driver.board.scan_source import SourceReport
 from posfet_driver.bus.bus_load import BusLoad
 from posfet_driver.bus.reconnecting_bus import ReconnectingBus
 from posfet_driver.protocol.decoder import Decoder
-from posfet_driver.protocol.messages import version
 from posfet_model.sensor.scan import ScanStatus
 
 HIGH_LOAD: Final = 0.9
@@ -37,8 +36,6 @@ class Connection:
     """The fault that prevents scans; None when there is none."""
     restarts: int
     """Number of times a silent board was restarted."""
-    resets: int
-    """Number of times the board was reset between two scans."""
     brown_outs: int
     """Resets around which the supply voltage was low."""
     stamp_uncertainty: float
@@ -64,7 +61,7 @@ def board_report(connection: Connection, decoder: Decoder, bus: ReconnectingBus,
     SourceReport
         The state of now.
     """
-    status, firmware = decoder.status, decoder.firmware
+    status, identity = decoder.status, decoder.identity
     conditions = [connection.fault] if connection.fault else []
     conditions += [fault for flag, fault in _FLAGS.items() if status.flags & flag]
     if load.load > HIGH_LOAD:
@@ -84,7 +81,9 @@ def board_report(connection: Connection, decoder: Decoder, bus: ReconnectingBus,
             "bus failures": bus.failed,
             "bus reopened": max(bus.opened - 1, 0),
             "board restarts": connection.restarts,
-            "sequence requests": decoder.resync_requests,
+            "commands of other hosts": decoder.traffic.commands,
+            "status frames lost": decoder.traffic.status_lost,
+            "status frames repeated": decoder.traffic.status_repeated,
         },
         conditions=tuple(conditions),
         values={
@@ -92,7 +91,8 @@ def board_report(connection: Connection, decoder: Decoder, bus: ReconnectingBus,
             "temperature 2 [degC]": f"{status.temperatures[1]:.2f}",
             "supply [V]": f"{status.supply:.2f}",
             "board flags": str(status.flags),
-            "firmware": "unknown" if firmware is None else version(firmware),
+            "firmware": identity.firmware if identity else "unknown",
+            "scan period [ms]": f"{decoder.scan_period / 1000:g}",
             "bus load [%]": f"{100 * load.load:.1f}",
             "maximum stamp delay [ms]": f"{1e3 * connection.stamp_uncertainty:.3f}",
         },
@@ -108,13 +108,15 @@ def _fault_counts(connection: Connection, decoder: Decoder, bus: ReconnectingBus
         FaultKind.LATE_FRAMES: statistics.late,
         FaultKind.REORDERED_FRAMES: statistics.reordered,
         FaultKind.FROZEN_COUNTER: statistics.frozen_counter,
-        FaultKind.FROZEN_TIMESTAMP: statistics.frozen_clock,
+        FaultKind.FROZEN_TIMESTAMP: decoder.frozen_clock,
+        FaultKind.IMPLAUSIBLE_SEQUENCE: statistics.implausible,
+        FaultKind.CHECKSUM_ERRORS: statistics.checksum,
         FaultKind.MALFORMED_FRAMES: statistics.malformed + decoder.traffic.malformed,
         FaultKind.ERROR_FRAMES: errors.frames,
         FaultKind.BUS_OFF: errors.bus_off,
         FaultKind.UNACKNOWLEDGED: errors.unacknowledged,
         FaultKind.RECEIVE_OVERFLOWS: errors.overflow,
-        FaultKind.BOARD_RESETS: connection.resets,
+        FaultKind.BOARD_RESETS: decoder.resets,
         FaultKind.BROWN_OUTS: connection.brown_outs,
         FaultKind.MALFORMED_LINES: bus.malformed_lines,
     }

@@ -71,7 +71,7 @@ class CommandQueue:
         return self._current is not None or bool(self._waiting)
 
     def complete(self, response: Response) -> PendingCommand | None:
-        """Complete the command that `response` belongs to and return it; None when it belongs to none."""
+        """Complete the command that `response` belongs to and return it; None when none waits for it any more."""
         pending = self._current
         if pending is None or response.tag != pending.tag or response.command != pending.command:
             return None

@@ -62,11 +62,17 @@ class FaultKind(Enum):
         "the board's layout differs from that of the sensor file",
         "use the board's sensor file",
     )
-    WRONG_FIRMWARE = (
-        "wrong firmware",
+    WRONG_PROTOCOL = (
+        "wrong protocol",
         _ERROR,
-        "the board's firmware uses another version of the protocol",
-        "update the driver or the board",
+        "the board implements another version of the protocol",
+        "update the driver or the board's firmware",
+    )
+    WRONG_FORMAT = (
+        "wrong format",
+        _ERROR,
+        "the board sends classic scans and the sensor file says CAN FD, or the reverse",
+        "set can.fd in the sensor file as the board does",
     )
     RATE_REFUSED = (
         "rate refused",
@@ -80,6 +86,12 @@ class FaultKind(Enum):
         _ERROR,
         "the board sends new scans with an old counter: they cannot be distinguished",
         "update its firmware",
+    )
+    IMPLAUSIBLE_SEQUENCE = (
+        "implausible sequence",
+        _ERROR,
+        "the board's sequence jumped ahead of all clocks; these scans are not used",
+        "the driver restarts the board by itself; if that does not help, update its firmware",
     )
     FROZEN_TIMESTAMP = (
         "frozen timestamp",
@@ -162,6 +174,12 @@ class FaultKind(Enum):
         _WARN,
         "frames with the board's identifiers have the wrong length or type",
         "check for another node in its identifier range, and compare can.fd with the board",
+    )
+    CHECKSUM_ERRORS = (
+        "checksum errors",
+        _WARN,
+        "scans were changed between board and driver; these are not used",
+        "check adapter, gateway and the board's memory; check for another node in its identifier range",
     )
     UNACKNOWLEDGED = (
         "unacknowledged",

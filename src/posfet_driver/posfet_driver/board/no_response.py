@@ -60,4 +60,4 @@ class NoResponseMonitor:
     def _totals(self) -> tuple[int, int, int]:
         """Return frames received, those of other nodes, and bit and format errors."""
         traffic, errors = self._traffic, self._errors
-        return traffic.frames - errors.frames, traffic.unrelated, errors.bit_errors
+        return traffic.frames - errors.frames, traffic.unrelated + traffic.commands, errors.bit_errors

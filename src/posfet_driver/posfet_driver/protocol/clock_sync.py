@@ -24,7 +24,7 @@ class ClockSync:
     transit time (0.2 ms of frame and adapter), plus 0.1 ms for each second without an undelayed frame. When every frame
     of one second is late by more than 5 ms, the board's clock has been set back, and the offset is re-estimated.
 
-    A board that sends no time is mapped in the same manner by the sequence number of its scans, which are equidistant.
+    A board whose clock is frozen is mapped in the same manner by the sequence of its scans, which are equidistant.
     """
 
     def __init__(self) -> None:
@@ -42,6 +42,18 @@ class ClockSync:
         The minimum transit time adds to it: no mapping of this kind can observe it.
         """
         return (self._last - self._undelayed) * MAX_DRIFT if self._known else math.nan
+
+    def delay(self, device_time: int, arrival: int) -> float:
+        """Return how much later a frame arrived than an undelayed one [ns]; 0 before the first frame.
+
+        Parameters
+        ----------
+        device_time : int
+            Time of acquisition on the board's clock, unwrapped [us].
+        arrival : int
+            Monotonic time at which the frame arrived [ns].
+        """
+        return arrival - device_time * 1000 - self._offset if self._known else 0.0
 
     def reset(self) -> None:
         """Discard the offset: the board's clock has restarted."""

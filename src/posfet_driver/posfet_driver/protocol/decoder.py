@@ -8,21 +8,25 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from posfet_driver.bus.frame import ERROR, EXTENDED, Frame
+from posfet_driver.protocol.classic_scans import ClassicScans
 from posfet_driver.protocol.clock_sync import ClockSync
+from posfet_driver.protocol.fd_scans import FdScans
 from posfet_driver.protocol.messages import (
-    RESPONSE_OFFSET,
-    STATUS_OFFSET,
+    CLASSIC_BLOCK_OFFSET,
+    COMMAND_OFFSET,
+    FD_BLOCK_OFFSET,
+    HEADER_OFFSET,
+    LONGEST_PERIOD,
     Command,
-    Message,
-    Page,
+    Identity,
     Response,
     Result,
     Status,
+    is_message,
     parse_message,
 )
 from posfet_driver.protocol.scan_assembler import Assembler, ScanStatistics
-from posfet_driver.protocol.scan_codec import ScanCodec, make_codec
-from posfet_driver.protocol.sequence_recovery import RESPONSE_WRAP, STATUS_WRAP, SequenceRecovery, SequenceTracker
+from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
@@ -54,7 +58,14 @@ class ResponseReceived:
     response: Response
 
 
-Decoded: TypeAlias = ScanReady | StatusReceived | ResponseReceived
+@dataclass(frozen=True, slots=True)
+class IdentityReceived:
+    """The board stated what it is."""
+
+    identity: Identity
+
+
+Decoded: TypeAlias = ScanReady | StatusReceived | IdentityReceived | ResponseReceived
 
 
 @dataclass(slots=True)
@@ -63,10 +74,16 @@ class Traffic:
 
     frames: int = 0
     """All frames on the bus, error frames included."""
+    commands: int = 0
+    """Commands to the board from other hosts on the bus, or from this one before it closed the bus."""
     unrelated: int = 0
     """Frames of other nodes on the bus."""
     malformed: int = 0
-    """Status frames and responses of the wrong length or type."""
+    """Messages of the wrong length or type, or with an impossible value."""
+    status_lost: int = 0
+    """Status frames that did not arrive, by their heartbeat."""
+    status_repeated: int = 0
+    """Status frames that repeat the one before."""
 
 
 class Decoder:
@@ -88,15 +105,14 @@ class Decoder:
     >>> from posfet_model.sensor.description import load_sensor
     >>> sensor = load_sensor()
     >>> decoder = Decoder(sensor)
-    >>> decoder.resync(0, count_gap=False)
-    False
+    >>> decoder.receiving = True
     >>> frames = make_codec(sensor).encode(Scan.empty(sensor.layout.id, sensor.layout.taxels), sensor.can.base_id)
     >>> [type(found).__name__ for found in decoder.decode(frames, arrival=0, wall_offset=0)]
     ['ScanReady']
     """
 
     def __init__(self, sensor: Sensor) -> None:
-        codec: ScanCodec = make_codec(sensor)
+        codec = make_codec(sensor)
         self.assembler = Assembler(codec)
         self.statistics: ScanStatistics = self.assembler.statistics
         """Frames and scans that were lost or rejected, by cause."""
@@ -105,123 +121,84 @@ class Decoder:
         """The newest complete scan; overwritten by the next one."""
         self.scan.counts = self.assembler.counts
         self.receiving = False
-        """False until the sequence of the next scan is known: scans are ignored and not counted."""
-        self.scan_period = NANOSECONDS / sensor.can.scan_rate
-        """Scan period that the board was set to [ns]."""
+        """False until the board was identified and started: scans are ignored and not counted."""
         self.scans = 0
         """Number of complete scans."""
-        self.status = Status((math.nan, math.nan), math.nan, 0, Page.LAYOUT, 0)
+        self.status = Status((math.nan, math.nan), math.nan, 0, scanning=False, boot=0, heartbeat=0)
         """The newest status."""
-        self.layout_id: int | None = None
-        """Layout of the board, from its status frames; None: unknown."""
-        self.firmware: int | None = None
-        """Firmware version of the board, from its status frames; None: unknown."""
-        self._flags = 0  # of the newest status, as classic scans carry them
+        self.identity: Identity | None = None
+        """The newest identity; None: unknown."""
+        self.boot: int | None = None
+        """Number of the board's power-on, modulo 16; None: unknown."""
+        self.resets = 0
+        """Number of times that the board was reset."""
         self._base = sensor.can.base_id
         self._fd = sensor.can.fd
-        self._clock = ClockSync()
-        self._clock_was_frozen = False
+        self._sync = ClockSync()
+        self._scan_boot: int | None = None
         self._arrival = 0
         self._wall_offset = 0
         self._last_wall_offset = _NEVER_READ
-        self._reset = False
-        self._first_block = codec.offset(0)
+        self._status_data = b""
+        self._first_block = FD_BLOCK_OFFSET if self._fd else CLASSIC_BLOCK_OFFSET
         self._last_block = codec.offset(codec.blocks - 1)
-        self._tracker = SequenceTracker(self.assembler)
-        self._recovery = SequenceRecovery(self._base, self._tracker)
+        self._fd_scans = FdScans(self.assembler, self._sync)
+        self._classic_scans = ClassicScans(self.assembler, self._sync)
+        self._scans: FdScans | ClassicScans = self._fd_scans if self._fd else self._classic_scans
         self._ready = ScanReady(self.scan)
+        self.set_period(round(1e6 / sensor.can.scan_rate))
 
     @property
     def blocks(self) -> int:
-        """Number of scan frames of a scan."""
+        """Number of scan frames of a scan, without its header."""
         return self.assembler.codec.blocks
 
     @property
     def sequence(self) -> int:
         """Sequence of the scan that was begun last; -1 before the first."""
-        return self._tracker.sequence
+        return self._scans.sequence
 
     @property
     def frames_lost(self) -> int:
         """Frames of the board that did not arrive or could not be used."""
         statistics = self.statistics
-        unusable = statistics.malformed + statistics.frozen_counter + self.traffic.malformed
+        unusable = statistics.malformed + statistics.checksum + statistics.frozen_counter + self.traffic.malformed
         return statistics.missing_frames + unusable
+
+    @property
+    def frozen_clock(self) -> int:
+        """Number of times that the board repeated a device time."""
+        return self._scans.clock.repeated
 
     @property
     def clock_uncertainty(self) -> float:
         """Possible drift of the clock offset since the last undelayed frame [s]; NaN before the first frame."""
-        return self._clock.uncertainty / NANOSECONDS
+        return self._sync.uncertainty / NANOSECONDS
 
     @property
-    def holding(self) -> bool:
-        """Whether frames are held until their sequence is certain."""
-        return self._recovery.holding
+    def scan_period(self) -> int:
+        """Scan period that the board has announced [us]."""
+        return round(self._scans.period)
 
-    @property
-    def held_frames(self) -> int:
-        """Number of frames that are held until their sequence is certain."""
-        return self._recovery.held_frames
+    def set_period(self, period: int) -> None:
+        """Set the scan period that the board keeps [us]."""
+        self._scans.period = float(period)
 
-    @property
-    def resync_requests(self) -> int:
-        """Number of times START was sent to a running board, because a classic counter was ambiguous."""
-        return self._recovery.resync_requests
-
-    def set_period(self, period: float) -> None:
-        """Set the scan period that the board confirmed [ns]."""
-        if period != self.scan_period and not self._fd:
-            self._clock.reset()  # the sequence is its time
-            self._recovery.forget_bound()
-        self.scan_period = period
-
-    def resync(self, next_scan: int, count_gap: bool, reset: bool = False) -> bool:
-        """Set the sequence of the next scan, from the response to START, and begin to receive scans.
-
-        Parameters
-        ----------
-        next_scan : int
-            Low 32 bits of the sequence of the next scan.
-        count_gap : bool
-            Whether scans between the last one and the next one count as lost.
-        reset : bool, default False
-            Whether the board reports a reset.
-
-        Returns
-        -------
-        bool
-            Whether the board was reset since the last scan.
-        """
+    def start(self) -> None:
+        """Receive scans from now on, whatever their sequence: the board was started."""
         self.receiving = True
-        restarted = self._tracker.resync(next_scan, count_gap, reset)
-        self._recovery.set_initial_sequence(self._tracker.sequence)
-        if restarted:
-            self._clock.reset()
-        self._reset = self._reset or restarted or reset
-        return restarted
+        self._scans.start()
 
-    def resync_needed(self) -> bool:
-        """Return whether START has to be sent to a running board, to learn the sequence of its next scan."""
-        return not self._fd and self._recovery.resync_needed()
-
-    def note_start_sent(self, tag: int, now: int) -> None:
-        """Note that START is being sent with `tag`, at the monotonic time `now` [ns].
-
-        Parameters
-        ----------
-        tag : int
-            Tag of the command.
-        now : int
-            Monotonic time [ns].
-        """
-        self._recovery.note_start_sent(tag, now)
+    def forget_gap(self) -> None:
+        """Count no scan as lost before the next one: the board was stopped on request."""
+        self._scans.numbering.forget_gap()
 
     def decode(self, frames: list[Frame], arrival: int, wall_offset: int) -> Iterator[Decoded]:
         """Decode a batch of frames, one step of the iterator at a time.
 
-        Classic blocks may be held until a later batch, or dropped when the sequence of their scans cannot be known
-        (`SequenceRecovery`). Of this wall offset and the previous one the smaller is used: a process that is suspended
-        between its reads of the two clocks reads too large a value.
+        Classic scans may be held until a later batch, or dropped when their sequence cannot be known (`ClassicScans`).
+        Of this wall offset and the previous one the smaller is used: a process that is suspended between its reads of
+        the two clocks reads too large a value.
 
         Parameters
         ----------
@@ -232,92 +209,130 @@ class Decoder:
         wall_offset : int
             Wall time less monotonic time [ns].
 
-        Returns
-        -------
-        Iterator of ScanReady, StatusReceived or ResponseReceived
+        Yields
+        ------
+        ScanReady, StatusReceived, IdentityReceived or ResponseReceived
             What the frames contain. Exhaust it before the next batch; what is not consumed is dropped.
         """
         self.traffic.frames += len(frames)
         self._arrival = arrival
         self._wall_offset = wall_offset if wall_offset < self._last_wall_offset else self._last_wall_offset
         self._last_wall_offset = wall_offset
-        if self._fd or self._recovery.begin_batch(arrival, self.scan_period, self.receiving):
-            return self._decode(frames)
-        base = self._base
-        items = [parse_message(frame[0] - base, frame[1], frame[2]) or frame for frame in frames]
-        return self._decode(self._recovery.sort_out(items, self.receiving))
+        return self._decode_fd(frames) if self._fd else self._decode_classic(frames)
 
-    def _decode(self, items: list[Frame] | list[Frame | Message]) -> Iterator[Decoded]:
-        base, first, last = self._base, self._first_block, self._last_block
-        feed, ready = self._tracker.feed, self._ready
-        for item in items:
-            if isinstance(item, tuple):
-                identifier, kind, data = item
-                offset = identifier - base
-                if first <= offset <= last and not kind & _NO_BLOCK:
-                    if self.receiving and feed(offset, kind, data):
-                        self._stamp()
-                        yield ready
-                    continue
-                message = parse_message(offset, kind, data)
-                if message is None:
-                    self._count(offset, kind)
-                    continue
-            else:
-                message = item
-            if isinstance(message, Status):
-                self._apply_status(message)
-                yield StatusReceived(message)
-            else:
-                self._apply_response(message)
-                yield ResponseReceived(message)
+    def _decode_fd(self, frames: list[Frame]) -> Iterator[Decoded]:
+        feed, ready, block, arrival = self._fd_scans.feed, self._ready, self._base + FD_BLOCK_OFFSET, self._arrival
+        for frame in frames:
+            identifier, kind, data = frame
+            if identifier == block and not kind & _NO_BLOCK:
+                if self.receiving and feed(kind, data, arrival):
+                    self._complete()
+                    yield ready
+            elif message := self._other(frame):
+                yield message
 
-    def _stamp(self) -> None:
+    def _decode_classic(self, frames: list[Frame]) -> Iterator[Decoded]:
+        scans, ready, arrival = self._classic_scans, self._ready, self._arrival
+        first, last = self._base + CLASSIC_BLOCK_OFFSET, self._base + self._last_block
+        header = self._base + HEADER_OFFSET
+        for frame in frames:
+            identifier, kind, data = frame
+            if kind & _NO_BLOCK or not (first <= identifier <= last or identifier == header):
+                if message := self._other(frame):
+                    yield message
+            elif not self.receiving:
+                continue
+            elif identifier == header:
+                for held in scans.feed_header(kind, data, arrival):
+                    self._recall(held)
+                    yield ready
+            elif scans.feed(identifier - first, kind, data, arrival):
+                self._complete()
+                if scans.doubtful:
+                    scans.hold(self.scan.snapshot())
+                    self.scans -= 1
+                else:
+                    yield ready
+
+    def _complete(self) -> None:
         """Complete the scan: sequence, time and status."""
-        scan, assembler = self.scan, self.assembler
-        sequence = scan.sequence = self._tracker.sequence
+        scan, scans = self.scan, self._scans
+        scan.sequence = scans.sequence
         scan.frames_lost = self.frames_lost
-        if self._fd:
-            board_time = scan.device_time = assembler.device_time
-            scan.status = assembler.status
-        else:
-            scan.status = self._flags
-        clock_frozen = assembler.clock_frozen
-        if clock_frozen != self._clock_was_frozen:  # from one clock to the other
-            self._clock_was_frozen = clock_frozen
-            self._clock.reset()
-        if not self._fd or clock_frozen:
-            board_time = round(sequence * self.scan_period / 1000)
+        scan.status = self.assembler.status if self._fd else self.status.flags
+        time = scan.device_time = scans.time
+        if scans.clock.frozen:
             scan.device_time = 0
             scan.status |= _TIME_ESTIMATED
-        scan.stamp = self._clock.to_monotonic(board_time, self._arrival) + self._wall_offset
-        if self._reset:
+        scan.stamp = self._sync.to_monotonic(time, self._arrival) + self._wall_offset
+        if scans.numbering.restarted:
+            scans.numbering.restarted = False
             scan.status |= _BOARD_RESET
-            self._reset = False
+            self.resets += scans.numbering.boot == self._scan_boot  # else the new number tells
+        if scans.numbering.boot != self._scan_boot:
+            self._scan_boot = scans.numbering.boot
+            self._note_boot(scans.numbering.boot)
         self.scans += 1
 
-    def _count(self, offset: int, kind: int) -> None:
-        """Count a frame that is no message of the board."""
+    def _recall(self, held: Scan) -> None:
+        """Make a scan that was held the newest one."""
+        scan = self.scan
+        scan.stamp, scan.sequence, scan.device_time = held.stamp, held.sequence, held.device_time
+        scan.status, scan.counts[:] = held.status, held.counts
+        scan.frames_lost = self.frames_lost
+        self.scans += 1
+
+    def _note_boot(self, boot: int) -> None:
+        """Note the number of the power-on that a message or a scan states, and count a reset."""
+        if boot == self.boot:
+            return
+        if self.boot is not None:
+            self.resets += 1
+            self._classic_scans.lose_number()
+        self.boot = boot
+
+    def _other(self, frame: Frame) -> Decoded | None:
+        """Return what a frame that belongs to no scan contains, or count it."""
+        identifier, kind, data = frame
         if kind & ERROR:
-            return  # error frames are counted by the bus
-        if offset in {STATUS_OFFSET, RESPONSE_OFFSET} and not kind & EXTENDED:
-            self.traffic.malformed += 1
-        else:
+            return None  # error frames are counted by the bus
+        offset = identifier - self._base
+        if kind & EXTENDED or not (is_message(offset) or offset == COMMAND_OFFSET):
             self.traffic.unrelated += 1
+            return None
+        if offset == COMMAND_OFFSET:
+            self.traffic.commands += 1
+            return None
+        message = parse_message(offset, kind, data)
+        if message is None:
+            self.traffic.malformed += 1
+            return None
+        if isinstance(message, Status):
+            return self._apply_status(message, data)
+        if isinstance(message, Response):
+            return self._apply_response(message)
+        self.identity = message
+        self.set_period(message.period)
+        return IdentityReceived(message)
 
-    def _apply_response(self, response: Response) -> None:
-        if response.command == Command.START and response.result == Result.OK and self.receiving:
-            ahead = (response.value - self._tracker.sequence) % RESPONSE_WRAP
-            if not response.reset and ahead < RESPONSE_WRAP // 2:  # else the sequence restarted: `resync` is due
-                self._tracker.align(response.value - 1, RESPONSE_WRAP)
+    def _apply_response(self, response: Response) -> Decoded:
+        self._note_boot(response.boot)
+        if response.command == Command.SET_RATE and response.result == Result.OK:
+            if 1 <= response.value <= LONGEST_PERIOD:
+                self.set_period(response.value)
+            else:
+                self.traffic.malformed += 1
+        return ResponseReceived(response)
 
-    def _apply_status(self, status: Status) -> None:
+    def _apply_status(self, status: Status, data: bytes) -> Decoded | None:
+        traffic = self.traffic
+        if data == self._status_data:
+            traffic.status_repeated += 1
+            return None
+        if self._status_data and status.boot == self.status.boot:
+            traffic.status_lost += (status.heartbeat - self.status.heartbeat - 1) & 0xF
+        self._status_data = data
         self.status = status
-        self._flags = status.flags & ~_BOARD_RESET
+        self._note_boot(status.boot)
         self.scan.temperatures[:] = status.temperatures
-        if status.page == Page.LAYOUT:
-            self.layout_id = status.value
-        elif status.page == Page.FIRMWARE:
-            self.firmware = status.value
-        elif status.page == Page.SCAN:
-            self._tracker.align(status.value, STATUS_WRAP)
+        return StatusReceived(status)

@@ -1,9 +1,10 @@
-"""Short messages of the protocol (commands, responses, status) and all CAN identifiers; see docs/protocol.md."""
+"""Short messages of the protocol (commands, responses, status, identity) and all identifiers; see docs/protocol.md."""
 
 from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final, TypeAlias
@@ -16,47 +17,51 @@ COMMAND_OFFSET: Final = 0
 RESPONSE_OFFSET: Final = 1
 STATUS_OFFSET: Final = 2
 FD_BLOCK_OFFSET: Final = 3
+HEADER_OFFSET: Final = 4
+IDENTITY_OFFSET: Final = 5
 CLASSIC_BLOCK_OFFSET: Final = 8
 """Identifier of each frame less the board's base identifier; classic block k has this offset plus k."""
 
 HIGHEST_IDENTIFIER: Final = 0x7FF
 SHORT_LENGTH: Final = 8
-"""Length of commands, responses and status [byte]."""
+"""Length of all frames but FD blocks [byte]."""
 
-PROTOCOL_VERSION: Final = 0
-"""Major firmware version that implements this protocol."""
+PROTOCOL_VERSION: Final = 2
+"""Version of the protocol that this package implements."""
 STATUS_PERIOD: Final = 0.1
 """Time between two status frames [s]."""
+IDENTITY_PERIOD: Final = 1.0
+"""Time between two identity frames [s]."""
+LONGEST_PERIOD: Final = 10_000_000
+"""Longest scan period [us]."""
+BOOT_COUNTER: Final = 0xF
+"""The number of the power-on counts modulo this plus one."""
 
 _COMMAND = struct.Struct("<BBxxI")
 _RESPONSE = struct.Struct("<BBBBI")
-_STATUS = struct.Struct("<hhBBH")
+_STATUS = struct.Struct("<hhHBB")
 _KELVIN_STEPS: Final = 256
 _TEMPERATURE_UNKNOWN: Final = -0x8000
-_SUPPLY_STEPS: Final = 20  # per volt: 0.05 V each
-_SUPPLY_UNKNOWN: Final = 0xFF
-_PAGE_SHIFT: Final = 6
-_FLAGS: Final = (
-    ScanStatus.SUPPLY_LOW
-    | ScanStatus.ADC_FAULT
-    | ScanStatus.OVERTEMPERATURE
-    | ScanStatus.SCAN_OVERRUN
-    | ScanStatus.BOARD_RESET
+_MILLIVOLTS: Final = 1000
+_SUPPLY_UNKNOWN: Final = 0xFFFF
+_SCANNING: Final = 0x10
+BOARD_FLAGS: Final = int(
+    ScanStatus.SUPPLY_LOW | ScanStatus.ADC_FAULT | ScanStatus.OVERTEMPERATURE | ScanStatus.SCAN_OVERRUN
 )
-_RESET: Final = 1
+"""Flags that a board sends, in 4 bits."""
 
 
 class Command(IntEnum):
     """Commands of a board."""
 
     START = 1
-    """Send scans; the response holds the sequence of the first one, low 32 bits."""
+    """Send scans; the response holds the sequence of the next one."""
     STOP = 2
-    """Send no more scans."""
+    """Send no more scans; the response holds the sequence of the first one that is not sent."""
     SET_RATE = 3
-    """Argument: scan period [us]; the response holds the period that was set [us]."""
+    """Argument: scan period [us], which the response repeats."""
     IDENTIFY = 4
-    """The response holds the layout id in the low 16 bits and the firmware version in the high 16."""
+    """The response holds an `Identification`."""
     SELF_TEST = 5
     """The response holds the flags of ScanStatus that were found; 0 when the board is healthy."""
 
@@ -69,15 +74,6 @@ class Result(IntEnum):
     BAD_ARGUMENT = 2
     BUSY = 3
     FAILED = 4
-
-
-class Page(IntEnum):
-    """Meaning of the value in a status frame; boards send the pages in turn."""
-
-    LAYOUT = 0
-    FIRMWARE = 1
-    SCAN = 2
-    """Sequence of the newest scan, low 16 bits."""
 
 
 @dataclass(frozen=True)
@@ -107,20 +103,20 @@ class Response:
     tag: int
     result: int
     value: int = 0
-    reset: bool = False
-    """Whether the board was powered on and not started since, or started by this very command for the first time."""
+    boot: int = 0
+    """Number of the power-on, modulo 16."""
 
     def pack(self) -> bytes:
         """Return the data of the frame."""
-        return _RESPONSE.pack(self.command, self.tag, self.result, self.reset * _RESET, self.value)
+        return _RESPONSE.pack(self.command, self.tag, self.result, self.boot & BOOT_COUNTER, self.value)
 
     @classmethod
     def unpack(cls, data: bytes) -> Response | None:
         """Return the response, or None when the length is wrong."""
         if len(data) != SHORT_LENGTH:
             return None
-        command, tag, result, flags, value = _RESPONSE.unpack(data)
-        return cls(command, tag, result, value, bool(flags & _RESET))
+        command, tag, result, boot, value = _RESPONSE.unpack(data)
+        return cls(command, tag, result, value, boot & BOOT_COUNTER)
 
     @property
     def reason(self) -> str:
@@ -137,38 +133,111 @@ class Status:
     temperatures: tuple[float, float]
     """Temperature sensors of the chip [degC], in [-127.99, 127.99]; NaN: unknown."""
     supply: float
-    """Supply voltage of the board [V], in [0, 12.7]; NaN: unknown."""
+    """Supply voltage of the board [V], in [0, 65.534]; NaN: unknown."""
     flags: int
-    """Bits of ScanStatus; BOARD_RESET means that the board was powered on and not started since."""
-    page: int
-    """Meaning of `value`: one of Page."""
-    value: int
+    """Bits of ScanStatus that a board sends."""
+    scanning: bool
+    """Whether scans are sent."""
+    boot: int
+    """Number of the power-on, modulo 16."""
+    heartbeat: int
+    """Number of the status frame, modulo 16."""
 
     def pack(self) -> bytes:
         """Return the data of the frame; a temperature or a supply voltage out of range is clipped."""
         first, second = (_temperature_code(temperature) for temperature in self.temperatures)
         supply = _SUPPLY_UNKNOWN
         if not math.isnan(self.supply):
-            supply = round(min(max(self.supply, 0.0) * _SUPPLY_STEPS, _SUPPLY_UNKNOWN - 1))
-        return _STATUS.pack(first, second, supply, (self.flags & _FLAGS) | self.page << _PAGE_SHIFT, self.value)
+            supply = round(min(max(self.supply, 0.0) * _MILLIVOLTS, _SUPPLY_UNKNOWN - 1))
+        state = self.flags & BOARD_FLAGS | self.scanning * _SCANNING
+        return _STATUS.pack(first, second, supply, state, self.boot & 0xF | (self.heartbeat & 0xF) << 4)
 
     @classmethod
     def unpack(cls, data: bytes) -> Status | None:
         """Return the status, or None when the length is wrong."""
         if len(data) != SHORT_LENGTH:
             return None
-        first, second, supply, flags, value = _STATUS.unpack(data)
+        first, second, supply, state, counters = _STATUS.unpack(data)
         return cls(
             temperatures=(_temperature(first), _temperature(second)),
-            supply=math.nan if supply == _SUPPLY_UNKNOWN else supply / _SUPPLY_STEPS,
-            flags=flags & _FLAGS,
-            page=flags >> _PAGE_SHIFT,
-            value=value,
+            supply=math.nan if supply == _SUPPLY_UNKNOWN else supply / _MILLIVOLTS,
+            flags=state & BOARD_FLAGS,
+            scanning=bool(state & _SCANNING),
+            boot=counters & 0xF,
+            heartbeat=counters >> 4,
         )
 
 
-Message: TypeAlias = Status | Response
+@dataclass(frozen=True)
+class Identification:
+    """What a board is: the value of the response to IDENTIFY, and the first half of `Identity`."""
+
+    layout: int
+    """Layout id."""
+    protocol: int
+    """Version of the protocol."""
+    fd: bool
+    """Whether scans are sent in CAN FD frames."""
+    firmware_major: int
+
+    def pack(self) -> int:
+        """Return the 32 bits."""
+        return self.layout | self.protocol << 16 | self.fd << 20 | self.firmware_major << 24
+
+    @classmethod
+    def unpack(cls, value: int) -> Identification:
+        """Return the identification in 32 bits."""
+        return cls(value & 0xFFFF, value >> 16 & 0xF, bool(value >> 20 & 0xF), value >> 24)
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What a board is and how fast it scans, sent once per second."""
+
+    board: Identification
+    firmware_minor: int
+    period: int
+    """Scan period in force [us]."""
+
+    @property
+    def firmware(self) -> str:  # numpydoc ignore=RT01
+        """Version of the firmware as "major.minor"."""
+        return f"{self.board.firmware_major}.{self.firmware_minor}"
+
+    def pack(self) -> bytes:
+        """Return the data of the frame."""
+        whole = self.board.pack() | self.firmware_minor << 32 | self.period << 40
+        return whole.to_bytes(SHORT_LENGTH, "little")
+
+    @classmethod
+    def unpack(cls, data: bytes) -> Identity | None:
+        """Return the identity, or None when the length is wrong or the period impossible."""
+        whole = int.from_bytes(data, "little")
+        period = whole >> 40
+        if len(data) != SHORT_LENGTH or not 1 <= period <= LONGEST_PERIOD:
+            return None
+        return cls(Identification.unpack(whole & 0xFFFF_FFFF), whole >> 32 & 0xFF, period)
+
+
+Message: TypeAlias = Status | Response | Identity
 """What a board sends besides scans."""
+
+_PARSERS: Final[dict[int, Callable[[bytes], Message | None]]] = {
+    RESPONSE_OFFSET: Response.unpack,
+    STATUS_OFFSET: Status.unpack,
+    IDENTITY_OFFSET: Identity.unpack,
+}
+
+
+def is_message(offset: int) -> bool:
+    """Return whether frames with this offset to the base identifier are status, identity or response.
+
+    Parameters
+    ----------
+    offset : int
+        Identifier less the board's base identifier.
+    """
+    return offset in _PARSERS
 
 
 def parse_message(offset: int, kind: int, data: bytes) -> Message | None:
@@ -185,14 +254,11 @@ def parse_message(offset: int, kind: int, data: bytes) -> Message | None:
 
     Returns
     -------
-    Status or Response or None
-        None for another identifier, and for a frame of the wrong kind or length.
+    Status or Identity or Response or None
+        None for another identifier, and for a frame of the wrong kind, length or content.
     """
-    if kind != CLASSIC:
-        return None
-    if offset == STATUS_OFFSET:
-        return Status.unpack(data)
-    return Response.unpack(data) if offset == RESPONSE_OFFSET else None
+    parse = _PARSERS.get(offset)
+    return parse(data) if parse and kind == CLASSIC else None
 
 
 def _temperature_code(temperature: float) -> int:
@@ -227,19 +293,3 @@ def check_identifiers(base: int, classic_blocks: int) -> None:
         raise ConfigError(
             f"can.base_id: {allowed} for {classic_blocks} classic scan blocks, got 0x{base:X}; CAN FD needs only one"
         )
-
-
-def version(firmware: int) -> str:
-    """Return a firmware version as "major.minor".
-
-    Parameters
-    ----------
-    firmware : int
-        Version as in the protocol: major in the high byte, minor in the low.
-
-    Examples
-    --------
-    >>> version(0x0203)
-    '2.3'
-    """
-    return f"{firmware >> 8}.{firmware & 0xFF}"

@@ -4,28 +4,25 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Final
 
 import numpy as np
 
-from posfet_driver.protocol.scan_codec import FD_CLOCK, ScanCodec
-
-FROZEN_CLOCK_SCANS: Final = 3
-"""Consecutive scans with the same device time from which on the board's clock is not used."""
-
+from posfet_driver.protocol.scan_codec import ScanCodec
 
 @dataclass(slots=True)
 class ScanStatistics:
-    """Frames and scans that were lost or rejected, by cause. Counters never fall, but for a corrected `lost_scans`."""
+    """Frames and scans that were lost or rejected, by cause. Counters never fall."""
 
     malformed: int = 0
     """Frames with one of the board's identifiers and a wrong length, type or block index."""
+    checksum: int = 0
+    """FD blocks whose checksum does not fit their data."""
     duplicate: int = 0
     """Frames that arrived twice."""
     frozen_counter: int = 0
     """Frames that repeat an old scan counter with other data: the board's counter is frozen."""
-    frozen_clock: int = 0
-    """Scans that repeat the device time of the previous scan: the board's clock is frozen; nothing is lost."""
+    implausible: int = 0
+    """Scans and headers whose sequence runs ahead of all clocks."""
     reordered: int = 0
     """Blocks that arrived after a later block of their scan; nothing is lost."""
     late: int = 0
@@ -56,8 +53,8 @@ _COLLECTED, _COMPLETE = BlockOutcome.COLLECTED, BlockOutcome.COMPLETE
 class Assembler:
     """Collects the blocks of one scan at a time.
 
-    `SequenceTracker` decides which scan a block belongs to. Boards send scans in order, so the current scan is
-    abandoned when a later one begins.
+    `FdScans` or `ClassicScans` decides which scan a block belongs to. Boards send scans in order, so the current scan
+    is abandoned when a later one begins.
 
     Parameters
     ----------
@@ -70,12 +67,6 @@ class Assembler:
         self.statistics = ScanStatistics()
         self.counts = np.zeros(codec.taxels, np.uint16)
         """Counts of the last complete scan."""
-        self.wire_time = 0
-        """Device time of the current scan as sent, modulo 2^32 [us]."""
-        self.device_time = 0
-        """Device time of the current scan, unwrapped [us]."""
-        self.clock_frozen = False
-        """Whether the board's clock is frozen while its scans go on."""
         self.status = 0
         """Status of the current scan, from the block that arrived last."""
         length = codec.block_length
@@ -84,37 +75,16 @@ class Assembler:
         self._all_blocks = (1 << codec.blocks) - 1
         self._received = 0  # bits of the blocks of the current scan
         self._abandoned = True  # no scan is being collected
-        self._clock_known = False  # `device_time` belongs to the current run of the board's clock
-        self._frozen_scans = 0  # consecutive scans with the same device time
 
     @property
     def complete(self) -> bool:
         """Whether the current scan is complete."""
         return self._received == self._all_blocks and not self._abandoned
 
-    def begin(self, wire_time: int) -> None:
-        """Begin the next scan; the current one is counted if it is incomplete.
-
-        Parameters
-        ----------
-        wire_time : int
-            Device time of the new scan as sent, modulo 2^32 [us]; 0 in classic frames.
-        """
+    def begin(self) -> None:
+        """Begin the next scan; the current one is counted if it is incomplete."""
         if self._received != self._all_blocks:
             self._give_up()
-        if not self._clock_known:
-            self._clock_known = True
-            self.device_time = self.wire_time = wire_time
-            self._frozen_scans, self.clock_frozen = 0, False
-        elif wire_time != self.wire_time:
-            self.device_time += (wire_time - self.wire_time) & FD_CLOCK
-            self.wire_time = wire_time
-            if self._frozen_scans:
-                self._frozen_scans, self.clock_frozen = 0, False
-        elif self.codec.fd:
-            self.statistics.frozen_clock += 1
-            self._frozen_scans += 1
-            self.clock_frozen = self._frozen_scans >= FROZEN_CLOCK_SCANS
         self._received = 0
         self._abandoned = False
 
@@ -163,12 +133,8 @@ class Assembler:
         self._give_up()
         self._received = 0
 
-    def forget_clock(self) -> None:
-        """Stop unwrapping the device time: the board's clock has restarted."""
-        self._clock_known = False
-
     def count_lost(self, scans: int) -> None:
-        """Count scans of which no block arrived; a negative number corrects what was counted before."""
+        """Count scans of which no block arrived."""
         self.statistics.lost_scans += scans
         self.statistics.missing_frames += scans * self.codec.blocks
 

@@ -1,38 +1,94 @@
-"""Encoding of scans as CAN frames: five taxels of 12 bits in a classic frame, 28 of 16 bits in a CAN FD frame."""
+"""Encoding of scans as CAN frames: five taxels of 12 bits in a classic frame, 26 of 16 bits in a CAN FD frame."""
 
 from __future__ import annotations
 
+import binascii
 import struct
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from posfet_driver.bus.frame import CLASSIC, FD, RATE_SWITCH, Frame
-from posfet_driver.protocol.messages import CLASSIC_BLOCK_OFFSET, FD_BLOCK_OFFSET, check_identifiers
+from posfet_driver.protocol.messages import (
+    BOARD_FLAGS,
+    CLASSIC_BLOCK_OFFSET,
+    FD_BLOCK_OFFSET,
+    HEADER_OFFSET,
+    check_identifiers,
+)
 from posfet_model._lib.validation import whole_number
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.scan import Scan, ScanStatus
+from posfet_model.sensor.scan import Scan
 
 Counts: TypeAlias = NDArray[np.uint16]
-Header: TypeAlias = tuple[int, int, int, int]
-"""Device time [us] (0 in classic frames), scan counter, block index, status of the board."""
 
 CLASSIC_TAXELS: Final = 5
 CLASSIC_LENGTH: Final = 8
 CLASSIC_COUNTER: Final = 0xF
-FD_TAXELS: Final = 28
+HEADER_SCANS: Final = CLASSIC_COUNTER + 1
+"""A header precedes a classic scan at least once in this number of scans."""
+HEADER_CLOCK: Final = 0xFFF_FFFF
+FD_TAXELS: Final = 26
 FD_LENGTH: Final = 64
-FD_COUNTER: Final = 0xFFFF
 FD_CLOCK: Final = 0xFFFF_FFFF
-FD_STATUS: Final = 0xFF & ~ScanStatus.TIME_ESTIMATED
+SEQUENCE: Final = 0xFFFF_FFFF
+"""Sequence and device time are sent modulo these plus one."""
 MAX_BLOCKS: Final = 256
 """The block index of an FD frame has 8 bits."""
 
-_FD_HEADER: Final = struct.Struct("<IHBB")
-_FD_BLOCK: Final = np.dtype([("header", "V8"), ("counts", "<u2", FD_TAXELS)])
+_FD_HEADER: Final = struct.Struct("<IIBBH")
+_FD_COVERED: Final = 10  # bytes before the checksum
+_FD_COUNTS: Final = 12
+_FD_BLOCK: Final = np.dtype([("header", "V12"), ("counts", "<u2", FD_TAXELS)])
+_SCAN_HEADER: Final = struct.Struct("<II")
+_CRC_INITIAL: Final = 0xFFFF
+
+
+def checksum(data: bytes) -> int:
+    """Return the CRC-16/CCITT-FALSE of an FD block, which leaves out its own two bytes.
+
+    Parameters
+    ----------
+    data : bytes
+        Data of the frame, 64 bytes.
+    """
+    return binascii.crc_hqx(data[_FD_COUNTS:], binascii.crc_hqx(data[:_FD_COVERED], _CRC_INITIAL))
+
+
+@dataclass(frozen=True, slots=True)
+class ScanHeader:
+    """Header of a classic scan: the scan whose blocks follow it."""
+
+    boot: int
+    """Number of the power-on, modulo 16."""
+    sequence: int
+    """Sequence of the scan, low 32 bits."""
+    time: int
+    """Device time [us], low 28 bits."""
+
+    def pack(self) -> bytes:
+        """Return the data of the frame."""
+        return _SCAN_HEADER.pack(self.sequence & SEQUENCE, self.time & HEADER_CLOCK | self.boot << 28)
+
+    @classmethod
+    def unpack(cls, kind: int, data: bytes) -> ScanHeader | None:
+        """Return the header, or None when the frame is none.
+
+        Parameters
+        ----------
+        kind : int
+            Kind of the frame.
+        data : bytes
+            Data of the frame.
+        """
+        if kind != CLASSIC or len(data) != CLASSIC_LENGTH:
+            return None
+        sequence, time = _SCAN_HEADER.unpack(data)
+        return cls(time >> 28, sequence, time & HEADER_CLOCK)
 
 
 class ScanCodec(ABC):
@@ -43,7 +99,7 @@ class ScanCodec(ABC):
     Parameters
     ----------
     taxels : int
-        Number of taxels, in [1, 7168].
+        Number of taxels, in [1, 6656].
     """
 
     fd: bool
@@ -51,8 +107,6 @@ class ScanCodec(ABC):
     block_length: int
     """Data length of a frame [byte]."""
     taxels_per_block: int
-    counter_mask: int
-    """The scan counter counts modulo this plus one."""
 
     def __init__(self, taxels: int) -> None:
         self.taxels = whole_number("taxels", taxels, 1, MAX_BLOCKS * FD_TAXELS)
@@ -64,25 +118,11 @@ class ScanCodec(ABC):
         """Return the identifier of a block less the board's base identifier."""
 
     @abstractmethod
-    def header(self, offset: int, kind: int, data: bytes) -> Header | None:
-        """Return the header of a block, or None when the frame is no block of this layout.
-
-        Parameters
-        ----------
-        offset : int
-            Identifier of the frame less the board's base identifier.
-        kind : int
-            Kind of the frame, a sum of constants of `posfet_driver.bus.frame`.
-        data : bytes
-            Data of the frame.
-        """
-
-    @abstractmethod
     def decode(self, out: Counts) -> None:
         """Write the counts in `wire` to `out`, shape [taxels]."""
 
     @abstractmethod
-    def encode(self, scan: Scan, base: int) -> list[Frame]:
+    def encode(self, scan: Scan, base: int, boot: int = 0, header: bool = True) -> list[Frame]:
         """Return the frames of a scan in the order of transmission; `base` is the board's base identifier.
 
         Parameters
@@ -91,16 +131,19 @@ class ScanCodec(ABC):
             Scan to encode.
         base : int
             Base identifier of the board.
+        boot : int, default 0
+            Number of the power-on, modulo 16.
+        header : bool, default True
+            Whether a classic scan has a header; each FD block has one.
         """
 
 
 class FdCodec(ScanCodec):
-    """CAN FD: time, counter, block and status in 8 bytes, then 28 counts, little-endian; the last block is padded."""
+    """CAN FD: 12 bytes of header, then 26 counts, little-endian; the last block is padded with zeros."""
 
     fd = True
     block_length = FD_LENGTH
     taxels_per_block = FD_TAXELS
-    counter_mask = FD_COUNTER
 
     def __init__(self, taxels: int) -> None:
         super().__init__(taxels)
@@ -113,12 +156,22 @@ class FdCodec(ScanCodec):
         """Return the identifier of a block less the board's base identifier: all blocks share one."""
         return FD_BLOCK_OFFSET
 
-    def header(self, offset: int, kind: int, data: bytes) -> Header | None:
-        """Return the header of a block, or None when the frame is no block of this layout."""
-        if len(data) != FD_LENGTH or offset != FD_BLOCK_OFFSET or kind & ~RATE_SWITCH != FD:
-            return None
-        header: Header = _FD_HEADER.unpack_from(data)
-        return header if header[2] < self.blocks else None
+    @staticmethod
+    def header(data: bytes) -> tuple[int, int, int, int, int]:
+        """Return the header of a block.
+
+        Parameters
+        ----------
+        data : bytes
+            Data of the frame, 64 bytes.
+
+        Returns
+        -------
+        tuple of int
+            Sequence, device time [us], block index, status in the low and boot in the high 4 bits, checksum.
+        """
+        header: tuple[int, int, int, int, int] = _FD_HEADER.unpack_from(data)
+        return header
 
     def decode(self, out: Counts) -> None:
         """Write the counts in `wire` to `out`, shape [taxels]."""
@@ -128,20 +181,25 @@ class FdCodec(ScanCodec):
         self._padded[:] = self._wire_counts
         out[:] = self._counts
 
-    def encode(self, scan: Scan, base: int) -> list[Frame]:
+    def encode(self, scan: Scan, base: int, boot: int = 0, header: bool = True) -> list[Frame]:
         """Return the frames of a scan in the order of transmission; `base` is the board's base identifier."""
         self._counts[:] = scan.counts
         data = self._padded.astype("<u2", copy=False).tobytes()
         size = 2 * FD_TAXELS
-        clock, counter, status = scan.device_time & FD_CLOCK, scan.sequence & FD_COUNTER, scan.status & FD_STATUS
-        return [
-            (
-                base + FD_BLOCK_OFFSET,
-                FD | RATE_SWITCH,
-                _FD_HEADER.pack(clock, counter, block, status) + data[block * size : (block + 1) * size],
+        sequence, time = scan.sequence & SEQUENCE, scan.device_time & FD_CLOCK
+        state = scan.status & BOARD_FLAGS | boot << 4
+        frames: list[Frame] = []
+        for block in range(self.blocks):
+            counts = data[block * size : (block + 1) * size]
+            crc = checksum(_FD_HEADER.pack(sequence, time, block, state, 0) + counts)
+            frames.append(
+                (
+                    base + FD_BLOCK_OFFSET,
+                    FD | RATE_SWITCH,
+                    _FD_HEADER.pack(sequence, time, block, state, crc) + counts,
+                )
             )
-            for block in range(self.blocks)
-        ]
+        return frames
 
 
 class ClassicCodec(ScanCodec):
@@ -159,7 +217,6 @@ class ClassicCodec(ScanCodec):
     fd = False
     block_length = CLASSIC_LENGTH
     taxels_per_block = CLASSIC_TAXELS
-    counter_mask = CLASSIC_COUNTER
 
     def __init__(self, taxels: int) -> None:
         super().__init__(taxels)
@@ -173,13 +230,6 @@ class ClassicCodec(ScanCodec):
         """Return the identifier of a block less the board's base identifier."""
         return CLASSIC_BLOCK_OFFSET + block
 
-    def header(self, offset: int, kind: int, data: bytes) -> Header | None:
-        """Return the header of a block, or None when the frame is no block of this layout."""
-        block = offset - CLASSIC_BLOCK_OFFSET
-        if len(data) != CLASSIC_LENGTH or kind != CLASSIC or not 0 <= block < self.blocks:
-            return None
-        return 0, data[0] & CLASSIC_COUNTER, block, 0
-
     def decode(self, out: Counts) -> None:
         """Write the counts in `wire` to `out`, shape [taxels]."""
         np.right_shift(self._words, self._shifts, out=self._codes)
@@ -189,14 +239,17 @@ class ClassicCodec(ScanCodec):
         padded |= padded >> 12
         out[:] = self._counts
 
-    def encode(self, scan: Scan, base: int) -> list[Frame]:
+    def encode(self, scan: Scan, base: int, boot: int = 0, header: bool = True) -> list[Frame]:
         """Return the frames of a scan in the order of transmission; `base` is the board's base identifier."""
         self._counts[:] = scan.counts
         words = ((self._padded >> 4).astype(np.uint64) << self._shifts).sum(axis=1, dtype=np.uint64)
         words |= np.uint64(scan.sequence & CLASSIC_COUNTER)
         data = words.astype("<u8").tobytes()
         first = base + CLASSIC_BLOCK_OFFSET
-        return [(first + block, CLASSIC, data[8 * block : 8 * block + 8]) for block in range(self.blocks)]
+        frames = [(first + block, CLASSIC, data[8 * block : 8 * block + 8]) for block in range(self.blocks)]
+        if header:
+            frames.insert(0, (base + HEADER_OFFSET, CLASSIC, ScanHeader(boot, scan.sequence, scan.device_time).pack()))
+        return frames
 
 
 def make_codec(sensor: Sensor) -> ScanCodec:

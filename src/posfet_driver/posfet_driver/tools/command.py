@@ -8,16 +8,16 @@ from rich.console import Console
 
 from posfet_driver.board.command_queue import CommandError
 from posfet_driver.bus.open_bus import open_bus
-from posfet_driver.protocol.messages import Command, Response, version
+from posfet_driver.protocol.messages import Command, Identification, Response
 from posfet_driver.tools.bus_options import bus_of
-from posfet_driver.tools.one_shot import request
+from posfet_driver.tools.one_shot import described, request
 
 
 def describe(response: Response) -> str:
     """Return the value of a response in words."""
     match response.command:
         case Command.IDENTIFY:
-            return f"layout {response.value & 0xFFFF}, firmware {version(response.value >> 16)}"
+            return described(Identification.unpack(response.value))
         case Command.SET_RATE:
             return f"scan period {response.value} us"
         case Command.SELF_TEST:

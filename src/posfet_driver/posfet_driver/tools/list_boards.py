@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import glob
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
@@ -17,15 +18,15 @@ from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.open_bus import one_line, open_bus
 from posfet_driver.bus.socketcan_bus import NETWORK_DEVICES
 from posfet_driver.clock import Clock
-from posfet_driver.protocol.messages import STATUS_OFFSET, Page, Status, version
+from posfet_driver.protocol.messages import IDENTITY_OFFSET, PROTOCOL_VERSION, STATUS_OFFSET, Identity, Status
 from posfet_driver.tools.bus_options import EMULATOR, bus_of
 from posfet_model.config import ConfigError
 
 SERIAL_PORTS: Final = ("/dev/ttyACM*", "/dev/ttyUSB*")
 CAN_DEVICE: Final = "280"
 """Type of a CAN device in sysfs (ARPHRD_CAN)."""
-PAGES_NEEDED: Final = 3
-"""Consecutive status pages in the right order that identify a board."""
+HEARTBEATS_NEEDED: Final = 3
+"""Consecutive heartbeats that identify a board: other data do not count."""
 
 
 @dataclass
@@ -34,27 +35,24 @@ class DetectedBoard:
 
     base: int
     """Base identifier."""
-    layout: int | None = None
-    """Layout id; None: unknown."""
-    firmware: int | None = None
-    """Firmware version; None: unknown."""
-    supply: float = 0.0
-    """Supply voltage [V]."""
+    identity: Identity | None = None
+    """Newest identity; None: unknown."""
+    status: Status | None = None
+    """Newest status."""
     in_order: int = 0
-    """Consecutive pages in the right order."""
-    page: int | None = None
-    """Page of the newest frame."""
+    """Consecutive heartbeats."""
 
     def process(self, status: Status) -> None:
-        """Process a frame that may be a status: the pages of a board come in turn, other data do not."""
-        follows = self.page is None or status.page == (self.page + 1) % len(Page)
+        """Process a frame that may be a status."""
+        follows = self.status is None or status.heartbeat == (self.status.heartbeat + 1) % 16
         self.in_order = self.in_order + 1 if follows else 0
-        self.page = status.page
-        self.supply = status.supply
-        if status.page == Page.LAYOUT:
-            self.layout = status.value
-        elif status.page == Page.FIRMWARE:
-            self.firmware = status.value
+        self.status = status
+
+    def row(self) -> list[str]:
+        """Return base identifier, layout, firmware and supply voltage as text."""
+        identity, supply = self.identity, self.status.supply if self.status else math.nan
+        layout, firmware = (str(identity.board.layout), identity.firmware) if identity else ("?", "?")
+        return [f"0x{self.base:X}", layout, firmware, "?" if math.isnan(supply) else f"{supply:.2f}"]
 
 
 def adapters() -> list[tuple[str, str]]:
@@ -68,14 +66,20 @@ def adapters() -> list[tuple[str, str]]:
 def boards(frames: Iterable[Frame]) -> list[DetectedBoard]:
     """Return the boards whose status is among `frames`, sorted by base identifier."""
     detected: dict[int, DetectedBoard] = {}
+    identities: dict[int, Identity] = {}
     for identifier, kind, data in frames:
-        status = Status.unpack(data) if kind == CLASSIC else None
-        if status is not None and status.page in Page.__members__.values():
+        if kind != CLASSIC:
+            continue
+        if (status := Status.unpack(data)) is not None:
             base = identifier - STATUS_OFFSET
             detected.setdefault(base, DetectedBoard(base)).process(status)
-        elif status is not None:
-            detected.pop(identifier - STATUS_OFFSET, None)
-    return [detected[base] for base in sorted(detected) if base >= 0 and detected[base].in_order >= PAGES_NEEDED]
+        identity = Identity.unpack(data)
+        if identity is not None and identity.board.protocol == PROTOCOL_VERSION:
+            identities[identifier - IDENTITY_OFFSET] = identity
+    found = [detected[base] for base in sorted(detected) if base >= 0 and detected[base].in_order >= HEARTBEATS_NEEDED]
+    for board in found:
+        board.identity = identities.get(board.base)
+    return found
 
 
 def listen(bus: FrameBus, seconds: float, clock: Clock) -> list[Frame]:
@@ -132,13 +136,4 @@ def _rows(options: argparse.Namespace) -> list[list[str]]:
     found = boards(frames)
     if not found:
         return [[f"{len(frames)} frames, no board", "", "", "", ""]]
-    return [
-        [
-            f"{len(frames)} frames",
-            f"0x{board.base:X}",
-            "?" if board.layout is None else str(board.layout),
-            "?" if board.firmware is None else version(board.firmware),
-            f"{board.supply:.2f}",
-        ]
-        for board in found
-    ]
+    return [[f"{len(frames)} frames", *board.row()] for board in found]

@@ -20,7 +20,15 @@ from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.open_bus import open_bus
 from posfet_driver.clock import Clock
 from posfet_driver.protocol.decoder import Decoder
-from posfet_driver.protocol.messages import FD_BLOCK_OFFSET
+from posfet_driver.protocol.messages import (
+    CLASSIC_BLOCK_OFFSET,
+    COMMAND_OFFSET,
+    FD_BLOCK_OFFSET,
+    HEADER_OFFSET,
+    IDENTITY_OFFSET,
+    RESPONSE_OFFSET,
+    STATUS_OFFSET,
+)
 from posfet_driver.tools.bus_options import bus_of
 from posfet_driver.tools.one_shot import started
 from posfet_model.sensor.description import Sensor
@@ -33,7 +41,14 @@ MAX_ROWS: Final = 24
 """Largest number of identifiers displayed."""
 COLUMN: Final = 8
 """Width of one column of counts [characters]."""
-_NAMES: Final = {0: "Command", 1: "Response", 2: "Status", FD_BLOCK_OFFSET: "ScanBlockFd"}
+_NAMES: Final = {
+    COMMAND_OFFSET: "Command",
+    RESPONSE_OFFSET: "Response",
+    STATUS_OFFSET: "Status",
+    FD_BLOCK_OFFSET: "ScanBlockFd",
+    HEADER_OFFSET: "ScanHeader",
+    IDENTITY_OFFSET: "Identity",
+}
 
 
 class Monitor:
@@ -49,7 +64,7 @@ class Monitor:
 
     def __init__(self, sensor: Sensor, clock: Clock) -> None:
         self.decoder = Decoder(sensor)
-        self.decoder.receiving = True
+        self.decoder.start()
         self.errors = ErrorCounts()
         self.load = BusLoad(sensor.can.bitrate, sensor.can.data_bitrate)
         self.counts: Counter[tuple[int, int]] = Counter()
@@ -121,8 +136,8 @@ class Monitor:
         offset = identifier - self._sensor.can.base_id
         if kind & EXTENDED:
             return f"0x{identifier:08X}", ""
-        last = 8 + self.decoder.blocks
-        name = f"ScanBlock{offset - 8}" if 8 <= offset < last else _NAMES.get(offset, "")
+        block = offset - CLASSIC_BLOCK_OFFSET
+        name = f"ScanBlock{block}" if 0 <= block < self.decoder.blocks else _NAMES.get(offset, "")
         return f"0x{identifier:03X}", name
 
 

@@ -11,7 +11,15 @@ from posfet_driver.board.command_queue import CommandError
 from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.clock import Clock
-from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Command, Request, Response, Result
+from posfet_driver.protocol.messages import (
+    COMMAND_OFFSET,
+    RESPONSE_OFFSET,
+    Command,
+    Identification,
+    Request,
+    Response,
+    Result,
+)
 from posfet_driver.tools.bus_options import EMULATOR
 from posfet_model.sensor.description import Sensor
 
@@ -71,6 +79,18 @@ def request(
     if matching.result != Result.OK:
         raise CommandError(f"{command.name}: refused by the board: {matching.reason}")
     return matching
+
+
+def described(board: Identification) -> str:
+    """Return what a board is in words.
+
+    Parameters
+    ----------
+    board : Identification
+        What the board has stated.
+    """
+    frames = "CAN FD" if board.fd else "classic CAN"
+    return f"layout {board.layout}, protocol {board.protocol}, {frames}, firmware {board.firmware_major}.x"
 
 
 @contextlib.contextmanager

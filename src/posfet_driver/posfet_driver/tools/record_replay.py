@@ -66,7 +66,7 @@ def decode(file: Path, decoder: Decoder, errors: ErrorCounts) -> None:
     ConfigError
         For a file that is damaged or without frames; one line.
     """
-    decoder.receiving = True
+    decoder.start()
     for message in messages(file):
         frames = [frame_of(message)]
         errors.count(frames)

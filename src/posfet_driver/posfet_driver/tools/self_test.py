@@ -18,8 +18,9 @@ from posfet_driver.board.faults import FaultKind
 from posfet_driver.bus.open_bus import BusSettings
 from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.clock import Clock
-from posfet_driver.protocol.messages import Command, version
+from posfet_driver.protocol.messages import Command, Identification
 from posfet_driver.tools.bus_options import bus_of
+from posfet_driver.tools.one_shot import described
 from posfet_model.sensor.description import Sensor
 
 FIRST_SCAN: Final = 3.0
@@ -91,8 +92,7 @@ class SelfTest:
         return f"the first after {1e3 * (self._time() - begin):.0f} ms"
 
     def _identify(self) -> str:
-        value = self._board.request(Command.IDENTIFY).value
-        return f"layout {value & 0xFFFF}, firmware {version(value >> 16)}"
+        return described(Identification.unpack(self._board.request(Command.IDENTIFY).value))
 
     def _request(self, command: Command, finding: str) -> str:
         self._board.request(command)

@@ -4,15 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Final
 
 from posfet_driver.bus.frame import CLASSIC, FD, Frame
-from posfet_driver.protocol.messages import CLASSIC_BLOCK_OFFSET, COMMAND_OFFSET, FD_BLOCK_OFFSET, Command, Request
+from posfet_driver.protocol.messages import (
+    CLASSIC_BLOCK_OFFSET,
+    COMMAND_OFFSET,
+    FD_BLOCK_OFFSET,
+    HEADER_OFFSET,
+    Command,
+    Request,
+)
 from posfet_driver.protocol.scan_codec import CLASSIC_LENGTH, FD_LENGTH
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.scan import Scan
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.emulation.firmware import BoardFirmware
 from posfet_sim.emulation.link_faults import LinkFaults, TransmissionOutcome
+
+
+_OF_SCANS: Final = {FD_BLOCK_OFFSET, HEADER_OFFSET}
 
 
 class BusBoard:
@@ -31,6 +42,8 @@ class BusBoard:
         Monotonic time [ns].
     counters : dict of str to int, optional
         Fault counters of a previous run, to continue.
+    boot : int, default 0
+        Number of the first power-on.
 
     Raises
     ------
@@ -38,12 +51,16 @@ class BusBoard:
         The layout does not fit the frames.
     """
 
-    def __init__(self, board: SimulatedBoard, seed: int, now: int, counters: dict[str, int] | None = None) -> None:
+    def __init__(
+        self, board: SimulatedBoard, seed: int, now: int, counters: dict[str, int] | None = None, boot: int = 0
+    ) -> None:
         self.on_scan: Callable[[Scan], None] | None = None
         """Called with each scan that is sent, before link faults are applied."""
         self.switched_on = now
         """Time 0 of the board [ns]: when it was switched on, then when it was first started, so that no part of the
         scene passes before the first scan."""
+        self.boot = boot
+        """Number of the newest power-on."""
         self._board = board
         self._slow = 1 + board.error_model.clock_drift
         self._started = False
@@ -101,6 +118,7 @@ class BusBoard:
         if self._faults.reset_due(time):
             self._firmware = None
         if self._firmware is None and time >= self._faults.running_since:
+            self.boot += 1
             self._firmware = self._switch_on(self._faults.running_since)
 
     def _switch_on(self, time: float) -> BoardFirmware:
@@ -109,7 +127,7 @@ class BusBoard:
         offset = math.ceil(time / self._slow * rate)
         scans = _ShiftedScans(self._board, offset) if offset else self._board
         start = self.switched_on + round(offset / rate * NANOSECONDS)
-        firmware = BoardFirmware(self._board.sensor, scans, start)
+        firmware = BoardFirmware(self._board.sensor, scans, start, self.boot)
         firmware.on_scan = self._sent
         return firmware
 
@@ -121,7 +139,7 @@ class BusBoard:
         """Return what arrives of a frame at the far end of the link."""
         identifier, kind, data = frame
         offset = identifier - self._board.sensor.can.base_id
-        if offset < (FD_BLOCK_OFFSET if kind & FD else CLASSIC_BLOCK_OFFSET):
+        if offset not in _OF_SCANS and offset < CLASSIC_BLOCK_OFFSET:
             return [frame]
         outcome = self._faults.outcome(self._frames)
         self._frames += 1

@@ -69,6 +69,7 @@ class SimulatedBusPeer:
         self._epoch = 0
         self._scans = 0
         self._faults: dict[str, int] | None = None
+        self._boot = 0  # number of the next power-on
         self._dropped = 0  # by adapters that are closed
 
     def open(self) -> None:
@@ -83,7 +84,7 @@ class SimulatedBusPeer:
         """
         board = self.board
         self.board = SimulatedBoard(board.sensor, SceneLoads(self.scene, board.sensor), self._seed, board.error_model)
-        node = BusBoard(self.board, self._seed, self._clock.monotonic(), self._faults)
+        node = BusBoard(self.board, self._seed, self._clock.monotonic(), self._faults, self._boot)
         node.on_scan = self._sent
         self._faults = node.counters
         self._epoch = self._clock.wall() - self._clock.monotonic()
@@ -100,6 +101,8 @@ class SimulatedBusPeer:
         if self._server:
             self._server.close()
             self._dropped += self._server.frames_dropped
+        if self._node:
+            self._boot = self._node.boot + 1
         self._node = self._server = None
 
     def report(self) -> SourceReport:

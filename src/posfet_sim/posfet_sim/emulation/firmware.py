@@ -8,30 +8,36 @@ from typing import Final, Protocol
 
 from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.protocol.messages import (
+    BOARD_FLAGS,
+    BOOT_COUNTER,
     COMMAND_OFFSET,
+    IDENTITY_OFFSET,
+    IDENTITY_PERIOD,
+    LONGEST_PERIOD,
+    PROTOCOL_VERSION,
     RESPONSE_OFFSET,
     STATUS_OFFSET,
     STATUS_PERIOD,
     Command,
-    Page,
+    Identification,
+    Identity,
     Request,
     Response,
     Result,
     Status,
 )
-from posfet_driver.protocol.scan_codec import make_codec
+from posfet_driver.protocol.scan_codec import HEADER_SCANS, SEQUENCE, make_codec
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 
-FIRMWARE_VERSION: Final = 0x0001
-"""Version of the simulated firmware: major in the high byte, minor in the low."""
+FIRMWARE_VERSION: Final = (1, 0)
+"""Version of the simulated firmware: major, minor."""
 SUPPLY: Final = 5.0
 """Supply voltage of the simulated board [V]; assumed."""
 SUPPLY_LIMIT: Final = 4.5
 """Supply voltage below which the board sets SUPPLY_LOW [V]; assumed."""
-LONGEST_PERIOD: Final = 10_000_000
-"""Maximum scan period that a board accepts [us]."""
+_STATUS_PER_IDENTITY: Final = round(IDENTITY_PERIOD / STATUS_PERIOD)
 
 
 class ScanMaker(Protocol):
@@ -53,7 +59,7 @@ class ScanMaker(Protocol):
 class BoardFirmware:
     """Firmware of a board, running from its construction on.
 
-    It sends status frames at once, and scans after the start command. The sequence of a scan equals its index in
+    It sends status and identity at once, and scans after the start command. The sequence of a scan equals its index in
     `board` as long as the rate is the nominal one.
 
     Parameters
@@ -64,6 +70,8 @@ class BoardFirmware:
         Source of the scans.
     now : int
         Monotonic time [ns].
+    boot : int, default 0
+        Number of the power-on.
 
     Raises
     ------
@@ -71,18 +79,21 @@ class BoardFirmware:
         The layout does not fit the frames.
     """
 
-    def __init__(self, sensor: Sensor, board: ScanMaker, now: int) -> None:
+    def __init__(self, sensor: Sensor, board: ScanMaker, now: int, boot: int = 0) -> None:
         self.on_scan: Callable[[Scan], None] | None = None
         """Called with each scan that is sent."""
         self.running = False
         """Whether the board sends scans."""
         self.supply = SUPPLY
         """Supply voltage of the board [V]."""
-        self.firmware = FIRMWARE_VERSION
-        """Firmware version that the board reports."""
+        self.version = FIRMWARE_VERSION
+        """Firmware version that the board reports: major, minor."""
+        self.protocol = PROTOCOL_VERSION
+        """Version of the protocol that the board reports."""
         self.layout_id = sensor.layout.id
         """Layout id that the board reports."""
-        self._fresh = True  # not started since it was switched on
+        self.boot = boot & BOOT_COUNTER
+        """Number of the power-on, modulo 16."""
         self._board = board
         self._codec = make_codec(sensor)
         self._base = sensor.can.base_id
@@ -92,108 +103,130 @@ class BoardFirmware:
         self.switched_on = now
         """Time 0 of the board [ns]."""
         self._status_sent = 0
-        self._step = 1.0  # scan indices from one scan to the next
-        self._position = 0.0  # index of the next scan, before rounding
-        self._sequence = 0  # of the next scan
-        self._first = True
+        self._heartbeat = 0
+        self._step = 1  # scan indices from one tick of the scan timer to the next
+        self._position = 0  # index of the next tick
+        self._sequence = 0  # of the next tick
+        self._header_due = True
 
     @property
     def blocks(self) -> int:
-        """Number of frames of a scan."""
+        """Number of blocks of a scan."""
         return self._codec.blocks
 
     def next_due(self) -> int:
         """Return when the next frame is due [ns]."""
         status = self.switched_on + round(self._status_sent * STATUS_PERIOD * NANOSECONDS)
-        return min(status, self._scan_due()) if self.running else status
+        return min(status, self._tick()) if self.running else status
 
     def due(self, now: int) -> list[Frame]:
         """Return the frames that are due at `now` [ns], in the order in which they are sent."""
         frames: list[Frame] = []
         while self.next_due() <= now:
-            if self.running and self._scan_due() == self.next_due():
+            if self.running and self._tick() == self.next_due():
                 frames += self._scan_frames()
             else:
-                frames.append(self._status_frame())
+                frames += self._periodic_frames()
         return frames
 
     def receive(self, frame: Frame, now: int) -> list[Frame]:
         """Process a frame from the bus at `now` [ns] and return the frames that answer it."""
         identifier, kind, data = frame
-        if identifier != self._base + COMMAND_OFFSET or kind != CLASSIC:
-            return []
-        request = Request.unpack(data)
+        request = Request.unpack(data) if identifier == self._base + COMMAND_OFFSET and kind == CLASSIC else None
         if request is None:
             return []
-        fresh = self._fresh
         result, value = self._execute(request, now)
-        answer = Response(request.command, request.tag, result, value, fresh)
-        return [(self._base + RESPONSE_OFFSET, CLASSIC, answer.pack())]
+        response = Response(request.command, request.tag, result, value, self.boot)
+        frames = [(self._base + RESPONSE_OFFSET, CLASSIC, response.pack())]
+        if result == Result.OK and request.command in {Command.IDENTIFY, Command.SET_RATE}:
+            frames.append(self._identity_frame())
+        return frames
 
     def begin(self, now: int) -> None:
         """Set the time at which the board was switched on to `now` [ns]."""
-        self.switched_on, self._status_sent = now, 0
+        self.switched_on, self._position, self._sequence = now, 0, 0
+        self._status_sent = 0
 
     def _execute(self, request: Request, now: int) -> tuple[Result, int]:
+        self._pass_ticks(now)
+        if request.argument and request.command != Command.SET_RATE and request.command in Command.__members__.values():
+            return Result.BAD_ARGUMENT, 0
         match request.command:
             case Command.START:
-                answer = self._start(now)
+                self._header_due |= not self.running
+                self.running = True
+                answer = Result.OK, self._sequence & SEQUENCE
             case Command.STOP:
                 self.running = False
-                answer = Result.OK, self._sequence & 0xFFFF_FFFF
+                answer = Result.OK, self._sequence & SEQUENCE
             case Command.SET_RATE:
-                answer = self._set_period(request.argument)
+                answer = self._set_period(request.argument, now)
             case Command.IDENTIFY:
-                answer = Result.OK, self.layout_id | self.firmware << 16
+                answer = Result.OK, self._identification().pack()
             case Command.SELF_TEST:
-                flags = self._flags() & ~ScanStatus.BOARD_RESET
-                answer = (Result.FAILED if flags else Result.OK), int(flags)
+                flags = self._flags()
+                answer = (Result.FAILED if flags else Result.OK), flags
             case _:
                 answer = Result.UNKNOWN_COMMAND, 0
         return answer
 
-    def _start(self, now: int) -> tuple[Result, int]:
-        if not self.running:
-            index = math.ceil((now - self.switched_on) / NANOSECONDS * self._rate)
-            self._position = float(max(index, math.ceil(self._position)))
-            self._sequence = max(self._sequence, int(self._position))
-            self.running = True
-            self._fresh = False
-        return Result.OK, self._sequence & 0xFFFF_FFFF
+    def _pass_ticks(self, now: int) -> None:
+        """Count the ticks up to `now` [ns] at which no scan was sent."""
+        if not self.running and self._tick() < now:
+            index = math.floor((now - self.switched_on) / NANOSECONDS * self._rate)
+            ticks = max((index - self._position) // self._step, 0)
+            self._position += ticks * self._step
+            self._sequence += ticks
+            while self._tick() < now:
+                self._position += self._step
+                self._sequence += 1
 
-    def _set_period(self, period: int) -> tuple[Result, int]:
-        if not self._shortest_period <= period <= LONGEST_PERIOD:
+    def _set_period(self, period: int, now: int) -> tuple[Result, int]:
+        step = round(period * 1e-6 * self._rate)
+        if not self._shortest_period <= period <= LONGEST_PERIOD or round(step * 1e6 / self._rate) != period:
             return Result.BAD_ARGUMENT, 0
-        self._step = period * 1e-6 * self._rate
+        if step != self._step and self._sequence:
+            overdue = math.ceil((now - self.switched_on) / NANOSECONDS * self._rate)
+            self._position = max(self._position - self._step + step, overdue)
+        self._header_due |= step != self._step
+        self._step = step
         return Result.OK, period
 
-    def _scan_due(self) -> int:
-        return self.switched_on + round(round(self._position) / self._rate * NANOSECONDS)
+    def _tick(self) -> int:
+        """Return the time of the next tick of the scan timer [ns]."""
+        return self.switched_on + round(self._position / self._rate * NANOSECONDS)
 
     def _scan_frames(self) -> list[Frame]:
         scan = self._scan
-        self._board.scan(round(self._position), scan)
+        self._board.scan(self._position, scan)
         scan.sequence = self._sequence
-        if self._first:
-            scan.status |= ScanStatus.BOARD_RESET
-            self._first = False
+        header = self._header_due or self._sequence % HEADER_SCANS == 0
+        self._header_due = False
         self._position += self._step
         self._sequence += 1
         if self.on_scan:
             self.on_scan(scan)
-        return self._codec.encode(scan, self._base)
+        return self._codec.encode(scan, self._base, self.boot, header)
 
-    def _status_frame(self) -> Frame:
-        page = Page(self._status_sent % len(Page))
-        values = {Page.LAYOUT: self.layout_id, Page.FIRMWARE: self.firmware, Page.SCAN: (self._sequence - 1) & 0xFFFF}
+    def _periodic_frames(self) -> list[Frame]:
         first, second = (float(temperature) for temperature in self._scan.temperatures)
-        status = Status((first, second), self.supply, self._flags(), page, values[page])
+        status = Status((first, second), self.supply, self._flags(), self.running, self.boot, self._heartbeat)
+        frames = [(self._base + STATUS_OFFSET, CLASSIC, status.pack())]
+        if self._status_sent % _STATUS_PER_IDENTITY == 0:
+            frames.append(self._identity_frame())
         self._status_sent += 1
-        return self._base + STATUS_OFFSET, CLASSIC, status.pack()
+        self._heartbeat = (self._heartbeat + 1) & 0xF
+        return frames
+
+    def _identification(self) -> Identification:
+        return Identification(self.layout_id, self.protocol, self._codec.fd, self.version[0])
+
+    def _identity_frame(self) -> Frame:
+        period = round(self._step * 1e6 / self._rate)
+        identity = Identity(self._identification(), self.version[1], period)
+        return self._base + IDENTITY_OFFSET, CLASSIC, identity.pack()
 
     def _flags(self) -> int:
-        """Return the flags of a status frame."""
-        flags = int(self._scan.status) & ~(ScanStatus.BOARD_RESET | ScanStatus.TIME_ESTIMATED)
-        if self.supply < SUPPLY_LIMIT:
-            flags |= ScanStatus.SUPPLY_LOW
-        return flags | ScanStatus.BOARD_RESET if self._fresh else flags
+        """Return the flags of the board."""
+        flags = int(self._scan.status) & BOARD_FLAGS
+        return flags | ScanStatus.SUPPLY_LOW if self.supply < SUPPLY_LIMIT else flags

@@ -60,16 +60,14 @@ def received_scans(
             if isinstance(decoded, ScanReady) and sent and sent[-1][0] == decoded.scan.sequence:
                 yield decoded.scan, sent[-1][1]
         sent.clear()
-        if not node.running or decoder.resync_needed():
+        if not node.running:
             _start(node, decoder, sensor, now)
         now = node.next_due()
 
 
 def _start(node: BusBoard, decoder: Decoder, sensor: Sensor, now: int) -> None:
-    """Send the start command, or ask a running board for its next sequence."""
+    """Send the start command; the scans before and after a reset are not lost but interrupted."""
     request = Request(Command.START, 0)
-    decoder.note_start_sent(request.tag, now)
     answers = node.receive((sensor.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()), now)
-    responses = [found.response for found in decoder.decode(answers, now, 0) if isinstance(found, ResponseReceived)]
-    if responses:
-        decoder.resync(responses[-1].value, count_gap=True)
+    if any(isinstance(found, ResponseReceived) for found in decoder.decode(answers, now, 0)):
+        decoder.start()

@@ -1,0 +1,108 @@
+"""Scans of CAN FD blocks: each block carries boot, sequence, device time and a checksum."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from posfet_driver.bus.frame import FD, RATE_SWITCH
+from posfet_driver.protocol.clock_sync import ClockSync
+from posfet_driver.protocol.device_clock import DeviceClock
+from posfet_driver.protocol.scan_assembler import Assembler, BlockOutcome
+from posfet_driver.protocol.scan_codec import FD_LENGTH, SEQUENCE, FdCodec, checksum
+from posfet_driver.protocol.scan_numbering import ScanNumbering
+
+_COMPLETE: Final = BlockOutcome.COMPLETE
+_KINDS: Final = (FD | RATE_SWITCH, FD)
+
+
+class FdScans:
+    """Assigns each FD block to its scan.
+
+    Parameters
+    ----------
+    assembler : Assembler
+        Collects the blocks.
+    sync : ClockSync
+        Mapping of the board's clock.
+    """
+
+    def __init__(self, assembler: Assembler, sync: ClockSync) -> None:
+        self.numbering = ScanNumbering(assembler.statistics)
+        self.clock = DeviceClock(32, sync)
+        self.period = 0.0
+        """Scan period [us]; set it before the first scan."""
+        self._assembler = assembler
+        self._statistics = assembler.statistics
+        self._blocks = assembler.codec.blocks
+        self._low = -1  # of the current scan: low bits of the sequence, boot, and time as sent
+        self._boot = -1
+        self._time = -1
+        self._arrival = 0  # of the newest scan [ns]
+
+    @property
+    def sequence(self) -> int:
+        """Sequence of the current scan, unwrapped; -1 before the first."""
+        return self.numbering.sequence
+
+    @property
+    def time(self) -> int:
+        """Device time of the current scan, unwrapped [us]; while the clock is frozen, from the sequence."""
+        return round(self.sequence * self.period) if self.clock.frozen else self.clock.time
+
+    def feed(self, kind: int, data: bytes, arrival: int) -> bool:
+        """Process one block.
+
+        Parameters
+        ----------
+        kind : int
+            Kind of the frame.
+        data : bytes
+            Data of the frame.
+        arrival : int
+            Monotonic time of its arrival [ns].
+
+        Returns
+        -------
+        bool
+            Whether the block completed a scan, which the assembler then holds.
+        """
+        if len(data) != FD_LENGTH or kind not in _KINDS:
+            self._statistics.malformed += 1
+            return False
+        sequence, time, block, state, crc = FdCodec.header(data)
+        if crc != checksum(data):
+            self._statistics.checksum += 1
+            return False
+        if block >= self._blocks:
+            self._statistics.malformed += 1
+            return False
+        if sequence != self._low or state >> 4 != self._boot:
+            if not self._begin(state >> 4, sequence, time, arrival):
+                return False
+        elif time != self._time:
+            self._statistics.frozen_counter += 1
+            self._assembler.abandon()
+            self._time = time
+            return False
+        return self._assembler.add(block, state & 0xF, data) is _COMPLETE
+
+    def start(self) -> None:
+        """Accept any number next: the board was started."""
+        self.numbering.open()
+
+    def _begin(self, boot: int, sequence: int, time: int, arrival: int) -> bool:
+        numbering, clock = self.numbering, self.clock
+        elapsed = max((arrival - self._arrival) / 1000, clock.ahead(time))
+        before = numbering.sequence
+        missing = numbering.missing(boot, sequence, self.period, elapsed)
+        if missing is None or missing < 0:
+            return False
+        if numbering.restarted:
+            clock.reset()
+        clock.advance(time, (numbering.sequence - before) * self.period)
+        self._assembler.begin()
+        if missing:
+            self._assembler.count_lost(missing)
+        self._low, self._boot, self._time = sequence & SEQUENCE, boot, time
+        self._arrival = arrival
+        return True
