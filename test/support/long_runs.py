@@ -47,7 +47,7 @@ def scans_under_faults(scans: int, fd: bool, seed: int, faults: tuple[InjectedFa
     while scan is None:
         scan = board.read(0.01)
     first = last = scan.sequence
-    sent, resets = 0, board.resets
+    sent, resets = 0, board.decoder.resets
     bag: list[InjectedFault] = []
     while sent < scans or injector.fault != InjectedFault.NONE:
         bag = bag or noise.sample(faults, len(faults))  # each once before any is repeated
@@ -61,8 +61,8 @@ def scans_under_faults(scans: int, fd: bool, seed: int, faults: tuple[InjectedFa
             if scan is None:
                 continue
             assert_marked(scan)
-            assert scan.sequence > last or board.resets > resets
-            last, resets = scan.sequence, board.resets
+            assert scan.sequence > last or board.decoder.resets > resets
+            last, resets = scan.sequence, board.decoder.resets
         sent = clock.now // 1_000_000
     _settle(board)
     statistics = board.decoder.statistics
@@ -73,7 +73,7 @@ def scans_under_faults(scans: int, fd: bool, seed: int, faults: tuple[InjectedFa
         "lost": statistics.lost_scans,
         "reopened": board.bus.opened - 1,
         "restarted": board.restarted,
-        "resets": board.resets,
+        "resets": board.decoder.resets,
     }
 
 
@@ -104,7 +104,7 @@ def fuzz(frames: int, fd: bool, seed: int) -> tuple[int, int]:
     firmware = BoardFirmware(with_fd(SENSOR, fd), FakeBoard(SENSOR), 0)
     firmware.running = True
     decoder = Decoder(with_fd(SENSOR, fd))
-    decoder.resync(0, count_gap=False)
+    decoder.start()
     taken, now, growth_from = 0, 50_000_000, 0
     while taken < frames:
         real = firmware.due(now)[-50:]

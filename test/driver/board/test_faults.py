@@ -113,9 +113,7 @@ def test_each_fault_is_reported_and_recovered_from(injected: InjectedFault, fd: 
     bench.run(4)
     if injected == InjectedFault.NO_RESPONSE:  # scans continue; the fault shows when a command is sent
         assert bench.faults == []
-    expected = (
-        set() if injected == InjectedFault.FROZEN_TIMESTAMP and not fd else EXPECTED[injected]
-    )  # classic frames carry no device time
+    expected = EXPECTED[injected]
     assert expected <= set(bench.faults), bench.faults
     if injected in ALONE:
         assert set(bench.faults) == expected
@@ -203,15 +201,15 @@ def test_status_flags_of_the_board_are_reported(flag: ScanStatus, fault: FaultKi
 
 
 @BOTH
-def test_wrong_firmware_version_and_layout_are_rejected_and_reported(fd: bool) -> None:
+def test_wrong_version_of_the_protocol_and_layout_are_rejected_and_reported(fd: bool) -> None:
     bench = Bench(fd)
     bench.run(1)
-    bench.injector.firmware.firmware = 0x0203
+    bench.injector.firmware.protocol = 1
     bench.injector.firmware.running = False
     bench.run(2)
-    assert bench.faults == [FaultKind.WRONG_FIRMWARE]
-    assert bench.board.report().state == "the board has firmware 2.3, this driver needs 0.x"
-    bench.injector.firmware.firmware = 0x0001
+    assert bench.faults == [FaultKind.WRONG_PROTOCOL]
+    assert bench.board.report().state == "the board implements version 1 of the protocol, this driver 2"
+    bench.injector.firmware.protocol = 2
     bench.run(2)
     bench.injector.firmware.layout_id = 9  # another board was connected, and sends
     bench.run(2)
@@ -227,7 +225,7 @@ def test_a_reset_at_low_supply_voltage_is_reported_as_brown_out() -> None:
         bench.run(1)
         bench.injector.fault = injected
         bench.run(2)
-        counters[injected] = (bench.board.resets, bench.board.brown_outs)
+        counters[injected] = (bench.board.decoder.resets, bench.board.brown_outs)
     assert counters == {InjectedFault.RESET: (1, 0), InjectedFault.BROWN_OUT: (1, 1)}
 
 

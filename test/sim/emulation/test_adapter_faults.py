@@ -156,7 +156,8 @@ def test_commands_from_another_thread_lose_no_scans(tmp_path: Path, clock: Paced
 
     def ask() -> None:
         for _ in range(20):
-            answers.append(board.submit(command, 5_000, PATIENCE).result(PATIENCE))
+            argument = 5_000 if command == Command.SET_RATE else 0
+            answers.append(board.submit(command, argument, PATIENCE).result(PATIENCE))
 
     asking = threading.Thread(target=ask)
     try:

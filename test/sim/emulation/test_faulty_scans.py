@@ -12,7 +12,14 @@ from posfet_driver.board.board_client import Board
 from posfet_driver.board.faults import Health
 from posfet_driver.bus.frame import CLASSIC, FD
 from posfet_driver.bus.open_bus import bus_settings, open_bus
-from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Command, Request
+from posfet_driver.protocol.messages import (
+    CLASSIC_BLOCK_OFFSET,
+    COMMAND_OFFSET,
+    FD_BLOCK_OFFSET,
+    RESPONSE_OFFSET,
+    Command,
+    Request,
+)
 from posfet_driver.protocol.scan_codec import FD_LENGTH
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
@@ -194,9 +201,8 @@ def test_the_driver_reads_the_board_on_a_python_can_bus(fd: bool) -> None:
         timer = threading.Timer(PATIENCE, end.set)
         timer.start()
         while blocks < 200 and not end.is_set():
-            blocks += sum(
-                len(data) in {8, 64} and ident - sensor.can.base_id >= 3 for ident, _, data in bus.read_frames(0.1)
-            )
+            offsets = [identifier - sensor.can.base_id for identifier, _, _ in bus.read_frames(0.1)]
+            blocks += sum(offset == FD_BLOCK_OFFSET or offset >= CLASSIC_BLOCK_OFFSET for offset in offsets)
         timer.cancel()
         assert blocks >= 200
         assert source.report().health == Health.OK

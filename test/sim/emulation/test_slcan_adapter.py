@@ -95,16 +95,15 @@ def test_scans_are_complete_in_order_and_without_loss(sensor: Sensor, link: Path
         for scan in read_scans(board, 600):
             assert_marked(scan)
             first = expected is None
-            estimated = ScanStatus.OK if fd else ScanStatus.TIME_ESTIMATED
-            assert scan.status == (ScanStatus.BOARD_RESET | estimated if first else estimated)
+            assert scan.status == ScanStatus.OK
             assert first or scan.sequence == expected
             expected = scan.sequence + 1
             assert scan.frames_lost == 0
-            assert scan.device_time == (round(scan.sequence * 1e6 / sensor.can.scan_rate) if fd else 0)
+            assert scan.device_time == round(scan.sequence * 1e6 / sensor.can.scan_rate)
         np.testing.assert_array_equal(board.decoder.scan.temperatures, [23.5, 23.5])
         report = board.report()
         assert report.health == Health.OK
-        assert report.values["firmware"] == "0.1"
+        assert report.values["firmware"] == "1.0"
         assert not any(report.fault_counts.values())
         assert not any(report.counters.values())
         assert adapter.frames_dropped == 0

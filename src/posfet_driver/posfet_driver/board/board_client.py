@@ -42,10 +42,10 @@ from posfet_model.sensor.scan import Scan, ScanStatus
 
 RESPONSE_TIMEOUT: Final = 0.2
 """Time within which a board has to respond [s]; then the command is repeated."""
-LONGEST_TIMEOUT: Final = 1.6
-"""The same for repeated commands: doubled each time up to this, since a link may delay responses [s]."""
 TAGS_KEPT: Final = 16
-"""Number of the newest commands whose responses are accepted."""
+"""Number of the newest commands whose responses are accepted: a link may delay a response by some repetitions."""
+REPETITIONS: Final = 8
+"""Number of times that SET_RATE or START is repeated before the board is identified again."""
 REFUSED_PERIOD: Final = 1.0
 """Period at which an unsuitable board is identified again [s]."""
 SCAN_TIMEOUT: Final = 0.3
@@ -56,6 +56,12 @@ NEVER: Final = 1 << 63
 LOW_SUPPLY_MEMORY: Final = 2.0
 """Time after a low supply was reported [s] within which a reset counts as a brown-out."""
 
+_COMMANDS: Final = {
+    ConnectionState.IDENTITY: Command.IDENTIFY,
+    ConnectionState.RATE: Command.SET_RATE,
+    ConnectionState.START: Command.START,
+}
+"""Command whose response is awaited in a state."""
 _STARTING: Final = {ConnectionState.START, ConnectionState.SCANS}
 _READY: Final = {ConnectionState.SCANS, ConnectionState.STOPPED, ConnectionState.REFUSED}
 """States in which the board accepts a command of the user."""
@@ -137,7 +143,7 @@ class Board:
         self._checked = -1  # deadline after which the bus was read once more
         self._tag = 0
         self._sent: dict[int, Command] = {}  # the newest commands by tag, in the order of sending
-        self._timeout = RESPONSE_TIMEOUT
+        self._repetitions = 0  # of the command of the present state
         self._boot: int | None = None
         self._bus_offs = 0
         self._low_supply = -round(LOW_SUPPLY_MEMORY * NANOSECONDS)  # time of the newest report
@@ -295,6 +301,7 @@ class Board:
             self.brown_outs += now - self._low_supply < LOW_SUPPLY_MEMORY * NANOSECONDS
         if self._state == ConnectionState.SCANS and (reset or not status.scanning):
             self._reason = f"the board {'was reset' if reset else 'does not scan'}: restarting it"
+            self.restarted += not reset
             self._flowing = False
             self._identify()
 
@@ -336,12 +343,14 @@ class Board:
             self._fault = FaultKind.NO_SCANS
             self._ask_adapter()
         elif self._state == ConnectionState.IDENTITY:
-            self._timeout = min(2 * self._timeout, LONGEST_TIMEOUT)
             self._diagnose_no_response()
             if self._state != ConnectionState.IDENTITY:
                 return
         elif self._state in {ConnectionState.RATE, ConnectionState.START}:
-            self._timeout = min(2 * self._timeout, LONGEST_TIMEOUT)
+            if self._repetitions < REPETITIONS:
+                self._repetitions += 1
+                self._request_state(self._state)
+                return
             self._reason = "the board responds, but does not start"
             self._fault = FaultKind.START_FAILED
         self._identify()
@@ -377,8 +386,15 @@ class Board:
     def _identify(self, first: bool = False) -> None:
         if first or self._state != ConnectionState.IDENTITY:
             self._no_response.begin(self._clock.monotonic())
-        self._enter(ConnectionState.IDENTITY, self._reason, self._timeout)
-        self._send(Command.IDENTIFY)
+        self._request_state(ConnectionState.IDENTITY)
+
+    def _request_state(self, state: ConnectionState) -> None:
+        """Enter a state in which the response to a command is awaited, and send the command."""
+        if state != self._state:
+            self._repetitions = 0
+        self._enter(state, self._reason, RESPONSE_TIMEOUT)
+        command = _COMMANDS[state]
+        self._send(command, self._period if command == Command.SET_RATE else 0)
 
     def _handle_response(self, response: Response) -> None:
         """Act on the response to one of the newest commands, however late it is: the board has done as it says."""
@@ -416,8 +432,7 @@ class Board:
         if unsuitable := self._unsuitable(board):
             self._refuse(*unsuitable)
         else:
-            self._enter(ConnectionState.RATE, self._reason, self._timeout)
-            self._send(Command.SET_RATE, self._period)
+            self._request_state(ConnectionState.RATE)
 
     def _rate_answered(self, response: Response, asked: bool) -> None:
         """Act on the response to SET_RATE; the decoder has the new period from it."""
@@ -427,12 +442,10 @@ class Board:
             reason = f"the board answers a scan period of {self._period} us with: {response.reason}"
             self._refuse(FaultKind.RATE_REFUSED, reason)
         if self._state == ConnectionState.RATE:
-            self._enter(ConnectionState.START, self._reason, self._timeout)
-            self._send(Command.START)
+            self._request_state(ConnectionState.START)
 
     def _refuse(self, fault: FaultKind, reason: str) -> None:
         self._fault, self._flowing = fault, False
-        self._timeout = RESPONSE_TIMEOUT
         self._enter(ConnectionState.REFUSED, reason, REFUSED_PERIOD)
 
     def _started(self) -> None:
@@ -440,7 +453,6 @@ class Board:
             return
         self.decoder.start()
         self._flowing = False
-        self._timeout = RESPONSE_TIMEOUT
         self.bus.reset_backoff()
         self._no_response.board_responded()
         self._enter(ConnectionState.SCANS, self._reason, self._scan_timeout() / NANOSECONDS)

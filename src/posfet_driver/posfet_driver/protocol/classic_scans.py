@@ -126,13 +126,22 @@ class ClassicScans:
         if missing < 0:
             self._statistics.duplicate += 1
             return []
-        released = self._end_group(missing)
+        overtaken = self.sequence - numbering.sequence  # scans whose blocks arrived before the header
+        if not (self.doubtful or self._adrift or numbering.restarted) and 0 < overtaken <= LATE_BLOCKS:
+            self._statistics.late += 1
+            return []
+        begun = overtaken == 0 and not (self._adrift or numbering.restarted)
+        complete = begun and self._assembler.complete
+        if not begun:
+            self._assembler.abandon()
+        released = self._end_group(missing, complete)
         self._read_clock(header.time)
         self.sequence = self._header = numbering.sequence
-        self._arrival, self._accounted = arrival, 0
-        self._assembler.begin()
+        self._arrival, self._accounted = arrival, int(complete)
+        if not begun:
+            self._assembler.begin()
         self.doubtful = self._adrift = False
-        self._fresh = True
+        self._fresh = not begun
         return released
 
     def feed(self, block: int, kind: int, data: bytes, arrival: int) -> bool:
@@ -185,17 +194,16 @@ class ClassicScans:
         self.numbering.open()
         self.lose_number()
 
-    def _end_group(self, missing: int) -> list[Scan]:
+    def _end_group(self, missing: int, next_complete: bool) -> list[Scan]:
         """Account for the scans since the newest header; return those that were held and have the right number."""
-        self._assembler.abandon()
         held, self._held = self._held, []
         incomplete, self._incomplete = self._incomplete, self._statistics.incomplete_scans
         if self._header < 0 or self.numbering.restarted:
             self._assembler.count_lost(len(held))
             return []
-        right = 0 < self.numbering.sequence - self.sequence <= HEADER_SCANS
+        right = 0 <= self.numbering.sequence - self.sequence <= HEADER_SCANS
         released = held if right and not self._adrift else []
-        accounted = self._accounted + self._incomplete - incomplete + len(released)
+        accounted = self._accounted + self._incomplete - incomplete + len(released) - next_complete
         self._assembler.count_lost(max(missing + 1 - accounted, 0))
         return released
 
