@@ -14,7 +14,7 @@ from posfet_driver.protocol.clock_sync import ClockSync
 from posfet_driver.protocol.device_clock import DeviceClock
 from posfet_driver.protocol.scan_assembler import Assembler, BlockOutcome
 from posfet_driver.protocol.scan_codec import CLASSIC_COUNTER, CLASSIC_LENGTH, HEADER_SCANS, ScanHeader
-from posfet_driver.protocol.scan_numbering import ScanNumbering
+from posfet_driver.protocol.scan_numbering import Number, ScanNumbering
 from posfet_model.sensor.scan import Scan
 
 LATE_BLOCKS: Final = 3
@@ -40,8 +40,8 @@ class ClassicScans:
     """
 
     def __init__(self, assembler: Assembler, sync: ClockSync) -> None:
-        self.numbering = ScanNumbering(assembler.statistics)
         self.clock = DeviceClock(28, sync)
+        self.numbering = ScanNumbering(assembler.statistics, self.clock, cautious=False)
         self.sequence = -1
         """Sequence of the current scan; while `doubtful` it has to be confirmed by the next header."""
         self.doubtful = False
@@ -67,7 +67,7 @@ class ClassicScans:
     @period.setter
     def period(self, period: float) -> None:
         if period != self._announced:
-            self._announced = self._period = period
+            self._announced = self._period = self.numbering.period = period
             self._header_read = False
 
     @property
@@ -118,9 +118,9 @@ class ClassicScans:
         if header is None:
             self._statistics.malformed += 1
             return []
-        numbering, clock = self.numbering, self.clock
-        elapsed = max((arrival - self._arrival) / 1000, clock.ahead(header.time))
-        missing = numbering.missing(header.boot, header.sequence, self._announced, elapsed)
+        numbering, before = self.numbering, self.clock.time
+        waited = (arrival - self._arrival) / 1000
+        missing = numbering.missing(Number(header.boot, header.sequence, header.time), waited)
         if missing is None:
             return []
         if missing < 0:
@@ -135,7 +135,7 @@ class ClassicScans:
         if not begun:
             self._assembler.abandon()
         released = self._end_group(missing, complete)
-        self._read_clock(header.time)
+        self._measure_period(before)
         self.sequence = self._header = numbering.sequence
         self._arrival, self._accounted = arrival, int(complete)
         if not begun:
@@ -211,13 +211,9 @@ class ClassicScans:
         self._assembler.count_lost(scans)
         self._accounted += scans
 
-    def _read_clock(self, reading: int) -> None:
-        """Read the time of the header, and measure the scan period since the one before."""
+    def _measure_period(self, before: int) -> None:
+        """Measure the scan period since the previous header; `before` is its time [us]."""
         clock, scans = self.clock, self.numbering.sequence - self._header
-        if self.numbering.restarted:
-            clock.reset()
-        before = clock.time
-        clock.advance(reading, scans * self._announced)
         measurable = self._header_read and scans <= HEADER_SCANS and not self.numbering.restarted
         self._header_read = not clock.frozen
         if measurable and clock.time > before:

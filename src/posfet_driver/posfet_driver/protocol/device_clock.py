@@ -38,9 +38,33 @@ class DeviceClock:
         self._known = False
         self._sync.reset()
 
+    @property
+    def stalled(self) -> bool:
+        """Whether the newest reading repeats the one before."""
+        return self._in_a_row > 0
+
+    def between(self, earlier: int, later: int) -> int:
+        """Return the time from one reading to another, modulo the range of readings [us]."""
+        return (later - earlier) % self._modulus
+
     def ahead(self, reading: int) -> int:
         """Return how far a reading is ahead of the newest one, modulo the range of readings [us]; 0 if unknown."""
         return (reading - self.time) % self._modulus if self._known else 0
+
+    def elapsed(self, reading: int, expected: float) -> int:
+        """Return the time since the newest reading [us].
+
+        Parameters
+        ----------
+        reading : int
+            Device time as sent [us].
+        expected : float
+            The same by the sequence [us]: it tells how often the clock has wrapped meanwhile.
+        """
+        elapsed = (reading - self.time) % self._modulus
+        if expected > self._modulus // 2:
+            elapsed += max(round((expected - elapsed) / self._modulus), 0) * self._modulus
+        return elapsed
 
     def advance(self, reading: int, expected: float) -> None:
         """Take a reading of a later scan.
@@ -50,20 +74,19 @@ class DeviceClock:
         reading : int
             Device time as sent [us].
         expected : float
-            Time since the previous reading by the sequence [us]: it tells how often the clock has wrapped meanwhile.
+            Time since the previous reading by the sequence [us].
         """
         if not self._known:
             self._known = True
-            self.time, self.frozen, self._in_a_row = reading, False, 0
+            self.time, self._in_a_row = reading, 0
+            self._set_frozen(False)
             return
-        elapsed = (reading - self.time) % self._modulus
+        elapsed = self.elapsed(reading, expected)
         if elapsed == 0:
             self.repeated += 1
             self._in_a_row += 1
             self._set_frozen(self._in_a_row >= FROZEN_READINGS)
             return
-        if expected > self._modulus // 2:
-            elapsed += max(round((expected - elapsed) / self._modulus), 0) * self._modulus
         self.time += elapsed
         if self._in_a_row:
             self._in_a_row = 0

@@ -9,7 +9,7 @@ from posfet_driver.protocol.clock_sync import ClockSync
 from posfet_driver.protocol.device_clock import DeviceClock
 from posfet_driver.protocol.scan_assembler import Assembler, BlockOutcome
 from posfet_driver.protocol.scan_codec import FD_LENGTH, SEQUENCE, FdCodec, checksum
-from posfet_driver.protocol.scan_numbering import ScanNumbering
+from posfet_driver.protocol.scan_numbering import Number, ScanNumbering
 
 _COMPLETE: Final = BlockOutcome.COMPLETE
 _KINDS: Final = (FD | RATE_SWITCH, FD)
@@ -27,10 +27,9 @@ class FdScans:
     """
 
     def __init__(self, assembler: Assembler, sync: ClockSync) -> None:
-        self.numbering = ScanNumbering(assembler.statistics)
         self.clock = DeviceClock(32, sync)
-        self.period = 0.0
-        """Scan period [us]; set it before the first scan."""
+        self.numbering = ScanNumbering(assembler.statistics, self.clock, cautious=True)
+        self._announced = 0.0
         self._assembler = assembler
         self._statistics = assembler.statistics
         self._blocks = assembler.codec.blocks
@@ -40,6 +39,16 @@ class FdScans:
         self._arrival = 0  # of the newest scan [ns]
 
     @property
+    def period(self) -> float:
+        """Scan period [us], as announced by the board."""
+        return self._announced
+
+    @period.setter
+    def period(self, period: float) -> None:
+        if period != self._announced:
+            self._announced = self.numbering.period = period
+
+    @property
     def sequence(self) -> int:
         """Sequence of the current scan, unwrapped; -1 before the first."""
         return self.numbering.sequence
@@ -47,7 +56,7 @@ class FdScans:
     @property
     def time(self) -> int:
         """Device time of the current scan, unwrapped [us]; while the clock is frozen, from the sequence."""
-        return round(self.sequence * self.period) if self.clock.frozen else self.clock.time
+        return round(self.sequence * self._announced) if self.clock.frozen else self.clock.time
 
     def feed(self, kind: int, data: bytes, arrival: int) -> bool:
         """Process one block.
@@ -91,15 +100,10 @@ class FdScans:
         self.numbering.open()
 
     def _begin(self, boot: int, sequence: int, time: int, arrival: int) -> bool:
-        numbering, clock = self.numbering, self.clock
-        elapsed = max((arrival - self._arrival) / 1000, clock.ahead(time))
-        before = numbering.sequence
-        missing = numbering.missing(boot, sequence, self.period, elapsed)
+        waited = (arrival - self._arrival) / 1000
+        missing = self.numbering.missing(Number(boot, sequence, time), waited)
         if missing is None or missing < 0:
             return False
-        if numbering.restarted:
-            clock.reset()
-        clock.advance(time, (numbering.sequence - before) * self.period)
         self._assembler.begin()
         if missing:
             self._assembler.count_lost(missing)

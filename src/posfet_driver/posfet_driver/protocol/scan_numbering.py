@@ -1,14 +1,25 @@
-"""Sequence numbers of scans: which boot of the board a scan belongs to, how many are missing, which cannot be."""
+"""Sequence numbers of scans: which boot of the board a scan belongs to, how many are missing, which cannot be.
+
+The sequence counts the ticks of the board's scan timer, so sequence and device time advance together. A number that
+does not fit the time is used only when the next scan counts on from it: a counter that is frozen never does.
+"""
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
+from posfet_driver.protocol.device_clock import DeviceClock
 from posfet_driver.protocol.scan_assembler import ScanStatistics
 from posfet_driver.protocol.scan_codec import SEQUENCE
 
 LATE: Final = 64
 """Scans by which a frame may be late [1]; one that is further behind belongs to another boot. Assumed."""
+TOLERANCE: Final = 0.5
+"""Difference of sequence and time that fits [scan periods]: half of what one missing scan makes."""
+RATE_TOLERANCE: Final = 0.02
+"""The same for long gaps [1]; assumed."""
+UNTIMED: Final = 16
+"""Step of the sequence that fits while the board's clock stands still [1]."""
 FASTEST: Final = 4.0
 """A sequence that runs this many times faster than all clocks is implausible [1]: the scan period may be unknown."""
 SLACK: Final = 16.0
@@ -17,24 +28,44 @@ SLACK: Final = 16.0
 _HALF: Final = (SEQUENCE + 1) // 2
 
 
+class Number(NamedTuple):
+    """What a board states of a scan."""
+
+    boot: int
+    """Number of the power-on, modulo 16."""
+    low: int
+    """Low 32 bits of the sequence."""
+    reading: int
+    """Device time as sent [us]."""
+
+
 class ScanNumbering:
     """Owner of boot and sequence of a board's scans.
 
     Parameters
     ----------
     statistics : ScanStatistics
-        Counts what is late or implausible.
+        Counts what is late, implausible or frozen.
+    clock : DeviceClock
+        The board's clock; it is read with each scan that is accepted.
+    cautious : bool
+        Whether a number that does not fit needs a successor. A classic header comes too seldom for that.
     """
 
-    def __init__(self, statistics: ScanStatistics) -> None:
+    def __init__(self, statistics: ScanStatistics, clock: DeviceClock, cautious: bool) -> None:
         self.boot = -1
         """Number of the power-on of the newest scan; -1 before the first."""
         self.sequence = -1
-        """Sequence of the scan that was begun last, unwrapped; -1 before the first."""
+        """Sequence of the newest scan, unwrapped; -1 before the first."""
         self.restarted = False
         """Whether the sequence began again with the newest scan; whoever has used it clears it."""
+        self.period = 0.0
+        """Scan period [us], as announced, or as measured where the scans contradict it."""
         self._statistics = statistics
+        self._clock = clock
+        self._cautious = cautious
         self._previous = (-1, -1)  # boot and last sequence before the newest restart
+        self._candidate: Number | None = None  # does not fit; needs a successor
         self._open = True  # any sequence is possible
         self._gap_counts = True
 
@@ -46,51 +77,83 @@ class ScanNumbering:
         """Count no scan as missing before the next one: the board was stopped on request."""
         self._gap_counts = False
 
-    def missing(self, boot: int, low: int, period: float, elapsed: float) -> int | None:
+    def missing(self, number: Number, waited: float) -> int | None:
         """Take the number of another scan, and return how many are missing before it.
 
         Parameters
         ----------
-        boot : int
-            Number of the power-on.
-        low : int
-            Low 32 bits of the sequence.
-        period : float
-            Scan period [us].
-        elapsed : float
-            Longest time since the previous scan that any clock shows [us].
+        number : Number
+            What the board states.
+        waited : float
+            Time of this machine since the previous scan [us].
 
         Returns
         -------
         int or None
             Number of missing scans; 0 when the sequence begins again, and -1 when the scan is the newest one.
-            None when the scan is late or its number implausible, which is counted.
+            None when the scan is not to be used, which is counted.
         """
+        boot, low, reading = number
         ahead = (low - self.sequence) & SEQUENCE
-        behind = -ahead & SEQUENCE
-        if self.boot != boot:
-            previous, last = self._previous
-            if boot == previous and (last - low) & SEQUENCE < LATE:
+        if boot == self.boot:
+            if ahead == 0:
+                return -1
+            if -ahead & SEQUENCE < LATE:
                 self._statistics.late += 1
                 return None
-            return self._restart(boot, low)
-        if ahead == 0:
-            return -1
-        if behind < LATE or (behind < _HALF and not self._open):
+            if self._fits(ahead, reading):
+                return self._advance(ahead, reading)
+        elif boot == self._previous[0] and (self._previous[1] - low) & SEQUENCE < LATE:
             self._statistics.late += 1
             return None
-        if self._open and behind < _HALF:
-            return self._restart(boot, low)
-        if not self._open and ahead * period > FASTEST * elapsed + SLACK * period:
+        if self._cautious and not self._is_successor(number):
+            self._candidate = number
+            return None
+        elapsed = max(waited, self._clock.ahead(reading))
+        if boot == self.boot and ahead * self.period <= FASTEST * elapsed + SLACK * self.period:
+            return self._advance(ahead, reading)
+        if boot == self.boot and not self._cautious and not self._open:
             self._statistics.implausible += 1
             return None
+        return self._restart(number)
+
+    def _fits(self, ahead: int, reading: int) -> bool:
+        """Return whether a step of the sequence fits the time that has passed on the board's clock."""
+        clock, expected = self._clock, ahead * self.period
+        if clock.stalled or clock.ahead(reading) == 0:
+            return ahead <= UNTIMED
+        difference = abs(clock.elapsed(reading, expected) - expected)
+        return ahead < _HALF and difference <= TOLERANCE * self.period + RATE_TOLERANCE * expected
+
+    def _is_successor(self, number: Number) -> bool:
+        """Return whether a number counts on from the candidate, and measure the scan period if it does."""
+        candidate = self._candidate
+        if candidate is None or candidate.boot != number.boot:
+            return False
+        step = (number.low - candidate.low) & SEQUENCE
+        if step == 0:
+            self._statistics.frozen_counter += number.reading != candidate.reading
+            return False
+        elapsed = self._clock.between(candidate.reading, number.reading)
+        if step > UNTIMED:
+            return False
+        if elapsed:
+            self.period = elapsed / step
+        return True
+
+    def _advance(self, ahead: int, reading: int) -> int:
+        self._clock.advance(reading, ahead * self.period)
         self.sequence += ahead
-        counts, self._gap_counts, self._open = self._gap_counts, True, False
+        counts, self._gap_counts, self._open, self._candidate = self._gap_counts, True, False, None
         return ahead - 1 if counts else 0
 
-    def _restart(self, boot: int, low: int) -> int:
-        self.restarted = self.boot >= 0
+    def _restart(self, number: Number) -> int:
+        if self.boot >= 0:
+            self.restarted = True
+            self._statistics.implausible += number.boot == self.boot and not self._open
         self._previous = self.boot, self.sequence
-        self.boot, self.sequence = boot, low
-        self._gap_counts, self._open = True, False
+        self.boot, self.sequence = number.boot, number.low
+        self._clock.reset()
+        self._clock.advance(number.reading, 0.0)
+        self._gap_counts, self._open, self._candidate = True, False, None
         return 0
