@@ -288,7 +288,8 @@ class Decoder:
             return
         if self.boot is not None:
             self.resets += 1
-            self._classic_scans.lose_number()
+            if boot != self._scans.numbering.boot:
+                self._classic_scans.lose_number()
         self.boot = boot
 
     def _other(self, frame: Frame) -> Decoded | None:
