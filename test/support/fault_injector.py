@@ -201,19 +201,20 @@ class FaultInjector:
         for number, kind, data in frames:
             if kind & FD or number == self._base + HEADER_OFFSET:
                 self._frozen = self._frozen or data
-                data = _sealed(kind, data[:4] + self._frozen[4:8] + data[8:])
-            result.append((number, kind, data))
+                result.append((number, kind, sealed(kind, data[:4] + self._frozen[4:8] + data[8:])))
+            else:
+                result.append((number, kind, data))
         return result
 
 
 def _with_counter(kind: int, data: bytes, frozen: bytes) -> bytes:
     """Return the data of a block with the sequence of an earlier one."""
     if kind & FD:
-        return _sealed(kind, frozen[:4] + data[4:])
+        return sealed(kind, frozen[:4] + data[4:])
     return bytes([data[0] & ~CLASSIC_COUNTER & 0xFF | frozen[0] & CLASSIC_COUNTER]) + data[1:]
 
 
-def _sealed(kind: int, data: bytes) -> bytes:
+def sealed(kind: int, data: bytes) -> bytes:
     """Return the data of an FD block with the checksum that fits it."""
     return data[:10] + checksum(data).to_bytes(2, "little") + data[12:] if kind & FD else data
 

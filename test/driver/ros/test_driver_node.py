@@ -29,6 +29,7 @@ from rclpy.parameter import Parameter
 
 from posfet_driver.bus.message_conversion import frame_of, message_of
 from posfet_driver.clock import Clock
+from posfet_driver.protocol.messages import Identification
 from posfet_driver.ros import driver_node
 from posfet_driver.ros.driver_node import DriverNode
 from posfet_model.config import ConfigError
@@ -186,8 +187,8 @@ def test_raw_over_the_emulated_adapter(bench: Bench, link: Path, fd: bool) -> No
         first, last = messages[0], messages[-1]
         assert last.sequence - first.sequence == len(messages) - 1
         assert (last.rows, last.cols, last.layout_id, last.header.frame_id) == (5, 5, SENSOR.layout.id, "thumb")
-        assert last.device_time == (last.sequence * 1000 if fd else 0)
-        assert last.status == (ScanStatus.OK if fd else ScanStatus.TIME_ESTIMATED)
+        assert last.device_time == last.sequence * 1000
+        assert last.status == ScanStatus.OK
         assert list(last.temperatures) == [31.25, 31.25]
         assert last.frames_lost == 0
         stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in (first, last)]
@@ -356,7 +357,8 @@ def test_commands_reach_the_board_while_it_scans(bench: Bench, adapter: Emulated
     bench.wait(lambda: len(bench.watcher.raw) > 10)
     call = bench.call
     response = call(BoardCommand.Request.IDENTIFY)
-    assert (response.success, response.message, response.value) == (True, "", SENSOR.layout.id | 1 << 16)
+    value = Identification(SENSOR.layout.id, protocol=2, fd=True, firmware_major=1).pack()
+    assert (response.success, response.message, response.value) == (True, "", value)
     rejected = call(BoardCommand.Request.SET_RATE, 10)
     assert not rejected.success
     assert rejected.message == "SET_RATE: refused by the board: bad argument"

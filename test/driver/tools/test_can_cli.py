@@ -15,7 +15,7 @@ from posfet_driver.bus.frame import CLASSIC
 from posfet_driver.bus.message_conversion import frame_of
 from posfet_driver.bus.recording import messages
 from posfet_driver.protocol.decoder import Decoder
-from posfet_driver.protocol.messages import Page, Status
+from posfet_driver.protocol.messages import Identification, Identity, Status
 from posfet_driver.tools import list_boards
 from posfet_driver.tools.record_replay import decode
 from posfet_model.sensor.description import load_sensor
@@ -57,7 +57,7 @@ def test_list_finds_the_board(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", *EMULATOR]) == 0
     cells = [cell.strip() for cell in capsys.readouterr().out.split("│")]
     assert "a simulated board" in cells
-    assert cells[cells.index("0x100") : cells.index("0x100") + 4] == ["0x100", "1", "0.1", "5.00"]
+    assert cells[cells.index("0x100") : cells.index("0x100") + 4] == ["0x100", "1", "1.0", "5.00"]
 
 
 def test_list_reports_why_an_adapter_is_unusable(
@@ -77,11 +77,13 @@ def test_list_reports_why_an_adapter_is_unusable(
     assert "not a serial port" in capsys.readouterr().out
 
 
-def test_only_a_sender_of_all_status_pages_is_listed_as_a_board() -> None:
-    statuses = [Status((20.0, 20.0), 5.0, 0, page, 1).pack() for page in (*Page, *Page)]
-    frames = [(0x302, CLASSIC, data) for data in statuses]
+def test_only_a_sender_whose_heart_beats_is_listed_as_a_board() -> None:
+    statuses = [Status((20.0, 20.0), 5.0, 0, True, 3, beat % 16).pack() for beat in range(13, 19)]
+    identity = Identity(Identification(1, 2, True, 1), 4, 1000)
+    frames = [(0x302, CLASSIC, data) for data in statuses] + [(0x305, CLASSIC, identity.pack())]
     other = [(0x402, CLASSIC, statuses[0])] * 6 + [(0x502, CLASSIC, bytes([0, 0, 0, 0, 0, 0xC0, 0, 0]))]
-    assert [board.base for board in list_boards.boards(frames + other)] == [0x300]
+    (board,) = list_boards.boards(frames + other)
+    assert board.row() == ["0x300", "1", "1.4", "5.00"]
 
 
 @pytest.mark.parametrize("arguments", [["identify"], ["start"], ["stop"], ["self_test"], ["set_rate", "2000"]])

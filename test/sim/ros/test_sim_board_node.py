@@ -21,7 +21,7 @@ from rclpy.parameter import Parameter
 
 from posfet_driver.bus.frame import CLASSIC, FD, RATE_SWITCH
 from posfet_driver.bus.slcan_codec import LineReader, encode_line
-from posfet_driver.protocol.messages import COMMAND_OFFSET, FD_BLOCK_OFFSET, Command, Request
+from posfet_driver.protocol.messages import CLASSIC_BLOCK_OFFSET, COMMAND_OFFSET, FD_BLOCK_OFFSET, Command, Request
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
@@ -272,15 +272,14 @@ def test_behind_an_adapter_the_board_sends_frames_and_publishes_ground_truth(spi
         start = (sensor.can.base_id + COMMAND_OFFSET, CLASSIC, Request(Command.START, tag=1).pack())
         terminal.write(b"O\r" + encode_line(start))
         reader, frames = LineReader(), []
-        while len({data for identifier, _, data in frames if identifier >= sensor.can.base_id + FD_BLOCK_OFFSET}) < 50:
+        blocks = sensor.can.base_id + (FD_BLOCK_OFFSET if fd else CLASSIC_BLOCK_OFFSET)
+        while len({data for identifier, _, data in frames if identifier >= blocks and len(data) > 8 * fd}) < 50:
             frames += reader.frames(terminal.read(4096))
         truth = listener.wait("truth", 20)[-1]
         assert load(spin, node, "tap").success
         assert node.source.report().values["scene"] == "tap"
         assert link.exists()
-    assert {kind for identifier, kind, _ in frames if identifier >= sensor.can.base_id + FD_BLOCK_OFFSET} == {
-        FD | RATE_SWITCH if fd else CLASSIC
-    }
+    assert {kind for identifier, kind, _ in frames if identifier == blocks} == {FD | RATE_SWITCH if fd else CLASSIC}
     assert not listener.messages["raw"]
     assert truth.objects == ["fingertip"]
     board = SimulatedBoard(sensor, SceneLoads(load_scene("hold", sensor), sensor), 0)

@@ -424,7 +424,9 @@ class Board:
             return FaultKind.WRONG_LAYOUT, reason
         if board.fd != wanted.can.fd:
             formats = "classic CAN", "CAN FD"
-            reason = f"the board sends scans in {formats[board.fd]} frames, the sensor file says {formats[wanted.can.fd]}"
+            reason = (
+                f"the board sends scans in {formats[board.fd]} frames, the sensor file says {formats[wanted.can.fd]}"
+            )
             return FaultKind.WRONG_FORMAT, reason
         return None
 

@@ -1,7 +1,7 @@
 """Scans of classic blocks: 4 bits of the sequence in each block, and headers that state it in full.
 
 Between two headers the sequence is counted on. That is certain while fewer than 16 scans can be missing, which the time
-tells: a scan that got a number 16 too low seems to be late by 16 scan periods. What may be so late is held until the next
+tells: a scan whose number is 16 too low seems to be late by 16 scan periods. What may be so late is held until the next
 header confirms its number.
 """
 
@@ -65,13 +65,13 @@ class ClassicScans:
         return self._announced
 
     @period.setter
-    def period(self, period: float) -> None:
+    def period(self, period: float) -> None:  # numpydoc ignore=GL08
         if period != self._announced:
             self._announced = self._period = self.numbering.period = period
             self._header_read = False
 
     @property
-    def time(self) -> int:
+    def time(self) -> int:  # numpydoc ignore=RT01
         """Device time of the current scan, unwrapped [us]: that of the newest header and the scan periods since.
 
         While the clock is frozen, it is computed from the sequence.

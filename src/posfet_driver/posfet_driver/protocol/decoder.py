@@ -105,10 +105,13 @@ class Decoder:
     >>> from posfet_model.sensor.description import load_sensor
     >>> sensor = load_sensor()
     >>> decoder = Decoder(sensor)
-    >>> decoder.receiving = True
-    >>> frames = make_codec(sensor).encode(Scan.empty(sensor.layout.id, sensor.layout.taxels), sensor.can.base_id)
-    >>> [type(found).__name__ for found in decoder.decode(frames, arrival=0, wall_offset=0)]
-    ['ScanReady']
+    >>> decoder.start()
+    >>> scan, frames = Scan.empty(sensor.layout.id, sensor.layout.taxels), []
+    >>> for scan.sequence in range(3):
+    ...     scan.device_time = 1000 * scan.sequence
+    ...     frames += make_codec(sensor).encode(scan, sensor.can.base_id)
+    >>> [found.scan.sequence for found in decoder.decode(frames, arrival=0, wall_offset=0)]
+    [1, 2]
     """
 
     def __init__(self, sensor: Sensor) -> None:
@@ -209,9 +212,9 @@ class Decoder:
         wall_offset : int
             Wall time less monotonic time [ns].
 
-        Yields
-        ------
-        ScanReady, StatusReceived, IdentityReceived or ResponseReceived
+        Returns
+        -------
+        Iterator of ScanReady, StatusReceived, IdentityReceived or ResponseReceived
             What the frames contain. Exhaust it before the next batch; what is not consumed is dropped.
         """
         self.traffic.frames += len(frames)
@@ -295,26 +298,26 @@ class Decoder:
     def _other(self, frame: Frame) -> Decoded | None:
         """Return what a frame that belongs to no scan contains, or count it."""
         identifier, kind, data = frame
+        offset, traffic = identifier - self._base, self.traffic
+        message = None
         if kind & ERROR:
-            return None  # error frames are counted by the bus
-        offset = identifier - self._base
-        if kind & EXTENDED or not (is_message(offset) or offset == COMMAND_OFFSET):
-            self.traffic.unrelated += 1
-            return None
-        if offset == COMMAND_OFFSET:
-            self.traffic.commands += 1
-            return None
-        message = parse_message(offset, kind, data)
-        if message is None:
-            self.traffic.malformed += 1
-            return None
-        if isinstance(message, Status):
-            return self._apply_status(message, data)
-        if isinstance(message, Response):
-            return self._apply_response(message)
-        self.identity = message
-        self.set_period(message.period)
-        return IdentityReceived(message)
+            pass  # error frames are counted by the bus
+        elif kind & EXTENDED or not (is_message(offset) or offset == COMMAND_OFFSET):
+            traffic.unrelated += 1
+        elif offset == COMMAND_OFFSET:
+            traffic.commands += 1
+        elif (message := parse_message(offset, kind, data)) is None:
+            traffic.malformed += 1
+        match message:
+            case Status():
+                return self._apply_status(message, data)
+            case Response():
+                return self._apply_response(message)
+            case Identity():
+                self.identity = message
+                self.set_period(message.period)
+                return IdentityReceived(message)
+        return None
 
     def _apply_response(self, response: Response) -> Decoded:
         self._note_boot(response.boot)

@@ -44,7 +44,7 @@ class FdScans:
         return self._announced
 
     @period.setter
-    def period(self, period: float) -> None:
+    def period(self, period: float) -> None:  # numpydoc ignore=GL08
         if period != self._announced:
             self._announced = self.numbering.period = period
 

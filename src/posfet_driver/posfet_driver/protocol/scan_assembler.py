@@ -9,6 +9,7 @@ import numpy as np
 
 from posfet_driver.protocol.scan_codec import ScanCodec
 
+
 @dataclass(slots=True)
 class ScanStatistics:
     """Frames and scans that were lost or rejected, by cause. Counters never fall."""

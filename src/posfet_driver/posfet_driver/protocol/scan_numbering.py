@@ -93,26 +93,33 @@ class ScanNumbering:
             Number of missing scans; 0 when the sequence begins again, and -1 when the scan is the newest one.
             None when the scan is not to be used, which is counted.
         """
-        boot, low, reading = number
-        ahead = (low - self.sequence) & SEQUENCE
-        if boot == self.boot:
-            if ahead == 0:
-                return -1
-            if -ahead & SEQUENCE < LATE:
-                self._statistics.late += 1
-                return None
-            if self._fits(ahead, reading):
-                return self._advance(ahead, reading)
-        elif boot == self._previous[0] and (self._previous[1] - low) & SEQUENCE < LATE:
+        same_boot, ahead = number.boot == self.boot, (number.low - self.sequence) & SEQUENCE
+        if same_boot and ahead == 0:
+            return -1
+        if self._is_late(number):
             self._statistics.late += 1
             return None
+        if same_boot and self._fits(ahead, number.reading):
+            return self._advance(ahead, number.reading)
         if self._cautious and not self._is_successor(number):
             self._candidate = number
             return None
-        elapsed = max(waited, self._clock.ahead(reading))
-        if boot == self.boot and ahead * self.period <= FASTEST * elapsed + SLACK * self.period:
-            return self._advance(ahead, reading)
-        if boot == self.boot and not self._cautious and not self._open:
+        return self._jump(number, waited)
+
+    def _is_late(self, number: Number) -> bool:
+        """Return whether a scan was sent before one that was used, in this boot or the one before."""
+        if number.boot == self.boot:
+            return (self.sequence - number.low) & SEQUENCE < LATE
+        boot, last = self._previous
+        return number.boot == boot and (number.low - last + LATE) & SEQUENCE < 2 * LATE
+
+    def _jump(self, number: Number, waited: float) -> int | None:
+        """Take a number that does not fit the time."""
+        same_boot, ahead = number.boot == self.boot, (number.low - self.sequence) & SEQUENCE
+        elapsed = max(waited, self._clock.ahead(number.reading))
+        if same_boot and ahead * self.period <= FASTEST * elapsed + SLACK * self.period:
+            return self._advance(ahead, number.reading)
+        if same_boot and not self._cautious and not self._open:
             self._statistics.implausible += 1
             return None
         return self._restart(number)

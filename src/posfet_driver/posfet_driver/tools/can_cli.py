@@ -46,7 +46,7 @@ def make_parser() -> argparse.ArgumentParser:
     for name, (_, purpose) in ACTIONS.items():
         parsers[name] = actions.add_parser(name, help=purpose, description=purpose)
         _add_bus(parsers[name], "" if name == "list" else "socketcan")
-    parsers["list"].add_argument("--for", dest="seconds", type=positive, default=0.5, help="listening time [s]")
+    parsers["list"].add_argument("--for", dest="seconds", type=positive, default=1.2, help="listening time [s]")
     for name in ("monitor", "record"):
         parsers[name].add_argument("--for", dest="seconds", type=positive, default=math.inf, help="duration [s]")
         parsers[name].add_argument("--start", action="store_true", help="start the board, and stop it at the end")

@@ -38,6 +38,5 @@ def run_command(options: argparse.Namespace) -> int:
             response = request(bus, sensor.can.base_id, options.clock, command, options.argument or 0)
         finally:
             bus.shutdown()
-    reset = " (powered on since the last START)" if response.reset else ""
-    Console(highlight=False, markup=False).print(f"{options.name}: ok, {describe(response)}{reset}")
+    Console(highlight=False, markup=False).print(f"{options.name}: ok, {describe(response)}")
     return 0

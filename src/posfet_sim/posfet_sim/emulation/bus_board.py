@@ -22,7 +22,6 @@ from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.emulation.firmware import BoardFirmware
 from posfet_sim.emulation.link_faults import LinkFaults, TransmissionOutcome
 
-
 _OF_SCANS: Final = {FD_BLOCK_OFFSET, HEADER_OFFSET}
 
 
