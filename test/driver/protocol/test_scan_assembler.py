@@ -38,7 +38,7 @@ class Line:
         self.published: list[int] = []
         self.times: list[int] = []
         self.send(-2, -1)
-        assert self.published == [-1] if fd else [-2, -1]
+        assert self.published == [-2, -1]
         assert self.losses == {}
         self.published, self.times = [], []
 

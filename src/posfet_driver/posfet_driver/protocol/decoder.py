@@ -111,7 +111,7 @@ class Decoder:
     ...     scan.device_time = 1000 * scan.sequence
     ...     frames += make_codec(sensor).encode(scan, sensor.can.base_id)
     >>> [found.scan.sequence for found in decoder.decode(frames, arrival=0, wall_offset=0)]
-    [1, 2]
+    [0, 1, 2]
     """
 
     def __init__(self, sensor: Sensor) -> None:

@@ -101,7 +101,7 @@ class ScanNumbering:
             return None
         if same_boot and self._fits(ahead, number.reading):
             return self._advance(ahead, number.reading)
-        if self._cautious and not self._is_successor(number):
+        if self._cautious and self.boot >= 0 and not self._is_successor(number):
             self._candidate = number
             return None
         return self._jump(number, waited)
