@@ -11,6 +11,7 @@ from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError
 from posfet_model.parameters import (
     CALIBRATION_FILE,
+    CALIBRATION_FOLDER,
     CAN_FD,
     ESTIMATOR,
     MAX_RELATIVE,
@@ -57,6 +58,7 @@ ARGUMENTS: Final = (
     NAMESPACE,
     SENSOR_FILE,
     _optional(CALIBRATION_FILE),
+    _optional(CALIBRATION_FOLDER),
     _optional(ESTIMATOR),
     _optional(MAX_RELATIVE),
     _optional(PARENT_FRAME),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import stat
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,7 +15,16 @@ from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE, DR
 from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError, read_yaml
-from posfet_model.parameters import CALIBRATION_FILE, ESTIMATION, MODEL_NODE, MOUNT, MOUNT_POSE, SENSOR, Scalar
+from posfet_model.parameters import (
+    CALIBRATION_FILE,
+    CALIBRATION_FOLDER,
+    ESTIMATION,
+    MODEL_NODE,
+    MOUNT,
+    MOUNT_POSE,
+    SENSOR,
+    Scalar,
+)
 from posfet_model.ros.mount import parse_mount
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.device.error_model import load_error_model
@@ -73,10 +83,22 @@ def check_params_file(path: str) -> None:
 
 def emulated_adapter(namespace: str) -> Path:
     """Return the path at which the emulated adapter of a namespace appears, private to user and ROS domain."""
-    folder = os.environ.get("XDG_RUNTIME_DIR") or tempfile.gettempdir()
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
-    name = f"posfet-{os.getuid()}-{domain}-{namespace.replace('/', '-')}"
-    return Path(folder) / name
+    return _private_folder() / f"{domain}-{namespace.replace('/', '-')}"
+
+
+def _private_folder() -> Path:
+    """Return a folder in which no other user can make files; raise ConfigError if there is none."""
+    runtime = os.environ.get("XDG_RUNTIME_DIR")
+    folder = Path(runtime, "posfet") if runtime else Path(tempfile.gettempdir(), f"posfet-{os.getuid()}")
+    try:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        status = folder.lstat()
+    except OSError as error:
+        raise ConfigError(f"{folder}: cannot be made: {error.strerror}; set XDG_RUNTIME_DIR to a folder of yours") from error
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid() or status.st_mode & 0o022:
+        raise ConfigError(f"{folder}: must be a folder that only you can write to; set XDG_RUNTIME_DIR to another one")
+    return folder
 
 
 def _mount(arguments: Mapping[str, str]) -> dict[str, Scalar]:
@@ -148,7 +170,7 @@ def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
         return NodeSpec(package, executable, namespace, params_file, arguments["log_level"], {**shared, **parameters})
 
     model: dict[str, Scalar] = {"simulated": source != "can", **_mount(arguments), **_calibration(arguments, sensor)}
-    model |= given_parameters(arguments, *ESTIMATION)
+    model |= given_parameters(arguments, CALIBRATION_FOLDER, *ESTIMATION)
     nodes = [node("posfet_model", "model_node", model)]
     if source != "can":
         board = node_parameters(arguments, SCENE, IMPERFECTIONS)

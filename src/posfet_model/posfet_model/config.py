@@ -6,11 +6,12 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from reprlib import Repr
 from typing import Any, Final
 
-import yaml
-
+from posfet_model import files
 from posfet_model._lib.validation import interval
+from posfet_model.plain_yaml import YamlError, parse
 
 
 class ConfigError(ValueError):
@@ -20,25 +21,14 @@ class ConfigError(ValueError):
     """
 
 
-# The parser in C takes a tenth of the time, which saves 20 ms at start-up; not every build of PyYAML has it.
-_SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+MAX_FILE: Final = 256_000
+"""Largest size of a sensor, scene, trajectory or parameter file [byte]; a calibration grows with the array."""
 
+MAX_TEXT: Final = 1000
+"""Largest length of a text in a file."""
 
-class _UniqueKeyLoader(_SafeLoader):  # type: ignore[misc]  # known at run time only
-    """SafeLoader that raises an error for a repeated key instead of keeping the last value."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        seen: set[object] = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if not isinstance(key, str):
-                raise yaml.MarkedYAMLError(problem=f"key {key!r} is not text", problem_mark=key_node.start_mark)
-            if key in seen:
-                raise yaml.MarkedYAMLError(problem=f"key '{key}' is given twice", problem_mark=key_node.start_mark)
-            seen.add(key)
-        mapping: dict[Any, Any] = super().construct_mapping(node, deep)
-        return mapping
-
+MAX_SHOWN: Final = 60
+"""Largest length of a value in an error message."""
 
 _REQUIRED: Final = object()
 
@@ -68,7 +58,7 @@ class Section:
         self.source = source
         self.key = key
         if not isinstance(value, dict):
-            raise self.error("", f"must be a mapping of keys to values, got {_shown(value)}")
+            raise self.error("", f"must be a mapping of keys to values, got {shown(value)}")
         self._values: dict[str, object] = dict(value)
         self._known: dict[str, None] = {}  # in order
 
@@ -83,7 +73,7 @@ class Section:
             What is wrong.
         """
         path = ".".join(part for part in (self.key, name) if part)
-        return ConfigError(f"{self.source}: {path}: {reason}" if path else f"{self.source}: {reason}")
+        return ConfigError(": ".join(part for part in (one_line(self.source), one_line(path), reason) if part))
 
     def __contains__(self, name: str) -> bool:
         self._known[name] = None
@@ -145,16 +135,16 @@ class Section:
         expected = f"a list of {count} numbers in {interval(low, high)}"
         value = self._take(name, _REQUIRED, expected)
         if not isinstance(value, list) or len(value) != count:
-            raise self.error(name, f"must be {expected}, got {_shown(value)}")
+            raise self.error(name, f"must be {expected}, got {shown(value)}")
         return tuple(self._checked_number(name, item, low, high, False, expected) for item in value)
 
     def _checked_number(
         self, name: str, value: object, low: float, high: float, exclusive: bool, expected: str
     ) -> float:
         if isinstance(value, str) and _reads_as_number(value):
-            raise self.error(name, f"must be {expected}, got the text '{value}' (YAML wants a point: 1.0e-3)")
+            raise self.error(name, f"must be {expected}, got the text {shown(value)} (YAML wants a point: 1.0e-3)")
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= sys.float_info.max:
-            raise self.error(name, f"must be {expected}, got {_shown(value)}")
+            raise self.error(name, f"must be {expected}, got {shown(value)}")
         if not (low < value < high if exclusive else low <= value <= high):
             raise self.error(name, f"must be {expected}, got {value:g}")
         return float(value)
@@ -176,7 +166,7 @@ class Section:
         expected = f"a whole number in [{low}, {high}]"
         value = self._take(name, default, expected)
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-            raise self.error(name, f"must be {expected}, got {_shown(value)}")
+            raise self.error(name, f"must be {expected}, got {shown(value)}")
         return value
 
     def wholes(self, name: str, low: int, high: int) -> list[int]:
@@ -196,7 +186,7 @@ class Section:
         if not isinstance(value, list) or any(
             isinstance(item, bool) or not isinstance(item, int) or not low <= item <= high for item in value
         ):
-            raise self.error(name, f"must be {expected}, got {_shown(value)}")
+            raise self.error(name, f"must be {expected}, got {shown(value)}")
         return list(value)
 
     def flag(self, name: str, *, default: object = _REQUIRED) -> bool:
@@ -211,7 +201,7 @@ class Section:
         """
         value = self._take(name, default, "true or false")
         if not isinstance(value, bool):
-            raise self.error(name, f"must be true or false, got {_shown(value)}")
+            raise self.error(name, f"must be true or false, got {shown(value)}")
         return value
 
     def text(self, name: str, choices: Sequence[str] = (), *, default: object = _REQUIRED) -> str:
@@ -229,9 +219,11 @@ class Section:
         expected = f"one of {', '.join(choices)}" if choices else "text"
         value = self._take(name, default, expected)
         if not isinstance(value, str) or (choices and value not in choices):
-            raise self.error(name, f"must be {expected}, got {_shown(value)}")
+            raise self.error(name, f"must be {expected}, got {shown(value)}")
         if not value.strip().isprintable():
-            raise self.error(name, f"must be one line of plain text, got {_shown(value)}")
+            raise self.error(name, f"must be one line of plain text, got {shown(value)}")
+        if len(value) > MAX_TEXT:
+            raise self.error(name, f"must be a text of at most {MAX_TEXT} characters, got {len(value)}")
         return value.strip()
 
     def section(self, name: str) -> Section:
@@ -243,7 +235,7 @@ class Section:
         """Return a list of mappings."""
         value = self._take(name, _REQUIRED, "a list of mappings")
         if not isinstance(value, list):
-            raise self.error(name, f"must be a list of mappings, got {_shown(value)}")
+            raise self.error(name, f"must be a list of mappings, got {shown(value)}")
         prefix = f"{self.key}." if self.key else ""
         return [Section(self.source, f"{prefix}{name}[{index}]", item) for index, item in enumerate(value)]
 
@@ -254,9 +246,42 @@ class Section:
             raise self.error(name, f"unknown key, known here are {', '.join(self._known)}")
 
 
-def _shown(value: object) -> str:
-    text = "nothing" if value is None else repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
+class _ShortRepr(Repr):
+    """Representation of a value of any size, made without one of its full size."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.maxstring = self.maxother = 2 * MAX_SHOWN
+        self.maxlist = self.maxtuple = self.maxdict = MAX_SHOWN
+
+    def repr_int(self, x: int, level: int) -> str:
+        """Return the digits; Python refuses to write out more than 4300."""
+        return repr(x) if x.bit_length() < 10_000 else f"a whole number of {x.bit_length()} bits"
+
+
+def shown(value: object) -> str:
+    """Return a value for an error message, in one line of at most `MAX_SHOWN` characters."""
+    text = "nothing" if value is None else _ShortRepr().repr(value)
+    return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}..."
+
+
+def one_line(text: str, limit: int = 4 * MAX_TEXT) -> str:
+    """Return a text from outside, such as a file name, so that it fits into a message of one line.
+
+    Parameters
+    ----------
+    text : str
+        The text.
+    limit : int, optional
+        Largest length.
+
+    Examples
+    --------
+    >>> one_line("thumb.yaml"), one_line("thumb\\n.yaml")
+    ('thumb.yaml', 'thumb\\\\n.yaml')
+    """
+    cut = text if len(text) <= limit else f"{text[: limit - 3]}..."
+    return cut if cut.isprintable() else repr(cut)[1:-1]
 
 
 def _reads_as_number(text: str) -> bool:
@@ -267,34 +292,68 @@ def _reads_as_number(text: str) -> bool:
     return True
 
 
-def read_yaml(path: str | Path) -> Section:
+def read_text(path: str | Path, limit: int = MAX_FILE) -> str:
+    """Return the text of a regular file in UTF-8.
+
+    Parameters
+    ----------
+    path : str or Path
+        Path of the file.
+    limit : int, optional
+        Largest size [byte].
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be read, is not regular, is larger, or is not UTF-8 text.
+    """
+    try:
+        return files.read_text(path, limit)
+    except OSError as error:
+        raise ConfigError(f"{one_line(str(path))}: cannot be read: {error.strerror}") from error
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a file in UTF-8 that is complete or not there.
+
+    Parameters
+    ----------
+    path : str or Path
+        Path of the file; an existing one is replaced.
+    text : str
+        Content.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be written; an existing one is then unchanged.
+    """
+    try:
+        files.write_text(path, text)
+    except OSError as error:
+        raise ConfigError(f"{one_line(str(path))}: cannot be written: {error.strerror}") from error
+
+
+def read_yaml(path: str | Path, limit: int = MAX_FILE) -> Section:
     """Return the top-level mapping of a YAML file.
 
     Parameters
     ----------
     path : str or Path
         Path of the file.
+    limit : int, optional
+        Largest size [byte].
 
     Raises
     ------
     ConfigError
-        If the file cannot be read, is not valid YAML, or has a repeated key.
+        If the file cannot be read, or `plain_yaml.parse` refuses it.
     """
-    if Path(path).is_char_device() or Path(path).is_fifo():  # reading these may never end
-        raise ConfigError(f"{path}: cannot be read: not a regular file")
+    text = read_text(path, limit)
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "is not UTF-8 text"
-        raise ConfigError(f"{Path(path)}: cannot be read: {reason}") from error
-    try:
-        value = yaml.load(text, _UniqueKeyLoader)
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark
-        place = f" (line {mark.line + 1}, column {mark.column + 1})" if mark else ""
-        raise ConfigError(f"{path}: is not valid YAML: {error.problem}{place}") from error
-    except (yaml.YAMLError, ValueError, RecursionError) as error:  # an impossible date, a bad tag, recursive nesting
-        raise ConfigError(f"{path}: is not valid YAML: {' '.join(str(error).split())}") from error
+        value = parse(text)
+    except YamlError as error:
+        raise ConfigError(f"{one_line(str(path))}: is not valid YAML: {one_line(str(error))}") from error
     return Section(str(path), "", value)
 
 
@@ -315,13 +374,29 @@ def find_file(name: str, folder: Path, kind: str) -> Path:
     ConfigError
         If there is no such file; the message lists the shipped ones.
     """
-    path = Path(name).expanduser()
+    path = expanded(name)
     if path.suffix or path.parent != Path():
-        if not path.is_file():
-            raise ConfigError(f"{name}: no such {kind} file")
+        if not _is_there(path):
+            raise ConfigError(f"{one_line(name)}: no such {kind} file")
         return path
     shipped = folder / f"{name}.yaml"
-    if not shipped.is_file():
+    if not _is_there(shipped):
         names = ", ".join(sorted(entry.stem for entry in folder.glob("*.yaml")))
-        raise ConfigError(f"{name}: no such {kind}; give the path of a YAML file or one of {names}")
+        raise ConfigError(f"{one_line(name)}: no such {kind}; give the path of a YAML file or one of {names}")
     return shipped
+
+
+def expanded(path: str) -> Path:
+    """Return a path with ~ replaced by the home of its user. Raises ConfigError if there is no such user."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError as error:
+        raise ConfigError(f"{one_line(path)}: there is no such home folder") from error
+
+
+def _is_there(path: Path) -> bool:
+    """Return whether there is a file or anything else that the reader may refuse with its reason."""
+    try:
+        return path.exists() and not path.is_dir()
+    except OSError:  # such as a name that is too long
+        return False

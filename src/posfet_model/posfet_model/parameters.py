@@ -192,6 +192,11 @@ CALIBRATION_FILE: Final = Parameter(
     "Calibration of this individual sensor: path of a YAML file",
     empty="nominal values of the sensor file",
 )
+CALIBRATION_FOLDER: Final = Parameter(
+    "calibration_folder",
+    "~/.ros/posfet",
+    "Folder in which the services calibration/load and calibration/save find and put their files, and nowhere else",
+)
 ESTIMATOR: Final = Parameter(
     "estimator",
     Estimator.OBSERVER.value,
@@ -216,6 +221,7 @@ MODEL_NODE: Final = (
     FRAME_ID,
     *MOUNT,
     CALIBRATION_FILE,
+    CALIBRATION_FOLDER,
     *ESTIMATION,
     SIMULATED,
     Parameter(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -443,34 +444,40 @@ def test_a_forced_tare_is_done_under_load(bench: Bench) -> None:
 
 
 def test_calibrations_are_saved_loaded_and_rejected_in_one_line(bench: Bench, tmp_path: Any) -> None:
-    model, path = bench.model(), tmp_path / "cal.yaml"
-    answer = call(bench, CalibrationFile, "calibration/save", path=str(path))
-    assert answer.success, answer.message
-    answer = call(bench, CalibrationFile, "calibration/load", path=str(path))
+    model, path = bench.model(calibration_folder=str(tmp_path)), tmp_path / "cal.yaml"
+    answer = call(bench, CalibrationFile, "calibration/save", path="cal.yaml")
+    assert (answer.success, answer.message) == (True, f"{path}: written")
+    answer = call(bench, CalibrationFile, "calibration/load", path="cal.yaml")
     assert answer.success, answer.message
     process(model, recorded_scans()[: PRESS_UNTIL - 10])
     assert model.latest().total == pytest.approx(FORCE, abs=0.05)
     path.write_text(path.read_text().replace("layout: 1", "layout: 2"))
-    answer = call(bench, CalibrationFile, "calibration/load", path=str(path))
+    answer = call(bench, CalibrationFile, "calibration/load", path="cal.yaml")
     assert not answer.success
     assert "another layout" in answer.message
     with pytest.raises(ConfigError, match="another layout"):
         bench.model(calibration_file=str(path))
-    for action, bad in (("save", tmp_path / "no" / "cal.yaml"), ("save", ""), ("save", "/dev/null"), ("load", "")):
-        answer = call(bench, CalibrationFile, f"calibration/{action}", path=str(bad))
+    for action, bad, reason in (
+        ("save", "no/cal.yaml", "cannot be written"),
+        ("save", "cal.yaml", "exists and is no calibration of this sensor"),
+        ("load", "none.yaml", "cannot be read"),
+        *((action, bad, "must be the name of a file in") for action in ("load", "save") for bad in ("", "/dev/null")),
+        *((action, f"{'x' * 250}.yaml", "must be the name of a file in") for action in ("load", "save")),
+    ):
+        answer = call(bench, CalibrationFile, f"calibration/{action}", path=bad)
         assert not answer.success
-        assert answer.message.count("cannot be") == 1
+        assert answer.message.count(reason) == 1
 
 
 def test_the_estimator_is_that_of_the_parameter_also_with_a_loaded_calibration(bench: Bench, tmp_path: Any) -> None:
-    model, path = bench.model(estimator="error_state", max_relative_uncertainty=1e-3), tmp_path / "cal.yaml"
+    model = bench.model(estimator="error_state", max_relative_uncertainty=1e-3, calibration_folder=str(tmp_path))
     for _ in range(2):
         # No force is as certain as that; the default estimator has no such limit.
         process(model, recorded_scans()[: PRESS_UNTIL - 10])
         assert model.latest().total == pytest.approx(FORCE, abs=0.1)
         assert not model.latest().valid
-        assert call(bench, CalibrationFile, "calibration/save", path=str(path)).success
-        assert call(bench, CalibrationFile, "calibration/load", path=str(path)).success
+        assert call(bench, CalibrationFile, "calibration/save", path="cal.yaml").success
+        assert call(bench, CalibrationFile, "calibration/load", path="cal.yaml").success
     certain = bench.model(max_relative_uncertainty=1e-3)
     process(certain, recorded_scans()[: PRESS_UNTIL - 10])
     assert certain.latest().valid
@@ -489,3 +496,71 @@ def test_an_unknown_estimator_or_meaningless_limit_is_rejected(
 ) -> None:
     with pytest.raises(ConfigError, match=reason):
         bench.model(**parameters)
+
+
+ALIAS_BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
+    f"{name}: &{name} [{', '.join([f'*{before}'] * 9)}]\n" for before, name in zip("abcdefgh", "bcdefghi", strict=True)
+)
+
+
+@pytest.mark.parametrize(
+    ("content", "reason"),
+    [
+        (ALIAS_BOMB, "anchors and aliases"),
+        ("version: 1" + ":1" * 3000, "a number of more than 100 characters"),
+        ("[" * 30_000, "nested more than"),
+        ("version: " + "1" * 5000, "a number of more than 100 characters"),
+        ("version: !!int ''", "tags"),
+        (" " * 2_000_000, "larger than 70 kB"),
+        (None, "not a regular file"),
+    ],
+)
+def test_no_calibration_file_ends_the_node(bench: Bench, tmp_path: Any, content: str | None, reason: str) -> None:
+    model = bench.model(calibration_folder=str(tmp_path))
+    if content is None:
+        os.mkfifo(tmp_path / "cal.yaml")
+    else:
+        (tmp_path / "cal.yaml").write_text(content)
+    answer = call(bench, CalibrationFile, "calibration/load", path="cal.yaml")
+    assert not answer.success
+    assert reason in answer.message
+    assert len(answer.message) < 300
+    process(model, recorded_scans()[:2])
+    assert model.latest().scans == 2
+
+
+@pytest.mark.parametrize("service", ["tare", "calibration/load", "calibration/save"])
+def test_a_failing_service_answers_and_scans_go_on(
+    bench: Bench, tmp_path: Any, monkeypatch: pytest.MonkeyPatch, service: str
+) -> None:
+    model = bench.model(calibration_folder=str(tmp_path))
+
+    def fail(*_: Any) -> None:
+        raise OSError(5, "two\nlines")
+
+    monkeypatch.setattr(model._reconstructor, "tare", fail)
+    monkeypatch.setattr(model._calibrations, "load", fail)
+    monkeypatch.setattr(model._calibrations, "save", fail)
+    answer = call(bench, TareService if service == "tare" else CalibrationFile, service)
+    assert not answer.success
+    assert answer.message == "internal error, see the log of the node: OSError: [Errno 5] two lines"
+    process(model, recorded_scans()[:2])
+    assert model.latest().scans == 2
+
+
+def test_a_failing_report_is_logged_once_and_the_node_goes_on(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(model_node, "REPORT_PERIOD", 0.01)
+    calls = []
+
+    def fail(*_: Any) -> None:
+        calls.append(1)
+        raise ValueError("no verdict")
+
+    monkeypatch.setattr(model_node, "judge", fail)
+    model = bench.model()
+    bench.spin_until(lambda: len(calls) >= 3)
+    process(model, recorded_scans()[:2])
+    assert model.latest().scans == 2
+    assert capfd.readouterr().err.count("ValueError: no verdict") == 1

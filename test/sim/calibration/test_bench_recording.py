@@ -89,7 +89,7 @@ def test_calibration_on_a_rig_recovers_the_parameters_of_the_board(
         ("HEAD\n1,0,0,0\n2,0,0,nan\n", "line 3: force_N must be a number in"),
         ("HEAD\n1,0,0,0\n2,0,zero,1\n", "line 3: y_mm must be a number in"),
         ("HEAD\n2,0,0,0\n1,0,0,0\n", "reading 2: time_s must be after"),
-        ("\udcff", "not a CSV text file"),
+        ("\udcff", "is not UTF-8 text"),
     ],
 )
 def test_an_invalid_rig_file_is_rejected_with_a_one_line_error(tmp_path: Path, text: str, reason: str) -> None:

@@ -18,7 +18,7 @@ from posfet_model.calibration.taxel_calibration import (
     Calibration,
     Residuals,
 )
-from posfet_model.config import ConfigError, Section, read_yaml
+from posfet_model.config import ConfigError, Section, one_line, read_yaml, shown, write_text
 from posfet_model.sensor.description import Sensor
 
 VERSION: Final = 2
@@ -31,9 +31,13 @@ MAX_POLES: Final = 8
 DIGITS: Final = 6
 """Significant digits of the numbers in a file."""
 
+FILE_SIZE: Final = (64_000, 256)
+"""Largest size of a file [byte]: for any sensor, and for each taxel, for which 90 are written. A small array has a small
+limit, since a service reads the file while scans wait."""
+
 
 def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration) -> None:
-    """Write a calibration to a file, which is replaced atomically.
+    """Write a calibration to a file, which is complete or not there.
 
     Parameters
     ----------
@@ -94,13 +98,7 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
             "force_rms_before_mN": _number(residuals.force_rms_before * 1e3),
             "samples": residuals.samples,
         }
-    target = check_writable(path)
-    part = target.with_name(f"{target.name}.part")
-    try:
-        part.write_text(yaml.safe_dump(document, sort_keys=False, width=120), encoding="utf-8")
-        os.replace(part, target)  # never an incomplete file
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
+    write_text(check_writable(path), yaml.safe_dump(document, sort_keys=False, width=120))
 
 
 def check_writable(path: str | Path) -> Path:
@@ -121,13 +119,18 @@ def check_writable(path: str | Path) -> Path:
     ConfigError
         The file is not a regular one, or its folder is missing or read-only; one line.
     """
-    target = Path(path)
-    if not target.name or (target.exists() and not target.is_file()):  # os.replace would replace a device node
-        raise ConfigError(f"{target}: cannot be written: not a regular file")
-    if not target.parent.is_dir():
-        raise ConfigError(f"{target}: cannot be written: {target.parent} is not a folder")
-    if not os.access(target.parent, os.W_OK | os.X_OK):
-        raise ConfigError(f"{target}: cannot be written: {target.parent} is read-only")
+    target, reason = Path(path), ""
+    try:
+        if not target.name or (target.exists() and not target.is_file()):  # it would be replaced, even a device node
+            reason = "not a regular file"
+        elif not target.parent.is_dir():
+            reason = f"{one_line(str(target.parent))} is not a folder"
+        elif not os.access(target.parent, os.W_OK | os.X_OK):
+            reason = f"{one_line(str(target.parent))} is read-only"
+    except OSError as error:  # such as a name that is too long
+        reason = error.strerror or "not a file name"
+    if reason:
+        raise ConfigError(f"{one_line(str(target))}: cannot be written: {reason}")
     return target
 
 
@@ -152,14 +155,14 @@ def load_calibration(path: str | Path, sensor: Sensor) -> Calibration:
         The file belongs to another sensor or layout, or `read_yaml` or `Section` refuses it; one line that names file,
         key, allowed values and value.
     """
-    top = read_yaml(path)
+    top = read_yaml(path, FILE_SIZE[0] + FILE_SIZE[1] * sensor.layout.taxels)
     version = top.whole("version", 1, VERSION)
     date = top.text("date")
     owner = top.section("sensor")
     for name, expected in (("name", sensor.name), ("serial", sensor.serial)):
         text = owner.text(name)
         if text != expected:
-            raise owner.error(name, f"is of another sensor: must be '{expected}', got '{text}'")
+            raise owner.error(name, f"is of another sensor: must be '{expected}', got {shown(text)}")
     layout = sensor.layout
     for name, number in (("layout", layout.id), ("rows", layout.rows), ("cols", layout.cols)):
         value = owner.whole(name, 1, 0xFFFF)

@@ -19,7 +19,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
 from visualization_msgs.msg import MarkerArray
 
-from posfet_model.calibration.calibration_file import load_calibration, save_calibration
+from posfet_model.calibration.calibration_file import load_calibration
+from posfet_model.calibration.calibration_folder import CalibrationFolder
 from posfet_model.config import ConfigError
 from posfet_model.contacts.tracker import Contact
 from posfet_model.estimation.choice import Estimator
@@ -43,6 +44,7 @@ from posfet_model.ros.conversions import (
     info_message,
 )
 from posfet_model.ros.diagnostic_array import diagnostic_array
+from posfet_model.ros.guarded import answering, reporting
 from posfet_model.ros.mount_node import broadcast_mount
 from posfet_model.ros.ros_parameters import declare, declared_frame, declared_sensor
 from posfet_model.ros.run_node import run_node
@@ -107,6 +109,7 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
             self.sensor = declared_sensor(parameters)
             path = parameters["calibration_file"]
             calibration = load_calibration(path, self.sensor) if path else None
+            self._calibrations = CalibrationFolder(parameters["calibration_folder"], self.sensor)
             frame_id = declared_frame(self, parameters)
             self._mount = broadcast_mount(self, frame_id, parameters)
         except ConfigError:
@@ -147,10 +150,10 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._info.publish(info_message(self.sensor, frame_id, parameters["simulated"], time.time_ns()))
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", OUTPUT_DEPTH)
         self._reported = ScanCounts()
-        self.create_timer(REPORT_PERIOD, self._report)
-        self.create_service(TareService, "tare", self._tare)
-        self.create_service(CalibrationFile, "calibration/load", self._load)
-        self.create_service(CalibrationFile, "calibration/save", self._save)
+        self.create_timer(REPORT_PERIOD, reporting(self, self._report))
+        self.create_service(TareService, "tare", answering(self, self._tare))
+        self.create_service(CalibrationFile, "calibration/load", answering(self, self._load))
+        self.create_service(CalibrationFile, "calibration/save", answering(self, self._save))
         if not parameters["direct"]:
             self.create_subscription(TactileRaw, "raw", self._receive, RAW_DEPTH)
 
@@ -226,7 +229,7 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def _load(self, request: Any, response: Any) -> Any:
         try:
-            calibration = load_calibration(request.path, self.sensor)
+            calibration = self._calibrations.load(request.path)
         except ConfigError as error:
             response.success, response.message = False, str(error)
             return response
@@ -242,11 +245,11 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
 
     def _save(self, request: Any, response: Any) -> Any:
         try:
-            save_calibration(request.path, self.sensor, self._reconstructor.calibration)
+            path = self._calibrations.save(request.path, self._reconstructor.calibration)
         except ConfigError as error:
             response.success, response.message = False, str(error)
             return response
-        response.success, response.message = True, f"{request.path}: written"
+        response.success, response.message = True, f"{path}: written"
         return response
 
     def _report(self) -> None:

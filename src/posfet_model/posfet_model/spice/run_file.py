@@ -10,9 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model.amplifier.follower_base import VOLTAGE_LIMIT
+from posfet_model.files import read_text
 
 HEADER: Final = "time,v_in,v_out"
 
+MAX_SIZE: Final = 128_000_000
+"""Largest size of a file [byte]: some million rows."""
 
 MIN_SWING: Final = (1e-12, 1e-9)
 """Smallest peak-to-peak of v_out: absolute [V], and relative to the largest voltage in the file [1]."""
@@ -58,10 +61,9 @@ def read_run(path: Path) -> FollowerRun:
         The file cannot be read or does not contain such a run.
     """
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not a text file"
-        raise RunFileError(f"{path}: cannot be read: {reason}") from error
+        lines = read_text(path, MAX_SIZE).splitlines()
+    except OSError as error:
+        raise RunFileError(f"{path}: cannot be read: {error.strerror}") from error
     numbers = [i for i, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")]
     if not numbers or "".join(lines[numbers[0] - 1].split()) != HEADER:
         where, got = (numbers[0], repr(lines[numbers[0] - 1][:60])) if numbers else (1, "nothing")

@@ -8,6 +8,8 @@ estimated from the force that both measured; it must be below `MAX_DELAY`.
 from __future__ import annotations
 
 import csv
+import io
+from array import array
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -20,7 +22,7 @@ from posfet_driver.bus.recording import messages
 from posfet_driver.protocol.decoder import Decoder, ScanReady
 from posfet_model._lib.types import Array
 from posfet_model.calibration.least_squares_fit import Recording
-from posfet_model.config import ConfigError
+from posfet_model.config import ConfigError, read_text, shown
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import ScanStatus
 from posfet_model.sensor.signal_chain import InverseSignalChain, charge_per_newton
@@ -33,6 +35,9 @@ COLUMNS: Final = ("time_s", "x_mm", "y_mm", "force_N")
 
 LIMITS: Final = {"time_s": (0.0, 1e11), "x_mm": (-1000.0, 1000.0), "y_mm": (-1000.0, 1000.0), "force_N": (-10.0, 1e3)}
 """Allowed values of each column; a force below 0 is noise of the rig and counts as 0."""
+
+MAX_REFERENCE: Final = 64_000_000
+"""Largest size of the file of the rig [byte]: half an hour of readings at 1 kHz."""
 
 MAX_DELAY: Final = 0.5
 """Maximum delay between the two clocks [s]."""
@@ -163,15 +168,17 @@ def read_reference(file: Path) -> Reference:
     ConfigError
         The file cannot be used. The message is one line naming file, line and column.
     """
+    rows = csv.reader(io.StringIO(read_text(file, MAX_REFERENCE), newline=""))
+    readings = array("d")
     try:
-        with file.open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.reader(stream))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not a CSV text file"
-        raise ConfigError(f"{file}: {reason}") from error
-    if not rows or [name.strip() for name in rows[0]] != list(COLUMNS):
-        raise ConfigError(f"{file}: line 1: must be '{','.join(COLUMNS)}'")
-    values = np.array([_reading(file, line, row) for line, row in enumerate(rows[1:], 2) if row])
+        if [name.strip() for name in next(rows, [])] != list(COLUMNS):
+            raise ConfigError(f"{file}: line 1: must be '{','.join(COLUMNS)}'")
+        for line, row in enumerate(rows, 2):
+            if row:
+                readings.extend(_reading(file, line, row))
+    except csv.Error as error:
+        raise ConfigError(f"{file}: not a CSV text file") from error
+    values = np.array(readings).reshape(-1, len(COLUMNS))
     if len(values) < 2:
         raise ConfigError(f"{file}: must have two readings or more, got {len(values)}")
     late = np.flatnonzero(np.diff(values[:, 0]) <= 0)
@@ -192,7 +199,7 @@ def _reading(file: Path, line: int, row: list[str]) -> list[float]:
         except ValueError:
             value = np.nan
         if not low <= value <= high:
-            raise ConfigError(f"{file}: line {line}: {name} must be a number in [{low:g}, {high:g}], got '{text}'")
+            raise ConfigError(f"{file}: line {line}: {name} must be a number in [{low:g}, {high:g}], got {shown(text)}")
         values.append(value)
     return values
 

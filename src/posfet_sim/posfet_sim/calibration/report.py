@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.config import ConfigError
+from posfet_model.config import write_text
 from posfet_model.sensor.description import Sensor
 
 CELL: Final = 44
@@ -42,12 +41,7 @@ def write_report(path: Path, sensor: Sensor, calibration: Calibration) -> None:
     ConfigError
         The file cannot be written; one line.
     """
-    part = path.with_name(f"{path.name}.part")
-    try:
-        part.write_text(report(sensor, calibration), encoding="utf-8")
-        os.replace(part, path)
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
+    write_text(path, report(sensor, calibration))
 
 
 def report(sensor: Sensor, calibration: Calibration) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import os
+import stat
 from pathlib import Path
 
 
@@ -36,11 +38,20 @@ def lock(link: Path) -> int:
     BlockingIOError
         Another process or adapter has the lock.
     OSError
-        The lock file cannot be created.
+        The lock file cannot be created, or what is at its path is no regular file of this user.
     """
     link.parent.mkdir(parents=True, exist_ok=True)
-    descriptor = os.open(link.with_name(f".{link.name}.lock"), os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:
+        descriptor = os.open(link.with_name(f".{link.name}.lock"), flags, 0o600)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise OSError(errno.ELOOP, "its lock file is a symbolic link") from error
+        raise
+    try:
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode) or status.st_uid != os.geteuid() or status.st_nlink > 1:
+            raise OSError(errno.EPERM, "its lock file is no regular file of this user")
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         os.close(descriptor)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import secrets
 import select
 import threading
 import tty
@@ -89,12 +90,11 @@ class EmulatedAdapter:
             raise SourceError(f"{self.link}: an emulated adapter is running here already") from error
         except OSError as error:
             raise SourceError(f"{self.link}: the adapter cannot be linked here: {error.strerror}") from error
-        self._terminals = os.openpty()
-        self._wake = os.pipe()
-        master, slave = self._terminals
-        tty.setraw(slave)
-        os.set_blocking(master, False)
         try:
+            self._wake = os.pipe()
+            self._terminals = master, slave = os.openpty()
+            tty.setraw(slave)
+            os.set_blocking(master, False)
             self._make_link(os.ttyname(slave))
         except OSError as error:
             self._release()
@@ -116,9 +116,13 @@ class EmulatedAdapter:
     def _make_link(self, target: str) -> None:
         if self.link.exists() and not self.link.is_symlink():
             raise FileExistsError(0, "there is something else already")
-        fresh = self.link.with_name(f"{self.link.name}.{os.getpid()}")
+        fresh = self.link.with_name(f"{self.link.name}.{secrets.token_hex(8)}")
         fresh.symlink_to(target)
-        fresh.replace(self.link)
+        try:
+            fresh.replace(self.link)
+        except OSError:
+            fresh.unlink()
+            raise
 
     def _release(self) -> None:
         for descriptor in (*self._terminals, *self._wake):

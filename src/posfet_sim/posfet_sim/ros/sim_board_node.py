@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
-from posfet_driver.board.scan_source import ManagedDevice, SourceError
+from posfet_driver.board.scan_source import ManagedDevice
 from posfet_driver.clock import Clock
 from posfet_driver.ros.scan_source_node import ScanSourceNode
 from posfet_model._lib.units import NANOSECONDS
-from posfet_model.config import ConfigError
+from posfet_model.config import ConfigError, shown
+from posfet_model.ros.guarded import answering, reporting
 from posfet_model.ros.run_node import run_node
 from posfet_model.ros.subscriptions import SubscriptionCache
 from posfet_model.sensor.description import Layout, Sensor
@@ -100,10 +102,12 @@ class SimBoardNode(ScanSourceNode):
 
     def __init__(self, node_name: str = "sim_board_node", clock: Clock | None = None, **node_arguments: Any) -> None:
         super().__init__(node_name, SIM_BOARD_NODE, clock, **node_arguments)
+        self._guarded_report = reporting(self, super()._report)
+        self._resume: bool | None = None  # closed since it could not be opened again: whether it was active before
         self._truth_message = TruthMessage(self.sensor.layout, self.frame_id)
         self._truth = self.create_publisher(TactileTruth, "truth", TRUTH_DEPTH)
         self._truth_listeners = SubscriptionCache(self._truth)
-        self.create_service(LoadScene, "scene/load", self._load_scene)
+        self.create_service(LoadScene, "scene/load", answering(self, self._load_scene))
         self._taken: deque[tuple[int, float]] = deque(
             maxlen=SCAN_TIMES_KEPT
         )  # sequence and time [s] of the latest scans
@@ -139,15 +143,62 @@ class SimBoardNode(ScanSourceNode):
         self._publish_truth(scan.sequence, scan.stamp, now)
 
     def _load_scene(self, request: LoadScene.Request, response: LoadScene.Response) -> LoadScene.Response:
-        """Restart the board with another scene."""
+        """Restart the board with another scene; if it does not start, with the one before."""
         try:
-            self.source.scene = load_scene(request.scene, self.sensor)
-            self.restart()
-        except (ConfigError, SourceError) as error:
+            scene = load_scene(request.scene, self.sensor)
+        except ConfigError as error:
             response.success, response.message = False, str(error)
             return response
-        response.success, response.message = True, f"scene '{self.source.scene.name}' from its start"
+        earlier, self.source.scene = self.source.scene, scene
+        reason = self._restart()
+        if not reason:
+            response.success, response.message = True, f"scene {shown(scene.name)} from its start"
+            return response
+        self.source.scene = earlier
+        closed = self._restart()
+        state = "the board is closed" if closed else f"scene {shown(earlier.name)} from its start"
+        response.success, response.message = False, f"scene {shown(scene.name)} does not start: {reason}; {state}"
+        self.get_logger().error(response.message)
         return response
+
+    def _restart(self) -> str:
+        """Restart the board unless it is closed on purpose; return '' or why it failed, the node is unconfigured then."""
+        active = self._active
+        try:
+            if self._resume is None:
+                self.restart()
+                return ""
+        except Exception as error:  # whatever it is, the state of the node must be true
+            if active:
+                self.trigger_deactivate()
+            self.trigger_cleanup()
+            self._resume = active
+            return _reason(error)
+        resume = self._resume
+        if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
+            return self._failure
+        if resume:
+            self.trigger_activate()
+        return ""
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Open the source and start reading."""
+        try:
+            result = super().on_configure(state)
+        except Exception as error:  # rclpy would hide it
+            self._failure = _reason(error)
+            self.get_logger().error(self._failure)
+            result = TransitionCallbackReturn.FAILURE
+        if result == TransitionCallbackReturn.SUCCESS:
+            self._resume = None
+        else:
+            self._end()
+        return result
+
+    def _report(self) -> None:
+        if self._thread and not self._thread.is_alive():
+            super()._report()  # raises: without scans there is nothing to keep alive
+        self._guarded_report()
 
     def _scan_sent(self, scan: Scan, stamp: int) -> None:
         """Publish the ground truth of a scan that was sent on the bus; runs in the thread of the bus."""
@@ -162,6 +213,10 @@ class SimBoardNode(ScanSourceNode):
         self._taken.append((sequence, self.source.board.time))
         if self._truth_listeners.any(now):
             self._truth.publish(self._truth_message.fill(self.source.board.truth(), sequence, stamp))
+
+
+def _reason(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__
 
 
 def _floats(values: np.ndarray[Any, Any]) -> array[float]:

@@ -1,0 +1,100 @@
+"""The one folder in which calibrations are loaded and saved on request of other programs."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+from posfet_model.calibration.calibration_file import load_calibration, save_calibration
+from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.config import ConfigError, expanded, one_line, shown
+from posfet_model.sensor.description import Sensor
+
+SUFFIX: Final = ".yaml"
+"""End of the name of every file."""
+
+MAX_NAME: Final = 200
+"""Largest length of a name."""
+
+
+class CalibrationFolder:
+    """Calibrations by name. A name can neither leave the folder nor make anything but a calibration be overwritten.
+
+    A name is that of a file or a relative path, ends in ``.yaml``, and no part of it begins with a point.
+
+    Parameters
+    ----------
+    folder : str
+        Path of the folder, which the first `save` makes; ~ is the home folder.
+    sensor : Sensor
+        The sensor to which the calibrations belong.
+
+    Raises
+    ------
+    ConfigError
+        At construction, if ~ is no known home folder. The methods raise it with one line for a name that is not
+        allowed, and for a file that cannot be used.
+    """
+
+    def __init__(self, folder: str, sensor: Sensor) -> None:
+        self.root = Path(os.path.realpath(expanded(folder)))
+        """The folder, without symbolic links."""
+        self._sensor = sensor
+
+    def load(self, name: str) -> Calibration:
+        """Return the calibration of a name."""
+        path = self._path(name)
+        if not self._holds(path):
+            raise self._refused(name)
+        return load_calibration(path, self._sensor)
+
+    def save(self, name: str, calibration: Calibration) -> Path:
+        """Write a calibration and return its path.
+
+        Parameters
+        ----------
+        name : str
+            Name of the file. An existing one is replaced only if it is a calibration of the same sensor.
+        calibration : Calibration
+            The calibration.
+        """
+        path = self._path(name)
+        if os.path.lexists(path):
+            self._check_replaceable(path)
+        try:
+            self.root.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(f"{self.root}: the calibration folder cannot be made: {error.strerror}") from error
+        save_calibration(path, self._sensor, calibration)
+        return path
+
+    def _path(self, name: str) -> Path:
+        """Return the path of a name, of which only the last part may be a symbolic link."""
+        path = PurePosixPath(name)
+        plain = name.isprintable() and len(name) <= MAX_NAME and not path.is_absolute()
+        if not plain or not name.endswith(SUFFIX) or any(part.startswith(".") for part in path.parts):
+            raise self._refused(name)
+        folder = Path(os.path.realpath(self.root / path.parent))
+        if not self._holds(folder):
+            raise self._refused(name)
+        return folder / path.name
+
+    def _holds(self, path: Path) -> bool:
+        return Path(os.path.realpath(path)).is_relative_to(self.root)
+
+    def _refused(self, name: str) -> ConfigError:
+        return ConfigError(
+            f"{shown(name)}: must be the name of a file in the calibration folder {one_line(str(self.root))}, ending in "
+            f"{SUFFIX}, for instance thumb{SUFFIX}"
+        )
+
+    def _check_replaceable(self, path: Path) -> None:
+        reason = "is a symbolic link"
+        if not path.is_symlink():
+            try:
+                load_calibration(path, self._sensor)
+                return
+            except ConfigError:
+                reason = "is no calibration of this sensor"
+        raise ConfigError(f"{path}: exists and {reason}, so it is not replaced: choose another name")
