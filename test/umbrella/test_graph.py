@@ -1,11 +1,14 @@
 from __future__ import annotations
 
+import os
+import stat
+import tempfile
 from pathlib import Path
 
 import pytest
 
 from posfet.arguments import parse
-from posfet.graph import NodeSpec, graph
+from posfet.graph import NodeSpec, emulated_adapter, graph
 from posfet_model.calibration.calibration_file import save_calibration
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
@@ -184,3 +187,29 @@ def test_a_missing_parameter_file_is_rejected() -> None:
 def test_invalid_files_are_rejected_before_any_node_is_started(params_file: str, word: str, reason: str) -> None:
     with pytest.raises(ConfigError, match=reason):
         graph(parse([word]), params_file)
+
+
+def test_the_emulated_adapter_is_in_a_folder_of_the_user_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    assert emulated_adapter("hand/thumb").parent == tmp_path / "posfet"
+    assert stat.S_IMODE((tmp_path / "posfet").stat().st_mode) == 0o700
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    folder = emulated_adapter("hand/thumb").parent
+    assert folder == tmp_path / f"posfet-{os.getuid()}"
+    folder.chmod(0o777)
+    with pytest.raises(ConfigError, match=f"^{folder}: must be a folder that only you can write to; set XDG_RUNTIME_DIR"):
+        emulated_adapter("hand/thumb")
+    folder.rmdir()
+    folder.symlink_to(tmp_path / "posfet")  # prepared by someone else
+    with pytest.raises(ConfigError, match=f"^{folder}: must be a folder that only you can write to"):
+        emulated_adapter("hand/thumb")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "none"))
+    with pytest.raises(ConfigError, match="cannot be made: No such file or directory; set XDG_RUNTIME_DIR"):
+        emulated_adapter("hand/thumb")
+
+
+def test_the_calibration_folder_reaches_the_model_if_it_is_given(params_file: str) -> None:
+    assert "calibration_folder" not in nodes(params_file)["model_node"].parameters
+    given = nodes(params_file, "calibration_folder:=/srv/posfet")["model_node"].parameters
+    assert given["calibration_folder"] == "/srv/posfet"
