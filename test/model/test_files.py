@@ -1,4 +1,4 @@
-"""Reading and writing of whole files: what is no plain file of limited size is refused, and a failure leaves nothing."""
+"""Reading and writing of whole files: only plain files of limited size are read, and a failure leaves nothing."""
 
 from __future__ import annotations
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import importlib.util
+import tracemalloc
 from typing import Any
 
 import pytest
 import yaml
 
+from posfet_model import plain_yaml
 from posfet_model.plain_yaml import MAX_DEPTH, YamlError, parse
 from support.paths import ROOT
 
@@ -28,7 +32,7 @@ def test_plain_values_are_read(text: str, value: Any) -> None:
 
 
 def test_the_shipped_files_mean_what_they_mean_elsewhere() -> None:
-    paths = [path for path in sorted((ROOT / "src").rglob("*.yaml"))]
+    paths = sorted((ROOT / "src").rglob("*.yaml"))
     assert len(paths) > 30
     for path in paths:
         text = path.read_text(encoding="utf-8")
@@ -51,7 +55,7 @@ def test_the_shipped_files_mean_what_they_mean_elsewhere() -> None:
         ("[" * 100_000, f"nested more than {MAX_DEPTH} times (line 1, column {MAX_DEPTH + 1})"),
         ("- " * 100_000, f"nested more than {MAX_DEPTH} times"),
         ("? " * 100_000, f"nested more than {MAX_DEPTH} times"),
-        ("[" + "," .join("[]" for _ in range(3000)) + "," + "a," * 60_000 + "]", "more values than a file of this size"),
+        ("[" + ",".join("[]" for _ in range(3000)) + "," + "a," * 60_000 + "]", "more values than a file of this size"),
         ("? [a, b]\n: 1\n", "a list or mapping as key is not text (line 1, column 3)"),
         (f"{'k' * 5000}: 1\n{'k' * 5000}: 2\n", ""),
         ("<<: {a: 1}\n", "key << is not text (line 1, column 1)"),
@@ -65,3 +69,27 @@ def test_what_is_not_plain_is_refused_in_one_short_line(text: str, reason: str) 
     assert str(caught.value).startswith(reason)
     assert len(str(caught.value)) < 200
     assert "\n" not in str(caught.value)
+
+
+def test_the_parser_in_python_gives_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    events = [(text, parse(text)) for text in ("a: [1, {b: ü}]\n", "x: |\n  y\n")]
+    with monkeypatch.context() as patch:
+        patch.delattr(yaml, "cyaml")
+        pure = importlib.util.module_from_spec(importlib.util.find_spec(plain_yaml.__name__))
+        pure.__spec__.loader.exec_module(pure)
+    assert pure._Parser is pure._PythonParser
+    assert [(text, pure.parse(text)) for text, _ in events] == events
+    with pytest.raises(pure.YamlError, match="nested more than"):
+        pure.parse("[" * 100_000)
+
+
+@pytest.mark.parametrize("piece", ["a,", "{a: []},", "[[]],", "a: b,"])
+def test_memory_is_bounded_by_the_size_of_the_text(piece: str) -> None:
+    text = "[" + piece * (6_000 // len(piece)) + "]"
+    tracemalloc.start()
+    try:
+        with contextlib.suppress(YamlError):
+            parse(text)
+        assert tracemalloc.get_traced_memory()[1] < 200 * len(text)
+    finally:
+        tracemalloc.stop()

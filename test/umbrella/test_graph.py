@@ -198,7 +198,9 @@ def test_the_emulated_adapter_is_in_a_folder_of_the_user_alone(tmp_path: Path, m
     folder = emulated_adapter("hand/thumb").parent
     assert folder == tmp_path / f"posfet-{os.getuid()}"
     folder.chmod(0o777)
-    with pytest.raises(ConfigError, match=f"^{folder}: must be a folder that only you can write to; set XDG_RUNTIME_DIR"):
+    with pytest.raises(
+        ConfigError, match=f"^{folder}: must be a folder that only you can write to; set XDG_RUNTIME_DIR"
+    ):
         emulated_adapter("hand/thumb")
     folder.rmdir()
     folder.symlink_to(tmp_path / "posfet")  # prepared by someone else

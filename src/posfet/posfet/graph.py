@@ -95,7 +95,9 @@ def _private_folder() -> Path:
         folder.mkdir(mode=0o700, exist_ok=True)
         status = folder.lstat()
     except OSError as error:
-        raise ConfigError(f"{folder}: cannot be made: {error.strerror}; set XDG_RUNTIME_DIR to a folder of yours") from error
+        raise ConfigError(
+            f"{folder}: cannot be made: {error.strerror}; set XDG_RUNTIME_DIR to a folder of yours"
+        ) from error
     if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid() or status.st_mode & 0o022:
         raise ConfigError(f"{folder}: must be a folder that only you can write to; set XDG_RUNTIME_DIR to another one")
     return folder

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from reprlib import Repr
-from typing import Any, Final
+from typing import Final
 
 from posfet_model import files
 from posfet_model._lib.validation import interval
@@ -252,7 +252,8 @@ class _ShortRepr(Repr):
     def __init__(self) -> None:
         super().__init__()
         self.maxstring = self.maxother = 2 * MAX_SHOWN
-        self.maxlist = self.maxtuple = self.maxdict = MAX_SHOWN
+        self.maxlist = self.maxtuple = self.maxdict = MAX_SHOWN // 3
+        self.maxlevel = 3
 
     def repr_int(self, x: int, level: int) -> str:
         """Return the digits; Python refuses to write out more than 4300."""
@@ -266,7 +267,7 @@ def shown(value: object) -> str:
 
 
 def one_line(text: str, limit: int = 4 * MAX_TEXT) -> str:
-    """Return a text from outside, such as a file name, so that it fits into a message of one line.
+    r"""Return a text from outside, such as a file name, so that it fits into a message of one line.
 
     Parameters
     ----------
@@ -277,8 +278,8 @@ def one_line(text: str, limit: int = 4 * MAX_TEXT) -> str:
 
     Examples
     --------
-    >>> one_line("thumb.yaml"), one_line("thumb\\n.yaml")
-    ('thumb.yaml', 'thumb\\\\n.yaml')
+    >>> print(one_line("left\nthumb.yaml"))
+    left\nthumb.yaml
     """
     cut = text if len(text) <= limit else f"{text[: limit - 3]}..."
     return cut if cut.isprintable() else repr(cut)[1:-1]

@@ -11,7 +11,10 @@ from typing import Any, Final
 import yaml
 from yaml.composer import Composer
 from yaml.constructor import SafeConstructor
+from yaml.parser import Parser
+from yaml.reader import Reader
 from yaml.resolver import Resolver
+from yaml.scanner import Scanner
 
 MAX_DEPTH: Final = 16
 """Largest nesting of lists and mappings; the files of the stack need 6."""
@@ -29,39 +32,37 @@ class YamlError(ValueError):
     """Raised for text that is no YAML or has what is not allowed; the message is one line with the place."""
 
 
+class _PythonParser(Reader, Scanner, Parser):
+    """Makes events of a text as `yaml.cyaml.CParser` does."""
+
+    def __init__(self, text: str) -> None:
+        Reader.__init__(self, text)
+        Scanner.__init__(self)
+        Parser.__init__(self)
+
+
 # The parser in C takes a tenth of the time, which saves 20 ms at start-up; not every build of PyYAML has it.
-try:
-    from yaml.cyaml import CParser as _Events
-except ImportError:
-    from yaml.parser import Parser
-    from yaml.reader import Reader
-    from yaml.scanner import Scanner
-
-    class _Events(Reader, Scanner, Parser):  # type: ignore[no-redef]
-        def __init__(self, stream: str) -> None:
-            Reader.__init__(self, stream)
-            Scanner.__init__(self)  # type: ignore[no-untyped-call]
-            Parser.__init__(self)  # type: ignore[no-untyped-call]
+_Parser: Any = getattr(getattr(yaml, "cyaml", None), "CParser", _PythonParser)
 
 
-class _Loader(Composer, _Events, SafeConstructor, Resolver):  # type: ignore[misc]
+class _Loader(Composer, _Parser, SafeConstructor, Resolver):  # type: ignore[misc]  # known at run time only
     """Composer in Python, before that of the parser in C: that one recurses without a limit, until the stack ends."""
 
-    yaml_implicit_resolvers: Final = {
+    yaml_implicit_resolvers = {  # noqa: RUF012  # as in PyYAML
         first: [(tag, pattern) for tag, pattern in resolvers if tag != _TIMESTAMP]
         for first, resolvers in Resolver.yaml_implicit_resolvers.items()
     }
 
     def __init__(self, text: str) -> None:
-        _Events.__init__(self, text)
-        Composer.__init__(self)  # type: ignore[no-untyped-call]
+        _Parser.__init__(self, text)
+        Composer.__init__(self)
         SafeConstructor.__init__(self)
-        Resolver.__init__(self)  # type: ignore[no-untyped-call]
+        Resolver.__init__(self)
         self._depth = 0
         self._values_left = 100 + len(text) // BYTES_PER_VALUE
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        event = self.peek_event()
+        event: Any = self.peek_event()
         if isinstance(event, yaml.AliasEvent) or event.anchor is not None:
             raise _error("anchors and aliases (& and *) are not allowed", event)
         if event.tag is not None:
@@ -80,7 +81,11 @@ class _Loader(Composer, _Events, SafeConstructor, Resolver):  # type: ignore[mis
         seen: set[str] = set()
         for key_node, _ in node.value:
             if key_node.tag != "tag:yaml.org,2002:str":
-                what = f"key {_cut(key_node.value)}" if isinstance(key_node, yaml.ScalarNode) else "a list or mapping as key"
+                what = (
+                    f"key {_cut(key_node.value)}"
+                    if isinstance(key_node, yaml.ScalarNode)
+                    else "a list or mapping as key"
+                )
                 raise _error(f"{what} is not text", key_node)
             if key_node.value in seen:
                 raise _error(f"key '{_cut(key_node.value)}' is given twice", key_node)
@@ -99,8 +104,8 @@ class _Loader(Composer, _Events, SafeConstructor, Resolver):  # type: ignore[mis
             raise _error(f"'{_cut(node.value)}' is not a number", node) from None
 
 
-_Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_number)
-_Loader.add_constructor("tag:yaml.org,2002:float", _Loader.construct_number)
+for _tag in ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float"):
+    _Loader.add_constructor(_tag, _Loader.construct_number)
 
 
 def parse(text: str) -> object:
@@ -120,7 +125,7 @@ def parse(text: str) -> object:
     try:
         loader = _Loader(text)
         try:
-            return loader.get_single_data()  # type: ignore[no-untyped-call]
+            return loader.get_single_data()
         finally:
             loader.dispose()
     except yaml.MarkedYAMLError as error:

@@ -161,7 +161,9 @@ def test_an_unforeseen_failure_is_answered(board: Board, monkeypatch: pytest.Mon
     assert board.runs("idle")
 
 
-@pytest.mark.parametrize("name", ["x" * 300, "x" * 300 + ".yaml", "~nobody_of_this_name/scene.yaml", "/dev/zero", "a/\n.yaml"])
+@pytest.mark.parametrize(
+    "name", ["x" * 300, "x" * 300 + ".yaml", "~nobody_of_this_name/scene.yaml", "/dev/zero", "a/\n.yaml"]
+)
 def test_a_scene_that_is_no_file_is_answered_in_one_line(board: Board, name: str) -> None:
     answer = board.load(name)
     assert not answer.success

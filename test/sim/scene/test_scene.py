@@ -478,3 +478,13 @@ def test_the_document_names_each_key() -> None:
     keys = set(re.findall(r"(?:\.\w+\(|_length\(section, |_angle\(\w+, |keyframes\(\w+, )\"(\w+)\"", sources))
     assert len(keys) > 35
     assert not {key for key in keys if f"`{key}`" not in DOCUMENT}
+
+
+def test_a_scene_has_a_limited_number_of_objects(tmp_path: Path) -> None:
+    path = tmp_path / "many.yaml"
+    keyframe = "{time_s: 0, x_mm: 0, y_mm: 0, force_N: 0}"
+    item = f"  - {{name: o%d, kind: ring, outer_radius_mm: 3, inner_radius_mm: 1, keyframes: [{keyframe}]}}\n"
+    head = "name: many\ndescription: many\ntemperature_degC: 25\nobjects:\n"
+    path.write_text(head + "".join(item % index for index in range(65)), encoding="utf-8")
+    with pytest.raises(ConfigError, match=f"^{path}: objects: must hold at most 64 objects, got 65$"):
+        load_scene(path, load_sensor())

@@ -32,8 +32,8 @@ DIGITS: Final = 6
 """Significant digits of the numbers in a file."""
 
 FILE_SIZE: Final = (64_000, 256)
-"""Largest size of a file [byte]: for any sensor, and for each taxel, for which 90 are written. A small array has a small
-limit, since a service reads the file while scans wait."""
+"""Largest size of a file [byte]: for any sensor, and for each taxel, for which at most 90 are written. A small array
+has a small limit, since a service reads the file while scans wait."""
 
 
 def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration) -> None:

@@ -85,8 +85,8 @@ class CalibrationFolder:
 
     def _refused(self, name: str) -> ConfigError:
         return ConfigError(
-            f"{shown(name)}: must be the name of a file in the calibration folder {one_line(str(self.root))}, ending in "
-            f"{SUFFIX}, for instance thumb{SUFFIX}"
+            f"{shown(name)}: must be the name of a file in the calibration folder {one_line(str(self.root))}, ending "
+            f"in {SUFFIX}, for instance thumb{SUFFIX}"
         )
 
     def _check_replaceable(self, path: Path) -> None:

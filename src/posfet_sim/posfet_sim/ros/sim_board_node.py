@@ -162,7 +162,7 @@ class SimBoardNode(ScanSourceNode):
         return response
 
     def _restart(self) -> str:
-        """Restart the board unless it is closed on purpose; return '' or why it failed, the node is unconfigured then."""
+        """Restart the board unless it is closed on purpose; return '', or why it failed and was closed."""
         active = self._active
         try:
             if self._resume is None:

@@ -33,6 +33,9 @@ DEFAULT_SCENE: Final = "press_slide_lift"
 TEMPERATURE_RANGE: Final = (-40.0, 100.0)
 """Allowed temperatures [degC]; assumed: the copolymer is poled and operated well below its Curie temperature."""
 
+MAX_OBJECTS: Final = 64
+"""Largest number of objects; each takes time to load and to simulate."""
+
 _LENGTH_RANGE: Final = (0.1, 1000.0)
 
 
@@ -63,11 +66,14 @@ def load_scene(name: str | Path, sensor: Sensor) -> Scene:
     bend = _bend(top, sensor)
     thickness = top.number("cover_thickness_mm", 0.01, 20) * 1e-3 if "cover_thickness_mm" in top else None
     cells = Cells(sensor.layout, sensor.device.contact_spread if thickness is None else skin_spread(thickness))
+    objects = top.sections("objects")
+    if len(objects) > MAX_OBJECTS:
+        raise top.error("objects", f"must hold at most {MAX_OBJECTS} objects, got {len(objects)}")
     scene = Scene(
         name=top.text("name"),
         description=top.text("description"),
         period=period,
-        objects=tuple(_object(section, sensor, cells, bend, period) for section in top.sections("objects")),
+        objects=tuple(_object(section, sensor, cells, bend, period) for section in objects),
         temperature=_temperature(top, period),
         bend=bend,
         skin_thickness=thickness,

@@ -1,0 +1,99 @@
+"""Recordings, adapter lines and frames that nobody meant: each is read, or refused in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import can
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE
+from posfet_driver.bus.message_conversion import frame_of
+from posfet_driver.bus.recording import FORMATS, messages, recording
+from posfet_driver.bus.slcan_codec import LineReader
+from posfet_driver.protocol.decoder import Decoder
+from posfet_model.config import ConfigError
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.emulation.firmware import BoardFirmware
+from posfet_sim.scene import SceneLoads, load_scene
+from support.fuzzing import COUNTS, assert_one_line, examples, mutated
+
+SENSOR = load_sensor()
+BASE = SENSOR.can.base_id
+
+FRAMES = st.tuples(
+    st.one_of(st.integers(BASE, BASE + 40), st.integers(0, 0x1FFF_FFFF)),
+    st.sampled_from([CLASSIC, EXTENDED, REMOTE, ERROR, FD, FD | RATE_SWITCH, FD | EXTENDED]),
+    st.binary(max_size=64),
+)
+
+
+# python-can leaves a BLF file with a damaged head to the garbage collector.
+@pytest.mark.filterwarnings("ignore:Exception ignored in. <_io.FileIO:pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("suffix", FORMATS)
+def test_any_recording_is_read_or_refused(tmp_path: Path, suffix: str, count: int) -> None:
+    path = tmp_path / f"bus{suffix}"
+    with recording(path) as write:
+        for index in range(12):
+            write(can.Message(1.7e9 + index * 1e-3, BASE + index, False, data=bytes(range(index % 9))))
+            write(can.Message(1.7e9 + index * 1e-3, BASE + index, False, is_fd=True, data=bytes(48)))
+
+    @examples(count // 2)
+    @given(mutated(path.read_bytes()))
+    def check(content: bytes) -> None:
+        path.write_bytes(content)
+        try:
+            for message in messages(path):
+                frame_of(message)
+        except ConfigError as error:
+            assert_one_line(error, path, limit=10_000)  # it quotes what python-can says
+
+    check()
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_any_line_of_an_adapter_is_read(count: int) -> None:
+    lines = st.one_of(
+        st.binary(max_size=12), st.sampled_from([b"t1238", b"d1239" + b"0" * 20, b"F04", b"\r", b"\a", b"z\r", b"T0"])
+    )
+
+    @examples(count)
+    @given(st.lists(lines, max_size=30))
+    def check(pieces: list[bytes]) -> None:
+        reader = LineReader()
+        for piece in pieces:
+            for identifier, _, data in reader.frames(piece):
+                assert 0 <= identifier < 1 << 29
+                assert len(data) <= 64
+
+    check()
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_any_frames_are_decoded(count: int) -> None:
+    @examples(count)
+    @given(st.lists(FRAMES, max_size=20))
+    def check(frames: list[tuple[int, int, bytes]]) -> None:
+        decoder = Decoder(SENSOR)
+        decoder.receiving = True
+        for index, frame in enumerate(frames):
+            list(decoder.decode([frame], index * 10**6, index * 10**6))
+
+    check()
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_any_frames_are_received_by_the_simulated_board(count: int) -> None:
+    @examples(count // 4)
+    @given(st.lists(FRAMES, max_size=20))
+    def check(frames: list[tuple[int, int, bytes]]) -> None:
+        board = SimulatedBoard(SENSOR, SceneLoads(load_scene("idle", SENSOR), SENSOR), 0)
+        firmware = BoardFirmware(SENSOR, board, 0)
+        for index, frame in enumerate(frames):
+            assert len(firmware.receive(frame, index * 10**6)) <= 1
+
+    check()

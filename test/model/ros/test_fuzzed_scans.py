@@ -1,0 +1,62 @@
+"""Messages on `raw` that no driver sends: none ends the model."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("posfet_msgs", reason="needs the built posfet_msgs")
+
+from array import array
+from typing import Any
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.ros.conversions import ScanReader
+from posfet_model.sensor.description import load_sensor
+from posfet_msgs.msg import TactileRaw
+from support.fuzzing import COUNTS, examples
+
+pytestmark = pytest.mark.ros
+SENSOR = load_sensor()
+TAXELS = SENSOR.layout.taxels
+
+SCANS = st.fixed_dictionaries({
+    "sequence": st.one_of(st.integers(0, 20), st.integers(0, 2**64 - 1)),
+    "device_time": st.one_of(st.integers(0, 20_000), st.integers(0, 2**64 - 1)),
+    "frames_lost": st.integers(0, 2**32 - 1),
+    "status": st.integers(0, 255),
+    "layout_id": st.sampled_from([SENSOR.layout.id, SENSOR.layout.id, SENSOR.layout.id, 7]),
+    "rows": st.sampled_from([5, 5, 5, 0]),
+    "cols": st.sampled_from([5, 5, 5, 65535]),
+    "counts": st.one_of(
+        st.lists(st.integers(0, 65535), min_size=TAXELS, max_size=TAXELS), st.lists(st.integers(0, 65535), max_size=30)
+    ),
+    "temperatures": st.one_of(
+        st.lists(st.floats(width=32), min_size=2, max_size=2), st.lists(st.floats(width=32), max_size=3)
+    ),
+    "sec": st.one_of(st.integers(0, 3), st.integers(-(2**31), 2**31 - 1)),
+    "nanosec": st.integers(0, 2**32 - 1),
+})  # fmt: skip
+
+
+def message(sec: int, nanosec: int, counts: list[int], temperatures: list[float], **fields: Any) -> TactileRaw:
+    made = TactileRaw(counts=array("H", counts), temperatures=temperatures, **fields)
+    made.header.stamp.sec, made.header.stamp.nanosec = sec, nanosec
+    return made
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_any_scans_are_processed(count: int) -> None:
+    @examples(count // 2)
+    @given(st.lists(SCANS, min_size=1, max_size=15))
+    def check(scans: list[dict[str, Any]]) -> None:
+        reader, reconstructor = ScanReader(SENSOR.layout), Reconstructor(SENSOR)
+        for fields in scans:
+            reconstructor.process(reader.read(message(**fields)))
+            reconstructor.run_maintenance()
+        reconstructor.tare(True)
+        assert reconstructor.image().force.shape == (TAXELS,)
+
+    check()

@@ -1,0 +1,107 @@
+"""The example of an SROS2 policy: it allows the stack what it does, a controller to read, an operator to calibrate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="needs ROS 2")
+pytest.importorskip("posfet_msgs", reason="needs the built posfet_msgs")
+
+from rclpy.node import Node
+
+from posfet.view_node import ViewNode
+from posfet_driver.ros.driver_node import DriverNode
+from posfet_model.ros.model_node import ModelNode
+from posfet_sim.ros.sim_board_node import SimBoardNode
+from support.paths import DOCS, ROOT
+
+pytestmark = pytest.mark.ros
+POLICY = ROOT / "src" / "posfet" / "config" / "sros2_policy.xml"
+RULES = {"topics": ("topic", {"publish", "subscribe"}), "services": ("service", {"reply", "request"})}
+
+
+def allowed(enclave: str, rule: str) -> set[str]:
+    """Return the full names for which an enclave has a rule: publish, subscribe, reply or request."""
+    names = set()
+    for profile in (
+        ElementTree.parse(POLICY).getroot().iterfind(f"enclaves/enclave[@path='{enclave}']/profiles/profile")
+    ):
+        space, node = profile.attrib["ns"].rstrip("/"), profile.attrib["node"]
+        for expressions in profile:
+            if expressions.get(rule) == "ALLOW":
+                for expression in expressions:
+                    text = expression.text or ""
+                    names.add(text if text[0] == "/" else f"{space}/{text.replace('~', node)}")
+    return names
+
+
+@pytest.fixture
+def node(request: pytest.FixtureRequest) -> Iterator[Node]:
+    rclpy.init()
+    made = request.param()
+    yield made
+    made.destroy_node()
+    rclpy.shutdown()
+
+
+def make_view() -> Node:
+    return ViewNode("tactile")
+
+
+def make_others(kind: Any) -> Any:
+    return lambda: kind(namespace="/tactile")
+
+
+def test_the_policy_has_the_form_that_sros2_expects() -> None:
+    """Check what the schema of policies 0.2.0 in sros2 requires."""
+    policy = ElementTree.parse(POLICY).getroot()
+    assert (policy.tag, policy.attrib) == ("policy", {"version": "0.2.0"})
+    assert [child.tag for child in policy] == ["enclaves"]
+    for enclave in policy[0]:
+        assert (enclave.tag, set(enclave.attrib)) == ("enclave", {"path"})
+        assert [child.tag for child in enclave] == ["profiles"]
+        for profile in enclave[0]:
+            assert (profile.tag, set(profile.attrib)) == ("profile", {"ns", "node"})
+            for expressions in profile:
+                tag, rules = RULES[expressions.tag]
+                assert set(expressions.attrib) <= rules
+                assert set(expressions.attrib.values()) == {"ALLOW"}
+                assert {expression.tag for expression in expressions} == {tag}
+
+
+@pytest.mark.parametrize(
+    "node", [*(make_others(kind) for kind in (ModelNode, DriverNode, SimBoardNode)), make_view], indirect=True
+)
+def test_the_stack_may_do_all_that_its_nodes_do(node: Node) -> None:
+    name, space = node.get_name(), node.get_namespace()
+    published = {topic for topic, _ in node.get_publisher_names_and_types_by_node(name, space)}
+    subscribed = {topic for topic, _ in node.get_subscriber_names_and_types_by_node(name, space)}
+    served = {service for service, _ in node.get_service_names_and_types_by_node(name, space)}
+    assert "/rosout" in published
+    assert len(served) > 5
+    assert published <= allowed("/tactile", "publish")
+    assert subscribed <= allowed("/tactile", "subscribe")
+    assert served <= allowed("/tactile", "reply")
+
+
+def test_a_controller_can_only_read_and_an_operator_also_calibrates() -> None:
+    assert not allowed("/grasp_controller", "request")
+    for enclave in ("/grasp_controller", "/operator"):
+        assert allowed(enclave, "publish") == {"/rosout", "/parameter_events"}
+        assert "/tactile/contacts" in allowed(enclave, "subscribe")
+    assert allowed("/operator", "request") == {
+        "/tactile/tare",
+        "/tactile/calibration/load",
+        "/tactile/calibration/save",
+    }
+
+
+def test_the_page_on_security_names_every_service_of_the_stack() -> None:
+    page = (DOCS / "security.md").read_text(encoding="utf-8")
+    for service in ("tare", "command", "calibration/load", "calibration/save", "scene/load", "change_state"):
+        assert service in page
+        assert any(name.endswith(f"/{service}") for name in allowed("/tactile", "reply"))
