@@ -215,3 +215,10 @@ def test_the_calibration_folder_reaches_the_model_if_it_is_given(params_file: st
     assert "calibration_folder" not in nodes(params_file)["model_node"].parameters
     given = nodes(params_file, "calibration_folder:=/srv/posfet")["model_node"].parameters
     assert given["calibration_folder"] == "/srv/posfet"
+
+
+def test_a_parameter_file_that_is_none_is_rejected_in_one_line(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path, reason in (("x" * 300, "params_file: no such file"), (str(tmp_path / "pipe"), "not a regular file")):
+        with pytest.raises(ConfigError, match=reason):
+            nodes(path)

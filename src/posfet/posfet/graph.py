@@ -14,7 +14,7 @@ from posfet.arguments import given_parameters, node_parameters
 from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE, DRIVER_NODE
 from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.command_line import checked_namespace
-from posfet_model.config import ConfigError, read_yaml
+from posfet_model.config import ConfigError, is_there, read_yaml
 from posfet_model.parameters import (
     CALIBRATION_FILE,
     CALIBRATION_FOLDER,
@@ -69,7 +69,7 @@ def _yaml(value: Scalar) -> str:
 
 def check_params_file(path: str) -> None:
     """Raise ConfigError, one line, unless `path` holds parameters for nodes of this stack; nodes check the values."""
-    if not Path(path).is_file():
+    if not is_there(Path(path)):
         raise ConfigError(f"params_file: no such file: {path}")
     top = read_yaml(path)
     for name in top.names():

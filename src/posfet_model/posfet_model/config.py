@@ -377,11 +377,11 @@ def find_file(name: str, folder: Path, kind: str) -> Path:
     """
     path = expanded(name)
     if path.suffix or path.parent != Path():
-        if not _is_there(path):
+        if not is_there(path):
             raise ConfigError(f"{one_line(name)}: no such {kind} file")
         return path
     shipped = folder / f"{name}.yaml"
-    if not _is_there(shipped):
+    if not is_there(shipped):
         names = ", ".join(sorted(entry.stem for entry in folder.glob("*.yaml")))
         raise ConfigError(f"{one_line(name)}: no such {kind}; give the path of a YAML file or one of {names}")
     return shipped
@@ -395,8 +395,8 @@ def expanded(path: str) -> Path:
         raise ConfigError(f"{one_line(path)}: there is no such home folder") from error
 
 
-def _is_there(path: Path) -> bool:
-    """Return whether there is a file or anything else that the reader may refuse with its reason."""
+def is_there(path: Path) -> bool:
+    """Return whether there is a file at a path, or what `read_text` refuses with a better reason; False for a folder."""
     try:
         return path.exists() and not path.is_dir()
     except OSError:  # such as a name that is too long

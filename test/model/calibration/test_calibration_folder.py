@@ -34,8 +34,8 @@ def test_a_calibration_is_saved_replaced_and_loaded(folder: CalibrationFolder) -
 @pytest.mark.parametrize(
     "name",
     [
-        "", ".", "..", "thumb", "thumb.txt", ".yaml", ".hidden.yaml", "../thumb.yaml", "a/../../thumb.yaml", 
-        "/etc/x.yaml",         "a/.git/thumb.yaml", "thumb.yaml/", "a\nb.yaml", "x" * 300 + ".yaml", "~/thumb.yaml\0", "\ud800.yaml",
+        "", ".", "..", "thumb", "thumb.txt", ".yaml", ".hidden.yaml", "../thumb.yaml", "a/../../thumb.yaml", "/x.yaml",
+        "a/.git/thumb.yaml", "thumb.yaml/", "a\nb.yaml", "x" * 300 + ".yaml", "~/thumb.yaml\0", "\ud800.yaml",
     ],
 )  # fmt: skip
 def test_a_name_that_is_none_in_the_folder_is_refused(folder: CalibrationFolder, name: str) -> None:

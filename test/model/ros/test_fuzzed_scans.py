@@ -13,7 +13,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from posfet_model.reconstruction.reconstructor import Reconstructor
-from posfet_model.ros.conversions import ScanReader
+from posfet_model.ros.conversions import (
+    ContactsMessage,
+    ForceImageMessage,
+    ImageMessage,
+    MarkersMessage,
+    PointsMessage,
+    ScanReader,
+    VibrationMessage,
+    WrenchMessage,
+    contacts_writer,
+)
 from posfet_model.sensor.description import load_sensor
 from posfet_msgs.msg import TactileRaw
 from support.fuzzing import COUNTS, examples
@@ -21,6 +31,10 @@ from support.fuzzing import COUNTS, examples
 pytestmark = pytest.mark.ros
 SENSOR = load_sensor()
 TAXELS = SENSOR.layout.taxels
+
+OF_CONTACTS = ContactsMessage(SENSOR, "f"), contacts_writer(SENSOR, "f"), MarkersMessage(SENSOR.layout, "f")
+OF_IMAGES = [kind(SENSOR.layout, "f") for kind in (ImageMessage, WrenchMessage, ForceImageMessage, PointsMessage)]
+VIBRATION = VibrationMessage(SENSOR.layout, "f")
 
 SCANS = st.fixed_dictionaries({
     "sequence": st.one_of(st.integers(0, 20), st.integers(0, 2**64 - 1)),
@@ -53,10 +67,27 @@ def test_any_scans_are_processed(count: int) -> None:
     @given(st.lists(SCANS, min_size=1, max_size=15))
     def check(scans: list[dict[str, Any]]) -> None:
         reader, reconstructor = ScanReader(SENSOR.layout), Reconstructor(SENSOR)
+        reconstructor.vibration_wanted = True
         for fields in scans:
-            reconstructor.process(reader.read(message(**fields)))
+            result = reconstructor.process(reader.read(message(**fields)))
+            image = reconstructor.image()
+            assert image.force.shape == (TAXELS,)
+            for output in OF_CONTACTS:
+                output.fill(result)
+            for output in OF_IMAGES:
+                output.fill(result, image)
+            VIBRATION.fill(result, reconstructor.vibration())
             reconstructor.run_maintenance()
         reconstructor.tare(True)
-        assert reconstructor.image().force.shape == (TAXELS,)
 
     check()
+
+
+def test_a_stamp_out_of_range_does_not_end_the_model() -> None:
+    fields = {"layout_id": SENSOR.layout.id, "rows": 5, "cols": 5, "sequence": 0, "device_time": 0}
+    scan = message(2**31 - 1, 2**32 - 1, [30_000] * TAXELS, [25.0, 25.0], **fields)
+    reader, reconstructor = ScanReader(SENSOR.layout), Reconstructor(SENSOR)
+    result = reconstructor.process(reader.read(scan))
+    for output in OF_CONTACTS:
+        assert output.fill(result) is not None
+    assert OF_CONTACTS[0].fill(result).header.stamp.sec == 2**31 - 1

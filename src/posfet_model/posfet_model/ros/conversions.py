@@ -69,7 +69,8 @@ class ScanReader:
         """Return the message as a scan, which shares the arrays of the message and is overwritten by the next call."""
         scan = self._scan
         stamp = message.header.stamp
-        scan.stamp = stamp.sec * NANOSECONDS + stamp.nanosec
+        # Nanoseconds beyond a second are not allowed, and could lead out of the range of the seconds.
+        scan.stamp = stamp.sec * NANOSECONDS + min(stamp.nanosec, NANOSECONDS - 1)
         # A scan has no rows and columns of its own: a message with others is treated as of another layout.
         fits = (message.rows, message.cols) == self._shape
         scan.layout_id = message.layout_id if fits else FOREIGN_LAYOUT
