@@ -396,7 +396,7 @@ def expanded(path: str) -> Path:
 
 
 def is_there(path: Path) -> bool:
-    """Return whether there is a file at a path, or what `read_text` refuses with a better reason; False for a folder."""
+    """Return whether there is a file, or what `read_text` refuses with a better reason; False for a folder."""
     try:
         return path.exists() and not path.is_dir()
     except OSError:  # such as a name that is too long
