@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
-COUNTS = (60, pytest.param(2_000, marks=pytest.mark.slow))
+COUNTS = (40, pytest.param(2_000, marks=pytest.mark.slow))
 """Numbers of examples for `pytest.mark.parametrize`: few in every run, many among the slow tests."""
 
 MAX_MESSAGE = 600

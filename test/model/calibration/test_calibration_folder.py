@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -95,3 +96,16 @@ def test_the_home_folder_is_expanded(tmp_path: Path, monkeypatch: pytest.MonkeyP
     path = CalibrationFolder("~/.ros/posfet", SENSOR).save("thumb.yaml", NOMINAL)
     assert path == tmp_path / ".ros" / "posfet" / "thumb.yaml"
     assert load_calibration(path, SENSOR).date == NOMINAL.date
+
+
+def test_what_is_prepared_under_a_predictable_name_is_neither_followed_nor_waited_for(
+    folder: CalibrationFolder, tmp_path: Path
+) -> None:
+    folder.root.mkdir(parents=True)
+    victim = tmp_path / "victim"
+    victim.write_text("precious")
+    (folder.root / "thumb.yaml.part").symlink_to(victim)
+    os.mkfifo(folder.root / "index.yaml.part")
+    for name in ("thumb.yaml", "index.yaml"):
+        assert folder.save(name, NOMINAL).is_file()
+    assert victim.read_text() == "precious"

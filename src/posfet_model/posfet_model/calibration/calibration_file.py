@@ -36,6 +36,10 @@ FILE_SIZE: Final = (64_000, 256)
 has a small limit, since a service reads the file while scans wait."""
 
 
+# The emitter in C takes a tenth of the time, during which scans may wait; not every build of PyYAML has it.
+_Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+
 def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration) -> None:
     """Write a calibration to a file, which is complete or not there.
 
@@ -98,7 +102,7 @@ def save_calibration(path: str | Path, sensor: Sensor, calibration: Calibration)
             "force_rms_before_mN": _number(residuals.force_rms_before * 1e3),
             "samples": residuals.samples,
         }
-    write_text(check_writable(path), yaml.safe_dump(document, sort_keys=False, width=120))
+    write_text(check_writable(path), yaml.dump(document, Dumper=_Dumper, sort_keys=False, width=120))
 
 
 def check_writable(path: str | Path) -> Path:
