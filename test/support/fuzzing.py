@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import pytest
@@ -22,6 +23,24 @@ TOKENS = [
     *(b"a: 1\n", b",", b",,", b"1,2,3\n", b"x" * 2000),
 ]  # fmt: skip
 
+NUMBERS = [
+    b"0",
+    b"-1",
+    b"1",
+    b"2",
+    b"0.1",
+    b"1.0e-9",
+    b"1.0e-3",
+    b"0.5",
+    b"10",
+    b"45",
+    b"99.9",
+    b"1000",
+    b"1.0e+5",
+    b"1.0e+6",
+]
+_NUMBER = re.compile(rb"(?<![\w.])-?\d+(\.\d+)?(?![\w.])")
+
 
 def examples(count: int) -> Any:
     """Return the settings of a test with so many examples, the same ones in every run."""
@@ -36,12 +55,16 @@ def examples(count: int) -> Any:
 
 @st.composite
 def mutated(draw: st.DrawFn, *originals: bytes) -> bytes:
-    """Return one of the originals after some deletions, insertions, copies and changes of single bytes."""
+    """Return one of the originals after some changes of numbers and bytes, insertions, deletions and copies."""
     content = bytearray(draw(st.sampled_from(originals)))
     for _ in range(draw(st.integers(0, 6))):
         at = draw(st.integers(0, len(content)))
-        kind = draw(st.sampled_from(["insert", "delete", "copy", "byte", "cut"]))
-        if kind == "insert":
+        kind = draw(st.sampled_from(["number", "insert", "delete", "copy", "byte", "cut"]))
+        numbers = list(_NUMBER.finditer(content)) if kind == "number" else []
+        if numbers:
+            number = draw(st.sampled_from(numbers))
+            content[slice(*number.span())] = draw(st.sampled_from(NUMBERS))
+        elif kind == "insert":
             content[at:at] = draw(st.one_of(st.sampled_from(TOKENS), st.binary(max_size=8)))
         elif kind == "byte" and at < len(content):
             content[at] = draw(st.integers(0, 255))
