@@ -6,10 +6,10 @@ import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from reprlib import Repr
 from typing import Final
 
 from posfet_model import files
+from posfet_model._lib.shown import one_line, shown
 from posfet_model._lib.validation import interval
 from posfet_model.plain_yaml import YamlError, parse
 
@@ -26,9 +26,6 @@ MAX_FILE: Final = 256_000
 
 MAX_TEXT: Final = 1000
 """Largest length of a text in a file."""
-
-MAX_SHOWN: Final = 60
-"""Largest length of a value in an error message."""
 
 _REQUIRED: Final = object()
 
@@ -244,45 +241,6 @@ class Section:
         if self._values:
             name = sorted(self._values)[0]
             raise self.error(name, f"unknown key, known here are {', '.join(self._known)}")
-
-
-class _ShortRepr(Repr):
-    """Representation of a value of any size, made without one of its full size."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.maxstring = self.maxother = 2 * MAX_SHOWN
-        self.maxlist = self.maxtuple = self.maxdict = MAX_SHOWN // 3
-        self.maxlevel = 3
-
-    def repr_int(self, x: int, level: int) -> str:
-        """Return the digits; Python refuses to write out more than 4300."""
-        return repr(x) if x.bit_length() < 10_000 else f"a whole number of {x.bit_length()} bits"
-
-
-def shown(value: object) -> str:
-    """Return a value for an error message, in one line of at most `MAX_SHOWN` characters."""
-    text = "nothing" if value is None else _ShortRepr().repr(value)
-    return text if len(text) <= MAX_SHOWN else f"{text[: MAX_SHOWN - 3]}..."
-
-
-def one_line(text: str, limit: int = 4 * MAX_TEXT) -> str:
-    r"""Return a text from outside, such as a file name, so that it fits into a message of one line.
-
-    Parameters
-    ----------
-    text : str
-        The text.
-    limit : int, optional
-        Largest length.
-
-    Examples
-    --------
-    >>> print(one_line("left\nthumb.yaml"))
-    left\nthumb.yaml
-    """
-    cut = text if len(text) <= limit else f"{text[: limit - 3]}..."
-    return cut if cut.isprintable() else repr(cut)[1:-1]
 
 
 def _reads_as_number(text: str) -> bool:

@@ -16,6 +16,8 @@ from yaml.reader import Reader
 from yaml.resolver import Resolver
 from yaml.scanner import Scanner
 
+from posfet_model._lib.shown import MAX_SHOWN, one_line
+
 MAX_DEPTH: Final = 16
 """Largest nesting of lists and mappings; the files of the stack need 6."""
 
@@ -82,13 +84,13 @@ class _Loader(Composer, _Parser, SafeConstructor, Resolver):  # type: ignore[mis
         for key_node, _ in node.value:
             if key_node.tag != "tag:yaml.org,2002:str":
                 what = (
-                    f"key {_cut(key_node.value)}"
+                    f"key {one_line(key_node.value, MAX_SHOWN)}"
                     if isinstance(key_node, yaml.ScalarNode)
                     else "a list or mapping as key"
                 )
                 raise _error(f"{what} is not text", key_node)
             if key_node.value in seen:
-                raise _error(f"key '{_cut(key_node.value)}' is given twice", key_node)
+                raise _error(f"key '{one_line(key_node.value, MAX_SHOWN)}' is given twice", key_node)
             seen.add(key_node.value)
         mapping: dict[Any, Any] = super().construct_mapping(node, deep)
         return mapping
@@ -101,7 +103,7 @@ class _Loader(Composer, _Parser, SafeConstructor, Resolver):  # type: ignore[mis
         try:
             return self.construct_yaml_int(node) if whole else self.construct_yaml_float(node)
         except (ValueError, OverflowError):  # 0o8, or base 60 beyond the largest number
-            raise _error(f"'{_cut(node.value)}' is not a number", node) from None
+            raise _error(f"'{one_line(node.value, MAX_SHOWN)}' is not a number", node) from None
 
 
 for _tag in ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float"):
@@ -138,7 +140,3 @@ def parse(text: str) -> object:
 
 def _error(problem: str, place: Any) -> yaml.MarkedYAMLError:
     return yaml.MarkedYAMLError(problem=problem, problem_mark=place.start_mark)
-
-
-def _cut(text: str) -> str:
-    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 import yaml
 
+from posfet_model._lib.shown import one_line, shown
 from posfet_model._lib.types import Array
 from posfet_model.calibration.taxel_calibration import (
     CALIBRATED_GAIN_DEVIATION,
@@ -18,7 +19,7 @@ from posfet_model.calibration.taxel_calibration import (
     Calibration,
     Residuals,
 )
-from posfet_model.config import ConfigError, Section, one_line, read_yaml, shown, write_text
+from posfet_model.config import ConfigError, Section, read_yaml, write_text
 from posfet_model.sensor.description import Sensor
 
 VERSION: Final = 2

@@ -6,9 +6,10 @@ import os
 from pathlib import Path, PurePosixPath
 from typing import Final
 
+from posfet_model._lib.shown import one_line, shown
 from posfet_model.calibration.calibration_file import load_calibration, save_calibration
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.config import ConfigError, expanded, one_line, shown
+from posfet_model.config import ConfigError, expanded
 from posfet_model.sensor.description import Sensor
 
 SUFFIX: Final = ".yaml"

@@ -20,9 +20,10 @@ from numpy.typing import NDArray
 from posfet_driver.bus.message_conversion import frame_of
 from posfet_driver.bus.recording import messages
 from posfet_driver.protocol.decoder import Decoder, ScanReady
+from posfet_model._lib.shown import shown
 from posfet_model._lib.types import Array
 from posfet_model.calibration.least_squares_fit import Recording
-from posfet_model.config import ConfigError, read_text, shown
+from posfet_model.config import ConfigError, read_text
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import ScanStatus
 from posfet_model.sensor.signal_chain import InverseSignalChain, charge_per_newton

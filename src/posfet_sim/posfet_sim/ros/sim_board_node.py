@@ -16,8 +16,9 @@ from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from posfet_driver.board.scan_source import ManagedDevice
 from posfet_driver.clock import Clock
 from posfet_driver.ros.scan_source_node import ScanSourceNode
+from posfet_model._lib.shown import shown
 from posfet_model._lib.units import NANOSECONDS
-from posfet_model.config import ConfigError, shown
+from posfet_model.config import ConfigError
 from posfet_model.ros.guarded import answering, reporting
 from posfet_model.ros.run_node import run_node
 from posfet_model.ros.subscriptions import SubscriptionCache
