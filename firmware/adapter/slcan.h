@@ -1,0 +1,40 @@
+// A serial CAN adapter's text protocol (slcan, LAWICEL's CAN232 with CANable's FD letters), for a board that is reached
+// through a serial line. It knows frames and lines, no board and no line driver.
+#ifndef POSFET_SLCAN_H
+#define POSFET_SLCAN_H
+
+#include "posfet_frame.h"
+
+#include <stdbool.h>
+#include <stddef.h>
+
+// Longest line: letter, 8 digits of the identifier, length code, 64 bytes as digits, end of line.
+enum { POSFET_SLCAN_LINE = 1 + 8 + 1 + 2 * POSFET_DATA_BYTES + 1 };
+
+enum posfet_slcan_event {
+    POSFET_SLCAN_NOTHING,
+    POSFET_SLCAN_REPLY, // `reply` is to be sent
+    POSFET_SLCAN_SEND,  // the same, and `frame` is for the bus
+};
+
+typedef struct {
+    bool open;        // frames of the bus are passed to the host
+    bool listen_only; //
+    const char *reply;
+    posfet_frame frame;
+    size_t length;
+    char line[POSFET_SLCAN_LINE];
+} posfet_slcan;
+
+void posfet_slcan_init(posfet_slcan *adapter);
+
+// Take one byte from the host.
+enum posfet_slcan_event posfet_slcan_take(posfet_slcan *adapter, char byte);
+
+// Write the line of a frame with its end, without a final zero. Returns its length.
+size_t posfet_slcan_format(const posfet_frame *frame, char line[POSFET_SLCAN_LINE]);
+
+// Read a line without its end. False: it is no frame.
+bool posfet_slcan_parse(const char *line, size_t length, posfet_frame *frame);
+
+#endif

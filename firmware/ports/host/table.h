@@ -1,0 +1,23 @@
+// Counts from a file: lines of a time [us] and the count of each taxel, in ascending time, repeated without end.
+#ifndef POSFET_HOST_TABLE_H
+#define POSFET_HOST_TABLE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+typedef struct {
+    size_t rows;
+    size_t taxels;
+    uint64_t *times; // [us]
+    uint16_t *counts;
+} posfet_table;
+
+// False: no such file, or it is malformed; the reason is on stderr.
+bool posfet_table_read(posfet_table *table, const char *path, size_t taxels);
+
+// Counts at a time, between two lines on the straight line. The last line is the end of the period, so it repeats the
+// counts of the first one in a signal without a step.
+void posfet_table_sample(const posfet_table *table, uint64_t time_us, uint16_t counts[]);
+
+#endif

@@ -1,0 +1,32 @@
+// What the tests share: a check that names its line, and a board on simulated hardware of which everything is chosen.
+#ifndef POSFET_CHECK_H
+#define POSFET_CHECK_H
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#define CHECK(condition)                                                                                               \
+    do {                                                                                                               \
+        if (!(condition)) {                                                                                            \
+            fprintf(stderr, "%s:%d: not so: %s\n", __FILE__, __LINE__, #condition);                                    \
+            exit(1);                                                                                                   \
+        }                                                                                                              \
+    } while (0)
+
+#define CHECK_EQUAL(got, wanted)                                                                                       \
+    do {                                                                                                               \
+        const int64_t got_ = (int64_t)(got), wanted_ = (int64_t)(wanted);                                              \
+        if (got_ != wanted_) {                                                                                         \
+            fprintf(stderr, "%s:%d: %s is %" PRId64 ", must be %" PRId64 "\n", __FILE__, __LINE__, #got, got_, wanted_); \
+            exit(1);                                                                                                   \
+        }                                                                                                              \
+    } while (0)
+
+#define RUN(test)                                                                                                      \
+    do {                                                                                                               \
+        test();                                                                                                        \
+        printf("%s: %s\n", __FILE__, #test);                                                                           \
+    } while (0)
+
+#endif
