@@ -58,6 +58,12 @@ static unsigned frames_of_scan(const posfet_board *board, uint32_t sequence) {
     return posfet_classic_blocks(board->config.taxels) + (is_header_due(board, sequence) ? 1U : 0U);
 }
 
+static bool has_room_for_scan(const posfet_board *board, uint32_t sequence) {
+    const unsigned largest =
+        board->config.fd ? posfet_fd_blocks(board->config.taxels) : posfet_classic_blocks(board->config.taxels) + 1U;
+    return board->queue_length + frames_of_scan(board, sequence) <= 2U * largest + POSFET_OTHER_FRAMES;
+}
+
 static uint8_t present_flags(const posfet_board *board) {
     return (uint8_t)(board->measured_flags | (board->adc_fault ? POSFET_ADC_FAULT : 0) |
                      (board->overrun ? POSFET_SCAN_OVERRUN : 0));
@@ -77,7 +83,7 @@ static void queue_scan(posfet_board *board, const posfet_scan *scan) {
 }
 
 static void scan(posfet_board *board, uint32_t sequence) {
-    if (queue_room(board) < frames_of_scan(board, sequence) + POSFET_RESERVED_FRAMES) {
+    if (!has_room_for_scan(board, sequence)) {
         board->overrun = true;
         return;
     }

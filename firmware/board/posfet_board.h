@@ -11,12 +11,11 @@
 #define POSFET_MAX_TAXELS 25
 #endif
 
-// Frames that may wait: two scans of the largest layout in the format with more frames, header included, and
-// POSFET_RESERVED_FRAMES that scans never take, so that status and responses find room on a bus that scans fill.
-#define POSFET_RESERVED_FRAMES 8
-#ifndef POSFET_QUEUE_FRAMES
-#define POSFET_QUEUE_FRAMES (2 * (POSFET_MAX_TAXELS / POSFET_TAXELS_PER_CLASSIC_BLOCK + 2) + POSFET_RESERVED_FRAMES)
-#endif
+// Frames that may wait: two scans, header included, and some others, which may be ahead of them or behind. Scans take no
+// more than that, so that status and responses find room on a bus that scans fill.
+#define POSFET_OTHER_FRAMES 8
+#define POSFET_LARGEST_SCAN (POSFET_MAX_TAXELS / POSFET_TAXELS_PER_CLASSIC_BLOCK + 2)
+#define POSFET_QUEUE_FRAMES (2 * POSFET_LARGEST_SCAN + 2 * POSFET_OTHER_FRAMES)
 
 typedef struct {
     uint32_t base_id;            // identifier of Command

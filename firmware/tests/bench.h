@@ -74,8 +74,8 @@ static uint8_t bench_self_test(void *context) {
     return hw.found;
 }
 
-static const posfet_port bench_port = {NULL,         bench_now,          bench_send,   bench_sample,
-                                       bench_temperatures, bench_supply, bench_self_test};
+static const posfet_port bench_port = {NULL,         bench_now,      bench_send, bench_sample, bench_temperatures,
+                                       bench_supply, bench_self_test};
 
 static posfet_config bench_config(void) {
     return (posfet_config){

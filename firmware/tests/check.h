@@ -18,7 +18,8 @@
     do {                                                                                                               \
         const int64_t got_ = (int64_t)(got), wanted_ = (int64_t)(wanted);                                              \
         if (got_ != wanted_) {                                                                                         \
-            fprintf(stderr, "%s:%d: %s is %" PRId64 ", must be %" PRId64 "\n", __FILE__, __LINE__, #got, got_, wanted_); \
+            fprintf(stderr, "%s:%d: %s is %" PRId64 ", must be %" PRId64 "\n", __FILE__, __LINE__, #got, got_,         \
+                    wanted_);                                                                                          \
             exit(1);                                                                                                   \
         }                                                                                                              \
     } while (0)

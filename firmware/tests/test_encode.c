@@ -39,8 +39,8 @@ static void an_fd_block_has_every_field_in_its_place(void) {
     uint16_t counts[30];
     for (unsigned i = 0; i < 30; i++)
         counts[i] = (uint16_t)(0x0102 + 0x0202 * i);
-    posfet_scan scan = {.sequence = 0x89ABCDEF, .time_us = 0x7700112233, .flags = 0x0A, .boot = 0x1C, .taxels = 30,
-                        .counts = counts};
+    posfet_scan scan = {
+        .sequence = 0x89ABCDEF, .time_us = 0x7700112233, .flags = 0x0A, .boot = 0x1C, .taxels = 30, .counts = counts};
     posfet_frame frame;
     posfet_encode_fd_block(&frame, 0x120, true, &scan, 1);
     uint8_t covered[62];
@@ -49,7 +49,15 @@ static void an_fd_block_has_every_field_in_its_place(void) {
     CHECK_EQUAL(frame.data[10] | frame.data[11] << 8, slow_crc(covered, sizeof covered));
     frame.data[10] = frame.data[11] = 0;
     check_frame(&frame, 0x123, POSFET_FD | POSFET_RATE_SWITCH,
-                "EFCDAB89" "33221100" "01" "CA" "0000" "3635" "3837" "3A39" "3C3B"
+                "EFCDAB89"
+                "33221100"
+                "01"
+                "CA"
+                "0000"
+                "3635"
+                "3837"
+                "3A39"
+                "3C3B"
                 "0000000000000000000000000000000000000000000000000000000000000000000000000000000000000000");
     posfet_encode_fd_block(&frame, 0x120, false, &scan, 0);
     CHECK_EQUAL(frame.flags, POSFET_FD);
@@ -59,43 +67,86 @@ static void an_fd_block_has_every_field_in_its_place(void) {
 
 static void classic_frames_have_every_field_in_its_place(void) {
     const uint16_t counts[7] = {0x1234, 0x5678, 0x9ABC, 0xDEF0, 0xFFFF, 0x800F, 0x0010};
-    const posfet_scan scan = {.sequence = 0xFEDCBA97, .time_us = 0x987654321, .boot = 0x1B, .taxels = 7, .counts = counts};
+    const posfet_scan scan = {
+        .sequence = 0xFEDCBA97, .time_us = 0x987654321, .boot = 0x1B, .taxels = 7, .counts = counts};
     posfet_frame frame;
     posfet_encode_header(&frame, 0x100, &scan);
-    check_frame(&frame, 0x104, 0, "97BADCFE" "214365B7");
+    check_frame(&frame, 0x104, 0,
+                "97BADCFE"
+                "214365B7");
     // 12 bits each: 7, 123, 567, 9AB, DEF, FFF from the lowest
     posfet_encode_classic_block(&frame, 0x100, &scan, 0);
-    check_frame(&frame, 0x108, 0, "37" "12" "67" "B5" "9A" "EF" "FD" "FF");
+    check_frame(&frame, 0x108, 0,
+                "37"
+                "12"
+                "67"
+                "B5"
+                "9A"
+                "EF"
+                "FD"
+                "FF");
     posfet_encode_classic_block(&frame, 0x100, &scan, 1);
-    check_frame(&frame, 0x109, 0, "07" "80" "01" "00" "00" "00" "00" "00");
+    check_frame(&frame, 0x109, 0,
+                "07"
+                "80"
+                "01"
+                "00"
+                "00"
+                "00"
+                "00"
+                "00");
 }
 
 static void status_identity_and_response_have_every_field_in_their_places(void) {
     posfet_frame frame;
-    const posfet_status status = {.temperatures = {-256, 25 * 256 + 128}, .supply_mv = 3300, .flags = 0x0D,
-                                  .scanning = true, .boot = 0x15, .heartbeat = 0x2E};
+    const posfet_status status = {.temperatures = {-256, 25 * 256 + 128},
+                                  .supply_mv = 3300,
+                                  .flags = 0x0D,
+                                  .scanning = true,
+                                  .boot = 0x15,
+                                  .heartbeat = 0x2E};
     posfet_encode_status(&frame, 0x7F0, &status);
-    check_frame(&frame, 0x7F2, 0, "00FF" "8019" "E40C" "1D" "E5");
+    check_frame(&frame, 0x7F2, 0,
+                "00FF"
+                "8019"
+                "E40C"
+                "1D"
+                "E5");
     const posfet_status unknown = {.temperatures = {POSFET_TEMPERATURE_UNKNOWN, POSFET_TEMPERATURE_UNKNOWN},
                                    .supply_mv = POSFET_SUPPLY_UNKNOWN};
     posfet_encode_status(&frame, 0x100, &unknown);
-    check_frame(&frame, 0x102, 0, "0080" "0080" "FFFF" "00" "00");
+    check_frame(&frame, 0x102, 0,
+                "0080"
+                "0080"
+                "FFFF"
+                "00"
+                "00");
 
-    const posfet_identity identity = {.layout_id = 0x8001, .fd = true, .firmware_major = 5, .firmware_minor = 6,
-                                      .period_us = 10000000};
+    const posfet_identity identity = {
+        .layout_id = 0x8001, .fd = true, .firmware_major = 5, .firmware_minor = 6, .period_us = 10000000};
     posfet_encode_identity(&frame, 0x100, &identity);
-    check_frame(&frame, 0x105, 0, "0180" "12" "05" "06" "809698");
+    check_frame(&frame, 0x105, 0,
+                "0180"
+                "12"
+                "05"
+                "06"
+                "809698");
     CHECK_EQUAL(posfet_identify_value(&identity), 0x05128001);
 
-    const posfet_response response = {.command = 0xC8, .tag = 0xFE, .result = POSFET_FAILED, .boot = 0x1F,
-                                      .value = 0x01020304};
+    const posfet_response response = {
+        .command = 0xC8, .tag = 0xFE, .result = POSFET_FAILED, .boot = 0x1F, .value = 0x01020304};
     posfet_encode_response(&frame, 0x100, &response);
-    check_frame(&frame, 0x101, 0, "C8" "FE" "04" "0F" "04030201");
+    check_frame(&frame, 0x101, 0,
+                "C8"
+                "FE"
+                "04"
+                "0F"
+                "04030201");
 }
 
 static void blocks_are_as_many_as_needed(void) {
-    static const unsigned table[][3] = {{1, 1, 1}, {5, 1, 1}, {6, 1, 2}, {25, 1, 5}, {26, 1, 6}, {27, 2, 6}, {256, 10, 52},
-                                        {1024, 40, 205}, {6656, 256, 1332}};
+    static const unsigned table[][3] = {{1, 1, 1},  {5, 1, 1},     {6, 1, 2},       {25, 1, 5},       {26, 1, 6},
+                                        {27, 2, 6}, {256, 10, 52}, {1024, 40, 205}, {6656, 256, 1332}};
     for (unsigned i = 0; i < sizeof table / sizeof *table; i++) {
         CHECK_EQUAL(posfet_fd_blocks((uint16_t)table[i][0]), table[i][1]);
         CHECK_EQUAL(posfet_classic_blocks((uint16_t)table[i][0]), table[i][2]);
