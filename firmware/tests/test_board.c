@@ -469,7 +469,7 @@ static void t4_times_and_sequences_wrap(void) {
     run_for(1000);
     command(POSFET_STOP, 0);
     // To shortly before 2^28 us, then 2^32 us and sequence 2^32, with a port whose clock wraps as well.
-    hw.clock += (UINT64_C(1) << 28) - 1000 - 456;
+    hw.clock += (UINT64_C(1) << 28) - 1000 - 457;
     posfet_board_poll(&board);
     const uint64_t sequence = (UINT64_C(1) << 28) / 1000;
     CHECK_EQUAL(command(POSFET_START, 0).value, sequence);
@@ -492,8 +492,9 @@ static void t4_times_and_sequences_wrap(void) {
         hw.count = 0;
         posfet_board_poll(&board);
     }
-    while (board.next_sequence != UINT32_MAX - 1)
-        hw.count = 0, run_for(1000);
+    hw.count = 0;
+    run_for((UINT32_MAX - 1 - board.next_sequence) * UINT64_C(1000));
+    CHECK_EQUAL(board.next_sequence, UINT32_MAX - 1);
     command(POSFET_START, 0);
     from = hw.count;
     run_for(4000);
@@ -550,12 +551,76 @@ static void a_board_with_a_full_queue_waits_for_the_bus(void) {
     power_on(&config, 0);
     hw.room = 0;
     run_for(200000);
-    for (uint8_t tag = 0; tag < 255; tag++) {
-        const posfet_frame frame = command_frame(0, tag, 0);
+    for (unsigned n = 0; n < POSFET_QUEUE_FRAMES; n++) {
+        const posfet_frame frame = command_frame(0, 0, 0);
         if (!posfet_board_receive(&board, &frame)) break;
     }
     run_for(5000000); // returns: what waits for room is not due
     CHECK(board.queue_length == POSFET_QUEUE_FRAMES);
+}
+
+static uint32_t random_state = 7;
+
+static uint32_t random_below(uint32_t limit) {
+    random_state = random_state * 1664525U + 1013904223U;
+    return (random_state >> 8) % limit;
+}
+
+static void any_course_of_commands_delays_and_blockages_keeps_the_order(void) {
+    for (unsigned round = 0; round < 60; round++) {
+        posfet_config config = round & 1U ? bench_config() : classic_config();
+        config.taxels = (uint16_t)(1 + random_below(60));
+        power_on(&config, (uint64_t)random_below(1U << 24) << 16);
+        unsigned accepted = 0;
+        for (unsigned step = 0; step < 400; step++) {
+            hw.clock += random_below(random_below(8) == 0 ? 3000000 : 1500);
+            hw.room = random_below(4) == 0 ? random_below(4) : UINT32_MAX;
+            const uint32_t argument = random_below(3) == 0 ? 900 + random_below(400) : 0;
+            const posfet_frame frame = command_frame((uint8_t)random_below(8), (uint8_t)accepted, argument);
+            if (random_below(3) != 0)
+                posfet_board_poll(&board);
+            else if (posfet_board_receive(&board, &frame))
+                accepted++;
+        }
+        hw.room = UINT32_MAX;
+        posfet_board_poll(&board);
+
+        CHECK_EQUAL(board.queue_length, 0);
+        CHECK_EQUAL(frames_with(POSFET_RESPONSE, 0), accepted);
+        unsigned responses = 0;
+        unsigned beats = 0;
+        unsigned block = 0;
+        int64_t last = -1;
+        const unsigned blocks = config.fd ? posfet_fd_blocks(config.taxels) : posfet_classic_blocks(config.taxels);
+        for (unsigned i = 0; i < hw.count; i++) {
+            const posfet_frame *sent = &hw.sent[i];
+            const uint32_t offset = offset_of(sent);
+            if (offset == POSFET_RESPONSE) CHECK_EQUAL(sent->data[1], responses++ & 255U);
+            if (offset == POSFET_STATUS) CHECK_EQUAL(sent->data[7] >> 4, beats++ & 15U);
+            if (offset == POSFET_SCAN_BLOCK_FD) {
+                CHECK_EQUAL(sent->data[8], block);
+                if (block == 0)
+                    CHECK(sequence_of(sent) > last);
+                else
+                    CHECK_EQUAL(sequence_of(sent), last);
+                last = sequence_of(sent);
+            } else if (offset == POSFET_SCAN_HEADER) {
+                CHECK_EQUAL(block, 0);
+                CHECK_EQUAL(offset_of(&hw.sent[i + 1]), POSFET_SCAN_BLOCK);
+                CHECK_EQUAL(hw.sent[i + 1].data[0] & 15U, sent->data[0] & 15U);
+                CHECK(sequence_of(sent) > last);
+                last = sequence_of(sent);
+                continue;
+            } else if (offset >= POSFET_SCAN_BLOCK)
+                CHECK_EQUAL(offset, POSFET_SCAN_BLOCK + block);
+            else {
+                CHECK_EQUAL(block, 0); // nothing stands between the blocks of a scan
+                continue;
+            }
+            block = (block + 1) % blocks;
+        }
+        CHECK_EQUAL(block, 0);
+    }
 }
 
 int main(void) {
@@ -585,5 +650,6 @@ int main(void) {
     RUN(t4_the_time_is_that_of_the_sampling);
     RUN(impossible_configurations_are_refused);
     RUN(a_board_with_a_full_queue_waits_for_the_bus);
+    RUN(any_course_of_commands_delays_and_blockages_keeps_the_order);
     return 0;
 }
