@@ -108,7 +108,8 @@ static void any_bytes_are_survived(void) {
     for (unsigned i = 0; i < 2000000; i++) {
         const char byte =
             random_number() % 64 ? likely[random_number() % (sizeof likely - 1)] : (char)(random_number() & 127U);
-        if (i % 256 == 0) adapter.open = true, adapter.listen_only = false; // lines by chance close it more often than they open it
+        if (i % 256 == 0)
+            adapter.open = true, adapter.listen_only = false; // lines by chance close it more often than they open it
         const enum posfet_slcan_event event = posfet_slcan_take(&adapter, byte);
         CHECK(event == POSFET_SLCAN_NOTHING || strlen(adapter.reply) > 0);
         if (event == POSFET_SLCAN_SEND) frames++;

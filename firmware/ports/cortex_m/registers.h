@@ -14,9 +14,9 @@ typedef struct {
     volatile uint32_t bauddiv;
 } uart_registers;
 
-enum { UART_TX_FULL = 1, UART_RX_FULL = 2 };                                              // state
+enum { UART_TX_FULL = 1, UART_RX_FULL = 2 };                                                   // state
 enum { UART_TX_ENABLE = 1, UART_RX_ENABLE = 2, UART_TX_INTERRUPT = 4, UART_RX_INTERRUPT = 8 }; // ctrl
-enum { UART_TX_PENDING = 1, UART_RX_PENDING = 2 };                                        // interrupt
+enum { UART_TX_PENDING = 1, UART_RX_PENDING = 2 };                                             // interrupt
 
 typedef struct {
     volatile uint32_t ctrl;
@@ -35,10 +35,10 @@ typedef struct {
 
 enum { SYSTICK_ENABLE = 1, SYSTICK_INTERRUPT = 2, SYSTICK_CORE_CLOCK = 4, SYSTICK_LONGEST = 0xFFFFFF };
 
-#define TIMER0       ((timer_registers *)0x40000000U)
-#define UART0        ((uart_registers *)0x40004000U)
-#define SYSTICK      ((systick_registers *)0xE000E010U)
-#define NVIC_ENABLE  (*(volatile uint32_t *)0xE000E100U)
+#define TIMER0        ((timer_registers *)0x40000000U)
+#define UART0         ((uart_registers *)0x40004000U)
+#define SYSTICK       ((systick_registers *)0xE000E010U)
+#define NVIC_ENABLE   (*(volatile uint32_t *)0xE000E100U)
 #define RESET_CONTROL (*(volatile uint32_t *)0xE000ED0CU)
 #define RESET_REQUEST 0x05FA0004U
 

@@ -9,7 +9,10 @@
 #include <time.h>
 #include <unistd.h>
 
-enum { RETRY_US = 1000 }; // frames that found no room
+enum {
+    RETRY_US = 1000,   // frames that found no room
+    LISTEN_US = 10000, // for somebody who opens the pseudo-terminal
+};
 
 static volatile sig_atomic_t stop_asked;
 static volatile sig_atomic_t power_cycle_asked;
@@ -56,9 +59,10 @@ int posfet_run_event_loop(posfet_device *device, const posfet_link *link) {
 
         uint32_t due = posfet_board_due_in_us(&device->board);
         if (device->board.queue_length > 0 && due > RETRY_US) due = RETRY_US;
-        const struct timespec timeout = {due / 1000000U, (long)(due % 1000000U) * 1000L};
         struct pollfd waits = {.fd = link->fd, .events = link->events(link->context)};
         const nfds_t count = waits.events == 0 ? 0 : 1; // a pseudo-terminal that nobody has opened is always ready
+        if (count == 0 && due > LISTEN_US) due = LISTEN_US;
+        const struct timespec timeout = {due / 1000000U, (long)(due % 1000000U) * 1000L};
         if (ppoll(&waits, count, &timeout, &while_waiting) < 0 && errno != EINTR) {
             perror("ppoll");
             return EXIT_FAILURE;
