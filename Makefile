@@ -2,6 +2,7 @@
 #
 #   make bringup            run the stack with the simulated board     FOR=5  SOURCE=sim|emulator|can  SCENE=name|file  ARGS=...
 #   make test               run all tests but the slow ones (against the wall clock)     ARGS="-k name" goes to pytest
+#   make test-cortex-m      run the reference firmware's image on an emulated Cortex-M3, driver and model on it; part of test-vm
 #   make check              run ruff, mypy, numpydoc and import-linter
 #   make soak               run the tests against the wall clock, then the driver under faults for half an hour     FOR=60
 #   make bench              measure speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
@@ -14,7 +15,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c
 .DEFAULT_GOAL := bringup
-.PHONY: bringup test check soak bench accuracy stability figures parameters setup build clean distclean
+.PHONY: bringup test test-cortex-m test-vm check soak bench accuracy stability figures parameters setup build clean distclean
 
 PACKAGES := src/posfet_model:src/posfet_driver:src/posfet_sim:src/posfet
 IN_ENVIRONMENT := source tools/environment.sh;
@@ -52,6 +53,14 @@ test: $(BUILT)
 	@$(IN_ENVIRONMENT) workers=(); \
 	if python3 -c 'import xdist' 2>/dev/null; then workers=(-n 4); fi; \
 	exec python3 -m pytest "$${workers[@]}" $(ARGS)
+
+test-vm: test-cortex-m
+
+# 5: no test has the name that ARGS asks for.
+test-cortex-m: $(BUILT)
+	@command -v qemu-system-arm >/dev/null || { echo "qemu-system-arm is missing. Install with: apt-get install qemu-system-arm" >&2; exit 1; }
+	@$(MAKE) --silent -C firmware cortex-m
+	@$(IN_ENVIRONMENT) python3 -m pytest -m vm test/firmware $(ARGS) || [[ $$? == 5 ]]
 
 # With a sourced ROS 2: pip install --requirement tools/check_requirements.txt, into an environment of your own
 .venv/.check_ready: tools/check_requirements.txt | $(READY)

@@ -10,8 +10,8 @@ HERE = Path(__file__).resolve().parents[1]
 """The folder of all tests."""
 MINUTES = {True: 6, False: 10}
 """Duration of the suite on two idle cores of 2.5 GHz: with workers of pytest-xdist, and sequentially."""
-QUICK = "not slow"
-"""The mark expression that excludes slow tests."""
+QUICK = "not slow and not vm"
+"""The mark expression that excludes slow tests and those of the virtual machine."""
 
 
 def workers(config: pytest.Config) -> int:

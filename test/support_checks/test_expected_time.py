@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from support.expected_time import HERE, expected, keep
+from support.expected_time import HERE, QUICK, expected, keep
 
 
 class Cache(dict[str, Any]):
@@ -37,7 +37,7 @@ def test_the_time_is_that_of_the_last_similar_run() -> None:
     keep(config(**two), 250.4)
     assert expected(config(**two)) == "expected time: 4 min 10 s, as the last run on this machine"
     assert "two idle cores" in expected(config(cache=cache))
-    assert "two idle cores" in expected(config(**two, markexpr="not slow"))
+    assert "two idle cores" in expected(config(**two, markexpr=QUICK))
 
 
 @pytest.mark.parametrize(

@@ -112,8 +112,11 @@ static void set_layout(posfet_device_options *device, const char *text) {
     unsigned cols = 0;
     int end = 0;
     if (sscanf(text, "%4ux%4u%n", &rows, &cols, &end) != 2 || text[end] != '\0' || rows == 0 || cols == 0 ||
-        (unsigned long)rows * cols > POSFET_MAX_TAXELS)
-        fail("--layout must be ROWSxCOLS with 1 to 6656 taxels", text);
+        (unsigned long)rows * cols > POSFET_MAX_TAXELS) {
+        fprintf(stderr, "posfet_board: --layout must be ROWSxCOLS with 1 to %d taxels, got '%s'\n", POSFET_MAX_TAXELS,
+                text);
+        exit(2);
+    }
     device->press.rows = (uint16_t)rows;
     device->press.cols = (uint16_t)cols;
     device->config.taxels = (uint16_t)(rows * cols);

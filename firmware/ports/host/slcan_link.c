@@ -12,7 +12,8 @@
 #include <unistd.h>
 
 // Output that may wait: what frames leave free is for replies.
-enum { OUTPUT_BYTES = 1 << 15, OUTPUT_FOR_FRAMES = 1 << 14, INPUT_BYTES = 1 << 10 };
+// A megabyte is 7 s of the largest stream of 5 x 5 taxels, longer than a busy machine keeps a reader waiting.
+enum { OUTPUT_FOR_FRAMES = 1 << 20, OUTPUT_BYTES = OUTPUT_FOR_FRAMES + (1 << 14), INPUT_BYTES = 1 << 10 };
 
 typedef struct {
     posfet_device device;
@@ -20,24 +21,39 @@ typedef struct {
     bool hung_up; // nobody has the terminal open
     posfet_slcan adapter;
     bool frame_waits; // adapter.frame, for which the board had no room
-    size_t output_length;
+    size_t output_first;
+    size_t output_end;
     char output[OUTPUT_BYTES];
     size_t input_first;
     size_t input_length;
     char input[INPUT_BYTES];
 } slcan_link;
 
+static size_t waiting(const slcan_link *link) {
+    return link->output_end - link->output_first;
+}
+
+// The place of the next output, with room for a line in any case.
+static char *place(slcan_link *link) {
+    if (link->output_first > 0 && link->output_end + POSFET_SLCAN_LINE > OUTPUT_BYTES) {
+        memmove(link->output, link->output + link->output_first, waiting(link));
+        link->output_end -= link->output_first;
+        link->output_first = 0;
+    }
+    return link->output + link->output_end;
+}
+
 static bool send_frame(void *context, const posfet_frame *frame) {
     slcan_link *link = context;
     if (!link->adapter.open) return true; // on the bus, where nobody listens
-    if (link->output_length + POSFET_SLCAN_LINE > OUTPUT_FOR_FRAMES) return false;
-    link->output_length += posfet_slcan_format(frame, link->output + link->output_length);
+    if (waiting(link) + POSFET_SLCAN_LINE > OUTPUT_FOR_FRAMES) return false;
+    link->output_end += posfet_slcan_format(frame, place(link));
     return true;
 }
 
 static void hang_up(slcan_link *link) {
     link->hung_up = true;
-    link->output_length = 0;
+    link->output_first = link->output_end = 0;
     link->input_length = 0;
     link->frame_waits = false;
     posfet_slcan_init(&link->adapter);
@@ -45,33 +61,33 @@ static void hang_up(slcan_link *link) {
 
 static bool flush(void *context) {
     slcan_link *link = context;
-    while (link->output_length > 0) {
-        const ssize_t written = write(link->fd, link->output, link->output_length);
+    while (waiting(link) > 0) {
+        const ssize_t written = write(link->fd, link->output + link->output_first, waiting(link));
         if (written <= 0) return true; // no room, or hung up, which reading tells
-        link->output_length -= (size_t)written;
-        memmove(link->output, link->output + written, link->output_length);
+        link->output_first += (size_t)written;
     }
+    link->output_first = link->output_end = 0;
     return true;
 }
 
 static short events(void *context) {
     const slcan_link *link = context;
     if (link->hung_up) return 0;
-    return (short)((link->frame_waits ? 0 : POLLIN) | (link->output_length > 0 ? POLLOUT : 0));
+    return (short)((link->frame_waits ? 0 : POLLIN) | (waiting(link) > 0 ? POLLOUT : 0));
 }
 
 // Takes input until it is used up, or waits for the board or for output.
 static void run_input(slcan_link *link) {
     if (link->frame_waits && !posfet_board_receive(&link->device.board, &link->adapter.frame)) return;
     link->frame_waits = false;
-    while (link->input_length > 0 && link->output_length + POSFET_SLCAN_LINE <= OUTPUT_BYTES) {
+    while (link->input_length > 0 && waiting(link) + POSFET_SLCAN_LINE <= OUTPUT_BYTES) {
         const char byte = link->input[link->input_first++];
         link->input_length--;
         const enum posfet_slcan_event event = posfet_slcan_take(&link->adapter, byte);
         if (event == POSFET_SLCAN_NOTHING) continue;
         const size_t length = strlen(link->adapter.reply);
-        memcpy(link->output + link->output_length, link->adapter.reply, length);
-        link->output_length += length;
+        memcpy(place(link), link->adapter.reply, length);
+        link->output_end += length;
         if (event == POSFET_SLCAN_SEND && !posfet_board_receive(&link->device.board, &link->adapter.frame)) {
             link->frame_waits = true;
             return;
