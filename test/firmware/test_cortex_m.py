@@ -1,4 +1,4 @@
-"""The firmware's image for a Cortex-M3 on QEMU, its serial line on a pseudo-terminal: driver and model as on a real board."""
+"""The firmware's image for a Cortex-M3 on QEMU, with driver and model on its serial line as on a real board."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -57,9 +58,9 @@ class Machine:
 @contextmanager
 def running_machine(image: Path) -> Iterator[Machine]:
     command = [EMULATOR, "-M", "mps2-an385", "-kernel", str(image), "-display", "none", "-serial", "pty"]
-    process = subprocess.Popen(
-        [*command, "-monitor", "stdio"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
-    )
+    command += ["-monitor", "stdio"]
+    pipe = subprocess.PIPE
+    process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=subprocess.STDOUT, text=True)
     output = ""
     try:
         assert process.stdout is not None
@@ -105,7 +106,7 @@ def read(board: Board, count: int) -> list[Scan]:
 def test_scans_follow_the_scan_timer(board: Board, form: str) -> None:
     scans = read(board, 200)
     assert board.report().health in (Health.OK, Health.WARN)
-    for before, after in zip(scans, scans[1:], strict=False):
+    for before, after in pairwise(scans):
         assert after.sequence > before.sequence
         if form == "fd" and after.sequence != before.sequence + 1:  # rule T5, on a machine with other work
             assert after.status & ScanStatus.SCAN_OVERRUN
@@ -118,11 +119,11 @@ def test_scans_follow_the_scan_timer(board: Board, form: str) -> None:
 def test_commands_are_answered_as_on_any_board(board: Board, form: str) -> None:
     read(board, 1)
     assert board.request(Command.IDENTIFY, timeout=PATIENCE).value == 0x0102_0001 | (form == "fd") << 20
-    with pytest.raises(CommandError, match="SELF_TEST.*busy"):
+    with pytest.raises(CommandError, match=r"SELF_TEST.*busy"):
         board.request(Command.SELF_TEST, timeout=PATIENCE)
     stopped = board.request(Command.STOP, timeout=PATIENCE).value
     assert board.request(Command.SELF_TEST, timeout=PATIENCE).value == 0
-    with pytest.raises(CommandError, match="SET_RATE.*bad argument"):
+    with pytest.raises(CommandError, match=r"SET_RATE.*bad argument"):
         board.request(Command.SET_RATE, 999, timeout=PATIENCE)
     assert board.request(Command.SET_RATE, 2 * PERIOD, timeout=PATIENCE).value == 2 * PERIOD
     assert board.request(Command.START, timeout=PATIENCE).value >= stopped

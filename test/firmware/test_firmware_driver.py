@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -105,9 +106,8 @@ def test_it_stops_and_goes_on_with_the_sequence_of_its_timer(bench: Bench) -> No
 
 def test_it_answers_what_it_is_and_tests_itself(bench: Bench) -> None:
     bench.read(1)
-    form = 0x10 if bench.sensor.can.fd else 0
-    assert bench.request(Command.IDENTIFY) == 0x0102_0001 | form << 16
-    with pytest.raises(CommandError, match="SELF_TEST.*busy"):
+    assert bench.request(Command.IDENTIFY) == 0x0102_0001 | bench.sensor.can.fd << 20
+    with pytest.raises(CommandError, match=r"SELF_TEST.*busy"):
         bench.request(Command.SELF_TEST)
     bench.request(Command.STOP)
     assert bench.request(Command.SELF_TEST) == 0
@@ -115,7 +115,7 @@ def test_it_answers_what_it_is_and_tests_itself(bench: Bench) -> None:
 
 def test_a_period_that_it_cannot_keep_is_refused(bench: Bench) -> None:
     bench.read(1)
-    with pytest.raises(CommandError, match="SET_RATE.*bad argument"):
+    with pytest.raises(CommandError, match=r"SET_RATE.*bad argument"):
         bench.request(Command.SET_RATE, 999)
     scans = bench.read(20)
     bench.assert_as_sampled(scans, boot=14)
@@ -126,8 +126,8 @@ def test_a_new_period_holds_from_the_next_scan_on(bench: Bench) -> None:
     assert bench.request(Command.SET_RATE, 8000) == 8000
     scans = bench.read(40)[-20:]  # those that were on the way are past
     sampled = bench.sampled(14)
-    assert {b.device_time - a.device_time for a, b in zip(scans, scans[1:], strict=False)} == {8000}
-    assert {b.sequence - a.sequence for a, b in zip(scans, scans[1:], strict=False)} == {1}
+    assert {b.device_time - a.device_time for a, b in pairwise(scans)} == {8000}
+    assert {b.sequence - a.sequence for a, b in pairwise(scans)} == {1}
     assert [scan.device_time for scan in scans] == [sampled[scan.sequence][0] for scan in scans]
 
 

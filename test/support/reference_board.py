@@ -31,7 +31,8 @@ def make(folder: Path, *targets: str) -> None:
 
 def _environment() -> dict[str, str]:
     """Return the environment without what a surrounding make hands down."""
-    return {name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MAKELEVEL", "MFLAGS", "OUT")}
+    handed_down = {"MAKEFLAGS", "MAKELEVEL", "MFLAGS", "OUT"}
+    return {name: value for name, value in os.environ.items() if name not in handed_down}
 
 
 class VirtualBoard:
@@ -115,4 +116,3 @@ def terminal_board(program: Path, *options: str) -> Iterator[TerminalBoard]:
         process.terminate()
         _, errors = process.communicate(timeout=PATIENCE)
     assert (process.returncode, errors) == (0, "")
-
