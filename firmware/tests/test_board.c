@@ -57,6 +57,18 @@ static void s1_stop_names_the_first_scan_that_is_not_sent(void) {
     CHECK_EQUAL(sequence_of(fd_scan(0, 4)), 11);
 }
 
+static void s1_ticks_that_nobody_has_polled_for_come_before_the_command(void) {
+    const posfet_config config = bench_config();
+    power_on(&config, 0);
+    hw.clock += 5500;
+    CHECK_EQUAL(command(POSFET_START, 0).value, 6);
+    hw.clock += 1000;
+    const answer stopped = command(POSFET_STOP, 0);
+    CHECK_EQUAL(stopped.value, 7);
+    CHECK_EQUAL(sequence_of(fd_scan(0, 0)), 6);
+    CHECK((unsigned)find_frame(POSFET_SCAN_BLOCK_FD, 0, 0) < stopped.at);
+}
+
 static void c7_start_and_stop_twice_change_nothing(void) {
     const posfet_config config = classic_config();
     power_on(&config, 0);
@@ -217,6 +229,16 @@ static void i1_i2_i3_reports_keep_their_periods(void) {
     CHECK_EQUAL(frames_with(POSFET_IDENTITY, 0), 4);
     for (unsigned n = 0; n < 4; n++)
         CHECK_EQUAL(hw.sent_at[find_frame(POSFET_IDENTITY, 0, n)] - 0xFFFF0000, 1000000 * n);
+}
+
+static void i1_a_late_report_does_not_shift_the_next(void) {
+    const posfet_config config = bench_config();
+    power_on(&config, 0);
+    hw.clock += 230000;
+    posfet_board_poll(&board);
+    CHECK_EQUAL(frames_with(POSFET_STATUS, 0), 2);
+    run_for(70000);
+    CHECK_EQUAL(hw.sent_at[find_frame(POSFET_STATUS, 0, 2)], 300000);
 }
 
 static const posfet_frame *next_status(void) {
@@ -555,7 +577,8 @@ static void a_board_with_a_full_queue_waits_for_the_bus(void) {
         const posfet_frame frame = command_frame(0, 0, 0);
         if (!posfet_board_receive(&board, &frame)) break;
     }
-    run_for(5000000); // returns: what waits for room is not due
+    CHECK_EQUAL(board.queue_length, POSFET_QUEUE_FRAMES - 1); // a command may need two
+    run_for(5000000);                                         // returns: what waits for room is not due
     CHECK(board.queue_length == POSFET_QUEUE_FRAMES);
 }
 
@@ -626,6 +649,7 @@ static void any_course_of_commands_delays_and_blockages_keeps_the_order(void) {
 int main(void) {
     RUN(t1_t2_ticks_are_counted_from_power_on_while_stopped);
     RUN(s1_stop_names_the_first_scan_that_is_not_sent);
+    RUN(s1_ticks_that_nobody_has_polled_for_come_before_the_command);
     RUN(c7_start_and_stop_twice_change_nothing);
     RUN(s2_headers_stand_directly_before_the_scans_that_need_one);
     RUN(f3_blocks_ascend_and_scans_follow_one_another);
@@ -635,6 +659,7 @@ int main(void) {
     RUN(c6_periods_that_cannot_be_kept_are_refused);
     RUN(i2_identity_follows_the_response);
     RUN(i1_i2_i3_reports_keep_their_periods);
+    RUN(i1_a_late_report_does_not_shift_the_next);
     RUN(i5_old_measurements_are_unknown);
     RUN(i5_an_old_measurement_stays_unknown_when_the_clock_wraps);
     RUN(flags_are_in_scans_and_status);

@@ -42,6 +42,7 @@ static void an_fd_block_has_every_field_in_its_place(void) {
     posfet_scan scan = {
         .sequence = 0x89ABCDEF, .time_us = 0x7700112233, .flags = 0x0A, .boot = 0x1C, .taxels = 30, .counts = counts};
     posfet_frame frame;
+    memset(&frame, 0xFF, sizeof frame); // of another frame that had its place in the queue
     posfet_encode_fd_block(&frame, 0x120, true, &scan, 1);
     uint8_t covered[62];
     memcpy(covered, frame.data, 10);
@@ -68,8 +69,9 @@ static void an_fd_block_has_every_field_in_its_place(void) {
 static void classic_frames_have_every_field_in_its_place(void) {
     const uint16_t counts[7] = {0x1234, 0x5678, 0x9ABC, 0xDEF0, 0xFFFF, 0x800F, 0x0010};
     const posfet_scan scan = {
-        .sequence = 0xFEDCBA97, .time_us = 0x987654321, .boot = 0x1B, .taxels = 7, .counts = counts};
+        .sequence = 0xFEDCBA97, .time_us = 0x9C7654321, .boot = 0x1B, .taxels = 7, .counts = counts};
     posfet_frame frame;
+    memset(&frame, 0xFF, sizeof frame); // of another frame that had its place in the queue
     posfet_encode_header(&frame, 0x100, &scan);
     check_frame(&frame, 0x104, 0,
                 "97BADCFE"
@@ -99,6 +101,7 @@ static void classic_frames_have_every_field_in_its_place(void) {
 
 static void status_identity_and_response_have_every_field_in_their_places(void) {
     posfet_frame frame;
+    memset(&frame, 0xFF, sizeof frame); // of another frame that had its place in the queue
     const posfet_status status = {.temperatures = {-256, 25 * 256 + 128},
                                   .supply_mv = 3300,
                                   .flags = 0x0D,
