@@ -3,6 +3,7 @@
 #   make bringup            run the stack with the simulated board     FOR=5  SOURCE=sim|emulator|can  SCENE=name|file  ARGS=...
 #   make test               run all tests but the slow ones (against the wall clock)     ARGS="-k name" goes to pytest
 #   make test-cortex-m      run the reference firmware's image on an emulated Cortex-M3, driver and model on it; part of test-vm
+#   make test-vm            run the driver on SocketCAN in a virtual machine with Debian's kernel     ARGS="-k netem"
 #   make check              run ruff, mypy, numpydoc and import-linter
 #   make soak               run the tests against the wall clock, then the driver under faults for half an hour     FOR=60
 #   make bench              measure speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
@@ -10,7 +11,7 @@
 #   make accuracy           measure the accuracy of forces and contacts; writes docs/accuracy.md    FULL=1  ONLY=effects (that section)
 #   make figures            draw the figures of docs/
 #   make parameters         write the tables of docs/parameters.md
-#   make clean              remove what was built; make distclean removes .venv as well
+#   make clean              remove what was built; make distclean removes .venv and .vm as well
 
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c
@@ -54,13 +55,15 @@ test: $(BUILT)
 	if python3 -c 'import xdist' 2>/dev/null; then workers=(-n 4); fi; \
 	exec python3 -m pytest "$${workers[@]}" $(ARGS)
 
-test-vm: test-cortex-m
-
 # 5: no test has the name that ARGS asks for.
 test-cortex-m: $(BUILT)
 	@command -v qemu-system-arm >/dev/null || { echo "qemu-system-arm is missing. Install with: apt-get install qemu-system-arm" >&2; exit 1; }
 	@$(MAKE) --silent -C firmware cortex-m
 	@$(IN_ENVIRONMENT) python3 -m pytest -m vm test/firmware $(ARGS) || [[ $$? == 5 ]]
+
+test-vm: $(BUILT) test-cortex-m
+	@tools/vm/fetch.sh
+	@exec tools/vm/run.sh python3 -m pytest -m vm test/vm $(ARGS)
 
 # With a sourced ROS 2: pip install --requirement tools/check_requirements.txt, into an environment of your own
 .venv/.check_ready: tools/check_requirements.txt | $(READY)
@@ -100,4 +103,4 @@ clean:
 	rm -rf build install log
 
 distclean: clean
-	rm -rf .venv
+	rm -rf .venv .vm
