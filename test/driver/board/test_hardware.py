@@ -31,6 +31,7 @@ from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.open_bus import bus_settings, open_can_bus
 from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.clock import Clock, SystemClock
+from posfet_driver.protocol.identifiers import board_frames
 from posfet_driver.protocol.messages import Command
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan
@@ -134,8 +135,9 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool, monkeypatch:
             settings = bus_settings(interface, channel, with_fd(sensor, fd).can, options=options)
             far_end: can.BusABC = stack.enter_context(open_can_bus(settings))
             stack.enter_context(board_on_bus(far_end, firmware, clock))
-        opener = BusOpener(bus_settings(interface, channel, with_fd(sensor, fd).can, options=options))
-        board = Board(with_fd(sensor, fd), opener, clock, opener.presence)
+        sensor = with_fd(sensor, fd)
+        opener = BusOpener(bus_settings(interface, channel, sensor.can, options=options), board_frames(sensor))
+        board = Board(sensor, opener, clock, opener.presence)
         stack.callback(board.close)
         board.open()
         yield Bench(board, sensor, bus_kind != "board", clock)

@@ -10,6 +10,7 @@ import can
 import pytest
 
 from posfet import can as posfet_can
+from posfet_driver.bus import can_interface
 from posfet_driver.bus.error_frame import ErrorCounts
 from posfet_driver.bus.frame import CLASSIC
 from posfet_driver.bus.message_conversion import frame_of
@@ -20,8 +21,9 @@ from posfet_driver.tools import list_boards
 from posfet_driver.tools.record_replay import decode
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
-from support.clocks import PacedClock
+from support.clocks import PacedClock, SteppedClock
 from support.fake_board import FakeBoard, board_on_bus
+from support.fake_socketcan import FakeSocketcan
 
 SENSOR = load_sensor()
 EMULATOR = ["-i", "emulator"]
@@ -64,7 +66,7 @@ def test_list_reports_why_an_adapter_is_unusable(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(list_boards, "SERIAL_PORTS", (str(tmp_path / "tty*"),))
-    monkeypatch.setattr(list_boards, "NETWORK_DEVICES", tmp_path / "net")
+    monkeypatch.setattr(can_interface, "NETWORK_DEVICES", tmp_path / "net")
     assert main(["list"]) == 0
     assert "no adapter found" in capsys.readouterr().out
     (tmp_path / "ttyACM0").touch()
@@ -75,6 +77,25 @@ def test_list_reports_why_an_adapter_is_unusable(
     assert list_boards.adapters() == [("socketcan", "can7"), ("slcan", str(tmp_path / "ttyACM0"))]
     assert main(["list"]) == 0
     assert "not a serial port" in capsys.readouterr().out
+
+
+def test_list_says_how_to_set_an_interface_up(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("COLUMNS", "60")
+    monkeypatch.setattr(list_boards, "SERIAL_PORTS", ())
+    kernel = FakeSocketcan(monkeypatch, tmp_path / "net")
+    for name in ("can0", "can1"):
+        kernel.add(name).switch(False)
+    clock = SteppedClock()
+    assert posfet_can.main(["list"], clock) == 0
+    lines = capsys.readouterr().out.splitlines()
+    settings = "up type can bitrate 1000000 dbitrate 5000000 fd on"
+    assert lines[-2:] == [
+        f"socketcan:{name}: the interface is down: sudo ip link set {name} {settings}" for name in ("can0", "can1")
+    ]
+    assert clock.now == 0
+    kernel.close()
 
 
 def test_only_a_sender_whose_heart_beats_is_listed_as_a_board() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 Frame: TypeAlias = tuple[int, int, bytes]
@@ -19,3 +20,13 @@ FD: Final = 8
 """CAN FD: up to 64 bytes."""
 RATE_SWITCH: Final = 16
 """CAN FD with the data phase at its own bit rate."""
+
+
+@dataclass(frozen=True)
+class BoardFrames:
+    """Identifiers (11 bits) of the frames that are exchanged with one board."""
+
+    sent: int
+    """Identifier of the frames sent to it."""
+    received: range
+    """Identifiers of its own frames."""

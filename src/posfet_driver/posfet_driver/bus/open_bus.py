@@ -14,6 +14,8 @@ from typing import Any, Final
 import can
 from can.interfaces import BACKENDS
 
+from posfet_driver.bus import can_interface
+from posfet_driver.bus.frame import BoardFrames
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.python_can_bus import PythonCanFrameBus
 from posfet_driver.bus.slcan_bus import SlcanBus
@@ -104,13 +106,15 @@ def bus_settings(
     return settings
 
 
-def open_bus(settings: BusSettings) -> FrameBus:
+def open_bus(settings: BusSettings, board: BoardFrames | None = None) -> FrameBus:
     """Open the bus.
 
     Parameters
     ----------
     settings : BusSettings
         The bus.
+    board : BoardFrames, optional
+        The only board that the bus is read for, where the interface can filter; by default every frame is received.
 
     Returns
     -------
@@ -126,7 +130,11 @@ def open_bus(settings: BusSettings) -> FrameBus:
     """
     bus = open_can_bus(settings)
     if settings.interface == SOCKETCAN:
-        return SocketcanFrameBus(bus)
+        try:
+            return SocketcanFrameBus(bus, board)
+        except can.CanError:  # removed meanwhile
+            bus.shutdown()
+            raise
     return bus if isinstance(bus, SlcanBus) else PythonCanFrameBus(bus)
 
 
@@ -142,6 +150,10 @@ def open_can_bus(settings: BusSettings) -> can.BusABC:
         arguments["channel"] = settings.channel
     elif _channel_needed(bus_class):
         raise ConfigError(f"CAN interface '{settings.interface}' needs a channel, such as can0, /dev/ttyACM0, ...")
+    if settings.interface == SOCKETCAN and (
+        reason := can_interface.obstacle(settings.channel, settings.fd, settings.bitrate, settings.data_bitrate)
+    ):
+        raise can.CanInitializationError(f"{settings.name}: {reason}")
     try:
         return bus_class(**arguments)
     except can.CanInterfaceNotImplementedError as error:

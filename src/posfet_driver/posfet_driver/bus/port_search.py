@@ -9,7 +9,8 @@ from typing import Final
 
 import can
 
-from posfet_driver.bus import socketcan_bus
+from posfet_driver.bus import can_interface
+from posfet_driver.bus.frame import BoardFrames
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.open_bus import PLAIN_SLCAN, SLCAN, BusSettings, one_line, open_bus
 
@@ -26,10 +27,13 @@ class BusOpener:
     ----------
     settings : BusSettings
         The bus.
+    board : BoardFrames, optional
+        The only board that the bus is read for; by default every frame is received.
     """
 
-    def __init__(self, settings: BusSettings) -> None:
+    def __init__(self, settings: BusSettings, board: BoardFrames | None = None) -> None:
         self.settings = settings
+        self._board = board
         self.channel = settings.channel
         """Channel that was opened last."""
 
@@ -56,7 +60,7 @@ class BusOpener:
         reasons = []
         for port in ports[start:] + ports[:start]:
             try:
-                bus = open_bus(replace(self.settings, channel=port))
+                bus = open_bus(replace(self.settings, channel=port), self._board)
             except can.CanError as error:
                 reasons.append(one_line(error))
                 continue
@@ -75,7 +79,7 @@ class BusOpener:
         """Return a value that changes when an adapter is connected, removed or switched: a reason to retry at once."""
         if self.settings.interface in _SERIAL:
             return tuple(_identity(port) for port in self.ports())
-        return socketcan_bus.presence(self.settings.channel)
+        return can_interface.presence(self.settings.channel)
 
 
 def _identity(port: str) -> tuple[int, ...]:

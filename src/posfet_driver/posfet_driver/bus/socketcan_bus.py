@@ -6,19 +6,19 @@ import errno
 import select
 import socket
 import struct
-from pathlib import Path
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 import can
 
+from posfet_driver.bus import can_interface
 from posfet_driver.bus.error_frame import BUS_OFF, CONTROLLER, NO_ACKNOWLEDGE, OVERFLOW, error_frame
-from posfet_driver.bus.frame import ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE, Frame
+from posfet_driver.bus.frame import ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE, BoardFrames, Frame
 from posfet_driver.bus.message_conversion import message_of
 
 if TYPE_CHECKING:
     from can.interfaces.socketcan import SocketcanBus
 
-NETWORK_DEVICES: Final = Path("/sys/class/net")
 READ_LIMIT: Final = 1024
 """Largest number of frames read at once."""
 SEND_TIMEOUT: Final = 0.1
@@ -31,8 +31,15 @@ _FRAME: Final = struct.Struct("=IBB2x")
 """Head of struct can_frame and canfd_frame (linux/can.h): identifier with flags, length, flags of CAN FD."""
 _FD_SIZE: Final = 72
 _RATE_SWITCH: Final = 0x01
+_OTHER: Final = EXTENDED | ERROR
+"""Kinds of frames that no board sends."""
 _SPECIAL: Final = 0xE000_0000
 _EXTENDED, _REMOTE, _ERROR = 0x8000_0000, 0x4000_0000, 0x2000_0000
+_FILTER: Final = struct.Struct("=II")
+"""struct can_filter: identifier and mask, both with flags."""
+_INVERTED: Final = 0x2000_0000
+"""Flag of a filter's identifier: what does not match is received (CAN_INV_FILTER)."""
+_STANDARD: Final = 0x7FF
 _SO_RCVBUFFORCE: Final = 33
 _SO_MEMINFO: Final = 55
 _MEMINFO: Final = struct.Struct("=9I")
@@ -47,18 +54,26 @@ class SocketcanFrameBus:
     unacknowledged: while the cable is unplugged nothing leaves that queue, and it outlives the socket, so that
     reopening the bus would not help.
 
+    With `board`, the kernel hands over that board's frames alone from its first one on, and those of other nodes only
+    while it is silent (from `ask_state` on), when they tell what is wrong. Frames sent to the board are never received:
+    those that an earlier socket left in the send queue, and that leave it when the cable is plugged in, look like those
+    of another node. Error frames are always received.
+
     Parameters
     ----------
     bus : can.interfaces.socketcan.SocketcanBus
         The open bus.
+    board : BoardFrames, optional
+        The board that the bus is read for; by default every frame is received.
     """
 
     malformed_lines = 0
 
-    def __init__(self, bus: SocketcanBus) -> None:
+    def __init__(self, bus: SocketcanBus, board: BoardFrames | None = None) -> None:
         self._bus = bus
         self._socket: socket.socket = bus.socket
-        self._device = NETWORK_DEVICES / bus.channel if bus.channel else None
+        self._board = board
+        self._board_only = True
         self._waiting: list[Frame] = []
         self._dropped = 0
         self._poll = select.poll()
@@ -67,6 +82,7 @@ class SocketcanFrameBus:
             self._socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER)
         except PermissionError:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        self._receive_others()
 
     def read_frames(self, timeout: float) -> list[Frame]:
         """Return the frames that are waiting; when there is none, wait for the first.
@@ -101,6 +117,8 @@ class SocketcanFrameBus:
         if dropped != self._dropped:
             self._dropped = dropped
             frames.append(error_frame(CONTROLLER, OVERFLOW))
+        if not self._board_only:
+            self._receive_board_only(frames)
         return frames
 
     def write_frame(self, frame: Frame) -> None:
@@ -113,18 +131,47 @@ class SocketcanFrameBus:
             self._waiting.append(error_frame(NO_ACKNOWLEDGE))
 
     def ask_state(self) -> None:
-        """Queue an error frame when the controller is bus-off (no carrier): the kernel reports that only once."""
-        if self._device and _content(self._device / "carrier") == "0":
+        """Queue an error frame when the controller is bus-off: the kernel reports that only once.
+
+        Asked for a board that is silent: from now on the frames of other nodes are received, too.
+        """
+        if can_interface.is_bus_off(self._bus.channel):
             self._waiting.append(error_frame(BUS_OFF))
+        self._receive_others()
 
     def shutdown(self) -> None:
         """Close the bus."""
         self._bus.shutdown()
 
+    def _receive_others(self) -> None:
+        if self._board and self._board_only:
+            self._board_only = False
+            self._set_filters([(self._board.sent | _INVERTED, _STANDARD | _EXTENDED | _REMOTE)])
 
-def presence(channel: str) -> object:
-    """Return a value that changes when the network device is added, removed or switched."""
-    return tuple(_content(NETWORK_DEVICES / channel / name) for name in ("ifindex", "flags", "operstate"))
+    def _receive_board_only(self, frames: list[Frame]) -> None:
+        """Narrow the filter when the board is among the senders of `frames`."""
+        board = self._board
+        if board and any(identifier in board.received for identifier, kind, _ in frames if not kind & _OTHER):
+            self._board_only = True
+            self._set_filters(list(_range_filters(board.received)))
+
+    def _set_filters(self, filters: list[tuple[int, int]]) -> None:
+        packed = b"".join(_FILTER.pack(identifier, mask) for identifier, mask in filters)
+        try:
+            self._socket.setsockopt(socket.SOL_CAN_RAW, socket.CAN_RAW_FILTER, packed)
+        except OSError as error:
+            raise can.CanOperationError(f"cannot filter: {error.strerror}", error.errno) from error
+
+
+def _range_filters(identifiers: range) -> Iterator[tuple[int, int]]:
+    """Yield filters that together accept a range of 11-bit identifiers: blocks of a power of two, each aligned."""
+    first = identifiers.start
+    while first < identifiers.stop:
+        size = first & -first or _STANDARD + 1
+        while size > identifiers.stop - first:
+            size >>= 1
+        yield first, (_STANDARD & ~(size - 1)) | _EXTENDED
+        first += size
 
 
 def _frame(data: bytes) -> Frame:
@@ -141,10 +188,3 @@ def _frame(data: bytes) -> Frame:
         )
         identifier &= ~_SPECIAL
     return identifier, kind, data[_FRAME.size : _FRAME.size + length]
-
-
-def _content(path: Path) -> str:
-    try:
-        return path.read_text(encoding="ascii").strip()
-    except (OSError, ValueError):
-        return ""

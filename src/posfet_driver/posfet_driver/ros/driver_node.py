@@ -13,6 +13,7 @@ from posfet_driver.bus.open_bus import bus_settings
 from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.clock import Clock
 from posfet_driver.parameters import DRIVER_NODE
+from posfet_driver.protocol.identifiers import board_frames
 from posfet_driver.protocol.messages import Command
 from posfet_driver.ros.scan_source_node import ScanSourceNode
 from posfet_model.ros.run_node import run_node
@@ -44,7 +45,7 @@ class DriverNode(ScanSourceNode):
             data_bitrate=parameters["can_data_bitrate"],
             options=parameters["can_options"],
         )
-        opener = BusOpener(settings)
+        opener = BusOpener(settings, board_frames(sensor))
         link = replace(sensor.can, bitrate=settings.bitrate, data_bitrate=settings.data_bitrate)
         self._board = Board(replace(sensor, can=link), opener, self.clock, opener.presence)
         return self._board

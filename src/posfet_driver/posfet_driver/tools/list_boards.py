@@ -13,18 +13,16 @@ import can
 from rich.console import Console
 from rich.table import Table
 
+from posfet_driver.bus import can_interface
 from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.open_bus import one_line, open_bus
-from posfet_driver.bus.socketcan_bus import NETWORK_DEVICES
 from posfet_driver.clock import Clock
 from posfet_driver.protocol.messages import IDENTITY_OFFSET, PROTOCOL_VERSION, STATUS_OFFSET, Identity, Status
 from posfet_driver.tools.bus_options import EMULATOR, bus_of
 from posfet_model.config import ConfigError
 
 SERIAL_PORTS: Final = ("/dev/ttyACM*", "/dev/ttyUSB*")
-CAN_DEVICE: Final = "280"
-"""Type of a CAN device in sysfs (ARPHRD_CAN)."""
 HEARTBEATS_NEEDED: Final = 3
 """Consecutive heartbeats that identify a board: other data do not count."""
 
@@ -57,10 +55,8 @@ class DetectedBoard:
 
 def adapters() -> list[tuple[str, str]]:
     """Return interface and channel of every adapter of this machine."""
-    devices = sorted(NETWORK_DEVICES.glob("*/type")) if NETWORK_DEVICES.is_dir() else []
-    network = [path.parent.name for path in devices if path.read_text(encoding="ascii").strip() == CAN_DEVICE]
     ports = sorted(port for pattern in SERIAL_PORTS for port in glob.glob(pattern))
-    return [("socketcan", name) for name in network] + [("slcan", port) for port in ports]
+    return [("socketcan", name) for name in can_interface.names()] + [("slcan", port) for port in ports]
 
 
 def boards(frames: Iterable[Frame]) -> list[DetectedBoard]:
@@ -106,6 +102,7 @@ def run_list(options: argparse.Namespace) -> int:
     named = bool(options.interface)
     listed = [(options.interface, options.channel)] if named else adapters()
     table = Table("interface", "channel", "state", "base id", "layout", "firmware", "supply [V]", title="adapters")
+    reasons: list[str] = []
     for interface, channel in listed:
         options.interface, options.channel = interface, channel
         shown = channel or ("a simulated board" if interface == EMULATOR else "")
@@ -114,12 +111,15 @@ def run_list(options: argparse.Namespace) -> int:
         except (can.CanError, ConfigError, OSError) as error:
             if named:
                 raise
-            rows = [[one_line(error), "", "", "", ""]]
+            reasons.append(one_line(error))
+            rows = [["not usable", "", "", "", ""]]
         for row in rows:
             table.add_row(interface, shown, *row)
     console = Console(highlight=False, markup=False)
     if table.row_count:
         console.print(table)
+        for reason in reasons:
+            console.print(reason, soft_wrap=True)  # whole: it may hold a command to be copied
     else:
         console.print("no adapter found: no CAN network device, no /dev/ttyACM*, no /dev/ttyUSB*")
     return 0

@@ -18,6 +18,7 @@ from posfet_driver.board.faults import FaultKind
 from posfet_driver.bus.open_bus import BusSettings
 from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.clock import Clock
+from posfet_driver.protocol.identifiers import board_frames
 from posfet_driver.protocol.messages import Command, Identification
 from posfet_driver.tools.bus_options import bus_of
 from posfet_driver.tools.one_shot import described
@@ -52,7 +53,7 @@ class SelfTest:
 
     def __init__(self, sensor: Sensor, settings: BusSettings, seconds: float, clock: Clock) -> None:
         self._sensor = sensor
-        self._opener = BusOpener(settings)
+        self._opener = BusOpener(settings, board_frames(sensor))
         self._board = Board(sensor, self._opener, clock)
         self._clock = clock
         self._seconds = seconds

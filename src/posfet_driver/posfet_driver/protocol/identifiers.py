@@ -1,0 +1,31 @@
+"""CAN identifiers of one board, for the filter of the bus; see docs/protocol.md."""
+
+from __future__ import annotations
+
+from posfet_driver.bus.frame import BoardFrames
+from posfet_driver.protocol.messages import CLASSIC_BLOCK_OFFSET, COMMAND_OFFSET, RESPONSE_OFFSET
+from posfet_driver.protocol.scan_codec import make_codec
+from posfet_model.sensor.description import Sensor
+
+
+def board_frames(sensor: Sensor) -> BoardFrames:
+    """Return the identifiers of a board's frames, reserved ones included.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Layout, frame format and base identifier.
+
+    Returns
+    -------
+    BoardFrames
+        The identifiers.
+
+    Raises
+    ------
+    ConfigError
+        When the layout does not fit the frames.
+    """
+    codec = make_codec(sensor)
+    base, last = sensor.can.base_id, max(codec.offset(codec.blocks - 1), CLASSIC_BLOCK_OFFSET - 1)
+    return BoardFrames(sent=base + COMMAND_OFFSET, received=range(base + RESPONSE_OFFSET, base + last + 1))
