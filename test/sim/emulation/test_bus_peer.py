@@ -8,14 +8,19 @@ import pytest
 
 from posfet_driver.board.faults import Health
 from posfet_driver.board.scan_source import ManagedDevice, ScanSource, SourceError
-from posfet_driver.bus.frame import CLASSIC
+from posfet_driver.bus.frame import CLASSIC, Frame
+from posfet_driver.bus.open_bus import bus_settings, open_bus
 from posfet_driver.bus.slcan_codec import LineReader, encode_line
-from posfet_driver.protocol.messages import COMMAND_OFFSET, FD_BLOCK_OFFSET, Command, Request
+from posfet_driver.clock import SystemClock
+from posfet_driver.protocol.messages import COMMAND_OFFSET, FD_BLOCK_OFFSET, STATUS_OFFSET, Command, Request
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.emulation.bus_peer import SimulatedBusPeer
 from posfet_sim.scene import SceneLoads, load_scene
+from support.clocks import PacedClock
+from support.fake_board import PATIENCE
+from support.fake_socketcan import FakeSocketcan
 
 SENSOR = load_sensor()
 SCENE = load_scene("press_slide_lift", SENSOR)
@@ -85,3 +90,25 @@ def test_an_existing_file_at_the_link_path_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="cannot be linked here"):
         source.open()
     assert source.report().health == Health.STALE
+
+
+def test_a_board_outlives_its_interface_going_down_and_up(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    kernel = FakeSocketcan(monkeypatch, tmp_path / "net")
+    device = kernel.add("can0")
+    settings = bus_settings("socketcan", "can0", SENSOR.can)
+    peer = SimulatedBusPeer(SENSOR, SCENE, 4, settings, PacedClock(main=False))
+    peer.open()
+    end = SystemClock().monotonic() + PATIENCE * 1e9
+    for _ in range(2):
+        anyone = open_bus(settings)
+        statuses: list[Frame] = []
+        while not statuses:
+            assert SystemClock().monotonic() < end, peer.report()
+            frames = anyone.read_frames(PATIENCE)
+            statuses += [frame for frame in frames if frame[0] == SENSOR.can.base_id + STATUS_OFFSET]
+        anyone.shutdown()
+        assert peer.report().health == Health.OK
+        device.switch(False)
+        device.switch(True)
+    peer.close()
+    kernel.close()

@@ -164,7 +164,14 @@ def serve(
     clock = SteppedClock(now=1_000_000_000)
     made = FailingBus(clock, room, reads)
     made.incoming += incoming
-    monkeypatch.setattr(bus_server, "open_bus", lambda _: made)
+    buses = [made]
+
+    def open_once(_: BusSettings) -> FailingBus:
+        if not buses:
+            raise can.CanInitializationError("out for good")
+        return buses.pop()
+
+    monkeypatch.setattr(bus_server, "open_bus", open_once)
     server = BusServer(settings(), node, clock)
     server.open()
     assert made.failed.wait(DEADLINE)
@@ -173,7 +180,7 @@ def serve(
 
 
 def test_frames_that_the_bus_does_not_accept_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
-    server, made = serve(monkeypatch, CountingNode(), room=4, reads=10)
+    server, made = serve(monkeypatch, CountingNode(limit=10), room=4, reads=10)
     # One frame is due in each of the ten rounds.
     assert (server.frames_sent, server.frames_dropped) == (4, 6)
     assert made.closed
@@ -186,10 +193,31 @@ def test_what_was_due_before_a_command_is_sent_before_its_answer(monkeypatch: py
     assert made.written[1] == (0x200, CLASSIC, b"\x02\x01")
 
 
-def test_a_failure_of_the_bus_ends_the_service_with_its_reason_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    server, _ = serve(monkeypatch, CountingNode(), room=100, reads=0)
-    assert server.failure == "cable out"
-    assert server.frames_sent == 0
+def test_a_bus_that_fails_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = SteppedClock(now=1_000_000_000)
+    first, second = FailingBus(clock, room=100, reads=1), FailingBus(clock, room=100, reads=50)
+    attempts: list[tuple[str, int]] = []
+
+    def open_next(_: BusSettings) -> FailingBus:
+        attempts.append((server.failure, server.frames_dropped))
+        if len(attempts) in {1, 4}:
+            return first if len(attempts) == 1 else second
+        raise can.CanInitializationError("still\nout")
+
+    monkeypatch.setattr(bus_server, "open_bus", open_next)
+    server = BusServer(settings(), CountingNode(20 * MILLISECOND), clock)
+    server.open()
+    assert second.failed.wait(DEADLINE)
+    server.close()
+    assert [failure for failure, _ in attempts[:4]] == ["", "cable out", "still out", "still out"]
+    assert first.closed
+    assert second.closed
+    before, after = ([int.from_bytes(data[:4], "big") for _, _, data in bus.written] for bus in (first, second))
+    assert before == [0]
+    _, lost = attempts[3]
+    assert lost >= 15  # three waits of 100 ms
+    assert after == list(range(1 + lost, 1 + lost + len(after)))
+    assert len(after) > 5
 
 
 def test_the_bus_is_read_until_the_next_frame_is_due_but_not_for_long(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,10 +17,15 @@ from posfet_sim.emulation.bus_node import Node
 
 IDLE: Final = 0.1
 """Maximum wait for frames [s]."""
+REOPEN_PERIOD: Final = 0.1
+"""Time between two attempts to open a bus that has failed [s]."""
 
 
 class BusServer:
     """Connects a node to any python-can bus, in a thread of its own, from `open` to `close`.
+
+    A bus that fails is opened again as soon as that is possible. The node goes on meanwhile, as a board does whose
+    adapter is disconnected; what it sends is lost.
 
     Parameters
     ----------
@@ -36,7 +41,7 @@ class BusServer:
         self.frames_sent = 0
         """Frames sent to the bus."""
         self.frames_dropped = 0
-        """Frames that the bus did not accept."""
+        """Frames that the bus did not accept, or that were due without a bus."""
         self._settings = settings
         self._node = node
         self._clock = clock or SystemClock()
@@ -44,7 +49,7 @@ class BusServer:
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
         self.failure = ""
-        """Why the bus is no longer served; '' while it works."""
+        """Why the bus is not served now; '' while it works."""
 
     def open(self) -> None:
         """Open the bus and serve it.
@@ -61,31 +66,47 @@ class BusServer:
         except can.CanError as error:
             raise SourceError(one_line(error)) from error
         self._stop.clear()
-        self._thread = threading.Thread(target=self._run, args=(self._bus,), name="simulated board", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="simulated board", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
         """Stop the thread and close the bus; may be called twice."""
-        if self._thread is None or self._bus is None:
+        if self._thread is None:
             return
         self._stop.set()
         self._thread.join()
-        self._bus.shutdown()
-        self._thread = self._bus = None
+        self._close_bus()
+        self._thread = None
 
-    def _run(self, bus: FrameBus) -> None:
+    def _run(self) -> None:
         while not self._stop.is_set():
-            wait = (self._node.next_due() - self._clock.monotonic()) / NANOSECONDS
             try:
-                received = bus.read_frames(min(max(wait, 0.0), IDLE))
+                self._serve(self._bus or self._reopen())
             except can.CanError as error:
                 self.failure = one_line(error)
-                return
-            now = self._clock.monotonic()
-            due = self._node.due(now)  # a board has sent it when a command comes that it answers
-            answers = [answer for frame in received for answer in self._node.receive(frame, now)]
-            for frame in due + answers:
-                self._write(bus, frame)
+                self._close_bus()
+                self._clock.sleep(REOPEN_PERIOD)
+                self.frames_dropped += len(self._node.due(self._clock.monotonic()))
+
+    def _reopen(self) -> FrameBus:
+        self._bus = open_bus(self._settings)
+        self.failure = ""
+        return self._bus
+
+    def _close_bus(self) -> None:
+        bus, self._bus = self._bus, None
+        if bus:
+            bus.shutdown()
+
+    def _serve(self, bus: FrameBus) -> None:
+        """Send what is due, and answer the frames that arrive until then."""
+        wait = (self._node.next_due() - self._clock.monotonic()) / NANOSECONDS
+        received = bus.read_frames(min(max(wait, 0.0), IDLE))
+        now = self._clock.monotonic()
+        due = self._node.due(now)  # a board has sent it when a command comes that it answers
+        answers = [answer for frame in received for answer in self._node.receive(frame, now)]
+        for frame in due + answers:
+            self._write(bus, frame)
 
     def _write(self, bus: FrameBus, frame: Frame) -> None:
         try:
