@@ -21,8 +21,8 @@ from can.interfaces.socketcan import socketcan as upstream
 
 from posfet_driver.bus import can_interface
 
-QUEUE_LENGTH = 10
-"""Frames that the send queue of a CAN device holds."""
+QUEUE_LENGTH = 11
+"""Frames that a CAN device holds: the 10 of its send queue, and one that has left it."""
 INVERTED, ERROR = 0x2000_0000, 0x2000_0000
 """Flag of an inverted filter, and of an error frame."""
 _FILTER = struct.Struct("=II")
@@ -135,16 +135,20 @@ class DeviceSocket(socket.socket):
     def recv(self, size: int, flags: int = 0) -> bytes:  # type: ignore[override]
         data = b""
         while not data:
-            code, self._error = self._error, 0
-            if code:
-                raise os_error(code)
+            self._raise_error()
             data = super().recv(size, flags)
         return data
 
     def send(self, data: bytes, flags: int = 0) -> int:  # type: ignore[override]
         assert self.device is not None
+        self._raise_error()
         self.device.send(data, self)
         return len(data)
+
+    def _raise_error(self) -> None:
+        code, self._error = self._error, 0
+        if code:
+            raise os_error(code)
 
     def close(self) -> None:
         if self.device and self in self.device.sockets:

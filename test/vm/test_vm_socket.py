@@ -1,0 +1,119 @@
+"""The socket of a real kernel: filters and time stamps, and that the fake one of the other tests behaves alike."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+import support.flood
+from posfet.can import main
+from posfet_driver.board.faults import FaultKind
+from support.fake_socketcan import Device, FakeSocketcan
+from support.kernel_can import Interface, Wire, virtual_wire
+from support.socket_behaviour import down_and_up, filtered, stalled_queue
+from support.vm_bench import VmBench
+
+pytestmark = pytest.mark.vm
+
+OpenWire = Callable[..., Wire]
+MakeBench = Callable[[Wire], VmBench]
+
+
+@contextmanager
+def flood(interface: Interface) -> Iterator[None]:
+    """Send frames of other nodes on an interface, from another process."""
+    with subprocess.Popen([sys.executable, support.flood.__file__, interface.name], stdin=subprocess.PIPE) as sender:
+        try:
+            yield
+            assert sender.poll() is None
+        finally:
+            sender.communicate()
+
+
+def packets(interface: Interface) -> int:
+    """Return the number of frames that the interface has received."""
+    return int(Path(f"/sys/class/net/{interface.name}/statistics/rx_packets").read_text(encoding="ascii"))
+
+
+@pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+def test_frames_of_other_nodes_do_not_reach_the_driver_while_the_board_sends(bench: MakeBench, fd: bool) -> None:
+    with virtual_wire(fd) as wire:
+        made = bench(wire)
+        made.scans()
+        with flood(wire.board):
+            before, frames = packets(wire.board), made.board.decoder.traffic.frames
+            made.until(lambda: packets(wire.board) - before > 2000)
+            read = made.board.decoder.traffic.frames - frames
+        assert read < 1500
+        assert made.board.report().counters["unrelated frames"] == 0
+        assert made.count(FaultKind.RECEIVE_OVERFLOWS) == 0
+
+
+def test_frames_of_other_nodes_tell_a_missing_board_from_a_silent_bus(bench: MakeBench) -> None:
+    with virtual_wire(fd=True) as wire:
+        made = bench(wire)
+        made.scans()
+        made.server.close()
+        made.until(lambda: made.conditions == (FaultKind.NO_TRAFFIC,))
+        with flood(wire.board):
+            made.until(lambda: made.conditions == (FaultKind.BOARD_NOT_DETECTED,))
+        made.server.open()
+        made.until_healthy()
+
+
+def test_list_finds_the_board_and_says_how_to_set_an_interface_up(
+    bench: MakeBench, open_wire: OpenWire, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    classic = open_wire("kvaser_pci classic")
+    classic.down()
+    with virtual_wire(fd=True) as wire:
+        bench(wire)
+        assert main(["list", "--for", "2"]) == 0
+    out = capsys.readouterr().out
+    assert "0x100" in out
+    for one in classic.interfaces:
+        remedy = f"sudo ip link set {one.name} up type can bitrate 1000000 dbitrate 5000000 fd on"
+        assert f"socketcan:{one.name}: the interface is down: {remedy}" in out
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Device]:
+    """The emulation of the other tests, with one interface."""
+    with monkeypatch.context() as patch:
+        kernel = FakeSocketcan(patch, tmp_path / "net")
+        yield kernel.add("can0")
+        kernel.close()
+
+
+def test_the_fake_interface_goes_down_and_up_as_a_real_one(request: pytest.FixtureRequest) -> None:
+    def switch(up: bool) -> None:
+        wire.up() if up else wire.down()
+
+    with virtual_wire(fd=True) as wire:
+        real = down_and_up(wire.driver.name, switch)
+    assert "ENETDOWN" in real
+    device = request.getfixturevalue("fake")
+    assert down_and_up("can0", device.switch) == real
+
+
+def test_the_fake_queue_keeps_frames_as_a_real_one(request: pytest.FixtureRequest, open_wire: OpenWire) -> None:
+    interface = open_wire("kvaser_pci classic").driver
+    real = stalled_queue(interface.name, lambda on: interface.inject("stall" if on else "resume"))
+    device = request.getfixturevalue("fake")
+    assert stalled_queue("can0", device.stall) == real
+
+
+@pytest.mark.parametrize("base", [0x100, 0x3A5])
+def test_the_fake_filter_accepts_what_a_real_one_does(request: pytest.FixtureRequest, base: int) -> None:
+    with virtual_wire(fd=False) as wire:
+        real = filtered(wire.driver.name, base)
+    assert (base, 0) not in real
+    assert (base + 1, 0) in real
+    request.getfixturevalue("fake")
+    assert filtered("can0", base) == real
