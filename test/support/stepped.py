@@ -17,6 +17,7 @@ class SteppedBus:
     """
 
     malformed_lines = 0
+    arrival_stamp = 0
 
     def __init__(self, clock: SteppedClock, firmware: Node, cadence: int = 0) -> None:
         self.clock = clock

@@ -6,6 +6,7 @@ import errno
 import logging
 import socket
 import struct
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -79,6 +80,24 @@ def test_error_frames_equal_those_read_by_python_can(device: Device) -> None:
         assert received
         assert read(bus, 1) == [frame_of(received)] == [(classes, ERROR, data)]
         bus.shutdown()
+
+
+def test_the_stamp_is_the_time_at_which_the_newest_frame_arrived(device: Device) -> None:
+    bus = open_bus(SETTINGS)
+    bus.read_frames(0.0)
+    assert bus.arrival_stamp == 0
+    begin, sent, after = time.time_ns(), 0, 0
+    while not begin < bus.arrival_stamp <= sent:  # the kernel takes a moment to begin to stamp what arrives
+        for frame in FRAMES:
+            begin = time.time_ns()
+            device.deliver(build_can_frame(message_of(frame)))
+        sent = time.time_ns()
+        read(bus, len(FRAMES))
+        after = time.time_ns()
+        assert begin < bus.arrival_stamp <= after
+    bus.read_frames(0.0)
+    assert bus.arrival_stamp == 0
+    bus.shutdown()
 
 
 @pytest.mark.parametrize("frame", FRAMES, ids=lambda frame: f"kind {frame[1]}, {len(frame[2])} bytes")

@@ -126,6 +126,7 @@ class FailingBus:
     """A bus that accepts `room` frames and fails to read after `reads` calls."""
 
     malformed_lines = 0
+    arrival_stamp = 0
 
     def __init__(self, clock: SteppedClock, room: int, reads: int) -> None:
         self.failed = threading.Event()

@@ -14,6 +14,7 @@ from posfet_driver.board.connection_state import HEALTH, NOT_RECEIVING, Connecti
 from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.board.no_response import NoResponseMonitor
 from posfet_driver.board.scan_source import SourceReport
+from posfet_driver.bus.arrival_time import ArrivalTime
 from posfet_driver.bus.bus_load import BusLoad
 from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.frame_bus import FrameBus
@@ -138,7 +139,8 @@ class Board:
         self._state = ConnectionState.CLOSED
         self._reason = "closed"
         self._fault: FaultKind | None = None
-        self._arrival = 0  # of the newest batch of frames
+        self._arrival = 0  # when the newest batch of frames was read
+        self._arrival_time = ArrivalTime()
         self._deadline = NEVER
         self._checked = -1  # deadline after which the bus was read once more
         self._tag = 0
@@ -480,8 +482,10 @@ class Board:
         except (can.CanError, OSError) as error:
             self._fail(error)
             return True
-        arrival = self._arrival = self._clock.monotonic()
-        self._decoded = self.decoder.decode(frames, arrival, self._clock.wall() - arrival)
+        now = self._arrival = self._clock.monotonic()
+        wall_offset = self._clock.wall() - now
+        arrival = self._arrival_time.of_newest(self.bus.arrival_stamp, now, wall_offset)
+        self._decoded = self.decoder.decode(frames, arrival, wall_offset)
         return bool(frames)
 
     def _send(self, command: Command, argument: int = 0) -> int:

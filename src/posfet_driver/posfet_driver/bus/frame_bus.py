@@ -15,6 +15,11 @@ class FrameBus(Protocol):
         """Lines of a serial adapter that are no frame and no reply; 0 where there are no lines."""
         ...
 
+    @property
+    def arrival_stamp(self) -> int:
+        """Wall time at which the newest frame of the last read arrived [ns], by the kernel; 0: unknown."""
+        ...
+
     def read_frames(self, timeout: float) -> list[Frame]:
         """Return the frames that are waiting; when there is none, wait for the first.
 

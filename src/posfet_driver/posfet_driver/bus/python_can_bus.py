@@ -25,6 +25,7 @@ class PythonCanFrameBus:
     """
 
     malformed_lines = 0
+    arrival_stamp = 0
 
     def __init__(self, bus: can.BusABC) -> None:
         self._bus = bus

@@ -56,6 +56,11 @@ class ReconnectingBus:
         return self._malformed_before + (bus.malformed_lines if bus else 0)
 
     @property
+    def arrival_stamp(self) -> int:
+        """Wall time at which the newest frame of the last read arrived [ns], by the kernel; 0: unknown."""
+        return self._bus.arrival_stamp if self._bus else 0
+
+    @property
     def is_open(self) -> bool:
         """Whether the bus is open."""
         return self._bus is not None

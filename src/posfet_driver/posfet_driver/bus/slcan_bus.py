@@ -117,6 +117,8 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
             raise
         super().__init__(channel, can_filters=can_filters)
 
+    arrival_stamp = 0
+
     @property
     def malformed_lines(self) -> int:
         """Number of lines that are no frame and no reply."""

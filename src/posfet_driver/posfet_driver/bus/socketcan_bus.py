@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import fcntl
 import select
 import socket
 import struct
@@ -10,11 +11,13 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Final
 
 import can
+from can.interfaces.socketcan import constants
 
 from posfet_driver.bus import can_interface
 from posfet_driver.bus.error_frame import BUS_OFF, CONTROLLER, NO_ACKNOWLEDGE, OVERFLOW, error_frame
 from posfet_driver.bus.frame import ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE, BoardFrames, Frame
 from posfet_driver.bus.message_conversion import message_of
+from posfet_model._lib.units import NANOSECONDS
 
 if TYPE_CHECKING:
     from can.interfaces.socketcan import SocketcanBus
@@ -40,6 +43,10 @@ _FILTER: Final = struct.Struct("=II")
 _INVERTED: Final = 0x2000_0000
 """Flag of a filter's identifier: what does not match is received (CAN_INV_FILTER)."""
 _STANDARD: Final = 0x7FF
+_GET_STAMP: Final = 0x8907
+"""Request for the time stamp of the frame that was read last (SIOCGSTAMPNS)."""
+_TIME: Final = struct.Struct("@ll")
+"""struct timespec."""
 _SO_RCVBUFFORCE: Final = 33
 _SO_MEMINFO: Final = 55
 _MEMINFO: Final = struct.Struct("=9I")
@@ -74,6 +81,8 @@ class SocketcanFrameBus:
         self._socket: socket.socket = bus.socket
         self._board = board
         self._board_only = True
+        self.arrival_stamp = 0
+        """Wall time at which the newest frame of the last read arrived [ns], by the kernel; 0: unknown."""
         self._waiting: list[Frame] = []
         self._dropped = 0
         self._poll = select.poll()
@@ -82,6 +91,9 @@ class SocketcanFrameBus:
             self._socket.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER)
         except PermissionError:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+        # python-can asks for a stamp with each frame; without that request the kernel keeps the newest one.
+        self._socket.setsockopt(socket.SOL_SOCKET, constants.SO_TIMESTAMPNS, 0)
+        self._newest_stamp()
         self._receive_others()
 
     def read_frames(self, timeout: float) -> list[Frame]:
@@ -103,6 +115,7 @@ class SocketcanFrameBus:
             When the network device is down or has been removed.
         """
         frames, self._waiting = self._waiting, []
+        self.arrival_stamp = 0
         if not self._poll.poll(0 if frames else timeout * 1000):
             return frames
         receive = self._socket.recv
@@ -113,6 +126,7 @@ class SocketcanFrameBus:
             pass
         except OSError as error:
             raise can.CanOperationError(f"cannot read: {error.strerror}", error.errno) from error
+        self.arrival_stamp = self._newest_stamp()
         dropped = _MEMINFO.unpack(self._socket.getsockopt(socket.SOL_SOCKET, _SO_MEMINFO, _MEMINFO.size))[-1]
         if dropped != self._dropped:
             self._dropped = dropped
@@ -142,6 +156,13 @@ class SocketcanFrameBus:
     def shutdown(self) -> None:
         """Close the bus."""
         self._bus.shutdown()
+
+    def _newest_stamp(self) -> int:
+        try:
+            seconds, nanoseconds = _TIME.unpack(fcntl.ioctl(self._socket, _GET_STAMP, bytes(_TIME.size)))
+        except OSError:  # no frame was read yet
+            return 0
+        return int(seconds) * NANOSECONDS + int(nanoseconds)
 
     def _receive_others(self) -> None:
         if self._board and self._board_only:
