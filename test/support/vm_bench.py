@@ -24,9 +24,9 @@ RATE = 100.0
 class VmBench:
     """A board that serves its interface from `__enter__` on, and the driver's client, open."""
 
-    def __init__(self, wire: Wire) -> None:
+    def __init__(self, wire: Wire, rate: float = RATE) -> None:
         clock = SystemClock()
-        self.sensor = with_fd(with_layout(load_sensor(), 5, 5, scan_rate=RATE), wire.fd)
+        self.sensor = with_fd(with_layout(load_sensor(), 5, 5, scan_rate=rate), wire.fd)
         self.firmware = BoardFirmware(self.sensor, FakeBoard(self.sensor), clock.monotonic())
         self.server = BusServer(self.settings(wire.board), self.firmware, clock)
         opener = BusOpener(self.settings(wire.driver), board_frames(self.sensor))

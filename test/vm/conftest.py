@@ -45,4 +45,4 @@ def open_wire() -> Iterator[Callable[..., Wire]]:
 def bench() -> Iterator[Callable[[Wire], VmBench]]:
     """Connects a board and its driver to a wire."""
     with ExitStack() as stack:
-        yield lambda wire, **options: stack.enter_context(VmBench(wire, **options))
+        yield lambda wire: stack.enter_context(VmBench(wire))

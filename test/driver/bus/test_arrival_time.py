@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from posfet_driver.board.board_client import Board
 from posfet_driver.bus.arrival_time import OFFSET_TOLERANCE, ArrivalTime
+from posfet_driver.bus.frame import Frame
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.emulation.firmware import BoardFirmware
+from support.clocks import SteppedClock
+from support.fake_board import FakeBoard, read_scans, with_layout
 
 MILLISECOND = 1_000_000
 OFFSET = 1_700_000_000_000_000_000
@@ -46,3 +52,46 @@ def test_a_wall_clock_that_is_set_between_arrival_and_read_does_not_matter(arriv
 def test_a_delay_between_the_readings_of_the_clocks_never_makes_it_early(arrival: ArrivalTime) -> None:
     late = OFFSET + OFFSET_TOLERANCE // 2
     assert arrival.of_newest(OFFSET + 103 * MILLISECOND, 110 * MILLISECOND, late) == 103 * MILLISECOND
+
+
+class LateBus:
+    """A bus whose reader is woken `delay` [ns] after the newest frame has arrived."""
+
+    malformed_lines = 0
+    arrival_stamp = 0
+
+    def __init__(self, clock: SteppedClock, firmware: BoardFirmware, delay: int, stamped: bool) -> None:
+        self._clock, self._firmware, self._delay, self._stamped = clock, firmware, delay, stamped
+        self._answers: list[Frame] = []
+
+    def read_frames(self, timeout: float) -> list[Frame]:
+        arrival = max(self._clock.now, min(self._firmware.next_due(), self._clock.now + round(timeout * 1e9)))
+        frames = self._answers + self._firmware.due(arrival)
+        self.arrival_stamp = OFFSET + arrival if self._stamped and frames else 0
+        self._clock.now = arrival + self._delay
+        self._answers = []
+        return frames
+
+    def write_frame(self, frame: Frame) -> None:
+        self._answers += self._firmware.receive(frame, self._clock.now)
+
+    def ask_state(self) -> None: ...
+
+    def shutdown(self) -> None: ...
+
+
+@pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+@pytest.mark.parametrize("stamped", [True, False])
+def test_stamps_of_scans_do_not_depend_on_when_a_busy_process_reads_them(stamped: bool, fd: bool) -> None:
+    sensor = with_layout(load_sensor(), 5, 5, scan_rate=1000.0, fd=fd)
+    clock = SteppedClock(now=1_000 * MILLISECOND, epoch=OFFSET)
+    firmware = BoardFirmware(sensor, FakeBoard(sensor), clock.now)
+    bus = LateBus(clock, firmware, 40 * MILLISECOND, stamped)
+    board = Board(sensor, lambda: bus, clock)
+    board.open()
+    delays = [
+        scan.stamp - OFFSET - firmware.switched_on - scan.sequence * MILLISECOND for scan in read_scans(board, 200)
+    ]
+    # Of the scans that are waiting at each read, only the newest has just arrived.
+    assert min(delays) >= 0
+    assert (max(delays[50:]) < MILLISECOND) == stamped
