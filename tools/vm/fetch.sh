@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Prepares what `make test-vm` boots in .vm/: Debian's kernel, unpacked and not installed, and the modules that are built for it.
+# Prepares in .vm/ what `make test-vm` boots: Debian's kernel, unpacked and not installed, and modules built for it.
 # Needs Debian's packages once; with what is already there, no network.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
@@ -11,11 +11,12 @@ tools=(qemu-system-x86_64 qemu-system-x86 busybox busybox-static cpio cpio depmo
 install_tools() { # pairs of command and apt package
     local missing=()
     while (($#)); do
-        PATH=$PATH:/usr/sbin:/sbin command -v "$1" >/dev/null || missing+=("$2")
+        command -v "$1" >/dev/null || missing+=("$2")
         shift 2
     done
+    if command -v busybox >/dev/null && ldd "$(command -v busybox)" &>/dev/null; then missing+=(busybox-static); fi
     ((${#missing[@]})) || return 0
-    ((EUID == 0)) || fail "missing. Install with: sudo apt-get install --no-install-recommends ${missing[*]}"
+    ((EUID == 0)) || fail "packages are missing. Install with: sudo apt-get install --no-install-recommends ${missing[*]}"
     apt-get update -qq
     DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}"
 }
@@ -37,7 +38,8 @@ build_modules() { # folder with a Kbuild file, log file
 }
 
 install_tools "${tools[@]}"
-[[ -e $cache/ready ]] && exit 0
+sources=$(cat tools/vm/fetch.sh tools/vm/modules/* | sha256sum)
+[[ -e $cache/ready && $(cat "$cache/sources" 2>/dev/null) == "$sources" ]] && exit 0
 
 [[ $(uname -m) == x86_64 ]] || fail "x86-64 is needed, this is $(uname -m)"
 image=$(dependency_of linux-image-amd64 linux-image-)
@@ -79,4 +81,5 @@ if source_package=$(dependency_of linux-source linux-source-) && [[ -n $source_p
     fi
 fi
 rm -rf "$download" "$cache/build" "$cache/ctucanfd" "$kernel_root/usr/src" "$kernel_root/usr/lib" "$kernel_root/usr/share"
+echo "$sources" >"$cache/sources"
 echo "$release" >"$cache/ready"
