@@ -93,7 +93,6 @@ def test_a_board_behind_a_slow_link_is_received(bench: MakeBench, fd: bool) -> N
     assert sequences == list(range(sequences[0], sequences[0] + 20))
 
 
-@pytest.mark.xfail(reason="the answer to a command that was repeated meanwhile is not accepted")
 def test_a_board_that_answers_later_than_commands_are_repeated_is_received(
     bench: MakeBench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
