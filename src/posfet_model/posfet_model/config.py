@@ -223,6 +223,19 @@ class Section:
             raise self.error(name, f"must be a text of at most {MAX_TEXT} characters, got {len(value)}")
         return value.strip()
 
+    def texts(self, name: str) -> tuple[str, ...]:
+        """Return one or several texts: a list of texts that are not empty, or a text in place of a list of one."""
+        expected = "a text or a list of texts"
+        value = self._take(name, _REQUIRED, expected)
+        items = value if isinstance(value, list) else [value]
+        if not items or not all(isinstance(item, str) and item.strip() and item.isprintable() for item in items):
+            raise self.error(name, f"must be {expected}, each of one line and not empty")
+        return tuple(item.strip() for item in items if isinstance(item, str))
+
+    def is_mapping(self, name: str) -> bool:
+        """Return whether the value of a key is a mapping; False without the key."""
+        return isinstance(self._values.get(name), dict)
+
     def section(self, name: str) -> Section:
         """Return a mapping."""
         value = self._take(name, _REQUIRED, "a mapping of keys to values")

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from posfet_model.config import ConfigError, Section, find_file, read_yaml
 from posfet_model.device import adc as converter
 from posfet_model.device.constants import VACUUM_PERMITTIVITY
+from posfet_model.sensor.frame_mapping import FrameMapping, read_mapping
 
 SENSOR_FOLDER = Path(__file__).parent / "sensors"
 """Folder of the sensor files that come with the package."""
@@ -141,7 +142,7 @@ class CanLink:
     data_bitrate: int
     """Bitrate of the CAN FD data phase [bit/s]."""
     base_id: int
-    """First of the board's CAN identifiers (11 bit)."""
+    """First of the board's CAN identifiers (11 bit); 0 for a board with frames of its own."""
     scan_rate: float
     """Nominal scans per second [Hz]."""
 
@@ -168,6 +169,8 @@ class Sensor:
     adc: Adc
     can: CanLink
     contact: ContactThresholds
+    mapping: FrameMapping | None = None
+    """Frames of a board with another protocol; None: the protocol of this project."""
 
     @property
     def volts_per_newton(self) -> float:
@@ -202,15 +205,18 @@ def load_sensor(name: str | Path = DEFAULT_SENSOR) -> Sensor:
         names file, key, allowed range and value.
     """
     top = read_yaml(find_file(str(name), SENSOR_FOLDER, "sensor"))
+    layout = _layout(top.section("layout"))
+    mapping = read_mapping(top, layout.rows, layout.cols)
     sensor = Sensor(
         name=top.text("name"),
         serial=top.text("serial"),
-        layout=_layout(top.section("layout")),
+        layout=layout,
         device=_device(top.section("device")),
         amplifier=_amplifier(top.section("amplifier")),
         adc=_adc(top.section("adc")),
-        can=_can(top.section("can")),
+        can=_can(top.section("can"), own_frames=mapping is None),
         contact=_contact(top.section("contact")),
+        mapping=mapping,
     )
     top.end()
     highest = min(sensor.adc.high, sensor.amplifier.rail_high) - sensor.amplifier.offset
@@ -339,12 +345,12 @@ def _adc(section: Section) -> Adc:
     return adc
 
 
-def _can(section: Section) -> CanLink:
+def _can(section: Section, own_frames: bool) -> CanLink:
     link = CanLink(
         fd=section.flag("fd"),
         bitrate=section.whole("bitrate_kbit_per_s", 10, 1000) * 1000,
         data_bitrate=section.whole("data_bitrate_kbit_per_s", 10, 8000) * 1000,
-        base_id=section.whole("base_id", 0, 0x7F0),
+        base_id=section.whole("base_id", 0, 0x7F0) if own_frames else 0,  # else the DBC file holds the identifiers
         scan_rate=section.number("scan_rate_Hz", 0.1, 20_000),
     )
     section.end()

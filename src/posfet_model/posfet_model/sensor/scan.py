@@ -25,6 +25,7 @@ class ScanStatus(IntFlag):
     SCAN_OVERRUN = 8
     BOARD_RESET = 16
     TIME_ESTIMATED = 32
+    SEQUENCE_ESTIMATED = 64
 
 
 @dataclass(slots=True)

@@ -1,0 +1,148 @@
+"""Assembles the frames of a board with its own protocol into scans."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from posfet_driver.protocol.frame_tables import FrameTables, Part
+from posfet_driver.protocol.scan_assembler import ScanStatistics
+
+UNKNOWN: Final = -1
+"""Sequence or time of a scan whose frames have held none yet."""
+LATE: Final = 8
+"""Scans behind the newest one whose frames are taken for late; more, and the counter has restarted or gone on."""
+
+
+def late_scans(bits: int) -> int:
+    """Return how far behind the newest scan frames are late, for a counter of so many bits."""
+    return min(LATE, (1 << bits) // 4)
+
+
+class MappedAssembler:
+    """Collects the frames of one scan at a time; a scan of which a frame is missing is counted and discarded.
+
+    When every frame holds the sequence, it tells which scan a frame belongs to, in whatever order the frames arrive.
+    Otherwise frames must arrive in the order of sending, and a scan begins with its first frame; a sequence or time
+    that only some frames hold must agree. As many frames lost in a row as a scan has cannot be noticed here.
+
+    Parameters
+    ----------
+    tables : FrameTables
+        Frames of the board.
+    period : float
+        Scan period [ns].
+    """
+
+    def __init__(self, tables: FrameTables, period: float) -> None:
+        self.statistics = ScanStatistics()
+        self.sequence = self.time = UNKNOWN
+        """Sequence and time of the current scan as sent."""
+        self.incomplete = 0
+        """Scans begun in vain since the last complete one."""
+        self._wire, self._slots = tables.wire, tables.slots
+        self._all = (1 << tables.blocks) - 1
+        self._received = self._all  # bits of the blocks of the current scan
+        self._last = UNKNOWN  # block that arrived last
+        self._abandoned = True
+        self._sequenced = tables.sequenced
+        self._mask = (1 << tables.sequence_bits) - 1
+        self._newest = self._mask - late_scans(tables.sequence_bits)  # beyond: late
+        # A single frame that repeats the previous one may be the next scan, unless the time tells.
+        self._repeats_are_told = tables.blocks > 1 or 0 < tables.tick <= period
+
+    @property
+    def collecting(self) -> bool:
+        """Whether a scan has begun and is not complete."""
+        return not self._abandoned and self._received != self._all
+
+    def add(self, part: Part, data: bytes) -> bool:
+        """Add one frame.
+
+        Parameters
+        ----------
+        part : Part
+            What the frame holds.
+        data : bytes
+            Its data, of the length that the DBC states.
+
+        Returns
+        -------
+        bool
+            Whether it completed a scan: the wire of the tables holds it.
+        """
+        block = part.block
+        sequence = part.sequence(data) if part.sequence else UNKNOWN
+        time = part.time(data) if part.time else UNKNOWN
+        joined = self._joins_by_sequence if self._sequenced else self._joins_in_order
+        if not joined(block, sequence, time, data):
+            return False
+        self._wire[self._slots[block]] = data
+        self._received |= 1 << block
+        self._last = block
+        if sequence >= 0:
+            self.sequence = sequence
+        if time >= 0:
+            self.time = time
+        return self._received == self._all
+
+    def abandon(self) -> None:
+        """Abandon the current scan; it is counted if it is incomplete."""
+        if self.collecting:
+            statistics = self.statistics
+            statistics.incomplete_scans += 1
+            statistics.missing_frames += (self._all ^ self._received).bit_count()
+            self.incomplete += 1
+        self._abandoned = True
+
+    def forget(self) -> None:
+        """Abandon the current scan, and let any sequence be the next."""
+        self.abandon()
+        self.sequence = UNKNOWN
+
+    def _begin(self) -> None:
+        self.abandon()
+        self._received, self._abandoned = 0, False
+        self.sequence = self.time = UNKNOWN
+
+    def _joins_by_sequence(self, block: int, sequence: int, _: int, data: bytes) -> bool:
+        """Return whether a frame belongs to the current scan or to the one that it begins."""
+        statistics, bit = self.statistics, 1 << block
+        if sequence != self.sequence:
+            if self.sequence >= 0 and (sequence - self.sequence) & self._mask > self._newest:
+                statistics.late += 1
+                return False
+            self._begin()
+            return True
+        if self._received & bit:
+            if self._wire[self._slots[block]] == data:
+                statistics.duplicate += 1
+            else:  # two scans share one counter
+                statistics.frozen_counter += 1
+                self.abandon()
+            return False
+        if self._abandoned:
+            statistics.late += 1
+            return False
+        if self._received > bit:
+            statistics.reordered += 1
+        return True
+
+    def _joins_in_order(self, block: int, sequence: int, time: int, data: bytes) -> bool:
+        """Return whether a frame continues the current scan or is the first of the next."""
+        agrees = _agree(sequence, self.sequence) and _agree(time, self.time)
+        if agrees and block == self._last and self._repeats_are_told and self._wire[self._slots[block]] == data:
+            self.statistics.duplicate += 1
+            return False
+        if block == 0:
+            self._begin()
+            return True
+        if agrees and self.collecting and self._received < 1 << block:
+            return True
+        self.abandon()
+        self._last = UNKNOWN
+        self.statistics.late += 1
+        return False
+
+
+def _agree(first: int, second: int) -> bool:
+    return first == second or first < 0 or second < 0

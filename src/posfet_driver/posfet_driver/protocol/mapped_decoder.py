@@ -1,0 +1,199 @@
+"""Decodes the frames of a board with its own protocol into scans, by tables made from its DBC file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Final
+
+from posfet_driver.bus.frame import ERROR, EXTENDED, Frame
+from posfet_driver.protocol.decoder import Decoded, ScanReady, Traffic
+from posfet_driver.protocol.frame_tables import NO_BLOCK, MappedMessage, Part, load_tables
+from posfet_driver.protocol.mapped_assembler import MappedAssembler
+from posfet_driver.protocol.mapped_numbering import MappedNumbering
+from posfet_driver.protocol.scan_assembler import ScanStatistics
+from posfet_model._lib.units import NANOSECONDS
+from posfet_model.sensor.description import Sensor
+from posfet_model.sensor.scan import Scan, ScanStatus
+
+_NEVER_READ: Final = 1 << 63
+_TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)  # a flag is ten times as slow as a number
+_SEQUENCE_ESTIMATED: Final = int(ScanStatus.SEQUENCE_ESTIMATED)
+_BOARD_RESET: Final = int(ScanStatus.BOARD_RESET)
+
+
+class MappedDecoder:
+    """Decodes the frames of a bus and picks out those that the sensor file names.
+
+    Its interface is that of `Decoder` without commands: it only listens.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Array, and mapping to the DBC file.
+
+    Raises
+    ------
+    ConfigError
+        When cantools is not installed, the DBC file cannot be read, or the mapping does not fit it.
+    """
+
+    def __init__(self, sensor: Sensor) -> None:
+        self.tables = load_tables(sensor)
+        period = NANOSECONDS / sensor.can.scan_rate
+        self._assembler = MappedAssembler(self.tables, period)
+        self._numbering = MappedNumbering(self.tables, period, self._assembler)
+        self.statistics: ScanStatistics = self._assembler.statistics
+        """Frames and scans that were lost or rejected, by cause."""
+        self.traffic = Traffic()
+        self.scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
+        """The newest complete scan; overwritten by the next one."""
+        self.receiving = False
+        """Whether scans are received; otherwise they are ignored and not counted."""
+        self.scans = 0
+        """Number of complete scans."""
+        self.resets = 0
+        """Number of times the board restarted between two scans, as far as counter or time show it."""
+        self.flags = 0
+        """Bits of ScanStatus that the newest frames set."""
+        self._estimated = 0 if self.tables.sequence_bits else _SEQUENCE_ESTIMATED
+        self._wall_offset = 0
+        self._last_wall_offset = _NEVER_READ
+        self._ready = ScanReady(self.scan)
+
+    @property
+    def blocks(self) -> int:
+        """Number of frames of a scan."""
+        return self.tables.blocks
+
+    @property
+    def sequence(self) -> int:
+        """Sequence of the newest scan; -1 before the first."""
+        return self._numbering.sequence
+
+    @property
+    def frames_lost(self) -> int:
+        """Frames of the board that did not arrive or could not be used; an estimate without a sequence."""
+        statistics = self.statistics
+        unusable = statistics.malformed + statistics.frozen_counter + self.traffic.malformed
+        return statistics.missing_frames + unusable
+
+    @property
+    def clock_uncertainty(self) -> float:
+        """Possible drift of the clock offset since the last undelayed frame [s]; NaN without a board's time."""
+        return self._numbering.clock_uncertainty / NANOSECONDS if self.tables.time_bits else math.nan
+
+    @property
+    def origin(self) -> dict[str, str]:
+        """Where sequence, time and the count of lost scans come from, by name."""
+        tables = self.tables
+        step = f"steps of {tables.tick / 1e3:g} us"
+        if tables.sequence_bits:
+            sequence, lost = f"counter of the board, {tables.sequence_bits} bits", "exact while the counter tells"
+        else:
+            source = "the board's time" if tables.time_bits else "arrivals"
+            sequence, lost = f"estimated from {source}", "estimated"
+        time = f"clock of the board, {step}" if tables.time_bits else "estimated from arrivals and scan rate"
+        return {"sequence": sequence, "time": time, "lost scans": lost}
+
+    def pause(self) -> None:
+        """Stop receiving until `receiving` is set: the bus was closed, and what came meanwhile is unknown."""
+        self.receiving = False
+        self._assembler.forget()
+        self._numbering.forget()
+
+    def decode(self, frames: list[Frame], arrival: int, wall_offset: int) -> Iterator[Decoded]:
+        """Decode a batch of frames, one step of the iterator at a time.
+
+        Of this wall offset and the previous one the smaller is used: a process that is suspended between its reads of
+        the two clocks reads too large a value.
+
+        Parameters
+        ----------
+        frames : list of Frame
+            Frames in the order of their arrival.
+        arrival : int
+            Monotonic time at which they were read [ns].
+        wall_offset : int
+            Wall time less monotonic time [ns].
+
+        Returns
+        -------
+        Iterator of ScanReady
+            The complete scans. Exhaust it before the next batch; what is not consumed is dropped.
+        """
+        self.traffic.frames += len(frames)
+        self._wall_offset = wall_offset if wall_offset < self._last_wall_offset else self._last_wall_offset
+        self._last_wall_offset = wall_offset
+        self._numbering.begin_batch(arrival, len(frames))
+        return self._decode(frames)
+
+    def _decode(self, frames: list[Frame]) -> Iterator[Decoded]:
+        messages, add, accept = self.tables.messages, self._assembler.add, self._numbering.accept
+        for identifier, kind, data in frames:
+            message = messages.get((identifier, kind))
+            if message is None:
+                self._count(identifier, kind)
+                continue
+            part, data = self._part(message, data)  # noqa: PLW2901  # without what CAN fills up
+            if part is None:
+                continue
+            if part.readings:
+                self._read(part, data)
+            if part.block != NO_BLOCK and self.receiving and add(part, data) and accept():
+                self._complete()
+                yield self._ready
+
+    def _part(self, message: MappedMessage, data: bytes) -> tuple[Part | None, bytes]:
+        """Return what a frame holds and its data; None, and count it, when it is malformed or not used."""
+        if len(data) != message.length:
+            if len(data) != message.sent_length:
+                self.statistics.malformed += 1
+                return None, data
+            data = data[: message.length]
+        if message.select is None:
+            return message.parts[0], data
+        value = message.select(data)
+        part = message.parts.get(value)
+        if part is None and value in message.unrelated:
+            self.traffic.unrelated += 1
+        elif part is None:
+            self.statistics.malformed += 1
+        return part, data
+
+    def _read(self, part: Part, data: bytes) -> None:
+        for reading in part.readings:
+            value = reading.read(data)
+            if not reading.flag:
+                self.scan.temperatures[reading.temperature] = value
+            elif value:
+                self.flags |= reading.flag
+            else:
+                self.flags &= ~reading.flag
+
+    def _complete(self) -> None:
+        """Complete the scan: counts, sequence, time and status."""
+        scan, numbering = self.scan, self._numbering
+        self.tables.counts.decode(scan.counts)
+        scan.sequence = numbering.sequence
+        scan.status = self.flags | self._estimated
+        if self.tables.time_bits and not numbering.clock_frozen:
+            scan.device_time = numbering.device_time
+        else:
+            scan.device_time = 0
+            scan.status |= _TIME_ESTIMATED
+        scan.stamp = numbering.stamp() + self._wall_offset
+        if numbering.was_reset:
+            scan.status |= _BOARD_RESET
+            self.resets += 1
+        scan.frames_lost = self.frames_lost
+        self.scans += 1
+
+    def _count(self, identifier: int, kind: int) -> None:
+        """Count a frame that is no message of the board."""
+        if kind & ERROR:
+            return  # error frames are counted by the bus
+        if (identifier, bool(kind & EXTENDED)) in self.tables.identifiers:
+            self.statistics.malformed += 1
+        else:
+            self.traffic.unrelated += 1

@@ -1,0 +1,166 @@
+"""Sequence and time of the scans of a board with its own protocol; what the board does not send is estimated."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from posfet_driver.protocol.arrival_line import RATE_TOLERANCE, ArrivalLine
+from posfet_driver.protocol.clock_sync import ClockSync
+from posfet_driver.protocol.frame_tables import FrameTables
+from posfet_driver.protocol.mapped_assembler import MappedAssembler, late_scans
+from posfet_driver.protocol.scan_assembler import FROZEN_CLOCK_SCANS
+
+RESET_MARGIN: Final = 50e6
+"""Time by which counter or clock have to be ahead of the arrivals for a restart of the board [ns]; assumed."""
+
+
+class MappedNumbering:
+    """Unwraps the board's counter and clock, each with the help of the other and of the arrivals.
+
+    Without a counter, the sequence is counted by the board's time, and without both by the arrivals
+    (`ArrivalLine`). Then lost scans are an estimate, and the scan rate of the sensor file has to be right to within
+    `RATE_TOLERANCE`. A counter or clock that moves further than the time since the previous scan allows has restarted.
+
+    Parameters
+    ----------
+    tables : FrameTables
+        Lengths of counter and time.
+    period : float
+        Scan period [ns].
+    assembler : MappedAssembler
+        Source of the scans; its statistics count lost ones.
+    """
+
+    def __init__(self, tables: FrameTables, period: float, assembler: MappedAssembler) -> None:
+        self.sequence = -1
+        """Sequence of the newest scan, unwrapped."""
+        self.device_time = 0
+        """Time of the newest scan on the board's clock, unwrapped [us]."""
+        self.was_reset = False
+        """Whether the board restarted before the newest scan."""
+        self.clock_frozen = False
+        """Whether the board's clock stands still while its scans go on."""
+        self._assembler, self._statistics = assembler, assembler.statistics
+        self._period, self._tick, self._blocks = period, tables.tick, tables.blocks
+        self._counted, self._timed = tables.sequence_bits > 0, tables.time_bits > 0
+        self._wrap, self._time_wrap = 1 << tables.sequence_bits, 1 << tables.time_bits
+        self._late = late_scans(tables.sequence_bits)
+        self._counter_span = self._wrap * period if self._counted else 0.0
+        self._clock_span = self._time_wrap * self._tick if self._timed else 0.0
+        self._span = max(self._counter_span, self._clock_span, period)  # a loss of this length leaves no trace
+        self._line = ArrivalLine(period)
+        self._clock = ClockSync()
+        self._counter = self._wire_time = self._ticks = 0
+        self._surplus = 0.0  # periods that the board's time is ahead of the counted scans
+        self._still = 0  # consecutive scans with the same time
+        self._known = False
+
+    @property
+    def clock_uncertainty(self) -> float:
+        """As that of ClockSync [ns]."""
+        return self._clock.uncertainty
+
+    def begin_batch(self, arrival: int, frames: int) -> None:
+        """Begin a batch of frames; without sequence, a scan that frames are missing from by the time is abandoned.
+
+        Parameters
+        ----------
+        arrival : int
+            Monotonic time at which it was read [ns].
+        frames : int
+            Number of frames in it, those of others included.
+        """
+        if self._assembler.collecting and not self._counted:
+            pause = (arrival - self._line.arrival) / self._period
+            if pause - frames / self._blocks > max(0.5, min(pause / 2, 1.5)):
+                self._assembler.abandon()
+        self._line.begin_batch(arrival, frames / self._blocks)
+
+    def forget(self) -> None:
+        """Let the next scan have any sequence and time: the bus was closed."""
+        self._known = False
+
+    def accept(self) -> bool:
+        """Number the scan that the assembler has completed; return False for one that is late or cannot be numbered."""
+        assembler, line, period = self._assembler, self._line, self._period
+        counter, time = assembler.sequence, assembler.time
+        self.was_reset = False
+        if not self._known:
+            self._restart(counter if self.sequence < 0 else self.sequence + 1)
+            return True
+        ahead = (counter - self._counter) % self._wrap if self._counted else 1
+        if self._counted and not self._is_new(ahead):
+            return False
+        ticks = (time - self._wire_time) % self._time_wrap if self._timed else 0
+        if self._timed:
+            self._watch_clock(ticks)
+            if self._counted and self._counter_span < self._clock_span:
+                ahead += max(round((ticks * self._tick / period - ahead) / self._wrap), 0) * self._wrap
+            elif self._counted:
+                ticks += max(round((ahead * period / self._tick - ticks) / self._time_wrap), 0) * self._time_wrap
+            elif not self.clock_frozen:
+                ahead = self._scans_in(ticks)
+        room = (line.room() + RESET_MARGIN + 2 * period) * (1.0 + RATE_TOLERANCE)
+        if ahead * period > room or ticks * self._tick > room:
+            self.was_reset = True
+            self._clock.reset()
+            self._restart(counter if self._counted else self.sequence + 1)
+            return True
+        line.advance(ahead)
+        if unnoticed := line.missing(self._span) * self._span:
+            ahead += round(unnoticed / period / self._wrap) * self._wrap
+            ticks += round(unnoticed / self._clock_span) * self._time_wrap if self._timed else 0
+        lost = max(ahead - 1 - assembler.incomplete, 0)
+        self._statistics.lost_scans += lost
+        self._statistics.missing_frames += lost * self._blocks
+        self._take(self.sequence + ahead, self._ticks + ticks)
+        return True
+
+    def stamp(self) -> int:
+        """Return the monotonic time of acquisition of the newest scan [ns]."""
+        if self._timed and not self.clock_frozen:
+            return self._clock.to_monotonic(self.device_time, self._line.arrival)
+        return round(self._line.time)
+
+    def _is_new(self, ahead: int) -> bool:
+        if ahead == 0:
+            self._statistics.frozen_counter += 1
+        elif ahead >= self._wrap - self._late:
+            self._statistics.late += 1
+        else:
+            return True
+        return False
+
+    def _watch_clock(self, ticks: int) -> None:
+        """Note whether the clock stands still for longer than its steps explain."""
+        self._still = 0 if ticks else self._still + 1
+        frozen = self._still >= FROZEN_CLOCK_SCANS and self._still * self._period > 2 * self._tick
+        self._statistics.frozen_clock += frozen
+        if frozen != self.clock_frozen:
+            self.clock_frozen = frozen
+            self._clock.reset()
+
+    def _scans_in(self, ticks: int) -> int:
+        """Return how many scans the board's time has advanced by.
+
+        Steps of the clock may be as long as a period, so that it advances by none and then by two. What is too little
+        is kept for the next scan, and slowly forgotten, for the rate of the sensor file is not exact.
+        """
+        surplus = self._surplus + ticks * self._tick / self._period - 1.0
+        lost = max(round(surplus), 0)
+        surplus -= lost
+        self._surplus = surplus - min(max(surplus, -RATE_TOLERANCE), RATE_TOLERANCE)
+        return 1 + lost
+
+    def _restart(self, sequence: int) -> None:
+        self._known = True
+        self._surplus = 0.0
+        self._line.restart()
+        self._take(max(sequence, 0), max(self._assembler.time, 0))
+
+    def _take(self, sequence: int, ticks: int) -> None:
+        assembler = self._assembler
+        assembler.incomplete = 0
+        self.sequence, self._ticks = sequence, ticks
+        self._counter, self._wire_time = assembler.sequence, assembler.time
+        self.device_time = round(ticks * self._tick / 1e3)
