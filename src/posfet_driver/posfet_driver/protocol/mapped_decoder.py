@@ -100,7 +100,6 @@ class MappedDecoder:
         """Stop receiving until `receiving` is set: the bus was closed, and what came meanwhile is unknown."""
         self.receiving = False
         self._assembler.forget()
-        self._numbering.forget()
 
     def decode(self, frames: list[Frame], arrival: int, wall_offset: int) -> Iterator[Decoded]:
         """Decode a batch of frames, one step of the iterator at a time.
@@ -125,6 +124,12 @@ class MappedDecoder:
         self.traffic.frames += len(frames)
         self._wall_offset = wall_offset if wall_offset < self._last_wall_offset else self._last_wall_offset
         self._last_wall_offset = wall_offset
+        if not frames:
+            return iter(())
+        if self._assembler.collecting and not self.tables.sequenced:
+            of_board = sum((frame[0], frame[1]) in self.tables.messages for frame in frames)
+            if self._numbering.frames_are_missing(arrival, of_board):
+                self._assembler.abandon()
         self._numbering.begin_batch(arrival, len(frames))
         return self._decode(frames)
 

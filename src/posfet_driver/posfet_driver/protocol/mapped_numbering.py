@@ -53,7 +53,6 @@ class MappedNumbering:
         self._counter = self._wire_time = self._ticks = 0
         self._surplus = 0.0  # periods that the board's time is ahead of the counted scans
         self._still = 0  # consecutive scans with the same time
-        self._known = False
 
     @property
     def clock_uncertainty(self) -> float:
@@ -61,7 +60,7 @@ class MappedNumbering:
         return self._clock.uncertainty
 
     def begin_batch(self, arrival: int, frames: int) -> None:
-        """Begin a batch of frames; without sequence, a scan that frames are missing from by the time is abandoned.
+        """Begin a batch of frames.
 
         Parameters
         ----------
@@ -70,25 +69,30 @@ class MappedNumbering:
         frames : int
             Number of frames in it, those of others included.
         """
-        if self._assembler.collecting and not self._counted:
-            pause = (arrival - self._line.arrival) / self._period
-            if pause - frames / self._blocks > max(0.5, min(pause / 2, 1.5)):
-                self._assembler.abandon()
         self._line.begin_batch(arrival, frames / self._blocks)
 
-    def forget(self) -> None:
-        """Let the next scan have any sequence and time: the bus was closed."""
-        self._known = False
+    def frames_are_missing(self, arrival: int, frames: int) -> bool:
+        """Return whether a batch has so few frames for the time since the previous one that whole scans are missing.
+
+        Parameters
+        ----------
+        arrival : int
+            Monotonic time at which it was read [ns].
+        frames : int
+            Number of the board's frames in it.
+        """
+        pause = (arrival - self._line.arrival) / self._period
+        return pause - frames / self._blocks > max(0.5, min(pause / 2, 1.5))
 
     def accept(self) -> bool:
         """Number the scan that the assembler has completed; return False for one that is late or cannot be numbered."""
         assembler, line, period = self._assembler, self._line, self._period
         counter, time = assembler.sequence, assembler.time
         self.was_reset = False
-        if not self._known:
-            self._restart(counter if self.sequence < 0 else self.sequence + 1)
+        if self.sequence < 0:
+            self._restart(counter)
             return True
-        ahead = (counter - self._counter) % self._wrap if self._counted else 1
+        ahead = (counter - self._counter) % self._wrap if self._counted else 1 + assembler.incomplete
         if self._counted and not self._is_new(ahead):
             return False
         ticks = (time - self._wire_time) % self._time_wrap if self._timed else 0
@@ -153,7 +157,6 @@ class MappedNumbering:
         return 1 + lost
 
     def _restart(self, sequence: int) -> None:
-        self._known = True
         self._surplus = 0.0
         self._line.restart()
         self._take(max(sequence, 0), max(self._assembler.time, 0))
