@@ -61,7 +61,8 @@ class ArrivalLine:
 
     def advance(self, scans: int) -> None:
         """Advance by `scans`, of which the last has arrived in this batch."""
-        self.time = min(self.time + scans * self._step, float(self.arrival))
+        time = self.time + scans * self._step
+        self.time = time if time < self.arrival else float(self.arrival)
 
     def missing(self, span: float) -> int:
         """Return how many times `span` was lost without trace before the newest scan, and advance the line by it.
@@ -72,10 +73,11 @@ class ArrivalLine:
             Time after which a loss leaves no trace [ns]: that of one wrap of the board's counter or clock.
         """
         delay = self.arrival - self.time
-        self._least = min(self._least, delay)
+        if delay < self._least:
+            self._least = delay
         self._scans += 1
-        self._batches += self._first
         first, self._first = self._first, False
+        self._batches += first
         if first and delay - self._waiting > LONGEST_DELAY:  # even the last scan of this batch is late
             lost = round((delay - self._waiting) / span)
         elif self._scans >= WINDOW_SCANS and self._batches >= WINDOW_BATCHES:

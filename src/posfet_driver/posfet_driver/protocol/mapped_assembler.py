@@ -70,20 +70,28 @@ class MappedAssembler:
         bool
             Whether it completed a scan: the wire of the tables holds it.
         """
-        block = part.block
+        block, bit = part.block, 1 << part.block
         sequence = part.sequence(data) if part.sequence else UNKNOWN
         time = part.time(data) if part.time else UNKNOWN
-        joined = self._joins_by_sequence if self._sequenced else self._joins_in_order
-        if not joined(block, sequence, time, data):
+        if self._sequenced:
+            if sequence != self.sequence:
+                if self.sequence >= 0 and (sequence - self.sequence) & self._mask > self._newest:
+                    self.statistics.late += 1
+                    return False
+                self._begin()
+                self.sequence = sequence
+            elif (self._received & bit or self._abandoned or self._received > bit) and not self._joins(bit, block, data):
+                return False
+        elif not self._continues(block, bit, sequence, time, data):
             return False
-        self._wire[self._slots[block]] = data
-        self._received |= 1 << block
-        self._last = block
-        if sequence >= 0:
+        elif sequence >= 0:
             self.sequence = sequence
+        self._wire[self._slots[block]] = data
+        self._last = block
         if time >= 0:
             self.time = time
-        return self._received == self._all
+        received = self._received = self._received | bit
+        return received == self._all
 
     def abandon(self) -> None:
         """Abandon the current scan; it is counted if it is incomplete."""
@@ -100,19 +108,14 @@ class MappedAssembler:
         self.sequence = UNKNOWN
 
     def _begin(self) -> None:
-        self.abandon()
+        if self._received != self._all:
+            self.abandon()
         self._received, self._abandoned = 0, False
         self.sequence = self.time = UNKNOWN
 
-    def _joins_by_sequence(self, block: int, sequence: int, _: int, data: bytes) -> bool:
-        """Return whether a frame belongs to the current scan or to the one that it begins."""
-        statistics, bit = self.statistics, 1 << block
-        if sequence != self.sequence:
-            if self.sequence >= 0 and (sequence - self.sequence) & self._mask > self._newest:
-                statistics.late += 1
-                return False
-            self._begin()
-            return True
+    def _joins(self, bit: int, block: int, data: bytes) -> bool:
+        """Return whether a frame with the sequence of the current scan, but out of order, belongs to it."""
+        statistics = self.statistics
         if self._received & bit:
             if self._wire[self._slots[block]] == data:
                 statistics.duplicate += 1
@@ -123,26 +126,23 @@ class MappedAssembler:
         if self._abandoned:
             statistics.late += 1
             return False
-        if self._received > bit:
-            statistics.reordered += 1
+        statistics.reordered += 1
         return True
 
-    def _joins_in_order(self, block: int, sequence: int, time: int, data: bytes) -> bool:
-        """Return whether a frame continues the current scan or is the first of the next."""
-        agrees = _agree(sequence, self.sequence) and _agree(time, self.time)
+    def _continues(self, block: int, bit: int, sequence: int, time: int, data: bytes) -> bool:
+        """Return whether a frame without sequence continues the current scan or is the first of the next."""
+        agrees = (sequence == self.sequence or sequence < 0 or self.sequence < 0) and (
+            time == self.time or time < 0 or self.time < 0
+        )
         if agrees and block == self._last and self._repeats_are_told and self._wire[self._slots[block]] == data:
             self.statistics.duplicate += 1
             return False
         if block == 0:
             self._begin()
             return True
-        if agrees and self.collecting and self._received < 1 << block:
+        if agrees and self.collecting and self._received < bit:
             return True
         self.abandon()
         self._last = UNKNOWN
         self.statistics.late += 1
         return False
-
-
-def _agree(first: int, second: int) -> bool:
-    return first == second or first < 0 or second < 0

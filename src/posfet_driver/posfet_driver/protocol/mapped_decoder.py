@@ -56,6 +56,8 @@ class MappedDecoder:
         """Number of times the board restarted between two scans, as far as counter or time show it."""
         self.flags = 0
         """Bits of ScanStatus that the newest frames set."""
+        self.scan_period = round(period / 1e3)
+        """Scan period of the sensor file [us]: the board does not tell."""
         self._estimated = 0 if self.tables.sequence_bits else _SEQUENCE_ESTIMATED
         self._wall_offset = 0
         self._last_wall_offset = _NEVER_READ
@@ -96,9 +98,14 @@ class MappedDecoder:
         time = f"clock of the board, {step}" if tables.time_bits else "estimated from arrivals and scan rate"
         return {"sequence": sequence, "time": time, "lost scans": lost}
 
-    def pause(self) -> None:
-        """Stop receiving until `receiving` is set: the bus was closed, and what came meanwhile is unknown."""
-        self.receiving = False
+    @property
+    def frozen_clock(self) -> int:
+        """Number of scans that repeat the device time for longer than its steps explain."""
+        return self._numbering.frozen_clock
+
+    def start(self) -> None:
+        """Receive scans from now on, whatever their sequence: the bus was opened."""
+        self.receiving = True
         self._assembler.forget()
 
     def decode(self, frames: list[Frame], arrival: int, wall_offset: int) -> Iterator[Decoded]:
@@ -140,8 +147,15 @@ class MappedDecoder:
             if message is None:
                 self._count(identifier, kind)
                 continue
-            part, data = self._part(message, data)  # noqa: PLW2901  # without what CAN fills up
+            if len(data) != message.length:
+                if len(data) != message.sent_length:
+                    self.statistics.malformed += 1
+                    continue
+                data = data[: message.length]  # noqa: PLW2901  # without what CAN fills up
+            select = message.select
+            part = message.parts.get(select(data) if select else 0)
             if part is None:
+                self._count_unused(message, data)
                 continue
             if part.readings:
                 self._read(part, data)
@@ -149,22 +163,12 @@ class MappedDecoder:
                 self._complete()
                 yield self._ready
 
-    def _part(self, message: MappedMessage, data: bytes) -> tuple[Part | None, bytes]:
-        """Return what a frame holds and its data; None, and count it, when it is malformed or not used."""
-        if len(data) != message.length:
-            if len(data) != message.sent_length:
-                self.statistics.malformed += 1
-                return None, data
-            data = data[: message.length]
-        if message.select is None:
-            return message.parts[0], data
-        value = message.select(data)
-        part = message.parts.get(value)
-        if part is None and value in message.unrelated:
+    def _count_unused(self, message: MappedMessage, data: bytes) -> None:
+        """Count a frame whose multiplexer, or number of the block, selects nothing that the mapping uses."""
+        if message.select and message.select(data) in message.unrelated:
             self.traffic.unrelated += 1
-        elif part is None:
+        else:
             self.statistics.malformed += 1
-        return part, data
 
     def _read(self, part: Part, data: bytes) -> None:
         for reading in part.readings:

@@ -8,7 +8,7 @@ from posfet_driver.protocol.arrival_line import RATE_TOLERANCE, ArrivalLine
 from posfet_driver.protocol.clock_sync import ClockSync
 from posfet_driver.protocol.frame_tables import FrameTables
 from posfet_driver.protocol.mapped_assembler import MappedAssembler, late_scans
-from posfet_driver.protocol.scan_assembler import FROZEN_CLOCK_SCANS
+from posfet_driver.protocol.device_clock import FROZEN_READINGS
 
 RESET_MARGIN: Final = 50e6
 """Time by which counter or clock have to be ahead of the arrivals for a restart of the board [ns]; assumed."""
@@ -40,11 +40,13 @@ class MappedNumbering:
         """Whether the board restarted before the newest scan."""
         self.clock_frozen = False
         """Whether the board's clock stands still while its scans go on."""
+        self.frozen_clock = 0
+        """Scans during which it stood still."""
         self._assembler, self._statistics = assembler, assembler.statistics
         self._period, self._tick, self._blocks = period, tables.tick, tables.blocks
         self._counted, self._timed = tables.sequence_bits > 0, tables.time_bits > 0
         self._wrap, self._time_wrap = 1 << tables.sequence_bits, 1 << tables.time_bits
-        self._late = late_scans(tables.sequence_bits)
+        self._late_from = self._wrap - late_scans(tables.sequence_bits)
         self._counter_span = self._wrap * period if self._counted else 0.0
         self._clock_span = self._time_wrap * self._tick if self._timed else 0.0
         self._span = max(self._counter_span, self._clock_span, period)  # a loss of this length leaves no trace
@@ -93,19 +95,20 @@ class MappedNumbering:
             self._restart(counter)
             return True
         ahead = (counter - self._counter) % self._wrap if self._counted else 1 + assembler.incomplete
-        if self._counted and not self._is_new(ahead):
+        if self._counted and not 0 < ahead < self._late_from:
+            self._count_old(ahead)
             return False
-        ticks = (time - self._wire_time) % self._time_wrap if self._timed else 0
+        ticks = 0
         if self._timed:
-            self._watch_clock(ticks)
-            if self._counted and self._counter_span < self._clock_span:
-                ahead += max(round((ticks * self._tick / period - ahead) / self._wrap), 0) * self._wrap
-            elif self._counted:
-                ticks += max(round((ahead * period / self._tick - ticks) / self._time_wrap), 0) * self._time_wrap
-            elif not self.clock_frozen:
-                ahead = self._scans_in(ticks)
-        room = (line.room() + RESET_MARGIN + 2 * period) * (1.0 + RATE_TOLERANCE)
-        if ahead * period > room or ticks * self._tick > room:
+            ticks = (time - self._wire_time) % self._time_wrap
+            if ticks == 0 or self._still:
+                self._watch_clock(ticks)
+            if not self._counted:
+                ahead = ahead if self.clock_frozen else self._scans_in(ticks)
+            elif ahead > 1:
+                ahead, ticks = self._unwrapped(ahead, ticks)
+        passed = max(ahead * period, ticks * self._tick)
+        if passed > RESET_MARGIN and passed > (line.room() + RESET_MARGIN + 2 * period) * (1.0 + RATE_TOLERANCE):
             self.was_reset = True
             self._clock.reset()
             self._restart(counter if self._counted else self.sequence + 1)
@@ -114,9 +117,10 @@ class MappedNumbering:
         if unnoticed := line.missing(self._span) * self._span:
             ahead += round(unnoticed / period / self._wrap) * self._wrap
             ticks += round(unnoticed / self._clock_span) * self._time_wrap if self._timed else 0
-        lost = max(ahead - 1 - assembler.incomplete, 0)
-        self._statistics.lost_scans += lost
-        self._statistics.missing_frames += lost * self._blocks
+        if ahead > 1:
+            lost = max(ahead - 1 - assembler.incomplete, 0)
+            self._statistics.lost_scans += lost
+            self._statistics.missing_frames += lost * self._blocks
         self._take(self.sequence + ahead, self._ticks + ticks)
         return True
 
@@ -126,20 +130,26 @@ class MappedNumbering:
             return self._clock.to_monotonic(self.device_time, self._line.arrival)
         return round(self._line.time)
 
-    def _is_new(self, ahead: int) -> bool:
+    def _count_old(self, ahead: int) -> None:
+        """Count a scan with the counter of the newest one, or of one shortly before."""
         if ahead == 0:
             self._statistics.frozen_counter += 1
-        elif ahead >= self._wrap - self._late:
-            self._statistics.late += 1
         else:
-            return True
-        return False
+            self._statistics.late += 1
+
+    def _unwrapped(self, ahead: int, ticks: int) -> tuple[int, int]:
+        """Return how far counter and time have advanced; whichever wraps later tells how often the other one has."""
+        if self._counter_span < self._clock_span:
+            ahead += max(round((ticks * self._tick / self._period - ahead) / self._wrap), 0) * self._wrap
+        else:
+            ticks += max(round((ahead * self._period / self._tick - ticks) / self._time_wrap), 0) * self._time_wrap
+        return ahead, ticks
 
     def _watch_clock(self, ticks: int) -> None:
         """Note whether the clock stands still for longer than its steps explain."""
         self._still = 0 if ticks else self._still + 1
-        frozen = self._still >= FROZEN_CLOCK_SCANS and self._still * self._period > 2 * self._tick
-        self._statistics.frozen_clock += frozen
+        frozen = self._still >= FROZEN_READINGS and self._still * self._period > 2 * self._tick
+        self.frozen_clock += frozen
         if frozen != self.clock_frozen:
             self.clock_frozen = frozen
             self._clock.reset()

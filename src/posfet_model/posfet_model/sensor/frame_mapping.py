@@ -133,7 +133,7 @@ def _counts(section: Section, rows: int, cols: int, first: int, blocks: bool) ->
             raise section.error("counts", f"must name {rows} x {cols} = {rows * cols} signals, got {len(texts)}")
         return tuple(_name(section, "counts", text) for text in texts)
     if blocks:
-        count = section.whole("counts_per_frame", 1, rows * cols)
+        count = section.whole("counts_per_frame", 1, 64)
         numbers = [{"place": first + place} for place in range(count)]
     else:
         numbers = [
