@@ -1,8 +1,8 @@
 """Two invented boards with protocols of their own and of unlike style, whose frames cantools encodes.
 
-A: classic CAN, 29-bit identifiers, Motorola byte order, codes of 10 bits, rows by multiplexer, a counter of 8 bits in every
-frame, temperatures and flags in a frame of their own. B: CAN FD, little-endian, signed millivolts with an offset, no
-counter, time in ms modulo 2^16 in every frame.
+A: classic CAN, 29-bit identifiers, Motorola byte order, codes of 10 bits, rows by multiplexer, a counter of 8 bits in
+every frame, temperatures and flags in a frame of their own. B: CAN FD, little-endian, signed millivolts with an offset,
+no counter, time in ms modulo 2^16 in every frame.
 """
 
 from __future__ import annotations

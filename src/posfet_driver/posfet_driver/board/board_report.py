@@ -10,6 +10,7 @@ from posfet_driver.board.scan_source import SourceReport
 from posfet_driver.bus.bus_load import BusLoad
 from posfet_driver.bus.reconnecting_bus import ReconnectingBus
 from posfet_driver.protocol.decoder import Decoder
+from posfet_driver.protocol.mapped_decoder import MappedDecoder
 from posfet_model.sensor.scan import ScanStatus
 
 HIGH_LOAD: Final = 0.9
@@ -42,14 +43,16 @@ class Connection:
     """Largest delay of a stamp after the acquisition [s]."""
 
 
-def board_report(connection: Connection, decoder: Decoder, bus: ReconnectingBus, load: BusLoad) -> SourceReport:
+def board_report(
+    connection: Connection, decoder: Decoder | MappedDecoder, bus: ReconnectingBus, load: BusLoad
+) -> SourceReport:
     """Return the report of a board.
 
     Parameters
     ----------
     connection : Connection
         State of the connection.
-    decoder : Decoder
+    decoder : Decoder or MappedDecoder
         Source of the counters of scans and frames, and of the board's status.
     bus : ReconnectingBus
         Source of the counters of failures and error frames.
@@ -95,11 +98,14 @@ def board_report(connection: Connection, decoder: Decoder, bus: ReconnectingBus,
             "scan period [ms]": f"{decoder.scan_period / 1000:g}",
             "bus load [%]": f"{100 * load.load:.1f}",
             "maximum stamp delay [ms]": f"{1e3 * connection.stamp_uncertainty:.3f}",
+            **(decoder.origin if isinstance(decoder, MappedDecoder) else {}),
         },
     )
 
 
-def _fault_counts(connection: Connection, decoder: Decoder, bus: ReconnectingBus) -> dict[FaultKind, int]:
+def _fault_counts(
+    connection: Connection, decoder: Decoder | MappedDecoder, bus: ReconnectingBus
+) -> dict[FaultKind, int]:
     statistics, errors = decoder.statistics, bus.errors
     return {
         FaultKind.INCOMPLETE_SCANS: statistics.incomplete_scans,

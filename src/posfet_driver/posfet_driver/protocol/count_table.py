@@ -113,14 +113,22 @@ class CountTable:
         taxels = len(fields)
         base = np.zeros(taxels, np.intp)
         for taxel, (_, _, signal) in enumerate(fields):
-            key = (signal.length, signal.is_signed, signal.scale, signal.offset, signal.minimum, signal.maximum)
-            if (*key, signal.unit) not in bases:
-                bases[*key, signal.unit] = entries
+            key = (
+                signal.length,
+                signal.is_signed,
+                signal.scale,
+                signal.offset,
+                signal.minimum,
+                signal.maximum,
+                signal.unit,
+            )
+            if key not in bases:
+                bases[key] = entries
                 entries += 1 << signal.length
                 if entries > MAX_ENTRIES:
                     raise mapping.error("counts", f"the signals have too many different scalings: {len(bases)} or more")
                 tables.append(conversion(signal, adc))
-            base[taxel] = bases[*key, signal.unit]
+            base[taxel] = bases[key]
         places = [field for _, field, _ in fields]
         width = 2 if all(field.end - field.first <= 2 for field in places) else 4
         index = np.full((taxels, width), len(wire) - 1, np.intp)

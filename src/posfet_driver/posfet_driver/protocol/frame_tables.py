@@ -10,6 +10,7 @@ from posfet_driver.bus.frame import CLASSIC, EXTENDED, FD, RATE_SWITCH
 from posfet_driver.protocol.bit_field import BitField, Reader
 from posfet_driver.protocol.count_table import CountTable, check_count
 from posfet_driver.protocol.signal_names import Found, SignalNames
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.frame_mapping import TIME_UNITS, FrameMapping
@@ -18,7 +19,9 @@ NO_BLOCK: Final = -1
 """Block of frames without counts, sequence and time of a scan."""
 
 _CLASSIC_BYTES: Final = 8
+_SHORTEST_COUNTER: Final = 2  # bits: with one, a lost scan looks like a counter that stands still
 _FD_LENGTHS: Final = (12, 16, 20, 24, 32, 48, 64)
+_LEAST_PERIODS: Final = 4
 _NOT_CELSIUS: Final = {"K", "F", "kelvin", "Kelvin", "degF", "°F"}
 
 
@@ -76,6 +79,8 @@ class FrameTables:
     """Data of the frames of a scan."""
     slots: tuple[slice, ...]
     """Place of each block in `wire`."""
+    sent: tuple[tuple[int, bool], ...]
+    """Length in which CAN sends each block [byte], and whether its identifier has 29 bits."""
     counts: CountTable
     sequence_bits: int
     """Length of the sequence [bit]; 0: the board sends none."""
@@ -147,6 +152,7 @@ class _Builder:
             blocks=len(blocks),
             wire=wire,
             slots=tuple(slice(at, at + message.length) for at, message in zip(offsets, blocks, strict=True)),
+            sent=tuple((_sent_length(message.length), bool(message.is_extended_frame)) for message in blocks),
             counts=CountTable(self._mapping, wire, placed, self._sensor.adc),
             sequence_bits=sequence_bits,
             sequenced=all(part.sequence for part in scan_parts),
@@ -192,7 +198,9 @@ class _Builder:
         places, taxels = len(found), self._sensor.layout.taxels
         blocks = -(-taxels // places)
         if blocks > 1 << number.signal.length:
-            raise mapping.error("block", f"{blocks} frames need more than the {number.signal.length} bits of {number.name}")
+            raise mapping.error(
+                "block", f"{blocks} frames need more than the {number.signal.length} bits of {number.name}"
+            )
         self._select[message.name] = number.signal
         parts = [self._parts.setdefault(message.name, {}).setdefault(block, Part()) for block in range(blocks)]
         return [(parts[taxel // places], found[taxel % places].signal) for taxel in range(taxels)]
@@ -218,6 +226,9 @@ class _Builder:
             signal = item.signal
             if signal.is_float or signal.is_signed or signal.length > 64 or not float(signal.scale) > 0:
                 raise self._mapping.error(key, f"signal {item.name} must be a whole number without sign, scale above 0")
+            if key == "sequence" and signal.length < _SHORTEST_COUNTER:
+                reason = f"signal {item.name} has {signal.length} bits, a counter needs {_SHORTEST_COUNTER} or more"
+                raise self._mapping.error(key, reason)
             if (signal.length, signal.scale) != (result[0].signal.length, result[0].signal.scale):
                 raise self._mapping.error(key, f"signals {result[0].name} and {item.name} differ in length or scale")
             if item.message.name not in self._parts:  # a frame of its own is part of the scan
@@ -236,7 +247,7 @@ class _Builder:
             names = list(mapping.order)
         else:  # those without counts, found after the others, come first
             names.sort(key=lambda name: any(used[0] == name and key == "counts" for used, key in self._used.items()))
-        blocks = []
+        blocks: list[Any] = []
         for name in names:
             for part in self._parts[name].values():
                 part.block = len(blocks)
@@ -306,7 +317,12 @@ class _Builder:
         if unit not in TIME_UNITS:
             known = ", ".join(TIME_UNITS)
             raise self._mapping.error("time_unit", f"missing, must be one of {known}: signal {found[0].name} has none")
-        return float(signal.scale) * TIME_UNITS[unit]
+        tick = float(signal.scale) * TIME_UNITS[unit]
+        wrap, period = tick * 2**signal.length, NANOSECONDS / self._sensor.can.scan_rate
+        if wrap < _LEAST_PERIODS * period:
+            reason = f"signal {found[0].name} wraps after {wrap / 1e6:g} ms, less than {_LEAST_PERIODS} scan periods"
+            raise self._mapping.error("time", reason)
+        return tick
 
 
 def _sent_length(length: int) -> int:

@@ -80,7 +80,9 @@ class MappedAssembler:
                     return False
                 self._begin()
                 self.sequence = sequence
-            elif (self._received & bit or self._abandoned or self._received > bit) and not self._joins(bit, block, data):
+            elif (self._received & bit or self._abandoned or self._received > bit) and not self._joins(
+                bit, block, data
+            ):
                 return False
         elif not self._continues(block, bit, sequence, time, data):
             return False

@@ -7,10 +7,11 @@ from collections.abc import Iterator
 from typing import Final
 
 from posfet_driver.bus.frame import ERROR, EXTENDED, Frame
-from posfet_driver.protocol.decoder import Decoded, ScanReady, Traffic
+from posfet_driver.protocol.decoder import Decoded, Decoder, ScanReady, Traffic
 from posfet_driver.protocol.frame_tables import NO_BLOCK, MappedMessage, Part, load_tables
 from posfet_driver.protocol.mapped_assembler import MappedAssembler
 from posfet_driver.protocol.mapped_numbering import MappedNumbering
+from posfet_driver.protocol.messages import Identity, Status
 from posfet_driver.protocol.scan_assembler import ScanStatistics
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
@@ -54,6 +55,8 @@ class MappedDecoder:
         """Number of complete scans."""
         self.resets = 0
         """Number of times the board restarted between two scans, as far as counter or time show it."""
+        self.identity: Identity | None = None
+        """Never known."""
         self.flags = 0
         """Bits of ScanStatus that the newest frames set."""
         self.scan_period = round(period / 1e3)
@@ -72,6 +75,12 @@ class MappedDecoder:
     def sequence(self) -> int:
         """Sequence of the newest scan; -1 before the first."""
         return self._numbering.sequence
+
+    @property
+    def status(self) -> Status:
+        """Temperatures and flags as a status; what the mapping lacks is unknown."""
+        first, second = self.scan.temperatures.tolist()
+        return Status((first, second), math.nan, self.flags, scanning=True, boot=0, heartbeat=0)
 
     @property
     def frames_lost(self) -> int:
@@ -206,3 +215,8 @@ class MappedDecoder:
             self.statistics.malformed += 1
         else:
             self.traffic.unrelated += 1
+
+
+def make_decoder(sensor: Sensor) -> Decoder | MappedDecoder:
+    """Return the decoder for the board of a sensor file, which has to be started. Raises ConfigError as they do."""
+    return MappedDecoder(sensor) if sensor.mapping else Decoder(sensor)

@@ -105,7 +105,7 @@ class MappedNumbering:
                 self._watch_clock(ticks)
             if not self._counted:
                 ahead = ahead if self.clock_frozen else self._scans_in(ticks)
-            elif ahead > 1:
+            elif ahead > 1 or ticks * self._tick > 2 * period:
                 ahead, ticks = self._unwrapped(ahead, ticks)
         passed = max(ahead * period, ticks * self._tick)
         if passed > RESET_MARGIN and passed > (line.room() + RESET_MARGIN + 2 * period) * (1.0 + RATE_TOLERANCE):

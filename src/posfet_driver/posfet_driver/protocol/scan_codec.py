@@ -268,8 +268,12 @@ def make_codec(sensor: Sensor) -> ScanCodec:
     Raises
     ------
     ConfigError
-        When the layout has more taxels than the frames can address.
+        When the layout has more taxels than the frames can address, or the board has frames of its own.
     """
+    if sensor.mapping:
+        raise ConfigError(
+            f"{sensor.name}: the board has frames of its own; with commands and emulator use protocol: posfet"
+        )
     limit = MAX_BLOCKS * FD_TAXELS
     if sensor.layout.taxels > limit:
         raise ConfigError(f"layout: rows * cols must be in [1, {limit}] on CAN, got {sensor.layout.taxels}")

@@ -9,6 +9,7 @@ from typing import Any
 
 from posfet_driver.board.board_client import Board
 from posfet_driver.board.command_queue import CommandError
+from posfet_driver.board.listening_board import ListeningBoard
 from posfet_driver.bus.open_bus import bus_settings
 from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.clock import Clock
@@ -35,7 +36,7 @@ class DriverNode(ScanSourceNode):
         self._start_at = 0
         self._commands = self.create_service(BoardCommand, "command", self._command)
 
-    def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> Board:
+    def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> Board | ListeningBoard:
         """Return the board on the bus of the parameters. Raises ConfigError when it can never be opened."""
         settings = bus_settings(
             parameters["can_interface"],
@@ -47,7 +48,8 @@ class DriverNode(ScanSourceNode):
         )
         opener = BusOpener(settings, board_frames(sensor))
         link = replace(sensor.can, bitrate=settings.bitrate, data_bitrate=settings.data_bitrate)
-        self._board = Board(replace(sensor, can=link), opener, self.clock, opener.presence)
+        kind = ListeningBoard if sensor.mapping else Board
+        self._board = kind(replace(sensor, can=link), opener, self.clock, opener.presence)
         return self._board
 
     def reading_wanted(self, now: int) -> bool:

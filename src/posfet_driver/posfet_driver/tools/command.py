@@ -7,6 +7,7 @@ import argparse
 from rich.console import Console
 
 from posfet_driver.board.command_queue import CommandError
+from posfet_driver.board.listening_board import LISTENS_ONLY
 from posfet_driver.bus.open_bus import open_bus
 from posfet_driver.protocol.messages import Command, Identification, Response
 from posfet_driver.tools.bus_options import bus_of
@@ -33,6 +34,8 @@ def run_command(options: argparse.Namespace) -> int:
         wanted = "needs the scan period [us]" if command == Command.SET_RATE else "takes no argument"
         raise CommandError(f"{options.name}: {wanted}")
     with bus_of(options) as (sensor, settings):
+        if sensor.mapping:
+            raise CommandError(f"{options.name}: {LISTENS_ONLY}")
         bus = open_bus(settings)
         try:
             response = request(bus, sensor.can.base_id, options.clock, command, options.argument or 0)

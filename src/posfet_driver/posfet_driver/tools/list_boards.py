@@ -18,9 +18,12 @@ from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.open_bus import one_line, open_bus
 from posfet_driver.clock import Clock
+from posfet_driver.protocol.decoder import ScanReady
+from posfet_driver.protocol.mapped_decoder import make_decoder
 from posfet_driver.protocol.messages import IDENTITY_OFFSET, PROTOCOL_VERSION, STATUS_OFFSET, Identity, Status
 from posfet_driver.tools.bus_options import EMULATOR, bus_of
 from posfet_model.config import ConfigError
+from posfet_model.sensor.description import Sensor
 
 SERIAL_PORTS: Final = ("/dev/ttyACM*", "/dev/ttyUSB*")
 HEARTBEATS_NEEDED: Final = 3
@@ -127,13 +130,22 @@ def run_list(options: argparse.Namespace) -> int:
 
 def _rows(options: argparse.Namespace) -> list[list[str]]:
     """Return the table rows of an adapter, one per board."""
-    with bus_of(options) as (_, settings):
+    with bus_of(options) as (sensor, settings):
         bus = open_bus(settings)
         try:
             frames = listen(bus, options.seconds, options.clock)
         finally:
             bus.shutdown()
-    found = boards(frames)
+    found = [board.row() for board in boards(frames)]
+    if sensor.mapping and _sends_scans(sensor, frames):
+        found.append(["own frames", str(sensor.layout.id), "?", "?"])
     if not found:
         return [[f"{len(frames)} frames, no board", "", "", "", ""]]
-    return [[f"{len(frames)} frames", *board.row()] for board in found]
+    return [[f"{len(frames)} frames", *row] for row in found]
+
+
+def _sends_scans(sensor: Sensor, frames: list[Frame]) -> bool:
+    """Return whether there is a scan of the sensor among frames."""
+    decoder = make_decoder(sensor)
+    decoder.start()
+    return any(isinstance(decoded, ScanReady) for decoded in decoder.decode(frames, 0, 0))

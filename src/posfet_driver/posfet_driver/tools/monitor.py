@@ -19,7 +19,7 @@ from posfet_driver.bus.frame import ERROR, EXTENDED, Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.open_bus import open_bus
 from posfet_driver.clock import Clock
-from posfet_driver.protocol.decoder import Decoder
+from posfet_driver.protocol.mapped_decoder import MappedDecoder, make_decoder
 from posfet_driver.protocol.messages import (
     CLASSIC_BLOCK_OFFSET,
     COMMAND_OFFSET,
@@ -63,7 +63,7 @@ class Monitor:
     """
 
     def __init__(self, sensor: Sensor, clock: Clock) -> None:
-        self.decoder = Decoder(sensor)
+        self.decoder = make_decoder(sensor)
         self.decoder.start()
         self.errors = ErrorCounts()
         self.load = BusLoad(sensor.can.bitrate, sensor.can.data_bitrate)
@@ -133,12 +133,16 @@ class Monitor:
     def _name(self, identifier: int, kind: int) -> tuple[str, str]:
         if kind & ERROR:
             return "-", "error frame"
+        extended = bool(kind & EXTENDED)
+        text = f"0x{identifier:08X}" if extended else f"0x{identifier:03X}"
+        if isinstance(self.decoder, MappedDecoder):
+            return text, self.decoder.tables.names.get((identifier, extended), "")
         offset = identifier - self._sensor.can.base_id
-        if kind & EXTENDED:
-            return f"0x{identifier:08X}", ""
+        if extended:
+            return text, ""
         block = offset - CLASSIC_BLOCK_OFFSET
         name = f"ScanBlock{block}" if 0 <= block < self.decoder.blocks else _NAMES.get(offset, "")
-        return f"0x{identifier:03X}", name
+        return text, name
 
 
 def _known(value: float, width: int, digits: int = 1) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from posfet_driver.board.command_queue import CommandError
+from posfet_driver.board.listening_board import LISTENS_ONLY
 from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.clock import Clock
@@ -108,6 +109,8 @@ def started(bus: FrameBus, sensor: Sensor, options: argparse.Namespace) -> Itera
     """
     base = sensor.can.base_id
     wanted = options.start or options.interface == EMULATOR
+    if wanted and sensor.mapping:
+        raise CommandError(f"--start: {LISTENS_ONLY}")
     if wanted:
         request(bus, base, options.clock, Command.SET_RATE, round(1e6 / sensor.can.scan_rate))
         request(bus, base, options.clock, Command.START)

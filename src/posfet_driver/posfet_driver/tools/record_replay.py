@@ -19,6 +19,7 @@ from posfet_driver.bus.open_bus import one_line, open_can_bus
 from posfet_driver.bus.python_can_bus import PythonCanFrameBus
 from posfet_driver.bus.recording import check_name, messages, recording
 from posfet_driver.protocol.decoder import Decoder
+from posfet_driver.protocol.mapped_decoder import MappedDecoder, make_decoder
 from posfet_driver.tools.bus_options import bus_of, sensor_of
 from posfet_driver.tools.one_shot import started
 from posfet_model.config import ConfigError
@@ -49,14 +50,14 @@ def run_record(options: argparse.Namespace) -> int:
     return 0 if frames else 1
 
 
-def decode(file: Path, decoder: Decoder, errors: ErrorCounts) -> None:
+def decode(file: Path, decoder: Decoder | MappedDecoder, errors: ErrorCounts) -> None:
     """Decode a recording; when it is damaged, up to the damage.
 
     Parameters
     ----------
     file : Path
         The recording.
-    decoder : Decoder
+    decoder : Decoder or MappedDecoder
         Receives its frames.
     errors : ErrorCounts
         Counts its error frames.
@@ -80,7 +81,7 @@ def run_replay(options: argparse.Namespace) -> int:
     """Run `posfet can replay`; return the exit code."""
     console = Console(highlight=False, markup=False)
     if options.decode:
-        decoder, errors = Decoder(sensor_of(options)), ErrorCounts()
+        decoder, errors = make_decoder(sensor_of(options)), ErrorCounts()
         try:
             decode(options.file, decoder, errors)
         finally:
@@ -125,7 +126,7 @@ def _all(first: can.Message, rest: Iterator[can.Message]) -> Iterator[Any]:
     yield from rest
 
 
-def _table(file: Path, decoder: Decoder, errors: ErrorCounts) -> Table:
+def _table(file: Path, decoder: Decoder | MappedDecoder, errors: ErrorCounts) -> Table:
     statistics, traffic = decoder.statistics, decoder.traffic
     table = Table("item", "count", title=str(file))
     for name, number in (

@@ -152,4 +152,6 @@ def _filled(section: Section, pattern: str, fields: Mapping[str, int]) -> str:
                 raise ValueError(field)
         return pattern.format(**fields)
     except ValueError as error:
-        raise section.error("counts", f"must be a pattern with {known}, such as T{{row}}_{{col:02}}, got '{pattern}'") from error
+        raise section.error(
+            "counts", f"must be a pattern with {known}, such as T{{row}}_{{col:02}}, got '{pattern}'"
+        ) from error
