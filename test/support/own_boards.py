@@ -15,6 +15,7 @@ import cantools
 import numpy as np
 
 from posfet_driver.bus.frame import CLASSIC, EXTENDED, FD, RATE_SWITCH, Frame
+from posfet_driver import protocol
 from posfet_model.sensor import description
 from posfet_model.sensor.description import Sensor, load_sensor
 from support.paths import DATA
@@ -35,6 +36,18 @@ protocol:
   counts: "Voltage{{taxel:02}}"
   time: Uptime
 """
+PROTOCOL_OWN = """
+protocol:
+  dbc: {dbc}
+  counts: "Count{{place}}"
+  block: BlockIndex
+  counts_per_frame: 26
+  sequence: Sequence
+  time: DeviceTime
+  time_unit: us
+  temperatures: [Temperature1, Temperature2]
+  status: {{SupplyLow: supply_low}}
+"""
 SHIPPED = Path(description.__file__).parent / "sensors" / "posfet_5x5.yaml"
 
 
@@ -52,6 +65,13 @@ def sensor_text(protocol: str, fd: bool, bits: int, changes: dict[str, str] | No
 def write_sensor(path: Path, protocol: str, fd: bool, bits: int, changes: dict[str, str] | None = None) -> Sensor:
     """Write a sensor file and load it."""
     path.write_text(sensor_text(protocol, fd, bits, changes), encoding="utf-8")
+    return load_sensor(path)
+
+
+def own_protocol(path: Path, name: str) -> Sensor:
+    """Write a shipped sensor as one with a mapping to the DBC file of this project's protocol, CAN FD; load it."""
+    text = (description.SENSOR_FOLDER / f"{name}.yaml").read_text(encoding="utf-8").replace("  base_id: 0x100\n", "")
+    path.write_text(text + PROTOCOL_OWN.format(dbc=Path(protocol.__file__).parent / "posfet.dbc"), encoding="utf-8")
     return load_sensor(path)
 
 

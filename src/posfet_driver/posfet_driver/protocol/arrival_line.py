@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 RATE_TOLERANCE: Final = 0.005
-"""Greatest relative difference of the board's scan rate from the sensor file's [1]: CAN needs clocks as good as this."""
+"""Greatest relative difference of the board's scan rate from the sensor file's [1]: CAN needs such clocks, too."""
 WINDOW_SCANS: Final = 32
 WINDOW_BATCHES: Final = 3
 """Smallest number of scans and of batches in which one scan has to arrive undelayed."""
@@ -17,9 +17,9 @@ class ArrivalLine:
     """Follows the arrival of undelayed scans, which is a straight line over their sequence.
 
     A scan cannot arrive before the previous one plus its period, but later. The line therefore advances by one period
-    per scan, up to the arrival and not beyond. What remains between line and arrival is a delay, or scans that were lost
-    without trace, because the counter of the board has wrapped or there is none. A delay has gone when the frames that
-    were waiting have been read, lost scans never come.
+    per scan, up to the arrival and not beyond. What remains between line and arrival is a delay, or scans that were
+    lost without trace, because the counter of the board has wrapped or there is none. A delay has gone when the frames
+    that were waiting have been read; lost scans never come.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class ArrivalLine:
             Time after which a loss leaves no trace [ns]: that of one wrap of the board's counter or clock.
         """
         delay = self.arrival - self.time
-        if delay < self._least:
+        if delay < self._least:  # noqa: PLR1730  # faster than min() for every scan
             self._least = delay
         self._scans += 1
         first, self._first = self._first, False

@@ -236,7 +236,7 @@ class _Builder:
         return result, result[0].signal.length if result else 0
 
     def _number_blocks(self) -> list[Any]:
-        """Number the frames of a scan in the order of sending; return the message of each."""
+        """Return the message of each frame of a scan, in the order of sending, and number their parts."""
         mapping = self._mapping
         names = list(self._parts)
         if mapping.order:

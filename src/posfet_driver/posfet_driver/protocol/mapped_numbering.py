@@ -6,12 +6,16 @@ from typing import Final
 
 from posfet_driver.protocol.arrival_line import RATE_TOLERANCE, ArrivalLine
 from posfet_driver.protocol.clock_sync import ClockSync
+from posfet_driver.protocol.device_clock import FROZEN_READINGS
 from posfet_driver.protocol.frame_tables import FrameTables
 from posfet_driver.protocol.mapped_assembler import MappedAssembler, late_scans
-from posfet_driver.protocol.device_clock import FROZEN_READINGS
 
 RESET_MARGIN: Final = 50e6
 """Time by which counter or clock have to be ahead of the arrivals for a restart of the board [ns]; assumed."""
+MISSING_SHARE: Final = 0.45
+"""Share of a pause without frames from which on whole scans are missing: less than a half, of two frames per scan."""
+MISSING_SCANS: Final = 1.5
+"""The same in scans, after a long pause: frames come in batches."""
 
 
 class MappedNumbering:
@@ -84,10 +88,11 @@ class MappedNumbering:
             Number of the board's frames in it.
         """
         pause = (arrival - self._line.arrival) / self._period
-        return pause - frames / self._blocks > max(0.5, min(pause / 2, 1.5))
+        missing = pause - frames / self._blocks
+        return missing > max(MISSING_SHARE, min(MISSING_SHARE * pause, MISSING_SCANS))
 
     def accept(self) -> bool:
-        """Number the scan that the assembler has completed; return False for one that is late or cannot be numbered."""
+        """Number the scan that the assembler has completed; return whether it is a new one."""
         assembler, line, period = self._assembler, self._line, self._period
         counter, time = assembler.sequence, assembler.time
         self.was_reset = False

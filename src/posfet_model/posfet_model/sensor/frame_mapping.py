@@ -29,7 +29,10 @@ _NAME: Final = re.compile(r"\w+(\.\w+)?")
 
 @dataclass(frozen=True)
 class FrameMapping:
-    """Messages and signals of a board. A signal is named `Signal` or, where several messages have it, `Message.Signal`."""
+    """Messages and signals of a board.
+
+    A signal is named `Signal` or, where several messages have it, `Message.Signal`.
+    """
 
     source: str
     """Sensor file, for error messages."""
