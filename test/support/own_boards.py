@@ -8,14 +8,14 @@ no counter, time in ms modulo 2^16 in every frame.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import cantools
 import numpy as np
 
-from posfet_driver.bus.frame import CLASSIC, EXTENDED, FD, RATE_SWITCH, Frame
 from posfet_driver import protocol
+from posfet_driver.bus.frame import CLASSIC, EXTENDED, FD, RATE_SWITCH, Frame
 from posfet_model.sensor import description
 from posfet_model.sensor.description import Sensor, load_sensor
 from support.paths import DATA
@@ -145,3 +145,28 @@ def millivolts_of(index: int) -> np.ndarray:
 def counts_of_millivolts(millivolts: np.ndarray) -> np.ndarray:
     """Return the counts by the rule of the documents: the place in -5 V to 5 V."""
     return np.rint((np.asarray(millivolts) * 1e-3 + 5.0) / 10.0 * 65535).astype(np.uint16)
+
+
+class Transmitter:
+    """A board that sends scan after scan and takes note of what is sent to it, which should be nothing."""
+
+    def __init__(self, scan: Callable[[int], list[Frame]], period: int = 1_000_000) -> None:
+        self.received: list[Frame] = []
+        self.silent = False
+        self._scan = scan
+        self._period = period
+        self._next = 0
+
+    def next_due(self) -> int:
+        return self._next * self._period
+
+    def due(self, now: int) -> list[Frame]:
+        frames = []
+        while self.next_due() <= now:
+            frames += [] if self.silent else self._scan(self._next)
+            self._next += 1
+        return frames
+
+    def receive(self, frame: Frame, now: int) -> list[Frame]:
+        self.received.append(frame)
+        return []

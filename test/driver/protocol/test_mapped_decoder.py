@@ -386,7 +386,8 @@ class TestNeitherCounterNorTime:
         listener = Listener(no_counter_no_time(tmp_path))
         frames = [frame for index in range(200) for frame in frames_b(index)]
         for begin in range(0, 400, 19):
-            listener.read(frames[begin : begin + 19], begin // 2 * PERIOD)
+            batch = frames[begin : begin + 19]
+            listener.read(batch, (begin + len(batch)) * PERIOD // 2)
         assert listener.sequences == list(range(200))
         assert_whole(listener, STYLES["B"])
 

@@ -8,7 +8,7 @@ RATE_TOLERANCE: Final = 0.005
 """Greatest relative difference of the board's scan rate from the sensor file's [1]: CAN needs such clocks, too."""
 WINDOW_SCANS: Final = 32
 WINDOW_BATCHES: Final = 3
-"""Smallest number of scans and of batches in which one scan has to arrive undelayed."""
+"""Smallest number of scans, of scan periods and of batches in which one scan has to arrive undelayed."""
 LONGEST_DELAY: Final = 250_000_000
 """Longest time that frames wait in adapter and kernel before they are read [ns]; assumed."""
 
@@ -33,10 +33,11 @@ class ArrivalLine:
         self._step = period * (1.0 + RATE_TOLERANCE)
         self.arrival = 0
         """Monotonic time at which the newest batch was read [ns]."""
-        self._waiting = 0.0  # time that the frames of the batch span [ns]
+        self._waiting = 0.0  # time that the frames after the first scan of the batch span [ns]
         self._first = False  # no scan of the batch yet
         self._least = 0.0  # smallest delay in the window
         self._scans = self._batches = 0
+        self._window_end = 0.0  # frames that had been waiting are read in less than this
 
     def begin_batch(self, arrival: int, scans: float) -> None:
         """Begin a batch of frames.
@@ -48,7 +49,7 @@ class ArrivalLine:
         scans : float
             Largest number of scans that can be in it.
         """
-        self.arrival, self._waiting, self._first = arrival, scans * self._step, True
+        self.arrival, self._waiting, self._first = arrival, max(scans - 1.0, 0.0) * self._step, True
 
     def restart(self) -> None:
         """Let the next scan be undelayed."""
@@ -80,7 +81,7 @@ class ArrivalLine:
         self._batches += first
         if first and delay - self._waiting > LONGEST_DELAY:  # even the last scan of this batch is late
             lost = round((delay - self._waiting) / span)
-        elif self._scans >= WINDOW_SCANS and self._batches >= WINDOW_BATCHES:
+        elif self._scans >= WINDOW_SCANS and self._batches >= WINDOW_BATCHES and self.arrival >= self._window_end:
             lost = round(self._least / span)
         else:
             return 0
@@ -90,3 +91,4 @@ class ArrivalLine:
 
     def _begin_window(self) -> None:
         self._least, self._scans, self._batches = float("inf"), 0, 0
+        self._window_end = self.arrival + (WINDOW_SCANS - 1) * self._step

@@ -92,7 +92,7 @@ class MappedNumbering:
         return missing > max(MISSING_SHARE, min(MISSING_SHARE * pause, MISSING_SCANS))
 
     def accept(self) -> bool:
-        """Number the scan that the assembler has completed; return whether it is a new one."""
+        """Take the scan that the assembler has completed; return whether it is a new one, which is numbered then."""
         assembler, line, period = self._assembler, self._line, self._period
         counter, time = assembler.sequence, assembler.time
         self.was_reset = False

@@ -122,5 +122,6 @@ def _load(mapping: FrameMapping) -> Any:
     try:
         return database.load_string(text, "dbc")
     except Exception as error:  # cantools raises KeyError, ValueError and its own for a file that is no DBC
-        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        text = " ".join(str(error).split())[:200] or type(error).__name__
+        reason = "".join(letter if letter.isprintable() else "?" for letter in text)
         raise mapping.error("dbc", f"{path.name} is not a valid DBC file: {reason}") from error
