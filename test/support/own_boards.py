@@ -150,15 +150,15 @@ def counts_of_millivolts(millivolts: np.ndarray) -> np.ndarray:
 class Transmitter:
     """A board that sends scan after scan and takes note of what is sent to it, which should be nothing."""
 
-    def __init__(self, scan: Callable[[int], list[Frame]], period: int = 1_000_000) -> None:
+    def __init__(self, scan: Callable[[int], list[Frame]], start: int = 0, period: int = 1_000_000) -> None:
         self.received: list[Frame] = []
         self.silent = False
         self._scan = scan
-        self._period = period
+        self._start, self._period = start, period
         self._next = 0
 
     def next_due(self) -> int:
-        return self._next * self._period
+        return self._start + self._next * self._period
 
     def due(self, now: int) -> list[Frame]:
         frames = []

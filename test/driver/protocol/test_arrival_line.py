@@ -41,7 +41,9 @@ def test_a_lost_scan_is_noticed_within_two_windows() -> None:
 
 
 def test_delays_are_no_losses() -> None:
-    late = [(arrival + (200 * PERIOD if index == 50 else 0), scans) for index, (arrival, scans) in enumerate(steady(0, 51))]
+    late = [
+        (arrival + (200 * PERIOD if index == 50 else 0), scans) for index, (arrival, scans) in enumerate(steady(0, 51))
+    ]
     assert lost([*late, *[(late[-1][0] + index, 1) for index in range(200)], *steady(251, 300)]) == 0
 
 
