@@ -32,6 +32,7 @@ SUBJECTS = {
     "startup": ("latency.startup", 120.0),
     "slcan": ("micro.slcan_readers", 40.0),
     "decode": ("micro.frame_decoding", 20.0),
+    "decode_mapped": ("micro.mapped_decoding", 30.0),
     "sim_vs_ngspice": ("simulation.follower_against_ngspice", 120.0),
     "board": ("simulation.board", 40.0),
     "schemes": ("simulation.schemes", 40.0),

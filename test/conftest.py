@@ -22,7 +22,16 @@ from support.expected_time import expected, keep
 from support.worker_scope import scope
 
 OPTIONAL = {
-    "cantools": ["driver/protocol/test_scan_codec.py", "driver/protocol/test_protocol_document.py"],
+    "cantools": [
+        "driver/protocol/test_scan_codec.py",
+        "driver/protocol/test_protocol_document.py",
+        "driver/protocol/test_mapped_decoder.py",
+        "driver/protocol/test_frame_tables.py",
+        "driver/protocol/test_own_frames_document.py",
+        "driver/board/test_listening_board.py",
+        "driver/tools/test_own_frames_tools.py",
+        "driver/ros/test_own_frames_node.py",
+    ],
     "matplotlib": ["model/figures/test_figures.py", "model/figures/test_stability.py"],
 }
 """Tests that are skipped where a module is missing; stated in the header of the report."""

@@ -22,7 +22,7 @@ from posfet_model.spice import ngspice
 
 NEED = {"latency": "rclpy", "ordinary": "rclpy", "sustained": "rclpy", "startup": "rclpy", "skipped": "posfet_msgs",
         "labelling": "scipy",
-        "decode": "cantools"}  # fmt: skip
+        "decode": "cantools", "decode_mapped": "cantools"}  # fmt: skip
 
 
 def test_an_outcome_survives_a_round_trip(tmp_path: Path) -> None:

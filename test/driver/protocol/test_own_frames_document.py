@@ -35,7 +35,7 @@ def folder(tmp_path: Path) -> Path:
         shipped = shipped.replace(old, new)
     (tmp_path / "hand.yaml").write_text(f"{shipped}\n{block('yaml')}", encoding="utf-8")
     (tmp_path / "hand_board.dbc").write_text(block("dbc"), encoding="ascii")
-    (tmp_path / "bus.log").write_text(block(""), encoding="ascii")
+    (tmp_path / "bus.log").write_text(block("text"), encoding="ascii")
     return tmp_path
 
 
@@ -44,7 +44,7 @@ def test_the_frames_give_the_counts(folder: Path) -> None:
     decoder.start()
     frames = [
         (int(identifier, 16), 0, bytes.fromhex(data))
-        for identifier, data in re.findall(r"can0 (\w+)#(\w+)", block(""))
+        for identifier, data in re.findall(r"can0 (\w+)#(\w+)", block("text"))
     ]
     assert len(list(decoder.decode(frames, 0, 0))) == 1
     scan = decoder.scan
