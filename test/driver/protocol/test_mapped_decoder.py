@@ -423,8 +423,11 @@ def test_the_protocol_of_this_project_as_a_mapping(tmp_path: Path) -> None:
         scan.sequence, scan.device_time = 70_000 + index, 1000 * index
         scan.counts[:] = random.integers(0, 65536, 256)
         frames = codec.encode(scan, plain.can.base_id)
+        found = [len(list(decoder.decode(frames, index * PERIOD, 0))) for decoder in (own, mapped)]
+        if index == 0:  # the own decoder waits for a second scan
+            continue
+        assert found == [1, 1]
         for decoder in (own, mapped):
-            assert len(list(decoder.decode(frames, index * PERIOD, 0))) == 1
             np.testing.assert_array_equal(decoder.scan.counts, scan.counts)
         assert mapped.scan.sequence == own.scan.sequence
         assert mapped.scan.device_time == own.scan.device_time
