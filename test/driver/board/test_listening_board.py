@@ -10,6 +10,7 @@ import pytest
 from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.board.listening_board import ListeningBoard, mapped_transit_time
+from posfet_driver.bus.error_frame import CONTROLLER, error_frame
 from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.protocol.messages import Command
@@ -143,6 +144,18 @@ def test_a_cable_that_is_pulled_and_put_back(bench: Bench) -> None:
     assert scan.counts.tolist() == counts_of_codes(codes_of(scan.sequence)).tolist()
     assert bench.board.report().counters["bus failures"] == 1
     assert bench.board.decoder.statistics.lost_scans == pytest.approx(missed, abs=2)
+
+
+def test_an_overflow_is_told_to_the_decoder(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[int] = []
+    monkeypatch.setattr(bench.board.decoder, "note_overflow", lambda: told.append(bench.clock.now))
+    overflow = error_frame(CONTROLLER, 0x01)
+    monkeypatch.setattr(
+        bench.transmitter, "_scan", lambda index: [overflow, *frames(index)] if index == 20 else frames(index)
+    )
+    bench.board.open()
+    bench.read(50)
+    assert len(told) == 1
 
 
 def test_a_bus_that_can_never_be_opened(tmp_path: Path) -> None:

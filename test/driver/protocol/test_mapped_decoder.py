@@ -381,6 +381,20 @@ class TestNeitherCounterNorTime:
         known = [STYLES["B"].counts(index).tolist() for index in (0, 2 + pause)]
         assert [scan.counts.tolist() for scan in listener.scans] == known
 
+    def test_a_batch_with_an_overflow_is_discarded(self, tmp_path: Path) -> None:
+        """As many frames lost in a row as a scan has: nothing in the frames shows it."""
+        listener = Listener(no_counter_no_time(tmp_path))
+        listener.read([*frames_b(0), frames_b(1)[0]], 0)
+        listener.decoder.note_overflow()
+        listener.read([frames_b(2)[1], *frames_b(3)], 3 * PERIOD)
+        listener.read(frames_b(4), 4 * PERIOD)
+        known = [STYLES["B"].counts(index).tolist() for index in (0, 4)]
+        assert [scan.counts.tolist() for scan in listener.scans] == known
+        with_time = Listener(MappedDecoder(sensor_b(tmp_path)))
+        with_time.decoder.note_overflow()
+        with_time.read(frames_b(0), 0)
+        assert len(with_time.scans) == 1
+
     def test_a_scan_in_two_batches_is_one(self, tmp_path: Path) -> None:
         """An adapter that delivers every 10 ms cuts many scans in two."""
         listener = Listener(no_counter_no_time(tmp_path))

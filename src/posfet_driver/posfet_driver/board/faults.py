@@ -48,7 +48,7 @@ class FaultKind(Enum):
         "board not detected",
         _ERROR,
         "other nodes send frames, but this board does not",
-        "check its power supply and base_id",
+        "check its power supply and base_id, or the identifiers in its DBC file",
     )
     NOT_RESPONDING = (
         "not responding to commands",
@@ -103,7 +103,7 @@ class FaultKind(Enum):
         "no scans",
         _ERROR,
         "no complete scan arrives",
-        "the driver restarts the board by itself; if that does not help, power-cycle it",
+        "the driver restarts the board by itself, unless it only listens; if that does not help, power-cycle it",
     )
     BROWN_OUTS = ("brown-outs", _ERROR, "the board was reset while its supply was low", "check its supply and cable")
     BOARD_RESETS = (

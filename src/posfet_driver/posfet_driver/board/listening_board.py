@@ -238,11 +238,14 @@ class ListeningBoard:
         """Read the frames that are waiting or arrive within `timeout` [ns]; return whether anything happened."""
         self.load.add(self._batch, self._arrival)  # of the previous read: scans were delivered first
         self._batch = []
+        overflows = self.bus.errors.overflow
         try:
             frames = self._batch = self.bus.read(timeout / NANOSECONDS)
         except (can.CanError, OSError) as error:
             self._fail(error)
             return True
+        if self.bus.errors.overflow != overflows:
+            self.decoder.note_overflow()
         arrival = self._arrival = self._clock.monotonic()
         self._decoded = self.decoder.decode(frames, arrival, self._clock.wall() - arrival)
         return bool(frames)

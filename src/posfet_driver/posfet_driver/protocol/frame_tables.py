@@ -88,6 +88,8 @@ class FrameTables:
     """Whether all blocks hold the sequence."""
     time_bits: int
     """Length of the time [bit]; 0: the board sends none."""
+    timed: bool
+    """Whether all blocks hold the time."""
     tick: float
     """Step of the time [ns]."""
 
@@ -157,6 +159,7 @@ class _Builder:
             sequence_bits=sequence_bits,
             sequenced=all(part.sequence for part in scan_parts),
             time_bits=time_bits,
+            timed=all(part.time for part in scan_parts),
             tick=self._tick(time),
         )
 

@@ -62,6 +62,9 @@ class MappedDecoder:
         self.scan_period = round(period / 1e3)
         """Scan period of the sensor file [us]: the board does not tell."""
         self._estimated = 0 if self.tables.sequence_bits else _SEQUENCE_ESTIMATED
+        steps_tell = self.tables.timed and self.tables.tick <= period
+        self._gaps_show = self.tables.sequenced or steps_tell or self.tables.blocks == 1
+        self._overflowed = False
         self._wall_offset = 0
         self._last_wall_offset = _NEVER_READ
         self._ready = ScanReady(self.scan)
@@ -117,6 +120,10 @@ class MappedDecoder:
         self.receiving = True
         self._assembler.forget()
 
+    def note_overflow(self) -> None:
+        """Note that frames were lost within the next batch: it is discarded when its frames do not tell where."""
+        self._overflowed = not self._gaps_show
+
     def decode(self, frames: list[Frame], arrival: int, wall_offset: int) -> Iterator[Decoded]:
         """Decode a batch of frames, one step of the iterator at a time.
 
@@ -142,7 +149,11 @@ class MappedDecoder:
         self._last_wall_offset = wall_offset
         if not frames:
             return iter(())
-        if self._assembler.collecting and not self.tables.sequenced:
+        if self._overflowed:
+            self._overflowed = False
+            self._assembler.abandon()
+            return iter(())
+        if self._assembler.collecting and not self._gaps_show:
             of_board = sum((frame[0], frame[1]) in self.tables.messages for frame in frames)
             if self._numbering.frames_are_missing(arrival, of_board):
                 self._assembler.abandon()

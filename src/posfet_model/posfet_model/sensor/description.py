@@ -205,11 +205,12 @@ def load_sensor(name: str | Path = DEFAULT_SENSOR) -> Sensor:
         names file, key, allowed range and value.
     """
     top = read_yaml(find_file(str(name), SENSOR_FOLDER, "sensor"))
+    title, serial = top.text("name"), top.text("serial")
     layout = _layout(top.section("layout"))
     mapping = read_mapping(top, layout.rows, layout.cols)
     sensor = Sensor(
-        name=top.text("name"),
-        serial=top.text("serial"),
+        name=title,
+        serial=serial,
         layout=layout,
         device=_device(top.section("device")),
         amplifier=_amplifier(top.section("amplifier")),
