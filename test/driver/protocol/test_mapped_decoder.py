@@ -417,6 +417,20 @@ def test_the_bus_was_closed_in_between(listener: Listener, style: Style) -> None
     assert_whole(listener, style)
 
 
+@pytest.mark.parametrize("first", [1, 4])
+def test_the_scan_in_which_it_begins_to_listen_is_no_loss(style: Style, tmp_path: Path, first: int) -> None:
+    listener = Listener(MappedDecoder(style.sensor(tmp_path)))
+    first = min(first, listener.decoder.blocks - 1)
+    listener.read([*style.frames(3)[first:], *style.frames(4)], 0)
+    listener.read([*style.frames(5)[:-1], *style.frames(6)], 2 * PERIOD)
+    assert [scan.counts.tolist() for scan in listener.scans] == [style.counts(index).tolist() for index in (4, 6)]
+    statistics = listener.decoder.statistics
+    assert (statistics.incomplete_scans, statistics.missing_frames, statistics.late) == (1, 1, 0)
+    listener.decoder.start()  # after the bus was closed
+    listener.read([*style.frames(7)[first:], *style.frames(8)], 4 * PERIOD)
+    assert statistics.incomplete_scans == 1
+
+
 def test_nothing_is_received_before_the_start(tmp_path: Path) -> None:
     decoder = MappedDecoder(sensor_a(tmp_path))
     assert list(decoder.decode(frames_a(0), 0, 0)) == []

@@ -44,6 +44,7 @@ class MappedAssembler:
         self._received = self._all  # bits of the blocks of the current scan
         self._last = UNKNOWN  # block that arrived last
         self._abandoned = True
+        self._joining = True  # the first scan: its first frames may have been sent before this one listened
         self._sequenced = tables.sequenced
         self._mask = (1 << tables.sequence_bits) - 1
         self._newest = self._mask - late_scans(tables.sequence_bits)  # beyond: late
@@ -93,11 +94,14 @@ class MappedAssembler:
         if time >= 0:
             self.time = time
         received = self._received = self._received | bit
-        return received == self._all
+        if received != self._all:
+            return False
+        self._joining = False
+        return True
 
     def abandon(self) -> None:
         """Abandon the current scan; it is counted if it is incomplete."""
-        if self.collecting:
+        if self.collecting and not self._joining:
             statistics = self.statistics
             statistics.incomplete_scans += 1
             statistics.missing_frames += (self._all ^ self._received).bit_count()
@@ -107,11 +111,13 @@ class MappedAssembler:
     def forget(self) -> None:
         """Abandon the current scan, and let any sequence be the next."""
         self.abandon()
-        self.sequence = UNKNOWN
+        self.sequence = self._last = UNKNOWN
+        self._received, self._joining = self._all, True
 
     def _begin(self) -> None:
         if self._received != self._all:
             self.abandon()
+            self._joining = False
         self._received, self._abandoned = 0, False
         self.sequence = self.time = UNKNOWN
 
@@ -141,10 +147,11 @@ class MappedAssembler:
             return False
         if block == 0:
             self._begin()
+            self._joining = False
             return True
         if agrees and self.collecting and self._received < bit:
             return True
         self.abandon()
         self._last = UNKNOWN
-        self.statistics.late += 1
+        self.statistics.late += not self._joining
         return False
