@@ -220,6 +220,14 @@ def test_late_frames_are_ignored(listener_a: Listener) -> None:
     assert listener_a.decoder.statistics.late == 1
 
 
+def test_a_scan_that_comes_late_without_a_counter_is_ignored(listener_b: Listener) -> None:
+    for index in (0, 1, 2, 4, 5, 3, 6):
+        listener_b.read(frames_b(index), max(index, 5) * PERIOD)
+    assert listener_b.sequences == [0, 1, 2, 4, 5, 6]
+    assert listener_b.decoder.statistics.late == 1
+    assert listener_b.decoder.resets == 0
+
+
 def test_truncated_and_foreign_frames(listener: Listener, style: Style) -> None:
     identifier, kind, data = style.frames(0)[0]
     other = FD | EXTENDED if kind == CLASSIC | EXTENDED else CLASSIC
@@ -529,3 +537,82 @@ def place(signal: cantools.database.can.Signal, value: float, low: float, high: 
         )
         low, high = sorted(raw * signal.scale + signal.offset for raw in (least, most))
     return min(max((value - low) / (high - low), 0.0), 1.0) * 65535
+
+
+SPREAD = """VERSION ""
+
+BU_: X
+
+BO_ 256 Head: 8 X
+ SG_ Number : 0|4@1+ (1,0) [0|15] "" X
+ SG_ Serial : 8|32@1+ (1,0) [0|0] "" X
+ SG_ Ticks : 40|16@1+ (0.5,0) [0|0] "ms" X
+
+BO_ 257 Body: 2 X
+ SG_ C0 : 0|16@1+ (1,0) [0|0] "" X
+
+BO_ 258 Tail: 7 X
+ SG_ C1 : 0|16@1+ (1,0) [0|0] "" X
+ SG_ Number : 16|4@1+ (1,0) [0|15] "" X
+ SG_ Micros : 24|32@1+ (1,0) [0|0] "us" X
+"""
+"""A board whose header and tail hold counters and times of several lengths."""
+
+
+class TestCounterAndTimeInSomeFrames:
+    @pytest.fixture
+    def listen(self, tmp_path: Path) -> Callable[..., Listener]:
+        path = tmp_path / "spread.dbc"
+        path.write_text(SPREAD, encoding="ascii")
+        sensor = load_sensor()
+        layout = replace(sensor.layout, rows=1, cols=2)
+
+        def make(sequence: tuple[str, ...], time: tuple[str, ...]) -> Listener:
+            order = ("Head", "Body", "Tail") if (*sequence, *time) != ("Tail.Number", "Micros") else ()
+            mapping = FrameMapping("any", path, ("C0", "C1"), "", sequence, time, "", (), (), order)
+            return Listener(MappedDecoder(replace(sensor, layout=layout, mapping=mapping)))
+
+        return make
+
+    def frames(self, index: int) -> list[Frame]:
+        head = (index % 16).to_bytes(1, "little") + (1000 + index).to_bytes(4, "little")
+        head += (2 * index % 65536).to_bytes(2, "little") + b"\0"
+        tail = (index % 65536).to_bytes(2, "little") + (index % 16).to_bytes(1, "little")
+        tail += (1000 * index % (1 << 32)).to_bytes(4, "little")
+        return [(256, CLASSIC, head), (257, CLASSIC, (index % 65536).to_bytes(2, "little")), (258, CLASSIC, tail)]
+
+    def test_scans_whose_counters_differ_are_not_mixed(self, listen: Callable[..., Listener]) -> None:
+        """As many frames in a row as a scan has are lost: Tail of 5, Head and Body of 6."""
+        listener = listen(("Head.Number", "Tail.Number"), ())
+        for index in range(10):
+            part = {5: slice(0, 2), 6: slice(2, 3)}.get(index, slice(0, 3))
+            listener.read(self.frames(index)[part], (5 if index == 6 else index) * PERIOD)
+        assert listener.sequences == [0, 1, 2, 3, 4, 7, 8, 9]
+        assert all(scan.counts.tolist() == [scan.sequence] * 2 for scan in listener.scans)
+
+    @pytest.mark.parametrize("pause", [16, 17, 30, 100, 3000])
+    def test_the_time_tells_how_often_a_short_counter_has_wrapped(
+        self, listen: Callable[..., Listener], pause: int
+    ) -> None:
+        listener = listen(("Tail.Number",), ("Micros",))
+        indices = [*range(10), *range(9 + pause, 20 + pause)]
+        for index in indices:
+            listener.read(self.frames(index)[1:], index * PERIOD)
+        assert listener.sequences[9:12] == [9, 9 + pause, 10 + pause]
+        assert [scan.device_time for scan in listener.scans] == [1000 * index for index in indices]
+
+    def test_a_scan_that_comes_late_is_ignored(self, listen: Callable[..., Listener]) -> None:
+        listener = listen(("Tail.Number",), ("Micros",))
+        for index in (0, 1, 2, 4, 5, 3, 6):
+            listener.read(self.frames(index)[1:], max(index, 5) * PERIOD)
+        assert listener.sequences == [0, 1, 2, 4, 5, 6]
+        assert listener.decoder.statistics.late == 1
+
+    def test_the_counter_tells_how_often_a_short_time_has_wrapped(self, listen: Callable[..., Listener]) -> None:
+        """The time wraps after 32.8 s, the counter after 50 days."""
+        listener = listen(("Serial",), ("Ticks",))
+        for index in (*range(10), *range(100_000, 100_010)):
+            listener.read(self.frames(index), index * PERIOD)
+        assert listener.sequences[9:11] == [1009, 101_000]
+        assert listener.scans[-1].device_time == 100_009_000
+        assert listener.decoder.statistics.lost_scans == 100_000 - 10

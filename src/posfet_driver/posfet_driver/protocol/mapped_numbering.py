@@ -8,7 +8,7 @@ from posfet_driver.protocol.arrival_line import RATE_TOLERANCE, ArrivalLine
 from posfet_driver.protocol.clock_sync import ClockSync
 from posfet_driver.protocol.device_clock import FROZEN_READINGS
 from posfet_driver.protocol.frame_tables import FrameTables
-from posfet_driver.protocol.mapped_assembler import MappedAssembler, late_scans
+from posfet_driver.protocol.mapped_assembler import LATE, MappedAssembler, late_scans
 
 RESET_MARGIN: Final = 50e6
 """Time by which counter or clock have to be ahead of the arrivals for a restart of the board [ns]; assumed."""
@@ -51,6 +51,8 @@ class MappedNumbering:
         self._counted, self._timed = tables.sequence_bits > 0, tables.time_bits > 0
         self._wrap, self._time_wrap = 1 << tables.sequence_bits, 1 << tables.time_bits
         self._late_from = self._wrap - late_scans(tables.sequence_bits)
+        late_ticks = LATE * period // self._tick if self._timed else 0
+        self._ticks_back = self._time_wrap - min(late_ticks, self._time_wrap // 4)  # beyond: late, too
         self._counter_span = self._wrap * period if self._counted else 0.0
         self._clock_span = self._time_wrap * self._tick if self._timed else 0.0
         self._span = max(self._counter_span, self._clock_span, period)  # a loss of this length leaves no trace
@@ -99,19 +101,24 @@ class MappedNumbering:
         if self.sequence < 0:
             self._restart(counter)
             return True
-        ahead = (counter - self._counter) % self._wrap if self._counted else 1 + assembler.incomplete
-        if self._counted and not 0 < ahead < self._late_from:
-            self._count_old(ahead)
-            return False
         ticks = 0
         if self._timed:
             ticks = (time - self._wire_time) % self._time_wrap
             if ticks == 0 or self._still:
                 self._watch_clock(ticks)
-            if not self._counted:
-                ahead = ahead if self.clock_frozen else self._scans_in(ticks)
-            elif ahead > 1 or ticks * self._tick > 2 * period:
+        if self._counted:
+            ahead = (counter - self._counter) % self._wrap
+            if ahead != 1 or ticks * self._tick > 2 * period:
                 ahead, ticks = self._unwrapped(ahead, ticks)
+            if ahead <= 0:
+                return False
+        elif self._timed and not self.clock_frozen:
+            if ticks > self._ticks_back:
+                self._statistics.late += 1
+                return False
+            ahead = self._scans_in(ticks)
+        else:
+            ahead = 1 + assembler.incomplete
         passed = max(ahead * period, ticks * self._tick)
         if passed > RESET_MARGIN and passed > (line.room() + RESET_MARGIN + 2 * period) * (1.0 + RATE_TOLERANCE):
             self.was_reset = True
@@ -135,19 +142,23 @@ class MappedNumbering:
             return self._clock.to_monotonic(self.device_time, self._line.arrival)
         return round(self._line.time)
 
-    def _count_old(self, ahead: int) -> None:
-        """Count a scan with the counter of the newest one, or of one shortly before."""
+    def _unwrapped(self, ahead: int, ticks: int) -> tuple[int, int]:
+        """Return how far counter and time have advanced; whichever wraps later tells how often the other one has.
+
+        A scan with the counter of the newest one, or of one shortly before, is counted and not ahead.
+        """
+        expected, span = 0.0, ticks * self._tick
+        if self._counter_span >= self._clock_span:
+            if ahead < self._late_from and self._timed:
+                ticks += max(round((ahead * self._period - span) / self._clock_span), 0) * self._time_wrap
+        elif span < self._clock_span / 2:  # else the time has gone back
+            expected = span / self._period
+            ahead += max(round((expected - ahead) / self._wrap), 0) * self._wrap
         if ahead == 0:
             self._statistics.frozen_counter += 1
-        else:
+        elif ahead >= self._late_from and ahead - expected > self._wrap / 2:
             self._statistics.late += 1
-
-    def _unwrapped(self, ahead: int, ticks: int) -> tuple[int, int]:
-        """Return how far counter and time have advanced; whichever wraps later tells how often the other one has."""
-        if self._counter_span < self._clock_span:
-            ahead += max(round((ticks * self._tick / self._period - ahead) / self._wrap), 0) * self._wrap
-        else:
-            ticks += max(round((ahead * self._period / self._tick - ticks) / self._time_wrap), 0) * self._time_wrap
+            ahead = 0
         return ahead, ticks
 
     def _watch_clock(self, ticks: int) -> None:
