@@ -144,6 +144,18 @@ def test_a_dbc_file_that_cannot_be_used(tmp_path: Path) -> None:
                 assert str(caught.value).isprintable()
 
 
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-8", "utf-8-sig"])
+def test_encodings_of_dbc_files(tmp_path: Path, encoding: str) -> None:
+    """A DBC file names no encoding; the unit of a voltage may be µV, that of a temperature °F."""
+    sensor = sensor_a(tmp_path)
+    mapping = sensor.mapping
+    assert mapping is not None
+    text = (FOLDER / "classic_board.dbc").read_text(encoding="ascii").replace('"degC"', '"°F"')
+    (tmp_path / "units.dbc").write_bytes(text.encode(encoding))
+    with pytest.raises(ConfigError, match=r"temperatures: signal Climate\.ChipTemperature must be .* scaled to degC"):
+        load_tables(replace(sensor, mapping=replace(mapping, dbc=tmp_path / "units.dbc")))
+
+
 def test_without_cantools_the_message_names_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     sensor = sensor_a(tmp_path)
 

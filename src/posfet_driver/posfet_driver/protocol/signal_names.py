@@ -116,9 +116,13 @@ def _load(mapping: FrameMapping) -> Any:
             raise mapping.error("dbc", f"no such file: {path}")
         if path.stat().st_size > MAX_FILE:
             raise mapping.error("dbc", f"{path.name} is larger than {MAX_FILE} bytes")
-        text = path.read_text(encoding="cp1252", errors="replace")  # as in most tools
+        content = path.read_bytes()
     except OSError as error:
         raise mapping.error("dbc", f"{path} cannot be read: {error.strerror}") from error
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", errors="replace")  # as most tools write it
     try:
         return database.load_string(text, "dbc")
     except Exception as error:  # cantools raises KeyError, ValueError and its own for a file that is no DBC
