@@ -23,8 +23,6 @@ ARRAYS = (("posfet_5x5", True), ("posfet_5x5", False), ("posfet_16x16", True), (
 FRAMES = 4000
 """Frames of one pass."""
 PASSES = 7
-PERIOD = 1_000_000
-"""Scan period [ns]."""
 LIMIT = 2.0
 """Allowed time of the mapped decoder, in that of the own one."""
 
@@ -59,17 +57,18 @@ def batches(sensor: Sensor) -> tuple[list[list[Frame]], np.ndarray]:
     scan.counts[:] = np.random.default_rng(4).integers(0, 1 << 16, sensor.layout.taxels)
     scans = []
     for sequence in range(FRAMES // codec.blocks):
-        scan.sequence, scan.device_time = sequence, sequence * PERIOD // 1000
+        scan.sequence, scan.device_time = sequence, round(sequence / sensor.can.scan_rate * 1e6)
         scans.append(codec.encode(scan, sensor.can.base_id))
     return scans, scan.counts
 
 
 def scan_time(decoder: Decoder | MappedDecoder, scans: list[list[Frame]]) -> float:
-    """Return the mean time of a scan [us]."""
+    """Return the mean time of a scan [us]; the scans arrive at the rate of the sensor file."""
+    period = decoder.scan_period * 1000
     decoder.start()
     begin = time.perf_counter()
     for sequence, frames in enumerate(scans):
-        for _ in decoder.decode(frames, sequence * PERIOD, 0):
+        for _ in decoder.decode(frames, sequence * period, 0):
             pass
     return (time.perf_counter() - begin) / len(scans) * 1e6
 
