@@ -132,11 +132,11 @@ def test_a_dbc_file_that_cannot_be_used(tmp_path: Path) -> None:
     (tmp_path / "large.dbc").write_bytes(b" " * 8_000_001)
     with each_row() as row:
         for name, expected in (
-            ("missing.dbc", "no such file"),
+            ("missing.dbc", "No such file"),
             ("text.dbc", "text.dbc is not a valid DBC file: "),
             ("binary.dbc", "binary.dbc is not a valid DBC file: "),
-            ("large.dbc", "larger than 8000000 bytes"),
-            (".", "no such file"),
+            ("large.dbc", "larger than"),
+            (".", "Is a directory"),
         ):
             with row(name):
                 with pytest.raises(ConfigError, match=re.escape(expected)) as caught:

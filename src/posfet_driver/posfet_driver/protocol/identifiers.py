@@ -8,7 +8,7 @@ from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.sensor.description import Sensor
 
 
-def board_frames(sensor: Sensor) -> BoardFrames:
+def board_frames(sensor: Sensor) -> BoardFrames | None:
     """Return the identifiers of a board's frames, reserved ones included.
 
     Parameters
@@ -18,14 +18,16 @@ def board_frames(sensor: Sensor) -> BoardFrames:
 
     Returns
     -------
-    BoardFrames
-        The identifiers.
+    BoardFrames or None
+        The identifiers; None for a board with frames of its own, of which all are read.
 
     Raises
     ------
     ConfigError
         When the layout does not fit the frames.
     """
+    if sensor.mapping:
+        return None
     codec = make_codec(sensor)
     base, last = sensor.can.base_id, max(codec.offset(codec.blocks - 1), CLASSIC_BLOCK_OFFSET - 1)
     return BoardFrames(sent=base + COMMAND_OFFSET, received=range(base + RESPONSE_OFFSET, base + last + 1))

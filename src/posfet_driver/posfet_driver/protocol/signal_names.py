@@ -7,7 +7,9 @@ import importlib
 from dataclasses import dataclass
 from typing import Any, Final
 
+from posfet_model._lib.shown import one_line
 from posfet_model.config import ConfigError
+from posfet_model.files import read_bytes
 from posfet_model.sensor.frame_mapping import FrameMapping
 
 MAX_FILE: Final = 8_000_000
@@ -112,11 +114,7 @@ def _load(mapping: FrameMapping) -> Any:
     except ImportError as error:
         raise mapping.error("dbc", "needs the package cantools: apt install python3-cantools, or pip") from error
     try:
-        if not path.is_file():
-            raise mapping.error("dbc", f"no such file: {path}")
-        if path.stat().st_size > MAX_FILE:
-            raise mapping.error("dbc", f"{path.name} is larger than {MAX_FILE} bytes")
-        content = path.read_bytes()
+        content = read_bytes(path, MAX_FILE)
     except OSError as error:
         raise mapping.error("dbc", f"{path} cannot be read: {error.strerror}") from error
     try:
@@ -126,6 +124,5 @@ def _load(mapping: FrameMapping) -> Any:
     try:
         return database.load_string(text, "dbc")
     except Exception as error:  # cantools raises KeyError, ValueError and its own for a file that is no DBC
-        text = " ".join(str(error).split())[:200] or type(error).__name__
-        reason = "".join(letter if letter.isprintable() else "?" for letter in text)
+        reason = one_line(str(error)) or type(error).__name__
         raise mapping.error("dbc", f"{path.name} is not a valid DBC file: {reason}") from error
