@@ -12,6 +12,8 @@
 #   make figures            draw the figures of docs/
 #   make parameters         write the tables of docs/parameters.md
 #   make clean              remove what was built; make distclean removes .venv and .vm as well
+#   make protocol           write the tables of docs/protocol.md and the golden frames of the tests
+#   make clean              remove what was built; make distclean removes .venv as well
 
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c
@@ -99,6 +101,9 @@ figures: $(BUILT)
 
 parameters: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet.parameters_document $(ARGS)
+
+protocol: $(BUILT)
+	@$(IN_ENVIRONMENT) exec python3 -m posfet.protocol_document $(ARGS)
 
 clean:
 	rm -rf build install log
