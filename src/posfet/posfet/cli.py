@@ -15,7 +15,7 @@ COMMANDS: Final = {
     "sim": ("posfet_sim.commands.simulate", "simulate a scene faster than real time and write it to a file"),
     "can": (
         "posfet.can",
-        "adapters and boards without a driver: list, monitor, command, record, replay, selftest",
+        "adapters and boards without a driver: list, monitor, command, record, replay, selftest, conform",
     ),
     "calibrate": (
         "posfet_sim.commands.calibrate",

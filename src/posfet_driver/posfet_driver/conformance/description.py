@@ -6,7 +6,7 @@ import binascii
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from importlib.resources import files
 from typing import Any, Final
 
@@ -41,7 +41,7 @@ class Signal:
     choices: Mapping[int, str] = field(default_factory=dict)
     """Names of values."""
 
-    @property
+    @cached_property
     def mask(self) -> int:
         """Bits of the signal in the frame's data, taken as one little-endian number."""
         return ((1 << self.length) - 1) << self.start
@@ -66,7 +66,7 @@ class Message:
         """Kind of the frame; an FD frame may also be sent without rate switch."""
         return FD | RATE_SWITCH if self.fd else CLASSIC
 
-    @property
+    @cached_property
     def reserved(self) -> int:
         """Bits of the data that belong to no signal."""
         return ((1 << 8 * self.length) - 1) & ~sum(signal.mask for signal in self.signals)

@@ -34,6 +34,7 @@ ACTIONS: Final = {
     "record": ("record_replay", "record the bus; the file suffix selects the format: .log (candump), .asc or .blf"),
     "replay": ("record_replay", "send a recording to the bus, or with --decode only summarise it"),
     "selftest": ("self_test", "check adapter and board step by step"),
+    "conform": ("conform", "check a board against every rule of docs/protocol.md; it must not be in use"),
 }
 """Module of `run_<action>` and its description."""
 
@@ -52,6 +53,13 @@ def make_parser() -> argparse.ArgumentParser:
         parsers[name].add_argument("--start", action="store_true", help="start the board, and stop it at the end")
     parsers["selftest"].add_argument(
         "--for", dest="seconds", type=positive, default=2.0, help="duration of the scans [s]"
+    )
+    parsers["conform"].add_argument("--json", action="store_true", help="print the findings as JSON")
+    parsers["conform"].add_argument(
+        "--seed", type=_word, default=0, help="order of the checks, tags, periods, arguments"
+    )
+    parsers["conform"].add_argument(
+        "--power-cycle", action="store_true", help="ask for the board to be switched off and on"
     )
     names = [command.name.lower() for command in Command]
     parsers["command"].add_argument("name", choices=names, help="the command")

@@ -1,0 +1,70 @@
+"""Checks a board against every rule of the protocol: `posfet can conform`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import sys
+from collections.abc import Sequence
+from typing import Final
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from posfet_driver.board.command_queue import CommandError
+from posfet_driver.bus.open_bus import open_bus
+from posfet_driver.conformance.checks import DOCUMENT, Finding, Outcome
+from posfet_driver.conformance.conformance import conform
+from posfet_driver.conformance.session import Board, NoBoardError, Session
+from posfet_driver.tools.bus_options import bus_of
+
+COLOURS: Final = {Outcome.PASS: "green", Outcome.FAIL: "red", Outcome.NOT_CHECKED: "yellow"}
+
+
+def run_conform(options: argparse.Namespace) -> int:
+    """Run `posfet can conform`; return the exit code: 0 when no rule is broken."""
+    with bus_of(options) as (sensor, settings):
+        layout, link = sensor.layout, sensor.can
+        board = Board(link.base_id, layout.taxels, layout.id, link.fd, round(1e6 / link.scan_rate), settings.fd)
+        bus = open_bus(settings)
+        try:
+            session = Session(bus, options.clock, board, random.Random(options.seed))
+            findings = conform(session, _ask_for_power_cycle if options.power_cycle else None)
+        except NoBoardError as error:
+            raise CommandError(str(error)) from error
+        finally:
+            bus.shutdown()
+    _print(findings, options.json, session.description.rules)
+    return int(any(finding.outcome == Outcome.FAIL for finding in findings))
+
+
+def _ask_for_power_cycle() -> None:
+    print("reset the board, or switch it off for a second and on again", file=sys.stderr, flush=True)
+
+
+def _print(findings: Sequence[Finding], as_json: bool, rules: dict[str, str]) -> None:
+    if as_json:
+        rows = [
+            {
+                "rule": finding.rule,
+                "text": rules.get(finding.rule, ""),
+                "result": finding.outcome.value.lower(),
+                "seen": finding.seen,
+                "place": finding.place,
+            }
+            for finding in findings
+        ]
+        print(json.dumps({"findings": rows}, indent=1))
+        return
+    table = Table("rule", "result", "what was seen", DOCUMENT)
+    for finding in findings:
+        result = Text(finding.outcome.value, COLOURS[finding.outcome])
+        table.add_row(finding.rule, result, finding.seen, finding.place.removeprefix(DOCUMENT))
+    count = {outcome: sum(finding.outcome == outcome for finding in findings) for outcome in Outcome}
+    console = Console(highlight=False, markup=False)
+    console.print(table)
+    console.print(
+        f"{count[Outcome.PASS]} passed, {count[Outcome.FAIL]} failed, {count[Outcome.NOT_CHECKED]} not checked"
+    )

@@ -1,0 +1,98 @@
+"""`posfet can conform`: table, JSON, exit codes, errors; in virtual time, but for one run with the emulated board."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import pytest
+
+from posfet import can as posfet_can
+from posfet_driver.bus.frame import Frame
+from posfet_driver.conformance.description import load_description
+from posfet_model.sensor.description import load_sensor
+from support.clocks import SteppedClock
+from support.protocol_board import ProtocolBoard
+from support.stepped import SteppedBus
+from support.wrong_boards import HasNoHeartbeat, HasOneBootForEver
+
+RULES = [*load_description().rules, "offsets", "checksum", "identity", "states", "commands"]
+ARGUMENTS = ["conform", "-i", "virtual", "-c", "bench"]
+
+
+@pytest.fixture
+def conform(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, SteppedBus]]:
+    """Run the command on a board in virtual time; what asks for a power cycle does it."""
+    monkeypatch.setenv("COLUMNS", "200")
+    link = load_sensor().can
+
+    def run(kind: type[ProtocolBoard], *arguments: str) -> tuple[int, SteppedBus]:
+        clock = SteppedClock(1_000_000_000)
+        board = kind(link.base_id, 25, 1, link.fd, round(1e6 / link.scan_rate), clock.now)
+        bus = SteppedBus(clock, board)
+        monkeypatch.setattr("posfet_driver.tools.conform.open_bus", lambda settings: bus)
+        prompt = "posfet_driver.tools.conform._ask_for_power_cycle"
+        monkeypatch.setattr(prompt, lambda: board.switch_on(clock.now + 1_000_000_000))
+        return posfet_can.main([*ARGUMENTS, *arguments], clock), bus
+
+    return run
+
+
+def test_a_right_board_passes(
+    conform: Callable[..., tuple[int, SteppedBus]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, bus = conform(ProtocolBoard)
+    assert (code, bus.closed) == (0, True)
+    out = capsys.readouterr().out
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in out.splitlines() if line.startswith("│")]
+    assert [row[0] for row in rows if row[0]] == RULES
+    assert ["S1", "pass"] in [row[:2] for row in rows]
+    assert all(row[3].startswith("#") for row in rows if row[0])
+    assert out.endswith("27 passed, 0 failed, 4 not checked\n")
+
+
+def test_a_wrong_board_fails(
+    conform: Callable[..., tuple[int, SteppedBus]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, bus = conform(HasNoHeartbeat, "--json", "--seed", "5")
+    assert (code, bus.closed) == (1, True)
+    findings = json.loads(capsys.readouterr().out)["findings"]
+    assert [finding["rule"] for finding in findings] == RULES
+    assert [finding for finding in findings if finding["result"] == "fail"] == [
+        {
+            "rule": "I3",
+            "text": "Heartbeat counts the status frames, modulo 16.",
+            "result": "fail",
+            "seen": "3 follows 3",
+            "place": "docs/protocol.md#i3",
+        }
+    ]
+
+
+def test_what_follows_power_on_is_checked_on_request(
+    conform: Callable[..., tuple[int, SteppedBus]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert conform(HasOneBootForEver)[0] == 0
+    assert "with --power-cycle" in capsys.readouterr().out
+    assert conform(HasOneBootForEver, "--power-cycle")[0] == 1
+    assert "6 before and after power-on" in capsys.readouterr().out
+
+
+def test_a_missing_board_gives_a_one_line_error(
+    conform: Callable[..., tuple[int, SteppedBus]], capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Silent(ProtocolBoard):
+        def send(self, frame: Frame) -> list[Frame]:
+            return []
+
+    code, bus = conform(Silent)
+    assert (code, bus.closed) == (1, True)
+    error = "posfet can conform: no Status frame within 1 s at base identifier 0x100\n"
+    assert capsys.readouterr().err == error
+
+
+@pytest.mark.slow
+def test_the_emulated_board_conforms_in_real_time(capsys: pytest.CaptureFixture[str]) -> None:
+    assert posfet_can.main(["conform", "-i", "emulator", "--json"]) == 0, capsys.readouterr().out
+    findings = json.loads(capsys.readouterr().out)["findings"]
+    assert sum(finding["result"] == "pass" for finding in findings) == 27
