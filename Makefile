@@ -11,9 +11,8 @@
 #   make accuracy           measure the accuracy of forces and contacts; writes docs/accuracy.md    FULL=1  ONLY=effects (that section)
 #   make figures            draw the figures of docs/
 #   make parameters         write the tables of docs/parameters.md
-#   make clean              remove what was built; make distclean removes .venv and .vm as well
 #   make protocol           write the tables of docs/protocol.md and the golden frames of the tests
-#   make clean              remove what was built; make distclean removes .venv as well
+#   make clean              remove what was built; make distclean removes .venv and .vm as well
 
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c

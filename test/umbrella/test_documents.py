@@ -44,7 +44,7 @@ def test_arguments_in_the_text_are_valid() -> None:
 
 def test_can_commands_are_accepted() -> None:
     actions = commands("posfet can")
-    assert {words[0] for words in actions} == {"list", "monitor", "command", "record", "replay", "selftest"}
+    assert {words[0] for words in actions} == {"list", "monitor", "command", "record", "replay", "selftest", "conform"}
     for words in actions:
         make_parser().parse_args(words)
 
