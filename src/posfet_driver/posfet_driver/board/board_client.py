@@ -45,7 +45,7 @@ RESPONSE_TIMEOUT: Final = 0.2
 """Time within which a board has to respond [s]; then the command is repeated."""
 TAGS_KEPT: Final = 16
 """Number of the newest commands whose responses are accepted: a link may delay a response by some repetitions."""
-REPETITIONS: Final = 8
+REPETITIONS: Final = 12
 """Number of times that SET_RATE or START is repeated before the board is identified again."""
 REFUSED_PERIOD: Final = 1.0
 """Period at which an unsuitable board is identified again [s]."""
@@ -151,6 +151,7 @@ class Board:
         self._low_supply = -round(LOW_SUPPLY_MEMORY * NANOSECONDS)  # time of the newest report
         self._flowing = False  # a scan arrived since the board was started
         self._period = round(1e6 / sensor.can.scan_rate)  # to be set at each start [us]
+        self._scan_period = self._period  # in force [us]
 
     @property
     def stamp_uncertainty(self) -> float:
@@ -282,6 +283,9 @@ class Board:
                     self._fault = None
                     self._enter(ConnectionState.SCANS, "receiving scans", self._scan_timeout() / NANOSECONDS)
                 return True
+            if self.decoder.scan_period != self._scan_period:  # also when another host has set it
+                self._scan_period = self.decoder.scan_period
+                self._deadline = max(self._deadline, self._arrival + self._scan_timeout())
             if isinstance(decoded, ResponseReceived):
                 self._handle_response(decoded.response)
             elif isinstance(decoded, StatusReceived):

@@ -1,0 +1,190 @@
+"""Responses that come late, not at all, or state what cannot be; and commands of other hosts."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+
+import pytest
+
+from posfet_driver.board.board_client import Board
+from posfet_driver.board.command_queue import CommandError
+from posfet_driver.board.faults import FaultKind, Health
+from posfet_driver.bus.frame import CLASSIC, Frame
+from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Command, Request, Response
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.emulation.firmware import BoardFirmware
+from support.clocks import SteppedClock
+from support.fake_board import FakeBoard, assert_marked, with_fd
+from support.stepped import SteppedBus
+
+SENSOR = load_sensor()
+BASE = SENSOR.can.base_id
+MILLISECOND = 1_000_000
+BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+
+
+class SlowLink:
+    """A board behind a link that delays all that the board sends, and may change its responses."""
+
+    def __init__(self, fd: bool, now: int = 0) -> None:
+        sensor = with_fd(SENSOR, fd)
+        self.board = BoardFirmware(sensor, FakeBoard(sensor), now)
+        self.delay = 0
+        self.change: dict[int, int | None] = {}
+        """Value of the response by command; None: the response is lost."""
+        self.commands: list[Request] = []
+        self._queue: deque[tuple[int, Frame]] = deque()
+
+    def next_due(self) -> int:
+        due = self.board.next_due()
+        return min(due, self._queue[0][0]) if self._queue else due
+
+    def due(self, now: int) -> list[Frame]:
+        self._queue.extend((now + self.delay, frame) for frame in self.board.due(now))
+        arrived = []
+        while self._queue and self._queue[0][0] <= now:
+            arrived.append(self._queue.popleft()[1])
+        return arrived
+
+    def receive(self, frame: Frame, now: int) -> list[Frame]:
+        request = Request.unpack(frame[2])
+        assert request is not None
+        self.commands.append(request)
+        for sent in self.board.receive(frame, now):
+            response = Response.unpack(sent[2]) if sent[0] == BASE + RESPONSE_OFFSET else None
+            if response and response.command in self.change:
+                value = self.change[response.command]
+                if value is None:
+                    continue
+                sent = (*sent[:2], replace(response, value=value).pack())  # noqa: PLW2901
+            self._queue.append((now + self.delay, sent))
+        return []
+
+
+class Bench:
+    """A driver on a slow link, in stepped time."""
+
+    def __init__(self, fd: bool = True) -> None:
+        self.clock = SteppedClock()
+        self.link = SlowLink(fd)
+        self.board = Board(with_fd(SENSOR, fd), lambda: SteppedBus(self.clock, self.link), self.clock)
+        self.board.open()
+
+    def run(self, seconds: float) -> int:
+        """Advance the time; return the number of scans, each of which has the right number and stamp."""
+        end, scans = self.clock.now + round(seconds * 1e9), 0
+        while self.clock.now < end:
+            scan = self.board.read(0.01)
+            if scan is not None:
+                scans += 1
+                assert_marked(scan)
+                late = scan.stamp - self.clock.wall() + self.clock.now - 1000 * scan.device_time
+                assert abs(late - self.link.delay) < MILLISECOND
+        return scans
+
+
+@BOTH
+@pytest.mark.parametrize("delay", [0.25, 1.0, 2.0])
+def test_a_board_behind_a_link_of_any_delay_is_received(fd: bool, delay: float) -> None:
+    bench = Bench(fd)
+    bench.link.delay = round(delay * 1e9)
+    bench.run(4 * delay + 1.0)
+    assert bench.run(5.0) == 5000
+    assert bench.board.report().health == Health.OK
+    assert bench.board.restarted == 0
+
+
+def test_a_rate_whose_confirmation_comes_too_late_is_in_force_all_the_same() -> None:
+    bench = Bench()
+    bench.run(1.0)
+    bench.link.delay = 700 * MILLISECOND
+    pending = bench.board.submit(Command.SET_RATE, 5000, 0.5)
+    while not pending.done():
+        bench.board.read(0.01)
+    with pytest.raises(CommandError, match=r"SET_RATE: no response within 0.5 s"):
+        pending.result()
+    for _ in range(200):
+        bench.board.read(0.01)
+    assert bench.board.decoder.scan_period == 5000
+    assert bench.board.report().values["scan period [ms]"] == "5"
+
+
+@BOTH
+def test_a_stop_whose_confirmation_comes_too_late_is_not_undone(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.link.delay = 700 * MILLISECOND
+    bench.run(8.0)
+    pending = bench.board.submit(Command.STOP, timeout=0.5)
+    while not pending.done():
+        bench.board.read(0.01)
+    with pytest.raises(CommandError, match=r"STOP: no response within 0.5 s"):
+        pending.result()
+    bench.run(5.0)
+    assert bench.board.report().state == "stopped on request"
+    assert not bench.link.board.running
+    assert bench.run(5.0) == 0
+    assert bench.board.decoder.frames_lost == 0
+
+
+def test_a_command_that_was_given_up_is_never_sent() -> None:
+    bench = Bench()
+    bench.run(1.0)
+    bench.link.change = dict.fromkeys((Command.SELF_TEST,))
+    first = bench.board.submit(Command.SELF_TEST, timeout=0.5)
+    second = bench.board.submit(Command.STOP, timeout=0.5)
+    bench.run(3.0)
+    for pending in (first, second):
+        with pytest.raises(CommandError):
+            pending.result()
+    assert Command.STOP not in [request.command for request in bench.link.commands]
+    assert bench.link.board.running
+
+
+@BOTH
+@pytest.mark.parametrize("value", [0, 0xFFFF_FFFF])
+def test_an_impossible_rate_in_a_response_is_refused_in_one_line(fd: bool, value: int) -> None:
+    bench = Bench(fd)
+    bench.link.change = {Command.SET_RATE: value}
+    bench.run(3.0)
+    report = bench.board.report()
+    assert FaultKind.RATE_REFUSED in report.conditions
+    assert report.state.startswith("the board answers a scan period of 1000 us with: ok")
+    bench.link.change = {}
+    bench.run(3.0)
+    assert bench.run(1.0) == 1000
+
+
+@BOTH
+@pytest.mark.parametrize("value", [0, 1 << 20, 0xFFFF_FFFF])
+def test_the_sequence_in_a_response_is_not_believed(fd: bool, value: int) -> None:
+    bench = Bench(fd)
+    bench.link.change = {Command.START: value, Command.STOP: value}
+    assert bench.run(2.0) > 1900
+    assert bench.board.decoder.frames_lost == 0
+
+
+@BOTH
+def test_stamps_are_right_at_once_after_stop_and_start(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.run(1.0)
+    for pause in (0.1, 3.0):
+        bench.board.request(Command.STOP)
+        assert bench.run(pause) == 0
+        bench.board.request(Command.START)
+        assert bench.run(0.5) >= 495  # `run` checks stamps
+    assert bench.board.decoder.frames_lost == 0
+    assert bench.board.decoder.resets == 0
+
+
+@BOTH
+def test_a_rate_that_another_host_sets_is_followed(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.run(1.0)
+    frame = BASE + COMMAND_OFFSET, CLASSIC, Request(Command.SET_RATE, 99, 2_000_000).pack()
+    bench.link.receive(frame, bench.clock.now)
+    for _ in range(4000):
+        bench.board.read(0.01)
+    assert bench.board.decoder.scan_period == 2_000_000
+    assert bench.board.restarted == 0  # a scan in two seconds is no silence
+    assert bench.board.report().values["scan period [ms]"] == "2000"
