@@ -71,7 +71,7 @@ class SelfTest:
         return [
             *begin,
             ("board identifies itself", self._identify),
-            ("board's self-test", lambda: self._request(Command.SELF_TEST, "no fault found")),
+            ("board's self-test", self._self_test),
             scans,
             ("a command is refused with a reason", self._refuse),
             ("board stops and starts", self._stop_and_start),
@@ -102,9 +102,14 @@ class SelfTest:
     def _identify(self) -> str:
         return described(Identification.unpack(self._board.request(Command.IDENTIFY).value))
 
-    def _request(self, command: Command, finding: str) -> str:
-        self._board.request(command)
-        return finding
+    def _self_test(self) -> str:
+        """Have the board test itself; stopped, since it need not be able to while it scans."""
+        self._board.request(Command.STOP)
+        try:
+            self._board.request(Command.SELF_TEST)
+        finally:
+            self._board.request(Command.START)
+        return "no fault found"
 
     def _scans(self) -> str:
         board = self._board
