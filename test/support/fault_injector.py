@@ -8,7 +8,7 @@ from enum import Enum
 from itertools import groupby
 from typing import Final
 
-from posfet_driver.bus.error_frame import BUS_OFF, CONTROLLER, NO_ACKNOWLEDGE, OVERFLOW, PROTOCOL, error_frame
+from posfet_driver.bus.error_frame import BUS_OFF, CONTROLLER, NO_ACKNOWLEDGE, OVERFLOW, PASSIVE, PROTOCOL, error_frame
 from posfet_driver.bus.frame import CLASSIC, FD, Frame
 from posfet_driver.protocol.messages import HEADER_OFFSET, IDENTITY_OFFSET, RESPONSE_OFFSET, STATUS_OFFSET
 from posfet_driver.protocol.scan_codec import CLASSIC_COUNTER, checksum
@@ -39,6 +39,7 @@ class InjectedFault(Enum):
     ERRORS = "error frames"
     UNACKNOWLEDGED = "unacknowledged"
     OVERFLOW = "receive overflows"
+    ERROR_PASSIVE = "error passive"
     UNREADABLE = "bus unreadable"
     BUS_OFF = "bus off"
     CABLE_UNPLUGGED = "cable unplugged"
@@ -223,6 +224,7 @@ _ERROR_FRAMES: Final = {
     InjectedFault.UNREADABLE: error_frame(PROTOCOL),
     InjectedFault.BUS_OFF: error_frame(BUS_OFF),
     InjectedFault.OVERFLOW: error_frame(CONTROLLER, OVERFLOW),
+    InjectedFault.ERROR_PASSIVE: error_frame(CONTROLLER, PASSIVE),
 }
 _BUSY: Final = {InjectedFault.UNRELATED, InjectedFault.BOARD_UNPLUGGED, InjectedFault.ERRORS, *_ERROR_FRAMES}
 _CUT: Final = {

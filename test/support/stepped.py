@@ -16,7 +16,7 @@ class SteppedBus:
     stalled: nothing is received or sent; then all frames arrive, at most `room` at a time.
     """
 
-    malformed_lines = 0
+    unreadable = 0
     arrival_stamp = 0
 
     def __init__(self, clock: SteppedClock, firmware: Node, cadence: int = 0) -> None:

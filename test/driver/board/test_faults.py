@@ -5,8 +5,10 @@ from __future__ import annotations
 import pytest
 
 from posfet_driver.board.board_client import Board
+from posfet_driver.board.board_report import MAX_CLOCK_UNCERTAINTY
 from posfet_driver.board.fault_monitor import HOLD, FaultMonitor, changes, worst
 from posfet_driver.board.faults import FaultKind, Health
+from posfet_driver.protocol.decoder import Decoder
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import ScanStatus
 from posfet_sim.emulation.firmware import BoardFirmware
@@ -42,6 +44,7 @@ EXPECTED = {
     InjectedFault.ERRORS: {FaultKind.ERROR_FRAMES},
     InjectedFault.UNACKNOWLEDGED: {FaultKind.UNACKNOWLEDGED, FaultKind.NO_TRAFFIC},
     InjectedFault.OVERFLOW: {FaultKind.RECEIVE_OVERFLOWS},
+    InjectedFault.ERROR_PASSIVE: {FaultKind.ERROR_PASSIVE, FaultKind.ERROR_FRAMES},
     InjectedFault.UNREADABLE: {FaultKind.BUS_ERRORS},
     InjectedFault.BUS_OFF: {FaultKind.BUS_OFF},
     InjectedFault.CABLE_UNPLUGGED: {FaultKind.NO_TRAFFIC},
@@ -76,8 +79,13 @@ class Bench:
         self.health = Health.OK
         self.first = -1
         self._report_time = 0
-        self.board = Board(sensor, lambda: SteppedBus(self.clock, self.injector, CADENCE), self.clock)
+        self.buses: list[SteppedBus] = []
+        self.board = Board(sensor, self._open_bus, self.clock)
         self.board.open()
+
+    def _open_bus(self) -> SteppedBus:
+        self.buses.append(SteppedBus(self.clock, self.injector, CADENCE))
+        return self.buses[-1]
 
     def run(self, seconds: float) -> int:
         """Advance the time [s]; return the number of scans received, each compared with what was sent."""
@@ -227,6 +235,37 @@ def test_a_reset_at_low_supply_voltage_is_reported_as_brown_out() -> None:
         bench.run(2)
         counters[injected] = (bench.board.decoder.resets, bench.board.brown_outs)
     assert counters == {InjectedFault.RESET: (1, 0), InjectedFault.BROWN_OUT: (1, 1)}
+
+
+def test_a_clock_offset_that_is_too_uncertain_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(True)
+    bench.run(1)
+    for uncertainty, faults in ((MAX_CLOCK_UNCERTAINTY, []), (1.01 * MAX_CLOCK_UNCERTAINTY, ["clock sync degraded"])):
+        monkeypatch.setattr(Decoder, "clock_uncertainty", uncertainty)
+        bench.run(2)
+        assert [fault.label for fault in bench.faults] == faults
+
+
+def test_what_an_adapter_delivers_and_nobody_can_parse_is_reported() -> None:
+    bench = Bench(True)
+    bench.run(1)
+    bench.buses[-1].unreadable = 7
+    bench.run(2)
+    assert bench.faults == [FaultKind.UNREADABLE]
+    assert bench.board.report().fault_counts[FaultKind.UNREADABLE] == 7
+
+
+@BOTH
+def test_one_bus_off_is_counted_once(fd: bool) -> None:
+    bench = Bench(fd)
+    for times in (1, 2):
+        bench.injector.fault = InjectedFault.NONE
+        bench.run(8)
+        bench.injector.fault = InjectedFault.BUS_OFF
+        bench.run(3)
+        report = bench.board.report()
+        assert (report.fault_counts[FaultKind.BUS_OFF], report.counters["bus losses"]) == (times, times)
+        assert report.counters["bus reopened"] > 2
 
 
 def test_stamps_advance_while_the_board_clock_is_frozen() -> None:

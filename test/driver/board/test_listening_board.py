@@ -142,7 +142,7 @@ def test_a_cable_that_is_pulled_and_put_back(bench: Bench) -> None:
     missed = sum(frame[0] == A.row.frame_id for frame in bench.transmitter.due(bench.clock.now)) // 5
     scan = bench.read(100)[-1]
     assert scan.counts.tolist() == counts_of_codes(codes_of(scan.sequence)).tolist()
-    assert bench.board.report().counters["bus failures"] == 1
+    assert bench.board.report().counters["bus losses"] == 1
     assert bench.board.decoder.statistics.lost_scans == pytest.approx(missed, abs=2)
 
 

@@ -114,7 +114,7 @@ def test_slcan_bus_counts_malformed_lines_and_continues(ports: dict[str, Port]) 
     ours = ports["ours"]
     for count, line in enumerate(BROKEN, 1):
         assert ours.receive([encode_line(FRAMES[0]) + line + encode_line(FRAMES[2])], LAST) == [FRAMES[0], FRAMES[2]]
-        assert ours.bus.malformed_lines == count
+        assert ours.bus.unreadable == count
 
 
 def test_all_buses_send_the_same_lines(ports: dict[str, Port]) -> None:

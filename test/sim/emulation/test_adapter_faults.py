@@ -70,13 +70,13 @@ def test_a_port_without_slcan_is_reported(clock: PacedClock) -> None:
     board.open()
     try:
         os.write(master, b"$GPGGA,123519,4807.038,N\r\n" * 20)
-        read_until(board, lambda: board.report().fault_counts[FaultKind.MALFORMED_LINES] == 20)
-        assert FaultKind.MALFORMED_LINES in FaultMonitor().present(board.report(), 0)
+        read_until(board, lambda: board.report().fault_counts[FaultKind.UNREADABLE] == 20)
+        assert FaultKind.UNREADABLE in FaultMonitor().present(board.report(), 0)
     finally:
         board.close()
         os.close(master)
         os.close(slave)
-    assert board.report().fault_counts[FaultKind.MALFORMED_LINES] == 20  # although the port is closed
+    assert board.report().fault_counts[FaultKind.UNREADABLE] == 20  # although the port is closed
 
 
 def test_an_adapter_that_returns_under_another_name_is_found(tmp_path: Path, clock: PacedClock) -> None:

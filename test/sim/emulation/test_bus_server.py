@@ -125,7 +125,7 @@ def test_close_ends_the_thread_twice_and_open_serves_again(bus: tuple[BusSetting
 class FailingBus:
     """A bus that accepts `room` frames and fails to read after `reads` calls."""
 
-    malformed_lines = 0
+    unreadable = 0
     arrival_stamp = 0
 
     def __init__(self, clock: SteppedClock, room: int, reads: int) -> None:

@@ -240,7 +240,7 @@ def test_slcan_bus_sends_and_receives_every_frame_type(echo: EmulatedAdapter, fr
         assert received is not None
         assert frame_of(received) == frame
         assert bus.recv(0) is None
-        assert bus.malformed_lines == 0
+        assert bus.unreadable == 0
 
 
 def test_both_slcan_buses_receive_the_same_frames(echo: EmulatedAdapter) -> None:

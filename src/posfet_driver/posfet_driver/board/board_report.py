@@ -16,7 +16,8 @@ from posfet_model.sensor.scan import ScanStatus
 HIGH_LOAD: Final = 0.9
 """Bus load from which on it is reported as high [1]; assumed."""
 MAX_CLOCK_UNCERTAINTY: Final = 1e-3
-"""Uncertainty of the clock offset [s] from which on clock sync is degraded: 10 s without an undelayed frame."""
+"""Uncertainty of the clock offset [s] above which clock sync is degraded: 10 s without an undelayed frame; assumed.
+The offset is re-estimated at the latest when it is wrong by 5 ms, so that a bound near that would never be passed."""
 
 _FLAGS: Final = {
     ScanStatus.SUPPLY_LOW: FaultKind.SUPPLY_LOW,
@@ -67,6 +68,8 @@ def board_report(
     status, identity = decoder.status, decoder.identity
     conditions = [connection.fault] if connection.fault else []
     conditions += [fault for flag, fault in _FLAGS.items() if status.flags & flag]
+    if bus.is_bus_off and connection.fault is not FaultKind.BUS_OFF:
+        conditions.append(FaultKind.BUS_OFF)
     if load.load > HIGH_LOAD:
         conditions.append(FaultKind.HIGH_BUS_LOAD)
     if decoder.clock_uncertainty > MAX_CLOCK_UNCERTAINTY:
@@ -79,9 +82,9 @@ def board_report(
         fault_counts=_fault_counts(connection, decoder, bus),
         counters={
             "unrelated frames": decoder.traffic.unrelated,
-            "error passive": bus.errors.passive,
             "bit errors": bus.errors.bit_errors,
-            "bus failures": bus.failed,
+            "bus losses": bus.failed,
+            "bus open failures": bus.open_failures,
             "bus reopened": max(bus.opened - 1, 0),
             "board restarts": connection.restarts,
             "commands of other hosts": decoder.traffic.commands,
@@ -119,10 +122,11 @@ def _fault_counts(
         FaultKind.CHECKSUM_ERRORS: statistics.checksum,
         FaultKind.MALFORMED_FRAMES: statistics.malformed + decoder.traffic.malformed,
         FaultKind.ERROR_FRAMES: errors.frames,
-        FaultKind.BUS_OFF: errors.bus_off,
+        FaultKind.BUS_OFF: bus.bus_offs,
+        FaultKind.ERROR_PASSIVE: errors.passive,
         FaultKind.UNACKNOWLEDGED: errors.unacknowledged,
         FaultKind.RECEIVE_OVERFLOWS: errors.overflow,
         FaultKind.BOARD_RESETS: decoder.resets,
         FaultKind.BROWN_OUTS: connection.brown_outs,
-        FaultKind.MALFORMED_LINES: bus.malformed_lines,
+        FaultKind.UNREADABLE: bus.unreadable,
     }

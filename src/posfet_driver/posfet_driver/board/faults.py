@@ -127,11 +127,11 @@ class FaultKind(Enum):
         "the adapter or the kernel had no room for frames",
         "reduce the processor load, raise net.core.rmem_max with socketcan, or use a faster adapter",
     )
-    MALFORMED_LINES = (
-        "malformed lines",
+    UNREADABLE = (
+        "unreadable",
         _WARN,
-        "the serial port sends data that is not slcan",
-        "check that it is the adapter's port, and its cable",
+        "the adapter delivers lines or frames that cannot be parsed",
+        "check that it is the adapter's port, its cable, and the adapter's firmware",
     )
     HIGH_BUS_LOAD = (
         "high bus load",
@@ -174,6 +174,12 @@ class FaultKind(Enum):
         _WARN,
         "frames with the board's identifiers have the wrong length or type",
         "check for another node in its identifier range, and compare can.fd with the board",
+    )
+    ERROR_PASSIVE = (
+        "error passive",
+        _WARN,
+        "the adapter's controller went error-passive after many errors",
+        "check wiring, termination and bit rate before it goes bus-off",
     )
     CHECKSUM_ERRORS = (
         "checksum errors",

@@ -11,8 +11,8 @@ class FrameBus(Protocol):
     """A bus that reads many frames at once. Every method raises can.CanError when the bus has failed."""
 
     @property
-    def malformed_lines(self) -> int:
-        """Lines of a serial adapter that are no frame and no reply; 0 where there are no lines."""
+    def unreadable(self) -> int:
+        """Lines or frames from the adapter that could not be parsed."""
         ...
 
     @property

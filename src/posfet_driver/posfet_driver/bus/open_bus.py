@@ -15,6 +15,8 @@ import can
 from can.interfaces import BACKENDS
 
 from posfet_driver.bus import can_interface
+from posfet_driver.bus.bus_error import bus_failure
+from posfet_driver.bus.bus_error import one_line as one_line  # noqa: PLC0414  # its users open a bus
 from posfet_driver.bus.frame import BoardFrames
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.python_can_bus import PythonCanFrameBus
@@ -132,9 +134,9 @@ def open_bus(settings: BusSettings, board: BoardFrames | None = None) -> FrameBu
     if settings.interface == SOCKETCAN:
         try:
             return SocketcanFrameBus(bus, board)
-        except can.CanError:  # removed meanwhile
+        except (can.CanError, OSError) as error:  # removed meanwhile
             bus.shutdown()
-            raise
+            raise can.CanInitializationError(f"{settings.name}: {one_line(error)}") from error
     return bus if isinstance(bus, SlcanBus) else PythonCanFrameBus(bus)
 
 
@@ -158,16 +160,11 @@ def open_can_bus(settings: BusSettings) -> can.BusABC:
         return bus_class(**arguments)
     except can.CanInterfaceNotImplementedError as error:
         raise ConfigError(f"CAN interface '{settings.interface}' cannot be used here: {one_line(error)}") from error
-    except (can.CanError, OSError) as error:
-        reason = one_line(error).removeprefix(f"{settings.channel}: ")
+    except Exception as error:
+        if bus_class is SlcanBus and isinstance(error, ValueError):  # checks its arguments; a device has no part in it
+            raise ConfigError(f"{settings.name}: {one_line(error)}") from error
+        reason = one_line(bus_failure(error)).removeprefix(f"{settings.channel}: ")
         raise can.CanInitializationError(f"{settings.name}: {reason}") from error
-    except (ValueError, TypeError) as error:
-        raise ConfigError(f"{settings.name}: {one_line(error)}") from error
-
-
-def one_line(error: BaseException) -> str:
-    """Return the text of an exception on one line; its type when the text is empty."""
-    return " ".join(str(error).split()) or type(error).__name__
 
 
 def interfaces() -> list[str]:

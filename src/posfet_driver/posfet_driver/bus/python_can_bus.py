@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 from typing import Final
 
 import can
 
+from posfet_driver.bus.bus_error import bus_failure
 from posfet_driver.bus.error_frame import BUS_OFF, CONTROLLER, PASSIVE, error_frame
 from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.message_conversion import frame_of, message_of
 
 READ_LIMIT: Final = 1024
-"""Largest number of frames read at once."""
+"""Largest number of messages read at once."""
 
 
 class PythonCanFrameBus:
@@ -24,34 +24,53 @@ class PythonCanFrameBus:
         The open bus.
     """
 
-    malformed_lines = 0
     arrival_stamp = 0
 
     def __init__(self, bus: can.BusABC) -> None:
+        self.unreadable = 0
+        """Number of messages that are no valid CAN frame."""
         self._bus = bus
         self._waiting: list[Frame] = []
 
     def read_frames(self, timeout: float) -> list[Frame]:
         """Return the frames that are waiting; when there is none, wait up to `timeout` [s] for the first."""
         frames, self._waiting = self._waiting, []
-        message = self._bus.recv(0 if frames else timeout)
-        while message is not None and len(frames) < READ_LIMIT:
-            frames.append(frame_of(message))
-            message = self._bus.recv(0)
+        try:
+            message = self._bus.recv(0 if frames else timeout)
+            for _ in range(READ_LIMIT - 1):
+                if message is None:
+                    return frames
+                self._add(message, frames)
+                message = self._bus.recv(0)
+        except Exception as error:
+            raise bus_failure(error) from error
         if message is not None:
-            frames.append(frame_of(message))
+            self._add(message, frames)
         return frames
+
+    def _add(self, message: can.Message, frames: list[Frame]) -> None:
+        try:
+            frames.append(frame_of(message))
+        except ValueError:
+            self.unreadable += 1
 
     def write_frame(self, frame: Frame) -> None:
         """Send one frame."""
-        self._bus.send(message_of(frame), timeout=0.1)
+        try:
+            self._bus.send(message_of(frame), timeout=0.1)
+        except Exception as error:
+            raise bus_failure(error) from error
 
     def ask_state(self) -> None:
         """Queue the state of the controller as an error frame, where the adapter reports it."""
-        with contextlib.suppress(NotImplementedError):
+        try:
             frame = _STATES.get(self._bus.state)
-            if frame is not None:
-                self._waiting.append(frame)
+        except NotImplementedError:
+            return
+        except Exception as error:
+            raise bus_failure(error) from error
+        if frame is not None and frame not in self._waiting:
+            self._waiting.append(frame)
 
     def shutdown(self) -> None:
         """Close the bus."""

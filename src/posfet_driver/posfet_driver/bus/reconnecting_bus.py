@@ -6,23 +6,46 @@ import contextlib
 from collections.abc import Callable
 from typing import Final
 
-import can
-
+from posfet_driver.bus.bus_error import bus_failure
 from posfet_driver.bus.error_frame import ErrorCounts
-from posfet_driver.bus.frame import Frame
+from posfet_driver.bus.frame import ERROR, Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.clock import Clock
 from posfet_model._lib.units import NANOSECONDS
+from posfet_model.config import ConfigError
 
 BACK_OFF_FIRST: Final = 0.1
 BACK_OFF_LAST: Final = 5.0
 """Delay between two attempts to open the bus [s]: doubled from the first to the last."""
 PRESENCE_PERIOD: Final = 0.1
 """Period at which the presence of the adapter is checked [s]."""
+SETTLE_TIME: Final = 1.0
+"""Time that a reopened bus has to work [s] until its loss is over, when no frame arrives earlier; assumed.
+A network device that is down can be opened, and fails at once."""
+BUS_OFF_MEMORY: Final = 2 * BACK_OFF_LAST
+"""Time after the last report of bus-off [s] after which that bus-off is over, when no frame arrives earlier; assumed.
+A controller that stays bus-off is asked more often."""
+
+
+class _Event:
+    """One event from its beginning to its end, however many reports of it there are."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.present = False
+
+    def begin(self) -> None:
+        self.count += not self.present
+        self.present = True
 
 
 class ReconnectingBus:
-    """Holds the bus while it is open and counts its failures and error frames.
+    """Holds the bus while it is open; counts its losses, and its error frames.
+
+    A loss is one event from the failure of an open bus until it works again: until a frame arrives, or it has worked
+    for `SETTLE_TIME`. Attempts in between count as `opened` and `open_failures`. Bus-off is one event until a frame
+    arrives, or until it was not reported for `BUS_OFF_MEMORY`. Whatever a backend raises becomes can.CanError with one
+    line of text.
 
     Parameters
     ----------
@@ -37,8 +60,8 @@ class ReconnectingBus:
     def __init__(self, open_bus: Callable[[], FrameBus], presence: Callable[[], object] | None, clock: Clock) -> None:
         self.opened = 0
         """Number of times the bus was opened."""
-        self.failed = 0
-        """Number of times an open bus failed."""
+        self.open_failures = 0
+        """Number of attempts to open the bus that failed."""
         self.errors = ErrorCounts()
         """Error frames received."""
         self._open_bus = open_bus
@@ -47,13 +70,31 @@ class ReconnectingBus:
         self._bus: FrameBus | None = None
         self._last_presence: object = None
         self._delay = BACK_OFF_FIRST
-        self._malformed_before = 0  # of buses that are closed
+        self._unreadable_before = 0  # of buses that are closed
+        self._loss = _Event()
+        self._bus_off = _Event()
+        self._opened_at = self._bus_off_at = 0
 
     @property
-    def malformed_lines(self) -> int:
-        """Lines from serial adapters that are no frame and no reply, those of closed adapters included."""
+    def failed(self) -> int:
+        """Number of times the bus was lost."""
+        return self._loss.count
+
+    @property
+    def bus_offs(self) -> int:
+        """Number of times the controller went bus-off."""
+        return self._bus_off.count
+
+    @property
+    def is_bus_off(self) -> bool:
+        """Whether the controller is bus-off, as far as it reports it."""
+        return self._bus_off.present
+
+    @property
+    def unreadable(self) -> int:
+        """Lines or frames from the adapter that could not be parsed, those of closed buses included."""
         bus = self._bus
-        return self._malformed_before + (bus.malformed_lines if bus else 0)
+        return self._unreadable_before + (bus.unreadable if bus else 0)
 
     @property
     def arrival_stamp(self) -> int:
@@ -75,22 +116,30 @@ class ReconnectingBus:
         ConfigError
             When it can never be opened with these arguments.
         """
-        if self._presence is not None:
-            self._last_presence = self._presence()
-        self._bus = self._open_bus()
+        try:
+            if self._presence is not None:
+                self._last_presence = self._presence()
+            self._bus = self._open_bus()
+        except Exception as error:
+            self.open_failures += 1
+            if isinstance(error, ConfigError):
+                raise
+            raise bus_failure(error) from error
         self.opened += 1
+        self._opened_at = self._clock.monotonic()
 
     def close(self) -> None:
         """Close the bus, even if it has failed."""
         bus, self._bus = self._bus, None
         if bus:
-            self._malformed_before += bus.malformed_lines
-            with contextlib.suppress(can.CanError, OSError):
+            self._unreadable_before += bus.unreadable
+            with contextlib.suppress(Exception):  # it has failed, or is no longer needed
                 bus.shutdown()
 
     def fail(self) -> float:
         """Close a bus that has failed; return the delay until the next attempt [s]."""
-        self.failed += self.is_open
+        if self.is_open:
+            self._loss.begin()
         self.close()
         delay, self._delay = self._delay, min(2 * self._delay, BACK_OFF_LAST)
         return delay
@@ -106,7 +155,10 @@ class ReconnectingBus:
             self._clock.sleep(seconds)
             return False
         self._clock.sleep(min(seconds, PRESENCE_PERIOD))
-        if self._presence() == self._last_presence:
+        try:
+            if self._presence() == self._last_presence:
+                return False
+        except Exception:  # the next attempt to open the bus reports it
             return False
         self.reset_backoff()
         return True
@@ -126,21 +178,45 @@ class ReconnectingBus:
 
         Raises
         ------
-        can.CanError or OSError
-            When the bus fails.
+        can.CanError
+            When the bus fails, whatever its backend raised.
         """
         if self._bus is None:
             return []
-        frames = self._bus.read_frames(timeout)
+        try:
+            frames = self._bus.read_frames(timeout)
+        except Exception as error:
+            raise bus_failure(error) from error
+        before = self.errors.bus_off
         self.errors.count(frames)
+        if self._loss.present or self._bus_off.present or self.errors.bus_off != before:
+            self._follow_events(frames, self.errors.bus_off != before)
         return frames
 
+    def _follow_events(self, frames: list[Frame], bus_off: bool) -> None:
+        """Begin and end the events after a read that returned `frames`."""
+        now = self._clock.monotonic()
+        traffic = any(not kind & ERROR for _, kind, _ in frames)
+        if bus_off:
+            self._bus_off.begin()
+            self._bus_off_at = now
+        elif traffic or now - self._bus_off_at >= BUS_OFF_MEMORY * NANOSECONDS:
+            self._bus_off.present = False
+        if not bus_off and (traffic or now - self._opened_at >= SETTLE_TIME * NANOSECONDS):
+            self._loss.present = False
+
     def write(self, frame: Frame) -> None:
-        """Send a frame, or nothing when the bus is not open. Raises can.CanError or OSError."""
-        if self._bus:
-            self._bus.write_frame(frame)
+        """Send a frame, or nothing when the bus is not open. Raises can.CanError."""
+        try:
+            if self._bus:
+                self._bus.write_frame(frame)
+        except Exception as error:
+            raise bus_failure(error) from error
 
     def ask_state(self) -> None:
-        """Request the adapter's error state, which arrives as error frames. Raises can.CanError or OSError."""
-        if self._bus:
-            self._bus.ask_state()
+        """Request the adapter's error state, which arrives as error frames. Raises can.CanError."""
+        try:
+            if self._bus:
+                self._bus.ask_state()
+        except Exception as error:
+            raise bus_failure(error) from error

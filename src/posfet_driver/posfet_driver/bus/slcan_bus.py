@@ -120,7 +120,7 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
     arrival_stamp = 0
 
     @property
-    def malformed_lines(self) -> int:
+    def unreadable(self) -> int:
         """Number of lines that are no frame and no reply."""
         return self._reader.malformed
 

@@ -74,7 +74,7 @@ class SocketcanFrameBus:
         The board that the bus is read for; by default every frame is received.
     """
 
-    malformed_lines = 0
+    unreadable = 0
 
     def __init__(self, bus: SocketcanBus, board: BoardFrames | None = None) -> None:
         self._bus = bus

@@ -1,0 +1,25 @@
+"""Every exception of a backend as a failure of the bus, in one line."""
+
+from __future__ import annotations
+
+import can
+
+
+def one_line(error: BaseException) -> str:
+    """Return the text of an exception on one line; its type when the text is empty."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
+def bus_failure(error: Exception) -> can.CanError:
+    """Return any exception of a backend as can.CanError; python-can's backends pass on many that are none.
+
+    Parameters
+    ----------
+    error : Exception
+        What a backend raised while it read or wrote.
+    """
+    if isinstance(error, can.CanError):
+        return error
+    # An operating-system error explains itself; the text of a KeyError does not.
+    reason = one_line(error) if isinstance(error, OSError) else f"{type(error).__name__}: {one_line(error)}"
+    return can.CanOperationError(reason)
