@@ -49,7 +49,7 @@ def main(words: Sequence[str] | None = None) -> int:
     if "--ros-args" in words:
         place = words.index("--ros-args")
         parser.error(f"ROS arguments are not supported, got '{' '.join(words[place:])}': use name:=value (--show-args)")
-    options = parser.parse_args(words)
+    options = parser.parse_intermixed_args(words)
     if options.show_args:
         print(describe())
         return 0

@@ -13,11 +13,11 @@ from posfet import can as posfet_can
 from posfet_driver.bus import can_interface
 from posfet_driver.bus.error_frame import ErrorCounts
 from posfet_driver.bus.frame import CLASSIC
-from posfet_driver.bus.message_conversion import frame_of
+from posfet_driver.bus.message_conversion import frame_of, message_of
 from posfet_driver.bus.recording import messages
 from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import Identification, Identity, Status
-from posfet_driver.tools import list_boards
+from posfet_driver.tools import list_boards, record_replay
 from posfet_driver.tools.record_replay import decode
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
@@ -183,6 +183,40 @@ def test_a_recording_decodes_to_complete_scans(tmp_path: Path) -> None:
     decode(file, decoder, ErrorCounts())
     assert decoder.scans > 200
     assert decoder.frames_lost == 0
+
+
+def test_a_recording_has_every_frame_that_arrives_with_a_response(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, clock: PacedClock
+) -> None:
+    """Whatever shares a read with the response to START: the scans before it and after it."""
+
+    class Adapter:
+        """Answers each command in one batch, between the frames of other nodes."""
+
+        def __init__(self) -> None:
+            self.batch: list[can.Message] = []
+            self.delivered: list[can.Message] = []
+            self._firmware = BoardFirmware(SENSOR, FakeBoard(SENSOR), clock.monotonic())
+
+        def send(self, message: can.Message, timeout: float | None = None) -> None:
+            answers = [message_of(frame) for frame in self._firmware.receive(frame_of(message), clock.monotonic())]
+            other = can.Message(arbitration_id=0x55, data=message.data, is_extended_id=False)
+            self.batch += [other, *answers, other]
+
+        def recv(self, timeout: float | None) -> can.Message | None:
+            if not self.batch:
+                clock.sleep(timeout or 0.0)
+                return None
+            self.delivered.append(self.batch.pop(0))
+            return self.delivered[-1]
+
+        def shutdown(self) -> None: ...
+
+    adapter, file = Adapter(), tmp_path / "bus.log"
+    monkeypatch.setattr(record_replay, "open_can_bus", lambda _: adapter)
+    assert main(["record", str(file), "--start", "--for", "0.05", "-i", "virtual"], clock) == 0
+    assert len(adapter.delivered) == 9  # SET_RATE, START and STOP with two frames of others each
+    assert [frame_of(message) for message in messages(file)] == [frame_of(message) for message in adapter.delivered]
 
 
 def test_selftest_passes_on_the_emulated_board(capsys: pytest.CaptureFixture[str]) -> None:

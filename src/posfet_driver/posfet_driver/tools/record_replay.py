@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -28,26 +28,41 @@ POLL: Final = 0.1
 """Longest wait for a frame [s]."""
 
 
+class _RecordedBus:
+    """A bus of python-can that records every message read from it, whoever reads: no response hides its neighbours."""
+
+    def __init__(self, bus: can.BusABC, log: Callable[[can.Message], None]) -> None:
+        self.send = bus.send
+        self.messages = 0
+        self._bus = bus
+        self._log = log
+
+    def recv(self, timeout: float | None = None) -> can.Message | None:
+        message = self._bus.recv(timeout)
+        if message is not None:
+            self._log(message)
+            self.messages += 1
+        return message
+
+
 def run_record(options: argparse.Namespace) -> int:
     """Run `posfet can record`; return the exit code: 0 when any frame was recorded."""
     check_name(options.file)
-    frames = 0
     with bus_of(options) as (sensor, settings):
         bus = open_can_bus(settings)
         try:
-            with recording(options.file) as log, started(PythonCanFrameBus(bus), sensor, options):
-                clock = options.clock
-                end = clock.monotonic() / 1e9 + options.seconds
-                with contextlib.suppress(KeyboardInterrupt):
+            with recording(options.file) as log:
+                recorded = _RecordedBus(bus, log)
+                frame_bus = PythonCanFrameBus(recorded)
+                with started(frame_bus, sensor, options), contextlib.suppress(KeyboardInterrupt):
+                    clock = options.clock
+                    end = clock.monotonic() / 1e9 + options.seconds
                     while (left := end - clock.monotonic() / 1e9) > 0:
-                        message = bus.recv(min(left, POLL))
-                        if message is not None:
-                            log(message)
-                            frames += 1
+                        frame_bus.read_frames(min(left, POLL))
         finally:
             bus.shutdown()
-    Console(highlight=False, markup=False).print(f"{frames} frames in {options.file}", soft_wrap=True)
-    return 0 if frames else 1
+    Console(highlight=False, markup=False).print(f"{recorded.messages} frames in {options.file}", soft_wrap=True)
+    return 0 if recorded.messages else 1
 
 
 def decode(file: Path, decoder: Decoder | MappedDecoder, errors: ErrorCounts) -> None:
