@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 import can
-from can.io.blf import BLFParseError
+from can.io.blf import BLFParseError, BLFReader
 
 from posfet_driver.bus.open_bus import one_line
 from posfet_model.config import ConfigError
@@ -23,6 +23,7 @@ _DAMAGED: Final = (
     LookupError,
     ArithmeticError,
     EOFError,
+    MemoryError,
     TypeError,
     can.CanError,
     BLFParseError,
@@ -33,6 +34,11 @@ _DAMAGED: Final = (
 
 _BLF: Final = b"LOGG"
 """First bytes of a BLF file."""
+_SIGNATURE: Final = b"LOBJ"
+"""First bytes of an object in it."""
+
+_OBJECT: Final = struct.Struct("<4sHHLL")
+"""Header of an object in it: signature, length of the header, its version, length of the object, type."""
 
 LATEST: Final = 1e11
 """Latest time of a frame [s], since 1970 or since the beginning of the recording."""
@@ -74,6 +80,21 @@ def recording(file: Path) -> Iterator[Callable[[can.Message], None]]:
         raise ConfigError(f"{file}: cannot be written: {error.strerror or one_line(error)}") from error
 
 
+class _CheckedBlfReader(BLFReader):  # type: ignore[misc]  # python-can is not checked here
+    """python-can's reader, which reads an object with a length of 0 in a damaged file for ever."""
+
+    def _parse_data(self, data: bytes) -> Iterator[can.Message]:
+        position = 0
+        while (position := data.find(_SIGNATURE, position, position + 8)) >= 0:
+            if len(data) - position < _OBJECT.size:
+                break
+            length = _OBJECT.unpack_from(data, position)[3]
+            if length < _OBJECT.size:
+                raise BLFParseError(f"an object is {length} bytes long")
+            position += length
+        yield from super()._parse_data(data)
+
+
 def messages(file: Path) -> Iterator[can.Message]:
     """Read a recording.
 
@@ -94,11 +115,15 @@ def messages(file: Path) -> Iterator[can.Message]:
     """
     check_name(file)
     try:
-        if file.suffix.lower() == ".blf":  # python-can's reader would leave a file of another format open
-            with file.open("rb") as start:
-                if start.read(len(_BLF)) != _BLF:
+        with contextlib.ExitStack() as stack:
+            if file.suffix.lower() == ".blf":  # python-can would leave a file with a damaged header open
+                content = stack.enter_context(file.open("rb"))
+                if content.read(len(_BLF)) != _BLF:
                     raise ConfigError(f"{file}: not a recording of its format")
-        with can.LogReader(str(file)) as reader:
+                content.seek(0)
+                reader = _CheckedBlfReader(content)
+            else:
+                reader = stack.enter_context(can.LogReader(str(file)))
             for message in reader:
                 if not 0 <= message.timestamp <= LATEST:
                     raise ConfigError(f"{file}: times must be in [0, {LATEST:g}] s, got {message.timestamp:g}")

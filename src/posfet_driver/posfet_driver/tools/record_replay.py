@@ -84,7 +84,10 @@ def decode(file: Path, decoder: Decoder | MappedDecoder, errors: ErrorCounts) ->
     """
     decoder.start()
     for message in messages(file):
-        frames = [frame_of(message)]
+        try:
+            frames = [frame_of(message)]
+        except ValueError as error:
+            raise ConfigError(f"{file}: damaged at {message.timestamp:.6f} s: {error}") from error
         errors.count(frames)
         for _ in decoder.decode(frames, round(message.timestamp * 1e9), 0):
             pass
@@ -132,7 +135,9 @@ def _send(bus: can.BusABC, message: can.Message) -> None:
     """Send a frame. Raises can.CanError, one line, also for a frame that the bus cannot carry."""
     try:
         bus.send(message, timeout=POLL)
-    except ValueError as error:
+    except can.CanError:
+        raise
+    except Exception as error:
         raise can.CanOperationError(f"frame at {message.timestamp:.6f} s cannot be sent: {one_line(error)}") from error
 
 
