@@ -14,11 +14,10 @@ from ament_index_python.packages import get_package_share_directory
 from posfet.arguments import describe, parse
 from posfet.graph import graph
 from posfet_model.command_line import positive
-from posfet_model.config import ConfigError
+from posfet_model.ros.exit_codes import exit_code
 
 RUNNERS: Final = {"true": "posfet.composed_node", "false": "posfet.separate_node"}
 """Module that runs the graph, by the argument `composed`; imported late, so that bad arguments are reported at once."""
-BAD_INPUT = 1
 
 
 def default_params_file() -> str:
@@ -37,7 +36,8 @@ def main(words: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        0 after a clean end; 1, with one line on stderr, for bad input, or if no scan arrived in the time given.
+        0 after a clean end; 1, with one line on stderr, for bad input, or if no scan arrived in the time given; 3, with
+        one line, if a node ended on internal errors; 130 if the start was interrupted twice.
     """
     words = list(sys.argv[1:] if words is None else words)
     if words[-1:] == ["--ros-args"]:  # added by launch
@@ -53,10 +53,10 @@ def main(words: Sequence[str] | None = None) -> int:
     if options.show_args:
         print(describe())
         return 0
-    try:
+
+    def run() -> int:
         arguments = parse(options.arguments)
         specs = graph(arguments, arguments["params_file"] or default_params_file())
         return int(import_module(RUNNERS[arguments["composed"]]).run(specs, options.seconds))
-    except ConfigError as error:
-        print(error, file=sys.stderr)
-        return BAD_INPUT
+
+    return exit_code(run)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import time
 from collections.abc import Sequence
@@ -13,6 +12,7 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 
 from posfet.graph import NodeSpec
 from posfet_model.config import ConfigError
+from posfet_model.ros.exit_codes import PROCESS_FAILED
 from posfet_model.ros.start import PARENT
 
 STOP_TIMEOUT = 5.0
@@ -47,7 +47,7 @@ class Processes:
     def __exit__(self, *_: object) -> None:
         for process in self._running:
             if process.poll() is None:
-                process.send_signal(signal.SIGINT)
+                process.terminate()  # SIGINT would give a traceback where Python itself is still starting
         deadline = time.monotonic() + STOP_TIMEOUT
         for process in self._running:
             try:
@@ -60,6 +60,7 @@ class Processes:
         """Return whether a node has ended by itself."""
         return any(process.poll() is not None for process in self._running)
 
-    def failed(self) -> bool:
-        """Return whether a node has ended with an exit code other than 0."""
-        return any(process.returncode not in {None, 0} for process in self._running)
+    def exit_code(self) -> int:
+        """Return `PROCESS_FAILED` if a node ended with it, 1 if one ended otherwise than well, and else 0."""
+        codes = {process.returncode for process in self._running} - {None, 0}
+        return PROCESS_FAILED if PROCESS_FAILED in codes else int(bool(codes))

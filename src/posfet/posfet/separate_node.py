@@ -11,14 +11,12 @@ from posfet.screen import Screen
 from posfet.view_node import ViewNode
 from posfet_model.ros.run_node import ros
 
-FAILED = 1
-
 
 def run(specs: Sequence[NodeSpec], seconds: float) -> int:
     """Run the nodes and display them for `seconds` [s], until Ctrl-C, or until one ends, and return the exit code.
 
-    The exit code is 1 if a node failed, which then has printed the reason. Raises ConfigError if an executable is not
-    installed.
+    The exit code is that of a node that failed, which then has printed the reason. Raises ConfigError if an executable
+    is not installed.
 
     Parameters
     ----------
@@ -32,5 +30,5 @@ def run(specs: Sequence[NodeSpec], seconds: float) -> int:
         stack.callback(node.destroy_node)
         with Processes(specs) as processes, Screen(node) as screen:
             code = show(screen, [node], seconds, node.state, stop=processes.ended)
-            return FAILED if processes.failed() else code
+            return processes.exit_code() or code
     return 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -17,12 +16,11 @@ from posfet.display_loop import show
 from posfet.screen import Screen
 from posfet.snapshot import ContactView, Snapshot, TrueContact
 from posfet_model.command_line import checked_namespace, positive
-from posfet_model.config import ConfigError
 from posfet_model.contacts.tracker import ContactState
+from posfet_model.ros.exit_codes import exit_code
 from posfet_model.ros.run_node import ros
 from posfet_msgs.msg import TactileContacts, TactileImage, TactileTruth
 
-FAILED = 1
 HISTORY = 100
 """Messages kept per topic, until those of the same scan arrive on the other topics."""
 
@@ -142,14 +140,14 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--namespace", default="tactile", help="namespace of the sensor (default: tactile)")
     parser.add_argument("--for", dest="seconds", type=positive, default=math.inf, help="stop after this many seconds")
     options = parser.parse_args(words)
-    try:
+
+    def run() -> int:
         namespace = checked_namespace(options.namespace)
         with ros([]) as stack:
             node = ViewNode(namespace)
             stack.callback(node.destroy_node)
             with Screen(node) as screen:
                 return show(screen, [node], options.seconds, node.state)
-    except ConfigError as error:
-        print(error, file=sys.stderr)
-        return FAILED
-    return 0
+        return 0
+
+    return exit_code(run)

@@ -57,7 +57,7 @@ def test_a_delay_between_the_readings_of_the_clocks_never_makes_it_early(arrival
 class LateBus:
     """A bus whose reader is woken `delay` [ns] after the newest frame has arrived."""
 
-    malformed_lines = 0
+    unreadable = 0
     arrival_stamp = 0
 
     def __init__(self, clock: SteppedClock, firmware: BoardFirmware, delay: int, stamped: bool) -> None:

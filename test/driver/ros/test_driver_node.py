@@ -7,7 +7,7 @@ import threading
 import time
 import uuid
 from collections.abc import Iterator
-from contextlib import nullcontext
+from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,8 +29,8 @@ from rclpy.parameter import Parameter
 
 from posfet_driver.bus.message_conversion import frame_of, message_of
 from posfet_driver.clock import Clock
-from posfet_driver.protocol.messages import Identification
-from posfet_driver.ros import driver_node
+from posfet_driver.protocol.messages import Command, Identification, Response, Result
+from posfet_driver.ros import command_service
 from posfet_driver.ros.driver_node import DriverNode
 from posfet_model.config import ConfigError
 from posfet_model.sensor import description
@@ -106,10 +106,10 @@ class Bench:
         self.drivers.append(node)
         return node
 
-    def wait(self, condition: Any, blocked: bool = False) -> None:
-        """Spin until the condition holds; with `blocked` the time runs on, as a callback waits for another thread."""
+    def wait(self, condition: Any) -> None:
+        """Spin until the condition holds."""
         end = time.monotonic() + PATIENCE
-        with nullcontext() if blocked else self.clock.taking_part():
+        with self.clock.taking_part():
             while not condition():
                 assert time.monotonic() < end, self.watcher.diagnostics[-1:]
                 self.executor.spin_once(timeout_sec=0.02)
@@ -121,7 +121,7 @@ class Bench:
         client = self.watcher.command
         self.wait(client.service_is_ready)
         future = client.call_async(BoardCommand.Request(command=command, argument=argument))
-        self.wait(future.done, blocked=True)
+        self.wait(future.done)
         return future.result()
 
     def _behind(self) -> bool:
@@ -142,7 +142,7 @@ class Bench:
 
 @pytest.fixture
 def bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    monkeypatch.setattr(driver_node, "RESPONSE_TIMEOUT", PATIENCE)
+    monkeypatch.setattr(command_service, "RESPONSE_TIMEOUT", PATIENCE)
     bench = Bench()
     yield bench
     bench.close()
@@ -374,6 +374,24 @@ def test_commands_reach_the_board_while_it_scans(bench: Bench, adapter: Emulated
     adapter.close()
     bench.wait(lambda: bench.watcher.diagnostics[-1].level == DiagnosticStatus.ERROR)
     assert call(BoardCommand.Request.IDENTIFY).message.startswith("IDENTIFY: CAN bus unavailable, retrying")
+
+
+def test_diagnostics_and_other_calls_go_on_while_a_command_waits(
+    bench: Bench, adapter: EmulatedAdapter, link: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = bench.driver(can_channel=str(link))
+    node.start()
+    bench.wait(bench.watcher.command.service_is_ready)
+    pending: Future[Response] = Future()
+    monkeypatch.setattr(node._board, "submit", lambda *_: pending)
+    waiting = bench.watcher.command.call_async(BoardCommand.Request(command=BoardCommand.Request.IDENTIFY))
+    assert not bench.call(77).success
+    seen = len(bench.watcher.diagnostics)
+    bench.wait(lambda: len(bench.watcher.diagnostics) > seen)
+    assert not waiting.done()
+    pending.set_result(Response(Command.IDENTIFY, 1, Result.OK, 9))
+    bench.wait(waiting.done)
+    assert waiting.result().value == 9
 
 
 def test_an_unconfigured_driver_rejects_commands(bench: Bench, link: Path) -> None:

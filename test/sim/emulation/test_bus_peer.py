@@ -1,5 +1,6 @@
 """The simulated board behind its adapter: scans and report while a client reads the terminal."""
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from posfet_driver.protocol.messages import COMMAND_OFFSET, FD_BLOCK_OFFSET, STA
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.emulation.bus_board import BusBoard
 from posfet_sim.emulation.bus_peer import SimulatedBusPeer
 from posfet_sim.scene import SceneLoads, load_scene
 from support.clocks import PacedClock
@@ -77,6 +79,30 @@ def test_the_report_gives_the_current_state(source: SimulatedBusPeer, tmp_path: 
     assert not (tmp_path / "board").is_symlink()
     source.open()
     assert source.report().scans >= blocks
+
+
+def test_an_error_of_the_emulation_is_reported_and_gone_after_reopening(
+    source: SimulatedBusPeer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ended = threading.Event()
+
+    def fail(board: BusBoard, now: int) -> list[Frame]:
+        ended.set()
+        raise ValueError("odd\ntime")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(BusBoard, "due", fail)
+        source.open()
+        assert ended.wait(120.0)
+        for thread in [thread for thread in threading.enumerate() if thread.name == "slcan adapter"]:
+            thread.join()
+    report = source.report()
+    assert (report.health, report.failure) == (Health.ERROR, "ValueError: odd time")
+    assert report.state == f"simulated board on the adapter {tmp_path / 'board'} has ended: ValueError: odd time"
+    source.close()
+    source.open()
+    assert (source.report().health, source.report().failure) == (Health.OK, "")
+    assert read_scans(tmp_path / "board", 5)
 
 
 def test_the_peer_is_not_a_source_of_scans(source: SimulatedBusPeer) -> None:

@@ -83,7 +83,7 @@ def test_what_is_due_reaches_the_bus_in_order(bus: tuple[BusSettings, can.BusABC
     assert all(message.is_fd and message.bitrate_switch and len(message.data) == 16 for message in found)
     assert server.frames_sent >= 30
     assert server.frames_dropped == 0
-    assert server.failure == ""
+    assert (server.disconnected, server.failure) == ("", "")
 
 
 def test_a_frame_is_answered_although_nothing_is_due_for_long(bus: tuple[BusSettings, can.BusABC]) -> None:
@@ -200,7 +200,7 @@ def test_a_bus_that_fails_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> No
     attempts: list[tuple[str, int]] = []
 
     def open_next(_: BusSettings) -> FailingBus:
-        attempts.append((server.failure, server.frames_dropped))
+        attempts.append((server.disconnected, server.frames_dropped))
         if len(attempts) in {1, 4}:
             return first if len(attempts) == 1 else second
         raise can.CanInitializationError("still\nout")
@@ -219,6 +219,25 @@ def test_a_bus_that_fails_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> No
     assert lost >= 15  # three waits of 100 ms
     assert after == list(range(1 + lost, 1 + lost + len(after)))
     assert len(after) > 5
+
+
+def test_an_error_of_the_node_ends_the_service_with_its_reason_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = FailingBus(SteppedClock(), 1, 1)
+    monkeypatch.setattr(bus_server, "open_bus", lambda _: made)
+    node = CountingNode()
+    ended = threading.Event()
+
+    def fail(now: int) -> list[Frame]:
+        ended.set()
+        raise ZeroDivisionError("no\nsuch number")
+
+    node.due = fail
+    server = BusServer(settings(), node, SteppedClock())
+    server.open()
+    assert ended.wait(DEADLINE)
+    server.close()
+    assert server.failure == "ZeroDivisionError: no such number"
+    assert made.closed
 
 
 def test_the_bus_is_read_until_the_next_frame_is_due_but_not_for_long(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import select
+import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -19,8 +20,9 @@ from posfet_driver.board.scan_source import SourceError
 from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.message_conversion import frame_of, message_of
 from posfet_driver.bus.open_bus import bus_settings, open_bus
+from posfet_driver.bus.reconnecting_bus import ReconnectingBus
 from posfet_driver.bus.slcan_bus import SlcanBus
-from posfet_driver.clock import Clock
+from posfet_driver.clock import Clock, SystemClock
 from posfet_driver.protocol.messages import STATUS_PERIOD, Command, Result
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import ScanStatus
@@ -416,3 +418,18 @@ def test_opening_errors_give_the_reason(tmp_path: Path) -> None:
         SlcanBus(str(plain), bitrate=123)
     with pytest.raises(ValueError, match="data_bitrate must be one of 2000000, 5000000 with slcan, got 4000000"):
         SlcanBus(str(plain), bitrate=500_000, data_bitrate=4_000_000, fd=True)
+
+
+def test_a_thousand_reopenings_of_the_port_leave_no_descriptor_and_no_thread(sensor: Sensor, link: Path) -> None:
+    adapter = EmulatedAdapter(link, firmware_for(sensor, True, SystemClock()))
+    adapter.open()
+    try:
+        bus = ReconnectingBus(slcan_opener(link), None, SystemClock())
+        descriptors, threads = len(os.listdir("/proc/self/fd")), threading.active_count()
+        for _ in range(1000):
+            bus.connect()
+            bus.fail()
+        assert (len(os.listdir("/proc/self/fd")), threading.active_count()) == (descriptors, threads)
+        assert bus.opened == 1000
+    finally:
+        adapter.close()

@@ -20,6 +20,12 @@ _WARN, _ERROR = Health.WARN, Health.ERROR
 class FaultKind(Enum):
     """Every fault that the driver detects, the most severe and most specific first."""
 
+    INTERNAL_ERRORS = (
+        "internal errors",
+        _ERROR,
+        "a part of this process raised an error that nobody expected",
+        "report it with the key 'latest internal error'; what has ended is restarted once a minute",
+    )
     ADAPTER_DISCONNECTED = (
         "adapter disconnected",
         _ERROR,

@@ -33,6 +33,8 @@ class SourceReport:
     """Faults that are present now."""
     values: Mapping[str, str] = field(default_factory=dict)
     """Further values to display, with units in the names."""
+    failure: str = ""
+    """Why the source does nothing more until it is reopened, in one line; '' while it works or recovers by itself."""
 
 
 class ManagedDevice(Protocol):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from concurrent import futures
+from concurrent.futures import Future
 from dataclasses import replace
 from typing import Any
 
@@ -15,14 +15,11 @@ from posfet_driver.bus.port_search import BusOpener
 from posfet_driver.clock import Clock
 from posfet_driver.parameters import DRIVER_NODE
 from posfet_driver.protocol.identifiers import board_frames
-from posfet_driver.protocol.messages import Command
+from posfet_driver.protocol.messages import Command, Response
+from posfet_driver.ros.command_service import CommandService
 from posfet_driver.ros.scan_source_node import ScanSourceNode
 from posfet_model.ros.run_node import run_node
 from posfet_model.sensor.description import Sensor
-from posfet_msgs.srv import BoardCommand
-
-RESPONSE_TIMEOUT = 0.5
-"""Time within which a board has to respond to a command [s]."""
 
 SUBSCRIBER_TIMEOUT = 2_000_000_000
 """Time after which the board is started without a subscriber, for its diagnostics and commands [ns]."""
@@ -34,7 +31,7 @@ class DriverNode(ScanSourceNode):
     def __init__(self, clock: Clock | None = None, **node_arguments: Any) -> None:
         super().__init__("driver_node", DRIVER_NODE, clock, **node_arguments)
         self._start_at = 0
-        self._commands = self.create_service(BoardCommand, "command", self._command)
+        self._commands = CommandService(self, self._submit)
 
     def make_source(self, sensor: Sensor, parameters: Mapping[str, Any]) -> Board | ListeningBoard:
         """Return the board on the bus of the parameters. Raises ConfigError when it can never be opened."""
@@ -57,20 +54,11 @@ class DriverNode(ScanSourceNode):
         self._start_at = self._start_at or now + SUBSCRIBER_TIMEOUT
         return super().reading_wanted(now) or now >= self._start_at
 
-    def _command(self, request: BoardCommand.Request, response: BoardCommand.Response) -> BoardCommand.Response:
-        """Send a command through the data thread and wait for the board's response."""
-        try:
-            if not self.reading:
-                raise CommandError("the driver is not configured")
-            pending = self._board.submit(Command(request.command), request.argument, RESPONSE_TIMEOUT)
-            response.value = pending.result(2 * RESPONSE_TIMEOUT).value
-            response.success = True
-        except ValueError:
-            known = ", ".join(f"{command} {command.name}" for command in Command)
-            response.message = f"command must be one of {known}, got {request.command}"
-        except (CommandError, TimeoutError, futures.TimeoutError) as error:
-            response.message = str(error) or "no response: the data thread is busy"
-        return response
+    def _submit(self, command: Command, argument: int, timeout: float) -> Future[Response]:
+        """Submit a command of the service to the data thread."""
+        if not self.reading or self.failure:
+            raise CommandError(self.failure or "the driver is not configured")
+        return self._board.submit(command, argument, timeout)
 
 
 def make_node() -> DriverNode:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -22,6 +23,7 @@ from posfet_model.config import ConfigError
 from posfet_model.parameters import Parameter
 from posfet_model.ros.ros_parameters import declare, declared_frame, declared_sensor
 from posfet_model.ros.subscriptions import SubscriptionCache
+from posfet_model.ros.supervision import RESTART_PERIOD, RestartPolicy, SupervisedNode, described
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileRaw
@@ -49,13 +51,16 @@ def _refusing(change_state: Callable[..., Any]) -> Callable[..., Any]:
     return change
 
 
-class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
+class ScanSourceNode(SupervisedNode, LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     """Publishes the scans of a source.
 
     configure opens the source and starts the one data thread, which reads once `reading_wanted`; activate passes
     scans to `sink` and, when there is a subscriber, publishes them on `raw`; deactivate discards them, while the source
     is still read so that no old scan is waiting; cleanup closes the source. A device that is no `ScanSource`, such as
     a simulated board on a bus, is opened, reported on and closed in the same way; it has no data thread.
+
+    When reading the source raises, or the source reports that it has failed, the source is closed and reopened, once
+    within `RESTART_PERIOD`. When that does not help, `failure` is set, on which `spin` ends the process.
 
     Parameters
     ----------
@@ -108,7 +113,8 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         self._active = False
         self._subscribed = False
         self._starting = False
-        self._failure = ""
+        self._refusal = ""
+        self._restarts = RestartPolicy()
         self._logged_state = ""
         self._monitor = FaultMonitor()
         self._faults: list[FaultKind] = []
@@ -140,7 +146,7 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         configured = self.trigger_configure()
         self._starting = False
         if configured != TransitionCallbackReturn.SUCCESS:
-            raise ConfigError(f"{self.get_fully_qualified_name()}: {self._failure}")
+            raise ConfigError(f"{self.get_fully_qualified_name()}: {self._refusal}")
         self.trigger_activate()
 
     @property
@@ -173,10 +179,10 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         """Open the source and start reading."""
         try:
             self._begin()
-        except (ConfigError, SourceError) as error:
-            self._failure = str(error)
+        except Exception as error:  # rclpy would swallow it
+            self._refusal = str(error) if isinstance(error, ConfigError | SourceError) else described(error)
             if not self._starting:  # else `start` raises it
-                self.get_logger().error(self._failure)
+                self.get_logger().error(self._refusal)
             return TransitionCallbackReturn.FAILURE
         return super().on_configure(state)
 
@@ -191,6 +197,7 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
     def _begin(self) -> None:
         self.source.open()
         self._open = True
+        self.failure = ""
         self._reported = (self.source.report().scans, time.monotonic_ns())
         self._stop.clear()
         if isinstance(self.source, ScanSource):
@@ -239,22 +246,43 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
             self.source.close()
 
     def _run(self, source: ScanSource) -> None:
+        """Read the source until the end; the main function of the data thread."""
+        while not self._stop.is_set():
+            try:
+                self._read(source)
+            except Exception as error:
+                shutting_down = isinstance(error, rclpy_implementation.RCLError) and not self.context.ok()
+                if shutting_down or not self._restarted("data thread", described(error)):
+                    return
+
+    def _read(self, source: ScanSource) -> None:
+        """Read the source and deliver its scans."""
         read = source.read
-        try:
-            while not self.reading_wanted(time.monotonic_ns()) and not self._stop.wait(SUBSCRIBER_CHECK_PERIOD):
-                pass
-            while not self._stop.is_set():
-                scan = read(READ_TIMEOUT)
-                if scan is not None and self._active:
-                    self.deliver(scan, time.monotonic_ns())
-        except rclpy_implementation.RCLError:
-            if self.context.ok():  # else the process is shutting down
-                raise
+        while not self.reading_wanted(time.monotonic_ns()) and not self._stop.wait(SUBSCRIBER_CHECK_PERIOD):
+            pass
+        while not self._stop.is_set():
+            scan = read(READ_TIMEOUT)
+            if scan is not None and self._active:
+                self.deliver(scan, time.monotonic_ns())
+
+    def _restarted(self, cause: str, error: str) -> bool:
+        """Reopen the source after an internal error; return whether it works again, else set `failure`."""
+        self.internal_errors.add(cause, error)
+        if self._restarts.allows():
+            try:
+                self.source.close()
+                self.source.open()
+                self.get_logger().warning(f"{cause}: restarted")
+                return True
+            except Exception as again:
+                error = described(again)
+                self.internal_errors.add(f"restart of the {cause}", error)
+        self.failure = f"{self.get_fully_qualified_name()}: {cause} failed again within {RESTART_PERIOD:.0f} s: {error}"
+        self.get_logger().fatal(self.failure)
+        return False
 
     def _report(self) -> None:
-        if self._thread and not self._thread.is_alive():
-            raise RuntimeError("the data thread has ended on the error above")  # no silent failure
-        report = self.source.report()
+        report = self._supervised_report()
         now = time.monotonic_ns()
         scans, before = self._reported
         self._reported = (report.scans, now)
@@ -265,6 +293,28 @@ class ScanSourceNode(LifecycleNode):  # type: ignore[misc]  # rclpy has no types
         self._diagnostics.publish(report_diagnostics(report, name, hardware_id, scan_rate, time.time_ns(), faults))
         self._log_state(report)
         self._log_faults(faults)
+
+    def _supervised_report(self) -> SourceReport:
+        """Return the report of the source with the internal errors; restart a source that has failed."""
+        try:
+            report = self.source.report()
+        except Exception as error:
+            self.internal_errors.add("report", described(error))
+            report = SourceReport(Health.ERROR, "the source cannot report its state", self._reported[0], 0)
+        if report.failure and not self.failure:
+            self._restarted("source", report.failure)
+        if self._thread and not self._thread.is_alive() and not self.failure and self.context.ok():
+            self.failure = f"{self.get_fully_qualified_name()}: the data thread has ended"
+        errors = self.internal_errors
+        if not errors.total:
+            return report
+        return replace(
+            report,
+            health=Health.ERROR if self.failure else report.health,
+            state=self.failure or report.state,
+            fault_counts={FaultKind.INTERNAL_ERRORS: errors.total, **report.fault_counts},
+            values={**report.values, **errors.values()},
+        )
 
     def _log_faults(self, faults: list[FaultKind]) -> None:
         """Log each fault once when it appears and once when it clears."""

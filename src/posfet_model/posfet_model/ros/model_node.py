@@ -13,7 +13,6 @@ import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from numpy.typing import NDArray
-from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
@@ -49,6 +48,7 @@ from posfet_model.ros.mount_node import broadcast_mount
 from posfet_model.ros.ros_parameters import declare, declared_frame, declared_sensor
 from posfet_model.ros.run_node import run_node
 from posfet_model.ros.subscriptions import SubscriptionCache
+from posfet_model.ros.supervision import SupervisedNode
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileContacts, TactileImage, TactileInfo, TactileRaw, TactileVibration
 from posfet_msgs.srv import CalibrationFile
@@ -88,7 +88,7 @@ class Snapshot:
     """Date of the calibration, or what its absence costs, in one line."""
 
 
-class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
+class ModelNode(SupervisedNode):
     """Publishes forces and contacts, reconstructed from the scans of `raw` or from those passed to `process`.
 
     Parameters
@@ -275,6 +275,7 @@ class ModelNode(Node):  # type: ignore[misc]  # rclpy has no types
         values["baseline restarts"] = str(restarts)
         values["mains hum removed, RMS [mN]"] = f"{hum_amplitude * 1e3:.2f}"
         values["mains hum frequency [Hz]"] = f"{hum_frequency:.2f}"
+        values |= self.internal_errors.values()
         name = f"{self.get_fully_qualified_name()}: reconstruction"
         hardware_id = self.sensor.serial or self.sensor.name
         self._diagnostics.publish(

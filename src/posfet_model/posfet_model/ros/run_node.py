@@ -8,8 +8,10 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 import rclpy
 from rclpy.exceptions import ParameterException
@@ -19,13 +21,13 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from posfet_model.config import ConfigError
+from posfet_model.ros.exit_codes import INTERRUPTED, InternalError, exit_code
+from posfet_model.ros.supervision import RestartPolicy, SupervisedNode, described
 
 try:
     from rclpy.experimental import EventsExecutor as NodeExecutor
 except ImportError:  # rclpy before Jazzy's
     from rclpy.executors import SingleThreadedExecutor as NodeExecutor
-
-NODE_ERROR = 1
 
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 """Environment variable with the path of the Fast DDS settings; a value set by the user is kept."""
@@ -42,14 +44,23 @@ class SignalHandler:
     """
 
     def __init__(self) -> None:
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin to start up."""
         self.stop_requested = False
+        self.repeated = False
+        """Whether the start-up was interrupted more than once."""
+        self.spinning = False
         self.deferred = False
         """Whether a signal only requests a stop, instead of raising KeyboardInterrupt."""
 
     def __call__(self, _signal: int, _frame: FrameType | None) -> None:
         """Handle a signal."""
+        self.repeated = self.stop_requested and not self.spinning
         self.stop_requested = True
         if not self.deferred:
+            self.deferred = True  # the next one must not interrupt the clean-up
             raise KeyboardInterrupt
 
 
@@ -59,7 +70,8 @@ _signals = SignalHandler()
 def spin(nodes: Sequence[Node], until: Callable[[], bool] = lambda: False) -> None:
     """Run the callbacks of `nodes` in this thread until Ctrl-C, SIGTERM, shutdown, or until `until()` is true.
 
-    `until` is called after each callback and at least every `POLL` seconds. For use within `ros`.
+    `until` is called after each callback and at least every `POLL` seconds. For use within `ros`. An exception of a
+    callback that no node handles itself is counted and logged; a second one within a minute ends the run.
 
     Parameters
     ----------
@@ -67,8 +79,15 @@ def spin(nodes: Sequence[Node], until: Callable[[], bool] = lambda: False) -> No
         Nodes whose callbacks are run.
     until : callable, optional
         Condition that ends the run; default: none.
+
+    Raises
+    ------
+    InternalError
+        When a node cannot go on, or callbacks raise again and again.
     """
-    _signals.deferred = True
+    _signals.deferred = _signals.spinning = True
+    supervised = [node for node in nodes if isinstance(node, SupervisedNode)]
+    restarts = RestartPolicy()
     # Objects made so far live until the end: the garbage collector need not scan them and pause the data thread.
     gc.freeze()
     executor = NodeExecutor()
@@ -78,7 +97,18 @@ def spin(nodes: Sequence[Node], until: Callable[[], bool] = lambda: False) -> No
         # Not executor.spin(): for a wait without a limit libstdc++ 12 computes a time-out in the past, and the
         # EventsExecutor of rclpy 7.1 then spins in a busy loop with its queue locked.
         while rclpy.ok() and not _signals.stop_requested and not until():
-            executor.spin_once(POLL)
+            for node in supervised:
+                if node.failure:
+                    raise InternalError(node.failure)
+            try:
+                executor.spin_once(POLL)
+            except ExternalShutdownException:
+                raise
+            except Exception as error:
+                for node in supervised[:1]:
+                    node.internal_errors.add("callback", described(error))
+                if not (supervised and restarts.allows()):
+                    raise InternalError(f"a callback failed: {described(error)}") from error
     except ExternalShutdownException:
         pass
     finally:
@@ -103,14 +133,18 @@ def ros(arguments: Sequence[str] | None = None) -> Iterator[ExitStack]:
     ------
     ConfigError
         If the ROS command line or a parameter file cannot be read.
+    SystemExit
+        With `INTERRUPTED`, after the clean-up, if the start-up was interrupted twice.
     """
     os.environ.setdefault(PROFILES, str(MIDDLEWARE))
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except rclpy_implementation.RCLError as error:
         raise ConfigError(" ".join(str(error).split())) from error
-    _signals.stop_requested = _signals.deferred = False
+    _signals.reset()
     with ExitStack() as stack:
+        stack.callback(setattr, sys, "unraisablehook", sys.unraisablehook)
+        sys.unraisablehook = partial(_quiet_when_interrupted, sys.unraisablehook)
         for number in (signal.SIGINT, signal.SIGTERM):
             stack.callback(signal.signal, number, signal.signal(number, _signals))
         stack.callback(rclpy.try_shutdown)
@@ -122,6 +156,14 @@ def ros(arguments: Sequence[str] | None = None) -> Iterator[ExitStack]:
             raise ConfigError(" ".join(str(error).split())) from error
         finally:
             _signals.deferred = True  # a second Ctrl-C (launch sends one after the terminal) must not stop the clean-up
+    if _signals.repeated:
+        raise SystemExit(INTERRUPTED)
+
+
+def _quiet_when_interrupted(report: Callable[[Any], object], unraisable: Any) -> None:
+    """Report what Python cannot raise, but no KeyboardInterrupt: the stop is requested anyway."""
+    if not isinstance(unraisable.exc_value, KeyboardInterrupt):
+        report(unraisable)
 
 
 def run_node(make_node: Callable[[], Node], arguments: Sequence[str] | None = None) -> int:
@@ -137,14 +179,15 @@ def run_node(make_node: Callable[[], Node], arguments: Sequence[str] | None = No
     Returns
     -------
     int
-        0 after a clean shutdown; 1, with one line on stderr, if a file or parameter cannot be used.
+        0 after a clean shutdown; 1, with one line on stderr, if a file or parameter cannot be used; `PROCESS_FAILED`,
+        with one line, when the node cannot go on after internal errors.
     """
-    try:
+
+    def run() -> int:
         with ros(arguments) as stack:
             node = make_node()
             stack.callback(node.destroy_node)
             spin([node])
-    except ConfigError as error:
-        print(error, file=sys.stderr)
-        return NODE_ERROR
-    return 0
+        return 0
+
+    return exit_code(run)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import signal
 import sys
@@ -30,6 +29,8 @@ def exit_with_parent() -> None:
     """Have the kernel send SIGINT when the process named by PARENT has ended, even if it was killed; Linux only."""
     parent = os.environ.pop(PARENT, "")
     if parent and sys.platform == "linux":
+        import ctypes  # noqa: PLC0415  # signals are handled sooner without it
+
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
         if os.getppid() != int(parent):  # it ended before the call
             os._exit(0)

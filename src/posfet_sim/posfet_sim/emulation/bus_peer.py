@@ -109,11 +109,14 @@ class SimulatedBusPeer:
         """Return the state for diagnostics; its scans are those that the board sent."""
         node, server = self._node, self._server
         place = f"bus {self._link.name}" if isinstance(self._link, BusSettings) else f"adapter {self._link}"
-        failure = server.failure if isinstance(server, BusServer) else ""
+        failure = server.failure if server else ""
+        disconnected = server.disconnected if isinstance(server, BusServer) else ""
         if node is None or server is None:
             health, state = Health.STALE, "simulation stopped"
         elif failure:
-            health, state = Health.ERROR, f"{place} disconnected: {failure}"
+            health, state = Health.ERROR, f"simulated board on the {place} has ended: {failure}"
+        elif disconnected:
+            health, state = Health.ERROR, f"{place} disconnected, retrying: {disconnected}"
         elif node.running:
             health, state = Health.OK, f"simulating scene '{self.board.loads.name}' on the {place}"
         else:
@@ -127,6 +130,7 @@ class SimulatedBusPeer:
             frames_lost=dropped,
             counters={"frames not read": dropped, **faults},
             values={"scene": self.board.loads.name},
+            failure=failure,
         )
 
     def _sent(self, scan: Scan) -> None:

@@ -48,8 +48,10 @@ class BusServer:
         self._bus: FrameBus | None = None
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
+        self.disconnected = ""
+        """Why the bus is not open now; '' while it is."""
         self.failure = ""
-        """Why the bus is not served now; '' while it works."""
+        """Error that the node or this thread has ended on, in one line; '' while it runs."""
 
     def open(self) -> None:
         """Open the bus and serve it.
@@ -65,6 +67,7 @@ class BusServer:
             self._bus = open_bus(self._settings)
         except can.CanError as error:
             raise SourceError(one_line(error)) from error
+        self.disconnected = self.failure = ""
         self._stop.clear()
         self._thread = threading.Thread(target=self._run, name="simulated board", daemon=True)
         self._thread.start()
@@ -79,18 +82,21 @@ class BusServer:
         self._thread = None
 
     def _run(self) -> None:
-        while not self._stop.is_set():
-            try:
-                self._serve(self._bus or self._reopen())
-            except can.CanError as error:
-                self.failure = one_line(error)
-                self._close_bus()
-                self._clock.sleep(REOPEN_PERIOD)
-                self.frames_dropped += len(self._node.due(self._clock.monotonic()))
+        try:
+            while not self._stop.is_set():
+                try:
+                    self._serve(self._bus or self._reopen())
+                except can.CanError as error:
+                    self.disconnected = one_line(error)
+                    self._close_bus()
+                    self._clock.sleep(REOPEN_PERIOD)
+                    self.frames_dropped += len(self._node.due(self._clock.monotonic()))
+        except Exception as error:
+            self.failure = f"{type(error).__name__}: {one_line(error)}"
 
     def _reopen(self) -> FrameBus:
         self._bus = open_bus(self._settings)
-        self.failure = ""
+        self.disconnected = ""
         return self._bus
 
     def _close_bus(self) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Final
 
 from posfet_driver.board.scan_source import SourceError
+from posfet_driver.bus.bus_error import one_line
 from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.slcan_codec import (
     END,
@@ -26,7 +27,7 @@ from posfet_sim.emulation.adapter_lock import lock
 from posfet_sim.emulation.bus_node import Node
 
 OUTPUT_LIMIT: Final = 1 << 20
-"""Size of the output buffer [byte]; frames that exceed it are lost, as on a bus that nobody reads.
+"""Size of the output buffer [byte]; frames and replies that exceed it are lost, as on a bus that nobody reads.
 
 8 s of a 5 x 5 array at 1 kHz: after a delay of this thread by a second, a thousand scans are sent at once, and a real
 board would not lose them.
@@ -62,6 +63,8 @@ class EmulatedAdapter:
         """Frames lost because nobody read the terminal."""
         self.flags = 0
         """Status flags of the adapter (FLAG_* of slcan_codec), the answer to F."""
+        self.failure = ""
+        """Error that the node or this thread has ended on, in one line; '' while it runs."""
         self.speeds: tuple[bytes, ...] = ()
         """Commands that set the bitrates of the bus, such as (S8, Y5): without all of them no frame passes."""
         self._set_speeds: set[bytes] = set()
@@ -99,6 +102,7 @@ class EmulatedAdapter:
         except OSError as error:
             self._release()
             raise SourceError(f"{self.link}: the adapter cannot be linked here: {error.strerror}") from error
+        self.failure = ""
         self._thread = threading.Thread(target=self._run, args=(master,), name="slcan adapter", daemon=True)
         self._thread.start()
 
@@ -136,6 +140,13 @@ class EmulatedAdapter:
         self._reader.clear()
 
     def _run(self, master: int) -> None:
+        try:
+            self._serve(master)
+        except Exception as error:
+            self.failure = f"{type(error).__name__}: {one_line(error)}"
+
+    def _serve(self, master: int) -> None:
+        """Serve the terminal until `close`."""
         wake = self._wake[0]
         while True:
             waiting = [master] if self._output else []
@@ -190,7 +201,8 @@ class EmulatedAdapter:
                 self._send(answer)
 
     def _reply(self, reply: bytes) -> None:
-        self._output += reply
+        if len(self._output) <= OUTPUT_LIMIT:
+            self._output += reply
 
     def _send(self, frame: Frame) -> None:
         if not self._channel_open or not self._readable:

@@ -1,0 +1,143 @@
+"""What a process does about its own errors: count them, restart what has ended once, and end when that did not help."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, Final
+
+from rclpy.node import Node
+
+RESTART_PERIOD: Final = 60.0
+"""Time in which one restart is tried [s]; a second error within it ends the process."""
+
+
+def described(error: BaseException) -> str:
+    """Return type, text and place of an exception on one line."""
+    text = f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
+    frames = traceback.extract_tb(error.__traceback__)
+    return f"{text} ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else text
+
+
+class RestartPolicy:
+    """Allows one restart within `RESTART_PERIOD`."""
+
+    def __init__(self) -> None:
+        self._last = -math.inf
+
+    def allows(self) -> bool:
+        """Return whether to restart after an error that has happened now."""
+        now = time.monotonic()
+        before, self._last = self._last, now
+        return now - before >= RESTART_PERIOD
+
+
+class InternalErrors:
+    """Counts exceptions that nobody expected, by cause; they end neither the callbacks' executor nor the data path.
+
+    Parameters
+    ----------
+    log : callable
+        Logs an error in one line.
+    """
+
+    def __init__(self, log: Callable[[str], object]) -> None:
+        self.counts: dict[str, int] = {}
+        """Number of errors by cause."""
+        self.latest = ""
+        """The newest error in one line; '' before the first."""
+        self._log = log
+        self._lock = threading.Lock()
+
+    @property
+    def total(self) -> int:
+        """Number of errors of any cause."""
+        return sum(self.counts.values())
+
+    def add(self, cause: str, error: str) -> None:
+        """Count and log an error.
+
+        Parameters
+        ----------
+        cause : str
+            What raised it, such as "service scene/load".
+        error : str
+            The error in one line.
+        """
+        with self._lock:  # readers need none: they see either mapping
+            self.counts = {**self.counts, cause: self.counts.get(cause, 0) + 1}
+        self.latest = f"{cause}: {error}"
+        self._log(self.latest)
+
+    def values(self) -> dict[str, str]:
+        """Return the errors for diagnostics, by key; nothing before the first."""
+        if not self.latest:
+            return {}
+        by_cause = {f"errors of {cause}": str(count) for cause, count in self.counts.items()}
+        return {"internal errors": str(self.total), **by_cause, "latest internal error": self.latest}
+
+    def guarded(self, cause: str, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """Return a callback of a timer or service that counts its exceptions; a service then answers with the error.
+
+        Parameters
+        ----------
+        cause : str
+            Name of the callback.
+        callback : callable
+            The callback; may be a coroutine.
+        """
+
+        def failed(error: Exception, arguments: tuple[Any, ...]) -> Any:
+            self.add(cause, described(error))
+            response = arguments[-1] if arguments else None
+            if response is not None and hasattr(response, "message"):
+                response.message = f"internal error: {described(error)}"
+            return response
+
+        async def later(*arguments: Any) -> Any:
+            try:
+                return await callback(*arguments)
+            except Exception as error:
+                return failed(error, arguments)
+
+        def now(*arguments: Any) -> Any:
+            try:
+                return callback(*arguments)
+            except Exception as error:
+                return failed(error, arguments)
+
+        return later if inspect.iscoroutinefunction(callback) else now
+
+
+class SupervisedNode(Node):  # type: ignore[misc]  # rclpy has no types
+    """A node whose timers and services may raise: the error is counted, and ends neither the executor nor the process.
+
+    Parameters
+    ----------
+    *arguments
+        Arguments of the next class, rclpy's Node.
+    **named_arguments
+        Further arguments of it.
+    """
+
+    def __init__(self, *arguments: Any, **named_arguments: Any) -> None:
+        self.internal_errors = InternalErrors(lambda text: self.get_logger().error(text))
+        """Errors of this node."""
+        self.failure = ""
+        """Why this node cannot go on, in one line: `spin` then ends the process; '' while it can."""
+        super().__init__(*arguments, **named_arguments)
+
+    def create_service(self, srv_type: Any, srv_name: str, callback: Callable[..., Any], **options: Any) -> Any:
+        """Create a service as rclpy does; when its callback raises, it answers with the error."""
+        guarded = self.internal_errors.guarded(f"service {srv_name}", callback)
+        return super().create_service(srv_type, srv_name, guarded, **options)
+
+    def create_timer(self, period: float, callback: Callable[..., Any], *options: Any, **named_options: Any) -> Any:
+        """Create a timer as rclpy does; it goes on when its callback raises."""
+        guarded = self.internal_errors.guarded(f"timer {callback.__name__.strip('_')}", callback)
+        return super().create_timer(period, guarded, *options, **named_options)
