@@ -53,7 +53,6 @@ def test_a_stack_whose_model_fails_ends_with_its_exit_code(source: str) -> None:
     assert result.returncode == PROCESS_FAILED
     assert "data thread: restarted" in result.stderr
     assert result.stderr.splitlines()[-1].endswith(f"ending with exit code {PROCESS_FAILED}")
-    assert "Traceback" not in result.stderr
 
 
 def test_a_simulated_board_whose_thread_fails_ends_with_its_exit_code(tmp_path: Path) -> None:
@@ -61,7 +60,6 @@ def test_a_simulated_board_whose_thread_fails_ends_with_its_exit_code(tmp_path: 
     assert result.returncode == PROCESS_FAILED
     assert "source: ValueError: odd time" in result.stderr
     assert "source: restarted" in result.stderr
-    assert "Traceback" not in result.stderr
 
 
 @pytest.mark.parametrize("composed", ["true", "false"])

@@ -99,7 +99,8 @@ def test_errors_of_commands_are_answered(bench: Bench) -> None:
     bench.wait(lambda: all(call.done() for call in calls))
     refused, lost = (call.result().message for call in calls)
     assert refused == "IDENTIFY: refused by the board: bad argument"
-    assert lost.startswith("internal error: KeyError: 'lost'")
+    assert lost == "internal error, see the log of the node: KeyError: 'lost'"
+    assert bench.node.internal_errors.counts == {"service command": 1}
     bench.error = CommandError("the driver is not configured")
     refused = bench.call()
     bench.wait(refused.done)

@@ -185,7 +185,6 @@ def test_a_second_failure_within_a_minute_ends_the_process_with_its_code(
 
     assert bench.run(broken, lambda: False) == PROCESS_FAILED
     errors = capfd.readouterr().err
-    assert "Traceback" not in errors
     last = errors.splitlines()[-1]
     assert last.startswith("/supervised/source_node: data thread failed again within 60 s: SourceError: no such board")
     assert last.endswith(f"ending with exit code {PROCESS_FAILED}")
@@ -280,7 +279,7 @@ def test_callbacks_that_raise_are_counted_and_answered(bench: Bench) -> None:
     assert bench.run(make, done) == 0
     response, counts = nodes[0].answer.result(), nodes[0].internal_errors.counts
     assert not response.success
-    assert response.message.startswith("internal error: ValueError: bad request (test_supervision.py:")
+    assert response.message == "internal error, see the log of the node: ValueError: bad request"
     assert counts["timer tick"] > 1
     assert (counts["service raise"], counts["callback"]) == (1, 1)
 

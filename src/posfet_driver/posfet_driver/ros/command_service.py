@@ -10,7 +10,7 @@ from typing import Any, Final
 
 from posfet_driver.board.command_queue import CommandError
 from posfet_driver.protocol.messages import Command, Response
-from posfet_model.ros.supervision import SupervisedNode, described
+from posfet_model.ros.supervision import SupervisedNode, named
 from posfet_msgs.srv import BoardCommand
 
 RESPONSE_TIMEOUT: Final = 0.5
@@ -117,5 +117,6 @@ class CommandService:
         except CommandError as error:
             response.message = str(error)
         except Exception as error:
-            response.message = f"internal error: {described(error)}"
+            self._node.internal_errors.add("service command", error)
+            response.message = f"internal error, see the log of the node: {named(error)}"
         self._send(response, call.header)

@@ -183,6 +183,7 @@ class ScanSourceNode(SupervisedNode, LifecycleNode):  # type: ignore[misc]  # rc
             self._refusal = str(error) if isinstance(error, ConfigError | SourceError) else described(error)
             if not self._starting:  # else `start` raises it
                 self.get_logger().error(self._refusal)
+            self._end()
             return TransitionCallbackReturn.FAILURE
         return super().on_configure(state)
 
@@ -252,7 +253,7 @@ class ScanSourceNode(SupervisedNode, LifecycleNode):  # type: ignore[misc]  # rc
                 self._read(source)
             except Exception as error:
                 shutting_down = isinstance(error, rclpy_implementation.RCLError) and not self.context.ok()
-                if shutting_down or not self._restarted("data thread", described(error)):
+                if shutting_down or not self._restarted("data thread", error):
                     return
 
     def _read(self, source: ScanSource) -> None:
@@ -265,7 +266,7 @@ class ScanSourceNode(SupervisedNode, LifecycleNode):  # type: ignore[misc]  # rc
             if scan is not None and self._active:
                 self.deliver(scan, time.monotonic_ns())
 
-    def _restarted(self, cause: str, error: str) -> bool:
+    def _restarted(self, cause: str, error: Exception | str) -> bool:
         """Reopen the source after an internal error; return whether it works again, else set `failure`."""
         self.internal_errors.add(cause, error)
         if self._restarts.allows():
@@ -275,9 +276,10 @@ class ScanSourceNode(SupervisedNode, LifecycleNode):  # type: ignore[misc]  # rc
                 self.get_logger().warning(f"{cause}: restarted")
                 return True
             except Exception as again:
-                error = described(again)
+                error = again
                 self.internal_errors.add(f"restart of the {cause}", error)
-        self.failure = f"{self.get_fully_qualified_name()}: {cause} failed again within {RESTART_PERIOD:.0f} s: {error}"
+        text = error if isinstance(error, str) else described(error)
+        self.failure = f"{self.get_fully_qualified_name()}: {cause} failed again within {RESTART_PERIOD:.0f} s: {text}"
         self.get_logger().fatal(self.failure)
         return False
 
@@ -299,7 +301,7 @@ class ScanSourceNode(SupervisedNode, LifecycleNode):  # type: ignore[misc]  # rc
         try:
             report = self.source.report()
         except Exception as error:
-            self.internal_errors.add("report", described(error))
+            self.internal_errors.add("report", error)
             report = SourceReport(Health.ERROR, "the source cannot report its state", self._reported[0], 0)
         if report.failure and not self.failure:
             self._restarted("source", report.failure)

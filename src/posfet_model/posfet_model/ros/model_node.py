@@ -43,7 +43,6 @@ from posfet_model.ros.conversions import (
     info_message,
 )
 from posfet_model.ros.diagnostic_array import diagnostic_array
-from posfet_model.ros.guarded import answering, reporting
 from posfet_model.ros.mount_node import broadcast_mount
 from posfet_model.ros.ros_parameters import declare, declared_frame, declared_sensor
 from posfet_model.ros.run_node import run_node
@@ -150,10 +149,10 @@ class ModelNode(SupervisedNode):
         self._info.publish(info_message(self.sensor, frame_id, parameters["simulated"], time.time_ns()))
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", OUTPUT_DEPTH)
         self._reported = ScanCounts()
-        self.create_timer(REPORT_PERIOD, reporting(self, self._report))
-        self.create_service(TareService, "tare", answering(self, self._tare))
-        self.create_service(CalibrationFile, "calibration/load", answering(self, self._load))
-        self.create_service(CalibrationFile, "calibration/save", answering(self, self._save))
+        self.create_timer(REPORT_PERIOD, self._report)
+        self.create_service(TareService, "tare", self._tare)
+        self.create_service(CalibrationFile, "calibration/load", self._load)
+        self.create_service(CalibrationFile, "calibration/save", self._save)
         if not parameters["direct"]:
             self.create_subscription(TactileRaw, "raw", self._receive, RAW_DEPTH)
 

@@ -106,7 +106,7 @@ def spin(nodes: Sequence[Node], until: Callable[[], bool] = lambda: False) -> No
                 raise
             except Exception as error:
                 for node in supervised[:1]:
-                    node.internal_errors.add("callback", described(error))
+                    node.internal_errors.add("callback", error)
                 if not (supervised and restarts.allows()):
                     raise InternalError(f"a callback failed: {described(error)}") from error
     except ExternalShutdownException:

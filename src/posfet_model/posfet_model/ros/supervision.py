@@ -17,11 +17,19 @@ RESTART_PERIOD: Final = 60.0
 """Time in which one restart is tried [s]; a second error within it ends the process."""
 
 
+LONGEST: Final = 200
+"""Length of an exception's text from which on it is shortened."""
+
+
+def named(error: BaseException) -> str:
+    """Return type and text of an exception on one line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:LONGEST]}".removesuffix(": ")
+
+
 def described(error: BaseException) -> str:
     """Return type, text and place of an exception on one line."""
-    text = f"{type(error).__name__}: {' '.join(str(error).split())}".removesuffix(": ")
     frames = traceback.extract_tb(error.__traceback__)
-    return f"{text} ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else text
+    return named(error) + (f" ({Path(frames[-1].filename).name}:{frames[-1].lineno})" if frames else "")
 
 
 class RestartPolicy:
@@ -43,7 +51,7 @@ class InternalErrors:
     Parameters
     ----------
     log : callable
-        Logs an error in one line.
+        Logs an error; called once for errors of a cause that follow each other and are alike.
     """
 
     def __init__(self, log: Callable[[str], object]) -> None:
@@ -52,6 +60,7 @@ class InternalErrors:
         self.latest = ""
         """The newest error in one line; '' before the first."""
         self._log = log
+        self._logged: dict[str, str] = {}
         self._lock = threading.Lock()
 
     @property
@@ -59,20 +68,25 @@ class InternalErrors:
         """Number of errors of any cause."""
         return sum(self.counts.values())
 
-    def add(self, cause: str, error: str) -> None:
+    def add(self, cause: str, error: BaseException | str) -> None:
         """Count and log an error.
 
         Parameters
         ----------
         cause : str
             What raised it, such as "service scene/load".
-        error : str
-            The error in one line.
+        error : BaseException or str
+            The error, logged with its traceback, or its text in one line.
         """
+        text = error if isinstance(error, str) else described(error)
         with self._lock:  # readers need none: they see either mapping
             self.counts = {**self.counts, cause: self.counts.get(cause, 0) + 1}
-        self.latest = f"{cause}: {error}"
-        self._log(self.latest)
+        self.latest = f"{cause}: {text}"
+        if self._logged.get(cause) != text:
+            self._logged[cause] = text
+            if isinstance(error, BaseException):
+                text = "\n" + "".join(traceback.format_exception(error)).rstrip()
+            self._log(f"{cause}: {text}")
 
     def values(self) -> dict[str, str]:
         """Return the errors for diagnostics, by key; nothing before the first."""
@@ -93,10 +107,10 @@ class InternalErrors:
         """
 
         def failed(error: Exception, arguments: tuple[Any, ...]) -> Any:
-            self.add(cause, described(error))
-            response = arguments[-1] if arguments else None
+            self.add(cause, error)
+            response = type(arguments[-1])() if arguments else None  # nothing of a half-filled one
             if response is not None and hasattr(response, "message"):
-                response.message = f"internal error: {described(error)}"
+                response.message = f"internal error, see the log of the node: {named(error)}"
             return response
 
         async def later(*arguments: Any) -> Any:
@@ -126,7 +140,7 @@ class SupervisedNode(Node):  # type: ignore[misc]  # rclpy has no types
     """
 
     def __init__(self, *arguments: Any, **named_arguments: Any) -> None:
-        self.internal_errors = InternalErrors(lambda text: self.get_logger().error(text))
+        self.internal_errors = InternalErrors(self._log_error)
         """Errors of this node."""
         self.failure = ""
         """Why this node cannot go on, in one line: `spin` then ends the process; '' while it can."""
@@ -141,3 +155,7 @@ class SupervisedNode(Node):  # type: ignore[misc]  # rclpy has no types
         """Create a timer as rclpy does; it goes on when its callback raises."""
         guarded = self.internal_errors.guarded(f"timer {callback.__name__.strip('_')}", callback)
         return super().create_timer(period, guarded, *options, **named_options)
+
+    def _log_error(self, text: str) -> None:
+        if self.context.ok():  # else the process is shutting down, and errors follow from that
+            self.get_logger().error(text)

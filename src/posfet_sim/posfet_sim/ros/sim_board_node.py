@@ -19,7 +19,6 @@ from posfet_driver.ros.scan_source_node import ScanSourceNode
 from posfet_model._lib.shown import shown
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.config import ConfigError
-from posfet_model.ros.guarded import answering, reporting
 from posfet_model.ros.run_node import run_node
 from posfet_model.ros.subscriptions import SubscriptionCache
 from posfet_model.sensor.description import Layout, Sensor
@@ -103,12 +102,11 @@ class SimBoardNode(ScanSourceNode):
 
     def __init__(self, node_name: str = "sim_board_node", clock: Clock | None = None, **node_arguments: Any) -> None:
         super().__init__(node_name, SIM_BOARD_NODE, clock, **node_arguments)
-        self._guarded_report = reporting(self, super()._report)
         self._resume: bool | None = None  # closed since it could not be opened again: whether it was active before
         self._truth_message = TruthMessage(self.sensor.layout, self.frame_id)
         self._truth = self.create_publisher(TactileTruth, "truth", TRUTH_DEPTH)
         self._truth_listeners = SubscriptionCache(self._truth)
-        self.create_service(LoadScene, "scene/load", answering(self, self._load_scene))
+        self.create_service(LoadScene, "scene/load", self._load_scene)
         self._taken: deque[tuple[int, float]] = deque(
             maxlen=SCAN_TIMES_KEPT
         )  # sequence and time [s] of the latest scans
@@ -177,29 +175,17 @@ class SimBoardNode(ScanSourceNode):
             return _reason(error)
         resume = self._resume
         if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
-            return self._failure
+            return self._refusal
         if resume:
             self.trigger_activate()
         return ""
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Open the source and start reading."""
-        try:
-            result = super().on_configure(state)
-        except Exception as error:  # rclpy would hide it
-            self._failure = _reason(error)
-            self.get_logger().error(self._failure)
-            result = TransitionCallbackReturn.FAILURE
+        result = super().on_configure(state)
         if result == TransitionCallbackReturn.SUCCESS:
             self._resume = None
-        else:
-            self._end()
         return result
-
-    def _report(self) -> None:
-        if self._thread and not self._thread.is_alive():
-            super()._report()  # raises: without scans there is nothing to keep alive
-        self._guarded_report()
 
     def _scan_sent(self, scan: Scan, stamp: int) -> None:
         """Publish the ground truth of a scan that was sent on the bus; runs in the thread of the bus."""
