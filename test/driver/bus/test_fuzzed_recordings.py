@@ -57,7 +57,7 @@ def test_any_recording_is_read_or_refused(tmp_path: Path, suffix: str, count: in
                 with contextlib.suppress(ValueError):
                     frame_of(message)
         except ConfigError as error:
-            assert_one_line(error, path, limit=10_000)  # it quotes what python-can says
+            assert_one_line(error, path, limit=5_000)  # it quotes what python-can says
 
     check()
 

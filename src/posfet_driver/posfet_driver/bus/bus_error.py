@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import can
 
+from posfet_model._lib import shown
+
 
 def one_line(error: BaseException) -> str:
-    """Return the text of an exception on one line; its type when the text is empty."""
-    return " ".join(str(error).split()) or type(error).__name__
+    """Return the text of an exception on one line of limited length; its type when the text is empty."""
+    return shown.one_line(" ".join(str(error).split())) or type(error).__name__
 
 
 def bus_failure(error: Exception) -> can.CanError:
