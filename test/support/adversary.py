@@ -1,0 +1,429 @@
+"""An adversary of the driver: every fault of a board, its link, and the host's schedule, and lies of the board, in
+virtual time. Each published scan is judged by what the board has sampled. A short run is in test_adversary.py.
+
+In the folder test:
+
+python -m support.adversary --scans 1000000 --seed 0
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import sys
+import tempfile
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final
+
+from posfet_driver.board.board_client import Board
+from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_model.sensor.scan import Scan, ScanStatus
+from support.adversary_link import Link, LoggedBoard, Sampled
+from support.clocks import SteppedClock
+from support.fake_board import with_fd, with_layout
+from support.reference_board import make
+from support.soak import GROWTH_LIMIT, Usage
+
+LINK_FAULTS: Final = (
+    "frames lost",
+    "bursts lost",
+    "frames doubled",
+    "frames reordered",
+    "frames delayed",
+    "jitter",
+    "frames truncated",
+    "frames corrupted",
+    "foreign traffic",
+    "foreign commands",
+    "error frames",
+    "overflow reported",
+    "cable out",
+    "unplugged",
+    "adapter stalls",
+    "answers late",
+    "answers lost",
+    "commands lost",
+    "deaf board",
+)
+BOARD_FAULTS: Final = ("reset", "reset, same number", "brown-out", "bus blocked", "board stalls", "ADC fails")
+HOST_FAULTS: Final = ("host delayed", "host stopped")
+LIES: Final = (
+    "lie: rate",
+    "lie: answers",
+    "lie: identity",
+    "lie: not scanning",
+    "lie: sequence",
+    "lie: frozen sequence",
+    "lie: time",
+    "lie: frozen time",
+)
+FAULTS: Final = LINK_FAULTS + BOARD_FAULTS + HOST_FAULTS + LIES
+ABOUT_SEQUENCE: Final = {"lie: sequence", "lie: frozen sequence"}
+ABOUT_TIME: Final = {"lie: time", "lie: frozen time", "lie: sequence", "lie: frozen sequence", "reset, same number"}
+"""Lies after which stamps may be wrong: a stamp needs a clock, or the sequence in its place."""
+
+PERIODS: Final = (1000, 1000, 2000, 5000)
+"""Scan periods [us]; those that other hosts set are among them."""
+SECOND: Final = 1_000_000_000
+NUMBERED_AGAIN: Final = SECOND // 5
+"""Time after a lie about the sequence within which a scan may have the false number [ns]."""
+STAMPED_AGAIN: Final = SECOND
+"""Time of scans after a lie about time within which stamps may be wrong [ns]."""
+REPLUGGED: Final = SECOND // 2
+RECOVERED: Final = 2 * SECOND
+"""Time from the end of a fault to the next scan [ns]."""
+QUIET: Final = SECOND * 3 // 10
+"""Time without faults after which scans are accounted for [ns]."""
+ROUNDING: Final = 20_000
+"""Error of a stamp by rounding to whole microseconds, with classic frames for each of 16 scans [ns]."""
+
+
+@dataclass
+class Findings:
+    """What a run has found."""
+
+    published: int = 0
+    sampled: int = 0
+    """Ticks of the board's scan timer in stretches that were accounted for."""
+    lost: int = 0
+    incomplete: int = 0
+    stretches: int = 0
+    false_numbers: int = 0
+    """Scans that were published with the number of a lie about it."""
+    not_stamped: int = 0
+    """Scans whose stamps were not judged: in a lie about time, or just after it."""
+    largest_error: int = 0
+    """Of a stamp that was judged [ns]."""
+    slowest: Counter[str] = field(default_factory=Counter)
+    """Longest time to the next scan after a fault [ns]."""
+    faults: Counter[str] = field(default_factory=Counter)
+    failures: Counter[str] = field(default_factory=Counter)
+    examples: list[str] = field(default_factory=list)
+
+    def fail(self, kind: str, text: str) -> None:
+        """Note a broken promise; the first few of each kind in full."""
+        self.failures[kind] += 1
+        if self.failures[kind] <= 3:
+            self.examples.append(f"{kind}: {text}")
+
+
+class Judge:
+    """Compares published scans with what the board has sampled."""
+
+    def __init__(self, board: Board, link: Link, hardware: LoggedBoard, fd: bool) -> None:
+        self.findings = Findings()
+        self.newest = 0
+        """Time at which the newest scan was acquired [ns]."""
+        self._board, self._link, self._hardware, self._fd = board, link, hardware, fd
+        self._power_on = 0
+        self._last = -1
+        self._lost = 0
+        self._counters: dict[object, int] = {}
+        self._delays: dict[int, int] = {}  # shortest in each tenth of a second [ns]
+        self._number_lies: list[tuple[int, int, int]] = []  # begin and end [ns], and the jump
+        self._time_doubted = 0  # scans before it [ns] are not judged by their stamps
+        self._waits_for_time = False
+        self._base: tuple[int, int, int, int] | None = None  # of the stretch: sequence, published, lost, incomplete
+        self.quiet_since = 0
+
+    def lies(self, begin: int, end: int, jump: int) -> None:
+        """Note that the board has lied about its sequence between two times [ns]."""
+        self._number_lies = [*self._number_lies[-3:], (begin, end, jump)]
+
+    def doubt_time(self) -> None:
+        """Judge no stamp until scans have been right for a while."""
+        self._waits_for_time = True
+
+    def end_stretch(self) -> None:
+        """Account for nothing across this moment."""
+        self._base = None
+
+    def judge(self, scan: Scan, calm: bool) -> None:
+        """Judge a scan that was just published."""
+        found, now = self.findings, self._link.clock.now
+        found.published += 1
+        if scan.frames_lost < self._lost:
+            found.fail("counter fell", self._at(scan, f"frames_lost {self._lost} -> {scan.frames_lost}"))
+        self._lost = scan.frames_lost
+        sent = self._find(scan, scan.sequence)
+        if sent is None:
+            if not self._is_false_number(scan):
+                self._find_error(scan)
+            return
+        if sent.power_on != self._power_on:
+            self._power_on, self._last, self._base = sent.power_on, -1, None
+            self._delays.clear()
+        self.newest = sent.time
+        lied = any(begin <= sent.time <= end + NUMBERED_AGAIN for begin, end, _ in self._number_lies)
+        if scan.sequence <= self._last and not lied:
+            found.fail("sequence fell", self._at(scan, f"after {self._last}"))
+        self._last = scan.sequence
+        self._judge_stamp(scan, sent, calm)
+        if found.published % 16 == 0:
+            self.judge_counters()
+        if calm and scan.sequence % 16 == 0 and now - self.quiet_since > QUIET:
+            self._account(scan)
+
+    def judge_counters(self) -> None:
+        """Compare all counters of the report with the previous ones."""
+        report = self._board.report()
+        counters: dict[object, int] = {**report.fault_counts, **report.counters, "scans": report.scans}
+        for name, value in self._counters.items():
+            if counters[name] < value:
+                self.findings.fail("counter fell", f"{name}: {value} -> {counters[name]}")
+        self._counters = counters
+
+    def _find(self, scan: Scan, sequence: int) -> Sampled | None:
+        """Return what the board has sampled, of this sequence and with these counts, nearest to the stamp."""
+        same = [
+            sampled
+            for sampled in self._hardware.sampled.get(sequence, ())
+            if sampled.power_on >= self._power_on and self._equal(scan, sampled)
+        ]
+        return min(same, key=lambda sampled: abs(sampled.time - scan.stamp), default=None)
+
+    def _equal(self, scan: Scan, sampled: Sampled) -> bool:
+        sent = [int(word) for word in sampled.counts.split()]
+        if not self._fd:
+            sent = [count & 0xFFF0 | count >> 12 for count in sent]
+        return bool(scan.counts.tolist() == sent)
+
+    def _is_false_number(self, scan: Scan) -> bool:
+        """Return whether a scan has the number that the board has lied about, and no other error."""
+        for begin, end, jump in self._number_lies:
+            sent = self._find(scan, (scan.sequence - jump) & 0xFFFFFFFF)
+            if sent and begin - self._link.lookahead <= sent.time <= end + NUMBERED_AGAIN:
+                self.findings.false_numbers += 1
+                self._last = -1
+                return True
+        return False
+
+    def _find_error(self, scan: Scan) -> None:
+        for sequence, others in self._hardware.sampled.items():
+            if any(self._equal(scan, sampled) for sampled in others):
+                self.findings.fail("misnumbered", self._at(scan, f"is {sequence}, {others}"))
+                return
+        self.findings.fail("torn", self._at(scan, "was never sampled"))
+
+    def _judge_stamp(self, scan: Scan, sent: Sampled, calm: bool) -> None:
+        found, now = self.findings, self._link.clock.now
+        tenth = now // (SECOND // 10)
+        self._delays[tenth] = min(self._delays.get(tenth, now), now - sent.time)
+        while len(self._delays) > 11:
+            del self._delays[next(iter(self._delays))]
+        if self._waits_for_time and calm:
+            self._waits_for_time = False
+            self._time_doubted = now + STAMPED_AGAIN
+        if self._waits_for_time or now < self._time_doubted:
+            found.not_stamped += 1
+            return
+        error = scan.stamp - sent.time
+        bound = min(self._delays.values()) + round(self._board.stamp_uncertainty * 1e9)
+        if not -ROUNDING <= error <= bound + ROUNDING:
+            found.fail("stamp", self._at(scan, f"error {error / 1e6:.3f} ms, bound {bound / 1e6:.3f} ms"))
+        if calm:
+            found.largest_error = max(found.largest_error, abs(error))
+
+    def _account(self, scan: Scan) -> None:
+        """Compare gaps with losses since the last time that all was known."""
+        found, statistics = self.findings, self._board.decoder.statistics
+        now = scan.sequence, found.published, statistics.lost_scans, statistics.incomplete_scans
+        before, self._base = self._base, now
+        if before is None:
+            return
+        span, published, lost, incomplete = (new - old for new, old in zip(now, before, strict=True))
+        found.stretches += 1
+        found.sampled += span
+        found.lost += lost
+        found.incomplete += incomplete
+        if span != published + lost + incomplete:
+            text = f"span {span}, published {published}, lost {lost}, incomplete {incomplete}"
+            found.fail("silent loss", self._at(scan, text))
+
+    def _at(self, scan: Scan, text: str) -> str:
+        return f"scan {scan.sequence} status {scan.status} at {self._link.clock.now / 1e9:.3f} s: {text}"
+
+
+class Adversary:
+    """A driver, a board and a link between them."""
+
+    def __init__(self, program: Path, folder: Path, sensor: Sensor, seed: int) -> None:
+        self.noise = random.Random(seed)
+        self.clock = SteppedClock()
+        layout = f"{sensor.layout.rows}x{sensor.layout.cols}"
+        form = "fd" if sensor.can.fd else "classic"
+        options = ["--format", form, "--layout", layout, "--period", "500", "--noise", "5000", "--seed", str(seed)]
+        scale = 1 + self.noise.uniform(-80e-6, 80e-6)
+        self.hardware = LoggedBoard(program, folder, scale, *options)
+        self.link = Link(self.clock, self.hardware, sensor.can.fd, self.noise)
+        self.board = Board(sensor, self.link.open, self.clock, self.link.presence)
+        self.judge = Judge(self.board, self.link, self.hardware, sensor.can.fd)
+        self.history: list[str] = []
+        self._boot = 0
+
+    def run(self, scans: int) -> Findings:
+        """Publish and judge a number of scans."""
+        found = self.judge.findings
+        self.board.open()
+        self.read(SECOND, calm=True)
+        bag: list[str] = []
+        before: Usage | None = None
+        while found.published < scans:
+            chosen = []
+            for _ in range(self.noise.choice((1, 1, 2, 3))):
+                bag = bag or self.noise.sample(FAULTS, len(FAULTS))  # each once before any is repeated
+                chosen.append(bag.pop())
+            self.fault(chosen)
+            if before is None and found.published > scans // 3:
+                before = Usage.now()
+        self.judge.judge_counters()
+        after = Usage.now()
+        if before and (after.memory - before.memory > GROWTH_LIMIT or after.descriptors > before.descriptors):
+            found.fail("growth", f"{before} -> {after}")
+        self.board.close()
+        code = self.hardware.close()
+        if code:
+            found.fail("firmware", f"exit code {code}")
+        return found
+
+    def read(self, duration: int, calm: bool) -> None:
+        """Read for a time [ns]."""
+        end, clock, judge = self.clock.now + duration, self.clock, self.judge
+        while clock.now < end:
+            scan = self.board.read(min(0.02, (end - clock.now) / 1e9))
+            if scan is not None:
+                judge.judge(scan, calm)
+
+    def fault(self, names: list[str]) -> None:
+        """Let faults begin one after the other, end together, and data flow again."""
+        noise, link, judge, found = self.noise, self.link, self.judge, self.judge.findings
+        link.lookahead = noise.randrange(1_000_000, 20_000_000)
+        link.cadence = noise.choice((1, 125_000, 1_000_000, 4_000_000))
+        link.room = noise.choice((200, 1000, 4000))
+        begin = self.clock.now
+        self.history = [*self.history[-5:], f"{begin / 1e9:.3f} s {names}"]
+        examples = len(found.examples)
+        if not ABOUT_TIME.isdisjoint(names):
+            judge.doubt_time()
+        for name in names:
+            found.faults[name] += 1
+            self._begin(name)
+            self.read(round(noise.expovariate(6.0) * SECOND), calm=False)
+        self.read(round(noise.expovariate(6.0) * SECOND), calm=False)
+        jump = link.jump
+        link.end()
+        link.run(max(self.clock.now, self.hardware.host_time(self.hardware.now)))
+        end = judge.quiet_since = self.clock.now
+        if not ABOUT_SEQUENCE.isdisjoint(names):
+            judge.lies(begin, self.hardware.host_time(self.hardware.now), jump)
+            judge.end_stretch()
+        if not ABOUT_TIME.isdisjoint(names):
+            judge.end_stretch()
+        self._recover(names, end)
+        self.read(round(noise.uniform(0.2, 0.8) * SECOND), calm=True)
+        for index in range(examples, len(found.examples)):
+            found.examples[index] += f"; faults {self.history}"
+
+    def _recover(self, names: list[str], end: int) -> None:
+        found, judge = self.judge.findings, self.judge
+        replugged = not {"unplugged", "cable out"}.isdisjoint(names) and len(names) == 1
+        limit = REPLUGGED if replugged else RECOVERED
+        while judge.newest < end and self.clock.now < end + 20 * SECOND:
+            self.read(1_000_000, calm=True)
+        took = self.clock.now - end
+        for name in names if len(names) == 1 else ["several"]:
+            found.slowest[name] = max(found.slowest[name], took)
+        if took > limit:
+            found.fail("recovery", f"{names}: {took / 1e9:.3f} s, {self.board.report().state}")
+
+    def _begin(self, name: str) -> None:
+        noise, link, hardware = self.noise, self.link, self.hardware
+        if name in {"reset", "reset, same number", "brown-out"}:
+            if name == "brown-out":
+                hardware.command("V 2500")
+                self.read(SECOND // 5, calm=False)
+            if name != "reset, same number":
+                self._boot = (self._boot + noise.choice((1, 1, 1, 7))) % 16
+            self.judge.end_stretch()
+            link.power_cycle(self._boot)
+            hardware.command("V 3300")
+        elif name == "ADC fails":
+            hardware.command("A 1")
+            self.read(SECOND // 10, calm=False)
+            hardware.command("A 0")
+        elif name == "board stalls":
+            link.stall_board(self.clock.now + noise.randrange(2_000_000, 300_000_000))
+        elif name == "host delayed":
+            for _ in range(5):
+                link.stand_still(round(noise.expovariate(20.0) * SECOND))
+                self.read(SECOND // 50, calm=False)
+        elif name == "host stopped":
+            wraps = noise.random() < 0.2  # 16 bits of milliseconds
+            longest = 70.0 if noise.random() < 0.2 else 3.0
+            link.stand_still(65_536_000_000 if wraps else round(noise.uniform(1.0, longest) * SECOND))
+        elif name == "foreign commands":
+            for _ in range(3):
+                command = noise.choice((1, 2, 3, 4, 5, 9))
+                link.foreign(command, noise.choice((*PERIODS, 0, 499)) if command == 3 else 0)
+                self.read(SECOND // 20, calm=False)
+        else:
+            link.begin(name)
+            if name == "bus blocked":
+                hardware.command("B 1")
+
+
+def variants() -> dict[str, Sensor]:
+    """Return the sensors of a campaign by name."""
+    sensor = load_sensor()
+    return {
+        "FD 5x5 1 kHz": with_fd(sensor, True),
+        "classic 5x5 1 kHz": with_fd(sensor, False),
+        "FD 8x8 500 Hz": with_fd(with_layout(sensor, 8, 8, scan_rate=500.0), True),
+        "classic 5x5 250 Hz": with_fd(with_layout(sensor, 5, 5, scan_rate=250.0), False),
+    }
+
+
+def campaign(program: Path, name: str, scans: int, seed: int) -> Findings:
+    """Run one variant."""
+    with tempfile.TemporaryDirectory(prefix="posfet-adversary-") as folder:
+        return Adversary(program, Path(folder), variants()[name], seed).run(scans)
+
+
+def describe(name: str, found: Findings, seconds: float) -> str:
+    """Return the findings as text."""
+    slowest = ", ".join(f"{fault} {took / 1e9:.3f}" for fault, took in sorted(found.slowest.items()))
+    lines = [
+        f"{name}: {found.published} scans published, {sum(found.faults.values())} faults, {seconds:.0f} s",
+        f"  accounted for: {found.sampled} ticks in {found.stretches} stretches, {found.lost} lost, "
+        f"{found.incomplete} incomplete",
+        f"  numbers of lies: {found.false_numbers}; stamps not judged: {found.not_stamped}, largest error of the "
+        f"others without faults {found.largest_error / 1e6:.3f} ms",
+        f"  longest time to the next scan [s]: {slowest}",
+    ]
+    return "\n".join([*lines, *(f"BAD: {kind}: {count}" for kind, count in found.failures.items()), *found.examples])
+
+
+def main() -> int:
+    """Run a campaign over all variants; return the exit code."""
+    parser = argparse.ArgumentParser(prog="support.adversary", description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--scans", type=int, default=1_000_000, help="scans of all variants (default: 1e6)")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", choices=list(variants()), help="one variant")
+    options = parser.parse_args()
+    names = [options.only] if options.only else list(variants())
+    bad = 0
+    with tempfile.TemporaryDirectory(prefix="posfet-firmware-") as folder:
+        make(Path(folder), f"{folder}/posfet_board")
+        for name in names:
+            begin = time.monotonic()
+            found = campaign(Path(folder) / "posfet_board", name, options.scans // len(names), options.seed)
+            print(describe(name, found, time.monotonic() - begin), flush=True)
+            bad += len(found.failures)
+    return 1 if bad else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
