@@ -29,6 +29,7 @@ from posfet_driver.protocol.messages import (
     Result,
     Status,
 )
+from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_sim.emulation.firmware import BoardFirmware
@@ -364,3 +365,41 @@ def test_commands_of_other_hosts_are_no_unrelated_traffic() -> None:
     decoder = Decoder(SENSOR)
     list(decoder.decode([(BASE, CLASSIC, Request(Command.START, 1).pack())], 0, 0))
     assert (decoder.traffic.commands, decoder.traffic.unrelated) == (1, 0)
+
+
+def classic_scans(*sequences: int, number: int = 0, time: int = 0) -> list[Frame]:
+    """Return the frames of classic scans by a board whose numbers and times [us] are shifted."""
+    sensor, frames = with_fd(SENSOR, False), []
+    for sequence in sequences:
+        scan = make_scan(sensor, sequence)
+        scan.sequence += number
+        scan.device_time += time
+        frames += make_codec(sensor).encode(scan, BASE, header=sequence % 16 == 0)
+    return frames
+
+
+def classic_decoder() -> Decoder:
+    """Return a decoder that has received 32 scans, one each millisecond."""
+    decoder = Decoder(with_fd(SENSOR, False))
+    decoder.start()
+    for sequence in range(32):
+        list(decoder.decode(classic_scans(sequence), sequence * PERIOD, 0))
+    return decoder
+
+
+def test_classic_scans_are_not_counted_on_against_a_header_that_cannot_be() -> None:
+    decoder, published = classic_decoder(), []
+    for sequence in range(32, 200):
+        for decoded in decoder.decode(classic_scans(sequence, number=160_000), sequence * PERIOD, 0):
+            published.append(decoded)
+    assert published == []
+    assert decoder.statistics.implausible > 0
+
+
+def test_a_classic_clock_that_jumps_does_not_measure_the_scan_period() -> None:
+    decoder, errors = classic_decoder(), []
+    for sequence in range(32, 200):
+        for _ in decoder.decode(classic_scans(sequence, time=90_000_000), sequence * PERIOD, 0):
+            errors.append(decoder.scan.stamp - decoder.scan.sequence * PERIOD)
+    assert len(errors) > 160
+    assert np.abs(errors).max() < 100_000

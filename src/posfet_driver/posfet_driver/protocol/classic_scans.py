@@ -14,7 +14,7 @@ from posfet_driver.protocol.clock_sync import ClockSync
 from posfet_driver.protocol.device_clock import DeviceClock
 from posfet_driver.protocol.scan_assembler import Assembler, BlockOutcome
 from posfet_driver.protocol.scan_codec import CLASSIC_COUNTER, CLASSIC_LENGTH, HEADER_SCANS, ScanHeader
-from posfet_driver.protocol.scan_numbering import Number, ScanNumbering
+from posfet_driver.protocol.scan_numbering import FASTEST, SLACK, Number, ScanNumbering
 from posfet_model.sensor.scan import Scan
 
 LATE_BLOCKS: Final = 3
@@ -122,6 +122,7 @@ class ClassicScans:
         waited = (arrival - self._arrival) / 1000
         missing = numbering.missing(Number(header.boot, header.sequence, header.time), waited)
         if missing is None:
+            self.doubtful = True  # either the header is wrong, or what was counted since the last one
             return []
         if missing < 0:
             self._statistics.duplicate += 1
@@ -135,7 +136,7 @@ class ClassicScans:
         if not begun:
             self._assembler.abandon()
         released = self._end_group(missing, complete)
-        self._measure_period(before)
+        self._measure_period(before, waited)
         self.sequence = self._header = numbering.sequence
         self._arrival, self._accounted = arrival, int(complete)
         if not begun:
@@ -211,10 +212,14 @@ class ClassicScans:
         self._assembler.count_lost(scans)
         self._accounted += scans
 
-    def _measure_period(self, before: int) -> None:
-        """Measure the scan period since the previous header; `before` is its time [us]."""
+    def _measure_period(self, before: int, waited: float) -> None:
+        """Measure the scan period since the previous header.
+
+        Its time [us] is `before`, and it arrived `waited` [us] ago: a clock that has jumped measures nothing.
+        """
         clock, scans = self.clock, self.numbering.sequence - self._header
         measurable = self._header_read and scans <= HEADER_SCANS and not self.numbering.restarted
         self._header_read = not clock.frozen
-        if measurable and clock.time > before:
-            self._period = (clock.time - before) / scans
+        elapsed = clock.time - before
+        if measurable and 0 < elapsed <= FASTEST * waited + SLACK * self._period:
+            self._period = elapsed / scans
