@@ -19,8 +19,9 @@ from pathlib import Path
 from typing import Final
 
 from posfet_driver.board.board_client import Board
+from posfet_driver.protocol.clock_sync import STEP_LIMIT
 from posfet_model.sensor.description import Sensor, load_sensor
-from posfet_model.sensor.scan import Scan, ScanStatus
+from posfet_model.sensor.scan import Scan
 from support.adversary_link import Link, LoggedBoard, Sampled
 from support.clocks import SteppedClock
 from support.fake_board import with_fd, with_layout
@@ -70,8 +71,15 @@ PERIODS: Final = (1000, 1000, 2000, 5000)
 SECOND: Final = 1_000_000_000
 NUMBERED_AGAIN: Final = SECOND // 5
 """Time after a lie about the sequence within which a scan may have the false number [ns]."""
-STAMPED_AGAIN: Final = SECOND
-"""Time of scans after a lie about time within which stamps may be wrong [ns]."""
+LONGEST_READ: Final = 20_000_000
+"""Time between two scans that counts as time in which the host reads [ns]."""
+DRIFTING: Final = 60 * SECOND
+"""Time in which an error of `STEP_LIMIT` is gone by the drift that is allowed for [ns]."""
+COUNTER: Final = 16
+"""Scans by which the counter of classic blocks can mislead besides [1]."""
+STAMPED_AGAIN: Final = 2 * SECOND
+"""Time of scans after a lie about time within which stamps may be wrong [ns]: the offset is re-estimated after a whole
+window of one second, of which the lie may have spoiled the first."""
 REPLUGGED: Final = SECOND // 2
 RECOVERED: Final = 2 * SECOND
 """Time from the end of a fault to the next scan [ns]."""
@@ -93,6 +101,10 @@ class Findings:
     stretches: int = 0
     false_numbers: int = 0
     """Scans that were published with the number of a lie about it."""
+    wrapped: int = 0
+    """Classic scans whose number is wrong by a multiple of 16, all that a counter of 4 bits leaves open."""
+    early: int = 0
+    """Classic scans after a lie whose stamps were early by less than `STEP_LIMIT`: only the drift mends it."""
     not_stamped: int = 0
     """Scans whose stamps were not judged: in a lie about time, or just after it."""
     largest_error: int = 0
@@ -124,14 +136,20 @@ class Judge:
         self._counters: dict[object, int] = {}
         self._delays: dict[int, int] = {}  # shortest in each tenth of a second [ns]
         self._number_lies: list[tuple[int, int, int]] = []  # begin and end [ns], and the jump
-        self._time_doubted = 0  # scans before it [ns] are not judged by their stamps
+        self._doubted = 0  # time of reading in which stamps are still not judged [ns]
+        self._previous = 0  # time of the previous scan [ns]
+        self._doubted_last = -DRIFTING  # time of the first right scan after the newest lie [ns]
         self._waits_for_time = False
         self._base: tuple[int, int, int, int] | None = None  # of the stretch: sequence, published, lost, incomplete
         self.quiet_since = 0
 
-    def lies(self, begin: int, end: int, jump: int) -> None:
-        """Note that the board has lied about its sequence between two times [ns]."""
-        self._number_lies = [*self._number_lies[-3:], (begin, end, jump)]
+    def lie_begins(self, begin: int, jump: int) -> None:
+        """Note that the board lies about its sequence from a time [ns] on."""
+        self._number_lies = [*self._number_lies[-3:], (begin, 1 << 62, jump)]
+
+    def lies_end(self, end: int) -> None:
+        """Note that the board tells its sequence from a time [ns] on."""
+        self._number_lies = [(begin, min(last, end), jump) for begin, last, jump in self._number_lies]
 
     def doubt_time(self) -> None:
         """Judge no stamp until scans have been right for a while."""
@@ -191,19 +209,36 @@ class Judge:
             sent = [count & 0xFFF0 | count >> 12 for count in sent]
         return bool(scan.counts.tolist() == sent)
 
+    def _is_in_lie(self, time: int) -> bool:
+        return any(begin - SECOND <= time <= end + NUMBERED_AGAIN for begin, end, _ in self._number_lies)
+
     def _is_false_number(self, scan: Scan) -> bool:
         """Return whether a scan has the number that the board has lied about, and no other error."""
-        for begin, end, jump in self._number_lies:
-            sent = self._find(scan, (scan.sequence - jump) & 0xFFFFFFFF)
-            if sent and begin - self._link.lookahead <= sent.time <= end + NUMBERED_AGAIN:
-                self.findings.false_numbers += 1
-                self._last = -1
-                return True
+        for _, _, jump in self._number_lies:
+            for wrong in (jump,) if self._fd else range(jump - COUNTER, jump + COUNTER + 1):
+                sent = self._find(scan, (scan.sequence - wrong) & 0xFFFFFFFF)
+                if sent and self._is_in_lie(sent.time):
+                    self.findings.false_numbers += 1
+                    self._last = -1
+                    return True
         return False
 
     def _find_error(self, scan: Scan) -> None:
+        wraps = range(-64 * COUNTER, 64 * COUNTER + 1, COUNTER)
+        if not self._fd and any(self._find(scan, scan.sequence + wrap) for wrap in wraps):
+            self.findings.wrapped += 1
+            self._last, self._base, self._waits_for_time = -1, None, True  # its stamp is that of another scan
+            return
+        if self.findings.failures["misnumbered"] > 3:
+            self.findings.fail("misnumbered", "or torn")
+            return
         for sequence, others in self._hardware.sampled.items():
-            if any(self._equal(scan, sampled) for sampled in others):
+            same = [sampled for sampled in others if self._equal(scan, sampled)]
+            if same and self._is_in_lie(same[-1].time):
+                self.findings.false_numbers += 1
+                self._last = -1
+                return
+            if same:
                 self.findings.fail("misnumbered", self._at(scan, f"is {sequence}, {others}"))
                 return
         self.findings.fail("torn", self._at(scan, "was never sampled"))
@@ -212,16 +247,21 @@ class Judge:
         found, now = self.findings, self._link.clock.now
         tenth = now // (SECOND // 10)
         self._delays[tenth] = min(self._delays.get(tenth, now), now - sent.time)
-        while len(self._delays) > 11:
-            del self._delays[next(iter(self._delays))]
+        while (oldest := next(iter(self._delays))) < tenth - 10:
+            del self._delays[oldest]
         if self._waits_for_time and calm:
             self._waits_for_time = False
-            self._time_doubted = now + STAMPED_AGAIN
-        if self._waits_for_time or now < self._time_doubted:
+            self._doubted, self._doubted_last = STAMPED_AGAIN, now
+        passed, self._previous = min(now - self._previous, LONGEST_READ), now
+        if self._waits_for_time or self._doubted > 0:
+            self._doubted -= passed
             found.not_stamped += 1
             return
         error = scan.stamp - sent.time
         bound = min(self._delays.values()) + round(self._board.stamp_uncertainty * 1e9)
+        if not self._fd and -STEP_LIMIT < error < -ROUNDING and now < self._doubted_last + DRIFTING:
+            found.early += 1
+            return
         if not -ROUNDING <= error <= bound + ROUNDING:
             found.fail("stamp", self._at(scan, f"error {error / 1e6:.3f} ms, bound {bound / 1e6:.3f} ms"))
         if calm:
@@ -313,13 +353,10 @@ class Adversary:
             self._begin(name)
             self.read(round(noise.expovariate(6.0) * SECOND), calm=False)
         self.read(round(noise.expovariate(6.0) * SECOND), calm=False)
-        jump = link.jump
         link.end()
         link.run(max(self.clock.now, self.hardware.host_time(self.hardware.now)))
         end = judge.quiet_since = self.clock.now
-        if not ABOUT_SEQUENCE.isdisjoint(names):
-            judge.lies(begin, self.hardware.host_time(self.hardware.now), jump)
-            judge.end_stretch()
+        judge.lies_end(max(end, self.hardware.host_time(self.hardware.now)))
         if not ABOUT_TIME.isdisjoint(names):
             judge.end_stretch()
         self._recover(names, end)
@@ -339,7 +376,7 @@ class Adversary:
         if took > limit:
             found.fail("recovery", f"{names}: {took / 1e9:.3f} s, {self.board.report().state}")
 
-    def _begin(self, name: str) -> None:
+    def _begin(self, name: str) -> None:  # noqa: PLR0912  # a table of faults in all but name
         noise, link, hardware = self.noise, self.link, self.hardware
         if name in {"reset", "reset, same number", "brown-out"}:
             if name == "brown-out":
@@ -371,6 +408,9 @@ class Adversary:
                 self.read(SECOND // 20, calm=False)
         else:
             link.begin(name)
+            if name in ABOUT_SEQUENCE:
+                self.judge.lie_begins(self.clock.now, link.jump)
+                self.judge.lie_begins(self.clock.now, 0)  # seen in classic counters, which have 4 bits
             if name == "bus blocked":
                 hardware.command("B 1")
 
@@ -399,7 +439,8 @@ def describe(name: str, found: Findings, seconds: float) -> str:
         f"{name}: {found.published} scans published, {sum(found.faults.values())} faults, {seconds:.0f} s",
         f"  accounted for: {found.sampled} ticks in {found.stretches} stretches, {found.lost} lost, "
         f"{found.incomplete} incomplete",
-        f"  numbers of lies: {found.false_numbers}; stamps not judged: {found.not_stamped}, largest error of the "
+        f"  numbers of lies: {found.false_numbers}; wrong by a multiple of 16: {found.wrapped}; "
+        f"stamps not judged: {found.not_stamped}, early by less than 5 ms after a lie: {found.early}, largest error of the "
         f"others without faults {found.largest_error / 1e6:.3f} ms",
         f"  longest time to the next scan [s]: {slowest}",
     ]

@@ -47,7 +47,8 @@ class LoggedBoard:
         """Time since the start of the process [us]."""
         self.sampled: dict[int, list[Sampled]] = {}
         """Scans by sequence, those of the newest power-on last."""
-        self.keeps_log = True
+        self.is_heard = True
+        """Whether anything that the board does now can still arrive."""
         self._scale = scale
         self._order: deque[int] = deque()
         self._began = 0
@@ -102,6 +103,8 @@ class LoggedBoard:
             first = reply[0]
             if first in ".?":
                 break
+            if not self.is_heard:
+                continue
             if first == "@":
                 time = self.host_time(int(reply[1:]))
                 continue
@@ -116,7 +119,7 @@ class LoggedBoard:
         except BlockingIOError:
             return
         *lines, self._rest = text.split("\n")
-        if not self.keeps_log:
+        if not self.is_heard:
             return
         for line in lines:
             _, sequence, time, counts = line.split(" ", 3)
@@ -210,8 +213,8 @@ class Link:
             self.clock.now = min(self.clock.now + STEP * 1000, end)
             full = len(self._queue) >= self.room
             self.run(self.clock.now)
-            self.board.keeps_log = not full
-        self.board.keeps_log = True
+            self.board.is_heard = not full
+        self.board.is_heard = True
         if len(self._queue) >= self.room:
             self._queue.append((self.clock.now, (0x004, ERROR, bytes([0, 1]).ljust(8, b"\0"))))
 
@@ -303,7 +306,7 @@ class Link:
             for time, frame in due:
                 self._arrive(time, frame)
 
-    def _disturb(self, time: int, frame: Frame) -> None:
+    def _disturb(self, time: int, frame: Frame) -> None:  # noqa: PLR0912  # one branch for each fault
         active, noise = self.active, self._noise
         identifier, kind, data = frame
         if "adapter stalls" in active:

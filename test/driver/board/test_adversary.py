@@ -1,0 +1,41 @@
+"""The driver against the reference firmware behind a link with every fault, and lies; the long run is in make soak."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from support.adversary import FAULTS, campaign, describe, variants
+from support.reference_board import COMPILER, make
+
+SCANS = {"FD 5x5 1 kHz": 110_000, "classic 5x5 1 kHz": 70_000, "FD 8x8 500 Hz": 70_000, "classic 5x5 250 Hz": 50_000}
+WRAPPED = 1e-3
+"""Share of classic scans whose number may be wrong by a multiple of 16 (docs/faults.md)."""
+
+
+@pytest.fixture(scope="session")
+def plain_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The firmware's process; the workers of pytest-xdist share it."""
+    if COMPILER is None:
+        pytest.skip("needs a C compiler and make")
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if base.name.startswith("popen-") else base) / "firmware"
+    make(folder, f"{folder}/posfet_board")
+    return folder / "posfet_board"
+
+
+def test_the_short_runs_have_the_scans_that_are_stated() -> None:
+    assert SCANS.keys() == variants().keys()
+    assert sum(SCANS.values()) == 300_000
+
+
+@pytest.mark.parametrize("name", list(SCANS))
+def test_every_published_scan_is_what_the_board_has_sampled(plain_program: Path, name: str) -> None:
+    found = campaign(plain_program, name, SCANS[name], seed=1)
+    assert not found.failures, describe(name, found, 0.0)
+    assert found.published >= SCANS[name]
+    assert found.wrapped <= (0 if name.startswith("FD") else WRAPPED * found.published)
+    assert found.faults.keys() == set(FAULTS)
+    assert found.lost > 0
+    assert found.stretches > 100
