@@ -5,7 +5,7 @@
 #   make test-cortex-m      run the reference firmware's image on an emulated Cortex-M3, driver and model on it; part of test-vm
 #   make test-vm            run the driver on SocketCAN in a virtual machine with Debian's kernel     ARGS="-k netem"
 #   make check              run ruff, mypy, numpydoc and import-linter
-#   make soak               run the tests against the wall clock, then the driver under faults for half an hour     FOR=60
+#   make soak               run the tests against the wall clock, the adversary, then the driver under faults for half an hour     FOR=60  SCANS=100000
 #   make bench              measure speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
 #   make stability          run every follower model for 1e8 steps, half an hour     STEPS=1e6
 #   make accuracy           measure the accuracy of forces and contacts; writes docs/accuracy.md    FULL=1  ONLY=effects (that section)
@@ -77,7 +77,7 @@ check: $(BUILT) $(CHECK_READY)
 	numpydoc lint --config . $$(find src -name '*.py' -not -name setup.py) && PYTHONPATH="$(PACKAGES):$$PYTHONPATH" lint-imports
 
 soak: $(BUILT)
-	@$(IN_ENVIRONMENT) python3 -m pytest -m slow && cd test && exec python3 -m support.soak --for $(or $(FOR),1800) $(ARGS)
+	@$(IN_ENVIRONMENT) python3 -m pytest -m slow && cd test && python3 -m support.adversary --scans $(or $(SCANS),10000000) && exec python3 -m support.soak --for $(or $(FOR),1800) $(ARGS)
 
 bench: $(BUILT) benchmarks/.ready
 	@$(IN_ENVIRONMENT) PYTHONPATH="$$PWD/test:$$PYTHONPATH" exec python3 -m benchmarks $(if $(FULL),--full) $(if $(ONLY),--only $(ONLY)) $(ARGS)

@@ -440,8 +440,8 @@ def describe(name: str, found: Findings, seconds: float) -> str:
         f"  accounted for: {found.sampled} ticks in {found.stretches} stretches, {found.lost} lost, "
         f"{found.incomplete} incomplete",
         f"  numbers of lies: {found.false_numbers}; wrong by a multiple of 16: {found.wrapped}; "
-        f"stamps not judged: {found.not_stamped}, early by less than 5 ms after a lie: {found.early}, largest error of the "
-        f"others without faults {found.largest_error / 1e6:.3f} ms",
+        f"stamps not judged: {found.not_stamped}, early by less than 5 ms after a lie: {found.early}, "
+        f"largest error of the others without faults {found.largest_error / 1e6:.3f} ms",
         f"  longest time to the next scan [s]: {slowest}",
     ]
     return "\n".join([*lines, *(f"BAD: {kind}: {count}" for kind, count in found.failures.items()), *found.examples])
