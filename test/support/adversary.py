@@ -73,8 +73,8 @@ NUMBERED_AGAIN: Final = SECOND // 5
 """Time after a lie about the sequence within which a scan may have the false number [ns]."""
 LONGEST_READ: Final = 20_000_000
 """Time between two scans that counts as time in which the host reads [ns]."""
-DRIFTING: Final = 60 * SECOND
-"""Time in which an error of `STEP_LIMIT` is gone by the drift that is allowed for [ns]."""
+DRIFTING: Final = 300 * SECOND
+"""Time in which an error of `STEP_LIMIT` is gone [ns]: 100 ppm are allowed for, and the clocks drift by up to 80."""
 COUNTER: Final = 16
 """Scans by which the counter of classic blocks can mislead besides [1]."""
 STAMPED_AGAIN: Final = 2 * SECOND
