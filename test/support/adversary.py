@@ -133,7 +133,7 @@ class Judge:
         self._power_on = 0
         self._last = -1
         self._lost = 0
-        self._counters: dict[object, int] = {}
+        self._counters: dict[str, int] = {}
         self._delays: dict[int, int] = {}  # shortest in each tenth of a second [ns]
         self._number_lies: list[tuple[int, int, int]] = []  # begin and end [ns], and the jump
         self._doubted = 0  # time of reading in which stamps are still not judged [ns]
@@ -188,7 +188,8 @@ class Judge:
     def judge_counters(self) -> None:
         """Compare all counters of the report with the previous ones."""
         report = self._board.report()
-        counters: dict[object, int] = {**report.fault_counts, **report.counters, "scans": report.scans}
+        named = *report.fault_counts.items(), *report.counters.items(), ("scans", report.scans)
+        counters = {str(name): value for name, value in named}
         for name, value in self._counters.items():
             if counters[name] < value:
                 self.findings.fail("counter fell", f"{name}: {value} -> {counters[name]}")
