@@ -138,7 +138,8 @@ class LoggedBoard:
 class Link:
     """The bus, its adapter and the socket's buffer, with the faults that are `active`. It is the opened bus as well."""
 
-    malformed_lines = 0
+    unreadable = 0
+    arrival_stamp = 0
 
     def __init__(self, clock: SteppedClock, board: LoggedBoard, fd: bool, noise: random.Random) -> None:
         self.active: dict[str, int] = {}

@@ -122,7 +122,7 @@ class ClassicScans:
         waited = (arrival - self._arrival) / 1000
         missing = numbering.missing(Number(header.boot, header.sequence, header.time), waited)
         if missing is None:
-            self.doubtful = True  # either the header is wrong, or what was counted since the last one
+            self.doubtful |= header.boot == numbering.boot  # it is wrong, or what was counted since the last one
             return []
         if missing < 0:
             self._statistics.duplicate += 1

@@ -21,7 +21,7 @@ class ClockSync:
     Arrival time minus device time is the clock offset plus the transit time, and the transit time is never below that
     of an undelayed frame. The minimum of this difference is the estimated offset. It is raised by `MAX_DRIFT` per
     second, so that a slow board clock is followed; a fast one lowers the minimum by itself. The error is the minimum
-    transit time (0.2 ms of frame and adapter), plus 0.1 ms for each second without an undelayed frame. When every frame
+    transit time (0.2 ms of frame and adapter), plus 0.2 ms for each second without an undelayed frame. When every frame
     of one second is late by more than 5 ms, the board's clock has been set back, and the offset is re-estimated.
 
     A board whose clock is frozen is mapped in the same manner by the sequence of its scans, which are equidistant.
@@ -39,9 +39,10 @@ class ClockSync:
     def uncertainty(self) -> float:  # numpydoc ignore=RT01
         """Possible drift of the offset since the last undelayed frame [ns]; NaN before the first frame.
 
-        The minimum transit time adds to it: no mapping of this kind can observe it.
+        The offset is raised by `MAX_DRIFT` while the board's clock may be fast by as much. The minimum transit time adds
+        to it: no mapping of this kind can observe it.
         """
-        return (self._last - self._undelayed) * MAX_DRIFT if self._known else math.nan
+        return 2 * (self._last - self._undelayed) * MAX_DRIFT if self._known else math.nan
 
     def delay(self, device_time: int, arrival: int) -> float:
         """Return how much later a frame arrived than an undelayed one [ns]; 0 before the first frame.
