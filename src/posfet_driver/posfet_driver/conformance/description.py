@@ -10,9 +10,8 @@ from functools import cached_property, lru_cache
 from importlib.resources import files
 from typing import Any, Final
 
-import yaml
-
 from posfet_driver.bus.frame import CLASSIC, FD, RATE_SWITCH, Frame
+from posfet_model.plain_yaml import parse
 
 BASE: Final = 0x100
 """Base identifier in the DBC."""
@@ -153,7 +152,7 @@ class Description:
 def load_description() -> Description:
     """Return the description that is shipped with this package."""
     folder = files("posfet_driver") / "protocol"
-    states = yaml.safe_load((folder / "posfet.yaml").read_text(encoding="utf-8"))
+    states: Any = parse((folder / "posfet.yaml").read_text(encoding="utf-8"))
     return Description(_messages((folder / "posfet.dbc").read_text(encoding="ascii")), states)
 
 

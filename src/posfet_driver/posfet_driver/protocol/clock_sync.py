@@ -39,8 +39,8 @@ class ClockSync:
     def uncertainty(self) -> float:  # numpydoc ignore=RT01
         """Possible drift of the offset since the last undelayed frame [ns]; NaN before the first frame.
 
-        The offset is raised by `MAX_DRIFT` while the board's clock may be fast by as much. The minimum transit time adds
-        to it: no mapping of this kind can observe it.
+        The offset is raised by `MAX_DRIFT` while the board's clock may be fast by as much. The minimum transit time
+        adds to it: no mapping of this kind can observe it.
         """
         return 2 * (self._last - self._undelayed) * MAX_DRIFT if self._known else math.nan
 
