@@ -53,7 +53,10 @@ with ros([]) as stack:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="needs the wake-up counters of Linux")
 def test_a_message_to_a_reliable_subscriber_wakes_no_second_thread() -> None:
-    """With default settings the event thread wakes up at least twice per message; with these about once in 5 ms."""
+    """With default settings the event thread wakes up at least twice per message; with these about once in 5 ms.
+
+    Measured: about 1000 with default settings, 180 to 370 with these, on a busy machine too. The limit is in between.
+    """
     context, received = Context(), []
     rclpy.init(context=context)
     reader = Node("reader", context=context)
@@ -75,7 +78,7 @@ def test_a_message_to_a_reliable_subscriber_wakes_no_second_thread() -> None:
     subscriptions, wakes, seconds = out.split()
     assert subscriptions == "1"
     assert received == list(range(MESSAGES)), "a message was lost: the connection is not reliable"
-    assert int(wakes) < 3 * float(seconds) / 5e-3 + 50
+    assert int(wakes) < 1.5 * MESSAGES + float(seconds) / 5e-3
 
 
 @pytest.mark.parametrize("own", ["", "/etc/own.xml"])
