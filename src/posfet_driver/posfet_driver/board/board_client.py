@@ -15,11 +15,11 @@ from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.board.no_response import NoResponseMonitor
 from posfet_driver.board.scan_source import SourceReport
 from posfet_driver.bus.arrival_time import ArrivalTime
+from posfet_driver.bus.bus_error import one_line
 from posfet_driver.bus.bus_load import BusLoad
 from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.frame_timing import classic_time, fd_time
-from posfet_driver.bus.open_bus import one_line
 from posfet_driver.bus.reconnecting_bus import PRESENCE_PERIOD, ReconnectingBus
 from posfet_driver.clock import Clock, SystemClock
 from posfet_driver.protocol.decoder import Decoded, Decoder, ResponseReceived, ScanReady, StatusReceived

@@ -15,8 +15,7 @@ import can
 from can.interfaces import BACKENDS
 
 from posfet_driver.bus import can_interface
-from posfet_driver.bus.bus_error import bus_failure
-from posfet_driver.bus.bus_error import one_line as one_line  # noqa: PLC0414  # its users open a bus
+from posfet_driver.bus.bus_error import bus_failure, one_line
 from posfet_driver.bus.frame import BoardFrames
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.python_can_bus import PythonCanFrameBus

@@ -10,9 +10,10 @@ from typing import Final
 import can
 
 from posfet_driver.bus import can_interface
+from posfet_driver.bus.bus_error import one_line
 from posfet_driver.bus.frame import BoardFrames
 from posfet_driver.bus.frame_bus import FrameBus
-from posfet_driver.bus.open_bus import PLAIN_SLCAN, SLCAN, BusSettings, one_line, open_bus
+from posfet_driver.bus.open_bus import PLAIN_SLCAN, SLCAN, BusSettings, open_bus
 
 WILDCARDS: Final = "*?["
 _SERIAL: Final = {SLCAN, PLAIN_SLCAN}

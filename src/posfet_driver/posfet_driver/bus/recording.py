@@ -12,7 +12,7 @@ from typing import Final
 import can
 from can.io.blf import BLFParseError, BLFReader
 
-from posfet_driver.bus.open_bus import one_line
+from posfet_driver.bus.bus_error import one_line
 from posfet_model.config import ConfigError
 
 FORMATS: Final = (".log", ".asc", ".blf")

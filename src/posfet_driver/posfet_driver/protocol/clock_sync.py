@@ -104,3 +104,21 @@ class ClockSync:
     def _begin_window(self, difference: float, arrival: int) -> None:
         self._window_end = arrival + WINDOW
         self._window_minimum = difference
+
+
+class WallOffset:
+    """Wall time less monotonic time, read with each batch of frames.
+
+    Of two consecutive readings the smaller is used: a process that is suspended between its reads of the two clocks
+    reads too large a value.
+    """
+
+    def __init__(self) -> None:
+        self.value = 0
+        """The offset to be used [ns]."""
+        self._last = 1 << 63  # more than any
+
+    def read(self, offset: int) -> None:
+        """Take a reading [ns]."""
+        self.value = offset if offset < self._last else self._last
+        self._last = offset

@@ -9,7 +9,7 @@ from typing import Final, TypeAlias
 
 from posfet_driver.bus.frame import ERROR, EXTENDED, Frame
 from posfet_driver.protocol.classic_scans import ClassicScans
-from posfet_driver.protocol.clock_sync import ClockSync
+from posfet_driver.protocol.clock_sync import ClockSync, WallOffset
 from posfet_driver.protocol.fd_scans import FdScans
 from posfet_driver.protocol.messages import (
     CLASSIC_BLOCK_OFFSET,
@@ -31,7 +31,6 @@ from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 
-_NEVER_READ: Final = 1 << 63
 _TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)  # a flag is ten times as slow as a number
 _BOARD_RESET: Final = int(ScanStatus.BOARD_RESET)
 _NO_BLOCK: Final = EXTENDED | ERROR
@@ -140,8 +139,7 @@ class Decoder:
         self._sync = ClockSync()
         self._scan_boot: int | None = None
         self._arrival = 0
-        self._wall_offset = 0
-        self._last_wall_offset = _NEVER_READ
+        self._wall_offset = WallOffset()
         self._status_data = b""
         self._first_block = FD_BLOCK_OFFSET if self._fd else CLASSIC_BLOCK_OFFSET
         self._last_block = codec.offset(codec.blocks - 1)
@@ -200,8 +198,6 @@ class Decoder:
         """Decode a batch of frames, one step of the iterator at a time.
 
         Classic scans may be held until a later batch, or dropped when their sequence cannot be known (`ClassicScans`).
-        Of this wall offset and the previous one the smaller is used: a process that is suspended between its reads of
-        the two clocks reads too large a value.
 
         Parameters
         ----------
@@ -219,8 +215,7 @@ class Decoder:
         """
         self.traffic.frames += len(frames)
         self._arrival = arrival
-        self._wall_offset = wall_offset if wall_offset < self._last_wall_offset else self._last_wall_offset
-        self._last_wall_offset = wall_offset
+        self._wall_offset.read(wall_offset)
         return self._decode_fd(frames) if self._fd else self._decode_classic(frames)
 
     def _decode_fd(self, frames: list[Frame]) -> Iterator[Decoded]:
@@ -267,7 +262,7 @@ class Decoder:
         if scans.clock.frozen:
             scan.device_time = 0
             scan.status |= _TIME_ESTIMATED
-        scan.stamp = self._sync.to_monotonic(time, self._arrival) + self._wall_offset
+        scan.stamp = self._sync.to_monotonic(time, self._arrival) + self._wall_offset.value
         if scans.numbering.restarted:
             scans.numbering.restarted = False
             scan.status |= _BOARD_RESET

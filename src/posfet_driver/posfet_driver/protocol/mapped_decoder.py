@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from posfet_driver.bus.frame import ERROR, EXTENDED, Frame
+from posfet_driver.protocol.clock_sync import WallOffset
 from posfet_driver.protocol.decoder import Decoded, Decoder, ScanReady, Traffic
 from posfet_driver.protocol.frame_tables import NO_BLOCK, MappedMessage, Part, load_tables
 from posfet_driver.protocol.mapped_assembler import MappedAssembler
@@ -17,7 +18,6 @@ from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 
-_NEVER_READ: Final = 1 << 63
 _TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)  # a flag is ten times as slow as a number
 _SEQUENCE_ESTIMATED: Final = int(ScanStatus.SEQUENCE_ESTIMATED)
 _BOARD_RESET: Final = int(ScanStatus.BOARD_RESET)
@@ -65,8 +65,7 @@ class MappedDecoder:
         steps_tell = self.tables.timed and self.tables.tick <= period
         self._gaps_show = self.tables.sequenced or steps_tell or self.tables.blocks == 1
         self._overflowed = False
-        self._wall_offset = 0
-        self._last_wall_offset = _NEVER_READ
+        self._wall_offset = WallOffset()
         self._ready = ScanReady(self.scan)
 
     @property
@@ -127,9 +126,6 @@ class MappedDecoder:
     def decode(self, frames: list[Frame], arrival: int, wall_offset: int) -> Iterator[Decoded]:
         """Decode a batch of frames, one step of the iterator at a time.
 
-        Of this wall offset and the previous one the smaller is used: a process that is suspended between its reads of
-        the two clocks reads too large a value.
-
         Parameters
         ----------
         frames : list of Frame
@@ -145,8 +141,7 @@ class MappedDecoder:
             The complete scans. Exhaust it before the next batch; what is not consumed is dropped.
         """
         self.traffic.frames += len(frames)
-        self._wall_offset = wall_offset if wall_offset < self._last_wall_offset else self._last_wall_offset
-        self._last_wall_offset = wall_offset
+        self._wall_offset.read(wall_offset)
         if not frames:
             return iter(())
         if self._overflowed:
@@ -211,7 +206,7 @@ class MappedDecoder:
         else:
             scan.device_time = 0
             scan.status |= _TIME_ESTIMATED
-        scan.stamp = numbering.stamp() + self._wall_offset
+        scan.stamp = numbering.stamp() + self._wall_offset.value
         if numbering.was_reset:
             scan.status |= _BOARD_RESET
             self.resets += 1

@@ -14,7 +14,7 @@ import can
 
 from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.scan_source import SourceError
-from posfet_driver.bus.open_bus import one_line
+from posfet_driver.bus.bus_error import one_line
 from posfet_driver.clock import Clock, SystemClock
 from posfet_driver.parameters import CAN_BITRATE, CAN_DATA_BITRATE, CAN_OPTIONS
 from posfet_driver.protocol.messages import Command

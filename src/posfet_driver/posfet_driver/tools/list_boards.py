@@ -14,9 +14,10 @@ from rich.console import Console
 from rich.table import Table
 
 from posfet_driver.bus import can_interface
+from posfet_driver.bus.bus_error import one_line
 from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.frame_bus import FrameBus
-from posfet_driver.bus.open_bus import one_line, open_bus
+from posfet_driver.bus.open_bus import open_bus
 from posfet_driver.clock import Clock
 from posfet_driver.protocol.decoder import ScanReady
 from posfet_driver.protocol.mapped_decoder import make_decoder

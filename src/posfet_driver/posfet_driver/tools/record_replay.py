@@ -13,9 +13,10 @@ from rich.console import Console
 from rich.table import Table
 
 from posfet_driver.board.faults import FaultKind
+from posfet_driver.bus.bus_error import one_line
 from posfet_driver.bus.error_frame import ErrorCounts
 from posfet_driver.bus.message_conversion import frame_of
-from posfet_driver.bus.open_bus import one_line, open_can_bus
+from posfet_driver.bus.open_bus import open_can_bus
 from posfet_driver.bus.python_can_bus import PythonCanFrameBus
 from posfet_driver.bus.recording import check_name, messages, recording
 from posfet_driver.protocol.decoder import Decoder

@@ -8,9 +8,10 @@ from typing import Final
 import can
 
 from posfet_driver.board.scan_source import SourceError
+from posfet_driver.bus.bus_error import one_line
 from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.frame_bus import FrameBus
-from posfet_driver.bus.open_bus import BusSettings, one_line, open_bus
+from posfet_driver.bus.open_bus import BusSettings, open_bus
 from posfet_driver.clock import Clock, SystemClock
 from posfet_model._lib.units import NANOSECONDS
 from posfet_sim.emulation.bus_node import Node
