@@ -170,6 +170,7 @@ GOOD: dict[str, dict[str, Any]] = {
         "stack": paper.STACK,
         "electron_mobility": 0.085,
         "hole_mobility": 0.0283,
+        "pair_threshold_shift": 0.0,
     },
     "paper.TransistorSize": {"name": "M1", "width": 3e-3, "length": 12e-6},
     "paper.channel_gain_factor": {"plane": transistor.Plane.GATE},

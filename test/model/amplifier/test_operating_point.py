@@ -194,3 +194,23 @@ def test_invalid_arguments_are_rejected_by_name() -> None:
         load_size=[0.6],
     ).values
     assert_all_refused(function, cases)
+
+
+@pytest.mark.parametrize(("formulas", "bias"), [(figures_of_merit, AmplifierBias()), (one_stage_figures, CIRCUIT_C)])
+def test_a_poled_film_moves_the_input_range_by_the_shift_of_the_threshold(formulas, bias: AmplifierBias) -> None:
+    """Without channel-length modulation the pair only needs another common mode; its gain and speed stay."""
+    bias = dataclasses.replace(bias, modulation=1e-6, load_resistance=1e15)
+    usual, poled, depleted = (
+        formulas(bias, AmplifierDesign(pair_threshold_shift=shift)) for shift in (0.0, -0.3, -4.0)
+    )
+    assert poled.open_loop_gain == pytest.approx(usual.open_loop_gain, rel=1e-5, abs=0)
+    assert poled.limits.v_low - usual.limits.v_low == pytest.approx(-0.3, abs=1e-5)
+    # The pair leaves saturation where its gate is a threshold above the drain, the gate of M3 below the supply.
+    load = math.sqrt(usual.tail_current / (0.0283 * STACK.oxide * 160 / 12))
+    assert depleted.limits.v_high == pytest.approx(5.0 - 0.7 - load + 0.7 - 4.0, abs=1e-4)
+
+
+def test_a_pair_that_cannot_saturate_is_rejected() -> None:
+    assert_refused(figures_of_merit, {"design": AmplifierDesign(pair_threshold_shift=-6.0)}, "supply")
+    for value in (*NOT_REAL_NUMBERS, 101.0):
+        assert_refused(AmplifierDesign, {"pair_threshold_shift": value}, "pair_threshold_shift")

@@ -66,7 +66,7 @@ def one_stage_figures(bias: AmplifierBias = CIRCUIT_C, design: AmplifierDesign =
     first = bias.threshold + overdrive7  # [V], of the gate of M7 with the output at 0 V
     if first + point.load_overdrive > bias.supply:
         raise ValueError(f"supply must keep every transistor saturated, got {bias.supply:g} V")
-    below, above = first + bias.threshold + point.pair_overdrive, bias.supply - first  # of M2 and M4
+    below, above = first + point.pair_threshold + point.pair_overdrive, bias.supply - first  # of M2 and M4
     out1 = lam * half / (1 + lam * below) + lam * half / (1 + lam * above)
     gm1, gm7 = point.tail / point.pair_overdrive, 2 * point.output / overdrive7
     out2 = gm7 + 2 * lam * point.output / (1 + lam * bias.supply) + 1 / bias.load_resistance
@@ -93,7 +93,7 @@ def one_stage_figures(bias: AmplifierBias = CIRCUIT_C, design: AmplifierDesign =
 
 
 def _highest_input(bias: AmplifierBias, design: AmplifierDesign, point: OperatingPoint) -> float:
-    """Return the highest input [V] that keeps M4 saturated, a gate-source voltage of M7 above the output."""
+    """Return the highest input [V] that keeps M1 and M4 saturated, M4 a gate-source voltage of M7 above the output."""
     highest = bias.supply - point.load_overdrive - bias.threshold
 
     def margin(overdrive: float) -> float:
@@ -102,4 +102,5 @@ def _highest_input(bias: AmplifierBias, design: AmplifierDesign, point: Operatin
             bias, highest - overdrive
         )
 
-    return highest - bisect(margin, 0.0, 2 * bias.supply)
+    pair = bias.supply - point.load_overdrive + design.pair_threshold_shift
+    return min(highest - bisect(margin, 0.0, 2 * bias.supply), pair)

@@ -41,6 +41,8 @@ class AmplifierDesign:
     """Mobility of the n-channel transistors [m2/(V s)], in [1e-9, 100]."""
     hole_mobility: float = HOLE_MOBILITY
     """Mobility of the p-channel transistors [m2/(V s)], in [1e-9, 100]."""
+    pair_threshold_shift: float = 0.0
+    """Threshold of M1 and M2 less that of the other transistors [V], by poling of the film, within +-100."""
 
     def __post_init__(self) -> None:
         names = [instance("sizes", size, TransistorSize).name for size in instance("sizes", self.sizes, tuple)]
@@ -52,6 +54,7 @@ class AmplifierDesign:
         instance("stack", self.stack, Stack)
         real_number("electron_mobility", self.electron_mobility, 1e-9, 100)
         real_number("hole_mobility", self.hole_mobility, 1e-9, 100)
+        real_number("pair_threshold_shift", self.pair_threshold_shift, -100, 100)
 
     def size(self, name: str) -> TransistorSize:
         """Return the size of a transistor by its name; unchecked."""
@@ -187,6 +190,7 @@ class OperatingPoint:
     """Operating point: overdrives, currents [A] and drain-source voltages [V]."""
 
     tail: float
+    pair_threshold: float
     pair_overdrive: float
     pair_voltage: float
     load_overdrive: float
@@ -232,15 +236,16 @@ def operating_point(bias: AmplifierBias, design: AmplifierDesign) -> OperatingPo
         The supply is too low for the transistors to be saturated.
     """
     lam, vth, supply = bias.modulation, bias.threshold, bias.supply
+    pair_threshold = vth + design.pair_threshold_shift
     mirror, load = design.n_factor("M6"), design.p_factor("M3")
     bias_overdrive = pair_overdrive = load_overdrive = 0.5
     for _ in range(_ITERATIONS):
         before = (bias_overdrive, pair_overdrive, load_overdrive)
         bias_overdrive = math.sqrt(2 * bias.reference_current / (mirror * (1 + lam * (vth + bias_overdrive))))
-        tail_voltage = supply - vth - pair_overdrive
+        tail_voltage = supply - pair_threshold - pair_overdrive
         load_voltage = vth + load_overdrive
-        pair_voltage = supply - load_voltage + vth + pair_overdrive
-        if tail_voltage < bias_overdrive or load_voltage > supply:
+        pair_voltage = supply - load_voltage + pair_threshold + pair_overdrive
+        if tail_voltage < bias_overdrive or load_voltage > supply or pair_voltage < pair_overdrive:
             raise ValueError(f"supply must keep every transistor saturated, got {supply:g} V")
         tail = saturated(design.n_factor("M5"), bias_overdrive, tail_voltage, lam)
         pair_overdrive = math.sqrt(tail / (design.pair_factor() * (1 + lam * pair_voltage)))
@@ -252,6 +257,7 @@ def operating_point(bias: AmplifierBias, design: AmplifierDesign) -> OperatingPo
     output = saturated(design.n_factor("M8"), bias_overdrive, supply, lam)
     return OperatingPoint(
         tail=tail,
+        pair_threshold=pair_threshold,
         pair_overdrive=pair_overdrive,
         pair_voltage=pair_voltage,
         load_overdrive=load_overdrive,
@@ -277,7 +283,7 @@ def lowest_input(bias: AmplifierBias, point: OperatingPoint) -> float:
     float
         Input voltage [V].
     """
-    tail = -bias.supply + point.bias_overdrive + bias.threshold + point.pair_overdrive
+    tail = -bias.supply + point.bias_overdrive + point.pair_threshold + point.pair_overdrive
     least = MIN_OUTPUT_CURRENT * point.output
     return max(tail, bisect(lambda volts: point.output_demand(bias, volts) - least, -bias.supply, 0.0))
 

@@ -200,7 +200,8 @@ def _highest_input(bias: AmplifierBias, design: AmplifierDesign, point: Operatin
         most = saturated(design.p_factor("M7"), overdrive, overdrive, bias.modulation)
         return most - point.output_demand(bias, bias.supply - overdrive)
 
-    return bias.supply - max(point.load_overdrive, bisect(margin, 0.0, 2 * bias.supply))
+    pair = point.load_overdrive - design.pair_threshold_shift
+    return bias.supply - max(pair, bisect(margin, 0.0, 2 * bias.supply))
 
 
 def _poles(bias: AmplifierBias, design: AmplifierDesign, out1: float, out2: float, gm7: float) -> tuple[float, float]:
