@@ -34,7 +34,11 @@ MODULES = [
     for name in names.split()
 ]
 NUMBERS = {"ArrayLike", "float", "float | None", "float | FloatArray"}
-NO_NUMBERS: tuple[Any, ...] = (float("nan"), 1 + 1j, "one", True, np.array(["one"]), np.array([1 + 1j]), object())
+MASKED = np.ma.masked_array([1.0, 2.0], mask=[False, True])
+NO_NUMBERS: tuple[Any, ...] = (
+    *(float("nan"), 1 + 1j, "one", True, np.array(["one"]), np.array([1 + 1j]), object()),
+    *(MASKED, [MASKED, MASKED]),
+)
 NO_OBJECTS: tuple[Any, ...] = (0, "one", 1.5, object())
 TEXT = {"str", "bytes", "bool", "Callable", "np.random.Generator", "Sequence[Layer]", "History"}
 """Kinds of argument that the tests of their modules verify."""

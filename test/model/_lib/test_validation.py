@@ -53,6 +53,13 @@ def test_an_array_of_float64_is_not_copied() -> None:
     assert real_array("x", value) is value
 
 
+@pytest.mark.parametrize("value", [np.ma.masked_array([1.0, 9.0], mask=[0, 1]), [np.ma.masked, 1.0], np.ma.masked])
+def test_a_masked_array_is_refused_in_one_line(value: Any) -> None:
+    """Not unmasked: the hidden value would be calculated with."""
+    with pytest.raises(ValueError, match=r"^x must be without a mask, got a masked array; use .*$"):
+        real_array("x", value)
+
+
 def test_the_ends_of_an_interval_belong_to_it_only_when_closed() -> None:
     assert real_array("x", [0.0, 1.0], 0, 1).tolist() == [0.0, 1.0]
     assert real_number("x", np.nextafter(0.0, 1.0), 0, 1, exclusive=True) > 0.0

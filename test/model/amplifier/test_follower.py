@@ -234,6 +234,16 @@ def test_each_taxels_offset_is_added_at_the_input() -> None:
     assert_refused(follower.start, {"v_in": np.zeros(3)}, "offset")
 
 
+@pytest.mark.parametrize("follower", followers(), ids=name)
+def test_time_may_be_unix_time(follower: Follower) -> None:
+    time = np.cumsum([0, 1, 1, 3, 0, 8]) * 2.0**-22  # what float64 resolves at 1.7e9 s
+    v_in = [0.0, 1.0, 1.0, -0.5, 0.5, 0.5]
+    shifted = follower.run(1763836800.0 + time, v_in)
+    np.testing.assert_array_equal(shifted.v_out, follower.run(time, v_in).v_out)
+    with pytest.raises(ValueError, match=r"steps of time must be in \[0, 1e\+09\] s, got 1.7e\+09"):
+        follower.run([0.0, 1.7e9], [0.0, 1.0])
+
+
 class TestLimits:
     def test_input_beyond_the_rails_is_clipped_and_flagged(self) -> None:
         follower = StaticFollower(gain=0.5, limits=FollowerLimits(v_low=-1, v_high=2))

@@ -40,10 +40,12 @@ def _loop_bounds(fields):
     return film.rising_branch(fields, PAPER) - linear, film.falling_branch(fields, PAPER) - linear
 
 
-def steepness_error(material: Film) -> float:
-    """Return the largest error of the steepness Ec/(2*artanh(u)), u = Pr/Ps [1]: one call, and the rounding of u."""
-    u = material.remnant_polarisation / material.saturation_polarisation
-    return call_error() + EPS + EPS / 2 * u / ((1 - u * u) * math.atanh(u))
+def steepness_error() -> float:
+    """Return the largest error of the steepness Ec/log1p(2*Pr/(Ps - Pr)) [1]: a call, and three roundings around it.
+
+    The condition of log1p is at most 1.
+    """
+    return call_error() + 3 * EPS / 2
 
 
 def branch_error(material: Film, polarisation, dtype=np.float64):
@@ -54,7 +56,7 @@ def branch_error(material: Film, polarisation, dtype=np.float64):
     linear term is three products, and not larger than the sum of polarisation and Ps.
     """
     eps = float(np.finfo(dtype).eps)
-    turned = call_error(dtype) + eps + (steepness_error(material) + 2 * eps) / 2
+    turned = call_error(dtype) + eps + (steepness_error() + 2 * eps) / 2
     turned += eps * material.coercive_field / (2 * material.steepness)
     return material.saturation_polarisation * turned + 2 * eps * (
         np.abs(polarisation) + material.saturation_polarisation
@@ -65,13 +67,26 @@ def _of_row(table, row: int) -> Film:
     return Film(*(float(table[name][row]) for name in ("coercive_field", "remnant", "saturation", "permittivity")))
 
 
+class TestSteepness:
+    @pytest.mark.parametrize("share", [1e-9, 1e-3, 0.25, 0.4, 0.9, *(1 - 10.0**-n for n in (3, 6, 8, 8.9))])
+    def test_it_is_accurate_to_rounding_up_to_saturation(self, share: float) -> None:
+        """Of the quotient Pr/Ps it was 1e-9 off at the last of these."""
+        mpmath = pytest.importorskip("mpmath")
+        for saturation in (0.05, 0.3, 7.7e-3):
+            remnant = share * saturation
+            with mpmath.workdps(40):
+                exact = 160e5 / mpmath.log((mpmath.mpf(saturation) + remnant) / (mpmath.mpf(saturation) - remnant))
+                error = float(film.branch_steepness(160e5, remnant, saturation) / exact - 1)
+            assert abs(error) <= steepness_error(), (saturation, error)
+
+
 class TestSaturatedLoop:
     def test_branches_against_the_40_digit_table(self, record_property) -> None:
         table = reference("film_branches")
         found = ErrorMap(bound=1.0)
         for row, field in enumerate(table["field"]):
             material = _of_row(table, row)
-            assert material.steepness == pytest.approx(table["steepness"][row], rel=steepness_error(material), abs=0)
+            assert material.steepness == pytest.approx(table["steepness"][row], rel=steepness_error(), abs=0)
             region = f"field to 1e{3 * math.ceil(math.log10(max(abs(field), 1.0) * 0.9999) / 3)} V/m"
             for branch, exact in ((film.rising_branch, table["rising"]), (film.falling_branch, table["falling"])):
                 error = branch(field, material) - exact[row]
@@ -107,7 +122,7 @@ class TestMinorLoops:
             expected = [table[name][row] for name in ("at_up", "at_down", "at_end")]
             # The distance to the target shrinks by a weight with the errors of three exponentials, of a quotient of two
             # with half the effect each, and of their arguments (steepness); the error of a reversal persists.
-            turn = (4 * call_error() + 4 * EPS + steepness_error(material)) * (
+            turn = (4 * call_error() + 4 * EPS + steepness_error()) * (
                 material.saturation_polarisation + np.max(np.abs(expected))
             )
             error = np.abs(film.polarise(path, material).polarisation - expected)

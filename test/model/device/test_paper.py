@@ -1,10 +1,12 @@
 """The numbers of the paper and its formulas as printed: values, sources and errors."""
 
+import itertools
 import math
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from posfet_model.device import as_printed, charge, film, mechanics, paper, transistor
@@ -50,11 +52,64 @@ def test_the_second_stage_balances() -> None:
     assert width["M7"] / width["M3"] == pytest.approx(2 * width["M8"] / width["M5"], rel=0, abs=1e-12)
 
 
+STACKS = (transistor.Stack(1e-12, 1e-12), transistor.Stack(1e3, 1e3), transistor.Stack(1e-12, 1e3))
+PLATES = {"pressure": (0.0, 1e12), "thickness": (1e-9, 1.0), "young_modulus": (1e3, 2e12)}
+EXTREMES = [
+    (
+        as_printed.electric_displacement,
+        {
+            "stress": (-1e16, 1e16),
+            "piezoelectric_coefficient": (-1e-6, 1e-6),
+            "relative_permittivity": (1.0, 1e5),
+        },
+    ),
+    (as_printed.threshold_shift, {"stack": STACKS, "charge": (-1e6, 1e6)}),
+    (
+        as_printed.signal_current,
+        {
+            "stack": STACKS,
+            "charge": (-1e6, 1e6),
+            "overdrive": (-1e6, 1e6),
+            "mobility": (1e-9, 100.0),
+            "aspect": (1e-9, 1e9),
+        },
+    ),
+    (
+        as_printed.saturation_current,
+        {"gate_voltage": (-1e6, 1e6), "threshold_voltage": (-1e6, 1e6), "gain_factor": (1e-12, 1e6)},
+    ),
+    (as_printed.circular_deflection, {**PLATES, "radius": (1e-9, 1.0), "poisson_ratio": (-0.999, 0.5)}),
+    (as_printed.square_deflection, {**PLATES, "side": (1e-9, 1.0)}),
+]
+"""The ends of every argument's range."""
+NUMBERS = {"mobility", "aspect"}
+
+
 class TestAsPrinted:
     def test_steepness_of_the_swapped_values_is_undefined(self) -> None:
         assert math.isnan(as_printed.branch_steepness(160e5, 0.05, 0.02))
         assert as_printed.branch_steepness(160e5, 0.02, 0.05) == pytest.approx(paper.FILM.steepness, rel=1e-12, abs=0)
-        assert as_printed.branch_steepness(160e5, 0.05, 0.05) == 0.0
+
+    def test_a_formula_without_a_value_is_nan(self) -> None:
+        """The logarithm of 1, a division by zero, and the logarithm of a negative number."""
+        for remnant in (0.0, 1e-30, 0.05, math.nextafter(0.05, 1), 10.0):
+            value = as_printed.branch_steepness(160e5, remnant, 0.05)
+            assert math.isnan(value) != (remnant == 1e-30)
+
+    @pytest.mark.parametrize("dtype", [np.float64, np.float32])
+    @pytest.mark.parametrize(("function", "good"), EXTREMES, ids=lambda value: getattr(value, "__name__", ""))
+    def test_nothing_overflows_at_the_ends_of_the_ranges(self, function, good, dtype) -> None:
+        with np.errstate(over="raise", invalid="raise", divide="raise"):
+            for values in itertools.product(*good.values()):
+                arguments = {
+                    name: np.array([value], dtype) if isinstance(value, float) and name not in NUMBERS else value
+                    for name, value in zip(good, values, strict=True)
+                }
+                assert np.isfinite(function(**arguments)).all(), arguments
+            for name, ends in good.items():
+                if isinstance(ends[-1], float):
+                    with pytest.raises(ValueError, match=name):
+                        function(**{other: value[0] for other, value in good.items()} | {name: 1e300})
 
     def test_saturation_current_jumps_by_two(self) -> None:
         right = transistor.drain_current(1.7, 1.0, 0.7, 1e-3)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from dataclasses import astuple
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -197,6 +198,18 @@ def test_comments_blank_lines_and_jumps_are_read(tmp_path: Path) -> None:
     assert np.isfinite(list(spice_compare.compare(file)["two_pole"]["blind"].values())).all()
 
 
+def test_unix_time_is_read_to_the_picosecond(tmp_path: Path) -> None:
+    """In float64 it has steps of 0.24 us, two time constants of the follower."""
+    first = path("opamp_b", "step")
+    begin, *rows = [line for line in first.read_text().splitlines() if not line.startswith("#")]
+    shifted = [f"{Decimal('1763836800.125') + Decimal(t)},{v}" for t, _, v in (row.partition(",") for row in rows)]
+    file = tmp_path / "unix.csv"
+    file.write_text("\n".join([begin, *shifted]))
+    run = read_run(file)
+    np.testing.assert_array_equal(run.time, read_run(first).time)
+    assert spice_compare.compare(file) == spice_compare.compare(first)
+
+
 @pytest.mark.parametrize(
     ("text", "line", "reason"),
     [
@@ -215,13 +228,15 @@ def test_comments_blank_lines_and_jumps_are_read(tmp_path: Path) -> None:
         ("time,v_in,v_out\n0,0,0\n1,inf,1\n", 3, "v_in must be in .*, got inf"),
         ("time,v_in,v_out\n0,0,0\n1,1e7,1\n", 3, "v_in must be in .*, got 1e"),
         ("time,v_in,v_out\n0,0,0\n1e300,1,1\n", 3, "time must be in .*, got 1e"),
-        ("time,v_in,v_out\n0,0,0\n2,1,1\n\n1,1,1\n", 5, "time must not decrease, got 1 after 2"),
+        ("time,v_in,v_out\n0,0,0\n2,1,1\n\n1,1,1\n", 5, "time must not decrease, got a step of -1 s"),
         ("time,v_in,v_out\n3,0,0\n3,1,1\n", 3, "time must increase"),
         ("time,v_in,v_out\n0,0,5\n1,1,5\n", 3, "v_out must vary by 5e-09 V or more, got 0 V"),
         ("time,v_in,v_out\n0,0,0\n1,1,1e-310\n", 3, "v_out must vary by 1e-09 V or more, got 1e-310 V"),
         ("time,v_in,v_out\n0,0,0\n1,1e-310,1e-310\n", 3, "v_out must vary by 1e-12 V or more, got 1e-310 V"),
         ("time,v_in,v_out\n0,1e6,1\n1,1e6,1.0009\n", 3, "v_out must vary by 0.001 V or more, got 0.0009 V"),
         ("time,v_in,v_out\n0,0,0\n1_0,1,1\n", 3, "time must be a number"),
+        ("time,v_in,v_out\n1e-9,0,0\n1e-99999999999999999999,1,1\n", 3, "time must be a number"),
+        ("time,v_in,v_out\n-1e10,0,0\n1e10,1,1\n", 3, r"steps must be at most 1e\+09 s"),
     ],
 )
 def test_an_invalid_file_is_reported_in_one_line(tmp_path: Path, capsys, text: str, line: int, reason: str) -> None:

@@ -55,8 +55,10 @@ def real_array(
     ------
     ValueError
         The value is not numeric, is complex, not finite or out of range. The message names the argument, its range and
-        the first invalid value.
+        the first invalid value. A masked array is rejected too: its hidden values would be calculated with.
     """
+    if _masked(value):
+        raise ValueError(f"{name} must be without a mask, got a masked array; use .filled(value) or .compressed()")
     try:
         array = np.asarray(value)
     except ValueError:  # rows of different lengths
@@ -71,6 +73,13 @@ def real_array(
         offender = array[~inside].flat[0] if array.ndim else array[()]
         raise ValueError(f"{name} must be in {interval(low, high, exclusive)}, got {float(offender):g}")
     return array
+
+
+def _masked(value: object) -> bool:
+    """Return whether `value` is a masked array, or a list or tuple of some."""
+    if isinstance(value, (list, tuple)):
+        return any(isinstance(part, np.ma.MaskedArray) for part in value)
+    return isinstance(value, np.ma.MaskedArray)
 
 
 def real_number(

@@ -20,6 +20,9 @@ VOLTAGE_LIMIT: Final = 1e6
 STEP_LIMIT: Final = 1e9
 """Longest accepted step [s]; a step of 0 is a jump of the input."""
 
+TIME_LIMIT: Final = 1e12
+"""Largest accepted magnitude of a time stamp [s]; Unix time is 1.7e9 s."""
+
 
 _FLOAT64: Final = np.dtype(np.float64)
 _FRAME: Final = 8192  # elements
@@ -218,7 +221,9 @@ class Follower(ABC):
         Parameters
         ----------
         time : array_like
-            [s], shape [t], t >= 1, never decreasing; steps may be uneven, and a step of 0 is a jump of the input.
+            [s], shape [t], t >= 1, never decreasing, within +-1e12; steps may be uneven, up to 1e9, and a step of 0 is
+            a jump of the input. Only differences count. Unix time in float64 resolves 0.24 us: subtract the first time
+            before converting to float64.
         v_in : array_like
             Input voltage [V], shape [t], or [t, n] for n taxels, within +-1e6.
 
@@ -232,13 +237,15 @@ class Follower(ABC):
         ValueError
             An argument is not real, not finite, out of range or of another shape, or time decreases.
         """
-        instants = real_array("time", time, -STEP_LIMIT, STEP_LIMIT).astype(np.float64, copy=False)
+        instants = real_array("time", time, -TIME_LIMIT, TIME_LIMIT).astype(np.float64, copy=False)
         held, valid = self._hold(v_in)
         if instants.ndim != 1 or not instants.size or held.ndim not in (1, 2) or len(held) != len(instants):
             raise ValueError(f"time must be [t] and v_in [t] or [t, n], got {instants.shape} and {held.shape}")
         step = np.diff(instants)
         if step.size and step.min() < 0:
             raise ValueError(f"time must not decrease, got a step of {step.min():g} s at sample {step.argmin() + 1}")
+        if step.size and step.max() > STEP_LIMIT:
+            raise ValueError(f"steps of time must be in [0, {STEP_LIMIT:g}] s, got {step.max():g}")
         start = FollowerState(v_in=held[0], lags=self._start_lags(held[0]), valid=np.asarray(valid[0]))
         first = self._out(held[:1], tuple(lag[None] for lag in start.lags))
         if not step.size:
@@ -323,7 +330,7 @@ def _within_limit(voltage: object) -> TypeGuard[NDArray[np.float64]]:
     For a frame the sum of squares is the fastest check: no element is larger than its root. For a long series the
     extremes are faster; NumPy would share its sum of squares out to threads, which costs more.
     """
-    if not isinstance(voltage, np.ndarray) or voltage.dtype is not _FLOAT64:
+    if type(voltage) is not np.ndarray or voltage.dtype is not _FLOAT64:  # not of a masked array
         return False
     if voltage.size <= _FRAME:
         return bool(np.vdot(voltage, voltage) <= VOLTAGE_LIMIT * VOLTAGE_LIMIT)

@@ -1,8 +1,9 @@
 """The paper's formulas as printed, misprints included, for comparison with the corrected ones.
 
 Nothing else in this package uses them. Each function has the name of the correct one; docs/errata.md has the numbers.
-The arguments are those of the correct functions, in the same units. An argument that is not a real number, or not a
-valid length or modulus, is a ValueError; where a formula has no value the result is NaN.
+The arguments and their ranges are those of the correct functions, in the same units; an argument that is not a real
+number or out of range is a ValueError. Only the polarisations may be swapped, as the paper does. Where a formula has no
+value the result is NaN.
 """
 
 from __future__ import annotations
@@ -14,9 +15,13 @@ from numpy.typing import ArrayLike
 
 from posfet_model._lib.types import FloatArray
 from posfet_model._lib.validation import common_dtype, instance, real_array, real_number
+from posfet_model.device.charge import STRESS_LIMIT
 from posfet_model.device.constants import VACUUM_PERMITTIVITY
+from posfet_model.device.film import COERCIVE_FIELD_RANGE, POLARISATION_LIMIT
 from posfet_model.device.mechanics import LENGTH_RANGE, MODULUS_RANGE, POISSON_RANGE, PRESSURE_LIMIT
-from posfet_model.device.transistor import Stack
+from posfet_model.device.transistor import GAIN_FACTOR_RANGE, VOLTAGE_LIMIT, Stack
+
+_CHARGE_LIMIT = 1e6  # as `transistor.threshold_shift`
 
 
 def electric_displacement(
@@ -42,9 +47,9 @@ def electric_displacement(
         D3 as printed, of the broadcast shape.
     """
     stress, piezoelectric_coefficient, relative_permittivity = common_dtype(
-        stress=real_array("stress", stress),
-        piezoelectric_coefficient=real_array("piezoelectric_coefficient", piezoelectric_coefficient),
-        relative_permittivity=real_array("relative_permittivity", relative_permittivity),
+        stress=real_array("stress", stress, -STRESS_LIMIT, STRESS_LIMIT),
+        piezoelectric_coefficient=real_array("piezoelectric_coefficient", piezoelectric_coefficient, -1e-6, 1e-6),
+        relative_permittivity=real_array("relative_permittivity", relative_permittivity, 1, 1e5),
     )
     return piezoelectric_coefficient * stress + relative_permittivity * VACUUM_PERMITTIVITY * stress
 
@@ -59,19 +64,19 @@ def branch_steepness(coercive_field: float, remnant_polarisation: float, saturat
     coercive_field : float
         Ec [V/m].
     remnant_polarisation, saturation_polarisation : float
-        Pr, Ps [C/m2].
+        Pr, Ps [C/m2], in [0, 10] and [1e-9, 10]; here Pr may exceed Ps.
 
     Returns
     -------
     float
-        delta [V/m]; NaN where the logarithm is undefined.
+        delta [V/m]; NaN where the logarithm is undefined, infinite or zero: Pr >= Ps, or Pr = 0.
     """
-    ratio = real_number("remnant_polarisation", remnant_polarisation) / real_number(
-        "saturation_polarisation", saturation_polarisation, 0, exclusive=True
-    )
-    inside = (1 + ratio) / (1 - ratio) if ratio != 1 else math.inf
-    coercive_field = real_number("coercive_field", coercive_field)
-    return coercive_field / math.log(inside) if inside > 0 else math.nan
+    coercive_field = real_number("coercive_field", coercive_field, *COERCIVE_FIELD_RANGE)
+    remnant = real_number("remnant_polarisation", remnant_polarisation, 0, POLARISATION_LIMIT)
+    saturation = real_number("saturation_polarisation", saturation_polarisation, 1e-9, POLARISATION_LIMIT)
+    if not 0 < remnant < saturation:
+        return math.nan
+    return coercive_field / math.log1p(2 * remnant / (saturation - remnant))
 
 
 def threshold_shift(charge: ArrayLike, stack: Stack) -> FloatArray:
@@ -91,7 +96,7 @@ def threshold_shift(charge: ArrayLike, stack: Stack) -> FloatArray:
     ndarray
         dV [V], of the shape of `charge`.
     """
-    return -real_array("charge", charge) / instance("stack", stack, Stack).oxide
+    return -real_array("charge", charge, -_CHARGE_LIMIT, _CHARGE_LIMIT) / instance("stack", stack, Stack).oxide
 
 
 def signal_current(charge: ArrayLike, overdrive: ArrayLike, mobility: float, aspect: float, stack: Stack) -> FloatArray:
@@ -119,9 +124,13 @@ def signal_current(charge: ArrayLike, overdrive: ArrayLike, mobility: float, asp
     ndarray
         Current [A], of the broadcast shape.
     """
-    charge, overdrive = common_dtype(charge=real_array("charge", charge), overdrive=real_array("overdrive", overdrive))
+    charge, overdrive = common_dtype(
+        charge=real_array("charge", charge, -_CHARGE_LIMIT, _CHARGE_LIMIT),
+        overdrive=real_array("overdrive", overdrive, -VOLTAGE_LIMIT, VOLTAGE_LIMIT),
+    )
     stack = instance("stack", stack, Stack)
-    gain_factor = real_number("mobility", mobility) * stack.series * real_number("aspect", aspect)
+    aspect = real_number("aspect", aspect, 1e-9, 1e9)
+    gain_factor = real_number("mobility", mobility, 1e-9, 100) * stack.series * aspect
     return gain_factor * overdrive * (charge / stack.oxide)
 
 
@@ -143,9 +152,9 @@ def saturation_current(gate_voltage: ArrayLike, threshold_voltage: ArrayLike, ga
         Id [A], of the broadcast shape.
     """
     gate_voltage, threshold_voltage, gain_factor = common_dtype(
-        gate_voltage=real_array("gate_voltage", gate_voltage),
-        threshold_voltage=real_array("threshold_voltage", threshold_voltage),
-        gain_factor=real_array("gain_factor", gain_factor),
+        gate_voltage=real_array("gate_voltage", gate_voltage, -VOLTAGE_LIMIT, VOLTAGE_LIMIT),
+        threshold_voltage=real_array("threshold_voltage", threshold_voltage, -VOLTAGE_LIMIT, VOLTAGE_LIMIT),
+        gain_factor=real_array("gain_factor", gain_factor, *GAIN_FACTOR_RANGE),
     )
     on: FloatArray = np.maximum(gate_voltage - threshold_voltage, 0)
     return gain_factor * on**2

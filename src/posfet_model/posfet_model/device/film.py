@@ -143,7 +143,7 @@ VIRGIN: Final = History(field=0.0, switched=0.0, direction=0, turning_points=())
 
 
 def branch_steepness(coercive_field: float, remnant_polarisation: float, saturation_polarisation: float) -> float:
-    """Return delta [V/m] of eq. (3): ``delta = Ec/ln((1 + Pr/Ps)/(1 - Pr/Ps)) = Ec/(2*artanh(Pr/Ps))``.
+    """Return delta [V/m] of eq. (3): ``delta = Ec/ln((1 + Pr/Ps)/(1 - Pr/Ps)) = Ec/ln((Ps + Pr)/(Ps - Pr))``.
 
     Parameters
     ----------
@@ -166,6 +166,8 @@ def branch_steepness(coercive_field: float, remnant_polarisation: float, saturat
 
     Notes
     -----
+    Accurate to a few roundings for all accepted polarisations, up to Pr/Ps = 1 - 1e-9.
+
     The paper's text swaps the values and gives Pr = 5 and Ps = 2 uC/cm2: the argument of the logarithm would be -2.333.
     Taking the logarithm of its magnitude would hide the mistake, so it is an error here. The printed form is in
     `posfet_model.device.as_printed`.
@@ -184,7 +186,9 @@ def branch_steepness(coercive_field: float, remnant_polarisation: float, saturat
             f"remnant_polarisation must be in [{low:g}, {high:g}], below the saturation polarisation "
             f"{saturation_polarisation:g}, got {remnant_polarisation:g}"
         )
-    return coercive_field / (2 * math.atanh(remnant_polarisation / saturation_polarisation))
+    # Not of the quotient Pr/Ps, whose rounding is amplified by 1/(1 - Pr/Ps); the difference is exact near saturation.
+    switched = 2 * remnant_polarisation / (saturation_polarisation - remnant_polarisation)
+    return coercive_field / math.log1p(switched)
 
 
 def rising_branch(field: ArrayLike, film: Film) -> FloatArray:

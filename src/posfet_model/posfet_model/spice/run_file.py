@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model.amplifier.follower_base import VOLTAGE_LIMIT
+from posfet_model.amplifier.follower_base import STEP_LIMIT, TIME_LIMIT, VOLTAGE_LIMIT
 from posfet_model.files import read_text
 
 HEADER: Final = "time,v_in,v_out"
@@ -21,9 +22,6 @@ MIN_SWING: Final = (1e-12, 1e-9)
 """Smallest peak-to-peak of v_out: absolute [V], and relative to the largest voltage in the file [1]."""
 
 
-_TIME_LIMIT: Final = 1e9
-
-
 class RunFileError(ValueError):
     """A file is not a follower run; the message is one line with file, line number and error."""
 
@@ -33,7 +31,7 @@ class FollowerRun:
     """One run, all fields of shape [t], t >= 2."""
 
     time: NDArray[np.float64]
-    """[s], never decreasing."""
+    """[s], never decreasing; 0 in the first row."""
     v_in: NDArray[np.float64]
     """Input voltage [V]."""
     v_out: NDArray[np.float64]
@@ -43,7 +41,8 @@ class FollowerRun:
 def read_run(path: Path) -> FollowerRun:
     """Return the run in a CSV file with the header ``time,v_in,v_out`` [s, V, V].
 
-    Lines starting with # and empty lines are skipped. Steps may be uneven; two lines of the same time are a jump.
+    Lines starting with # and empty lines are skipped. Steps may be uneven; two lines of the same time are a jump. Times
+    may start anywhere, at Unix time for instance: the first one is subtracted as it is written, before rounding.
 
     Parameters
     ----------
@@ -72,7 +71,10 @@ def read_run(path: Path) -> FollowerRun:
     if len(rows) < 2:
         raise RunFileError(f"{path}:{len(lines) or 1}: a run needs at least 2 rows, got {len(rows)}")
     table = _parse(path, lines, rows)
-    _check(path, table, rows)
+    _check_ranges(path, table, rows)
+    if table[0, 0] != 0:
+        table[0] = _since_first(path, lines, rows)
+    _check_course(path, table, rows)
     return FollowerRun(*table)
 
 
@@ -94,6 +96,21 @@ def _parse(path: Path, lines: list[str], rows: list[int]) -> NDArray[np.float64]
     raise RunFileError(f"{path}: cannot be read as numbers")
 
 
+def _since_first(path: Path, lines: list[str], rows: list[int]) -> list[float]:
+    """Return the times of the rows less the first; in float64 the difference of two Unix times is 0.24 us off."""
+    since: list[float] = []
+    first: Decimal | None = None
+    for i in rows:
+        cell = lines[i - 1].partition(",")[0].strip()
+        try:
+            time = Decimal(cell)
+        except InvalidOperation:  # exponents of twenty digits
+            raise RunFileError(f"{path}:{i}: time must be a number, got {cell[:40]!r}") from None
+        first = time if first is None else first
+        since.append(float(time - first))
+    return since
+
+
 def _is_number(cell: str) -> bool:
     """Return whether a cell is a number in the notation of other programs: only Python accepts 1_000."""
     try:
@@ -103,23 +120,28 @@ def _is_number(cell: str) -> bool:
     return "_" not in cell
 
 
-def _check(path: Path, table: NDArray[np.float64], rows: list[int]) -> None:
-    """Raise RunFileError for values out of range, time that decreases or never increases, and a constant output."""
-    for name, column, limit in zip(HEADER.split(","), table, (_TIME_LIMIT, VOLTAGE_LIMIT, VOLTAGE_LIMIT), strict=True):
+def _check_ranges(path: Path, table: NDArray[np.float64], rows: list[int]) -> None:
+    """Raise RunFileError for values out of range."""
+    for name, column, limit in zip(HEADER.split(","), table, (TIME_LIMIT, VOLTAGE_LIMIT, VOLTAGE_LIMIT), strict=True):
         bad = ~(np.abs(column) <= limit)
         if bad.any():
             first = int(bad.argmax())
             allowed = f"[{-limit:g}, {limit:g}]"
             raise RunFileError(f"{path}:{rows[first]}: {name} must be in {allowed}, got {column[first]:g}")
+
+
+def _check_course(path: Path, table: NDArray[np.float64], rows: list[int]) -> None:
+    """Raise RunFileError for time that decreases, never increases or leaps, and for a constant output."""
     time, _, v_out = table
-    falling = np.diff(time) < 0
-    if falling.any():
-        first = int(falling.argmax())
-        raise RunFileError(
-            f"{path}:{rows[first + 1]}: time must not decrease, got {time[first + 1]:g} after {time[first]:g}"
-        )
-    if time[-1] == time[0]:
-        raise RunFileError(f"{path}:{rows[-1]}: time must increase, got {time[0]:g} s in every row")
+    step = np.diff(time)
+    if step.min() < 0:
+        first = int((step < 0).argmax())
+        raise RunFileError(f"{path}:{rows[first + 1]}: time must not decrease, got a step of {step[first]:g} s")
+    if step.max() > STEP_LIMIT:
+        first = int((step > STEP_LIMIT).argmax())
+        raise RunFileError(f"{path}:{rows[first + 1]}: steps must be at most {STEP_LIMIT:g} s, got {step[first]:g} s")
+    if time[-1] == 0:
+        raise RunFileError(f"{path}:{rows[-1]}: time must increase, got the same in every row")
     swing, least = float(np.ptp(v_out)), max(MIN_SWING[0], MIN_SWING[1] * float(np.max(np.abs(table[1:]))))
     if swing < least:
         raise RunFileError(
