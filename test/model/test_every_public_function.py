@@ -18,7 +18,7 @@ from posfet_model.amplifier.closed_loop import FollowerLimits
 from posfet_model.amplifier.differential_pair import Lead
 from posfet_model.device import paper, transistor
 from posfet_model.device.mechanics import Layer
-from posfet_model.device.taxel import Taxel
+from posfet_model.device.taxel import FilmGeometry, Taxel
 from posfet_model.spice.ngspice import SmallSignal
 from support.each_row import each_row
 from support.sweep import Refusal, assert_all_refused
@@ -33,7 +33,7 @@ MODULES = [
     }.items()
     for name in names.split()
 ]
-NUMBERS = {"ArrayLike", "float", "float | None", "float | FloatArray"}
+NUMBERS = {"ArrayLike", "float", "float | None", "float | FloatArray", "Values"}
 MASKED = np.ma.masked_array([1.0, 2.0], mask=[False, True])
 NO_NUMBERS: tuple[Any, ...] = (
     *(float("nan"), 1 + 1j, "one", True, np.array(["one"]), np.array([1 + 1j]), object()),
@@ -145,10 +145,13 @@ GOOD: dict[str, dict[str, Any]] = {
     "noise.white_rms": {"density": 1e-16, **BAND},
     "noise.bias_resistor_rms": {"resistance": 1e10, "capacitance": 27e-12, "temperature": 300.0, **BAND},
     "noise.flicker_rms": {"coefficient": 1e-10, **BAND},
+    "noise.gate_flicker_coefficient": {"constant": 1e-24, "width": 3e-3, "length": 12e-6, "capacitance": 7.7e-4},
+    "noise.sampling_rms": {"capacitance": 1e-11, "temperature": 300.0},
     "noise.quantisation_rms": {"lsb": 1e-3},
     "noise.flicker_sequence": {"coefficient": 1e-10, "rate": 1e3, "samples": 8, "generator": np.random.default_rng(1)},
     "noise.volts_per_newton": {"piezoelectric_coefficient": -38e-12, "area": 1e-6, "capacitance": 4e-5},
     "noise.NoiseBudget.minimum_force": {"sigmas": 3.0},
+    "noise.NoiseBudget.signal_to_noise": {"force": 1.0},
     "noise.noise_budget": {
         "bias_rms": 1e-5,
         "thermal_density": 1e-16,
@@ -156,6 +159,7 @@ GOOD: dict[str, dict[str, Any]] = {
         "lsb": 1e-3,
         "volts_per_newton": 0.9,
         "gain": 1.0,
+        "sampled_rms": 2e-5,
         **BAND,
     },
     "one_stage.one_stage_figures": {"bias": two_stage.CIRCUIT_B, "design": two_stage.TABLE_II},
@@ -190,21 +194,27 @@ GOOD: dict[str, dict[str, Any]] = {
     "ngspice.closed_loop": {"response": SmallSignal(np.array([1.0, 2.0]), np.array([1 + 0j, 0.1]))},
     "ngspice.read_raw": {"content": b"", "complex_values": False},
     "taxel.Taxel": {
-        "area": 1e-6,
+        "film_area": 1e-6,
         "film_thickness": 2.5e-6,
         "film_permittivity": 12.0,
         "piezoelectric_coefficient": -38e-12,
         "pyroelectric_coefficient": -4e-5,
+        **FIELDS,
+        "poling_voltages": (80.0, 0.0),
+        "uncompensated_fraction": 6e-4,
+        "gate_width": 3e-3,
+        "gate_length": 12e-6,
+        "oxide_thickness": 45e-9,
+        "oxide_permittivity": 3.9,
+        "electron_mobility": 0.085,
+        "threshold_voltage": 0.7,
         "bias_resistance": 1e10,
+        "film_geometry": FilmGeometry.EXTENDED,
     },
-    "taxel.Taxel.noise_budget": {
-        "thermal_density": 1e-16,
-        "flicker_coefficient": 1e-10,
-        "lsb": 1e-3,
-        **BAND,
-        "gain": 1.0,
-        "temperature": 300.0,
-    },
+    "taxel.Taxel.volts_per_newton": {"plane": transistor.Plane.GATE},
+    "taxel.Taxel.gain_factor": {"plane": transistor.Plane.GATE},
+    "taxel.Taxel.drain_current": {"gate_voltage": 1.7, "drain_voltage": 5.0, "channel_length_modulation": 0.0},
+    "taxel.Taxel.bias_noise": {**BAND, "temperature": 300.0},
     "threshold_extraction.fit_saturation_curve": CURVE,
     "threshold_extraction.fit_linear_curve": {**CURVE, "drain_voltage": 0.05},
     "transistor.Stack": {"oxide": 7.7e-4, "film": 4.2e-5},

@@ -11,7 +11,7 @@ Read the sensor description of a shipped array, and a property of the device:
 >>> sensor = posfet_model.load_sensor()
 >>> sensor.layout.taxels
 25
->>> print(f"{posfet_model.device.taxel.Taxel().volts_per_newton:.3f} V/N")
+>>> print(f"{posfet_model.device.taxel.Taxel().volts_per_newton():.3f} V/N")
 0.894 V/N
 
 Feed scans to a reconstructor. It reuses its results; `snapshot` returns a copy that the next scan does not overwrite:

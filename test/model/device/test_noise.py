@@ -126,6 +126,50 @@ def test_smallest_force_of_the_published_device() -> None:
     assert deaf.minimum_force() == math.inf
 
 
+def test_arrays_give_what_each_element_gives() -> None:
+    ohms, farad, high = np.array([[1e8], [1e10]]), np.array([20e-12, 70e-12, 200e-12]), np.array([10.0, 1e3, 1e6])
+    whole = noise.noise_budget(
+        noise.bias_resistor_rms(ohms, farad, 300.0, 0.1, high), 1e-16 * ohms / 1e8, 1e-14, 1e-4, farad, 0.1, high
+    )
+    for i in range(2):
+        for j in range(3):
+            one = noise.noise_budget(
+                noise.bias_resistor_rms(ohms[i, 0], farad[j], 300.0, 0.1, high[j]),
+                1e-16 * ohms[i, 0] / 1e8,
+                1e-14,
+                1e-4,
+                farad[j],
+                0.1,
+                high[j],
+            )
+            assert whole.total[i, j] == one.total
+            assert whole.minimum_force()[i, j] == one.minimum_force()
+            assert whole.signal_to_noise(2.0)[i, j] == one.signal_to_noise(2.0)
+
+
+def test_every_source_of_the_budget_by_hand() -> None:
+    kelvin, gain = 310.0, 0.98
+    kt = 1.380649e-23 * kelvin
+    flicker = float(noise.gate_flicker_coefficient(2e-24, 1e-3, 10e-6, 1e-3))
+    assert flicker == pytest.approx(2e-24 / (1e-3 * 10e-6 * 1e-3), rel=1e-15, abs=0)
+    sampled = noise.sampling_rms(5e-12, kelvin)
+    assert sampled == pytest.approx(math.sqrt(kt / 5e-12), rel=1e-15, abs=0)
+    budget = noise.noise_budget(3e-6, 4e-16, flicker, 10 / 4095, 0.5, 0.1, 100.0, gain=gain, sampled_rms=sampled)
+    by_hand = {
+        "bias": 3e-6,
+        "thermal": math.sqrt(4e-16 * 99.9),
+        "flicker": math.sqrt(2e-13 * math.log(1000)),
+        "sampling": math.sqrt(kt / 5e-12) / gain,
+        "quantisation": 10 / 4095 / math.sqrt(12) / gain,
+    }
+    assert {name: float(value) for name, value in budget.sources.items()} == pytest.approx(by_hand, rel=1e-14, abs=0)
+    total = math.sqrt(sum(value**2 for value in by_hand.values()))
+    assert budget.total == pytest.approx(total, rel=1e-14, abs=0)
+    assert budget.signal_to_noise(0.2) == pytest.approx(20 * math.log10(0.2 * 0.5 / total), rel=1e-13, abs=0)
+    np.testing.assert_array_equal(BUDGET.minimum_force()[1], math.inf)
+    assert BUDGET.signal_to_noise(1.0)[1] == -math.inf
+
+
 def test_sweep_of_temperature_and_band() -> None:
     kelvin = np.linspace(213.15, 423.15, 211)
     with np.errstate(over="raise", invalid="raise", divide="raise"):
@@ -138,7 +182,9 @@ def test_sweep_of_temperature_and_band() -> None:
     assert noise.resistor_density(np.zeros((0, 3), np.float32), 300.0).shape == (0, 3)
 
 
-BUDGET = noise.NoiseBudget(bias=0.0, thermal=1e-6, flicker=1e-6, quantisation=1e-6, volts_per_newton=0.05)
+BUDGET = noise.NoiseBudget(
+    bias=0.0, thermal=1e-6, flicker=1e-6, sampling=0.0, quantisation=1e-6, volts_per_newton=np.array([0.05, 0.0])
+)
 SEQUENCE = {"coefficient": 1.0, "rate": 1.0, "samples": 8, "generator": np.random.default_rng(1)}
 GOOD_BIAS = {"resistance": 1e10, "capacitance": 27e-12, "temperature": 300.0, "low": 0.1, "high": 1e3}
 GOOD_BUDGET = {
@@ -194,7 +240,21 @@ GOOD_BUDGET = {
             area=[0.0],
             capacitance=[0.0],
         ),
-        refusals(noise.noise_budget, GOOD_BUDGET, bias_rms=[-1.0], volts_per_newton=[-1.0], gain=[0.0]),
+        refusals(
+            noise.noise_budget, GOOD_BUDGET, bias_rms=[-1.0], volts_per_newton=[-1.0], gain=[0.0], sampled_rms=[-1.0]
+        ),
+        refusals(
+            noise.sampling_rms, {"capacitance": 1e-12, "temperature": 300.0}, capacitance=[0.0], temperature=[0.0]
+        ),
+        refusals(
+            noise.gate_flicker_coefficient,
+            {"constant": 1e-24, "width": 1e-3, "length": 1e-5, "capacitance": 1e-3},
+            constant=[-1.0],
+            width=[0.0],
+            length=[0.0],
+            capacitance=[0.0],
+        ),
+        refusals(BUDGET.signal_to_noise, {"force": 1.0}, force=[0.0, -1.0]),
         refusals(BUDGET.minimum_force, {}, sigmas=[0.0, -1.0]),
     ],
 )

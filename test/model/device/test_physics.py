@@ -59,12 +59,14 @@ FILM = {
     "saturation_polarisation": (0.05, C - 2 * M),
 }
 TAXEL = {
-    "area": (1e-6, 2 * M),
-    "film_thickness": (2.5e-6, M),
+    **lengths(film_thickness=2.5e-6, gate_width=3e-3, gate_length=12e-6, oxide_thickness=45e-9),
+    "film_area": (1e-6, 2 * M),
     "film_permittivity": (12.0, NONE),
     "piezoelectric_coefficient": (-38e-12, C - N),
     "pyroelectric_coefficient": (-4e-5, C - 2 * M - K),
+    "electron_mobility": (0.085, MOBILITY),
     "bias_resistance": (1e10, OHM),
+    **FILM,
 }
 OP_AMP_BIAS = {
     "reference_current": (200e-6, A),
@@ -175,7 +177,21 @@ CASES: dict[str, tuple[Callable[..., Any], dict[str, Value], dict[str, np.ndarra
     "taxel": (
         taxel.Taxel,
         TAXEL,
-        {"capacitance": F, "leak_time_constant": S, "volts_per_newton": V - N, "newtons_per_kelvin": N - K},
+        {
+            "film_capacitance": F,
+            "gate_capacitance": F,
+            "coupling": NONE,
+            "leak_time_constant": S,
+            "newtons_per_kelvin": N - K,
+            "poling_shift": V,
+        },
+    ),
+    "taxel's sensitivity": (lambda **values: taxel.Taxel(**values).volts_per_newton(), TAXEL, {"": V - N}),
+    "taxel's gain factor": (lambda **values: taxel.Taxel(**values).gain_factor(), TAXEL, {"": A - 2 * V}),
+    "taxel's noise": (
+        lambda low, high, temperature, **values: taxel.Taxel(**values).bias_noise(low, high, temperature),
+        {**TAXEL, **BAND, "temperature": (300.0, K)},
+        {"": V},
     ),
     "two stages": (
         lambda **values: op_amp(two_stage.figures_of_merit, **values),
@@ -326,10 +342,14 @@ def test_the_planes_agree_for_a_thick_film() -> None:
 
 def test_noise_powers_of_adjacent_bands_add_up() -> None:
     """White, 1/f and bias noise: the squares of adjacent bands add, for any boundary between them."""
-    usual = taxel.Taxel()
     edges = [0.1, 0.37, 5.0, 88.0, 1e3]
-    whole = usual.noise_budget(1e-16, 1e-10, 0.0, edges[0], edges[-1])
-    parts = [usual.noise_budget(1e-16, 1e-10, 0.0, *ends) for ends in itertools.pairwise(edges)]
+
+    def budget(low: float, high: float) -> noise.NoiseBudget:
+        bias = taxel.Taxel().bias_noise(low, high)
+        return noise.noise_budget(bias, 1e-16, 1e-10, 0.0, 0.9, low, high)
+
+    whole = budget(edges[0], edges[-1])
+    parts = [budget(*ends) for ends in itertools.pairwise(edges)]
     for name in ("bias", "thermal", "flicker", "total"):
         squares = sum(getattr(part, name) ** 2 for part in parts)
         assert squares == pytest.approx(getattr(whole, name) ** 2, rel=1e-12, abs=0)

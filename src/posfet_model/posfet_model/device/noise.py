@@ -1,4 +1,4 @@
-"""Noise of the readout: bias resistor, amplifier, 1/f and quantisation, and the smallest detectable force.
+"""Noise of the readout: bias resistor, amplifier, 1/f, sampling and quantisation, and the smallest detectable force.
 
 Spectra are one-sided power spectral densities [V2/Hz]. The sources are independent, so densities and mean squares add.
 """
@@ -120,33 +120,33 @@ def flicker_density(coefficient: ArrayLike, frequency: ArrayLike) -> FloatArray:
     return volts2 / hertz
 
 
-def white_rms(density: float, low: float, high: float) -> float:
+def white_rms(density: ArrayLike, low: ArrayLike, high: ArrayLike) -> FloatArray:
     """Return the rms [V] of white noise between two frequencies: ``sqrt(S*(high - low))``.
 
     Parameters
     ----------
-    density : float
+    density : array_like
         S [V2/Hz], in [0, 1e6].
-    low, high : float
+    low, high : array_like
         Ends of the band [Hz], 0 <= low < high <= 1e15. For a one-pole low-pass at f1 take high = f1*pi/2.
 
     Returns
     -------
-    float
-        Noise [V rms].
+    ndarray
+        Noise [V rms], of the broadcast shape.
 
     Raises
     ------
     ValueError
-        An argument is not real, not finite or out of range.
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
     """
-    level = real_number("density", density, 0, DENSITY_LIMIT)
-    low = real_number("low", low, 0, FREQUENCY_RANGE[1])
-    high = real_number("high", high, math.nextafter(low, math.inf), FREQUENCY_RANGE[1])
-    return math.sqrt(level * (high - low))
+    level, low, high = _in_band(low, high, density=real_array("density", density, 0, DENSITY_LIMIT))
+    return np.sqrt(level * (high - low))
 
 
-def bias_resistor_rms(resistance: float, capacitance: float, temperature: float, low: float, high: float) -> float:
+def bias_resistor_rms(
+    resistance: ArrayLike, capacitance: ArrayLike, temperature: ArrayLike, low: ArrayLike, high: ArrayLike
+) -> FloatArray:
     """Return the rms [V] between two frequencies of a resistor's noise across the capacitance that it charges.
 
     ``sqrt(k*T/C*2/pi*(arctan(2*pi*high*R*C) - arctan(2*pi*low*R*C)))``: Nyquist's density 4*k*T*R through the low-pass
@@ -154,24 +154,24 @@ def bias_resistor_rms(resistance: float, capacitance: float, temperature: float,
 
     Parameters
     ----------
-    resistance : float
+    resistance : array_like
         R [ohm], in [1, 1e18].
-    capacitance : float
-        C [F] of the gate, in [1e-18, 1].
-    temperature : float
+    capacitance : array_like
+        C [F] of the node that R charges, in [1e-18, 1].
+    temperature : array_like
         T [K], in [1, 1000].
-    low, high : float
+    low, high : array_like
         Ends of the band [Hz], 0 <= low < high <= 1e15.
 
     Returns
     -------
-    float
-        Noise [V rms].
+    ndarray
+        Noise [V rms], of the broadcast shape.
 
     Raises
     ------
     ValueError
-        An argument is not real, not finite or out of range.
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
 
     Notes
     -----
@@ -186,57 +186,135 @@ def bias_resistor_rms(resistance: float, capacitance: float, temperature: float,
     >>> print(f"{bias_resistor_rms(10e9, 26.6e-12, 300.0, 0.1, 1000.0) * 1e6:.1f} uV")
     11.8 uV
     """
-    ohms = real_number("resistance", resistance, 1, 1e18)
-    farad = real_number("capacitance", capacitance, 1e-18, 1)
-    kelvin = real_number("temperature", temperature, *TEMPERATURE_RANGE)
-    low = real_number("low", low, 0, FREQUENCY_RANGE[1])
-    high = real_number("high", high, math.nextafter(low, math.inf), FREQUENCY_RANGE[1])
+    ohms, farad, kelvin, low, high = _in_band(
+        low,
+        high,
+        resistance=real_array("resistance", resistance, 1, 1e18),
+        capacitance=real_array("capacitance", capacitance, 1e-18, 1),
+        temperature=real_array("temperature", temperature, *TEMPERATURE_RANGE),
+    )
     turn = 2 * math.pi * ohms * farad
     # The difference of the arctangents, without cancellation.
-    angle = math.atan2(turn * (high - low), 1 + turn * low * turn * high)
-    return math.sqrt(BOLTZMANN * kelvin / farad * 2 / math.pi * angle)
+    angle = np.arctan2(turn * (high - low), 1 + turn * low * turn * high)
+    return np.sqrt(BOLTZMANN * kelvin / farad * 2 / math.pi * angle)
 
 
-def flicker_rms(coefficient: float, low: float, high: float) -> float:
+def flicker_rms(coefficient: ArrayLike, low: ArrayLike, high: ArrayLike) -> FloatArray:
     """Return the rms [V] of 1/f noise between two frequencies: ``sqrt(K*ln(high/low))``.
 
     Parameters
     ----------
-    coefficient : float
+    coefficient : array_like
         K [V2], in [0, 1e6].
-    low, high : float
+    low, high : array_like
         Ends of the band [Hz], 1e-12 <= low < high <= 1e15: 1/f noise from 0 Hz has no finite power. A record of t
         seconds has about low = 1/t.
 
     Returns
     -------
-    float
-        Noise [V rms].
+    ndarray
+        Noise [V rms], of the broadcast shape.
 
     Raises
     ------
     ValueError
-        An argument is not real, not finite or out of range.
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
     """
-    volts2 = real_number("coefficient", coefficient, 0, DENSITY_LIMIT)
-    low = real_number("low", low, *FREQUENCY_RANGE)
-    high = real_number("high", high, math.nextafter(low, math.inf), FREQUENCY_RANGE[1])
-    return math.sqrt(volts2 * math.log1p((high - low) / low))
+    checked = real_array("coefficient", coefficient, 0, DENSITY_LIMIT)
+    volts2, low, high = _in_band(low, high, least=FREQUENCY_RANGE[0], coefficient=checked)
+    return np.sqrt(volts2 * np.log1p((high - low) / low))
 
 
-def quantisation_rms(lsb: float) -> float:
+def gate_flicker_coefficient(
+    constant: ArrayLike, width: ArrayLike, length: ArrayLike, capacitance: ArrayLike
+) -> FloatArray:
+    """Return the flicker coefficient K [V2] of a transistor, at its oxide: ``K = constant/(W*L*Cox)``.
+
+    A large gate has less 1/f noise, because more traps take part and each one moves the threshold less.
+
+    Parameters
+    ----------
+    constant : array_like
+        Constant of the process [V2 F], in [0, 1e-15].
+    width, length : array_like
+        W, L [m], in [1e-9, 1].
+    capacitance : array_like
+        Cox [F/m2], in [1e-12, 1e3].
+
+    Returns
+    -------
+    ndarray
+        K [V2], for the density K/f, of the broadcast shape.
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
+
+    Notes
+    -----
+    B. Razavi, *Design of Analog CMOS Integrated Circuits*, chapter on noise. Referred to a gate behind a film, divide
+    by the square of the coupling (`Taxel.coupling`).
+
+    Examples
+    --------
+    >>> print(f"{gate_flicker_coefficient(1e-24, 3276e-6, 12e-6, 7.6736e-4):.3g} V2")
+    3.31e-14 V2
+    """
+    constant, width, length, capacitance = common_dtype(
+        constant=real_array("constant", constant, 0, 1e-15),
+        width=real_array("width", width, 1e-9, 1),
+        length=real_array("length", length, 1e-9, 1),
+        capacitance=real_array("capacitance", capacitance, 1e-12, 1e3),
+    )
+    return constant / (width * length * capacitance)
+
+
+def sampling_rms(capacitance: ArrayLike, temperature: ArrayLike) -> FloatArray:
+    """Return the rms [V] of the noise that a switch leaves on the sampling capacitor of an ADC: ``sqrt(k*T/C)``.
+
+    Parameters
+    ----------
+    capacitance : array_like
+        C [F], in [1e-18, 1].
+    temperature : array_like
+        T [K], in [1, 1000].
+
+    Returns
+    -------
+    ndarray
+        Noise [V rms], of the broadcast shape; sampled, it is all in the band up to half the sampling rate.
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
+
+    Examples
+    --------
+    >>> print(f"{sampling_rms(10e-12, 300.0) * 1e6:.2f} uV")
+    20.35 uV
+    """
+    farad, kelvin = common_dtype(
+        capacitance=real_array("capacitance", capacitance, 1e-18, 1),
+        temperature=real_array("temperature", temperature, *TEMPERATURE_RANGE),
+    )
+    return np.sqrt(BOLTZMANN * kelvin / farad)
+
+
+def quantisation_rms(lsb: ArrayLike) -> FloatArray:
     """Return the rms [V] of quantisation in steps of `lsb`: ``lsb/sqrt(12)``.
 
     Valid when the signal and its noise extend over half a step or more, so that the error is uniformly distributed.
 
     Parameters
     ----------
-    lsb : float
+    lsb : array_like
         Step [V], in [0, 1e6].
 
     Returns
     -------
-    float
+    ndarray
         Noise [V rms].
 
     Raises
@@ -244,7 +322,7 @@ def quantisation_rms(lsb: float) -> float:
     ValueError
         The step is not real, not finite or out of range.
     """
-    return real_number("lsb", lsb, 0, 1e6) / math.sqrt(12)
+    return real_array("lsb", lsb, 0, 1e6) / math.sqrt(12)
 
 
 def flicker_sequence(
@@ -324,27 +402,35 @@ def volts_per_newton(piezoelectric_coefficient: ArrayLike, area: ArrayLike, capa
     return np.abs(d33) / (square_metres * farad_per_m2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, kw_only=True)
 class NoiseBudget:
-    """Noise at the gate in a band, by source."""
+    """Noise at the gate in a band, by source; numbers or arrays, which broadcast."""
 
-    bias: float
+    bias: FloatArray
     """Noise of the bias resistor [V rms]."""
-    thermal: float
-    """Thermal noise of the amplifier's input pair [V rms]."""
-    flicker: float
+    thermal: FloatArray
+    """Thermal noise of the amplifier's input stage [V rms]."""
+    flicker: FloatArray
     """1/f noise of the amplifier [V rms]."""
-    quantisation: float
+    sampling: FloatArray
+    """kT/C noise of the ADC's sampling capacitor [V rms]."""
+    quantisation: FloatArray
     """Quantisation noise of the ADC [V rms]."""
-    volts_per_newton: float
-    """Gate shift per force [V/N]."""
+    volts_per_newton: FloatArray
+    """Magnitude of the gate shift per force [V/N]."""
 
     @property
-    def total(self) -> float:
-        """Sum of all sources, as the root of their mean squares [V rms]."""
-        return math.hypot(self.bias, self.thermal, self.flicker, self.quantisation)
+    def sources(self) -> dict[str, FloatArray]:
+        """Noise of each source [V rms] by name."""
+        return {name: getattr(self, name) for name in ("bias", "thermal", "flicker", "sampling", "quantisation")}
 
-    def minimum_force(self, sigmas: float = 3.0) -> float:
+    @property
+    def total(self) -> FloatArray:
+        """Sum of all sources, as the root of their mean squares [V rms]."""
+        squares: FloatArray = sum((np.square(source) for source in self.sources.values()), np.zeros(()))
+        return np.sqrt(squares)
+
+    def minimum_force(self, sigmas: float = 3.0) -> FloatArray:
         """Return the smallest detectable force [N]: its gate shift is `sigmas` times the total rms.
 
         A change of force within the band is meant, since a static force leaks away.
@@ -356,7 +442,7 @@ class NoiseBudget:
 
         Returns
         -------
-        float
+        ndarray
             Force [N]; inf when force gives no voltage.
 
         Raises
@@ -364,38 +450,67 @@ class NoiseBudget:
         ValueError
             `sigmas` is not real, not finite or out of range.
         """
-        factor = real_number("sigmas", sigmas, 1e-3, 100)
-        return factor * self.total / self.volts_per_newton if self.volts_per_newton else math.inf
+        noise = real_number("sigmas", sigmas, 1e-3, 100) * np.asarray(self.total)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            force: FloatArray = np.where(np.equal(self.volts_per_newton, 0), math.inf, noise / self.volts_per_newton)
+        return force[()]
+
+    def signal_to_noise(self, force: ArrayLike) -> FloatArray:
+        """Return the ratio of a force's gate shift to the total rms [dB].
+
+        Parameters
+        ----------
+        force : array_like
+            Force [N], in [1e-12, 1e9]; the rms value of a vibration, or the height of a step.
+
+        Returns
+        -------
+        ndarray
+            ``20*log10(F*volts_per_newton/total)`` [dB]; -inf when force gives no voltage, inf without noise.
+
+        Raises
+        ------
+        ValueError
+            The force is not real, not finite or out of range.
+        """
+        newtons = real_array("force", force, 1e-12, 1e9)
+        with np.errstate(divide="ignore"):
+            ratio: FloatArray = 20 * np.log10(newtons * self.volts_per_newton) - 20 * np.log10(self.total)
+        return ratio
 
 
 def noise_budget(
-    bias_rms: float,
-    thermal_density: float,
-    flicker_coefficient: float,
-    lsb: float,
-    volts_per_newton: float,
-    low: float,
-    high: float,
-    gain: float = 1.0,
+    bias_rms: ArrayLike,
+    thermal_density: ArrayLike,
+    flicker_coefficient: ArrayLike,
+    lsb: ArrayLike,
+    volts_per_newton: ArrayLike,
+    low: ArrayLike,
+    high: ArrayLike,
+    *,
+    gain: ArrayLike = 1.0,
+    sampled_rms: ArrayLike = 0.0,
 ) -> NoiseBudget:
     """Return the noise referred to the gate in a band, by source.
 
     Parameters
     ----------
-    bias_rms : float
-        Noise of the bias resistor in the band [V], in [0, 1e6] (`bias_resistor_rms`).
-    thermal_density : float
+    bias_rms : array_like
+        Noise of the bias resistor in the band, referred to the gate [V], in [0, 1e6] (`bias_resistor_rms`).
+    thermal_density : array_like
         Thermal noise density of the amplifier, referred to the gate [V2/Hz], in [0, 1e6].
-    flicker_coefficient : float
+    flicker_coefficient : array_like
         K of the 1/f noise, referred to the gate [V2], in [0, 1e6].
-    lsb : float
+    lsb : array_like
         Step of the ADC behind the follower [V], in [0, 1e6]; all of its quantisation noise is assigned to the band.
-    volts_per_newton : float
+    volts_per_newton : array_like
         Gate shift per force [V/N], in [0, 1e12].
-    low, high : float
+    low, high : array_like
         Ends of the band [Hz], 1e-12 <= low < high <= 1e15.
-    gain : float, default 1.0
+    gain : array_like, default 1.0
         Gain of the follower [V/V], in [1e-3, 1e3].
+    sampled_rms : array_like, default 0.0
+        kT/C noise of the ADC behind the follower [V], in [0, 1e6] (`sampling_rms`).
 
     Returns
     -------
@@ -405,12 +520,39 @@ def noise_budget(
     Raises
     ------
     ValueError
-        An argument is not real, not finite or out of range.
+        An argument is not real, not finite or out of range, or the shapes do not broadcast.
     """
-    return NoiseBudget(
-        bias=real_number("bias_rms", bias_rms, 0, 1e6),
-        thermal=white_rms(real_number("thermal_density", thermal_density, 0, DENSITY_LIMIT), low, high),
-        flicker=flicker_rms(real_number("flicker_coefficient", flicker_coefficient, 0, DENSITY_LIMIT), low, high),
-        quantisation=quantisation_rms(lsb) / real_number("gain", gain, 1e-3, 1e3),
-        volts_per_newton=real_number("volts_per_newton", volts_per_newton, 0, 1e12),
+    follower = real_array("gain", gain, 1e-3, 1e3)
+    sampled = real_array("sampled_rms", sampled_rms, 0, 1e6)
+    bias, thermal, flicker, sampling, quantisation, sensitivity = common_dtype(
+        bias_rms=real_array("bias_rms", bias_rms, 0, 1e6),
+        thermal_density=white_rms(real_array("thermal_density", thermal_density, 0, DENSITY_LIMIT), low, high),
+        flicker_coefficient=flicker_rms(
+            real_array("flicker_coefficient", flicker_coefficient, 0, DENSITY_LIMIT), low, high
+        ),
+        sampled_rms=sampled / follower,
+        lsb=quantisation_rms(lsb) / follower,
+        volts_per_newton=real_array("volts_per_newton", volts_per_newton, 0, 1e12),
     )
+    return NoiseBudget(
+        bias=bias,
+        thermal=thermal,
+        flicker=flicker,
+        sampling=sampling,
+        quantisation=quantisation,
+        volts_per_newton=sensitivity,
+    )
+
+
+def _in_band(low: ArrayLike, high: ArrayLike, *, least: float = 0.0, **arguments: FloatArray) -> tuple[FloatArray, ...]:
+    """Return the arguments and both ends of the band with their common dtype; ValueError unless low < high."""
+    arguments["low"] = real_array("low", low, least, FREQUENCY_RANGE[1])
+    arguments["high"] = real_array("high", high, least, FREQUENCY_RANGE[1])
+    checked = common_dtype(**arguments)
+    if not np.all(checked[-1] > checked[-2]):
+        raise ValueError(f"high must be above low, got {_first(high)} to a low of {_first(low)} Hz")
+    return checked
+
+
+def _first(values: ArrayLike) -> str:
+    return f"{float(np.asarray(values).flat[0]):g}"

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from posfet_model._lib.validation import real_number
+from posfet_model.device.constants import VACUUM_PERMITTIVITY
 from posfet_model.device.film import Film
 from posfet_model.device.transistor import Plane, Stack, capacitance_per_area, gain_factor
 
@@ -64,6 +65,15 @@ THRESHOLD_VOLTAGE: Final = Quantity(
 POLING_SHIFT: Final = Quantity(
     "threshold shift by poling", -1.0, "V", "kappa = 0.010962 on the oxide, 0.00060714 at the gate", assumed=True
 )
+UNCOMPENSATED_FRACTION: Final = Quantity(
+    "uncompensated fraction kappa of the polarisation",
+    -POLING_SHIFT.value
+    * (FILM_PERMITTIVITY.value * VACUUM_PERMITTIVITY / FILM_THICKNESS.value)
+    / (SATURATION_POLARISATION.value + REMNANT_POLARISATION.value),
+    "1",
+    "the poling shift above, of Ps + Pr at the gate",
+    assumed=True,
+)
 PIEZOELECTRIC_COEFFICIENT: Final = Quantity("d33 of the saturated copolymer", -38e-12, "C/N", _MANUAL)
 PYROELECTRIC_COEFFICIENT: Final = Quantity(
     "pyroelectric coefficient",
@@ -80,6 +90,14 @@ LEAK_TIME_CONSTANT: Final = Quantity(
     "10 Gohm with 26.6 pF, a taxel of 1 mm2 at the piezo film manual's permittivity of 7.5; 0.43 s with Table I's 12",
     assumed=True,
 )
+FLICKER_CONSTANT: Final = Quantity(
+    "1/f noise constant of the process, K*W*L*Cox",
+    1e-24,
+    "V2 F",
+    "order of magnitude of n-channel transistors (Razavi gives 1e-25 for good processes)",
+    assumed=True,
+)
+TEMPERATURE: Final = Quantity("temperature of the chip", 300.0, "K", "room temperature", assumed=True)
 SILICON_MODULUS: Final = Quantity(
     "Young's modulus of the chip", 169e9, "Pa", "<110> in (100) silicon, doi:10.1109/JMEMS.2009.2039697", assumed=True
 )
