@@ -226,6 +226,8 @@ _ERROR_FRAMES: Final = {
     InjectedFault.OVERFLOW: error_frame(CONTROLLER, OVERFLOW),
     InjectedFault.ERROR_PASSIVE: error_frame(CONTROLLER, PASSIVE),
 }
+NEED_ERROR_FRAMES: Final = frozenset({InjectedFault.ERRORS, InjectedFault.UNACKNOWLEDGED, *_ERROR_FRAMES})
+"""Faults that a bus without error frames, as slcan is, cannot show."""
 _BUSY: Final = {InjectedFault.UNRELATED, InjectedFault.BOARD_UNPLUGGED, InjectedFault.ERRORS, *_ERROR_FRAMES}
 _CUT: Final = {
     InjectedFault.CABLE_UNPLUGGED,

@@ -31,20 +31,13 @@ from posfet_model.sensor.description import Sensor, load_sensor, with_frames
 from posfet_model.sensor.scan import Scan
 from posfet_sim.emulation.firmware import BoardFirmware
 from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
-from support.fault_injector import FaultInjector, InjectedFault
+from support.fault_injector import NEED_ERROR_FRAMES, FaultInjector, InjectedFault
 
 UNPLUGGED: Final = "adapter unplugged"
 RENAMED: Final = "adapter unplugged, back under another name"
 WRONG_BITRATE: Final = "wrong bitrate"
-_ERROR_FRAMES: Final = {
-    InjectedFault.ERRORS,
-    InjectedFault.UNACKNOWLEDGED,
-    InjectedFault.OVERFLOW,
-    InjectedFault.UNREADABLE,
-    InjectedFault.BUS_OFF,
-}
 FAULTS: Final = (
-    *(fault for fault in InjectedFault if fault is not InjectedFault.NONE and fault not in _ERROR_FRAMES),
+    *(fault for fault in InjectedFault if fault is not InjectedFault.NONE and fault not in NEED_ERROR_FRAMES),
     UNPLUGGED,
     RENAMED,
     WRONG_BITRATE,
@@ -199,6 +192,8 @@ class Soak:
         scans = self.verdict.scans
         while self.verdict.scans == scans:
             self._read(0.001)
+            if self._adapter.failure:
+                raise RuntimeError(f"the emulated adapter has ended: {self._adapter.failure}")
             if time.monotonic() - begin > RECOVERY:
                 self.verdict.not_recovered.append(f"{name}: {self._board.report().state}")
                 return

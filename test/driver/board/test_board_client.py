@@ -128,6 +128,29 @@ def test_data_flows_within_half_a_second_after_the_bus_returns(sensor: Sensor) -
     assert not firmware.running
 
 
+def test_an_adapter_that_fails_while_it_is_asked_why_no_scans_arrive_is_opened_again(sensor: Sensor) -> None:
+    clock = SteppedClock()
+    buses: list[SteppedBus] = []
+
+    def open_one() -> SteppedBus:
+        buses.append(SteppedBus(clock, firmware))
+        return buses[-1]
+
+    def fail() -> None:
+        raise can.CanOperationError("cable out")
+
+    firmware = BoardFirmware(sensor, FakeBoard(sensor), 0)
+    board = Board(sensor, open_one, clock=clock)
+    board.open()
+    list(read_scans(board, 50))
+    buses[0].ask_state = fail  # type: ignore[method-assign]
+    buses[0].held_back = True
+    for scan in read_scans(board, 50):
+        assert_marked(scan)
+    assert len(buses) == 2
+    assert board.report().counters["bus losses"] == 1
+
+
 @pytest.mark.parametrize("boot", [1, 0], ids=["another boot", "the same number drawn"])
 def test_a_board_reset_is_detected_and_reported(sensor: Sensor, boot: int) -> None:
     clock = SteppedClock()

@@ -9,7 +9,8 @@ import pytest
 
 from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.faults import FaultKind, Health
-from posfet_driver.board.listening_board import ListeningBoard, mapped_transit_time
+from posfet_driver.board.listening_board import ListeningBoard
+from posfet_driver.board.transit_time import mapped_transit_time
 from posfet_driver.bus.error_frame import CONTROLLER, error_frame
 from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.frame_bus import FrameBus

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from posfet_driver.bus.frame import ERROR
+from posfet_model.sensor.description import load_sensor
+from posfet_sim.emulation.firmware import BoardFirmware
+from support.fake_board import FakeBoard
+from support.fault_injector import FaultInjector, InjectedFault
 from support.long_runs import COUNTED, NEW_SEQUENCE, fuzz, scans_under_faults
-from support.soak import main
+from support.soak import FAULTS, main
 
 BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 
@@ -32,6 +37,15 @@ def test_arbitrary_frames_cause_no_failure(fd: bool) -> None:
     frames, growth = fuzz(200_000, fd, 4)
     assert frames >= 200_000
     assert growth < 1 << 20
+
+
+@pytest.mark.parametrize("fault", [fault for fault in FAULTS if isinstance(fault, InjectedFault)])
+def test_no_fault_of_the_soak_test_needs_frames_that_its_adapter_cannot_carry(fault: InjectedFault) -> None:
+    sensor = load_sensor()
+    injector = FaultInjector(lambda now: BoardFirmware(sensor, FakeBoard(sensor), now), sensor.can.base_id, 0)
+    injector.fault = fault
+    frames = [frame for tick in range(20) for frame in injector.due(tick * 100_000_000)]
+    assert not any(kind & ERROR for _, kind, _ in frames)
 
 
 @pytest.mark.slow

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from posfet_driver.board.board_client import Board
+from posfet_driver.board.listening_board import ListeningBoard
 from posfet_driver.bus.arrival_time import OFFSET_TOLERANCE, ArrivalTime
 from posfet_driver.bus.frame import Frame
 from posfet_model.sensor.description import load_sensor
+from posfet_sim.emulation.bus_node import Node
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.clocks import SteppedClock
 from support.fake_board import FakeBoard, read_scans, with_layout
+from support.own_boards import BoardB, Transmitter, millivolts_of, sensor_b
 
 MILLISECOND = 1_000_000
 OFFSET = 1_700_000_000_000_000_000
@@ -60,7 +65,7 @@ class LateBus:
     unreadable = 0
     arrival_stamp = 0
 
-    def __init__(self, clock: SteppedClock, firmware: BoardFirmware, delay: int, stamped: bool) -> None:
+    def __init__(self, clock: SteppedClock, firmware: Node, delay: int, stamped: bool) -> None:
         self._clock, self._firmware, self._delay, self._stamped = clock, firmware, delay, stamped
         self._answers: list[Frame] = []
 
@@ -93,5 +98,17 @@ def test_stamps_of_scans_do_not_depend_on_when_a_busy_process_reads_them(stamped
         scan.stamp - OFFSET - firmware.switched_on - scan.sequence * MILLISECOND for scan in read_scans(board, 200)
     ]
     # Of the scans that are waiting at each read, only the newest has just arrived.
+    assert min(delays) >= 0
+    assert (max(delays[50:]) < MILLISECOND) == stamped
+
+
+@pytest.mark.parametrize("stamped", [True, False])
+def test_a_board_with_frames_of_its_own_has_these_stamps_too(tmp_path: Path, stamped: bool) -> None:
+    clock = SteppedClock(now=1_000 * MILLISECOND, epoch=OFFSET)
+    style = BoardB()
+    transmitter = Transmitter(lambda index: style.scan(index, millivolts_of(index)), begin := clock.now)
+    board = ListeningBoard(sensor_b(tmp_path), lambda: LateBus(clock, transmitter, 40 * MILLISECOND, stamped), clock)
+    board.open()
+    delays = [scan.stamp - OFFSET - begin - scan.sequence * MILLISECOND for scan in read_scans(board, 200)]
     assert min(delays) >= 0
     assert (max(delays[50:]) < MILLISECOND) == stamped

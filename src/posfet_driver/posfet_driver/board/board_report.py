@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
+from posfet_driver.board.board_connection import BoardConnection
+from posfet_driver.board.connection_state import HEALTH, ConnectionState
 from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.board.scan_source import SourceReport
-from posfet_driver.bus.bus_load import BusLoad
 from posfet_driver.bus.reconnecting_bus import ReconnectingBus
 from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.mapped_decoder import MappedDecoder
@@ -27,44 +27,38 @@ _FLAGS: Final = {
 }
 
 
-@dataclass(frozen=True)
-class Connection:
-    """State of the connection to a board."""
-
-    health: Health
-    state: str
-    """One line: the state and its reason."""
-    fault: FaultKind | None
-    """The fault that prevents scans; None when there is none."""
-    restarts: int
-    """Number of times a silent board was restarted."""
-    brown_outs: int
-    """Resets around which the supply voltage was low."""
-    stamp_uncertainty: float
-    """Largest delay of a stamp after the acquisition [s]."""
-
-
 def board_report(
-    connection: Connection, decoder: Decoder | MappedDecoder, bus: ReconnectingBus, load: BusLoad
+    connection: BoardConnection,
+    decoder: Decoder | MappedDecoder,
+    flowing: bool,
+    stamp_uncertainty: float,
+    restarts: int = 0,
+    brown_outs: int = 0,
 ) -> SourceReport:
     """Return the report of a board.
 
     Parameters
     ----------
-    connection : Connection
-        State of the connection.
+    connection : BoardConnection
+        State of the connection, counters of failures and error frames, bus load.
     decoder : Decoder or MappedDecoder
         Source of the counters of scans and frames, and of the board's status.
-    bus : ReconnectingBus
-        Source of the counters of failures and error frames.
-    load : BusLoad
-        Source of the bus load.
+    flowing : bool
+        Whether scans arrive.
+    stamp_uncertainty : float
+        Largest delay of a stamp after the acquisition [s].
+    restarts : int, default 0
+        Number of times a silent board was restarted.
+    brown_outs : int, default 0
+        Resets around which the supply voltage was low.
 
     Returns
     -------
     SourceReport
         The state of now.
     """
+    bus, load = connection.bus, connection.load
+    waiting = connection.state == ConnectionState.SCANS and not flowing
     status, identity = decoder.status, decoder.identity
     conditions = [connection.fault] if connection.fault else []
     conditions += [fault for flag, fault in _FLAGS.items() if status.flags & flag]
@@ -75,18 +69,18 @@ def board_report(
     if decoder.clock_uncertainty > MAX_CLOCK_UNCERTAINTY:
         conditions.append(FaultKind.CLOCK_SYNC_DEGRADED)
     return SourceReport(
-        health=connection.health,
-        state=connection.state,
+        health=Health.WARN if waiting else HEALTH[connection.state],
+        state=connection.reason,
         scans=decoder.scans,
         frames_lost=decoder.frames_lost,
-        fault_counts=_fault_counts(connection, decoder, bus),
+        fault_counts=_fault_counts(decoder, bus, brown_outs),
         counters={
             "unrelated frames": decoder.traffic.unrelated,
             "bit errors": bus.errors.bit_errors,
             "bus losses": bus.failed,
             "bus open failures": bus.open_failures,
             "bus reopened": max(bus.opened - 1, 0),
-            "board restarts": connection.restarts,
+            "board restarts": restarts,
             "commands of other hosts": decoder.traffic.commands,
             "status frames lost": decoder.traffic.status_lost,
             "status frames repeated": decoder.traffic.status_repeated,
@@ -100,15 +94,13 @@ def board_report(
             "firmware": identity.firmware if identity else "unknown",
             "scan period [ms]": f"{decoder.scan_period / 1000:g}",
             "bus load [%]": f"{100 * load.load:.1f}",
-            "maximum stamp delay [ms]": f"{1e3 * connection.stamp_uncertainty:.3f}",
+            "maximum stamp delay [ms]": f"{1e3 * stamp_uncertainty:.3f}",
             **(decoder.origin if isinstance(decoder, MappedDecoder) else {}),
         },
     )
 
 
-def _fault_counts(
-    connection: Connection, decoder: Decoder | MappedDecoder, bus: ReconnectingBus
-) -> dict[FaultKind, int]:
+def _fault_counts(decoder: Decoder | MappedDecoder, bus: ReconnectingBus, brown_outs: int) -> dict[FaultKind, int]:
     statistics, errors = decoder.statistics, bus.errors
     return {
         FaultKind.INCOMPLETE_SCANS: statistics.incomplete_scans,
@@ -127,6 +119,6 @@ def _fault_counts(
         FaultKind.UNACKNOWLEDGED: errors.unacknowledged,
         FaultKind.RECEIVE_OVERFLOWS: errors.overflow,
         FaultKind.BOARD_RESETS: decoder.resets,
-        FaultKind.BROWN_OUTS: connection.brown_outs,
+        FaultKind.BROWN_OUTS: brown_outs,
         FaultKind.UNREADABLE: bus.unreadable,
     }

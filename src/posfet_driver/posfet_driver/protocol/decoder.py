@@ -194,6 +194,9 @@ class Decoder:
         """Count no scan as lost before the next one: the board was stopped on request."""
         self._scans.numbering.forget_gap()
 
+    def note_overflow(self) -> None:
+        """Note that frames were lost within the next batch: the numbers of blocks and scans tell which."""
+
     def decode(self, frames: list[Frame], arrival: int, wall_offset: int) -> Iterator[Decoded]:
         """Decode a batch of frames, one step of the iterator at a time.
 

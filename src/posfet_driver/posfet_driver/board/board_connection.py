@@ -1,0 +1,237 @@
+"""The connection to one board: its bus, opened and reopened, and what arrives on it. Both kinds of boards have one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Final
+
+import can
+
+from posfet_driver.board.connection_state import NOT_RECEIVING, ConnectionState
+from posfet_driver.board.faults import FaultKind
+from posfet_driver.board.no_response import NoResponseMonitor
+from posfet_driver.bus.arrival_time import ArrivalTime
+from posfet_driver.bus.bus_error import one_line
+from posfet_driver.bus.bus_load import BusLoad
+from posfet_driver.bus.frame import Frame
+from posfet_driver.bus.frame_bus import FrameBus
+from posfet_driver.bus.reconnecting_bus import ReconnectingBus
+from posfet_driver.clock import Clock
+from posfet_driver.protocol.decoder import Decoded, Decoder
+from posfet_driver.protocol.mapped_decoder import MappedDecoder
+from posfet_model._lib.units import NANOSECONDS
+from posfet_model.config import ConfigError
+from posfet_model.sensor.description import CanLink
+
+NEVER: Final = 1 << 63
+SCAN_TIMEOUT: Final = 0.3
+"""Time without a scan [s] after which the reason is looked for."""
+SCAN_TIMEOUT_SCANS: Final = 10
+"""The same in scan periods, for low scan rates."""
+
+
+class BoardConnection:
+    """State of the connection to a board, and the frames that were read. Used by one thread.
+
+    The bus is reopened, with exponential back-off, whenever it cannot be opened or fails, bus-off included, and at once
+    when its adapter is connected again. None of this raises: `reason` and `fault` state what is missing.
+
+    Parameters
+    ----------
+    link : CanLink
+        Bit rates.
+    decoder : Decoder or MappedDecoder
+        Decodes the frames.
+    open_bus : callable
+        Opens the bus; raises can.CanError or ConfigError.
+    clock : Clock
+        Source of time.
+    presence : callable or None
+        Returns a value that changes when the adapter is connected again.
+    searching : str
+        State while the bus is open and the board was not found yet.
+    """
+
+    def __init__(
+        self,
+        link: CanLink,
+        decoder: Decoder | MappedDecoder,
+        open_bus: Callable[[], FrameBus],
+        clock: Clock,
+        presence: Callable[[], object] | None,
+        searching: str,
+    ) -> None:
+        self.bus = ReconnectingBus(open_bus, presence, clock)
+        self.load = BusLoad(link.bitrate, link.data_bitrate)
+        self.no_response = NoResponseMonitor(decoder.traffic, self.bus.errors)
+        self.state = ConnectionState.CLOSED
+        self.reason = "closed"
+        """One line: the state and its reason."""
+        self.fault: FaultKind | None = None
+        """The fault that prevents scans; None when there is none."""
+        self.deadline = NEVER
+        """Time at which something is to be done when nothing happens before [ns]."""
+        self.arrival = 0
+        """Time at which the newest batch of frames was read [ns]."""
+        self.decoded: Iterator[Decoded] = iter(())
+        """What the newest batch contains."""
+        self._decoder = decoder
+        self._clock = clock
+        self._searching = searching
+        self._arrival_time = ArrivalTime()
+        self._batch: list[Frame] = []
+        self._overflows = 0
+        self._bus_offs = 0
+        self._checked = -1  # deadline after which the bus was read once more
+
+    @property
+    def scan_timeout(self) -> int:
+        """Time without a scan after which the reason is looked for [ns]."""
+        in_scans = SCAN_TIMEOUT_SCANS * self._decoder.scan_period * 1000
+        return max(round(SCAN_TIMEOUT * NANOSECONDS), in_scans)
+
+    def open(self) -> bool:
+        """Open the bus for the first time; return whether it is open.
+
+        Raises
+        ------
+        ConfigError
+            When it can never be opened with these arguments.
+        """
+        self.bus.reset_backoff()
+        self.enter(ConnectionState.BUS, "opening the bus", 0.0)
+        return self._connect()
+
+    def reopen(self) -> bool:
+        """Open the bus again; return whether it is open."""
+        try:
+            return self._connect()
+        except ConfigError as error:
+            self.fail(error)
+            return False
+
+    def reopen_when_silent(self) -> bool:
+        """Close the bus and open it again when the board has been silent for long; return whether that was done."""
+        if not self.bus.is_open or not self.no_response.reopen_due(self._clock.monotonic()):
+            return False
+        self.bus.close()
+        self.enter(ConnectionState.BUS, self.reason, 0.0)
+        return self.reopen()
+
+    def close(self) -> None:
+        """Close the bus; may be called twice."""
+        self.fault = None
+        self.bus.close()
+        self.enter(ConnectionState.CLOSED, "closed", 0.0)
+
+    def wait(self, now: int, end: int) -> bool:
+        """Read frames, or wait for a bus, up to `end` or the deadline.
+
+        Parameters
+        ----------
+        now : int
+            Monotonic time [ns].
+        end : int
+            Latest time of return [ns].
+
+        Returns
+        -------
+        bool
+            Whether the deadline has passed, and no frame that arrived in time is left.
+        """
+        deadline = self.deadline
+        late = now >= deadline
+        if late and (not self.bus.is_open or self._checked == deadline):
+            return True
+        left = max(min(end, deadline) - now, 0)
+        if self.bus.is_open:
+            arrived = self.read(left)
+            if late or (not arrived and self._clock.monotonic() >= deadline):
+                self._checked = deadline
+        elif self.state is not ConnectionState.BUS:
+            self._clock.sleep(left / NANOSECONDS)
+        elif self.bus.wait_for_device(left):
+            self.deadline = self._clock.monotonic()
+        return False
+
+    def read(self, timeout: int) -> bool:
+        """Read the frames that are waiting or arrive within `timeout` [ns]; return whether anything happened."""
+        self.load.add(self._batch, self.arrival)  # of the previous read: scans were delivered first
+        self._batch = []
+        try:
+            frames = self._batch = self.bus.read(timeout / NANOSECONDS)
+        except (can.CanError, OSError) as error:
+            self.fail(error)
+            return True
+        if self.bus.errors.overflow != self._overflows:
+            self._overflows = self.bus.errors.overflow
+            self._decoder.note_overflow()
+        now = self.arrival = self._clock.monotonic()
+        wall_offset = self._clock.wall() - now
+        arrival = self._arrival_time.of_newest(self.bus.arrival_stamp, now, wall_offset)
+        self.decoded = self._decoder.decode(frames, arrival, wall_offset)
+        return bool(frames)
+
+    def write(self, frame: Frame) -> None:
+        """Send a frame, or nothing when the bus is not open."""
+        try:
+            self.bus.write(frame)
+        except (can.CanError, OSError) as error:
+            self.fail(error)
+
+    def ask_adapter(self) -> None:
+        """Request the adapter's error state, which arrives as error frames."""
+        try:
+            self.bus.ask_state()
+        except (can.CanError, OSError) as error:
+            self.fail(error)
+
+    def check_bus_off(self) -> None:
+        """Reopen the bus when its controller has gone bus-off; called when all that was read is processed."""
+        if self.bus.errors.bus_off != self._bus_offs:
+            self._bus_offs = self.bus.errors.bus_off
+            self.fail(can.CanOperationError("the controller is bus-off"), FaultKind.BUS_OFF)
+
+    def fail(self, error: Exception, fault: FaultKind = FaultKind.ADAPTER_DISCONNECTED) -> None:
+        """Close the bus and retry later.
+
+        Parameters
+        ----------
+        error : Exception
+            Why.
+        fault : FaultKind, optional
+            The fault that prevents scans.
+        """
+        self.fault = fault
+        self.enter(ConnectionState.BUS, f"CAN bus unavailable, retrying: {one_line(error)}", self.bus.fail())
+
+    def enter(self, state: ConnectionState, reason: str, timeout: float) -> None:
+        """Enter a state.
+
+        Parameters
+        ----------
+        state : ConnectionState
+            The state.
+        reason : str
+            One line: the state and its reason.
+        timeout : float
+            Time to the deadline [s]; there is none for a board that is closed or stopped.
+        """
+        self.state, self.reason = state, reason
+        if state in NOT_RECEIVING:
+            self._decoder.receiving = False
+        if not self.bus.is_open:
+            self.decoded = iter(())
+        timed = state not in {ConnectionState.CLOSED, ConnectionState.STOPPED}
+        self.deadline = self._clock.monotonic() + round(timeout * NANOSECONDS) if timed else NEVER
+
+    def _connect(self) -> bool:
+        try:
+            self.bus.connect()
+        except can.CanError as error:
+            self.fail(error)
+            return False
+        if self.fault in {None, FaultKind.ADAPTER_DISCONNECTED}:
+            self.reason = self._searching
+        self.no_response.begin(self._clock.monotonic())
+        return True

@@ -1,0 +1,34 @@
+"""Whether a board is the one that the sensor file describes."""
+
+from __future__ import annotations
+
+from posfet_driver.board.faults import FaultKind
+from posfet_driver.protocol.messages import PROTOCOL_VERSION, Identification
+from posfet_model.sensor.description import Sensor
+
+
+def unsuitable(sensor: Sensor, board: Identification) -> tuple[FaultKind, str] | None:
+    """Return why a board is not the one that the sensor file describes; None when it is.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor file.
+    board : Identification
+        What the board states.
+
+    Returns
+    -------
+    tuple of FaultKind and str, or None
+        The fault, and its reason in one line.
+    """
+    if board.protocol != PROTOCOL_VERSION:
+        reason = f"the board implements version {board.protocol} of the protocol, this driver {PROTOCOL_VERSION}"
+        return FaultKind.WRONG_PROTOCOL, reason
+    if board.layout != sensor.layout.id:
+        return FaultKind.WRONG_LAYOUT, f"the board has layout {board.layout}, the sensor file {sensor.layout.id}"
+    if board.fd != sensor.can.fd:
+        formats = "classic CAN", "CAN FD"
+        reason = f"the board sends scans in {formats[board.fd]} frames, the sensor file says {formats[sensor.can.fd]}"
+        return FaultKind.WRONG_FORMAT, reason
+    return None

@@ -1,0 +1,53 @@
+"""Time that the frames of a scan occupy the bus: part of the delay of its stamp."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from posfet_driver.bus.frame_timing import classic_time, fd_time
+from posfet_driver.protocol.frame_tables import FrameTables
+from posfet_driver.protocol.scan_codec import CLASSIC_LENGTH, FD_LENGTH
+from posfet_model.sensor.description import CanLink
+
+_EXTENDED_BITS: Final = 25  # of an identifier of 29 bits more than of one of 11, with stuff bits
+
+
+def scan_transit_time(link: CanLink, blocks: int) -> float:
+    """Return the longest time that the frames of one scan occupy the bus [s].
+
+    Parameters
+    ----------
+    link : CanLink
+        Frame format and bit rates.
+    blocks : int
+        Number of scan frames of a scan.
+
+    Returns
+    -------
+    float
+        Transit time with as many stuff bits as there can be [s].
+    """
+    return blocks * _longest(link, FD_LENGTH if link.fd else CLASSIC_LENGTH)
+
+
+def mapped_transit_time(link: CanLink, tables: FrameTables) -> float:
+    """Return the longest time that the frames of one scan of a board with frames of its own occupy the bus [s].
+
+    Parameters
+    ----------
+    link : CanLink
+        Frame format and bit rates.
+    tables : FrameTables
+        Lengths of the frames.
+
+    Returns
+    -------
+    float
+        Transit time with as many stuff bits as there can be [s].
+    """
+    return sum(_longest(link, length) + extended * _EXTENDED_BITS / link.bitrate for length, extended in tables.sent)
+
+
+def _longest(link: CanLink, length: int) -> float:
+    time = fd_time(length, link.bitrate, link.data_bitrate) if link.fd else classic_time(length, link.bitrate)
+    return time.most
