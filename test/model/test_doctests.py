@@ -16,7 +16,16 @@ PACKAGE = Path(posfet_model.__file__).parent
 DOCUMENTS = DOCS
 EXAMPLE = ">>> "
 ROOMS = (posfet_model.device, posfet_model.amplifier, posfet_model.spice)
-NAMED_AS_A_WHOLE = {"as_printed", "model_comparison", "pair_settling", "reference_runs", "run_file"}
+SPICE_COMPARISON = {
+    "circuit_command",
+    "circuit_comparison",
+    "circuit_models",
+    "comparison_table",
+    "random_designs",
+    "recorded_runs",
+    "stimuli",
+}
+NAMED_AS_A_WHOLE = {"as_printed", "model_comparison", "pair_settling", "reference_runs", "run_file", *SPICE_COMPARISON}
 """Modules of which the overview states the purpose, not each function."""
 
 

@@ -40,7 +40,7 @@ NO_NUMBERS: tuple[Any, ...] = (
     *(MASKED, [MASKED, MASKED]),
 )
 NO_OBJECTS: tuple[Any, ...] = (0, "one", 1.5, object())
-TEXT = {"str", "bytes", "bool", "Callable", "np.random.Generator", "Sequence[Layer]", "History"}
+TEXT = {"str", "bytes", "bool", "Callable", "np.random.Generator", "Sequence[Layer]", "Sequence[str]", "History"}
 """Kinds of argument that the tests of their modules verify."""
 
 PLATE = {"pressure": 1e3, "thickness": 5e-5, "young_modulus": 169e9, "poisson_ratio": 0.3}
@@ -191,6 +191,8 @@ GOOD: dict[str, dict[str, Any]] = {
     "ngspice.run_follower": {"circuit": "", "source": "", "stop": 1.0, "largest_step": 1e-3},
     "ngspice.run_follower_ac": {"circuit": "", "lowest": 1.0, "highest": 1e8, "per_decade": 50},
     "ngspice.run_open_loop_ac": {"circuit": "", "lowest": 1.0, "highest": 1e8, "per_decade": 50},
+    "ngspice.run_loop_gain": {"circuit": "", "lowest": 1.0, "highest": 1e8, "per_decade": 50},
+    "ngspice.run_operating_point": {"circuit": "", "quantities": ["v(out)"]},
     "ngspice.closed_loop": {"response": SmallSignal(np.array([1.0, 2.0]), np.array([1 + 0j, 0.1]))},
     "ngspice.read_raw": {"content": b"", "complex_values": False},
     "taxel.Taxel": {

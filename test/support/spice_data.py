@@ -1,12 +1,14 @@
-"""The stored ngspice runs of test/data/spice (made by python -m posfet_model.spice.reference_runs)."""
+"""The stored ngspice runs of test/data/spice (made by posfet_model.spice.reference_runs and recorded_runs)."""
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from posfet_model.spice.ngspice import SmallSignal
+from posfet_model.spice.recorded_runs import Record, load
 from posfet_model.spice.run_file import FollowerRun, read_run
 
 FOLDER = Path(__file__).resolve().parents[1] / "data" / "spice"
@@ -23,3 +25,8 @@ def transient(circuit: str, stimulus: str) -> FollowerRun:
 def small_signal(circuit: str, kind: str) -> SmallSignal:
     frequency, real, imaginary = np.loadtxt(path(circuit, kind), delimiter=",", skiprows=3, unpack=True)
     return SmallSignal(frequency=frequency, transfer=real + 1j * imaginary)
+
+
+@cache
+def recorded(circuit: str) -> Record:
+    return load(FOLDER / "circuits" / f"{circuit}.npz")

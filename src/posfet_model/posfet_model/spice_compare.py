@@ -17,6 +17,7 @@ from posfet_model.amplifier.follower import SquareLawFollower
 from posfet_model.amplifier.slew_identification import OVERDRIVE, slew_model
 from posfet_model.command_line import ignoring_broken_pipe
 from posfet_model.device.paper import GAIN_BANDWIDTH
+from posfet_model.spice import circuit_command
 from posfet_model.spice.model_comparison import (
     SECOND_POLE_QUALITY,
     blind_models,
@@ -52,6 +53,8 @@ determine slewing, so the square-law model identifies the op-amp by the ratio of
 the gain-bandwidth product (--gain-bandwidth): lower, two stages with a zero; higher, one stage and an output follower.
 Its overdrive then follows from hand formulas with the sizes of Table II, unless it is given (--overdrive) or measured
 on another run of the same circuit (--overdrive-from).
+In place of FILE.csv, "circuits" compares the models of the set of circuits with ngspice and says which are valid on
+which run, "random" compares verdicts about stability, "netlist NAME" prints a circuit for SPICE (each with --help).
 Standard output has the JSON only; standard error reports how --gain was interpreted where it may be in dB, the assumed
 op-amp, and the overdrive used."""
 
@@ -62,6 +65,9 @@ class UsageError(ValueError):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Compare and print; return the exit code: 0, or 1 with one line on stderr for a bad file or options."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments and arguments[0] in circuit_command.COMMANDS:
+        return circuit_command.run(arguments)
     options = _parser().parse_args(arguments)
     try:
         result = compare(

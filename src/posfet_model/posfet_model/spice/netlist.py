@@ -119,7 +119,7 @@ def _model_cards(bias: AmplifierBias, design: AmplifierDesign) -> list[str]:
         )
 
     return [
-        card("posfet", "nmos", bias.threshold, design.electron_mobility, Plane.GATE),
+        card("posfet", "nmos", bias.threshold + design.pair_threshold_shift, design.electron_mobility, Plane.GATE),
         card("nfet", "nmos", bias.threshold, design.electron_mobility, Plane.OXIDE),
         card("pfet", "pmos", -bias.threshold, design.hole_mobility, Plane.OXIDE),
     ]

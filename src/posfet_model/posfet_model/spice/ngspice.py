@@ -11,6 +11,7 @@ import math
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -26,6 +27,9 @@ CIRCUITS: Final = ("opamp_b", "opamp_c")
 """Names of the netlists that come with the package."""
 
 PROGRAM: Final = "ngspice"
+
+FOLLOWER: Final = "xdut in out out opamp"
+"""The op-amp as a follower, between the nodes in and out of a deck."""
 
 RELATIVE_TOLERANCE: Final = 1e-5
 """reltol of all runs; with ngspice's default of 1e-3 the error on steps of these circuits is several percent of full
@@ -124,7 +128,9 @@ def piecewise_linear(time: ArrayLike, volts: ArrayLike) -> str:
     return f"pwl(\n{points}\n+ )"
 
 
-def run_follower(circuit: str, source: str, stop: float, largest_step: float) -> Transient:
+def run_follower(
+    circuit: str, source: str, stop: float, largest_step: float, relative_tolerance: float = RELATIVE_TOLERANCE
+) -> Transient:
     """Return the follower's response to a source, complete and resolved.
 
     Parameters
@@ -137,6 +143,8 @@ def run_follower(circuit: str, source: str, stop: float, largest_step: float) ->
         End of the run [s], in (0, 1e6].
     largest_step : float
         Upper limit of ngspice's time step [s], at most stop/20.
+    relative_tolerance : float, default RELATIVE_TOLERANCE
+        ngspice's reltol [1], in [1e-9, 1e-2].
 
     Returns
     -------
@@ -146,14 +154,16 @@ def run_follower(circuit: str, source: str, stop: float, largest_step: float) ->
     Raises
     ------
     ValueError
-        `stop` or `largest_step` is out of range.
+        `stop`, `largest_step` or `relative_tolerance` is out of range.
     SpiceError
         ngspice failed, or the run is incomplete or too coarse; the message says why.
     """
     stop = real_number("stop", stop, 1e-12, 1e6)
     largest_step = real_number("largest_step", largest_step, stop * 1e-9, stop / _LEAST_TIME_STEPS)
+    tolerance = real_number("relative_tolerance", relative_tolerance, 1e-9, 1e-2)
     analysis = f".tran {largest_step:.12g} {stop:.12g} 0 {largest_step:.12g}"
-    values = _simulate(_deck(circuit, f"vin in 0 {source}", "xdut in out out opamp", analysis), complex_values=False)
+    source = f"vin in 0 {source}"
+    values = _simulate(_deck(circuit, source, FOLLOWER, analysis, tolerance=tolerance), complex_values=False)
     run = Transient(time=values[0].real, v_in=values[1].real, v_out=values[2].real)
     _check_transient(run, stop, largest_step)
     return run
@@ -183,7 +193,7 @@ def run_follower_ac(circuit: str, lowest: float = 1.0, highest: float = 1e8, per
     SpiceError
         ngspice failed or the run is incomplete.
     """
-    return _run_ac(circuit, "xdut in out out opamp", lowest, highest, per_decade)
+    return _run_ac(circuit, FOLLOWER, lowest, highest, per_decade)
 
 
 def run_open_loop_ac(circuit: str, lowest: float = 1.0, highest: float = 1e8, per_decade: int = 50) -> SmallSignal:
@@ -216,6 +226,38 @@ def run_open_loop_ac(circuit: str, lowest: float = 1.0, highest: float = 1e8, pe
     return _run_ac(circuit, loop, lowest, highest, per_decade)
 
 
+def run_loop_gain(circuit: str, lowest: float = 1.0, highest: float = 1e8, per_decade: int = 50) -> SmallSignal:
+    """Return the loop gain of the follower, with a voltage source in the closed loop at the inverting input.
+
+    The output keeps its load by the inverting input, and the operating point is the follower's, in contrast to
+    `run_open_loop_ac`. Exact but for the ratio of the impedances of output and inverting input.
+
+    Parameters
+    ----------
+    circuit : str
+        Text of a netlist, as in `run_follower`.
+    lowest, highest : float
+        Ends of the frequency range [Hz], from 1e-3 to 1e13, at least a decade apart.
+    per_decade : int, default 50
+        Frequencies per decade, in [1, 10000].
+
+    Returns
+    -------
+    SmallSignal
+        Loop gain, positive at low frequency.
+
+    Raises
+    ------
+    ValueError
+        A frequency or `per_decade` is out of range.
+    SpiceError
+        ngspice failed or the run is incomplete.
+    """
+    loop = "vloop out feedback dc 0 ac -1\nxdut in feedback out opamp"
+    frequency, (feedback, out) = _ac(circuit, loop, "0", ("feedback", "out"), lowest, highest, per_decade)
+    return SmallSignal(frequency=frequency, transfer=-out / feedback)
+
+
 def closed_loop(response: SmallSignal) -> ClosedLoop:
     """Return gain at the lowest frequency and -3 dB frequency of a follower.
 
@@ -246,26 +288,66 @@ def closed_loop(response: SmallSignal) -> ClosedLoop:
 
 
 def _run_ac(circuit: str, instance: str, lowest: float, highest: float, per_decade: int) -> SmallSignal:
+    frequency, (v_in, v_out) = _ac(circuit, instance, "0 ac 1", ("in", "out"), lowest, highest, per_decade)
+    return SmallSignal(frequency=frequency, transfer=v_out / v_in)
+
+
+def _ac(
+    circuit: str, instance: str, source: str, nodes: tuple[str, str], lowest: float, highest: float, per_decade: int
+) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+    """Return the frequencies and the voltages of two nodes."""
     lowest = real_number("lowest", lowest, 1e-3, 1e12)
     highest = real_number("highest", highest, 10 * lowest, 1e13)
     per_decade = whole_number("per_decade", per_decade, 1, 10_000)
     analysis = f".ac dec {per_decade} {lowest:.12g} {highest:.12g}"
-    values = _simulate(_deck(circuit, "vin in 0 dc 0 ac 1", instance, analysis), complex_values=True)
+    saved = [f"v({node})" for node in nodes]
+    values = _simulate(_deck(circuit, f"vin in 0 dc {source}", instance, analysis, saved), complex_values=True)
     frequency = values[0].real
     if abs(frequency[-1] / highest - 1) > 0.1:
         raise SpiceError(f"ngspice stopped at {frequency[-1]:g} Hz of {highest:g} Hz")
-    return SmallSignal(frequency=frequency, transfer=values[2] / values[1])
+    return frequency, values[1:]
 
 
-def _deck(circuit: str, source: str, instance: str, analysis: str) -> str:
-    options = (
-        f".options method=gear reltol={RELATIVE_TOLERANCE:g} abstol=1e-14 vntol=1e-9 chgtol=1e-18 trtol=1 gmin=1e-15"
-    )
-    return "\n".join(["follower", circuit, source, instance, options, ".save v(in) v(out)", analysis, ".end", ""])
+def run_operating_point(circuit: str, quantities: Sequence[str]) -> NDArray[np.float64]:
+    """Return quantities of the operating point of the follower, with its input at 0 V.
+
+    Parameters
+    ----------
+    circuit : str
+        Text of a netlist, as in `run_follower`.
+    quantities : sequence of str
+        What ngspice is to save, such as "v(out)" or "@m.xdut.m1[gm]".
+
+    Returns
+    -------
+    ndarray
+        Their values in SI units, shape [quantities].
+
+    Raises
+    ------
+    SpiceError
+        ngspice failed or does not know a quantity.
+    """
+    values = _simulate(_deck(circuit, "vin in 0 dc 0", FOLLOWER, ".op", quantities), complex_values=False)
+    if values.shape != (len(quantities), 1):
+        raise SpiceError(f"ngspice saved {values.shape[0]} of {len(quantities)} quantities of the operating point")
+    return values[:, 0].real
+
+
+def _deck(
+    circuit: str,
+    source: str,
+    instance: str,
+    analysis: str,
+    saved: Sequence[str] = ("v(in)", "v(out)"),
+    tolerance: float = RELATIVE_TOLERANCE,
+) -> str:
+    options = f".options method=gear reltol={tolerance:g} abstol=1e-14 vntol=1e-9 chgtol=1e-18 trtol=1 gmin=1e-15"
+    return "\n".join(["follower", circuit, source, instance, options, f".save {' '.join(saved)}", analysis, ".end", ""])
 
 
 def _simulate(deck: str, *, complex_values: bool) -> NDArray[np.complex128]:
-    """Run ngspice on a deck and return its vectors: axis, v(in), v(out), shape [3, points]."""
+    """Run ngspice on a deck and return its vectors, the axis first if there is one, shape [vectors, points]."""
     program = shutil.which(PROGRAM)
     if program is None:
         raise SpiceError("ngspice is not on PATH (Debian, Ubuntu: apt-get install ngspice)")
@@ -288,7 +370,17 @@ def _simulate(deck: str, *, complex_values: bool) -> NDArray[np.complex128]:
 
 def _complaint(log: str) -> str:
     """Return the first line of ngspice's log that reports a failure, or an empty string."""
-    signs = ("error", "aborted", "too small", "no convergence", "singular matrix", "failed", "can't find", "unknown")
+    signs = (
+        "error",
+        "aborted",
+        "too small",
+        "no convergence",
+        "singular matrix",
+        "failed",
+        "can't find",
+        "unknown",
+        "unrecognized",
+    )
     harmless = ("gmin stepping failed", "no error")  # ngspice goes on to source stepping; if that fails it says so
     for line in log.splitlines():
         text = line.strip().lower()

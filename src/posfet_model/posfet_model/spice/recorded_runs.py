@@ -1,0 +1,290 @@
+"""Recorded runs of the set of circuits in ngspice: `python -m posfet_model.spice.recorded_runs FOLDER` makes them.
+
+One file per circuit, NAME.npz: the loop gain in numbers, the operating point, and each run thinned out so that straight
+lines between the samples deviate from it by at most `THINNING` of full scale. Each run states how much it changes with
+half the tolerance and half the largest time step, the uncertainty of the reference.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model.amplifier.transistor_point import TransistorPoint
+from posfet_model.spice import ngspice
+from posfet_model.spice.circuits import CIRCUITS, Circuit
+from posfet_model.spice.measurement import BiasPoint, LoopMeasurement, measure_bias_point, measure_loop
+from posfet_model.spice.netlist import subcircuit
+from posfet_model.spice.reference_runs import version
+from posfet_model.spice.stimuli import Stimulus, stimuli
+
+THINNING: Final = 1e-4
+"""Largest deviation of a thinned run [full scale]."""
+
+OF_UNSTABLE: Final = ("up_50_mv", "up_1000_mv")
+"""Stimuli of unstable circuits."""
+
+BEYOND_UNITY: Final = 10.0
+"""End of the AC analysis, in unity crossings."""
+
+_LEVELS: Final = 65535
+_HIGHEST_FREQUENCY: Final = 1e10
+_PER_DECADE: Final = 10
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedRun:
+    """One transient run."""
+
+    time: NDArray[np.float64]
+    """[s]."""
+    v_out: NDArray[np.float64]
+    """Output [V]; straight between the instants."""
+    uncertainty: float
+    """Rms change with half the tolerance and half the largest step [% of full scale]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """What ngspice says about a circuit."""
+
+    circuit: str
+    """Name of the circuit."""
+    simulator: str
+    """Name and version."""
+    deck_hash: str
+    """Of netlist, options and inputs: `deck_hash` of the circuit now."""
+    loop: LoopMeasurement
+    """Loop gain in numbers."""
+    bias_point: BiasPoint
+    """Operating point."""
+    frequency: NDArray[np.float64]
+    """Of the loop gain [Hz], to ten times the unity crossing."""
+    loop_gain: NDArray[np.complex128]
+    """[V/V]."""
+    runs: Mapping[str, RecordedRun]
+    """By name of the stimulus."""
+
+
+def time_scale(loop: LoopMeasurement) -> float:
+    """Return the frequency [Hz] that scales the stimuli: the unity crossing to two digits; unchecked."""
+    return float(f"{loop.unity_crossing:.1e}")
+
+
+def deck_hash(circuit: Circuit, inputs: Mapping[str, Stimulus]) -> str:
+    """Return a hash of all that determines the runs, 16 hexadecimal digits; unchecked.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The circuit.
+    inputs : mapping of str to Stimulus
+        The inputs.
+    """
+    parts = [subcircuit(circuit), f"{ngspice.RELATIVE_TOLERANCE:g}"]
+    parts += [f"{name} {part.source} {part.largest_step:.12g}" for name, part in inputs.items()]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
+
+
+def record(circuit: Circuit, names: Sequence[str] | None = None) -> Record:
+    """Return ngspice's runs of a circuit.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The circuit.
+    names : sequence of str, optional
+        Stimuli to run; by default all, `OF_UNSTABLE` for an unstable circuit.
+
+    Returns
+    -------
+    Record
+        The runs.
+
+    Raises
+    ------
+    ngspice.SpiceError
+        ngspice is missing or a run failed.
+    """
+    text = subcircuit(circuit)
+    loop = measure_loop(ngspice.run_loop_gain(text, highest=_HIGHEST_FREQUENCY, per_decade=100))
+    inputs = stimuli(circuit, time_scale(loop))
+    kept = list(names) if names is not None else list(inputs) if loop.stable else list(OF_UNSTABLE)
+    response = ngspice.run_loop_gain(text, highest=BEYOND_UNITY * loop.unity_crossing, per_decade=_PER_DECADE)
+    return Record(
+        circuit=circuit.name,
+        simulator=version(),
+        deck_hash=deck_hash(circuit, inputs),
+        loop=loop,
+        bias_point=measure_bias_point(circuit),
+        frequency=response.frequency,
+        loop_gain=response.transfer,
+        runs={name: _run(text, inputs[name]) for name in kept},
+    )
+
+
+def _run(text: str, stimulus: Stimulus) -> RecordedRun:
+    coarse, fine = (
+        ngspice.run_follower(
+            text, stimulus.source, stimulus.stop, stimulus.largest_step * share, ngspice.RELATIVE_TOLERANCE * share
+        )
+        for share in (1.0, 0.5)
+    )
+    swing = float(np.ptp(fine.v_out))
+    even = np.linspace(0, stimulus.stop, 4001)
+    change = np.interp(even, coarse.time, coarse.v_out) - np.interp(even, fine.time, fine.v_out)
+    kept = thinned(fine.time, fine.v_out, THINNING * swing)
+    return RecordedRun(fine.time[kept], fine.v_out[kept], 100 * float(np.sqrt(np.mean(change**2))) / swing)
+
+
+def thinned(time: NDArray[np.float64], values: NDArray[np.float64], tolerance: float) -> NDArray[np.int64]:
+    """Return which samples to keep so that straight lines between them deviate by at most a tolerance; unchecked.
+
+    Parameters
+    ----------
+    time, values : ndarray
+        Samples, shape [t].
+    tolerance : float
+        Largest deviation, in the unit of the values.
+
+    Returns
+    -------
+    ndarray
+        Indices, increasing, the first and the last included.
+    """
+    kept, pending = {0, time.size - 1}, [(0, time.size - 1)]
+    while pending:
+        first, last = pending.pop()
+        if last - first < 2:
+            continue
+        inner = slice(first + 1, last)
+        line = np.interp(time[inner], time[[first, last]], values[[first, last]])
+        error = np.abs(values[inner] - line)
+        worst = int(error.argmax())
+        if error[worst] > tolerance:
+            middle = first + 1 + worst
+            kept.add(middle)
+            pending += [(first, middle), (middle, last)]
+    return np.array(sorted(kept))
+
+
+def save(path: Path, recorded: Record) -> None:
+    """Write a record; times as float32, outputs in 65535 levels of each run's range.
+
+    Parameters
+    ----------
+    path : Path
+        The file, .npz.
+    recorded : Record
+        What to write.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written.
+    """
+    about: dict[str, Any] = {name: getattr(recorded, name) for name in ("circuit", "simulator", "deck_hash")}
+    about["loop"], about["bias_point"] = asdict(recorded.loop), asdict(recorded.bias_point)
+    about["runs"] = {
+        name: {
+            "samples": run.time.size,
+            "low": float(run.v_out.min()),
+            "high": float(run.v_out.max()),
+            "uncertainty": float(f"{run.uncertainty:.3g}"),
+        }
+        for name, run in recorded.runs.items()
+    }
+    levels = [(run.v_out - run.v_out.min()) / np.ptp(run.v_out) * _LEVELS for run in recorded.runs.values()]
+    np.savez_compressed(
+        path,
+        about=np.array(json.dumps(about)),
+        frequency=recorded.frequency.astype(np.float32),
+        loop_gain=recorded.loop_gain.astype(np.complex64),
+        time=np.concatenate([run.time for run in recorded.runs.values()]).astype(np.float32),
+        v_out=np.round(np.concatenate(levels)).astype(np.uint16),
+    )
+
+
+def load(path: Path) -> Record:
+    """Read a record.
+
+    Parameters
+    ----------
+    path : Path
+        The file, from `save`.
+
+    Returns
+    -------
+    Record
+        What it contains.
+
+    Raises
+    ------
+    OSError
+        The file cannot be read.
+    ValueError
+        It is no record.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            about = json.loads(str(file["about"]))
+            time, levels = file["time"].astype(np.float64), file["v_out"].astype(np.float64)
+            frequency, loop_gain = file["frequency"].astype(np.float64), file["loop_gain"].astype(np.complex128)
+        points = {name: TransistorPoint(**point) for name, point in about["bias_point"]["transistors"].items()}
+        ends = np.cumsum([run["samples"] for run in about["runs"].values()])
+        return Record(
+            circuit=about["circuit"],
+            simulator=about["simulator"],
+            deck_hash=about["deck_hash"],
+            loop=LoopMeasurement(**about["loop"]),
+            bias_point=BiasPoint(about["bias_point"]["v_out"], points),
+            frequency=frequency,
+            loop_gain=loop_gain,
+            runs={
+                name: RecordedRun(
+                    time[end - run["samples"] : end],
+                    run["low"] + (run["high"] - run["low"]) / _LEVELS * levels[end - run["samples"] : end],
+                    run["uncertainty"],
+                )
+                for (name, run), end in zip(about["runs"].items(), ends, strict=True)
+            },
+        )
+    except (KeyError, TypeError, EOFError) as error:
+        raise ValueError(f"{path}: is no record of a circuit") from error
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Record the set into a folder; return the exit code."""
+    parser = argparse.ArgumentParser(prog="recorded_runs", description=__doc__)
+    parser.add_argument("folder", type=Path, help="where to write, e.g. test/data/spice/circuits")
+    parser.add_argument("--circuit", choices=CIRCUITS, action="append", help="record only this one")
+    options = parser.parse_args(arguments)
+    try:
+        options.folder.mkdir(parents=True, exist_ok=True)
+        for name in options.circuit or CIRCUITS:
+            recorded = record(CIRCUITS[name])
+            save(options.folder / f"{name}.npz", recorded)
+            worst = max(recorded.runs, key=lambda run: recorded.runs[run].uncertainty)
+            print(
+                f"{name}: {recorded.loop.gain_db:.1f} dB, {recorded.loop.unity_crossing / 1e6:.3f} MHz, "
+                f"{recorded.loop.phase_margin:.1f} degrees; uncertainty at most "
+                f"{recorded.runs[worst].uncertainty:.2g} % ({worst})",
+                flush=True,
+            )
+    except (ngspice.SpiceError, OSError) as error:
+        print(f"recorded_runs: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
