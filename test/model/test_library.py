@@ -23,6 +23,7 @@ SUBPACKAGES = {
     "amplifier",
     "calibration",
     "contacts",
+    "design",
     "device",
     "estimation",
     "figures",

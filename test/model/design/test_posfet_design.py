@@ -1,0 +1,274 @@
+"""The design object: every figure by hand, arrays as elements, what a change changes, reasons, refusals, export."""
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from posfet_model.amplifier.one_stage import one_stage_figures
+from posfet_model.amplifier.two_stage import figures_of_merit
+from posfet_model.design import report
+from posfet_model.design.amplifier_figures import NO_OPERATING_POINT
+from posfet_model.design.posfet_design import BEYOND_ADC, BEYOND_INPUT, NOT_POLED, TOO_STEEP, PosfetDesign
+from posfet_model.device.taxel import FilmGeometry, plausible_fields
+from posfet_model.device.transistor import Plane
+from posfet_model.spice.circuits import CIRCUITS
+from posfet_model.spice.netlist import subcircuit
+from support.each_row import each_row
+from support.sweep import NOT_REAL_NUMBERS, assert_refused
+
+EPS0, KT = 8.8541878188e-12, 1.380649e-23 * 300
+COX = 3.9 * EPS0 / 45e-9
+DESIGN = PosfetDesign()
+AS_IN_PAPER = PosfetDesign(film_geometry=FilmGeometry.AS_IN_PAPER)
+
+
+def test_the_film_on_a_square_millimetre_against_what_the_paper_does() -> None:
+    """Numbers of docs/device.md: 5.1 MHz and 52.6 dB in place of 1.53 MHz and 42.4 dB."""
+    real, printed = DESIGN.amplifier, AS_IN_PAPER.amplifier
+    assert (real.gain_db, printed.gain_db) == pytest.approx((52.6, 42.4), abs=0.05)
+    assert real.gain_pole_product == pytest.approx(5.09e6, abs=5e3)
+    assert printed.gain_pole_product == pytest.approx(1.53e6, abs=5e3)
+    # The same currents through a gain factor 11.14 times as high: gm1 and the gain rise by its root.
+    ratio = real.input_transconductance / printed.input_transconductance
+    share = real.tail_current / printed.tail_current
+    assert ratio == pytest.approx(math.sqrt(11.1449 * share), rel=0.02)  # and the pair's drain-source voltages differ
+
+
+def test_the_operating_point_by_hand() -> None:
+    """Square laws of the mirror M6 and of the pair, with the tail current of M5 as the model's."""
+    amplifier = DESIGN.amplifier
+    tail = float(amplifier.tail_current)
+    mirror = 0.085 * COX * 80 / 12
+    overdrive = 0.9
+    for _ in range(9):
+        overdrive = math.sqrt(2 * 200e-6 / (mirror * (1 + 0.1 * (0.7 + overdrive))))
+    pair = 0.085 * COX * 273 * 0.58486
+    pair_overdrive = math.sqrt(tail / (pair * (1 + 0.1 * (5 - 0.7 + 0.5))))
+    assert amplifier.overdrive == pytest.approx(pair_overdrive, rel=0.02)
+    tail_voltage = 5 - 0.7 - pair_overdrive
+    assert tail == pytest.approx(0.5 * mirror * overdrive**2 * (1 + 0.1 * tail_voltage), rel=0.01)
+    assert amplifier.input_transconductance == pytest.approx(tail / amplifier.overdrive, rel=1e-9)
+    load_overdrive = math.sqrt(tail / (0.0283 * COX * 160 / 12 * (1 + 0.1 * 1.9)))
+    assert amplifier.load_transconductance == pytest.approx(tail / load_overdrive, rel=0.02)
+    # Common mode: the tail's conductance, halved by the mirror's gm; against the gain of the first stage.
+    conductance = 0.1 * tail / (1 + 0.1 * tail_voltage)
+    first = figures_of_merit(DESIGN.circuit().bias, DESIGN.circuit().design).first_gain
+    rejection = first * 2 * amplifier.load_transconductance / conductance
+    assert amplifier.common_mode_rejection == pytest.approx(rejection, rel=5e-3)
+    current = 200e-6 + tail + float(amplifier.output_current)
+    assert DESIGN.power == pytest.approx(10 * current, rel=1e-12)
+
+
+def test_every_noise_source_at_the_top_electrode_by_hand() -> None:
+    amplifier, noise = DESIGN.amplifier, DESIGN.noise
+    gm1, gm3 = float(amplifier.input_transconductance), float(amplifier.load_transconductance)
+    film, gate = 12 * EPS0 * 1e-6 / 2.5e-6, COX * 3276e-6 * 12e-6
+    coupling, tau = film / (film + gate), 1e10 * (film + gate)
+    share = 2 / math.pi * (math.atan(2e3 * math.pi * tau) - math.atan(0.2 * math.pi * tau))
+    below, load = 1e-24 / gate / coupling**2, 1e-24 / (COX * 160e-6 * 12e-6)
+    gain = amplifier.open_loop_gain / (1 + amplifier.open_loop_gain)
+    by_hand = {
+        "bias": math.sqrt(KT / (film + gate) * share) / coupling,
+        "thermal": math.sqrt(16 / 3 * KT / gm1 * (1 + gm3 / gm1) * 999.9),
+        "flicker": math.sqrt(2 * (below + load * (gm3 / gm1) ** 2) * math.log(1e4)),
+        "sampling": math.sqrt(KT / 10e-12) / gain,
+        "quantisation": 10 / 65535 / math.sqrt(12) / gain,
+    }
+    with each_row() as row:
+        for name, value in by_hand.items():
+            with row(name):
+                assert noise.sources[name] == pytest.approx(value, rel=1e-9, abs=0)
+    total = math.sqrt(sum(value**2 for value in by_hand.values()))
+    sensitivity = 38e-12 / film
+    assert DESIGN.smallest_force == pytest.approx(3 * total / sensitivity, rel=1e-9)
+    assert DESIGN.signal_to_noise == pytest.approx(20 * math.log10(sensitivity / total), rel=1e-9)
+
+
+def test_noise_depends_on_the_gate_as_1_over_area_seen_from_the_film() -> None:
+    small, large = (PosfetDesign(gate_width=w, film_area=1e-4).noise.flicker for w in (1e-3, 4e-3))
+    assert small / large == pytest.approx(2, rel=0.12)  # a film of 4.25 nF couples by 0.98 and more
+
+
+def test_sensitivities_planes_and_ranges_by_hand() -> None:
+    amplifier = DESIGN.amplifier
+    film, gate = 12 * EPS0 * 1e-6 / 2.5e-6, COX * 3276e-6 * 12e-6
+    sensitivity, gain = 38e-12 / film, float(amplifier.follower_gain)
+    assert DESIGN.output_volts_per_newton == pytest.approx(sensitivity * gain, rel=1e-12)
+    assert DESIGN.amperes_per_newton == pytest.approx(amplifier.input_transconductance * sensitivity, rel=1e-12)
+    at_oxide = amplifier.input_transconductance * (film + gate) / film * DESIGN.volts_per_newton(Plane.OXIDE)
+    assert DESIGN.amperes_per_newton == pytest.approx(at_oxide, rel=1e-12)
+    assert DESIGN.low_corner == pytest.approx(1 / (2 * math.pi * 1e10 * (film + gate)), rel=1e-12)
+    assert DESIGN.largest_force == pytest.approx(amplifier.highest_input / sensitivity, rel=1e-12)
+    narrow = PosfetDesign(adc_low=-1.0, adc_high=0.5)
+    assert narrow.largest_force == pytest.approx(0.5 / gain / sensitivity, rel=1e-12)
+    turned = PosfetDesign(piezoelectric_coefficient=38e-12, adc_low=-1.0)
+    assert turned.largest_force == pytest.approx(1 / gain / sensitivity, rel=1e-12)
+    gates = (2 * 160 + 80 + 80 + 240 + 60 + 3276) * 12e-12
+    assert DESIGN.area == pytest.approx(1e-6 + gates, rel=1e-12)
+    assert DESIGN.lsb == pytest.approx(10 / 65535, rel=1e-15)
+
+
+def test_the_bandwidth_is_where_the_follower_has_fallen_by_3_db() -> None:
+    designs = PosfetDesign(load_capacitance=np.array([1e-12, 1e-11, 1e-10, 3e-10]), zero_resistor=2000.0)
+    amplifier = designs.amplifier
+    response = np.abs(amplifier.open_loop.closed_loop_response(amplifier.bandwidth)) / amplifier.follower_gain
+    np.testing.assert_allclose(response, math.sqrt(0.5), rtol=1e-12)
+    single = PosfetDesign(stages=1, load_resistance=1e15, reference_current=1e-4).amplifier
+    gain = np.abs(single.open_loop.closed_loop_response(single.bandwidth)) / single.follower_gain
+    assert gain == pytest.approx(math.sqrt(0.5), rel=1e-12)
+
+
+NOT_CHANGED_BY_THICKNESS = {"gate_capacitance_f", "area_m2", "newtons_per_kelvin", "zero_hz", "overshoot_pct"}
+"""Besides the ends of the input range, which the output stage sets with the default load."""
+
+
+def test_a_changed_thickness_changes_everything_that_depends_on_it() -> None:
+    two = {"poling_voltages": (100.0,), "film_thickness": np.array([2.5e-6, 4e-6])}
+    figures = report.values(PosfetDesign(**two))
+    kept = {key for key, value in figures.items() if abs(value[0] - value[1]) <= 1e-9 * abs(value[0])}
+    assert kept == {*NOT_CHANGED_BY_THICKNESS, "lowest_input_v", "highest_input_v"}
+    unloaded = PosfetDesign(**two, load_resistance=1e12)  # here M5 is the limit
+    shift = np.diff(unloaded.threshold + unloaded.amplifier.overdrive)
+    assert np.diff(unloaded.amplifier.lowest_input) == pytest.approx(shift, rel=1e-9)
+
+
+ARRAYS: dict[str, Any] = {
+    "film_thickness": np.array([1e-6, 2.5e-6, 6e-6]),
+    "load_capacitance": np.array([[1e-11], [3e-10]]),
+    "supply": np.array([[5.0], [1.2]]),
+}
+
+
+@pytest.mark.parametrize("stages", [1, 2])
+def test_arrays_give_what_each_element_gives(stages: int) -> None:
+    whole = PosfetDesign(**ARRAYS, stages=stages, poling_voltages=(np.array([40.0, 100.0, 300.0]), 0.0))
+    assert whole.shape == (2, 3)
+    every = report.values(whole)
+    with each_row() as row:
+        for index in np.ndindex(2, 3):
+            one = whole.at(*index)
+            assert one.shape == ()
+            assert whole.valid[index] == one.valid
+            assert whole.validity.reasons_at(*index) == one.reasons
+            for key, value in report.values(one).items():
+                with row(f"{key} at {index}"):
+                    np.testing.assert_allclose(every[key][index], value, rtol=1e-13, atol=0)
+    assert not whole.valid[1].any()
+    assert whole.valid[0, 1] or stages == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"supply": 1.2}, NO_OPERATING_POINT),
+        ({"poling_voltages": ()}, NOT_POLED),
+        ({"signal_force": 4.0}, BEYOND_INPUT),
+        ({"adc_high": 0.5}, BEYOND_ADC),
+        ({"high_frequency": 1e6, "compensation": 1e-9}, TOO_STEEP),
+        ({"load_resistance": 1e5, "zero_resistor": 500.0, "film_thickness": 1e-6}, "unstable"),
+        ({"load_capacitance": 300e-12, "zero_resistor": 1500.0}, "phase margin below 45"),
+    ],
+)
+def test_reasons_say_why_a_design_is_not_valid(changes: dict[str, Any], reason: str) -> None:
+    assert DESIGN.valid
+    assert DESIGN.reasons == []
+    design = PosfetDesign(**changes)
+    assert not design.valid
+    assert any(text.startswith(reason) for text in design.reasons), design.reasons
+
+
+def test_an_unstable_design_has_no_overshoot_and_never_settles() -> None:
+    design = PosfetDesign(load_resistance=1e5, zero_resistor=500.0, film_thickness=1e-6)
+    numbers = report.as_json(design)
+    assert numbers["stable"] is numbers["valid"] is False
+    assert numbers["phase_margin_deg"] < 0
+    assert numbers["overshoot_pct"] is numbers["settling_time_s"] is None
+
+
+def test_every_circuit_of_the_comparison_with_spice_is_a_design() -> None:
+    """The same hand formulas as of the circuit's own data."""
+    for name in ("two_stage_narrow_pair_50pf", "one_stage_10mhz"):
+        circuit = CIRCUITS[name]
+        bias = circuit.bias
+        design = PosfetDesign(
+            film_geometry=FilmGeometry.AS_IN_PAPER,
+            stages=circuit.stages,
+            gate_width=circuit.design.size("M1").width,
+            reference_current=bias.reference_current,
+            compensation=bias.compensation,
+            zero_resistor=bias.zero_resistor,
+            load_capacitance=bias.load_capacitance,
+            load_resistance=bias.load_resistance,
+            channel_length_modulation=bias.modulation,
+        )
+        formulas = figures_of_merit if circuit.stages == 2 else one_stage_figures
+        figures = formulas(bias, circuit.design)
+        assert design.amplifier.open_loop_gain == pytest.approx(figures.open_loop_gain, rel=1e-9)
+        assert design.amplifier.second_pole == pytest.approx(figures.second_pole, rel=1e-9)
+        assert design.netlist(name).splitlines()[6:] == subcircuit(circuit).splitlines()[6:]
+
+
+def test_a_netlist_is_of_one_design_only() -> None:
+    with pytest.raises(ValueError, match=r"must be a single one, got arrays of shape \(2,\)"):
+        PosfetDesign(supply=np.array([5.0, 4.0])).netlist()
+    text = DESIGN.netlist("finger")
+    assert text.startswith("* Two-stage Miller op-amp with POSFET inputs: finger\n")
+    assert "iref vdd bias 0.0002" in text
+    # Film and oxide in series as one oxide: 45 nm over the coupling.
+    thickness = float(text.split("tox=")[1].split()[0])
+    assert thickness == pytest.approx(45e-9 / 0.58486, rel=1e-4)
+
+
+def test_a_poled_film_moves_the_threshold_in_the_netlist() -> None:
+    virgin = PosfetDesign(poling_voltages=())
+    assert "posfet nmos (level=1 vto=0.985714286 " in virgin.netlist()
+    assert "nfet nmos (level=1 vto=0.7 " in virgin.netlist()
+
+
+WRONG_UNITS = {
+    "reference_current": (200.0, "uA"),
+    "compensation": (46.2, "pF"),
+    "load_capacitance": (10.0, "pF"),
+    "sampling_capacitance": (10.0, "pF"),
+    "hole_mobility": (283.0, "cm2/(V s)"),
+    "load_width": (160.0, "um"),
+    "sink_length": (12.0, "um"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG_UNITS)
+def test_a_number_in_another_unit_is_refused_with_both_units(name: str) -> None:
+    number, unit = WRONG_UNITS[name]
+    with pytest.raises(ValueError, match=rf"^{name} must be in .* got {number:g}; meant in ") as caught:
+        PosfetDesign(**{name: number})
+    assert f"{number:g} {unit} is" in str(caught.value)
+
+
+def test_a_temperature_in_degrees_celsius_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"temperature must be in .* K, got 25; in degC it is 298.15 K"):
+        PosfetDesign(temperature=25.0)
+
+
+def test_invalid_values_are_rejected_by_name() -> None:
+    with each_row() as row:
+        for name in plausible_fields(PosfetDesign):
+            for value in (*NOT_REAL_NUMBERS, 1e30):
+                with row(f"{name} {value!r}"):
+                    assert_refused(PosfetDesign, {name: value}, name)
+    for stages in (0, 3, 2.0, "two"):
+        assert_refused(PosfetDesign, {"stages": stages}, "stages")
+    assert_refused(PosfetDesign, {"adc_low": 5.0}, "adc_high")
+    assert_refused(PosfetDesign, {"low_frequency": 1e3}, "high_frequency")
+
+
+def test_every_default_that_is_not_the_papers_is_called_assumed() -> None:
+    quantities = [item.metadata["quantity"] for item in dataclasses.fields(PosfetDesign) if item.metadata]
+    assert len(quantities) >= 44
+    known = {q.name for q in quantities if not q.assumed}
+    assert {"film thickness", "electron mobility", "channel width of the POSFET"} <= known
+    assert all(q.source and q.unit for q in quantities)
+    for q in quantities:
+        assert q.assumed or "Table" in q.source or "text" in q.source or "Manual" in q.source, q.name
