@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,10 +12,11 @@ pytest.importorskip("launch", reason="needs launch; test_bringup.py expects the 
 pytest.importorskip("launch_ros", reason="needs launch_ros")
 
 from launch import LaunchDescription, LaunchService
-from launch.actions import IncludeLaunchDescription
+from launch.actions import ExecuteProcess, IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource, load_python_launch_file_as_module
 
 from posfet.arguments import ARGUMENTS, choices, defaults
+from posfet_model.ros.exit_codes import INTERRUPTED, PROCESS_FAILED
 from support.bringup_process import needs_installation
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
@@ -46,3 +48,51 @@ def test_invalid_input_gives_exit_code_1(composed: str) -> None:
     assert launched(composed=composed, scene="nowhere") == 1
     assert launched(composed=composed, can_bitrate="fast") == 1
     assert launched(composed=composed, source="usb") == 1
+
+
+def ended_with(monkeypatch: pytest.MonkeyPatch, folder: Path, codes: list[int]) -> tuple[int, int]:
+    """Run the launch file with processes that end with one code after the other.
+
+    Return the exit code, and the number of processes that were started.
+    """
+    log = folder / "starts"
+    log.touch()
+    program = f"""
+import sys
+with open({str(log)!r}, "r+") as log:
+    count = len(log.readlines())
+    log.write(" ".join(sys.argv[1:]) + "\\n")
+sys.exit({codes}[count])
+"""
+
+    class Substitute(ExecuteProcess):
+        """Stands for a node: the launch file's own handler decides what follows its end."""
+
+        def __init__(self, *, package: str, executable: str, on_exit: object, **_: object) -> None:
+            super().__init__(cmd=[sys.executable, "-c", program, package, executable], on_exit=on_exit)
+
+    module = load_python_launch_file_as_module(LAUNCH_FILE)
+    monkeypatch.setattr(module, "Node", Substitute)
+    service = LaunchService(noninteractive=True)
+    service.include_launch_description(module.generate_launch_description())
+    code = service.run()
+    started = log.read_text(encoding="utf-8").splitlines()
+    assert set(started) == {"posfet bringup"}
+    return code, len(started)
+
+
+@pytest.mark.parametrize(
+    ("codes", "expected"),
+    [
+        ([PROCESS_FAILED, PROCESS_FAILED, 0], (0, 3)),
+        ([PROCESS_FAILED, 1], (1, 2)),
+        ([1], (1, 1)),
+        ([INTERRUPTED], (1, 1)),
+        ([0], (0, 1)),
+    ],
+    ids=["started again each time", "only after internal errors", "bad input", "interrupted", "done"],
+)
+def test_a_process_that_gave_up_on_internal_errors_is_started_again(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, codes: list[int], expected: tuple[int, int]
+) -> None:
+    assert ended_with(monkeypatch, tmp_path, codes) == expected

@@ -188,7 +188,11 @@ def test_the_emulated_board_conforms_whatever_is_free(sensor: Sensor, seed: int)
     numbers = random.Random(seed)
     fd = numbers.random() < 0.5
     size = numbers.choice(((5, 5), (1, 1), (4, 7), (8, 8)))
-    link = {"fd": fd, "base_id": numbers.randrange(0x700), "scan_rate": numbers.choice((50.0, 100.0, 200.0, 320.0))}
+    link = {
+        "fd": fd,
+        "base_id": numbers.randrange(0x700),
+        "scan_rate": numbers.choice((50.0, 100.0, 200.0, 300.0, 320.0)),
+    }
     sensor = with_layout(sensor, *size, **link)
     board = Board(
         sensor.can.base_id, sensor.layout.taxels, sensor.layout.id, fd, round(1e6 / sensor.can.scan_rate), fd_bus=True

@@ -48,21 +48,18 @@ def read_scans(link: Path, count: int) -> int:
 
 
 def test_sent_scans_equal_those_of_the_board(source: SimulatedBusPeer, tmp_path: Path) -> None:
-    sent: list[tuple[int, int, np.ndarray]] = []
-    source.on_scan = lambda scan, stamp: sent.append((scan.sequence, stamp, scan.counts.copy()))
+    sent: list[tuple[int, int, int, np.ndarray]] = []
+    source.on_scan = lambda scan, stamp: sent.append((source.board.index, scan.sequence, stamp, scan.counts.copy()))
     source.open()
     read_scans(tmp_path / "board", 100)
     source.close()
-    quiet, board, scan = (
-        sent[:100],
-        SimulatedBoard(SENSOR, SceneLoads(SCENE, SENSOR), 4),
-        Scan.empty(1, SENSOR.layout.taxels),
-    )
-    first_sequence, first_stamp, _ = quiet[0]
-    for sequence, stamp, counts in quiet:
-        board.scan(sequence, scan)
+    board, scan = SimulatedBoard(SENSOR, SceneLoads(SCENE, SENSOR), 4), Scan.empty(1, SENSOR.layout.taxels)
+    _, first_sequence, first_stamp, _ = sent[0]
+    for index, sequence, stamp, counts in sent[:100]:
+        board.scan(index, scan)
         np.testing.assert_array_equal(counts, scan.counts)
-        assert stamp - first_stamp == (sequence - first_sequence) * 1_000_000
+        assert sequence - first_sequence == index
+        assert stamp - first_stamp == index * 1_000_000
 
 
 def test_the_report_gives_the_current_state(source: SimulatedBusPeer, tmp_path: Path) -> None:

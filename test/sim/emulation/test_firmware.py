@@ -38,11 +38,10 @@ def test_scan_numbers_follow_the_time_since_power_on_also_while_stopped() -> Non
     firmware = BoardFirmware(SENSOR, board, 0)
     firmware.due(5 * SECOND)
     assert board.indices == []
-    firmware.begin(5 * SECOND)
     start(firmware, 5 * SECOND)
     firmware.due(5 * SECOND + SECOND // 10)
-    assert board.indices == list(range(101))
+    assert board.indices == list(range(5000, 5101))
     stop(firmware, 6 * SECOND)
     start(firmware, 7 * SECOND)
     firmware.due(7 * SECOND + SECOND // 100)
-    assert board.indices[101:] == list(range(2000, 2011))
+    assert board.indices[101:] == list(range(7000, 7011))

@@ -6,20 +6,13 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from posfet_driver.bus.frame import CLASSIC, FD, Frame
-from posfet_driver.protocol.messages import (
-    CLASSIC_BLOCK_OFFSET,
-    COMMAND_OFFSET,
-    FD_BLOCK_OFFSET,
-    HEADER_OFFSET,
-    Command,
-    Request,
-)
+from posfet_driver.bus.frame import FD, Frame
+from posfet_driver.protocol.messages import CLASSIC_BLOCK_OFFSET, FD_BLOCK_OFFSET, HEADER_OFFSET
 from posfet_driver.protocol.scan_codec import CLASSIC_LENGTH, FD_LENGTH
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.scan import Scan
 from posfet_sim.device.simulated_board import SimulatedBoard
-from posfet_sim.emulation.firmware import BoardFirmware
+from posfet_sim.emulation.firmware import BoardFirmware, with_whole_period
 from posfet_sim.emulation.link_faults import LinkFaults, TransmissionOutcome
 
 _OF_SCANS: Final = {FD_BLOCK_OFFSET, HEADER_OFFSET}
@@ -30,11 +23,13 @@ class BusBoard:
 
     Frames that carry scans are dropped, truncated to half their data (a length that CAN FD and classic CAN can carry),
     or duplicated. A reset stops the scans: after its silence a fresh firmware runs and waits for the start command.
+    The scene of `board` begins with the scan that follows the first start command, so that no part of it passes before.
 
     Parameters
     ----------
     board : SimulatedBoard
-        Source of the scans; its error model has the drift of the clock and the faults of the link.
+        Source of the scans, with a period of whole microseconds (`with_whole_period`); its error model has the drift
+        of the clock and the faults of the link.
     seed : int
         Seed that the faults are drawn from.
     now : int
@@ -48,21 +43,26 @@ class BusBoard:
     ------
     ConfigError
         The layout does not fit the frames.
+    ValueError
+        The scan period is not a whole number of microseconds.
     """
 
     def __init__(
         self, board: SimulatedBoard, seed: int, now: int, counters: dict[str, int] | None = None, boot: int = 0
     ) -> None:
+        if with_whole_period(board.sensor) != board.sensor:
+            raise ValueError(f"scan period must be whole microseconds, got a rate of {board.sensor.can.scan_rate} Hz")
         self.on_scan: Callable[[Scan], None] | None = None
         """Called with each scan that is sent, before link faults are applied."""
         self.switched_on = now
-        """Time 0 of the board [ns]: when it was switched on, then when it was first started, so that no part of the
-        scene passes before the first scan."""
+        """Time at which the board was switched on [ns]."""
         self.boot = boot
         """Number of the newest power-on."""
         self._board = board
         self._slow = 1 + board.error_model.clock_drift
-        self._started = False
+        self._period = round(NANOSECONDS / board.sensor.can.scan_rate)
+        self._offset = 0  # ticks from the first power-on to the newest
+        self._scene_begin: int | None = None  # ticks from the first power-on to the beginning of the scene
         self._faults = LinkFaults(board.error_model, seed, counters)
         self._frames = 0
         self._firmware: BoardFirmware | None = self._switch_on(0.0)
@@ -77,6 +77,11 @@ class BusBoard:
         """Whether the board sends scans."""
         return self._firmware is not None and self._firmware.running
 
+    @property
+    def scene_begin(self) -> int:
+        """Time at which the scene began [ns]: that of the scan that follows the first start command."""
+        return self._host_time(self.switched_on + (self._scene_begin or 0) * self._period)
+
     def next_due(self) -> int:
         """Return when the next frame is due, or the board resets or restarts [ns].
 
@@ -86,7 +91,7 @@ class BusBoard:
             return self._at(self._faults.running_since)
         if self._firmware.running:
             self._board.prepare(self._board.index + 1)
-        due = self.switched_on + math.ceil((self._firmware.next_due() - self.switched_on) * self._slow) + 1
+        due = self._host_time(self._firmware.next_due()) + 1
         reset = self._faults.next_reset
         return min(due, self._at(reset)) if math.isfinite(reset) else due
 
@@ -100,16 +105,12 @@ class BusBoard:
     def receive(self, frame: Frame, now: int) -> list[Frame]:
         """Process a frame from the bus at `now` [ns] and return the frames that answer it."""
         self._update(now)
-        if self._firmware and not self._started and self._is_start(frame):
-            self._started, self.switched_on = True, now
-            self._firmware.begin(now)
-        return [] if self._firmware is None else self._firmware.receive(frame, self._own_time(now))
-
-    def _is_start(self, frame: Frame) -> bool:
-        identifier, kind, data = frame
-        request = Request.unpack(data) if kind == CLASSIC else None
-        to_board = identifier == self._board.sensor.can.base_id + COMMAND_OFFSET
-        return to_board and request is not None and request.command == Command.START
+        if self._firmware is None:
+            return []
+        answers = self._firmware.receive(frame, self._own_time(now))
+        if self._firmware.running and self._scene_begin is None:
+            self._scene_begin = self._offset + self._firmware.next_index
+        return answers
 
     def _update(self, now: int) -> None:
         """Reset when it is time, and restart after the silence."""
@@ -122,13 +123,23 @@ class BusBoard:
 
     def _switch_on(self, time: float) -> BoardFirmware:
         """Return fresh firmware of a board that starts `time` [s] after the first."""
-        rate = self._board.sensor.can.scan_rate
-        offset = math.ceil(time / self._slow * rate)
-        scans = _ShiftedScans(self._board, offset) if offset else self._board
-        start = self.switched_on + round(offset / rate * NANOSECONDS)
-        firmware = BoardFirmware(self._board.sensor, scans, start, self.boot)
+        self._offset = math.ceil(time / self._slow * NANOSECONDS / self._period)
+        start = self.switched_on + self._offset * self._period
+        firmware = BoardFirmware(self._board.sensor, self, start, self.boot)
         firmware.on_scan = self._sent
         return firmware
+
+    def scan(self, index: int, out: Scan) -> None:
+        """Compute the scan of a tick since the newest power-on.
+
+        Parameters
+        ----------
+        index : int
+            Index of the tick.
+        out : Scan
+            Scan to fill in.
+        """
+        self._board.scan(index + self._offset - (self._scene_begin or 0), out)
 
     def _sent(self, scan: Scan) -> None:
         if self.on_scan:
@@ -151,18 +162,8 @@ class BusBoard:
     def _own_time(self, now: int) -> int:
         return self.switched_on + math.floor((now - self.switched_on) / self._slow)
 
+    def _host_time(self, own: int) -> int:
+        return self.switched_on + math.ceil((own - self.switched_on) * self._slow)
+
     def _at(self, time: float) -> int:
         return self.switched_on + math.ceil(time * NANOSECONDS)
-
-
-class _ShiftedScans:
-    """The scans of a board from index `offset` on, with sequence and device time from 0."""
-
-    def __init__(self, board: SimulatedBoard, offset: int) -> None:
-        self._board = board
-        self._offset = offset
-
-    def scan(self, index: int, out: Scan) -> None:
-        """Compute the scan at time index / scan rate since the reset."""
-        self._board.scan(index + self._offset, out)
-        out.device_time -= round(self._offset / self._board.sensor.can.scan_rate * 1e6)

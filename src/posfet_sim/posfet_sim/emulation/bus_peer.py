@@ -15,6 +15,7 @@ from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.emulation.bus_board import BusBoard
 from posfet_sim.emulation.bus_server import BusServer
+from posfet_sim.emulation.firmware import with_whole_period
 from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
 from posfet_sim.scene import Scene, SceneLoads
 
@@ -57,7 +58,7 @@ class SimulatedBusPeer:
     ) -> None:
         self.scene = scene
         """Scene of the next `open`."""
-        self.board = SimulatedBoard(sensor, SceneLoads(scene, sensor), seed, error_model)
+        self.board = SimulatedBoard(with_whole_period(sensor), SceneLoads(scene, sensor), seed, error_model)
         """The simulated board; each `open` makes another one."""
         self.on_scan: Callable[[Scan, int], None] | None = None
         """Called in the thread that serves the bus with each scan sent and its time [ns] since the Unix epoch."""
@@ -136,4 +137,4 @@ class SimulatedBusPeer:
     def _sent(self, scan: Scan) -> None:
         self._scans += 1
         if self.on_scan and self._node:
-            self.on_scan(scan, self._epoch + self._node.switched_on + scan.stamp)
+            self.on_scan(scan, self._epoch + self._node.scene_begin + scan.stamp)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final, Protocol
 
 from posfet_driver.bus.frame import CLASSIC, Frame
@@ -37,19 +37,37 @@ SUPPLY: Final = 5.0
 """Supply voltage of the simulated board [V]; assumed."""
 SUPPLY_LIMIT: Final = 4.5
 """Supply voltage below which the board sets SUPPLY_LOW [V]; assumed."""
+MICROSECOND: Final = 1000
+"""[ns]"""
 _STATUS_PER_IDENTITY: Final = round(IDENTITY_PERIOD / STATUS_PERIOD)
+
+
+def with_whole_period(sensor: Sensor) -> Sensor:
+    """Return the sensor with a scan rate that a board can keep and state: its scan timer counts microseconds.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+
+    Returns
+    -------
+    Sensor
+        With the rate of the nearest whole scan period.
+    """
+    return replace(sensor, can=replace(sensor.can, scan_rate=1e6 / round(1e6 / sensor.can.scan_rate)))
 
 
 class ScanMaker(Protocol):
     """Source of the scans, such as a `SimulatedBoard`."""
 
     def scan(self, index: int, out: Scan) -> None:
-        """Compute the scan at time index / scan rate; indices ascend, gaps are allowed.
+        """Compute the scan of one tick; indices ascend, gaps are allowed. The board sets its sequence and device time.
 
         Parameters
         ----------
         index : int
-            Index of the scan.
+            Index of the tick, at index times the shortest scan period.
         out : Scan
             Scan to fill in.
         """
@@ -59,8 +77,9 @@ class ScanMaker(Protocol):
 class BoardFirmware:
     """Firmware of a board, running from its construction on.
 
-    It sends status and identity at once, and scans after the start command. The sequence of a scan equals its index in
-    `board` as long as the rate is the nominal one.
+    It sends status and identity at once, and scans after the start command. Its scan period is a whole number of
+    microseconds, the nearest to that of the sensor file. The sequence of a scan equals its index in `board` as long as
+    the rate is the nominal one.
 
     Parameters
     ----------
@@ -97,8 +116,7 @@ class BoardFirmware:
         self._board = board
         self._codec = make_codec(sensor)
         self._base = sensor.can.base_id
-        self._rate = sensor.can.scan_rate
-        self._shortest_period = round(1e6 / self._rate)
+        self._shortest_period = round(1e6 / sensor.can.scan_rate)  # [us]
         self._scan = Scan.empty(sensor.layout.id, sensor.layout.taxels)
         self.switched_on = now
         """Time 0 of the board [ns]."""
@@ -113,6 +131,11 @@ class BoardFirmware:
     def blocks(self) -> int:
         """Number of blocks of a scan."""
         return self._codec.blocks
+
+    @property
+    def next_index(self) -> int:
+        """Index of the next tick."""
+        return self._position
 
     def next_due(self) -> int:
         """Return when the next frame is due [ns]."""
@@ -142,11 +165,6 @@ class BoardFirmware:
             frames.append(self._identity_frame())
         return frames
 
-    def begin(self, now: int) -> None:
-        """Set the time at which the board was switched on to `now` [ns]."""
-        self.switched_on, self._position, self._sequence = now, 0, 0
-        self._status_sent = 0
-
     def _execute(self, request: Request, now: int) -> tuple[Result, int]:
         self._pass_ticks(now)
         if request.argument and request.command != Command.SET_RATE and request.command in Command.__members__.values():
@@ -173,7 +191,7 @@ class BoardFirmware:
     def _pass_ticks(self, now: int) -> None:
         """Count the ticks up to `now` [ns] at which no scan was sent."""
         if not self.running and self._tick() < now:
-            index = math.floor((now - self.switched_on) / NANOSECONDS * self._rate)
+            index = (now - self.switched_on) // (self._shortest_period * MICROSECOND)
             ticks = max((index - self._position) // self._step, 0)
             self._position += ticks * self._step
             self._sequence += ticks
@@ -182,11 +200,11 @@ class BoardFirmware:
                 self._sequence += 1
 
     def _set_period(self, period: int, now: int) -> tuple[Result, int]:
-        step = round(period * 1e-6 * self._rate)
-        if not self._shortest_period <= period <= LONGEST_PERIOD or round(step * 1e6 / self._rate) != period:
+        step, rest = divmod(period, self._shortest_period)
+        if rest or not self._shortest_period <= period <= LONGEST_PERIOD:
             return Result.BAD_ARGUMENT, 0
         if step != self._step and self._sequence:
-            overdue = math.ceil((now - self.switched_on) / NANOSECONDS * self._rate)
+            overdue = -((self.switched_on - now) // (self._shortest_period * MICROSECOND))
             self._position = max(self._position - self._step + step, overdue)
         self._header_due |= step != self._step
         self._step = step
@@ -194,12 +212,13 @@ class BoardFirmware:
 
     def _tick(self) -> int:
         """Return the time of the next tick of the scan timer [ns]."""
-        return self.switched_on + round(self._position / self._rate * NANOSECONDS)
+        return self.switched_on + self._position * self._shortest_period * MICROSECOND
 
     def _scan_frames(self) -> list[Frame]:
         scan = self._scan
         self._board.scan(self._position, scan)
         scan.sequence = self._sequence
+        scan.device_time = self._position * self._shortest_period
         header = self._header_due or self._sequence % HEADER_SCANS == 0
         self._header_due = False
         self._position += self._step
@@ -222,8 +241,7 @@ class BoardFirmware:
         return Identification(self.layout_id, self.protocol, self._codec.fd, self.version[0])
 
     def _identity_frame(self) -> Frame:
-        period = round(self._step * 1e6 / self._rate)
-        identity = Identity(self._identification(), self.version[1], period)
+        identity = Identity(self._identification(), self.version[1], self._step * self._shortest_period)
         return self._base + IDENTITY_OFFSET, CLASSIC, identity.pack()
 
     def _flags(self) -> int:

@@ -14,6 +14,7 @@ from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.ground_truth import Truth
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.emulation.bus_board import BusBoard
+from posfet_sim.emulation.firmware import with_whole_period
 from posfet_sim.scene import Scene, SceneLoads
 
 
@@ -49,12 +50,12 @@ def received_scans(
     ValueError
         The seed is out of range.
     """
-    board = SimulatedBoard(sensor, SceneLoads(scene, sensor), seed, error_model)
+    board = SimulatedBoard(with_whole_period(sensor), SceneLoads(scene, sensor), seed, error_model)
     node = BusBoard(board, seed, 0)
     decoder = Decoder(sensor)
     sent: list[tuple[int, Truth]] = []
     node.on_scan = lambda scan: sent.append((scan.sequence, board.truth()))
-    now = node.next_due()
+    now = 0  # the scene begins with the first tick
     while now < duration * NANOSECONDS:
         for decoded in decoder.decode(node.due(now), now, 0):
             if isinstance(decoded, ScanReady) and sent and sent[-1][0] == decoded.scan.sequence:
