@@ -1,8 +1,11 @@
-"""The figures: drawn without errors, reproducible, with units, and readable without colour."""
+"""The figures: drawn without errors, byte for byte the same, with units, legible, and readable without colour."""
 
+import itertools
+import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -12,29 +15,42 @@ from support.paths import DOCS
 
 pytest.importorskip("matplotlib", reason="the figures need matplotlib")
 
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
 from posfet_model.figures import __main__ as command
 from posfet_model.figures.registry import FIGURES
-from posfet_model.figures.style import save, style
+from posfet_model.figures.style import style
 
 STORED = DOCS / "figures"
 
 
-def test_the_command_draws_the_requested_figures_reproducibly(tmp_path, capsys) -> None:
-    name = "fig2_hysteresis"
-    for run in ("first", "second"):
-        assert command.main([name, "--out", str(tmp_path / run)]) == 0
-    assert capsys.readouterr().out.count("\n") == 4
-    for suffix in (".svg", ".png"):
-        first, second = ((tmp_path / run / name).with_suffix(suffix).read_bytes() for run in ("first", "second"))
-        assert first == second
-        assert not re.search(rb"<dc:date>|Matplotlib v", first)
+@pytest.fixture(autouse=True)
+def _root(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Recorded runs of ngspice are read from docs/figures."""
+    monkeypatch.chdir(DOCS.parent)
+
+
+def test_another_process_draws_the_same_bytes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = ["fig5_schematic", "fig6_slew", "charge_leak"]
+    assert command.main([*names, "--out", str(tmp_path / "here")]) == 0
+    assert capsys.readouterr().out.count("\n") == 2 * len(names)
+    program = [sys.executable, "-m", "posfet_model.figures", *names, "--out", str(tmp_path / "there")]
+    seed = {"PYTHONHASHSEED": "12345", "TZ": "Asia/Kathmandu"}
+    subprocess.run(program, check=True, capture_output=True, env={**os.environ, **seed})
+    for name, suffix in itertools.product(names, (".svg", ".png")):
+        here, there = ((tmp_path / run / name).with_suffix(suffix).read_bytes() for run in ("here", "there"))
+        assert here == there, name
+        assert not re.search(rb"<dc:date>|Matplotlib v", here)
 
 
 def test_an_unknown_figure_is_an_error_that_lists_the_names(tmp_path, capsys) -> None:
     with pytest.raises(SystemExit) as stop:
         command.main(["fig99", "--out", str(tmp_path)])
     assert stop.value.code == 2
-    assert "no figure fig99; there are fig2_hysteresis" in capsys.readouterr().err
+    assert "no figure fig99; there are fig1_structure" in capsys.readouterr().err
 
 
 def test_missing_matplotlib_is_reported_in_one_line() -> None:
@@ -45,33 +61,77 @@ def test_missing_matplotlib_is_reported_in_one_line() -> None:
     assert re.fullmatch(r"posfet_model\.figures: needs matplotlib\S* \(pip install matplotlib\)\n", done.stderr)
 
 
-@pytest.mark.parametrize("name", FIGURES)
-def test_every_figure_is_stored_and_can_be_drawn(name: str, tmp_path: Path) -> None:
-    for path in save(FIGURES[name], tmp_path / name):
-        assert path.stat().st_size > 5_000
-        assert (STORED / path.name).exists(), f"python -m posfet_model.figures {name}"
+def test_every_figure_is_stored_and_shown_in_a_document() -> None:
+    shown = "".join(page.read_text(encoding="utf-8") for page in DOCS.glob("*.md"))
+    for name in FIGURES:
+        assert f"(figures/{name}.svg)" in shown, name
+        for suffix in (".svg", ".png"):
+            stored = (STORED / name).with_suffix(suffix)
+            assert stored.stat().st_size > 5_000, f"python -m posfet_model.figures {name}"
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_axes_are_labelled_and_lines_differ_in_more_than_colour(name: str) -> None:
+def test_a_figure_is_complete_and_legible(name: str) -> None:
     with style():
         figure = FIGURES[name]()
+        FigureCanvasAgg(figure)
         figure.draw_without_rendering()
-    panels = [axes for axes in figure.axes if hasattr(axes, "get_subplotspec") and axes.get_subplotspec() is not None]
-    for axes in panels:  # one label may serve a column or a row of panels
-        place = axes.get_subplotspec()
-        column = [other for other in panels if other.get_subplotspec().colspan == place.colspan]
-        row = [other for other in panels if other.get_subplotspec().rowspan == place.rowspan]
-        assert any(other.get_xlabel() for other in column)
-        assert any(other.get_ylabel() for other in row)
-        line_styles: dict[tuple[object, ...], str] = {}
-        for line in axes.get_lines():
-            if np.size(line.get_xdata()) > 2:
-                look = (
-                    line.get_linestyle(),
-                    repr(line._unscaled_dash_pattern),
-                    line.get_marker(),
-                    line.get_linewidth(),
-                )
-                colour = line_styles.setdefault(look, line.get_color())
-                assert colour == line.get_color(), f"two colours with the same line style: {look}"
+    panels = [axes for axes in figure.axes if axes.get_subplotspec() is not None]
+    for axes in panels:
+        assert axes.lines or axes.collections or axes.patches, "an empty panel"
+    for axes in (axes for axes in panels if axes.axison):
+        _has_labels(axes, panels)
+        _differs_in_more_than_colour(axes)
+    _texts_are_apart(figure)
+
+
+def _has_labels(axes: Axes, panels: list[Axes]) -> None:
+    """Assert that axes, or their column and row, are labelled "quantity [unit]"."""
+    place = axes.get_subplotspec()
+    column = [other for other in panels if other.get_subplotspec().colspan == place.colspan]
+    row = [other for other in panels if other.get_subplotspec().rowspan == place.rowspan]
+    names = [[other.get_xlabel() for other in column], [other.get_ylabel() for other in row]]
+    for found in names:
+        assert any(found)
+        assert all(re.fullmatch(r"\S(.*\S)? \[\S[^\[\]]*\]", text) for text in found if text), found
+
+
+def _differs_in_more_than_colour(axes: Axes) -> None:
+    looks: dict[tuple[object, ...], str] = {}
+    for line in axes.get_lines():
+        if np.size(line.get_xdata()) > 2:
+            look = (line.get_linestyle(), repr(line._unscaled_dash_pattern), line.get_marker(), line.get_linewidth())
+            colour = looks.setdefault(look, line.get_color())
+            assert colour == line.get_color(), f"two colours with the same line style: {look}"
+
+
+def _texts(figure: Figure) -> Iterator[Text]:
+    for axes in figure.axes:
+        yield from axes.texts
+        yield from (axes.title, axes._left_title)
+        if axes.axison:
+            for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+                yield axis.label
+                for tick in axis.get_major_ticks():
+                    if min(low, high) <= tick.get_loc() <= max(low, high):
+                        yield from (tick.label1, tick.label2)
+    for legend in filter(None, [*figure.legends, *(axes.get_legend() for axes in figure.axes)]):
+        yield from (legend.get_title(), *legend.get_texts())
+
+
+def _texts_are_apart(figure: Figure) -> None:
+    """Assert that no text is cut off at the edge, and that no two overlap by more than a pixel."""
+    boxes = [
+        (text.get_text(), text.get_window_extent())
+        for text in _texts(figure)
+        if text.get_visible() and text.get_text().strip()
+    ]
+    assert len(boxes) > 5
+    edge = figure.bbox
+    for text, box in boxes:
+        inside = box.x0 >= edge.x0 - 1 and box.y0 >= edge.y0 - 1 and box.x1 <= edge.x1 + 1 and box.y1 <= edge.y1 + 1
+        assert inside, f"{text!r} is cut off"
+    for (text, box), (other, around) in itertools.combinations(boxes, 2):
+        wide = min(box.x1, around.x1) - max(box.x0, around.x0)
+        high = min(box.y1, around.y1) - max(box.y0, around.y0)
+        assert wide <= 1 or high <= 1, f"{text!r} overlaps {other!r}"

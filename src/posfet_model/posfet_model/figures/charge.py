@@ -32,15 +32,13 @@ def leakage() -> Figure:
     label(left, 1.34, 36.5, "1 N, no leakage", GREY, va="center")
     label(left, 0.5, 22, "1 N for 1 s", BLUE)
     label(left, 0.28, -16.5, "heated by 1 K", VERMILION)
-    left.set(xlabel="time  [s]", ylabel="charge density  [µC/m²]", xlim=(0, 2.5), ylim=(-42, 45))
+    left.set(xlabel="time [s]", ylabel="charge density [µC/m²]", xlim=(0, 2.5), ylim=(-42, 45))
     frequency = np.logspace(-2, 2, 201)
     right.plot(frequency, 20 * np.log10(np.abs(frequency_response(frequency, _TAU))), color=BLUE, linestyle=SOLID)
     corner = 1 / (2 * np.pi * _TAU)
     right.plot(corner, -10 * np.log10(2), marker="o", markersize=5, color=BLACK, zorder=6)
     label(right, corner * 1.25, -5.2, f"−3 dB at {corner:.2f} Hz", BLACK)
-    right.set(
-        xlabel="frequency  [Hz]", ylabel="charge over source  [dB]", xscale="log", xlim=(1e-2, 1e2), ylim=(-40, 2)
-    )
+    right.set(xlabel="frequency [Hz]", ylabel="charge over source [dB]", xscale="log", xlim=(1e-2, 1e2), ylim=(-40, 2))
     return figure
 
 

@@ -47,16 +47,30 @@ def hysteresis() -> Figure:
         *_curve(np.linspace(0, 600, 301) * _KV_PER_CM, VIRGIN), color=GREEN, linestyle=DOTTED, label="virgin curve"
     )
     axes.plot([0, 0], [2, -2], linestyle="none", marker="o", markersize=5, color=BLACK, zorder=6)
+    coercive = _FILM.coercive_field / _KV_PER_CM
+    for sign, place in ((1, "left"), (-1, "right")):
+        branch = rising_branch if sign > 0 else falling_branch
+        at = float(branch(sign * _FILM.coercive_field, _FILM)) / _UC_PER_CM2
+        axes.plot(sign * coercive, at, marker="s", markersize=4.5, color=BLACK, zorder=6)
+        label(
+            axes,
+            sign * (coercive + 15),
+            at - 0.45 * sign,
+            f"{'−' if sign < 0 else ''}$E_c$",
+            BLACK,
+            ha=place,
+            va="center",
+        )
     axes.legend(loc="lower right", frameon=False, fontsize=8.5, handlelength=3.6)
     label(axes, -15, 2.2, "$P_r$", BLACK, ha="right")
     label(axes, 15, -2.5, "$-P_r$", BLACK)
     axes.set(
-        xlabel="electric field  $E$  [kV/cm]",
-        ylabel="polarisation  $P$  [µC/cm²]",
+        xlabel="electric field $E$ [kV/cm]",
+        ylabel="polarisation $P$ [µC/cm²]",
         xlim=(-600, 600),
         ylim=(-6.2, 6.2),
     )
-    second_axis(axes, "top", _KV_PER_CM * paper.FILM_THICKNESS.value, "voltage across 2.5 µm  [V]")
+    second_axis(axes, "top", _KV_PER_CM * paper.FILM_THICKNESS.value, "voltage across 2.5 µm [V]")
     return figure
 
 
@@ -73,13 +87,13 @@ def poling() -> Figure:
     label(axes, 96, 1.42, "new film, pulse of $+V$", BLUE, ha="right")
     label(axes, 87, -0.72, "saturated film, pulse of $-V$", VERMILION, ha="right")
     axes.set(
-        xlabel="pulse voltage across 2.5 µm  [V]",
-        ylabel="remnant polarisation  [µC/cm²]",
+        xlabel="pulse voltage across 2.5 µm [V]",
+        ylabel="remnant polarisation [µC/cm²]",
         xlim=(0, 160),
         ylim=(-2.2, 2.2),
     )
     scale = paper.PIEZOELECTRIC_COEFFICIENT.value * 1e12 / (_FILM.remnant_polarisation / _UC_PER_CM2)
-    second_axis(axes, "right", scale, "$d_{33}$  [pC/N]")
+    second_axis(axes, "right", scale, "$d_{33}$ [pC/N]")
     return figure
 
 

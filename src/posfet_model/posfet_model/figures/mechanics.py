@@ -33,14 +33,14 @@ def deflection() -> Figure:
         low = float(circular_deflection(pressure, 5e-3, at, *_SILICON).deflection) / _MICRO
         label(axes, at / _MICRO, low * 0.66, name, BLACK, ha="right", va="top", bbox=None)
     axes.plot(microns, microns / 2, color=GREY, linewidth=1.2)
-    label(axes, 11, 3.3, "$y = h/2$", GREY)
-    label(axes, 330, 480, "dotted: beyond\nsmall-deflection theory", GREY, ha="right", va="center")
+    label(axes, 11, 2.6, "$y = h/2$", BLACK, bbox=None)
+    label(axes, 330, 480, "dotted: beyond\nsmall-deflection theory", BLACK, ha="right", va="center")
     axes.plot([], [], color=BLUE, linestyle=SOLID, label="square, $a$ = 1 cm, eq. (13)")
     axes.plot([], [], color=VERMILION, linestyle=DASHED, label="circular, $r$ = 0.5 cm, eq. (12)")
     axes.legend(loc="lower left", frameon=False, fontsize=8.5, handlelength=3.2)
     axes.set(
-        xlabel="membrane thickness  $h$  [µm]",
-        ylabel="deflection  $y$  [µm]",
+        xlabel="membrane thickness $h$ [µm]",
+        ylabel="deflection $y$ [µm]",
         xscale="log",
         yscale="log",
         xlim=(10, 450),
@@ -57,8 +57,8 @@ def bending() -> Figure:
     radius = np.logspace(-3, 0, 200)
     film = Layer(paper.FILM_THICKNESS.value, paper.FILM_MODULUS.value, paper.FILM_POISSON_RATIO.value)
     for thickness, colour, dashes, shift in (
-        (450, BLACK, DASH_DOT, 1.2),
-        (50, VERMILION, DASHED, 1.2),
+        (450, BLACK, DASH_DOT, 1.35),
+        (50, VERMILION, DASHED, 1.35),
         (20, BLUE, SOLID, 0.45),
     ):
         chip = [Layer(thickness * _MICRO, *_SILICON), film]
@@ -68,10 +68,10 @@ def bending() -> Figure:
         side = {"ha": "left"} if shift > 1 else {"ha": "right"}
         label(axes, radius[index] * 1e3, strain[index] * shift, f"chip of {thickness} µm", colour, bbox=None, **side)
     axes.axhspan(0.5, 1.0, color="#e6e6e6", zorder=0)
-    label(axes, 900, 0.71, "silicon fractures at 0.5 to 1 %", GREY, ha="right", va="center", bbox=None)
+    label(axes, 900, 0.71, "silicon fractures at 0.5 to 1 %", BLACK, ha="right", va="center", bbox=None)
     axes.set(
-        xlabel="cylinder radius  [mm]",
-        ylabel="strain in the film  [%]",
+        xlabel="cylinder radius [mm]",
+        ylabel="strain in the film [%]",
         xscale="log",
         yscale="log",
         xlim=(1, 1e3),

@@ -7,14 +7,30 @@ from typing import Final
 
 from matplotlib.figure import Figure
 
-from posfet_model.figures import amplifier, charge, errata, film, mechanics, stability, transistor
+from posfet_model.figures import (
+    amplifier,
+    charge,
+    errata,
+    film,
+    layout,
+    mechanics,
+    schematic,
+    stability,
+    structure,
+    taxel,
+    transistor,
+)
 
 FIGURES: Final[dict[str, Callable[[], Figure]]] = {
+    **structure.FIGURES,
     **film.FIGURES,
     **transistor.FIGURES,
+    **layout.FIGURES,
+    **schematic.FIGURES,
     **charge.FIGURES,
     **amplifier.FIGURES,
     **mechanics.FIGURES,
+    **taxel.FIGURES,
     **errata.FIGURES,
     **stability.FIGURES,
 }

@@ -42,14 +42,15 @@ def stability_map() -> Figure:
     for axes, scheme in zip(panels, SCHEMES, strict=False):
         _draw_map(axes, scheme)
     _draw_remainder(panels[len(SCHEMES)])
+    label(panels[len(SCHEMES) - 1], 1e-3, 1.0, "below 1 µV everywhere", BLACK, ha="center", va="center", bbox=None)
     for axes in panels[: len(SCHEMES)][-3:]:
-        axes.set_xlabel("step  [s]")
+        axes.set_xlabel("step [s]")
     shades = figure.colorbar(
         panels[0].collections[0], ax=panels, location="bottom", fraction=0.035, aspect=45, pad=0.01
     )
     shades.set_ticks([k + 0.5 for k in range(len(_NAMES))], labels=_NAMES)
     shades.ax.tick_params(length=0)
-    shades.set_label("largest error within 200 steps after an input jump of 1 V")
+    shades.set_label("largest error within 200 steps after an input jump of 1 V [V]")
     return figure
 
 
@@ -64,7 +65,7 @@ def _draw_map(axes: Axes, scheme: Scheme) -> None:
     axes.grid(visible=False)
     axes.pcolormesh(step, tau, band, cmap=_SHADES, norm=norm, rasterized=True)
     axes.axhline(_FOLLOWER, color=VERMILION, linestyle=DASHED, linewidth=1.2)
-    axes.set(xscale="log", yscale="log", title=scheme.name, ylabel="time constant  [s]")
+    axes.set(xscale="log", yscale="log", title=scheme.name, ylabel="time constant [s]")
     axes.set_xticks([1e-9, 1e-6, 1e-3, 1e0, 1e3])
     axes.set_yticks([1e-9, 1e-3, 1e3, 1e9])
     axes.minorticks_off()
@@ -88,7 +89,7 @@ def _draw_remainder(axes: Axes) -> None:
     axes.axhline(1.0, color=GREY, linewidth=0.8)
     label(axes, 4, 1e6, "Euler, Heun and\nRunge-Kutta diverge", VERMILION, fontsize=7.5, va="center")
     label(axes, 4, 2e2, "clipped Euler", PURPLE, fontsize=7.5)
-    label(axes, 8000, 1e-3, "trapezoidal rings", BLUE, fontsize=7.5, ha="right")
+    label(axes, 8000, 1e-6, "trapezoidal\nrings", BLUE, fontsize=7.5, ha="right", va="center", bbox=None)
     label(axes, 1.6, 3e-5, "exact and\nbackward Euler:\nno error left", BLACK, fontsize=7.5, ha="right", va="center")
     axes.set(
         xscale="log",
@@ -96,8 +97,8 @@ def _draw_remainder(axes: Axes) -> None:
         ylim=(1e-9, 1e9),
         xlim=(0.01, 1e4),
         title="remaining error after 200 steps",
-        xlabel="step / time constant",
-        ylabel="error  [V]",
+        xlabel="step / time constant [1]",
+        ylabel="error [V]",
     )
     axes.set_yticks([1e-9, 1e-6, 1e-3, 1e0, 1e3, 1e6, 1e9])
 

@@ -1,7 +1,8 @@
 """Style of the figures, and reproducible files.
 
-Lines differ in dash pattern and are labelled directly, so the figures can be read without colour. The colours are those
-of Okabe and Ito (2008), which also differ in lightness.
+Lines differ in dash pattern or marker and are labelled directly, so the figures can be read without colour. The colours
+are blue, vermilion and green of Okabe and Ito (2008) and purple of Tol (2021), which also differ in lightness. Axes are
+labelled "quantity [unit]"; the unit of a ratio is 1.
 """
 
 from __future__ import annotations
@@ -88,8 +89,32 @@ def new_figure(height: float, rows: int = 1, columns: int = 1) -> tuple[Figure, 
     return figure, list(figure.subplots(rows, columns, squeeze=False).flat)
 
 
+def new_mosaic(
+    height: float, panels: list[list[str]], width_ratios: list[float], height_ratios: list[float]
+) -> tuple[Figure, dict[str, Axes]]:
+    """Return an empty figure and its panels by name, of different sizes.
+
+    Parameters
+    ----------
+    height : float
+        Height of the figure [inch].
+    panels : list of list of str
+        Names of the panels, row by row; a name that is repeated extends over rows or columns.
+    width_ratios, height_ratios : list of float
+        Widths of the columns and heights of the rows, relative to each other.
+
+    Returns
+    -------
+    tuple of Figure and dict of str to Axes
+        Figure and panels.
+    """
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    mosaic: Any = panels  # a list is no list of its protocol to mypy
+    return figure, figure.subplot_mosaic(mosaic, width_ratios=width_ratios, height_ratios=height_ratios)
+
+
 def label(axes: Axes, x: float, y: float, text: str, colour: str, **options: Any) -> None:
-    """Label a line, on a white background that hides the grid.
+    """Label a line, on a white background that hides the grid; without one where ``bbox=None``.
 
     Parameters
     ----------
@@ -104,6 +129,27 @@ def label(axes: Axes, x: float, y: float, text: str, colour: str, **options: Any
     """
     ground = {"boxstyle": "square,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
     axes.text(x, y, text, color=colour, **{"fontsize": 8.5, "bbox": ground, "zorder": 5, **options})
+
+
+def dimension(axes: Axes, start: tuple[float, float], end: tuple[float, float], text: str, **options: Any) -> None:
+    """Draw a dimension line with arrows at both ends and its text in the middle.
+
+    Parameters
+    ----------
+    axes : Axes
+        Panel.
+    start, end : tuple of float
+        Ends in data coordinates.
+    text : str
+        Length with its unit.
+    **options
+        Further options of `Axes.text`.
+    """
+    arrows = {"arrowstyle": "<|-|>", "color": BLACK, "linewidth": 0.8, "shrinkA": 0, "shrinkB": 0, "mutation_scale": 7}
+    axes.annotate("", start, end, arrowprops=arrows)
+    middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
+    ground = {"boxstyle": "square,pad=0.1", "facecolor": "white", "edgecolor": "none"}
+    label(axes, *middle, text, BLACK, **{"ha": "center", "va": "center", "bbox": ground, **options})
 
 
 def second_axis(axes: Axes, side: Literal["top", "right"], factor: float, text: str) -> None:

@@ -1,0 +1,125 @@
+"""What the figures draw: dimensions of the drawings, recorded runs, errors against ngspice."""
+
+import math
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from support.paths import DOCS
+
+pytest.importorskip("matplotlib", reason="the figures need matplotlib")
+
+from posfet_model.device import paper
+from posfet_model.figures import amplifier, layout, ngspice_runs, schematic, structure, taxel
+from posfet_model.spice import ngspice
+
+RUNS = DOCS / "figures"
+
+
+def test_the_walls_of_the_etched_chip_are_crystal_planes() -> None:
+    corners = structure.chip_outline()
+    (outer, low), (inner, high) = corners[2], corners[3]
+    assert math.degrees(math.atan2(high - low, outer - inner)) == pytest.approx(54.7356, abs=1e-4)
+    assert high - low == pytest.approx(paper.WAFER_THICKNESS.value - structure.MEMBRANE_THICKNESS, abs=1e-15)
+    assert corners[4] == (-inner, high)
+
+
+def test_the_drawn_channel_has_the_width_of_table_i_and_fits_into_the_taxel() -> None:
+    fingers = np.array(layout.channels())
+    assert fingers[:, 3].sum() == pytest.approx(paper.CHANNEL_WIDTH.value, rel=1e-12)
+    assert (fingers[:, 2] == paper.CHANNEL_LENGTH.value).all()
+    half = math.sqrt(paper.FORCE_AREA.value) / 2
+    assert (fingers[:, :2] > -half).all() and (fingers[:, :2] + fingers[:, 2:] < half).all()
+    assert (np.diff(fingers[:, 0]) > paper.CHANNEL_LENGTH.value).all()
+
+
+def test_the_schematic_has_the_sizes_of_table_ii() -> None:
+    assert [schematic.size_label(name) for name in ("M1", "M7", "M8")] == ["M1\n3276/12", "M7\n240/12", "M8\n60/12"]
+
+
+@pytest.mark.parametrize("name", ngspice_runs.FORCES)
+def test_recorded_runs_are_those_of_the_device(name: str) -> None:
+    """Their input is the gate voltage that the device model computes from the force."""
+    time, v_in, _ = ngspice_runs.read(name, RUNS)
+    force, stop = ngspice_runs.FORCES[name]
+    fine, place = amplifier.fine_times(time, stop)
+    gate = ngspice_runs.gate_voltage(force(fine), fine)[place]
+    np.testing.assert_allclose(gate, v_in, rtol=0, atol=2e-5)
+    assert np.ptp(gate) > 1.0
+
+
+@pytest.mark.parametrize("name", ngspice_runs.FORCES)
+def test_the_follower_from_a_force_agrees_with_ngspice(name: str) -> None:
+    time, _, reference = ngspice_runs.read(name, RUNS)
+    force, stop = ngspice_runs.FORCES[name]
+    fine, place = amplifier.fine_times(time, stop)
+    gate = ngspice_runs.gate_voltage(force(fine), fine)
+    for knowledge, follower in amplifier.models().items():
+        out = follower.run(fine, gate).v_out[place]
+        error = np.abs((out - out[0]) - (reference - reference[0])).max() / np.ptp(reference)
+        assert error < 1e-3, knowledge
+
+
+def test_beyond_its_limits_the_follower_says_so() -> None:
+    valid = {}
+    for name, amplitude in ngspice_runs.FAST_AMPLITUDES.items():
+        fine = np.linspace(0, 2e-6, 2001)
+        output = amplifier.models()["sizes and bias"].run(fine, amplitude * np.sin(2e6 * math.pi * fine))
+        valid[name] = output.valid.all()
+    assert valid == {"fast_small": True, "fast_large": False}
+
+
+def test_gain_and_phase_agree_with_ngspice_up_to_the_unity_gain() -> None:
+    frequency, real, imaginary = ngspice_runs.read("open_loop", RUNS)
+    below = frequency <= paper.GAIN_BANDWIDTH.value
+    for knowledge, op_amp in amplifier.op_amps().items():
+        ratio = (op_amp.response(frequency) / (real + 1j * imaginary))[below]
+        assert np.abs(20 * np.log10(np.abs(ratio))).max() < 0.5, knowledge
+        assert np.abs(np.degrees(np.angle(ratio))).max() < 5, knowledge
+
+
+def test_a_charge_leaks_from_the_gate() -> None:
+    time = np.linspace(0, 2.0, 201)
+    gate = ngspice_runs.gate_voltage(np.where(time > 0, 1.0, 0.0), time)
+    assert gate[0] == 0
+    later = gate[1:] / gate[1]
+    np.testing.assert_allclose(later, np.exp(-(time[1:] - time[1]) / paper.LEAK_TIME_CONSTANT.value), rtol=1e-9)
+
+
+def test_design_curves_pass_through_the_default_and_rise_or_fall() -> None:
+    rises = {"film thickness [µm]": True, "film area [mm²]": False, "permittivity [1]": False}
+    for parameter in taxel.PARAMETERS:
+        sensitivity = parameter.taxel(parameter.values).volts_per_newton()
+        assert (np.diff(sensitivity) > 0).all() == rises.get(parameter.name, True)
+        budget = taxel.noise(parameter.taxel(parameter.values))
+        assert (budget.total >= budget.quantisation).all()
+        assert np.isfinite(budget.minimum_force()).all()
+        if parameter.name != "poling voltage [V]":
+            assert parameter.taxel(parameter.default).volts_per_newton() == pytest.approx(0.894, abs=5e-4)
+
+
+def test_a_missing_run_is_reported_in_one_line(tmp_path: Path) -> None:
+    with pytest.raises(SystemExit, match=r"ngspice_press\.csv is missing; run from the root of the repository"):
+        ngspice_runs.read("press", tmp_path)
+
+
+@pytest.mark.spice
+@pytest.mark.skipif(shutil.which("ngspice") is None, reason="ngspice is not on PATH")
+def test_recording_again_gives_the_stored_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert ngspice_runs.main(["--out", str(tmp_path)]) == 0
+    written = [Path(line) for line in capsys.readouterr().out.splitlines()]
+    assert sorted(path.name for path in written) == sorted(path.name for path in RUNS.glob("ngspice_*.csv"))
+    for path in written:
+        again, stored = (np.loadtxt(folder / path.name, delimiter=",", skiprows=2) for folder in (tmp_path, RUNS))
+        if again.shape == stored.shape:  # another version of ngspice may choose other steps
+            assert (np.abs(again - stored) <= 1e-3 * np.abs(stored).max(axis=0)).all(), path.name
+
+
+def test_without_ngspice_recording_fails_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(ngspice, "PROGRAM", "no_such_program")
+    assert ngspice_runs.main(["--out", str(tmp_path)]) == 1
+    assert capsys.readouterr().err.startswith("ngspice_runs: ngspice is not on PATH")
