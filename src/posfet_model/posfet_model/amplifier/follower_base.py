@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeGuard
 
@@ -43,12 +44,19 @@ class FollowerState:
 
 @dataclass(frozen=True, eq=False)
 class FollowerOutput:
-    """Output of a follower, both fields in the input's shape."""
+    """Output of a follower, all fields in the input's shape."""
 
     v_out: NDArray[np.float64]
     """Output voltage [V]."""
     valid: NDArray[np.bool_]
-    """False where the input or the required slope exceeds the limits: v_out is then unreliable."""
+    """False where the input or the required slope exceeds the limits, or a finding applies: v_out is unreliable."""
+    findings: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    """Where reasons against it apply, by reason, from the models that state them."""
+
+    @property
+    def reasons(self) -> list[str]:
+        """Reasons that apply anywhere."""
+        return [reason for reason, mask in self.findings.items() if mask.any()]
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,6 +254,10 @@ class Follower(ABC):
             raise ValueError(f"time must not decrease, got a step of {step.min():g} s at sample {step.argmin() + 1}")
         if step.size and step.max() > STEP_LIMIT:
             raise ValueError(f"steps of time must be in [0, {STEP_LIMIT:g}] s, got {step.max():g}")
+        return self._run(held, valid, step)
+
+    def _run(self, held: NDArray[np.float64], valid: NDArray[np.bool_], step: NDArray[np.float64]) -> FollowerOutput:
+        """Return the output for the limited inputs `held`, [t] or [t, n], from rest at the first, in steps [t - 1]."""
         start = FollowerState(v_in=held[0], lags=self._start_lags(held[0]), valid=np.asarray(valid[0]))
         first = self._out(held[:1], tuple(lag[None] for lag in start.lags))
         if not step.size:

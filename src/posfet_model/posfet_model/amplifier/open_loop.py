@@ -38,7 +38,7 @@ RINGS: Final = f"a step overshoots by more than {100 * MOST_OVERSHOOT:g} %"
 GAIN_RANGE: Final = (1e-3, 1e9)
 """Accepted open-loop gains."""
 
-_MARGIN_RANGE: Final = (0.1, 179.0)
+_MARGIN_RANGE: Final = (-89.0, 179.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +67,13 @@ class OpenLoop:
 
     @classmethod
     def from_phase_margin(cls, gain: ArrayLike, gain_bandwidth: ArrayLike, phase_margin: ArrayLike) -> OpenLoop:
-        """Return the op-amp of a given gain, unity crossing and phase margin: two poles, or a pole and a zero.
+        """Return the op-amp of a given gain, unity crossing and phase margin: two poles, and a zero if need be.
 
         With the phase lag P = 180 degrees - margin at the unity crossing w, two poles have ``x1*x2 = 1 - A0*cos(P)``,
         ``x1 + x2 = A0*sin(P)``, x = w*t. Where the margin is more than one pole leaves, the pole has ``x1 =
-        A0*(sin(P) + xz*cos(P))`` and a zero in the left half-plane ``xz = (cos(P) - 1/A0)/sin(P)``.
+        A0*(sin(P) + xz*cos(P))`` and a zero in the left half-plane ``xz = (cos(P) - 1/A0)/sin(P)``. Where it is less
+        than two poles of this gain have, a zero in the right half-plane mirrors the second pole: ``x1 = sqrt(A0^2 -
+        1)``, ``x2 = -xz = tan((P - atan(x1))/2)``.
 
         Parameters
         ----------
@@ -80,7 +82,7 @@ class OpenLoop:
         gain_bandwidth : array_like
             Frequency [Hz] at which the open-loop gain is 1, in [1e-9, 1e12].
         phase_margin : array_like
-            180 degrees plus the phase there [degrees], in [0.1, 179].
+            180 degrees plus the phase there [degrees], in [-89, 179].
 
         Returns
         -------
@@ -90,24 +92,25 @@ class OpenLoop:
         Raises
         ------
         ValueError
-            An argument is not real, not finite or out of range, or no real poles have this margin.
+            An argument is not real, not finite or out of range.
         """
         a0 = real_array("gain", gain, 1.01, GAIN_RANGE[1])
         crossing = 2 * math.pi * real_array("gain_bandwidth", gain_bandwidth, 1e-9, 1e12)
         lag = np.deg2rad(180 - real_array("phase_margin", phase_margin, *_MARGIN_RANGE))
         a0, crossing, lag = np.broadcast_arrays(a0, crossing, lag)
         total, product = a0 * np.sin(lag), 1 - a0 * np.cos(lag)
-        with_zero = product <= 0
         square = total * total - 4 * product
-        if np.any(square < 0):
-            raise ValueError("phase_margin must be reachable with two real poles at this gain, got one that is not")
-        large = 0.5 * (total + np.sqrt(square))
-        lead = np.where(with_zero, (np.cos(lag) - 1 / a0) / np.sin(lag), 0.0)
-        slow = np.where(with_zero, a0 * (np.sin(lag) + lead * np.cos(lag)), large)
-        fast = np.where(with_zero, 0.0, product / large)
-        with np.errstate(divide="ignore"):
-            poles, zero = (crossing / (2 * math.pi * part) for part in (slow, fast)), crossing / (2 * math.pi * lead)
-            return cls(a0, tuple(poles), zero)  # type: ignore[arg-type]  # a pair
+        lead, flat = product <= 0, (total <= 0) | (square < 0)
+        large = 0.5 * (total + np.sqrt(np.maximum(square, 0.0)))
+        alone = np.sqrt(a0 * a0 - 1)
+        turned = np.tan(0.5 * (lag - np.arctan(alone)))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ahead = (np.cos(lag) - 1 / a0) / np.sin(lag)
+            slow = np.select([lead & ~flat, flat], [a0 * (np.sin(lag) + ahead * np.cos(lag)), alone], large)
+            fast = np.select([lead & ~flat, flat], [0.0, turned], product / large)
+            zero = np.select([lead & ~flat, flat], [ahead, -turned], 0.0)
+            first, second, third = (crossing / (2 * math.pi * part) for part in (slow, fast, zero))
+        return cls(first * 0 + a0, (first, second), third)
 
     @property
     def pole_times(self) -> tuple[Array, Array]:

@@ -1,0 +1,272 @@
+"""Figures of an op-amp circuit from its linearised node equations: gain, unity crossing, margin, ringing, slew rate.
+
+The transfer functions are exact for the circuit (`circuit`): with ``C*x' + G*x = -(c*u' + g*u)`` and the eigenvectors
+of ``C^-1*G`` they are sums of as many poles as there are nodes. `CircuitFigures.open_loop` is the equivalent of two
+poles and a zero: the same gain, unity crossing and phase margin.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model._lib.types import Array, Mask
+from posfet_model._lib.validation import instance
+from posfet_model.amplifier.circuit import UNKNOWNS, AmplifierCircuit
+from posfet_model.amplifier.open_loop import (
+    GAIN_RANGE,
+    LEAST_PHASE_MARGIN,
+    LOW_MARGIN,
+    MOST_OVERSHOOT,
+    RINGS,
+    UNSTABLE,
+    OpenLoop,
+)
+from posfet_model.amplifier.transient import Matrices
+from posfet_model.amplifier.validity import Validity
+
+NO_OPERATING_POINT: Final = "no operating point between the supplies"
+NOT_SATURATED: Final = "a transistor is out of saturation at rest"
+
+_FREQUENCIES: Final = np.geomspace(1e-2, 1e12, 281)
+_HALVINGS: Final = 45
+_STEP_TIMES: Final = np.r_[0.0, np.geomspace(1e-5, 12.0, 700)]
+"""Times at which a step is evaluated, in units of the slowest pole's time constant."""
+
+
+@dataclass(frozen=True, eq=False)
+class TransferFunction:
+    """``H(s) = direct + sum(residue/(s + rate))``; arrays of the circuits' shape, the last axis over the poles."""
+
+    direct: NDArray[np.complex128]
+    """Feed-through at infinite frequency [V/V], shape [...]."""
+    residues: NDArray[np.complex128]
+    """[V/V/s], shape [..., n]."""
+    rates: NDArray[np.complex128]
+    """Poles times -1 [1/s], shape [..., n], slowest first; unstable where a real part is not positive."""
+
+    @property
+    def gain(self) -> Array:
+        """Gain at frequency 0 [V/V]."""
+        return np.asarray((self.direct + (self.residues / self.rates).sum(axis=-1)).real)
+
+    @property
+    def stable(self) -> Mask:
+        """Whether all poles are in the left half-plane."""
+        return np.asarray((self.rates.real > 0).all(axis=-1))
+
+    def at(self, frequency: Array) -> NDArray[np.complex128]:
+        """Return H(j*2*pi*f) at frequencies [Hz] that broadcast with the circuits' shape; unchecked."""
+        s = 2j * math.pi * np.asarray(frequency)[..., None]
+        return np.asarray(self.direct + (self.residues / (s + self.rates)).sum(axis=-1))
+
+    def step(self, time: Array) -> Array:
+        """Return the response [V/V] to a unit step at times [s] that broadcast with the circuits' shape; unchecked."""
+        growth = -np.expm1(
+            np.minimum((-self.rates * np.asarray(time)[..., None]).real, 600.0)
+            - 1j * (self.rates.imag * np.asarray(time)[..., None])
+        )
+        return np.asarray((self.direct + (self.residues / self.rates * growth).sum(axis=-1)).real)
+
+
+def transfer_function(linear: Matrices, output: int) -> TransferFunction:
+    """Return the transfer function from the input to a node; unchecked.
+
+    Parameters
+    ----------
+    linear : Matrices
+        The linearised circuit.
+    output : int
+        Index of the node.
+
+    Returns
+    -------
+    TransferFunction
+        Its poles and residues.
+    """
+    inputs = np.stack([linear.input_conductance, linear.input_capacitance], axis=-1)
+    solved = np.linalg.solve(linear.capacitance, np.concatenate([linear.conductance, inputs], axis=-1))
+    n = linear.conductance.shape[-1]
+    rates, vectors = np.linalg.eig(solved[..., :n])
+    drive = np.linalg.solve(vectors, solved[..., n:].astype(np.complex128))
+    seen = vectors[..., output, :]
+    residues = -seen * (drive[..., 0] - rates * drive[..., 1])
+    order = np.argsort(np.abs(rates), axis=-1)
+    return TransferFunction(
+        direct=np.asarray(-solved[..., output, n + 1], np.complex128),
+        residues=np.take_along_axis(residues, order, -1).astype(np.complex128),
+        rates=np.take_along_axis(rates, order, -1).astype(np.complex128),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class CircuitFigures:
+    """Figures of merit of op-amp circuits as followers, all of the circuits' shape; NaN where there is no value."""
+
+    open_loop_response: TransferFunction
+    """From the input to the output with the inverting input held."""
+    closed_loop_response: TransferFunction
+    """From the input to the output of the follower."""
+    gain: Array
+    """Open-loop gain A0 [V/V]."""
+    closed_loop_gain: Array
+    """Gain of the follower at frequency 0 [V/V], with the common-mode gain, which A0/(1 + A0) lacks."""
+    gain_bandwidth: Array
+    """Unity crossing of the open-loop gain [Hz]."""
+    phase_margin: Array
+    """180 degrees plus the phase there [degrees]."""
+    overshoot: Array
+    """Overshoot of a small step, as a fraction of it [1]; NaN where unstable."""
+    settling_time: Array
+    """Time after which a small step stays within 1 % [s], to 2 % of itself; inf where unstable."""
+    slew_rate: Array
+    """Steepest rise of the output [V/s]."""
+    falling_slew_rate: Array
+    """Steepest fall of the output [V/s]."""
+    offset: Array
+    """Output with the input at rest, less that input [V]."""
+    tail_current: Array
+    """Current of M5 [A]."""
+    output_current: Array
+    """Current of M7 [A]."""
+    supply_current: Array
+    """Current from the positive supply, with the reference current [A]."""
+    validity: Validity
+    """Whether the follower is usable, and why not."""
+
+    @property
+    def gain_db(self) -> Array:
+        """A0 [dB]."""
+        return np.asarray(20 * np.log10(np.abs(self.gain)))
+
+    @property
+    def stable(self) -> Mask:
+        """Whether the follower is stable."""
+        return self.closed_loop_response.stable
+
+    @property
+    def open_loop(self) -> OpenLoop:
+        """Equivalent op-amp of two poles and a zero, of the same gain, unity crossing and phase margin."""
+        return OpenLoop.from_phase_margin(
+            np.clip(self.gain, 1.01, GAIN_RANGE[1]), self.gain_bandwidth, np.clip(self.phase_margin, -85, 179)
+        )
+
+
+def circuit_figures(circuit: AmplifierCircuit, v_in: float | Array = 0.0) -> CircuitFigures:
+    """Return the figures of merit of op-amp circuits as followers.
+
+    Parameters
+    ----------
+    circuit : AmplifierCircuit
+        One circuit, or arrays of them.
+    v_in : float or ndarray, default 0.0
+        Input voltage at rest [V]; broadcasts with the circuits.
+
+    Returns
+    -------
+    CircuitFigures
+        Figures of merit, of the circuits' shape.
+
+    Raises
+    ------
+    ValueError
+        `circuit` is not an AmplifierCircuit.
+
+    Notes
+    -----
+    The slew rates are hand formulas: rise by the tail current into Cc, Cc also moving the gate of M7; fall by the same,
+    or by what M8 can sink from Cc and the load.
+    """
+    circuit = instance("circuit", circuit, AmplifierCircuit)
+    nodes = circuit.operating_point(v_in)
+    found: Mask = np.asarray(np.isfinite(nodes).all(axis=-1))
+    v_in = np.broadcast_to(np.asarray(v_in, np.float64), found.shape)
+    safe = np.where(found[..., None], nodes, circuit.start(v_in))
+    output = UNKNOWNS[circuit.stages].index("out")
+    closed = transfer_function(circuit.evaluate(safe, v_in)[1], output)
+    opened = transfer_function(circuit.evaluate(safe, v_in, "ground")[1], output)
+    crossing, margin = _unity_crossing(opened)
+    stable = closed.stable & found
+    overshoot, settling = _step_figures(closed)
+    currents = circuit.transistors(safe, v_in)[2]
+    tail, sunk = currents.current[..., 4], currents.current[..., 7]
+    rise, fall = _slew_rates(circuit, currents.transconductance, currents.output_conductance, tail, sunk)
+    saturated = circuit.saturated(safe, v_in).all(axis=-1)
+    nothing = np.where(found, 1.0, np.nan)
+    overshoot = np.where(stable, overshoot, np.nan)
+    return CircuitFigures(
+        open_loop_response=opened,
+        closed_loop_response=closed,
+        gain=opened.gain * nothing,
+        closed_loop_gain=closed.gain * nothing,
+        gain_bandwidth=crossing * nothing,
+        phase_margin=margin * nothing,
+        overshoot=overshoot,
+        settling_time=np.where(stable, settling, np.inf),
+        slew_rate=rise * nothing,
+        falling_slew_rate=fall * nothing,
+        offset=(nodes[..., output] - v_in),
+        tail_current=tail * nothing,
+        output_current=np.abs(currents.current[..., 6]) * nothing,
+        supply_current=(tail + np.abs(currents.current[..., 6]) + circuit.reference_current) * nothing,
+        validity=Validity(
+            {
+                NO_OPERATING_POINT: ~found,
+                NOT_SATURATED: found & ~saturated,
+                UNSTABLE: ~closed.stable & found,
+                LOW_MARGIN: margin < LEAST_PHASE_MARGIN,
+                RINGS: overshoot > MOST_OVERSHOOT,
+            }
+        ),
+    )
+
+
+def _unity_crossing(response: TransferFunction) -> tuple[Array, Array]:
+    """Return the first frequency [Hz] at which the gain falls through 1, and the phase margin there [degrees]."""
+    shape = response.direct.shape
+    grid = _FREQUENCIES.reshape(-1, *(1,) * len(shape))
+    values = response.at(np.broadcast_to(grid, (len(grid), *shape)))
+    loud = np.abs(values) > 1
+    last = np.argmin(loud, axis=0) - 1  # before the first quiet one
+    crossed = (last >= 0) & loud[0]
+    at = np.maximum(last, 0)
+    low, high = _FREQUENCIES[at], _FREQUENCIES[np.minimum(at + 1, len(_FREQUENCIES) - 1)]
+    for _ in range(_HALVINGS):
+        middle = np.sqrt(low * high)
+        above = np.abs(response.at(middle)) > 1
+        low, high = np.where(above, middle, low), np.where(above, high, middle)
+    phase = np.unwrap(np.angle(values), axis=0)
+    before = np.take_along_axis(phase, at[None], 0)[0] - phase[0] + np.angle(values[0])
+    phase_at = np.angle(response.at(low))
+    phase_at = before + (phase_at - before + math.pi) % (2 * math.pi) - math.pi
+    return np.where(crossed, low, np.nan), np.where(crossed, 180 + np.rad2deg(phase_at), np.nan)
+
+
+def _step_figures(response: TransferFunction) -> tuple[Array, Array]:
+    """Return overshoot [1] and settling time to 1 % [s] of a step."""
+    shape = response.direct.shape
+    slowest = 1 / np.maximum(response.rates.real.min(axis=-1), 1e-30)
+    time = _STEP_TIMES.reshape(-1, *(1,) * len(shape)) * slowest
+    with np.errstate(invalid="ignore", over="ignore"):
+        value = response.step(time) / response.gain
+    outside = np.abs(value - 1) > 0.01
+    last = len(time) - 1 - np.argmax(outside[::-1], axis=0)
+    following = np.minimum(last + 1, len(time) - 1)
+    return np.maximum(np.nanmax(value, axis=0) - 1, 0.0), np.take_along_axis(time, following[None], 0)[0]
+
+
+def _slew_rates(circuit: AmplifierCircuit, gm: Array, gds: Array, tail: Array, sunk: Array) -> tuple[Array, Array]:
+    """Return the steepest rise and fall of the output [V/s]."""
+    area = circuit.gate_area
+    if circuit.stages == 1:
+        second = gm[..., 6] + gds[..., 6] + gds[..., 7] + 1 / circuit.load_resistance
+        rate = tail / (circuit.compensation + 2 / 3 * area[..., 6] * (1 - gm[..., 6] / second))
+        return rate, np.minimum(rate, sunk / circuit.load_capacitance)
+    gain = gm[..., 6] / (gds[..., 6] + gds[..., 7] + 1 / circuit.load_resistance)
+    rise = tail / (circuit.compensation * (1 + 1 / (gain * np.sqrt(1 + tail / sunk))))
+    load = circuit.load_capacitance + area[..., 0] / 3
+    return rise, np.minimum(rise, sunk / (circuit.compensation * (1 + 1 / gain) + load))

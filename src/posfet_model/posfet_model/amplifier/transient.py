@@ -1,0 +1,173 @@
+"""Transient of a system ``C(v)*dv/dt = -i(v, v_in)`` for a piecewise linear input, with an error bound for each step.
+
+A linearly implicit method of order 3 with an embedded one of order 2, stiffly accurate and L-stable, whose order does
+not depend on an exact Jacobian (the derivatives of C(v) are left out of it): ROS34PW2 of J. Rang, L. Angermann, BIT
+Numerical Mathematics 45 (2005) 761, doi:10.1007/s10543-005-0035-y. Steps end at every given time, are cut where the
+difference of the two orders exceeds the tolerance, and are of any length where the system follows its input.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+
+from posfet_model._lib.types import Array, Mask
+
+TOLERANCE: Final = 1e-5
+"""Largest difference of the two orders in a step [V]; the error of the result is a small multiple of it."""
+
+MOST_STEPS: Final = 20_000
+"""Steps within one interval of the input, after which the system is taken for one that does not settle."""
+
+_DIAGONAL: Final = 0.435866521508459
+_ALPHA: Final = np.array(
+    [
+        [0.0, 0.0, 0.0],
+        [0.87173304301691801, 0.0, 0.0],
+        [0.84457060015369423, -0.11299064236484185, 0.0],
+        [0.0, 0.0, 1.0],
+    ]
+)
+_GAMMA: Final = np.array(
+    [
+        [0.0, 0.0, 0.0],
+        [-0.87173304301691801, 0.0, 0.0],
+        [-0.90338057013044082, 0.054180672388095326, 0.0],
+        [0.24212380706095346, -1.2232505839045147, 0.54526025533510214],
+    ]
+)
+_WEIGHTS: Final = np.array([0.24212380706095346, -1.2232505839045147, 1.5452602553351020, 0.435866521508459])
+_ERROR: Final = _WEIGHTS - np.array([0.37810903145819369, -0.096042292212423178, 0.5, 0.21793326075422950])
+
+_GROWTH: Final = (0.2, 6.0)
+"""Least and most change of the length from step to step [1]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Matrices:
+    """Linearised system: ``C*dv/dt + G*v = -(c_in*dv_in/dt + g_in*v_in)`` for small changes."""
+
+    conductance: Array
+    """G [S], shape [..., n, n]."""
+    input_conductance: Array
+    """g_in [S], shape [..., n]."""
+    capacitance: Array
+    """C [F], shape [..., n, n]."""
+    input_capacitance: Array
+    """c_in [F], shape [..., n]."""
+
+
+class System(Protocol):
+    """What is integrated: n nodes with currents and capacitances, driven by an input; each of the shape [...]."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Broadcast shape of the systems."""
+
+    def operating_point(self, v_in: Array) -> Array:
+        """Return the nodes at rest [V], shape [..., n]."""
+
+    def currents(self, nodes: Array, v_in: Array) -> Array:
+        """Return i [A], shape [..., n]."""
+
+    def capacitances(self, nodes: Array, v_in: Array) -> tuple[Array, Array]:
+        """Return C and c_in [F]."""
+
+    def evaluate(self, nodes: Array, v_in: Array) -> tuple[Array, Matrices]:
+        """Return i [A] and the linearised system."""
+
+    def output(self, nodes: Array) -> Array:
+        """Return the output voltage [V], shape [...]."""
+
+    def findings(self, nodes: Array, v_in: Array) -> dict[str, Mask]:
+        """Return reasons why results at these nodes and inputs are not valid."""
+
+
+@dataclass(frozen=True, eq=False)
+class SystemState:
+    """State of systems between steps."""
+
+    v_in: Array
+    """Input voltage [V], shape [...]."""
+    nodes: Array
+    """Voltages of the unknown nodes [V], shape [..., n]."""
+    step: float
+    """Length of step that the error bound allowed last [s]."""
+
+
+def advance(system: System, state: SystemState, v_in: Array, duration: float, tolerance: float) -> SystemState:
+    """Return the state after an interval in which the input changed linearly; a duration of 0 is a jump. Unchecked.
+
+    Parameters
+    ----------
+    system : System
+        The systems.
+    state : SystemState
+        State at the start.
+    v_in : ndarray
+        Input at the end [V], shape [...].
+    duration : float
+        Length of the interval [s].
+    tolerance : float
+        Largest difference of the two orders in a step [V].
+
+    Returns
+    -------
+    SystemState
+        State at the end.
+    """
+    if duration == 0:
+        return SystemState(v_in, _jump(system, state, v_in), state.step)
+    slope = (v_in - state.v_in) / duration
+    nodes, done, step = state.nodes, 0.0, state.step
+    for _ in range(MOST_STEPS):
+        left = duration - done
+        length = left if step >= left * (1 - 1e-9) else min(step, 0.5 * left) if step > 0.5 * left else step
+        start = state.v_in + slope * done
+        moved, error = _step(system, nodes, start, slope, length)
+        ratio = error / tolerance
+        factor = float(np.clip(0.9 / max(ratio, 1e-9) ** (1 / 3), *_GROWTH)) if np.isfinite(ratio) else _GROWTH[0]
+        if ratio <= 1:
+            nodes, done = moved, done + length
+            # A step cut short by the end of the interval says nothing against the longer one before it.
+            step = max(length * factor, step) if length < step else length * factor
+            if length == left:
+                return SystemState(v_in, nodes, step)
+        else:
+            step = length * min(factor, 0.9)
+    return SystemState(v_in, np.full_like(nodes, np.nan), step)
+
+
+def _step(system: System, nodes: Array, v_in: Array, slope: Array, length: float) -> tuple[Array, float]:
+    """Return the voltages after one step, and the largest difference of the two orders [V]."""
+    current, linear = system.evaluate(nodes, v_in)
+    capacitance, column = linear.capacitance, linear.input_capacitance
+    matrix = np.linalg.inv(capacitance + length * _DIAGONAL * linear.conductance)
+    rates: list[Array] = []
+    for stage in range(4):
+        if stage:
+            place = nodes + length * sum(a * rate for a, rate in zip(_ALPHA[stage], rates, strict=False) if a)
+            at = v_in + length * slope * _ALPHA[stage].sum()
+            here, here_column = system.capacitances(place, at)
+            free = np.linalg.solve(here, -(system.currents(place, at) + here_column * slope[..., None])[..., None])
+        else:
+            free = np.linalg.solve(capacitance, -(current + column * slope[..., None])[..., None])
+        right = (capacitance @ free)[..., 0]
+        drift = length * slope * (_GAMMA[stage].sum() + _DIAGONAL)
+        right = right - linear.input_conductance * drift[..., None]
+        held = sum(g * rate for g, rate in zip(_GAMMA[stage], rates, strict=False) if g)
+        if stage:
+            right = right - length * (linear.conductance @ np.asarray(held)[..., None])[..., 0]
+        rates.append((matrix @ right[..., None])[..., 0])
+    stacked = np.stack(rates)
+    moved = nodes + length * np.tensordot(_WEIGHTS, stacked, 1)
+    return moved, float(np.max(np.abs(length * np.tensordot(_ERROR, stacked, 1))))
+
+
+def _jump(system: System, state: SystemState, v_in: Array) -> Array:
+    """Return the voltages after a jump of the input, which the capacitances divide."""
+    capacitance, column = system.capacitances(state.nodes, state.v_in)
+    change = column * (v_in - state.v_in)[..., None]
+    return np.asarray(state.nodes - np.linalg.solve(capacitance, change[..., None])[..., 0])

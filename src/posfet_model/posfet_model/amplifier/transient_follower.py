@@ -1,0 +1,305 @@
+"""Followers that are integrated with an error bound: an op-amp circuit from sizes and bias, and a loop that slews.
+
+`CircuitFollower` is the circuit itself (`circuit`): it rings, slews at different rates up and down, cuts its output
+stage off and runs into its rails as the circuit does, and says so. `SlewingFollower` knows only gain, poles, zero and
+slew rate. Both take any step; the error bound chooses the sub-steps (`transient`).
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from posfet_model._lib.types import Array, Mask
+from posfet_model._lib.validation import instance, real_array, real_number
+from posfet_model.amplifier.circuit import AmplifierCircuit
+from posfet_model.amplifier.circuit_figures import CircuitFigures, circuit_figures
+from posfet_model.amplifier.follower_base import (
+    STEP_LIMIT,
+    Follower,
+    FollowerOutput,
+    FollowerSeries,
+    FollowerState,
+    FrequencyResponse,
+)
+from posfet_model.amplifier.open_loop import OpenLoop
+from posfet_model.amplifier.operating_point import CIRCUIT_B, TABLE_II, AmplifierBias, AmplifierDesign
+from posfet_model.amplifier.pair_loop import PairLoop
+from posfet_model.amplifier.transient import TOLERANCE, System, SystemState, advance
+from posfet_model.amplifier.validity import Validity
+
+
+@dataclass(frozen=True, eq=False)
+class TransientState(FollowerState):
+    """State of an integrated follower; `lags` are those of the output alone."""
+
+    nodes: Array
+    """Voltages of the system's nodes [V], shape [..., n]."""
+    step: float
+    """Sub-step that the error bound allowed last [s]."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TransientFollower(Follower):
+    """Base class: a follower whose equations are integrated, its input at the limits clipped as everywhere."""
+
+    tolerance: float = TOLERANCE
+    """Error bound of a sub-step [V], in [1e-9, 0.1]."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        real_number("tolerance", self.tolerance, 1e-9, 0.1)
+
+    @property
+    @abstractmethod
+    def system(self) -> System:
+        """What is integrated."""
+
+    @property
+    @abstractmethod
+    def validity(self) -> Validity:
+        """Whether the follower is usable at all, and why not."""
+
+    def start(self, v_in: ArrayLike) -> TransientState:
+        """Return the state at rest at an input voltage.
+
+        Parameters
+        ----------
+        v_in : array_like
+            Input voltage [V], any shape with which the follower's own broadcasts to it, within +-1e6.
+
+        Returns
+        -------
+        TransientState
+            The state, of the shape of `v_in`.
+
+        Raises
+        ------
+        ValueError
+            The voltage is not real, not finite, out of range or of another shape.
+        """
+        held, valid = self._hold(v_in)
+        self._check_shape(held)
+        return self._state(held, valid, self.system.operating_point(held), math.inf)
+
+    def advance(self, state: FollowerState, v_in: ArrayLike, step: ArrayLike) -> TransientState:
+        """Return the state after one step in which the input changed linearly.
+
+        Parameters
+        ----------
+        state : TransientState
+            State at the start of the step.
+        v_in : array_like
+            Input voltage at the end of the step [V], of the state's shape.
+        step : array_like
+            Length of the step [s], in [0, 1e9], a number.
+
+        Returns
+        -------
+        TransientState
+            State at the end of the step.
+
+        Raises
+        ------
+        ValueError
+            An argument is not real, not finite, out of range or of another shape.
+        """
+        before = instance("state", state, TransientState)
+        held, valid = self._hold(v_in)
+        duration = real_number("step", step, 0, STEP_LIMIT)  # type: ignore[arg-type]  # refuses what is none
+        if held.shape != before.v_in.shape:
+            raise ValueError(f"v_in must have the state's shape {before.v_in.shape}, got {held.shape}")
+        after = advance(
+            self.system, SystemState(before.v_in, before.nodes, before.step), held, duration, self.tolerance
+        )
+        return self._state(held, valid, after.nodes, after.step)
+
+    def _follow(
+        self, state: FollowerState, held: NDArray[np.float64], valid: NDArray[np.bool_], step: NDArray[np.float64]
+    ) -> FollowerSeries:
+        before = instance("state", state, TransientState)
+        nodes, last = self._integrate(SystemState(before.v_in, before.nodes, before.step), held, step)
+        output = self._judged(held, valid, nodes)
+        return FollowerSeries(output, self._state(held[-1], np.asarray(valid[-1]), last.nodes, last.step))
+
+    def _run(self, held: Array, valid: Mask, step: Array) -> FollowerOutput:
+        self._check_shape(held[0])
+        rest = self.system.operating_point(held[0])
+        nodes, _ = self._integrate(SystemState(held[0], rest, math.inf), held[1:], step)
+        return self._judged(held, valid, np.concatenate([rest[None], nodes]))
+
+    def _integrate(self, now: SystemState, held: Array, step: Array) -> tuple[Array, SystemState]:
+        nodes = np.empty((*held.shape, now.nodes.shape[-1]))
+        for k, duration in enumerate(step.tolist()):
+            now = advance(self.system, now, held[k], duration, self.tolerance)
+            nodes[k] = now.nodes
+        return nodes, now
+
+    def _judged(self, held: Array, valid: Mask, nodes: Array) -> FollowerOutput:
+        out = self.system.output(nodes)
+        findings = {**self.validity.findings, **self.system.findings(nodes, held)}
+        shown = {reason: np.broadcast_to(mask, held.shape) for reason, mask in findings.items() if np.any(mask)}
+        for mask in shown.values():
+            valid = valid & ~mask
+        return FollowerOutput(v_out=out, valid=np.asarray(valid & np.isfinite(out)), findings=shown)
+
+    def _state(self, held: Array, valid: Mask, nodes: Array, step: float) -> TransientState:
+        judged = self._judged(held, valid, nodes)
+        return TransientState(v_in=held, lags=(held - judged.v_out,), valid=judged.valid, nodes=nodes, step=step)
+
+    def _out(self, v_in: NDArray[np.float64], lags: tuple[Array, ...]) -> NDArray[np.float64]:
+        return np.asarray(v_in - lags[-1])
+
+    def _check_shape(self, v_in: Array) -> None:
+        own = self.system.shape
+        if any(wide not in (1, given) for wide, given in zip(own[::-1], v_in.shape[::-1], strict=False)) or (
+            len(own) > v_in.ndim
+        ):
+            raise ValueError(f"v_in must be of a shape to which {own} broadcasts, got {v_in.shape}")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CircuitFollower(TransientFollower):
+    """Follower from sizes and bias: the op-amp circuit with all its transistors, of `AmplifierCircuit`.
+
+    Notes
+    -----
+    The difference to ngspice is that of the integration, some 0.01 % of a step; there is no fit and no simplification
+    of the circuit. Junction and overlap capacitances are not modelled.
+    """
+
+    circuit: AmplifierCircuit = field(default_factory=AmplifierCircuit.from_design)
+    """The op-amp; arrays of op-amps take inputs of a shape to which theirs broadcasts."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        instance("circuit", self.circuit, AmplifierCircuit)
+
+    @classmethod
+    def from_design(
+        cls, bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = TABLE_II, stages: int = 2
+    ) -> CircuitFollower:
+        """Return the follower of a bias, of sizes and process, and of a number of stages.
+
+        Parameters
+        ----------
+        bias : AmplifierBias, default CIRCUIT_B
+            Bias, compensation and load.
+        design : AmplifierDesign, default TABLE_II
+            Sizes and process.
+        stages : int, default 2
+            2: Miller op-amp (`two_stage`); 1: one stage and an output follower (`one_stage`).
+
+        Returns
+        -------
+        CircuitFollower
+            The follower.
+
+        Raises
+        ------
+        ValueError
+            `stages` is neither 1 nor 2, or an argument is of another type.
+        """
+        return cls(circuit=AmplifierCircuit.from_design(bias, design, stages))
+
+    @cached_property
+    def figures(self) -> CircuitFigures:
+        """Gain, unity crossing, phase margin and more with the input at 0 V."""
+        return circuit_figures(self.circuit)
+
+    @cached_property
+    def system(self) -> System:
+        """The circuit with its findings."""
+        return self.circuit
+
+    @property
+    def validity(self) -> Validity:
+        """Whether the follower is usable at all, and why not."""
+        return self.figures.validity
+
+    @property
+    def static_gain(self) -> float:
+        """Gain at frequency 0 with the input at 0 V [V/V], of a single circuit."""
+        return float(self.figures.closed_loop_gain)
+
+    def response(self, frequency: ArrayLike) -> FrequencyResponse:
+        """Return the small-signal gain and phase with the input at 0 V.
+
+        Parameters
+        ----------
+        frequency : array_like
+            f [Hz], any shape, in [0, 1e18]; broadcasts with the circuits.
+
+        Returns
+        -------
+        FrequencyResponse
+            Gain [V/V] and phase [rad].
+
+        Raises
+        ------
+        ValueError
+            A frequency is not real, not finite or out of range.
+        """
+        hertz = real_array("frequency", frequency, 0, 1e18).astype(np.float64, copy=False)
+        transfer = self.figures.closed_loop_response.at(hertz)
+        return FrequencyResponse(
+            gain=np.abs(transfer), phase=np.angle(transfer), valid=np.broadcast_to(self.validity.valid, transfer.shape)
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SlewingFollower(TransientFollower):
+    """Follower from gain, poles, zero and slew rate: two poles that may ring, driven by a square-law pair."""
+
+    open_loop: OpenLoop
+    """The op-amp for small signals; numbers or arrays."""
+    slew_rate: float | Array
+    """Steepest slope of the output [V/s], in [1e-9, 1e18]."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        instance("open_loop", self.open_loop, OpenLoop)
+        real_array("slew_rate", self.slew_rate, 1e-9, 1e18)
+
+    @cached_property
+    def system(self) -> System:
+        """The loop; its pair has the overdrive ``slew_rate/(2*pi*A0*p1)``."""
+        return PairLoop(self.open_loop, self.slew_rate / (2 * math.pi * self.open_loop.gain_pole_product))
+
+    @cached_property
+    def validity(self) -> Validity:
+        """Whether the follower is usable at all, and why not."""
+        return self.open_loop.validity
+
+    @property
+    def static_gain(self) -> float:
+        """Gain at frequency 0 for small signals [V/V], of a single follower."""
+        return float(self.open_loop.closed_loop_gain)
+
+    def response(self, frequency: ArrayLike) -> FrequencyResponse:
+        """Return the small-signal gain and phase.
+
+        Parameters
+        ----------
+        frequency : array_like
+            f [Hz], any shape, in [0, 1e18]; broadcasts with the follower.
+
+        Returns
+        -------
+        FrequencyResponse
+            Gain [V/V] and phase [rad].
+
+        Raises
+        ------
+        ValueError
+            A frequency is not real, not finite or out of range.
+        """
+        transfer = self.open_loop.closed_loop_response(frequency)
+        return FrequencyResponse(
+            gain=np.abs(transfer), phase=np.angle(transfer), valid=np.broadcast_to(self.validity.valid, transfer.shape)
+        )

@@ -1,0 +1,185 @@
+"""Integrated followers: against ngspice, stored and live; independence of the steps; limits; what they refuse."""
+
+import math
+import shutil
+
+import numpy as np
+import pytest
+
+from posfet_model.amplifier.circuit import CUT_OFF, INPUT_RANGE, OUTPUT_RANGE, AmplifierCircuit
+from posfet_model.amplifier.follower import OnePoleFollower, SquareLawFollower
+from posfet_model.amplifier.one_stage import CIRCUIT_C
+from posfet_model.amplifier.open_loop import RINGS, UNSTABLE, OpenLoop
+from posfet_model.amplifier.transient_follower import CircuitFollower, SlewingFollower
+from posfet_model.spice import ngspice
+from posfet_model.spice.circuits import CIRCUITS
+from posfet_model.spice.netlist import subcircuit
+from support.spice_data import transient
+from support.sweep import assert_refused
+
+FOLLOWERS = {"opamp_b": CircuitFollower.from_design(), "opamp_c": CircuitFollower.from_design(CIRCUIT_C, stages=1)}
+LOOP = OpenLoop(130.0, (11.5e3, 3e6))
+SLEWING = SlewingFollower(open_loop=LOOP, slew_rate=4e6)
+
+
+def of_circuit(name: str) -> CircuitFollower:
+    of = CIRCUITS[name]
+    return CircuitFollower.from_design(of.bias, of.design, of.stages)
+
+
+@pytest.mark.parametrize("circuit", FOLLOWERS)
+@pytest.mark.parametrize(("stimulus", "bound"), [("press", 1e-4), ("tap", 1e-3), ("sine", 2e-3), ("step", 0.05)])
+def test_from_sizes_and_bias_the_follower_is_that_of_ngspice(circuit: str, stimulus: str, bound: float) -> None:
+    run = transient(circuit, stimulus)
+    found = FOLLOWERS[circuit].run(run.time, run.v_in)
+    assert 100 * np.abs(found.v_out - run.v_out).max() / np.ptp(run.v_in) <= bound  # offset included
+    assert found.valid.all()
+
+
+LIVE = ("two_stage_100pf", "two_stage_narrow_pair_50pf", "one_stage_half_cc_30pf", "one_stage_300khz_300pf")
+
+
+@pytest.mark.spice
+@pytest.mark.skipif(shutil.which("ngspice") is None, reason="ngspice is not on PATH")
+@pytest.mark.parametrize("name", LIVE)
+@pytest.mark.parametrize("volts", [0.05, 1.0, -1.0])
+def test_steps_of_ringing_circuits_are_those_of_ngspice(name: str, volts: float) -> None:
+    points = [0, 3e-7, 3.1e-7, 4e-6]
+    source = ngspice.piecewise_linear(points, [0, 0, volts, volts])
+    run = ngspice.run_follower(subcircuit(CIRCUITS[name]), source, points[-1], 5e-9)
+    even = np.linspace(0, points[-1], 401)
+    found = of_circuit(name).run(even, np.interp(even, points, [0, 0, volts, volts])).v_out
+    error = 100 * (found - np.interp(even, run.time, run.v_out)) / abs(volts)  # offset included
+    assert np.sqrt(np.mean(error**2)) <= 0.05
+
+
+def step_of(follower: CircuitFollower | SlewingFollower, volts: float, samples: int, end: float = 3e-6) -> np.ndarray:
+    time = np.r_[0.0, 1e-7, np.linspace(1.1e-7, end, samples)]
+    return follower.run(time, np.where(time > 1e-7, volts, 0.0)).v_out
+
+
+@pytest.mark.parametrize("follower", [FOLLOWERS["opamp_b"], FOLLOWERS["opamp_c"], SLEWING], ids=["b", "c", "slewing"])
+def test_the_samples_asked_for_do_not_change_the_result(follower: CircuitFollower | SlewingFollower) -> None:
+    few, many = step_of(follower, 1.0, 11), step_of(follower, 1.0, 101)
+    assert np.abs(few[2:] - many[2::10]).max() < 2e-4
+
+
+def test_a_tighter_tolerance_converges() -> None:
+    circuit = AmplifierCircuit.from_design(CIRCUITS["two_stage_100pf"].bias)
+    loose, tight, tightest = (
+        step_of(CircuitFollower(circuit=circuit, tolerance=tolerance), 0.5, 20, 2e-6)
+        for tolerance in (1e-3, 1e-5, 1e-7)
+    )
+    assert np.abs(tight - tightest).max() < 0.1 * np.abs(loose - tightest).max() < 1e-2
+
+
+def test_series_advance_and_run_agree() -> None:
+    for follower in (FOLLOWERS["opamp_c"], SLEWING):
+        time = np.linspace(0, 2e-6, 21)
+        v_in = np.where(time > 2e-7, 0.4, 0.0)
+        whole = follower.run(time, v_in)
+        state, out = follower.start(v_in[0]), []
+        for k in range(1, 21):
+            state = follower.advance(state, v_in[k], float(time[k] - time[k - 1]))
+            out.append(float(follower.output(state).v_out))
+        assert whole.v_out[1:] == pytest.approx(out, abs=1e-4)
+        series = follower.advance_series(follower.start(v_in[0]), v_in[1:], np.diff(time))
+        assert series.output.v_out == pytest.approx(whole.v_out[1:], abs=1e-12)
+        assert series.end.lags[0] == pytest.approx(v_in[-1] - whole.v_out[-1], abs=1e-12)
+
+
+def test_a_100_pf_cable_is_not_plainly_valid() -> None:
+    follower = of_circuit("two_stage_100pf")
+    time = np.linspace(0, 3e-6, 301)
+    found = follower.run(time, np.where(time > 2e-7, 0.05, 0.0))
+    assert not found.valid.any() and found.reasons == [RINGS]
+    rise = found.v_out - found.v_out[0]
+    assert rise.max() / rise[-1] - 1 == pytest.approx(0.14, abs=0.01)  # ngspice: 13.98 %
+
+
+@pytest.mark.parametrize("name", ["two_stage_thin_film_unstable", "two_stage_no_rz_unstable"])
+def test_an_unstable_circuit_oscillates_between_its_rails_and_is_never_valid(name: str) -> None:
+    follower = of_circuit(name)
+    found = step_of(follower, 0.05, 60, 4e-6)
+    assert np.abs(found).max() < 5 and np.ptp(found[-30:]) > 0.1
+    result = follower.run([0.0, 1e-6], [0.0, 0.0])
+    assert not result.valid.any() and UNSTABLE in result.reasons
+
+
+def test_inputs_out_of_range_and_steep_falls_are_named() -> None:
+    b, c = FOLLOWERS["opamp_b"], FOLLOWERS["opamp_c"]
+    slow = np.linspace(0, 1, 9)
+    assert b.run(slow, 3.4 * slow).valid.all() and c.run(slow, 2.5 * slow).valid.all()
+    high, low = b.run(slow, 4.5 * slow), b.run(slow, -4.5 * slow)
+    assert not high.valid[-1] and OUTPUT_RANGE in high.reasons and high.valid[0]
+    assert not low.valid[-1] and INPUT_RANGE in low.reasons and low.valid[0]
+    time = np.linspace(0, 1e-6, 101)
+    fall = b.run(time, np.where(time > 1e-7, -1.0, 0.0))
+    assert fall.reasons == [CUT_OFF] and fall.valid[-1] and not fall.valid.all()
+    assert b.run(time, np.where(time > 1e-7, 1.0, 0.0)).valid.all()
+
+
+def test_small_signals_of_the_slewing_follower_are_those_of_its_poles() -> None:
+    time = np.linspace(0, 2e-6, 201)
+    follower = SlewingFollower(open_loop=LOOP, slew_rate=1e9, tolerance=1e-8)
+    found = follower.run(np.r_[0.0, time], np.r_[0.0, np.full(201, 1e-2)]).v_out[1:]
+    assert found == pytest.approx(1e-2 * float(LOOP.closed_loop_gain) * LOOP.step_response.at(time), abs=2e-7)
+
+
+def test_a_second_pole_at_infinity_gives_the_exact_square_law() -> None:
+    loop = OpenLoop(1e6, (1.5, math.inf))
+    exact = SquareLawFollower(gain=float(loop.closed_loop_gain), bandwidth=1.5e6 * (1 + 1e-6), overdrive=0.4)
+    follower = SlewingFollower(open_loop=loop, slew_rate=exact.slew_rate, tolerance=1e-7)
+    time = np.linspace(0, 1e-6, 101)
+    v_in = np.clip(time / 1e-7, 0, 1)
+    assert np.abs(follower.run(time, v_in).v_out - exact.run(time, v_in).v_out).max() < 5e-4
+
+
+def test_the_slew_rate_is_the_steepest_slope() -> None:
+    time = np.linspace(0, 2e-6, 400)
+    for rate in (1e6, 4e6):
+        found = SlewingFollower(open_loop=LOOP, slew_rate=rate).run(time, np.where(time > 1e-7, 3.0, 0.0)).v_out
+        assert np.diff(found).max() / time[1] == pytest.approx(rate, rel=0.03)
+
+
+def test_arrays_of_followers_run_together() -> None:
+    chosen = [CIRCUITS[name] for name in ("two_stage", "two_stage_100pf")]
+    circuit = AmplifierCircuit.stack([AmplifierCircuit.from_design(of.bias, of.design) for of in chosen])
+    time = np.linspace(0, 1e-6, 21)
+    v_in = np.where(time > 1e-7, 0.05, 0.0)
+    together = CircuitFollower(circuit=circuit).run(time, np.stack([v_in, v_in], axis=1))
+    for k, of in enumerate(chosen):
+        alone = CircuitFollower.from_design(of.bias, of.design).run(time, v_in)
+        assert together.v_out[:, k] == pytest.approx(alone.v_out, abs=2e-5)
+        assert together.valid[:, k].tolist() == alone.valid.tolist()
+
+
+def test_a_long_step_and_a_jump() -> None:
+    for follower in (FOLLOWERS["opamp_b"], FOLLOWERS["opamp_c"], SLEWING):
+        found = follower.run([0.0, 0.0, 1.0], [0.0, 0.5, 0.5]).v_out
+        assert found[0] == pytest.approx(0, abs=0.03)
+        assert abs(found[1] - found[0]) < 0.05  # capacitances divide the jump
+        assert found[2] == pytest.approx(follower.run([0.0], [0.5]).v_out[0], abs=2e-5)
+
+
+def test_the_response_is_that_of_the_figures() -> None:
+    follower = FOLLOWERS["opamp_b"]
+    found = follower.response([0.0, 1e6])
+    assert found.gain[0] == pytest.approx(follower.static_gain) == pytest.approx(0.99355, abs=1e-5)
+    assert found.valid.all() and not of_circuit("two_stage_300pf").response(1e3).valid
+    assert SLEWING.response(0.0).gain == pytest.approx(SLEWING.static_gain) == pytest.approx(130 / 131)
+
+
+def test_what_is_refused() -> None:
+    good = {"open_loop": LOOP, "slew_rate": 1e6}
+    assert_refused(SlewingFollower, {**good, "slew_rate": 0.0}, "slew_rate")
+    assert_refused(SlewingFollower, {**good, "open_loop": 130.0}, "open_loop")
+    assert_refused(SlewingFollower, {**good, "tolerance": 0.0}, "tolerance")
+    assert_refused(CircuitFollower, {"circuit": 7}, "circuit")
+    other = OnePoleFollower(gain=1.0, bandwidth=1e6)
+    assert_refused(SLEWING.advance, {"state": other.start(0.0), "v_in": 0.0, "step": 1e-6}, "state")
+    state = SLEWING.start(np.zeros(3))
+    assert_refused(SLEWING.advance, {"state": state, "v_in": np.zeros(2), "step": 1e-6}, "v_in")
+    assert_refused(SLEWING.advance, {"state": state, "v_in": np.zeros(3), "step": np.full(3, 1e-6)}, "step")
+    many = SlewingFollower(open_loop=OpenLoop(np.array([100.0, 200.0]), (1e4, 1e7)), slew_rate=1e6)
+    assert_refused(many.start, {"v_in": np.zeros(3)}, "v_in")
