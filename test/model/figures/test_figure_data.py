@@ -12,7 +12,7 @@ from support.paths import DOCS
 pytest.importorskip("matplotlib", reason="the figures need matplotlib")
 
 from posfet_model.device import paper
-from posfet_model.figures import amplifier, layout, ngspice_runs, schematic, structure, taxel
+from posfet_model.figures import amplifier, design, layout, ngspice_runs, schematic, structure
 from posfet_model.spice import ngspice
 
 RUNS = DOCS / "figures"
@@ -88,16 +88,14 @@ def test_a_charge_leaks_from_the_gate() -> None:
     np.testing.assert_allclose(later, np.exp(-(time[1:] - time[1]) / paper.LEAK_TIME_CONSTANT.value), rtol=1e-9)
 
 
-def test_design_curves_pass_through_the_default_and_rise_or_fall() -> None:
+def test_design_curves_rise_or_fall_and_pass_through_the_default() -> None:
     rises = {"film thickness [µm]": True, "film area [mm²]": False, "permittivity [1]": False}
-    for parameter in taxel.PARAMETERS:
-        sensitivity = parameter.taxel(parameter.values).volts_per_newton()
-        assert (np.diff(sensitivity) > 0).all() == rises.get(parameter.name, True)
-        budget = taxel.noise(parameter.taxel(parameter.values))
-        assert (budget.total >= budget.quantisation).all()
-        assert np.isfinite(budget.minimum_force()).all()
+    for parameter in design.PARAMETERS:
+        designs = parameter.design(parameter.values)
+        assert (np.diff(designs.volts_per_newton()) > 0).all() == rises.get(parameter.name, True)
+        assert np.isfinite(designs.smallest_force).all() and np.isfinite(designs.amplifier.gain_bandwidth).all()
         if parameter.name != "poling voltage [V]":
-            assert parameter.taxel(parameter.default).volts_per_newton() == pytest.approx(0.894, abs=5e-4)
+            assert parameter.design(parameter.default).volts_per_newton() == pytest.approx(0.894, abs=5e-4)
 
 
 def test_a_missing_run_is_reported_in_one_line(tmp_path: Path) -> None:

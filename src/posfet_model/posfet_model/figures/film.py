@@ -61,7 +61,7 @@ def hysteresis() -> Figure:
             ha=place,
             va="center",
         )
-    axes.legend(loc="lower right", frameon=False, fontsize=8.5, handlelength=3.6)
+    axes.legend(loc="lower right", frameon=False, fontsize=8.5)
     label(axes, -15, 2.2, "$P_r$", BLACK, ha="right")
     label(axes, 15, -2.5, "$-P_r$", BLACK)
     axes.set(

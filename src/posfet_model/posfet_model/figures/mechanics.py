@@ -37,7 +37,7 @@ def deflection() -> Figure:
     label(axes, 330, 480, "dotted: beyond\nsmall-deflection theory", BLACK, ha="right", va="center")
     axes.plot([], [], color=BLUE, linestyle=SOLID, label="square, $a$ = 1 cm, eq. (13)")
     axes.plot([], [], color=VERMILION, linestyle=DASHED, label="circular, $r$ = 0.5 cm, eq. (12)")
-    axes.legend(loc="lower left", frameon=False, fontsize=8.5, handlelength=3.2)
+    axes.legend(loc="lower left", frameon=False, fontsize=8.5)
     axes.set(
         xlabel="membrane thickness $h$ [µm]",
         ylabel="deflection $y$ [µm]",

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from posfet_model.figures import (
     amplifier,
     charge,
+    design,
     errata,
     film,
     layout,
@@ -17,7 +18,6 @@ from posfet_model.figures import (
     schematic,
     stability,
     structure,
-    taxel,
     transistor,
 )
 
@@ -30,7 +30,7 @@ FIGURES: Final[dict[str, Callable[[], Figure]]] = {
     **charge.FIGURES,
     **amplifier.FIGURES,
     **mechanics.FIGURES,
-    **taxel.FIGURES,
+    **design.FIGURES,
     **errata.FIGURES,
     **stability.FIGURES,
 }

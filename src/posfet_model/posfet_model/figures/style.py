@@ -49,6 +49,7 @@ _SETTINGS: Final[dict[Any, Any]] = {
     "font.size": 9,
     "grid.color": "#e4e4e4",
     "grid.linewidth": 0.7,
+    "legend.handlelength": 3.4,
     "lines.linewidth": 1.8,
     "lines.solid_capstyle": "round",
     "mathtext.fontset": "dejavusans",
