@@ -6,7 +6,15 @@ setup(
     name=package_name,
     version="0.1.0",
     packages=find_packages(exclude=["test"]),
-    package_data={package_name: ["py.typed", "ros/middleware.xml", "spice/netlists/*", "sensor/sensors/*.yaml"]},
+    package_data={
+        package_name: [
+            "py.typed",
+            "ros/middleware.xml",
+            "spice/netlists/*",
+            "sensor/sensors/*.yaml",
+            "design/designs/*.yaml",
+        ]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),

@@ -21,6 +21,10 @@ COMMANDS: Final = {
         "posfet_sim.commands.calibrate",
         "fit a calibration from a recording, or for the simulated board, and write it to a file",
     ),
+    "design": (
+        "posfet_model.design_command",
+        "design a sensor element: report, netlist, simulation of the follower, sweep, tolerances",
+    ),
     "score": ("posfet_sim.commands.score", "score the reconstruction against the ground truth of a simulated scene"),
     "view": ("posfet.view_node", "show the live force map and the contacts of a running stack"),
 }

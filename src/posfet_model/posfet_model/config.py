@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Final
 
@@ -87,6 +88,20 @@ class Section:
         if default is _REQUIRED:
             raise self.error(name, f"missing, must be {expected}")
         return default
+
+    def value(self, name: str, expected: str, *, default: object = _REQUIRED) -> object:
+        """Return what YAML gives for a key, for a reader that checks it.
+
+        Parameters
+        ----------
+        name : str
+            Key of the section.
+        expected : str
+            What it must be, for the error of a missing key.
+        default : object, optional
+            Value of a missing key; default: the key is required.
+        """
+        return self._take(name, default, expected)
 
     def number(
         self,
@@ -253,7 +268,9 @@ class Section:
         """Raise ConfigError if a key has not been read."""
         if self._values:
             name = sorted(self._values)[0]
-            raise self.error(name, f"unknown key, known here are {', '.join(self._known)}")
+            close = get_close_matches(name, self._known, n=1, cutoff=0.7)
+            meant = f"did you mean {close[0]}? " if close else ""
+            raise self.error(name, f"unknown key, {meant}known here are {', '.join(self._known)}")
 
 
 def _reads_as_number(text: str) -> bool:

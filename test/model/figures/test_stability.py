@@ -68,4 +68,4 @@ def test_no_module_outside_the_figures_uses_the_other_schemes() -> None:
             continue
         for node in ast.walk(ast.parse(module.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.module:
-                assert not node.module.startswith("posfet_model.figures"), module
+                assert not node.module.startswith("posfet_model.figures.schemes"), module

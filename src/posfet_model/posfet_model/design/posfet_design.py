@@ -16,7 +16,9 @@ import numpy as np
 
 from posfet_model._lib.types import FloatArray
 from posfet_model._lib.validation import whole_number
+from posfet_model.amplifier.follower_base import Follower
 from posfet_model.amplifier.operating_point import AmplifierBias, AmplifierDesign
+from posfet_model.amplifier.slew_identification import one_stage_model, two_stage_model
 from posfet_model.amplifier.validity import Validity
 from posfet_model.design import readout
 from posfet_model.design.amplifier_figures import AmplifierFigures, amplifier_figures
@@ -326,6 +328,23 @@ class PosfetDesign(Taxel):
                 pair_threshold_shift=float(self.threshold - self.threshold_voltage),
             ),
         )
+
+    def follower(self) -> Follower:
+        """Return the follower of a single design, with its ranges of validity.
+
+        Returns
+        -------
+        Follower
+            Model for any input over time.
+
+        Raises
+        ------
+        ValueError
+            The design has arrays, or no operating point.
+        """
+        circuit = self.circuit()
+        model = two_stage_model if self.stages == 2 else one_stage_model
+        return model(circuit.bias, circuit.design).follower()
 
     def netlist(self, name: str = "design") -> str:
         """Return the op-amp of a single design as a SPICE subcircuit, ``.subckt opamp plus minus out``.

@@ -1,0 +1,236 @@
+"""Design files: YAML with one key for each number of `PosfetDesign`, in SI units or as text with a unit."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Final
+
+from posfet_model._lib.shown import shown
+from posfet_model.config import ConfigError, Section, find_file, read_yaml
+from posfet_model.design.posfet_design import PosfetDesign
+from posfet_model.design.sweep import MAX_DESIGNS, MAX_POINTS, Axis, Sweep
+from posfet_model.design.tolerance import KEYS as TOLERANCE_KEYS
+from posfet_model.design.tolerance import MAX_SAMPLES, Limit, Tolerance
+from posfet_model.device.physical_units import Plausible
+from posfet_model.device.taxel import POLING_VOLTAGE, FilmGeometry, plausible_fields
+
+FOLDER: Final = Path(__file__).parent / "designs"
+"""Shipped design files."""
+
+MAX_STEPS: Final = 1000
+"""Most poling voltages in a file."""
+
+_FIELDS: Final = plausible_fields(PosfetDesign)
+
+
+@dataclass(frozen=True)
+class DesignFile:
+    """Content of a design file."""
+
+    name: str
+    """Name of the design, that of the file without its suffix."""
+    design: PosfetDesign
+    """The design, of numbers."""
+    sweep: Sweep | None
+    """Ranges to sweep, if the file has any."""
+    tolerance: Tolerance | None
+    """Spreads and limits for the tolerance analysis, if the file has any."""
+
+
+def shipped() -> list[str]:
+    """Return the names of the shipped design files."""
+    return sorted(path.stem for path in FOLDER.glob("*.yaml"))
+
+
+def load_design(name: str) -> DesignFile:
+    """Return the content of a design file.
+
+    Parameters
+    ----------
+    name : str
+        Path of a file, or the name of a shipped one.
+
+    Returns
+    -------
+    DesignFile
+        The design, with its sweep and tolerances.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read or used; one line with file and key.
+    """
+    path = find_file(name, FOLDER, "design")
+    section = read_yaml(path)
+    chosen: dict[str, Any] = {}
+    for key, plausible in _FIELDS.items():
+        value = section.value(key, "a number", default=None)
+        if value is not None:
+            chosen[key] = read_number(section, key, plausible, value)
+    if "stages" in section:
+        chosen["stages"] = section.whole("stages", 1, 2)
+    if "film_geometry" in section:
+        choices = [geometry.value for geometry in FilmGeometry]
+        chosen["film_geometry"] = FilmGeometry(section.text("film_geometry", choices))
+    volts = section.value("poling_voltages", "a list of voltages", default=None)
+    if volts is not None:
+        chosen["poling_voltages"] = _poling(section, volts)
+    sweep = _sweep(section) if "sweep" in section else None
+    tolerance = _tolerance(section.section("tolerance")) if "tolerance" in section else None
+    section.end()
+    try:
+        design = PosfetDesign(**chosen)
+    except ValueError as error:
+        raise section.error("", str(error)) from None
+    return DesignFile(path.stem, design, sweep, tolerance)
+
+
+def read_number(section: Section, key: str, plausible: Plausible, value: object) -> float:
+    """Return a plausible number in SI, from a number or a text with a unit.
+
+    Parameters
+    ----------
+    section : Section
+        Section of the file, for the error.
+    key : str
+        Its key.
+    plausible : Plausible
+        Unit and range.
+    value : object
+        What YAML gives.
+
+    Returns
+    -------
+    float
+        The number.
+
+    Raises
+    ------
+    ConfigError
+        It is no number, of another unit, or not plausible.
+    """
+    unit = "" if plausible.unit == "1" else f" in {plausible.unit}, or with a unit such as {_example(plausible)}"
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise section.error(key, f"must be a number{unit}, got {shown(value)}")
+    try:
+        number = plausible.parse(value) if isinstance(value, str) else float(value)
+        return float(plausible.array("", number))
+    except (ValueError, OverflowError) as error:
+        raise section.error(key, str(error).strip()) from None
+
+
+def fields_table() -> list[tuple[str, str, str, str, str]]:
+    """Return the keys of a design file: key, default, unit, plausible range, meaning with its source."""
+    rows = []
+    for item in dataclasses.fields(PosfetDesign):
+        if "quantity" not in item.metadata:
+            continue
+        of, plausible = item.metadata["quantity"], item.metadata["plausible"]
+        span = f"{'+-' if plausible.signed else ''}{plausible.low:g} to {plausible.high:g}"
+        source = f"{'assumed: ' if of.assumed else ''}{of.source}"
+        rows.append((item.name, f"{of.value:.6g}", of.unit, span, f"{of.name} ({source})"))
+    return rows
+
+
+def _example(plausible: Plausible) -> str:
+    examples = {"m": "2.5 um", "m2": "1 mm2", "F": "46.2 pF", "ohm": "10 Gohm", "A": "200 uA", "V/m": "160 kV/cm"}
+    return examples.get(plausible.unit, f"1 {plausible.unit}")
+
+
+def _poling(section: Section, value: object) -> tuple[float, ...]:
+    if not isinstance(value, list) or len(value) > MAX_STEPS:
+        raise section.error("poling_voltages", f"must be a list of at most {MAX_STEPS} voltages, got {shown(value)}")
+    return tuple(read_number(section, "poling_voltages", POLING_VOLTAGE, volt) for volt in value)
+
+
+def _sweep(section: Section) -> Sweep:
+    raw = section.value("sweep", "a range or a list of ranges")
+    parts = raw if isinstance(raw, list) else [raw]
+    axes = [_axis(Section(section.source, f"sweep[{i}]", part)) for i, part in enumerate(parts)]
+    names = [axis.field for axis in axes]
+    if not axes or len(set(names)) != len(names):
+        raise section.error("sweep", f"must be ranges of different fields, got {', '.join(names) or 'none'}")
+    sweep = Sweep(tuple(axes))
+    if sweep.designs > MAX_DESIGNS:
+        raise section.error("sweep", f"must be at most {MAX_DESIGNS} designs together, got {sweep.designs}")
+    return sweep
+
+
+def _axis(section: Section) -> Axis:
+    field = section.text("field")
+    if field not in _FIELDS:
+        raise unknown(section, "field", field, _FIELDS)
+    plausible = _FIELDS[field]
+    ends = [read_number(section, key, plausible, section.value(key, "a number")) for key in ("from", "to")]
+    points = section.whole("points", 2, MAX_POINTS)
+    log = section.flag("log", default=False)
+    section.end()
+    if ends[0] == ends[1]:
+        raise section.error("to", f"must differ from 'from', got {ends[1]:g} for both")
+    if log and not min(ends) > 0 and not max(ends) < 0:
+        raise section.error("log", f"must be false for a range that contains 0, got {ends[0]:g} to {ends[1]:g}")
+    return Axis(field, ends[0], ends[1], points, log)
+
+
+def _tolerance(section: Section) -> Tolerance:
+    fields = {}
+    if "spread" in section:
+        spread = section.section("spread")
+        for name in spread.names():
+            if name not in _FIELDS:
+                raise unknown(spread, name, name, _FIELDS)
+            fields[name] = read_number(spread, name, Plausible("1", 0, 1), spread.value(name, "a number"))
+        spread.end()
+    limits = []
+    if "limits" in section:
+        named = section.section("limits")
+        for key in named.names():
+            if key not in TOLERANCE_KEYS:
+                raise unknown(named, key, key, TOLERANCE_KEYS)
+            ends = named.section(key)
+            low = ends.number("min") if "min" in ends else -math.inf
+            high = ends.number("max") if "max" in ends else math.inf
+            limits.append(Limit(key, low, high))
+            ends.end()
+    usual = Tolerance()
+    tolerance = Tolerance(
+        samples=section.whole("samples", 1, MAX_SAMPLES, default=usual.samples),
+        seed=section.whole("seed", 0, 2**32 - 1, default=usual.seed),
+        spread=tuple(fields.items()),
+        threshold_mismatch=_mismatch(
+            section, "threshold_mismatch", Plausible("V m", 0, 1e-6), usual.threshold_mismatch
+        ),
+        gain_mismatch=_mismatch(section, "gain_mismatch", Plausible("m", 0, 1e-6), usual.gain_mismatch),
+        limits=tuple(limits),
+    )
+    section.end()
+    return tolerance
+
+
+def _mismatch(section: Section, key: str, plausible: Plausible, default: float) -> float:
+    return read_number(section, key, plausible, section.value(key, "a number", default=default))
+
+
+def unknown(section: Section, key: str, name: str, known: Iterable[str]) -> ConfigError:
+    """Return the error for a name in a file that is none of the known ones, with the most similar one.
+
+    Parameters
+    ----------
+    section : Section
+        Section of the file.
+    key : str
+        Key of the section at which the name is.
+    name : str
+        The name.
+    known : iterable of str
+        Names that are known.
+    """
+    names = list(known)
+    close = get_close_matches(name, names, n=1, cutoff=0.7)
+    meant = f"did you mean {close[0]}? " if close else ""
+    return section.error(key, f"no such name {shown(name)}, {meant}known are {', '.join(names)}")

@@ -1,0 +1,143 @@
+"""Signals for a simulation of the follower: CSV with the columns ``t,vin`` in, ``t,vin,vout`` out, in s and V."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from posfet_model._lib.shown import one_line, shown
+from posfet_model._lib.types import Array, Mask
+from posfet_model.config import ConfigError, read_text
+
+HEADER: Final = "t,vin"
+
+MAX_SIZE: Final = 128_000_000
+"""Largest size of a file [byte]: some million rows."""
+
+MAX_SAMPLES: Final = 10_000_000
+"""Most samples of a signal."""
+
+VOLTAGE_LIMIT: Final = 1e6
+"""Largest accepted magnitude of a voltage [V]."""
+
+TIME_LIMIT: Final = 1e12
+"""Largest accepted magnitude of a time [s]; Unix time is accepted."""
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """Input voltage over time, linear between samples."""
+
+    time: Array
+    """Times [s], shape [t], t >= 1, never decreasing; two equal times are a jump."""
+    v_in: Array
+    """Input [V], shape [t]."""
+
+    def with_even_times(self, step: float) -> tuple[Signal, Mask]:
+        """Return the signal with even times in addition to its own, so that no jump or corner is lost.
+
+        Parameters
+        ----------
+        step : float
+            Time between the even times [s], above 0.
+
+        Returns
+        -------
+        Signal
+            The signal at all times.
+        ndarray
+            Mask of the even times, from the first time of the signal to its last.
+
+        Raises
+        ------
+        ConfigError
+            There would be more than `MAX_SAMPLES` even times.
+        """
+        span = float(self.time[-1] - self.time[0])
+        if not span / step < MAX_SAMPLES:
+            raise ConfigError(f"--dt: must give at most {MAX_SAMPLES} samples, got {step:g} s for {span:g} s")
+        even = self.time[0] + step * np.arange(math.floor(span / step * (1 + 1e-12)) + 1)
+        v_even = np.interp(even, self.time, self.v_in)  # at a jump the value after it
+        time = np.concatenate([self.time, even])
+        order = np.argsort(time, kind="stable")  # own samples first where times are equal
+        v_in = np.concatenate([self.v_in, v_even])
+        return Signal(time[order], v_in[order]), order >= self.time.size
+
+
+def read_signal(path: Path) -> Signal:
+    """Return the signal in a CSV file with the header ``t,vin``; empty lines and lines that start with # are skipped.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    Signal
+        The signal.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, or a row is wrong; one line with file, row and reason.
+    """
+    where = one_line(str(path))
+    lines = read_text(path, MAX_SIZE).splitlines()
+    rows = [(i, line) for i, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("#")]
+    if not rows or "".join(rows[0][1].split()).lower() != HEADER:
+        line, got = (rows[0][0], shown(rows[0][1])) if rows else (1, "nothing")
+        raise ConfigError(f"{where}:{line}: header must be {HEADER}, got {got}")
+    if len(rows) < 2:
+        raise ConfigError(f"{where}:{rows[0][0]}: must have at least one row below the header")
+    table = np.array([_row(where, *row) for row in rows[1:]])
+    backwards = np.flatnonzero(np.diff(table[:, 0]) < 0)
+    if backwards.size:
+        first = int(backwards[0])
+        before, after = table[first : first + 2, 0]
+        raise ConfigError(f"{where}:{rows[first + 2][0]}: t must not decrease, got {after:.12g} after {before:.12g}")
+    return Signal(table[:, 0], table[:, 1])
+
+
+def _row(where: str, line: int, text: str) -> tuple[float, float]:
+    cells = text.split(",")
+    if len(cells) != 2:
+        raise ConfigError(f"{where}:{line}: must be 2 values ({HEADER}), got {len(cells)}")
+    values = []
+    for name, cell, limit in zip(HEADER.split(","), cells, (TIME_LIMIT, VOLTAGE_LIMIT), strict=True):
+        try:
+            value = float(cell) if "_" not in cell else math.nan  # only Python accepts 1_000
+        except ValueError:
+            value = math.nan
+        if not abs(value) <= limit:
+            raise ConfigError(
+                f"{where}:{line}: {name} must be a number in [{-limit:g}, {limit:g}], got {shown(cell.strip())}"
+            )
+        values.append(value)
+    return values[0], values[1]
+
+
+def signal_csv(signal: Signal, v_out: Array, rows: Mask) -> str:
+    """Return the text of the output file, ``t,vin,vout``.
+
+    Parameters
+    ----------
+    signal : Signal
+        Input of the follower.
+    v_out : ndarray
+        Its output [V], shape [t].
+    rows : ndarray
+        Mask of the samples that are written, shape [t].
+
+    Returns
+    -------
+    str
+        The text.
+    """
+    columns = (column[rows].tolist() for column in (signal.time, signal.v_in, v_out))
+    lines = (f"{t:.15g},{vin:.12g},{vout:.12g}" for t, vin, vout in zip(*columns, strict=True))
+    return "\n".join([f"{HEADER},vout", *lines, ""])

@@ -1,0 +1,81 @@
+"""Drawing of a sweep of designs: signal-to-noise ratio against bandwidth and power, with the Pareto front."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+
+from posfet_model.design.sweep import SweepResult
+from posfet_model.figures.style import BLUE, GREY, VERMILION, new_figure, style
+
+
+def front_figure(result: SweepResult) -> Figure:
+    """Return the figure of a sweep: every design, and those on the Pareto front.
+
+    Parameters
+    ----------
+    result : SweepResult
+        The sweep.
+
+    Returns
+    -------
+    Figure
+        Two panels; designs that are not valid are crosses.
+    """
+    figure, panels = new_figure(3.4, columns=2)
+    groups = (
+        (~result.valid, GREY, "x", "not valid", 10),
+        (result.valid & ~result.pareto, BLUE, ".", "valid", 12),
+        (result.pareto, VERMILION, "D", "Pareto front", 18),
+    )
+    shown = (("bandwidth_hz", 1e-6, "bandwidth of the follower [MHz]"), ("power_w", 1e3, "power at rest [mW]"))
+    for axes, (key, factor, text) in zip(panels, shown, strict=True):
+        for mask, colour, marker, name, size in groups:
+            edge: dict[str, Any] = {"facecolors": "none"} if marker == "D" else {}
+            axes.scatter(
+                factor * result.figures[key][mask],
+                result.figures["snr_db"][mask],
+                s=size,
+                c=None if edge else colour,
+                edgecolors=colour if edge else None,
+                marker=marker,
+                linewidths=0.9,
+                label=name,
+                **edge,
+            )
+        axes.set_axisbelow(True)
+        axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter(FormatStrFormatter("%g"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.set_xlabel(text)
+        axes.set_ylabel("signal-to-noise ratio [dB]")
+    panels[0].legend(fontsize=8, frameon=False)
+    return figure
+
+
+def save_front(result: SweepResult, path: Path) -> None:
+    """Draw a sweep and write it, in the format of the path's suffix.
+
+    Parameters
+    ----------
+    result : SweepResult
+        The sweep.
+    path : Path
+        File, .svg, .png or .pdf.
+
+    Raises
+    ------
+    ValueError
+        The suffix is another one.
+    OSError
+        The file cannot be written.
+    """
+    metadata = {".svg": {"Date": None, "Creator": None}, ".png": {"Software": None}, ".pdf": {"CreationDate": None}}
+    if path.suffix not in metadata:
+        raise ValueError(f"{path}: the name of a plot must end in {', '.join(metadata)}")
+    with style():
+        front_figure(result).savefig(path, dpi=200, metadata=metadata[path.suffix])

@@ -1,0 +1,204 @@
+"""`posfet design`: report, JSON, netlist, simulation, sweep and tolerances; one line for anything wrong."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from posfet.cli import COMMANDS
+from posfet_model import design_command
+from posfet_model.design import report
+from posfet_model.design.design_file import shipped
+from posfet_model.design.posfet_design import PosfetDesign
+
+STEP = "t,vin\n0,0\n1e-6,0\n1e-6,0.05\n3e-6,0.05\n"
+
+
+@pytest.fixture
+def run(capsys: pytest.CaptureFixture[str]) -> Any:
+    def call(*words: Any) -> tuple[int, str, str]:
+        code = design_command.main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return call
+
+
+def test_the_report_has_every_figure_with_its_unit(run: Any) -> None:
+    code, out, err = run("square_millimetre")
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert [line.split()[0] for line in lines[: len(report.KEYS)]] == list(report.KEYS)
+    assert "coupling                            0.5849  share of a voltage" in out
+    assert "gain_db                           52.6" in out
+    assert lines[len(report.KEYS)] == "valid"
+    assert "not valid: unstable" in run("two_stage_thin_film_unstable")[1]
+
+
+def test_json_has_the_promised_keys_and_null_for_what_is_unknown(run: Any) -> None:
+    document = json.loads(run("two_stage", "--json")[1])
+    promised = ("gain_db", "gbw_hz", "phase_margin_deg", "overshoot_pct", "slew_v_per_s")
+    assert set(document) == {"valid", "stable", "reasons", "stages", "film_geometry", *report.KEYS}
+    assert all(isinstance(document[key], float) for key in promised)
+    assert document["stable"] is document["valid"] is True
+    assert document["reasons"] == []
+    assert document["gain_db"] == pytest.approx(42.4, abs=0.2)
+    unstable = json.loads(run("two_stage_no_rz_unstable", "--json")[1])
+    assert unstable["stable"] is unstable["valid"] is False
+    assert unstable["settling_time_s"] is unstable["overshoot_pct"] is None
+    assert unstable["reasons"][0].startswith("unstable")
+
+
+def test_every_shipped_design_has_a_report(run: Any) -> None:
+    assert run("--list")[1].split() == shipped()
+    for name in shipped():
+        code, out, err = run(name, "--json")
+        assert (code, err) == (0, ""), name
+        document = json.loads(out)
+        assert document["valid"] == (document["reasons"] == []), name
+
+
+def test_the_netlist_is_written(run: Any, tmp_path: Path) -> None:
+    assert run("one_stage", "--netlist", tmp_path / "a.cir")[0] == 0
+    text = (tmp_path / "a.cir").read_text(encoding="utf-8")
+    assert text.startswith("* One stage with POSFET inputs")
+    assert text.splitlines()[0].endswith(": one_stage")
+    assert text.endswith(".ends opamp\n")
+    (tmp_path / "my finger-1.yaml").write_text("stages: 2\n", encoding="utf-8")
+    assert run(tmp_path / "my finger-1.yaml", "--netlist", tmp_path / "b.cir")[0] == 0
+    assert (tmp_path / "b.cir").read_text(encoding="utf-8").splitlines()[0].endswith(": my_finger_1")
+
+
+def test_a_simulation_has_the_inputs_own_times_or_even_ones(run: Any, tmp_path: Path) -> None:
+    source, out = tmp_path / "in.csv", tmp_path / "out.csv"
+    source.write_text(f"# a step\n{STEP}", encoding="utf-8")
+    code, text, _ = run("two_stage", "--simulate", source, "--out", out)
+    assert code == 0
+    assert text.splitlines()[-1] == f"{out}: 4 samples, the model is valid for 4 of them"
+    assert out.read_text(encoding="utf-8").splitlines()[0] == "t,vin,vout"
+    own = np.loadtxt(out, delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(own[:, :2], [[0, 0], [1e-6, 0], [1e-6, 0.05], [3e-6, 0.05]])
+    # At rest the output follows but for the finite gain, 132 V/V.
+    assert own[-1, 2] - own[0, 2] == pytest.approx(0.05 * 132 / 133, rel=1e-3)
+    assert json.loads(run("two_stage", "--simulate", source, "--out", out, "--dt", "1e-7", "--json")[1])[
+        "simulation"
+    ] == {"samples": 31, "valid_samples": 31}
+    even = np.loadtxt(out, delimiter=",", skiprows=1)
+    np.testing.assert_allclose(even[:, 0], np.arange(31) * 1e-7, rtol=1e-12)
+    np.testing.assert_array_equal(even[:, 1], np.where(np.arange(31) >= 10, 0.05, 0.0))
+    # The jump is not smeared over a step: the response to it at 1.1 us is that of a finer run.
+    run("two_stage", "--simulate", source, "--out", out, "--dt", "1e-8")
+    fine = np.loadtxt(out, delimiter=",", skiprows=1)
+    np.testing.assert_allclose(fine[::10, 2], even[:, 2], atol=2e-6)
+    assert 0.01 < even[11, 2] < 0.04
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", ":1: header must be t,vin, got nothing"),
+        ("time,v\n0,0\n", ":1: header must be t,vin, got 'time,v'"),
+        ("t,vin\n", ":1: must have at least one row below the header"),
+        ("t,vin\n0,0\n1,2,3\n", ":3: must be 2 values (t,vin), got 3"),
+        ("t,vin\n0,0\n# x\n1,volt\n", ":4: vin must be a number in [-1e+06, 1e+06], got 'volt'"),
+        ("t,vin\n0,0\n1,nan\n", ":3: vin must be a number in [-1e+06, 1e+06], got 'nan'"),
+        ("t,vin\n0,0\n1_0,0\n", ":3: t must be a number in [-1e+12, 1e+12], got '1_0'"),
+        ("t,vin\n0,0\n2,0\n\n1,0\n", ":5: t must not decrease, got 1 after 2"),
+    ],
+)
+def test_a_bad_signal_is_refused_with_its_row(run: Any, tmp_path: Path, text: str, message: str) -> None:
+    source = tmp_path / "in.csv"
+    source.write_text(text, encoding="utf-8")
+    code, out, err = run("two_stage", "--simulate", source, "--out", tmp_path / "out.csv")
+    assert (code, out) == (1, "")
+    assert err == f"posfet design: {source}{message}\n"
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_a_sweep_writes_a_table_and_names_the_front(run: Any, tmp_path: Path) -> None:
+    file, table = tmp_path / "mine.yaml", tmp_path / "s.csv"
+    file.write_text("sweep: {field: film_area, from: 0.5 mm2, to: 4 mm2, points: 5, log: true}\n", encoding="utf-8")
+    code, out, _ = run(file, "--sweep", table, "--jobs", 1)
+    assert code == 0
+    rows = table.read_text(encoding="utf-8").splitlines()
+    assert len(rows) == 6
+    assert "5 designs, 5 valid, 5 on the Pareto front of snr_db, bandwidth_hz, power_w, area_m2" in out
+    document = json.loads(run(file, "--sweep", table, "--jobs", 1, "--json")[1])["sweep"]
+    assert (document["designs"], document["valid"]) == (5, 5)
+    best = document["pareto_front"][0]
+    assert best["film_area"] == pytest.approx(0.5e-6)  # the smallest film has the highest voltage
+    assert best["snr_db"] == pytest.approx(float(PosfetDesign(film_area=0.5e-6).signal_to_noise), rel=1e-6)
+
+
+def test_a_plot_of_the_front_is_drawn(run: Any, tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    file, table, plot = tmp_path / "mine.yaml", tmp_path / "s.csv", tmp_path / "s.svg"
+    file.write_text("sweep: {field: supply, from: 1.2, to: 5, points: 3}\n", encoding="utf-8")
+    assert run(file, "--sweep", table, "--plot", plot)[0] == 0
+    first = plot.read_bytes()
+    assert b"<svg" in first
+    assert run(file, "--sweep", table, "--plot", plot)[0] == 0
+    assert plot.read_bytes() == first
+    code, _, err = run(file, "--sweep", table, "--plot", tmp_path / "s.txt")
+    assert code == 1
+    assert err.endswith("the name of a plot must end in .svg, .png, .pdf\n")
+
+
+def test_tolerances_are_printed_with_quantiles_and_yield(run: Any, tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        "tolerance: {samples: 20, spread: {film_area: 10 %}, limits: {gain_db: {min: 60}}}\n", encoding="utf-8"
+    )
+    code, out, _ = run(file, "--tolerance", tmp_path / "t.csv")
+    assert code == 0
+    assert "20 samples, 20 valid, yield 0.0 %" in out
+    assert "  gain_db: 0.0 % within the limit" in out
+    document = json.loads(run(file, "--tolerance", tmp_path / "t.csv", "--json")[1])["tolerance"]
+    assert (document["samples"], document["yield"], document["limits"]) == (20, 0, {"gain_db": 0})
+    assert math.isfinite(document["quantiles"]["offset_v"]["0.5"])
+    assert len((tmp_path / "t.csv").read_text(encoding="utf-8").splitlines()) == 21
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "give the path of a design file, or the name of a shipped one (--list)"),
+        (["nothing"], "nothing: no such design; give the path of a YAML file or one of "),
+        (["none/x.yaml"], "none/x.yaml: no such design file"),
+        (["two_stage", "--simulate", "in.csv"], "--simulate and --out must be given together"),
+        (["two_stage", "--dt", "1e-6"], "--dt needs --simulate"),
+        (["two_stage", "--plot", "x.svg"], "--plot needs --sweep"),
+        (["two_stage", "--sweep", "x.csv"], "two_stage: sweep: missing, must be a range or a list of ranges"),
+        (["two_stage", "--netlist", "/nowhere/x.cir"], "/nowhere/x.cir: cannot be written: "),
+        (["two_stage", "--simulate", "/nowhere/in.csv", "--out", "x.csv"], "/nowhere/in.csv: cannot be read: "),
+    ],
+)
+def test_what_cannot_be_done_is_said_in_one_line(run: Any, words: list[str], message: str) -> None:
+    code, out, err = run(*words)
+    assert (code, out) == (1, "")
+    assert err.startswith(f"posfet design: {message}")
+    assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize("words", [["--dt", "0"], ["--dt", "fast"], ["--jobs", "0"], ["--jobs", "1.5"]])
+def test_a_bad_option_is_a_usage_error(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        design_command.main(["two_stage", *words])
+    assert caught.value.code == 2
+    assert words[0] in capsys.readouterr().err
+
+
+def test_an_unstable_design_is_not_simulated_as_valid(run: Any, tmp_path: Path) -> None:
+    source = tmp_path / "in.csv"
+    source.write_text(STEP, encoding="utf-8")
+    words = ("two_stage_thin_film_unstable", "--simulate", source, "--out", tmp_path / "out.csv", "--json")
+    assert json.loads(run(*words)[1])["simulation"]["valid_samples"] == 0
+
+
+def test_the_umbrella_knows_the_command() -> None:
+    assert COMMANDS["design"][0] == "posfet_model.design_command"
