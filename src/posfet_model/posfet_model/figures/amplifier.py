@@ -18,8 +18,7 @@ from posfet_model._lib.types import Array, Mask
 from posfet_model.amplifier.closed_loop import close_loop
 from posfet_model.amplifier.follower import Follower, OnePoleFollower
 from posfet_model.amplifier.open_loop import OpenLoop
-from posfet_model.amplifier.slew_identification import two_stage_model
-from posfet_model.amplifier.two_stage import figures_of_merit
+from posfet_model.amplifier.transient_follower import CircuitFollower
 from posfet_model.device import paper
 from posfet_model.device.charge import frequency_response
 from posfet_model.figures import ngspice_runs
@@ -34,10 +33,12 @@ from posfet_model.figures.style import (
     label,
     new_figure,
 )
+from posfet_model.spice.circuits import CIRCUITS
 
 _PUBLISHED = close_loop(paper.AMPLIFIER_GAIN.value, paper.GAIN_BANDWIDTH.value)
-_HIGHEST: Final = 10 * paper.GAIN_BANDWIDTH.value
-"""Highest frequency of Fig. 7 [Hz]; above it the pair's mirror and a direct path matter, which no model here has."""
+_CIRCUIT: Final = CircuitFollower.from_design()
+_HIGHEST: Final = 1e8
+"""Highest frequency of Fig. 7 [Hz]."""
 _LOOKS: Final[dict[str, dict[str, Any]]] = {
     "42.3 dB, 1.5 MHz": {"color": VERMILION, "linestyle": DASHED},
     "sizes and bias": {"color": BLUE, "linestyle": SOLID},
@@ -57,7 +58,7 @@ def models() -> dict[str, Follower]:
     """Return the followers by what is known of the circuit: the published two numbers, or its sizes and bias."""
     return {
         "42.3 dB, 1.5 MHz": OnePoleFollower(gain=_PUBLISHED.gain, bandwidth=_PUBLISHED.bandwidth),
-        "sizes and bias": two_stage_model().follower(),
+        "sizes and bias": _CIRCUIT,
     }
 
 
@@ -92,12 +93,12 @@ def sine() -> Figure:
         force.plot(x, ngspice_runs.FORCES[name][0](time), color=BLACK, linestyle=SOLID)
         force.set(title=title)
         fine, place = fine_times(time, ngspice_runs.FORCES[name][1])
-        gate = ngspice_runs.gate_voltage(ngspice_runs.FORCES[name][0](fine), fine)
+        gate = ngspice_runs.gate_voltage(ngspice_runs.FORCES[name][0](fine), fine)[place]
         for knowledge, model in models().items():
-            out = model.run(fine, gate).v_out[place]
+            out = model.run(time, gate).v_out
             difference = (out - out[0]) - (reference - reference[0])
             error.plot(x, 1e3 * difference, label=knowledge, **_LOOKS[knowledge])
-        voltage.plot(x, gate[place], color=GREY, linestyle=SOLID, linewidth=4.5, label="gate")
+        voltage.plot(x, gate, color=GREY, linestyle=SOLID, linewidth=4.5, label="gate")
         voltage.plot(x, out - out[0], label="output, model", **_LOOKS["sizes and bias"])
         voltage.plot(x[::20], (reference - reference[0])[::20], label="output, ngspice", **_MARKS)
         for axes in (force, voltage, error):
@@ -112,32 +113,58 @@ def sine() -> Figure:
 
 
 def fast_sine() -> Figure:
-    """Draw sines of 1 MHz at the gate, within the limits of the model and beyond, where it says so."""
+    """Draw sines of 1 MHz at the gate, within the limits of the output stage and beyond, which the model reports."""
     figure, panels = new_figure(4.6, rows=2, columns=2)
     for column, (name, amplitude) in enumerate(ngspice_runs.FAST_AMPLITUDES.items()):
-        voltage, error = panels[column::2]
-        time, v_in, reference = ngspice_runs.read(name)
-        fine, place = fine_times(time, time[-1])
-        flagged = False
-        x, shown = 1e6 * time, np.searchsorted(time, np.linspace(0, time[-1] * 0.999, 33))
-        voltage.plot(x, v_in, color=GREY, linestyle=SOLID, linewidth=4.5, label="gate")
-        for knowledge, model in models().items():
-            output = model.run(fine, amplitude * np.sin(2e6 * math.pi * fine))
-            out = output.v_out[place]
-            voltage.plot(x, out, label=f"from {knowledge}", **_LOOKS[knowledge])
-            error.plot(x, 1e3 * (out - (reference - reference[0])), **_LOOKS[knowledge])
-            flagged = flagged or not output.valid.all()
-            for axes in (voltage, error):
-                _shade(axes, 1e6 * fine, ~output.valid)
-        voltage.plot(x[shown], (reference - reference[0])[shown], label="ngspice", **_MARKS)
-        note = ", shaded: flagged not valid" if flagged else ""
-        voltage.set(title=f"1 MHz, {amplitude:g} V{note}", xlim=(0, x[-1]))
-        error.set(xlabel="time [µs]", xlim=(0, x[-1]))
-    panels[0].set_ylabel("voltage [V]")
-    panels[2].set_ylabel("model − ngspice [mV]")
+        note = _overlay(panels[column::2], name, models())
+        panels[column].set_title(f"1 MHz, {amplitude:g} V{note}")
+    _finish(figure, panels, 2)
+    return figure
+
+
+def steps() -> Figure:
+    """Draw steps of 50 mV into loads of three capacitances, up to ringing."""
+    figure, panels = new_figure(4.6, rows=2, columns=len(ngspice_runs.LOADS))
+    for column, (name, load) in enumerate(ngspice_runs.LOADS.items()):
+        bias = CIRCUITS[ngspice_runs.STEPPED[name]].bias
+        circuit = CircuitFollower.from_design(bias)
+        known = {**models(), "sizes and bias": circuit}
+        _overlay(panels[column :: len(ngspice_runs.LOADS)], name, known, unit=1e-3)
+        panels[column].set_ylim(-4, 72)
+        margin = float(circuit.figures.phase_margin)
+        panels[column].set_title(f"{load * 1e12:.0f} pF, margin {margin:.0f}°")
+    _finish(figure, panels, len(ngspice_runs.LOADS), "mV")
+    return figure
+
+
+def _overlay(panels: list[Axes], name: str, known: dict[str, Follower], unit: float = 1.0) -> str:
+    """Draw gate, models and ngspice above, the difference below, and shade what a model flags; say so if it does."""
+    voltage, error = panels
+    time, v_in, reference = ngspice_runs.read(name)
+    x, reference = 1e6 * time, reference - reference[0]
+    shown, note = np.searchsorted(time, np.linspace(0, time[-1] * 0.999, 33)), ""
+    voltage.plot(x, v_in / unit, color=GREY, linestyle=SOLID, linewidth=4.5, label="gate")
+    for knowledge, model in known.items():
+        output = model.run(time, v_in)
+        out = output.v_out - output.v_out[0]
+        voltage.plot(x, out / unit, label=f"from {knowledge}", **_LOOKS[knowledge])
+        error.plot(x, 1e3 * (out - reference), **_LOOKS[knowledge])
+        if not (output.valid.all() or name in ngspice_runs.LOADS):
+            note = ", shaded: flagged"
+            for axes in panels:
+                _shade(axes, x, ~output.valid)
+    voltage.plot(x[shown], reference[shown] / unit, label="ngspice", **_MARKS)
+    error.set_xlabel("time [µs]")
+    for axes in panels:
+        axes.set_xlim(0, x[-1])
+    return note
+
+
+def _finish(figure: Figure, panels: list[Axes], columns: int, unit: str = "V") -> None:
+    panels[0].set_ylabel(f"voltage [{unit}]")
+    panels[columns].set_ylabel("model − ngspice [mV]")
     handles = panels[0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside upper center", ncols=4, frameon=False, fontsize=8)
-    return figure
 
 
 def _shade(axes: Axes, x: Array, where: Mask) -> None:
@@ -157,8 +184,8 @@ def gain_and_phase() -> Figure:
         frequency, real, imaginary = columns[:, frequency <= _HIGHEST]
         reference = (real + 1j * imaginary) * _high_pass(name, frequency)
         wide = np.logspace(math.log10(low), math.log10(_HIGHEST), 401)
-        for knowledge, op_amp in op_amps().items():
-            look, respond = _LOOKS[knowledge], op_amp.response if name == "open_loop" else op_amp.closed_loop_response
+        for knowledge, respond in responses(name).items():
+            look = _LOOKS[knowledge]
             curve = respond(wide) * _high_pass(name, wide)
             gain.plot(wide, _decibel(curve), label=f"from {knowledge}", **look)
             phase.plot(wide, np.degrees(np.angle(curve)), **look)
@@ -170,12 +197,12 @@ def gain_and_phase() -> Figure:
         for axes in axes_of:
             axes.set(xscale="log", xlim=(low, _HIGHEST))
             axes.axvline(paper.GAIN_BANDWIDTH.value, color=GREY, linestyle=DOTTED, linewidth=1)
-            axes.set_xticks([1, 1e2, 1e4, 1e6] if low == 1 else [1e-2, 1, 1e2, 1e4, 1e6])
+            axes.set_xticks([1, 1e2, 1e4, 1e6, 1e8] if low == 1 else [1e-2, 1, 1e2, 1e4, 1e6, 1e8])
             axes.minorticks_off()
         gain.set(title="op-amp alone" if low == 1 else "taxel with follower")
-        phase.set(yticks=[-90, -45, 0] if low == 1 else [-90, -45, 0, 45, 90])
+        phase.set(yticks=[-180, -90, 0] if low == 1 else [-90, 0, 90])
         phase_error.set_xlabel("frequency [Hz]")
-    label(panels[0], paper.GAIN_BANDWIDTH.value * 0.8, 33, "1.5 MHz", BLACK, ha="right", bbox=None)
+    label(panels[0], paper.GAIN_BANDWIDTH.value * 0.8, -42, "1.5 MHz", BLACK, ha="right", bbox=None)
     for axes, text in zip(panels[::2], ("gain [dB]", "phase [°]", "gain error [dB]", "phase error [°]"), strict=True):
         axes.set_ylabel(text)
     handles = panels[0].get_legend_handles_labels()
@@ -183,13 +210,20 @@ def gain_and_phase() -> Figure:
     return figure
 
 
-def op_amps() -> dict[str, OpenLoop]:
-    """Return the op-amp without feedback by what is known of the circuit."""
-    gain, figures = paper.AMPLIFIER_GAIN.value, figures_of_merit()
-    return {
-        "42.3 dB, 1.5 MHz": OpenLoop(gain, (paper.GAIN_BANDWIDTH.value / gain, math.inf)),
-        "sizes and bias": OpenLoop(figures.open_loop_gain, (figures.dominant_pole, figures.second_pole), figures.zero),
-    }
+def responses(name: str) -> dict[str, Callable[[Array], NDArray[np.complex128]]]:
+    """Return frequency responses by what is known of the circuit: of the op-amp (open_loop) or the follower (ac).
+
+    Parameters
+    ----------
+    name : str
+        open_loop or ac.
+    """
+    gain = paper.AMPLIFIER_GAIN.value
+    published = OpenLoop(gain, (paper.GAIN_BANDWIDTH.value / gain, math.inf))
+    figures = _CIRCUIT.figures
+    if name == "open_loop":
+        return {"42.3 dB, 1.5 MHz": published.response, "sizes and bias": figures.open_loop_response.at}
+    return {"42.3 dB, 1.5 MHz": published.closed_loop_response, "sizes and bias": figures.closed_loop_response.at}
 
 
 def _high_pass(name: str, frequency: Array) -> NDArray[np.complexfloating[Any, Any]]:
@@ -206,5 +240,6 @@ def _decibel(response: NDArray[np.complexfloating[Any, Any]]) -> Array:
 FIGURES: Final[dict[str, Callable[[], Figure]]] = {
     "fig6_follower_sine": sine,
     "fig6_slew": fast_sine,
+    "fig6_steps": steps,
     "fig7_gain_phase": gain_and_phase,
 }

@@ -38,6 +38,12 @@ SINE_FORCE: Final = 1.0
 FAST_AMPLITUDES: Final = {"fast_small": 0.3, "fast_large": 1.0}
 """Amplitudes of sines of 1 MHz [V], at the gate: no finger is that fast."""
 
+STEPPED: Final = {"step_10pf": "two_stage", "step_100pf": "two_stage_100pf", "step_300pf": "two_stage_300pf"}
+"""Circuit of each step of 50 mV at the gate."""
+
+LOADS: Final = {name: CIRCUITS[circuit].bias.load_capacitance for name, circuit in STEPPED.items()}
+"""Load of each of these circuits [F]."""
+
 _POINTS: Final = 2000
 """Points of a source; between them it is linear."""
 
@@ -92,8 +98,8 @@ def read(name: str, folder: Path = FOLDER) -> NDArray[np.float64]:
     Parameters
     ----------
     name : str
-        press, sine, fast_small, fast_large (columns time [s], v_in [V], v_out [V]); ac, open_loop (frequency [Hz],
-        real and imaginary part [V/V]).
+        press, sine, fast_small, fast_large, step_* (columns time [s], v_in [V], v_out [V]); ac, open_loop (frequency
+        [Hz], real and imaginary part [V/V]).
     folder : Path, default docs/figures
         Folder of the files.
 
@@ -131,27 +137,28 @@ def record(folder: Path) -> list[Path]:
     ngspice.SpiceError
         ngspice is missing or a run failed.
     """
-    circuit = subcircuit(CIRCUITS[CIRCUIT])
-    sources = {name: (f"sin(0 {volts:g} 1meg)", 2e-6) for name, volts in FAST_AMPLITUDES.items()}
+    sources = {name: (CIRCUIT, f"sin(0 {volts:g} 1meg)", 2e-6) for name, volts in FAST_AMPLITUDES.items()}
+    step = ngspice.piecewise_linear([0, 2e-7, 2.1e-7, 3e-6], [0, 0, 0.05, 0.05])
+    sources |= {name: (circuit, step, 3e-6) for name, circuit in STEPPED.items()}
     for name, (force, stop) in FORCES.items():
         time = np.linspace(0, stop, _POINTS + 1)
-        sources[name] = (ngspice.piecewise_linear(time, gate_voltage(force(time), time)), stop)
+        sources[name] = (CIRCUIT, ngspice.piecewise_linear(time, gate_voltage(force(time), time)), stop)
     paths = []
-    for name, (source, stop) in sources.items():
-        run = ngspice.run_follower(circuit, source, stop, stop / 600)
+    for name, (circuit, source, stop) in sources.items():
+        run = ngspice.run_follower(subcircuit(CIRCUITS[circuit]), source, stop, stop / 600)
         kept = slice(None, None, -(-run.time.size // _ROWS))
         columns = (run.time[kept], run.v_in[kept], run.v_out[kept])
-        paths.append(_write(folder / f"ngspice_{name}.csv", "time,v_in,v_out", columns))
+        paths.append(_write(folder / f"ngspice_{name}.csv", circuit, "time,v_in,v_out", columns))
     for name, run_ac, lowest in (("ac", ngspice.run_follower_ac, 1e-2), ("open_loop", ngspice.run_open_loop_ac, 1.0)):
-        small = run_ac(circuit, lowest, per_decade=10)
+        small = run_ac(subcircuit(CIRCUITS[CIRCUIT]), lowest, per_decade=10)
         columns = (small.frequency, small.transfer.real, small.transfer.imag)
-        paths.append(_write(folder / f"ngspice_{name}.csv", "frequency,real,imaginary", columns))
+        paths.append(_write(folder / f"ngspice_{name}.csv", CIRCUIT, "frequency,real,imaginary", columns))
     return paths
 
 
-def _write(path: Path, header: str, columns: tuple[NDArray[np.float64], ...]) -> Path:
+def _write(path: Path, circuit: str, header: str, columns: tuple[NDArray[np.float64], ...]) -> Path:
     with path.open("w", encoding="ascii", newline="\n") as file:
-        file.write(f"# circuit {CIRCUIT}; ngspice, gear, reltol {ngspice.RELATIVE_TOLERANCE:g}\n{header}\n")
+        file.write(f"# circuit {circuit}; ngspice, gear, reltol {ngspice.RELATIVE_TOLERANCE:g}\n{header}\n")
         np.savetxt(file, np.column_stack(columns), delimiter=",", fmt="%.9g")
     return path
 
