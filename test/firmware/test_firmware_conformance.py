@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from posfet_driver.bus.frame import Frame
-from posfet_driver.conformance.session import Board, Session
+from posfet_driver.conformance.records import Board
+from posfet_driver.conformance.session import Session
 from posfet_driver.conformance.timer_checks import missing_scans
 from support.clocks import SteppedClock
 from support.conforming import failed, findings_of, not_applicable, unchecked

@@ -9,7 +9,8 @@ from typing import Protocol
 from posfet_driver.bus.frame import Frame
 from posfet_driver.conformance.checks import Finding, Outcome
 from posfet_driver.conformance.conformance import conform
-from posfet_driver.conformance.session import Board, Session
+from posfet_driver.conformance.records import Board
+from posfet_driver.conformance.session import Session
 from support.clocks import SteppedClock
 from support.stepped import SteppedBus
 

@@ -187,3 +187,10 @@ def test_transit_time_of_a_scan(bench: Bench, tmp_path: Path) -> None:
     sensor = sensor_b(tmp_path)
     board = ListeningBoard(sensor, lambda: bench.bus, bench.clock)
     assert 100e-6 < mapped_transit_time(sensor.can, board.decoder.tables) < 300e-6
+
+
+def test_the_bus_load_is_named_by_what_it_counts(bench: Bench) -> None:
+    """A bus may filter for the board: frames that are not received are in no sum."""
+    bench.board.open()
+    bench.read(3500)
+    assert float(bench.board.report().values["bus load by received frames [%]"]) == pytest.approx(75.0, abs=10.0)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import struct
+import tracemalloc
+import zlib
 from pathlib import Path
 
 import can
@@ -14,6 +17,7 @@ from hypothesis import strategies as st
 from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE
 from posfet_driver.bus.message_conversion import frame_of
 from posfet_driver.bus.recording import FORMATS, messages, recording
+from posfet_driver.bus.recording_readers import LARGEST_CONTAINER, LARGEST_OBJECT
 from posfet_driver.bus.slcan_codec import LineReader
 from posfet_driver.protocol.decoder import Decoder
 from posfet_model.config import ConfigError
@@ -70,6 +74,60 @@ def test_an_object_without_length_does_not_repeat_for_ever(tmp_path: Path) -> No
         path.write_bytes(content[: place + 8] + bytes(4) + content[place + 12 :])
         with pytest.raises(ConfigError, match="an object is 0 bytes long"):
             list(messages(path))
+
+
+def blf_with(path: Path, *containers: bytes, length: int = 0) -> None:
+    """Write a BLF file with these packed containers, each of which may state another length."""
+    recorded(path)
+    header = path.read_bytes()[:144]
+    with path.open("wb") as file:
+        file.write(header)
+        for packed in containers:
+            size = 32 + len(packed)
+            file.write(struct.pack("<4sHHLLH14x", b"LOBJ", 16, 1, length or size, 10, 2) + packed + bytes(size % 4))
+
+
+def peak_memory(path: Path, expected: str) -> int:
+    """Return the memory that refusing a recording in one line takes [byte]."""
+    tracemalloc.start()
+    try:
+        with pytest.raises(ConfigError, match=expected) as caught:
+            list(messages(path))
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+        assert_one_line(caught.value, path)
+
+
+def test_a_small_recording_cannot_unpack_to_a_large_one(tmp_path: Path) -> None:
+    bomb = tmp_path / "bomb.blf"
+    blf_with(bomb, zlib.compress(bytes(8 * LARGEST_CONTAINER), 9))
+    assert bomb.stat().st_size < 200_000
+    assert peak_memory(bomb, "a container unpacks to more than 16 MiB") < 4 * LARGEST_CONTAINER
+
+
+def test_an_object_cannot_go_on_through_all_containers(tmp_path: Path) -> None:
+    endless = tmp_path / "endless.blf"
+    begin = struct.pack("<4sHHLL", b"LOBJ", 16, 1, 0x7FFF_FFFF, 1)
+    blf_with(endless, *(zlib.compress(begin + bytes(LARGEST_CONTAINER - 16)) for _ in range(4)))
+    assert peak_memory(endless, "an object is 2147483647 bytes long: it must be 16 to 1048576") < 4 * LARGEST_CONTAINER
+
+
+def test_a_container_of_any_length_is_not_read_at_once(tmp_path: Path) -> None:
+    large = tmp_path / "large.blf"
+    blf_with(large, b"", length=0x7FFF_FFFF)
+    with large.open("ab") as file:
+        file.truncate(1 << 30)  # without contents, on the disk as well
+    assert peak_memory(large, "an object is 2147483647 bytes long: it must be 16 to 16777216") < LARGEST_OBJECT
+
+
+@pytest.mark.parametrize("suffix", [".log", ".asc"])
+def test_a_line_of_any_length_is_not_read_at_once(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"bus{suffix}"
+    recorded(path)
+    with path.open("ab") as file:
+        file.truncate(1 << 30)
+    assert peak_memory(path, "a line is longer than 65536 characters") < LARGEST_OBJECT
 
 
 @pytest.mark.parametrize("count", COUNTS)

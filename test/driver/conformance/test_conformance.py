@@ -10,7 +10,8 @@ import pytest
 from posfet_driver.bus.frame import Frame
 from posfet_driver.conformance.checks import CHECKS, NOT_OBSERVABLE, TOPICS, Finding, Outcome
 from posfet_driver.conformance.description import load_description
-from posfet_driver.conformance.session import Board, NoBoardError, Session
+from posfet_driver.conformance.records import Board, NoBoardError
+from posfet_driver.conformance.session import Session
 from posfet_model.sensor.description import Sensor
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.conforming import failed, findings_of, not_applicable, unchecked

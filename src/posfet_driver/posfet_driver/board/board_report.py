@@ -93,7 +93,7 @@ def board_report(
             "board flags": str(status.flags),
             "firmware": identity.firmware if identity else "unknown",
             "scan period [ms]": f"{decoder.scan_period / 1000:g}",
-            "bus load [%]": f"{100 * load.load:.1f}",
+            "bus load by received frames [%]": f"{100 * load.load:.1f}",
             "maximum stamp delay [ms]": f"{1e3 * stamp_uncertainty:.3f}",
             **(decoder.origin if isinstance(decoder, MappedDecoder) else {}),
         },

@@ -7,12 +7,13 @@ import struct
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Final
+from typing import BinaryIO, Final
 
 import can
-from can.io.blf import BLFParseError, BLFReader
+from can.io.blf import BLFParseError
 
 from posfet_driver.bus.bus_error import one_line
+from posfet_driver.bus.recording_readers import BoundedBlfReader, BoundedLines
 from posfet_model.config import ConfigError
 
 FORMATS: Final = (".log", ".asc", ".blf")
@@ -34,11 +35,6 @@ _DAMAGED: Final = (
 
 _BLF: Final = b"LOGG"
 """First bytes of a BLF file."""
-_SIGNATURE: Final = b"LOBJ"
-"""First bytes of an object in it."""
-
-_OBJECT: Final = struct.Struct("<4sHHLL")
-"""Header of an object in it: signature, length of the header, its version, length of the object, type."""
 
 LATEST: Final = 1e11
 """Latest time of a frame [s], since 1970 or since the beginning of the recording."""
@@ -80,19 +76,18 @@ def recording(file: Path) -> Iterator[Callable[[can.Message], None]]:
         raise ConfigError(f"{file}: cannot be written: {error.strerror or one_line(error)}") from error
 
 
-class _CheckedBlfReader(BLFReader):  # type: ignore[misc]  # python-can is not checked here
-    """python-can's reader, which reads an object with a length of 0 in a damaged file for ever."""
-
-    def _parse_data(self, data: bytes) -> Iterator[can.Message]:
-        position = 0
-        while (position := data.find(_SIGNATURE, position, position + 8)) >= 0:
-            if len(data) - position < _OBJECT.size:
-                break
-            length = _OBJECT.unpack_from(data, position)[3]
-            if length < _OBJECT.size:
-                raise BLFParseError(f"an object is {length} bytes long")
-            position += length
-        yield from super()._parse_data(data)
+def _reader(file: Path, content: BinaryIO) -> can.LogReader | can.io.generic.MessageReader:
+    """Return the reader of the file's format."""
+    match file.suffix.lower():
+        case ".blf":
+            if content.read(len(_BLF)) != _BLF:
+                raise ConfigError(f"{file}: not a recording of its format")
+            content.seek(0)
+            return BoundedBlfReader(content)
+        case ".asc":
+            return can.ASCReader(BoundedLines(content))
+        case _:
+            return can.CanutilsLogReader(BoundedLines(content))
 
 
 def messages(file: Path) -> Iterator[can.Message]:
@@ -116,14 +111,7 @@ def messages(file: Path) -> Iterator[can.Message]:
     check_name(file)
     try:
         with contextlib.ExitStack() as stack:
-            if file.suffix.lower() == ".blf":  # python-can would leave a file with a damaged header open
-                content = stack.enter_context(file.open("rb"))
-                if content.read(len(_BLF)) != _BLF:
-                    raise ConfigError(f"{file}: not a recording of its format")
-                content.seek(0)
-                reader = _CheckedBlfReader(content)
-            else:
-                reader = stack.enter_context(can.LogReader(str(file)))
+            reader = _reader(file, stack.enter_context(file.open("rb")))
             for message in reader:
                 if not 0 <= message.timestamp <= LATEST:
                     raise ConfigError(f"{file}: times must be in [0, {LATEST:g}] s, got {message.timestamp:g}")

@@ -7,15 +7,9 @@ from typing import Final
 
 from posfet_driver.bus.frame import CLASSIC, EXTENDED, FD, REMOTE, Frame
 from posfet_driver.conformance.checks import Phase, check
+from posfet_driver.conformance.records import JITTER, LATE_SHARE, SECOND, BrokenRuleError, NotCheckedError
 from posfet_driver.conformance.seen_scans import SEQUENCES
-from posfet_driver.conformance.session import (
-    JITTER,
-    LATE_SHARE,
-    SECOND,
-    BrokenRuleError,
-    NotCheckedError,
-    Session,
-)
+from posfet_driver.conformance.session import Session
 from posfet_driver.conformance.timer_checks import ROUNDING, irregularity, scans_needed, tick_length, ticks
 
 AT_ONCE: Final = 8

@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 from posfet_driver.conformance import command_checks, frame_checks, status_checks, timer_checks
 from posfet_driver.conformance.checks import CHECKS, NOT_OBSERVABLE, TOPICS, Check, Finding, Outcome, Phase, place
-from posfet_driver.conformance.session import JITTER, BrokenRuleError, NotCheckedError, Session
+from posfet_driver.conformance.records import JITTER, BrokenRuleError, NotCheckedError
+from posfet_driver.conformance.session import Session
 
 __all__ = ["command_checks", "conform", "frame_checks", "status_checks", "timer_checks"]
 

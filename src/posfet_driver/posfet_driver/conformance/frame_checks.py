@@ -7,8 +7,9 @@ from itertools import pairwise
 from posfet_driver.bus.frame import CLASSIC, EXTENDED, FD, RATE_SWITCH, REMOTE
 from posfet_driver.conformance.checks import Phase, check
 from posfet_driver.conformance.description import checksum
+from posfet_driver.conformance.records import BrokenRuleError, NotCheckedError, Run
 from posfet_driver.conformance.seen_scans import COUNTERS, SEQUENCES, SeenScan
-from posfet_driver.conformance.session import BrokenRuleError, NotCheckedError, Run, Session
+from posfet_driver.conformance.session import Session
 
 
 @check("F1", Phase.REVIEW)

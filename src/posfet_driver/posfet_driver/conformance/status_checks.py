@@ -5,8 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 from posfet_driver.conformance.checks import Phase, check
-from posfet_driver.conformance.seen_scans import SeenFrame
-from posfet_driver.conformance.session import (
+from posfet_driver.conformance.records import (
     JITTER,
     LATE_SHARE,
     MICROSECOND,
@@ -14,9 +13,10 @@ from posfet_driver.conformance.session import (
     BrokenRuleError,
     NotCheckedError,
     PowerOn,
-    Session,
     Window,
 )
+from posfet_driver.conformance.seen_scans import SeenFrame
+from posfet_driver.conformance.session import Session
 from posfet_driver.conformance.timer_checks import timed
 
 

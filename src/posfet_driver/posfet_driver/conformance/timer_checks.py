@@ -7,16 +7,9 @@ from itertools import pairwise
 from typing import Final
 
 from posfet_driver.conformance.checks import Phase, check
+from posfet_driver.conformance.records import JITTER, MICROSECOND, SECOND, BrokenRuleError, NotCheckedError, Run
 from posfet_driver.conformance.seen_scans import SEQUENCES, SeenScan
-from posfet_driver.conformance.session import (
-    JITTER,
-    MICROSECOND,
-    SECOND,
-    BrokenRuleError,
-    NotCheckedError,
-    Run,
-    Session,
-)
+from posfet_driver.conformance.session import Session
 
 LEAST_DELAY: Final = 0.002
 """Difference of the shortest delays of two groups of frames [s]; assumed."""

@@ -17,7 +17,8 @@ from posfet_driver.board.command_queue import CommandError
 from posfet_driver.bus.open_bus import open_bus
 from posfet_driver.conformance.checks import DOCUMENT, Finding, Outcome
 from posfet_driver.conformance.conformance import conform
-from posfet_driver.conformance.session import Board, NoBoardError, Session
+from posfet_driver.conformance.records import Board, NoBoardError
+from posfet_driver.conformance.session import Session
 from posfet_driver.tools.bus_options import bus_of
 
 COLOURS: Final = {Outcome.PASS: "green", Outcome.FAIL: "red", Outcome.NOT_CHECKED: "yellow"}
