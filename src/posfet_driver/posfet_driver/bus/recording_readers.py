@@ -1,4 +1,4 @@
-"""python-can's readers of recordings, with limits: a small or damaged file takes little memory, and comes to an end."""
+"""Readers of recordings: those of python-can with limits, so that a small or damaged file takes little memory."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class BoundedLines(io.TextIOWrapper):
 
 
 class BoundedBlfReader(BLFReader):  # type: ignore[misc]  # python-can is not checked here
-    """python-can's reader, which unpacks containers of any size, and reads an object with a length of 0 for ever."""
+    """Limits python-can's reader, which unpacks any container, and reads an object with a length of 0 for ever."""
 
     def __iter__(self) -> Iterator[can.Message]:
         """Yield the messages. Raises BLFParseError for a damaged file, and zlib.error."""
