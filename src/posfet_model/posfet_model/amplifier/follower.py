@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Final
 
 import numpy as np
@@ -35,6 +35,7 @@ from posfet_model.amplifier.follower_base import (
     FrequencyResponse,
 )
 from posfet_model.amplifier.pair_settling import settle, settle_series
+from posfet_model.amplifier.two_pole_chain import TwoPoleChain
 
 __all__ = [
     "VOLTAGE_LIMIT",
@@ -216,41 +217,22 @@ class TwoPoleFollower(StaticFollower):
         turn = 1j * math.sqrt((1 - middle) * (1 + middle))
         return w0 * (middle - turn), w0 * (middle + turn)
 
-    def _coefficients(self, step: Array) -> tuple[NDArray[Any], ...]:
-        """Return decay and input weight of the first lag; decay, coupling and input weight of the second.
-
-        From ``l1' = u' - p1*l1`` and ``l2' = u' - p2*(l2 - l1)``. The second weight is
-        ``(p2*mean(p1*h) - p1*mean(p2*h))/(p2 - p1)``; for poles close together it is written with the divided
-        difference of exponentials that is also the coupling, so that equal poles are no special case.
-        """
-        p1, p2 = self._poles()
-        decay1, decay2 = np.exp(-p1 * step), np.exp(-p2 * step)
-        between = decay1 * mean_decay(np.asarray((p2 - p1) * step))
-        mean1, mean2 = mean_decay(np.asarray(p1 * step)), mean_decay(np.asarray(p2 * step))
-        if abs(p2 - p1) > abs(p1):
-            weight2 = mean1 + (mean1 - mean2) * (p1 / (p2 - p1))
-        else:
-            weight2 = mean2 + (mean2 - between) * (p2 / p1)
-        return decay1, mean1, decay2, p2 * step * between, weight2
+    @cached_property
+    def _chain(self) -> TwoPoleChain:
+        slow, fast = self._poles()
+        return TwoPoleChain(np.asarray(1 / slow), np.asarray(1 / fast), np.zeros(()))
 
     def _start_lags(self, v_in: Array) -> Lags:
-        lag = np.zeros(v_in.shape, np.result_type(self._poles()[0]))
-        return (lag, lag)
+        return self._chain.start(v_in.shape)
 
     def _advance_lags(self, lags: Lags, change: Array, step: Array) -> Lags:
-        decay1, weight1, decay2, coupling, weight2 = self._coefficients(step)
-        first = lags[0] * decay1 + change * weight1
-        return (first, lags[1] * decay2 + lags[0] * coupling + change * weight2)
+        return self._chain.advance((lags[0], lags[1]), change, step)
 
     def _series_lags(self, start: Lags, change: Array, step: Array) -> Lags:
-        decay1, weight1, decay2, coupling, weight2 = self._coefficients(step)
-        first = linear_recurrence(decay1, change * weight1, start[0])
-        before = np.concatenate([start[0][None], first[:-1]])
-        addend = before * coupling + change * weight2
-        return (first, linear_recurrence(decay2, addend, start[1]))
+        return self._chain.series((start[0], start[1]), change, step)
 
     def _slope(self, lags: Lags, change: Array, step: Array) -> Array:
-        return np.asarray(self.gain * (self._poles()[1] * (lags[1] - lags[0])).real)
+        return np.asarray(self.gain * self._chain.slope((lags[0], lags[1]), change, step))
 
     def _transfer(self, s: NDArray[np.complex128]) -> NDArray[np.complex128]:
         x = s / (2 * math.pi * self.natural_frequency)

@@ -11,7 +11,7 @@ from typing import Any, Final, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from posfet_model._lib.types import FloatArray
+from posfet_model._lib.types import Array, FloatArray
 from posfet_model._lib.validation import instance, real_array
 from posfet_model.amplifier.closed_loop import FollowerLimits
 
@@ -334,6 +334,21 @@ class Follower(ABC):
         out = np.asarray(v_in - lags[-1].real if lags else v_in.copy())
         out *= np.asarray(self.static_gain)  # twice as fast as with a float
         return out
+
+
+def check_shape(own: tuple[int, ...], v_in: Array) -> None:
+    """Raise ValueError unless a follower whose fields are of the shape `own` takes inputs of this shape; unchecked.
+
+    Parameters
+    ----------
+    own : tuple of int
+        Shape of the follower's fields.
+    v_in : ndarray
+        Input voltage.
+    """
+    fitting = all(wide in (1, given) for wide, given in zip(own[::-1], v_in.shape[::-1], strict=False))
+    if not fitting or len(own) > v_in.ndim:
+        raise ValueError(f"v_in must be of a shape to which {own} broadcasts, got {v_in.shape}")
 
 
 def _within_limit(voltage: object) -> TypeGuard[NDArray[np.float64]]:

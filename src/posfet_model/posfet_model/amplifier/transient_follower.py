@@ -26,6 +26,7 @@ from posfet_model.amplifier.follower_base import (
     FollowerSeries,
     FollowerState,
     FrequencyResponse,
+    check_shape,
 )
 from posfet_model.amplifier.open_loop import OpenLoop
 from posfet_model.amplifier.operating_point import CIRCUIT_B, TABLE_II, AmplifierBias, AmplifierDesign
@@ -84,7 +85,7 @@ class TransientFollower(Follower):
             The voltage is not real, not finite, out of range or of another shape.
         """
         held, valid = self._hold(v_in)
-        self._check_shape(held)
+        check_shape(self.system.shape, held)
         return self._state(held, valid, self.system.operating_point(held), math.inf)
 
     def advance(self, state: FollowerState, v_in: ArrayLike, step: ArrayLike) -> TransientState:
@@ -128,7 +129,7 @@ class TransientFollower(Follower):
         return FollowerSeries(output, self._state(held[-1], np.asarray(valid[-1]), last.nodes, last.step))
 
     def _run(self, held: Array, valid: Mask, step: Array) -> FollowerOutput:
-        self._check_shape(held[0])
+        check_shape(self.system.shape, held[0])
         rest = self.system.operating_point(held[0])
         nodes, _ = self._integrate(SystemState(held[0], rest, math.inf), held[1:], step)
         return self._judged(held, valid, np.concatenate([rest[None], nodes]))
@@ -154,13 +155,6 @@ class TransientFollower(Follower):
 
     def _out(self, v_in: NDArray[np.float64], lags: tuple[Array, ...]) -> NDArray[np.float64]:
         return np.asarray(v_in - lags[-1])
-
-    def _check_shape(self, v_in: Array) -> None:
-        own = self.system.shape
-        if any(wide not in (1, given) for wide, given in zip(own[::-1], v_in.shape[::-1], strict=False)) or (
-            len(own) > v_in.ndim
-        ):
-            raise ValueError(f"v_in must be of a shape to which {own} broadcasts, got {v_in.shape}")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
