@@ -14,8 +14,8 @@ from posfet_model.figures.circuit_symbols import capacitor, current_source, grou
 from posfet_model.figures.style import BLACK, VERMILION, label, new_figure
 
 _TOP, _BOTTOM = 10.0, 0.0
-_LEFT, _FIRST, _SECOND, _OUT = 1.5, 6.4, 12.4, 19.0
-_MILLER = 16.3
+_LEFT, _FIRST, _SECOND, _OUT = 1.5, 6.4, 12.4, 19.7
+_MILLER = 16.8
 
 
 def schematic() -> Figure:
@@ -29,7 +29,7 @@ def schematic() -> Figure:
     supply = CIRCUIT_B.supply
     label(axes, _LEFT - 0.7, _TOP, f"$V_{{DD}}$ = +{supply:g} V", BLACK, ha="right", va="center", bbox=None)
     label(axes, _LEFT - 0.7, _BOTTOM, f"$V_{{SS}}$ = −{supply:g} V", BLACK, ha="right", va="center", bbox=None)
-    axes.set(xlim=(-2.9, 26.8), ylim=(-0.6, 10.6), aspect="equal")
+    axes.set(xlim=(-2.9, 27.5), ylim=(-0.6, 10.6), aspect="equal")
     axes.set_axis_off()
     return figure
 

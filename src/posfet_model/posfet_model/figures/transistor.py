@@ -54,7 +54,7 @@ def transfer_curves() -> Figure:
             label(axes, 4.08, float(current[-1]), f"{drain:g} V", colour, va="center", bbox=None, clip_on=False)
         label(axes, 4.08, float(_current(4.0, 5.0, threshold)) + 0.7, "$V_{ds}$ =", colour, va="center", bbox=None)
         axes.plot(threshold, 0, marker="o", markersize=5, color=colour, clip_on=False, zorder=6)
-        label(axes, -0.9, 0.5, f"$V_{{th}}$ = {threshold:.1f} V".replace("-", "−"), colour)
+        label(axes, -0.9, 1.1, f"$V_{{th}}$ = {threshold:.1f} V".replace("-", "−"), colour)
         axes.set(xlabel="gate voltage $V_{gs}$ [V]", xlim=(-1, 4), ylim=(0, 10), title=title)
     panels[0].set_ylabel("drain current $I_d$ [mA]")
     return figure
