@@ -128,6 +128,8 @@ def test_bad_fields_are_refused() -> None:
         assert_refused(OpenLoop, {**good, "gain": bad}, "gain")
     for bad in (1e3, (1e3,), (1e3, 0.0), (math.nan, 1e3), (-1e3, 1e6), (1e3, -1e6)):
         assert_refused(OpenLoop, {**good, "poles": bad}, "poles")
-    for bad in (0.0, math.nan, "left"):
+    masked = np.ma.masked_array([1e6, 2e6], mask=[False, True])
+    assert_refused(OpenLoop, {**good, "poles": (1e3, masked)}, "poles")
+    for bad in (0.0, math.nan, "left", masked):
         assert_refused(OpenLoop, {**good, "zero": bad}, "zero")
     assert_refused(OpenLoop, {**good, "gain": np.ones(3), "zero": np.ones(2)}, "broadcast")

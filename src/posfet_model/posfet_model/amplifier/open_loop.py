@@ -266,6 +266,6 @@ class OpenLoop:
 def _rate(name: str, frequency: ArrayLike) -> Array:
     """Return 1/frequency [s], 0 for inf; refuses what is no real number, 0 and NaN."""
     value = np.asarray(frequency)
-    if value.dtype.kind not in "iuf" or np.any(np.isnan(value)) or np.any(value == 0):
+    if np.ma.isMaskedArray(frequency) or value.dtype.kind not in "iuf" or np.any(np.isnan(value)) or np.any(value == 0):
         raise ValueError(f"{name} must be real numbers other than 0, inf allowed, got {frequency!r:.60}")
     return np.asarray(1 / value.astype(np.float64))
