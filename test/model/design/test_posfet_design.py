@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from posfet_model.amplifier.circuit_figures import NOT_SATURATED
 from posfet_model.amplifier.one_stage import one_stage_figures
 from posfet_model.amplifier.two_stage import figures_of_merit
 from posfet_model.design import report
-from posfet_model.design.amplifier_figures import NO_OPERATING_POINT
 from posfet_model.design.posfet_design import BEYOND_ADC, BEYOND_INPUT, NOT_POLED, TOO_STEEP, PosfetDesign
 from posfet_model.device.taxel import FilmGeometry, plausible_fields
 from posfet_model.device.transistor import Plane
+from posfet_model.spice import ngspice
 from posfet_model.spice.circuits import CIRCUITS
 from posfet_model.spice.netlist import subcircuit
 from support.each_row import each_row
@@ -26,15 +27,34 @@ AS_IN_PAPER = PosfetDesign(film_geometry=FilmGeometry.AS_IN_PAPER)
 
 
 def test_the_film_on_a_square_millimetre_against_what_the_paper_does() -> None:
-    """Numbers of docs/device.md: 5.1 MHz and 52.6 dB in place of 1.53 MHz and 42.4 dB."""
+    """By hand formulas 5.1 MHz and 52.6 dB in place of 1.53 MHz and 42.4 dB; the circuit itself is a little below."""
+    for design, gain, product in ((DESIGN, 52.64, 5.088e6), (AS_IN_PAPER, 42.43, 1.531e6)):
+        circuit = design.circuit()
+        hand = figures_of_merit(circuit.bias, circuit.design)
+        assert 20 * math.log10(hand.open_loop_gain) == pytest.approx(gain, abs=5e-3)
+        assert hand.gain_bandwidth == pytest.approx(product, rel=1e-3)
+        assert design.amplifier.gain_db == pytest.approx(gain, abs=0.2)
+        assert design.amplifier.gain_pole_product == pytest.approx(product, rel=0.05)
+    # The same currents through a gain factor 11.14 times as high: gm1 rises by its root.
     real, printed = DESIGN.amplifier, AS_IN_PAPER.amplifier
-    assert (real.gain_db, printed.gain_db) == pytest.approx((52.6, 42.4), abs=0.05)
-    assert real.gain_pole_product == pytest.approx(5.09e6, abs=5e3)
-    assert printed.gain_pole_product == pytest.approx(1.53e6, abs=5e3)
-    # The same currents through a gain factor 11.14 times as high: gm1 and the gain rise by its root.
     ratio = real.input_transconductance / printed.input_transconductance
     share = real.tail_current / printed.tail_current
     assert ratio == pytest.approx(math.sqrt(11.1449 * share), rel=0.02)  # and the pair's drain-source voltages differ
+
+
+@pytest.mark.spice
+@pytest.mark.skipif(not ngspice.available(), reason="needs ngspice")
+def test_the_report_is_that_of_ngspice_for_the_exported_netlist() -> None:
+    for design in (DESIGN, PosfetDesign(stages=1, load_capacitance=100e-12, load_resistance=1e12)):
+        response = ngspice.run_open_loop_ac(design.netlist(), 1.0, 1e9, 20)
+        gain = np.abs(response.transfer)
+        assert design.amplifier.gain_db == pytest.approx(20 * math.log10(gain[0]), abs=0.01)
+        crossing = math.exp(np.interp(0, -np.log(gain), np.log(response.frequency)))
+        assert design.amplifier.gain_bandwidth == pytest.approx(crossing, rel=1e-3)
+        phase = np.unwrap(np.angle(response.transfer))
+        phase -= 2 * math.pi * round(phase[0] / (2 * math.pi))
+        margin = 180 + math.degrees(np.interp(math.log(crossing), np.log(response.frequency), phase))
+        assert design.amplifier.phase_margin == pytest.approx(margin, abs=0.1)
 
 
 def test_the_operating_point_by_hand() -> None:
@@ -50,7 +70,7 @@ def test_the_operating_point_by_hand() -> None:
     assert amplifier.overdrive == pytest.approx(pair_overdrive, rel=0.02)
     tail_voltage = 5 - 0.7 - pair_overdrive
     assert tail == pytest.approx(0.5 * mirror * overdrive**2 * (1 + 0.1 * tail_voltage), rel=0.01)
-    assert amplifier.input_transconductance == pytest.approx(tail / amplifier.overdrive, rel=1e-9)
+    assert amplifier.input_transconductance == pytest.approx(tail / amplifier.overdrive, rel=5e-3)
     load_overdrive = math.sqrt(tail / (0.0283 * COX * 160 / 12 * (1 + 0.1 * 1.9)))
     assert amplifier.load_transconductance == pytest.approx(tail / load_overdrive, rel=0.02)
     # Common mode: the tail's conductance, halved by the mirror's gm; against the gain of the first stage.
@@ -69,7 +89,8 @@ def test_every_noise_source_at_the_top_electrode_by_hand() -> None:
     coupling, tau = film / (film + gate), 1e10 * (film + gate)
     share = 2 / math.pi * (math.atan(2e3 * math.pi * tau) - math.atan(0.2 * math.pi * tau))
     below, load = 1e-24 / gate / coupling**2, 1e-24 / (COX * 160e-6 * 12e-6)
-    gain = amplifier.open_loop_gain / (1 + amplifier.open_loop_gain)
+    gain = float(amplifier.follower_gain)
+    assert gain == pytest.approx(amplifier.open_loop_gain / (1 + amplifier.open_loop_gain), abs=1e-3)
     by_hand = {
         "bias": math.sqrt(KT / (film + gate) * share) / coupling,
         "thermal": math.sqrt(16 / 3 * KT / gm1 * (1 + gm3 / gm1) * 999.9),
@@ -112,27 +133,32 @@ def test_sensitivities_planes_and_ranges_by_hand() -> None:
 
 
 def test_the_bandwidth_is_where_the_follower_has_fallen_by_3_db() -> None:
-    designs = PosfetDesign(load_capacitance=np.array([1e-12, 1e-11, 1e-10, 3e-10]), zero_resistor=2000.0)
-    amplifier = designs.amplifier
-    response = np.abs(amplifier.open_loop.closed_loop_response(amplifier.bandwidth)) / amplifier.follower_gain
-    np.testing.assert_allclose(response, math.sqrt(0.5), rtol=1e-12)
-    single = PosfetDesign(stages=1, load_resistance=1e15, reference_current=1e-4).amplifier
-    gain = np.abs(single.open_loop.closed_loop_response(single.bandwidth)) / single.follower_gain
-    assert gain == pytest.approx(math.sqrt(0.5), rel=1e-12)
+    for design in (DESIGN, PosfetDesign(load_capacitance=1e-10), PosfetDesign(stages=1, load_resistance=1e12)):
+        follower, bandwidth = design.follower(), design.amplifier.bandwidth
+        assert follower.response(bandwidth).gain / follower.static_gain == pytest.approx(math.sqrt(0.5), rel=1e-9)
+        assert follower.response(0.9 * bandwidth).gain / follower.static_gain > math.sqrt(0.5)
 
 
-NOT_CHANGED_BY_THICKNESS = {"gate_capacitance_f", "area_m2", "newtons_per_kelvin", "zero_hz", "overshoot_pct"}
-"""Besides the ends of the input range, which the output stage sets with the default load."""
+def test_the_input_range_is_that_of_the_hand_formulas() -> None:
+    for stages in (1, 2):
+        design = PosfetDesign(stages=stages, load_resistance=11e3 if stages == 2 else 1e12)
+        circuit = design.circuit()
+        hand = (figures_of_merit if stages == 2 else one_stage_figures)(circuit.bias, circuit.design).limits
+        assert design.amplifier.lowest_input == pytest.approx(hand.v_low, abs=0.1)
+        assert design.amplifier.highest_input == pytest.approx(hand.v_high, abs=0.1)
+
+
+NOT_CHANGED_BY_THICKNESS = {"gate_capacitance_f", "area_m2", "newtons_per_kelvin", "overshoot_pct"}
 
 
 def test_a_changed_thickness_changes_everything_that_depends_on_it() -> None:
     two = {"poling_voltages": (100.0,), "film_thickness": np.array([2.5e-6, 4e-6])}
     figures = report.values(PosfetDesign(**two))
     kept = {key for key, value in figures.items() if abs(value[0] - value[1]) <= 1e-9 * abs(value[0])}
-    assert kept == {*NOT_CHANGED_BY_THICKNESS, "lowest_input_v", "highest_input_v"}
+    assert kept == NOT_CHANGED_BY_THICKNESS
     unloaded = PosfetDesign(**two, load_resistance=1e12)  # here M5 is the limit
     shift = np.diff(unloaded.threshold + unloaded.amplifier.overdrive)
-    assert np.diff(unloaded.amplifier.lowest_input) == pytest.approx(shift, rel=1e-9)
+    assert np.diff(unloaded.amplifier.lowest_input) == pytest.approx(shift, abs=5e-3)
 
 
 ARRAYS: dict[str, Any] = {
@@ -155,7 +181,7 @@ def test_arrays_give_what_each_element_gives(stages: int) -> None:
             assert whole.validity.reasons_at(*index) == one.reasons
             for key, value in report.values(one).items():
                 with row(f"{key} at {index}"):
-                    np.testing.assert_allclose(every[key][index], value, rtol=1e-13, atol=0)
+                    np.testing.assert_allclose(every[key][index], value, rtol=1e-7, atol=0)
     assert not whole.valid[1].any()
     assert whole.valid[0, 1] or stages == 1
 
@@ -163,7 +189,7 @@ def test_arrays_give_what_each_element_gives(stages: int) -> None:
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"supply": 1.2}, NO_OPERATING_POINT),
+        ({"supply": 1.2}, NOT_SATURATED),
         ({"poling_voltages": ()}, NOT_POLED),
         ({"signal_force": 4.0}, BEYOND_INPUT),
         ({"adc_high": 0.5}, BEYOND_ADC),
@@ -189,7 +215,7 @@ def test_an_unstable_design_has_no_overshoot_and_never_settles() -> None:
 
 
 def test_every_circuit_of_the_comparison_with_spice_is_a_design() -> None:
-    """The same hand formulas as of the circuit's own data."""
+    """Its netlist is that of the circuit's own data."""
     for name in ("two_stage_narrow_pair_50pf", "one_stage_10mhz"):
         circuit = CIRCUITS[name]
         bias = circuit.bias
@@ -204,10 +230,6 @@ def test_every_circuit_of_the_comparison_with_spice_is_a_design() -> None:
             load_resistance=bias.load_resistance,
             channel_length_modulation=bias.modulation,
         )
-        formulas = figures_of_merit if circuit.stages == 2 else one_stage_figures
-        figures = formulas(bias, circuit.design)
-        assert design.amplifier.open_loop_gain == pytest.approx(figures.open_loop_gain, rel=1e-9)
-        assert design.amplifier.second_pole == pytest.approx(figures.second_pole, rel=1e-9)
         assert design.netlist(name).splitlines()[6:] == subcircuit(circuit).splitlines()[6:]
 
 

@@ -41,7 +41,7 @@ def test_the_csv_has_a_row_for_each_design() -> None:
     assert table[1, header.index("gain_db")] == pytest.approx(
         float(PosfetDesign(film_thickness=1e-6).amplifier.gain_db), rel=1e-10
     )
-    assert np.isnan(table[0, header.index("gain_db")])
+    assert np.isnan(table[0, header.index("lowest_input_v")])
 
 
 def test_large_sweeps_are_computed_in_chunks_and_by_processes_where_joblib_is(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -105,19 +105,19 @@ def test_the_offset_has_the_standard_deviation_of_pelgroms_law() -> None:
 
 
 def test_yield_and_quantiles_count_the_samples() -> None:
-    limits = (Limit("gain_db", low=52.6), Limit("smallest_force_n", high=1.7e-4))
+    limits = (Limit("gain_db", low=52.5), Limit("smallest_force_n", high=1.7e-4))
     result = run_tolerance(DESIGN, Tolerance(samples=400, spread=(("film_thickness", 0.1),), limits=limits))
     gain, force = result.figures["gain_db"], result.figures["smallest_force_n"]
-    good = (gain >= 52.6) & (force <= 1.7e-4) & result.valid
+    good = (gain >= 52.5) & (force <= 1.7e-4) & result.valid
     assert result.yielded == good.mean()
     assert 0 < result.yielded < 1
-    assert result.passed["gain_db"].sum() == (gain >= 52.6).sum()
+    assert result.passed["gain_db"].sum() == (gain >= 52.5).sum()
     ordered = np.sort(gain)
     for share, value in zip(QUANTILES, result.quantiles("gain_db"), strict=True):
         assert value == ordered[math.ceil(share * 400) - 1]
     lines = result.csv().splitlines()
     assert len(lines) == 401
-    assert lines[0].split(",")[-3:] == [OFFSET, "valid", "pass"]
+    assert lines[0].split(",") == [*report.KEYS, "valid", "pass"]
     assert sum(int(line.rsplit(",", 1)[1]) for line in lines[1:]) == good.sum()
 
 
@@ -132,6 +132,6 @@ def test_the_seed_determines_the_samples() -> None:
 def test_a_design_that_never_works_has_no_yield() -> None:
     result = run_tolerance(PosfetDesign(supply=1.2), Tolerance(samples=3))
     assert result.yielded == 0
-    assert np.isnan(result.quantiles("gain_db")).all()
+    assert np.isnan(result.quantiles("lowest_input_v")).all()
     with pytest.raises(ValueError, match="must be a single one"):
         run_tolerance(PosfetDesign(supply=np.array([5.0, 4.0])), Tolerance())

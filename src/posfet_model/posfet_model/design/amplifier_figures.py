@@ -1,72 +1,86 @@
-"""Figures of merit of the op-amp of a design and of its follower, for one circuit or for arrays of circuits."""
+"""Figures of merit of the op-amp of a design and of its follower, for one circuit or for arrays of circuits.
+
+The circuit is linearised at its operating point and solved exactly (`circuit_figures`); nothing is fitted.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from posfet_model._lib.types import Array, FloatArray, Mask
-from posfet_model.amplifier.one_stage import one_stage_figures
-from posfet_model.amplifier.open_loop import OpenLoop
-from posfet_model.amplifier.operating_point import operating_point
-from posfet_model.amplifier.two_stage import figures_of_merit
+from posfet_model.amplifier.circuit import AmplifierCircuit
+from posfet_model.amplifier.circuit_figures import TransferFunction, circuit_figures
+from posfet_model.amplifier.operating_point import MIN_OUTPUT_CURRENT
 from posfet_model.amplifier.validity import Validity
-from posfet_model.spice.circuits import Circuit
 
-NO_OPERATING_POINT: Final = "the supply is too low: a transistor is not saturated at rest"
-NO_REST: Final = "an input of 0 V is out of the amplifier's range"
+BLOCK: Final = 250
+"""Circuits that are computed at once, which bounds the memory."""
+
+_OF_EACH_TRANSISTOR: Final = ("beta", "gate_area", "threshold")
+_RANGE_HALVINGS: Final = 15
+_FREQUENCIES: Final = np.geomspace(1.0, 1e11, 56)
+_FREQUENCY_HALVINGS: Final = 40
+_HALF_POWER: Final = math.sqrt(0.5)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AmplifierFigures:
-    """Figures of merit by hand formulas at rest, input and output near 0 V; NaN where a transistor is not saturated."""
+    """Figures of merit at rest with the input at 0 V, all of the designs' shape; NaN without an operating point."""
 
-    saturated: Mask
-    """Where all transistors are saturated at rest."""
-    tail_current: Array
+    found: Mask
+    """Where there is an operating point."""
+    tail_current: FloatArray
     """Current through M5 [A]."""
-    output_current: Array
-    """Current through M7 and M8 [A]."""
-    overdrive: Array
-    """Overdrive of M1 and M2 [V]."""
-    input_transconductance: Array
-    """gm1 [S], for the voltage of the top electrode."""
-    load_transconductance: Array
-    """gm3 [S]."""
-    open_loop_gain: Array
+    output_current: FloatArray
+    """Current through M7 [A]."""
+    supply_current: FloatArray
+    """Current from the positive supply, with the reference current [A]."""
+    overdrive: FloatArray
+    """Overdrive of M2 [V]."""
+    input_transconductance: FloatArray
+    """gm of M2 [S], for the voltage of the top electrode."""
+    load_transconductance: FloatArray
+    """gm of M3 [S]."""
+    open_loop_gain: FloatArray
     """A0 [V/V]."""
-    dominant_pole: Array
-    """Dominant pole [Hz]."""
-    second_pole: Array
-    """Second pole [Hz]."""
-    zero: Array
-    """Zero [Hz], negative in the right half-plane, inf without one."""
-    slew_rate: Array
-    """Slew rate of rise and fall, the smaller one [V/s]."""
-    common_mode_rejection: Array
-    """CMRR: difference gain over common-mode gain of the first stage [V/V]."""
-    lowest_input: Array
-    """Lowest input that keeps all transistors saturated [V]."""
-    highest_input: Array
-    """Highest input that keeps all transistors saturated [V]."""
-
-    @property
-    def open_loop(self) -> OpenLoop:
-        """Poles and zero of the op-amp; those without an operating point are replaced by a gain of 1."""
-        usable = self.saturated
-        gain, first, second, zero = (
-            np.where(usable, part, 1.0)
-            for part in (self.open_loop_gain, self.dominant_pole, self.second_pole, self.zero)
-        )
-        return OpenLoop(gain, (first, second), zero)
-
-    def _known(self, values: Any) -> FloatArray:
-        known: FloatArray = np.where(self.saturated, values, math.nan)
-        return known[()]
+    dominant_pole: FloatArray
+    """Dominant pole of the open loop [Hz]."""
+    second_pole: FloatArray
+    """Magnitude of the next pole of the open loop [Hz]."""
+    gain_bandwidth: FloatArray
+    """Frequency at which the open-loop gain is 1 [Hz]; NaN where it never is."""
+    phase_margin: FloatArray
+    """Phase margin [degrees]; NaN where the gain never is 1."""
+    stable: Any
+    """Whether the follower is stable; False without an operating point."""
+    overshoot: FloatArray
+    """Overshoot of a small step of the follower [1]; NaN where unstable."""
+    settling_time: FloatArray
+    """Time after which a small step stays within 1 % [s]; inf where unstable."""
+    follower_gain: FloatArray
+    """Gain of the follower at frequency 0 [V/V]."""
+    bandwidth: FloatArray
+    """Frequency at which the gain of the follower has fallen by 3 dB [Hz]; NaN where unstable."""
+    slew_rate: FloatArray
+    """Steepest rise of the output [V/s]."""
+    falling_slew_rate: FloatArray
+    """Steepest fall of the output [V/s]."""
+    offset: FloatArray
+    """Systematic offset: output with the input at 0 V [V]."""
+    common_mode_rejection: FloatArray
+    """CMRR without mismatch: difference gain over common-mode gain of the first stage, 2*gm3/gds5 [V/V]."""
+    lowest_input: FloatArray
+    """Lowest input with all transistors saturated [V]; NaN where they are not at 0 V."""
+    highest_input: FloatArray
+    """Highest input with all transistors saturated [V]; NaN where they are not at 0 V."""
+    validity: Validity
+    """Where the follower is usable, and why not."""
 
     @property
     def gain_db(self) -> FloatArray:
@@ -78,110 +92,116 @@ class AmplifierFigures:
         """A0 times the dominant pole [Hz]."""
         return self.open_loop_gain * self.dominant_pole
 
-    @property
-    def gain_bandwidth(self) -> FloatArray:
-        """Frequency at which the open-loop gain is 1 [Hz]; NaN where it never is."""
-        return self._known(self.open_loop.gain_bandwidth)
 
-    @property
-    def phase_margin(self) -> FloatArray:
-        """Phase margin [degrees]; NaN where the gain never is 1."""
-        return self._known(self.open_loop.phase_margin)
-
-    @property
-    def overshoot(self) -> FloatArray:
-        """Overshoot of a small step of the follower [1]; NaN where unstable."""
-        return self._known(self.open_loop.overshoot)
-
-    @property
-    def settling_time(self) -> FloatArray:
-        """Time after which a small step stays within 1 % [s]; inf where unstable."""
-        return self._known(self.open_loop.settling_time(0.01))
-
-    @property
-    def stable(self) -> Any:
-        """Whether the follower is stable; False without an operating point."""
-        return (self.saturated & self.open_loop.stable)[()]
-
-    @property
-    def follower_gain(self) -> FloatArray:
-        """Gain of the follower at frequency 0, A0/(1 + A0) [V/V]."""
-        return self._known(self.open_loop.closed_loop_gain)
-
-    @property
-    def bandwidth(self) -> FloatArray:
-        """-3 dB frequency of the follower [Hz], the root of a quadratic equation; returns NaN where unknown.
-
-        With ``H = (1 + s*tz)/(1 + a1*s + a2*s^2)`` and x = w^2: ``a2^2*x^2 + (a1^2 - 2*a2 - 2*tz^2)*x = 1``.
-        """
-        loop = self.open_loop
-        (t1, t2), tz = loop.pole_times, loop.zero_time
-        gain = np.asarray(loop.gain)
-        a1, a2 = (t1 + t2 + gain * tz) / (1 + gain), t1 * t2 / (1 + gain)
-        b = a1 * a1 - 2 * a2 - 2 * tz * tz
-        root = np.sqrt(b * b + 4 * a2 * a2)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            square = np.where(b > 0, 2 / (b + root), (root - b) / (2 * a2 * a2))
-        return self._known(np.sqrt(square) / (2 * math.pi))
-
-    @property
-    def supply_current(self) -> FloatArray:
-        """Current through M5 and M8 [A]; the reference current comes in addition."""
-        return (self.tail_current + self.output_current)[()]
-
-    @property
-    def validity(self) -> Validity:
-        """Where the follower is usable, and why not."""
-        with np.errstate(invalid="ignore"):
-            outside = (self.lowest_input > 0) | (self.highest_input < 0)
-        ringing = {reason: mask & self.saturated for reason, mask in self.open_loop.validity.findings.items()}
-        return Validity({NO_OPERATING_POINT: ~self.saturated, **ringing, NO_REST: outside})
-
-
-def amplifier_figures(circuits: Iterable[Circuit], shape: tuple[int, ...]) -> AmplifierFigures:
-    """Return the figures of merit of circuits, NaN where a transistor is not saturated at rest.
+def amplifier_figures(circuit: AmplifierCircuit) -> AmplifierFigures:
+    """Return the figures of merit of op-amp circuits as followers.
 
     Parameters
     ----------
-    circuits : iterable of Circuit
-        The circuits, in C order.
-    shape : tuple of int
-        Shape of the result.
+    circuit : AmplifierCircuit
+        One circuit, or arrays of them.
 
     Returns
     -------
     AmplifierFigures
-        Figures of merit, of that shape.
+        Figures of merit, of the circuits' shape.
     """
-    rows = [_row(circuit) for circuit in circuits]
-    names = [item.name for item in fields(AmplifierFigures)]
-    columns = {name: np.array([row[name] for row in rows]).reshape(shape) for name in names}
-    return AmplifierFigures(**columns)
+    blocks = [_block(block) for block in _blocks(circuit)]
+    joined: dict[str, Any] = {}
+    for item in dataclasses.fields(AmplifierFigures):
+        parts = [getattr(block, item.name) for block in blocks]
+        if item.name == "validity":
+            masks = {reason: np.concatenate([part.findings[reason] for part in parts]) for reason in parts[0].findings}
+            joined["validity"] = Validity({reason: mask.reshape(circuit.shape) for reason, mask in masks.items()})
+        else:
+            joined[item.name] = np.concatenate(parts).reshape(circuit.shape)[()]
+    return AmplifierFigures(**joined)
 
 
-def _row(circuit: Circuit) -> dict[str, Any]:
-    bias, design = circuit.bias, circuit.design
-    try:
-        figures = figures_of_merit(bias, design) if circuit.stages == 2 else one_stage_figures(bias, design)
-    except ValueError:
-        nothing = dict.fromkeys((item.name for item in fields(AmplifierFigures)), math.nan)
-        return {**nothing, "saturated": False}
-    point = operating_point(bias, design)
-    lam, tail_voltage = bias.modulation, bias.supply - point.pair_threshold - point.pair_overdrive
-    gm3, tail_conductance = point.tail / point.load_overdrive, lam * point.tail / (1 + lam * tail_voltage)
-    return {
-        "saturated": True,
-        "tail_current": figures.tail_current,
-        "output_current": point.output,
-        "overdrive": figures.overdrive,
-        "input_transconductance": figures.input_transconductance,
-        "load_transconductance": gm3,
-        "open_loop_gain": figures.open_loop_gain,
-        "dominant_pole": figures.dominant_pole,
-        "second_pole": figures.second_pole,
-        "zero": getattr(figures, "zero", math.inf),
-        "slew_rate": min(figures.slew_rate, getattr(figures, "falling_slew_rate", math.inf)),
-        "common_mode_rejection": figures.first_gain * 2 * gm3 / tail_conductance,
-        "lowest_input": figures.limits.v_low,
-        "highest_input": figures.limits.v_high,
-    }
+def _blocks(circuit: AmplifierCircuit) -> Iterator[AmplifierCircuit]:
+    """Yield the circuits in blocks of shape [n], in C order; one empty block if there are none."""
+    flat: dict[str, Array] = {}
+    for item in dataclasses.fields(circuit):
+        if item.name != "stages":
+            part = np.asarray(getattr(circuit, item.name), np.float64)
+            rest = (8,) if item.name in _OF_EACH_TRANSISTOR else ()
+            flat[item.name] = np.broadcast_to(part, (*circuit.shape, *rest)).reshape(-1, *rest)
+    for begin in range(0, max(math.prod(circuit.shape), 1), BLOCK):
+        yield AmplifierCircuit(circuit.stages, **{name: part[begin : begin + BLOCK] for name, part in flat.items()})
+
+
+def _block(circuit: AmplifierCircuit) -> AmplifierFigures:
+    """Return the figures of circuits of the shape [n]."""
+    figures = circuit_figures(circuit)
+    nodes = circuit.operating_point(0.0)
+    rest = np.zeros(nodes.shape[:-1])
+    found = np.asarray(np.isfinite(nodes).all(axis=-1))
+    gate, _, point = circuit.transistors(nodes, rest)
+    gm, gds = np.abs(point.transconductance), np.abs(point.output_conductance)
+    first_gain = gm[..., 1] / (gds[..., 1] + gds[..., 3])
+    poles = np.where(found[..., None], np.abs(figures.open_loop_response.rates) / (2 * math.pi), math.nan)
+    lowest, highest = _input_range(circuit)
+    return AmplifierFigures(
+        found=found,
+        tail_current=figures.tail_current,
+        output_current=figures.output_current,
+        supply_current=figures.supply_current,
+        overdrive=gate[..., 1] - circuit.threshold[..., 1],
+        input_transconductance=gm[..., 1],
+        load_transconductance=gm[..., 2],
+        open_loop_gain=np.abs(figures.gain),
+        dominant_pole=poles[..., 0],
+        second_pole=poles[..., 1],
+        gain_bandwidth=figures.gain_bandwidth,
+        phase_margin=figures.phase_margin,
+        stable=figures.stable & found,
+        overshoot=figures.overshoot,
+        settling_time=np.where(found, figures.settling_time, math.nan),
+        follower_gain=figures.closed_loop_gain,
+        bandwidth=_bandwidth(figures.closed_loop_response, figures.stable & found),
+        slew_rate=figures.slew_rate,
+        falling_slew_rate=figures.falling_slew_rate,
+        offset=figures.offset,
+        common_mode_rejection=first_gain * 2 * gm[..., 2] / gds[..., 4],
+        lowest_input=lowest,
+        highest_input=highest,
+        validity=figures.validity,
+    )
+
+
+def _bandwidth(response: TransferFunction, stable: Mask) -> Array:
+    """Return the first frequency [Hz] at which the gain falls below its value at 0 by 3 dB."""
+    wanted = _HALF_POWER * np.abs(response.gain)
+    grid = _FREQUENCIES[:, None]
+    above = np.abs(response.at(np.broadcast_to(grid, (grid.size, wanted.size)))) > wanted
+    last = np.argmin(above, axis=0) - 1  # before the first below
+    crossed = stable & (last >= 0)
+    at = np.maximum(last, 0)
+    low, high = _FREQUENCIES[at], _FREQUENCIES[at + 1]
+    for _ in range(_FREQUENCY_HALVINGS):
+        middle = np.sqrt(low * high)
+        loud = np.abs(response.at(middle)) > wanted
+        low, high = np.where(loud, middle, low), np.where(loud, high, middle)
+    return np.where(crossed, low, math.nan)
+
+
+def _input_range(circuit: AmplifierCircuit) -> tuple[Array, Array]:
+    """Return the lowest and highest input [V] that keep the circuit in its range at rest, by bisection from 0 V."""
+    supply = np.broadcast_to(circuit.supply, circuit.shape)
+
+    def within(v_in: Array) -> Mask:
+        nodes = circuit.operating_point(v_in)
+        current = np.abs(circuit.transistors(nodes, v_in)[2].current)
+        driven = current[..., 6] >= MIN_OUTPUT_CURRENT * current[..., 7]
+        return np.asarray(circuit.saturated(nodes, v_in).all(axis=-1) & driven)
+
+    usable = within(np.zeros(circuit.shape))
+    ends = []
+    for sign in (-1, 1):
+        inside, outside = np.zeros(circuit.shape), sign * supply
+        for _ in range(_RANGE_HALVINGS):
+            middle = 0.5 * (inside + outside)
+            good = within(middle)
+            inside, outside = np.where(good, middle, inside), np.where(good, outside, middle)
+        ends.append(np.where(usable, inside, math.nan))
+    return ends[0], ends[1]

@@ -12,9 +12,9 @@ from typing import Any, Final
 
 from posfet_model._lib.shown import shown
 from posfet_model.config import ConfigError, Section, find_file, read_yaml
+from posfet_model.design import report
 from posfet_model.design.posfet_design import PosfetDesign
 from posfet_model.design.sweep import MAX_DESIGNS, MAX_POINTS, Axis, Sweep
-from posfet_model.design.tolerance import KEYS as TOLERANCE_KEYS
 from posfet_model.design.tolerance import MAX_SAMPLES, Limit, Tolerance
 from posfet_model.device.physical_units import Plausible
 from posfet_model.device.taxel import POLING_VOLTAGE, FilmGeometry, plausible_fields
@@ -190,8 +190,8 @@ def _tolerance(section: Section) -> Tolerance:
     if "limits" in section:
         named = section.section("limits")
         for key in named.names():
-            if key not in TOLERANCE_KEYS:
-                raise unknown(named, key, key, TOLERANCE_KEYS)
+            if key not in report.KEYS:
+                raise unknown(named, key, key, report.KEYS)
             ends = named.section(key)
             low = ends.number("min") if "min" in ends else -math.inf
             high = ends.number("max") if "max" in ends else math.inf

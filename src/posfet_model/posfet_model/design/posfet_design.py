@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from posfet_model._lib.types import FloatArray
+from posfet_model._lib.types import Array, FloatArray
 from posfet_model._lib.validation import whole_number
-from posfet_model.amplifier.follower_base import Follower
+from posfet_model.amplifier.circuit import AmplifierCircuit
 from posfet_model.amplifier.operating_point import AmplifierBias, AmplifierDesign
-from posfet_model.amplifier.slew_identification import one_stage_model, two_stage_model
+from posfet_model.amplifier.transient_follower import CircuitFollower
 from posfet_model.amplifier.validity import Validity
 from posfet_model.design import readout
 from posfet_model.design.amplifier_figures import AmplifierFigures, amplifier_figures
@@ -35,6 +35,9 @@ from posfet_model.device.taxel import Taxel, Values, plausible_fields, quantity
 from posfet_model.device.transistor import Stack
 from posfet_model.spice import netlist
 from posfet_model.spice.circuits import Circuit
+
+PARTS = ("gate", "gate", "load", "load", "tail", "mirror", "output", "sink")
+"""Names of M1 to M8 in the fields of sizes."""
 
 NOT_POLED = "the film is not poled: a force gives no signal"
 BEYOND_INPUT = "the force to be measured drives the input out of the amplifier's range"
@@ -58,7 +61,7 @@ class PosfetDesign(Taxel):
     --------
     >>> design = PosfetDesign()
     >>> print(f"{design.amplifier.gain_db:.1f} dB, {design.amplifier.gain_pole_product / 1e6:.2f} MHz")
-    52.6 dB, 5.09 MHz
+    52.5 dB, 4.90 MHz
     >>> thicker = PosfetDesign(film_thickness=np.array([2.5e-6, 5e-6]))
     >>> print((thicker.smallest_force * 1e6).round())
     [167.  88.]
@@ -133,14 +136,36 @@ class PosfetDesign(Taxel):
     @cached_property
     def amplifier(self) -> AmplifierFigures:
         """Figures of merit of the op-amp and its follower; NaN where it has no operating point."""
-        every = (self if not self.shape else self.at(*index) for index in np.ndindex(self.shape))
-        return amplifier_figures((design.circuit() for design in every), self.shape)
+        return amplifier_figures(self.op_amp)
+
+    @cached_property
+    def op_amp(self) -> AmplifierCircuit:
+        """The op-amp as a circuit, of arrays where the design has them."""
+        second = self.hole_mobility if self.stages == 2 else self.electron_mobility  # M7
+        n, p, below = self.electron_mobility, self.hole_mobility, self.coupling
+        mobility = (n, n, p, p, n, n, second, n)
+        drive = np.asarray(self.oxide_capacitance)[..., None] * _each(below, below, 1, 1, 1, 1, 1, 1)
+        width, length = (_each(*(getattr(self, f"{part}_{size}") for part in PARTS)) for size in ("width", "length"))
+        plain = self.threshold_voltage
+        return AmplifierCircuit(
+            stages=self.stages,
+            beta=_each(*mobility) * drive * width / length,
+            gate_area=drive * width * length,
+            threshold=_each(self.threshold, self.threshold, *(plain,) * 6),
+            modulation=np.asarray(self.channel_length_modulation),
+            supply=np.asarray(self.supply),
+            reference_current=np.asarray(self.reference_current),
+            compensation=np.asarray(self.compensation),
+            zero_resistor=np.asarray(self.zero_resistor),
+            load_resistance=np.asarray(self.load_resistance),
+            load_capacitance=np.asarray(self.load_capacitance),
+        )
 
     @cached_property
     def noise(self) -> NoiseBudget:
         """Noise by source in the band [V rms], as a voltage of the top electrode."""
         amplifier = self.amplifier
-        usable = amplifier.saturated  # else the rest is computed with figures that do not matter
+        usable = amplifier.found  # else the rest is computed with figures that do not matter
         gm1 = np.where(usable, amplifier.input_transconductance, 1.0)
         gm3 = np.where(usable, amplifier.load_transconductance, 0.0)
         gain = np.where(usable, amplifier.follower_gain, 1.0)
@@ -217,16 +242,14 @@ class PosfetDesign(Taxel):
     @property
     def power(self) -> FloatArray:
         """Power from both supplies at rest [W]."""
-        watts: FloatArray = 2 * np.asarray(self.supply) * (self.reference_current + self.amplifier.supply_current)
+        watts: FloatArray = 2 * np.asarray(self.supply) * self.amplifier.supply_current
         return watts
 
     @property
     def area(self) -> FloatArray:
         """Area of the film and of the gates of M2 to M8, without wiring and capacitors [m2]."""
-        pair = np.multiply(self.gate_width, self.gate_length)
-        names = ("load", "load", "tail", "mirror", "output", "sink")
-        others = (np.multiply(getattr(self, f"{n}_width"), getattr(self, f"{n}_length")) for n in names)
-        total: FloatArray = sum(others, np.add(self.film_area, pair))
+        gates = (np.multiply(getattr(self, f"{part}_width"), getattr(self, f"{part}_length")) for part in PARTS[1:])
+        total: FloatArray = sum(gates, np.asarray(self.film_area))
         return total
 
     @cached_property
@@ -239,7 +262,8 @@ class PosfetDesign(Taxel):
                     NOT_POLED: np.equal(volts, 0),
                     BEYOND_INPUT: np.greater(self.signal_force, self._reach("amplifier")),
                     BEYOND_ADC: np.greater(self.signal_force, self._reach("adc")),
-                    TOO_STEEP: 2 * math.pi * self.high_frequency * volts > self.amplifier.slew_rate,
+                    TOO_STEEP: 2 * math.pi * self.high_frequency * volts
+                    > np.minimum(self.amplifier.slew_rate, self.amplifier.falling_slew_rate),
                 }
             )
 
@@ -293,16 +317,7 @@ class PosfetDesign(Taxel):
         ValueError
             The design has arrays (use `at`), or the name has other characters.
         """
-        if self.shape:
-            raise ValueError(f"the design must be a single one, got arrays of shape {self.shape}; use design.at(...)")
-        sizes = {
-            "gate": ("M1", "M2"),
-            "load": ("M3", "M4"),
-            "tail": ("M5",),
-            "mirror": ("M6",),
-            "output": ("M7",),
-            "sink": ("M8",),
-        }
+        self._require_single()
         return Circuit(
             name,
             self.stages,
@@ -318,9 +333,10 @@ class PosfetDesign(Taxel):
             ),
             AmplifierDesign(
                 sizes=tuple(
-                    TransistorSize(m, float(getattr(self, f"{part}_width")), float(getattr(self, f"{part}_length")))
-                    for part, names in sizes.items()
-                    for m in names
+                    TransistorSize(
+                        f"M{m}", float(getattr(self, f"{part}_width")), float(getattr(self, f"{part}_length"))
+                    )
+                    for m, part in enumerate(PARTS, 1)
                 ),
                 stack=Stack(oxide=float(self.oxide_capacitance), film=float(self.film_on_gate)),
                 electron_mobility=float(self.electron_mobility),
@@ -329,22 +345,25 @@ class PosfetDesign(Taxel):
             ),
         )
 
-    def follower(self) -> Follower:
-        """Return the follower of a single design, with its ranges of validity.
+    def _require_single(self) -> None:
+        if self.shape:
+            raise ValueError(f"the design must be a single one, got arrays of shape {self.shape}; use design.at(...)")
+
+    def follower(self) -> CircuitFollower:
+        """Return the follower of a single design: the circuit, integrated over time for any input.
 
         Returns
         -------
-        Follower
-            Model for any input over time.
+        CircuitFollower
+            The follower, with its ranges of validity.
 
         Raises
         ------
         ValueError
-            The design has arrays, or no operating point.
+            The design has arrays (use `at`).
         """
-        circuit = self.circuit()
-        model = two_stage_model if self.stages == 2 else one_stage_model
-        return model(circuit.bias, circuit.design).follower()
+        self._require_single()
+        return CircuitFollower(circuit=self.op_amp)
 
     def netlist(self, name: str = "design") -> str:
         """Return the op-amp of a single design as a SPICE subcircuit, ``.subckt opamp plus minus out``.
@@ -369,3 +388,8 @@ class PosfetDesign(Taxel):
 
 def _first(design: PosfetDesign, name: str) -> str:
     return f"{float(np.asarray(getattr(design, name)).flat[0]):g}"
+
+
+def _each(*values: Values | int) -> Array:
+    """Return one value for each transistor along a last axis."""
+    return np.stack(np.broadcast_arrays(*(np.asarray(value, np.float64) for value in values)), axis=-1)

@@ -22,10 +22,7 @@ QUANTILES: Final = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
 """Quantiles of the output."""
 
 OFFSET: Final = "offset_v"
-"""Key of the input offset by mismatch [V], at the top electrode, besides `report.KEYS`."""
-
-KEYS: Final = (*report.KEYS, OFFSET)
-"""Figures of merit that a limit may refer to."""
+"""Key of the offset [V], at the top electrode: here with that by mismatch."""
 
 MAX_SAMPLES: Final = 1_000_000
 """Most samples."""
@@ -42,7 +39,7 @@ class Limit:
     """Allowed range of a figure of merit; unchecked."""
 
     key: str
-    """Key of the figure, of `KEYS`."""
+    """Key of the figure, of `report.KEYS`."""
     low: float = -math.inf
     """Smallest allowed value."""
     high: float = math.inf
@@ -72,7 +69,7 @@ class ToleranceResult:
     """Outcome of a tolerance analysis."""
 
     figures: dict[str, FloatArray]
-    """Figures of merit of each sample by key (`KEYS`), shape [samples]."""
+    """Figures of merit of each sample by key (`report.KEYS`), shape [samples]."""
     valid: Mask
     """Which samples are valid designs."""
     passed: dict[str, Mask]
@@ -151,7 +148,7 @@ def run_tolerance(design: PosfetDesign, tolerance: Tolerance) -> ToleranceResult
     ratio = amplifier.load_transconductance / amplifier.input_transconductance
     offset = pair[0] / samples.coupling + ratio * load[0] + 0.5 * amplifier.overdrive * (pair[1] + load[1])
     figures: dict[str, FloatArray] = {key: np.array(value) for key, value in report.values(samples).items()}
-    figures[OFFSET] = offset
+    figures[OFFSET] = figures[OFFSET] + offset
     passed = {
         limit.key: np.asarray((figures[limit.key] >= limit.low) & (figures[limit.key] <= limit.high))
         for limit in tolerance.limits
