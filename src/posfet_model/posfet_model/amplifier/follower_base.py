@@ -50,13 +50,13 @@ class FollowerOutput:
     """Output voltage [V]."""
     valid: NDArray[np.bool_]
     """False where the input or the required slope exceeds the limits, or a finding applies: v_out is unreliable."""
-    findings: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
-    """Where reasons against it apply, by reason, from the models that state them."""
+    findings: Mapping[str, NDArray[np.bool_]] | None = None
+    """Where reasons against it apply, by reason; None from the models that state none."""
 
     @property
     def reasons(self) -> list[str]:
         """Reasons that apply anywhere."""
-        return [reason for reason, mask in self.findings.items() if mask.any()]
+        return [reason for reason, mask in (self.findings or {}).items() if mask.any()]
 
 
 @dataclass(frozen=True, eq=False)

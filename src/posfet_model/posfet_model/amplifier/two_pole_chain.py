@@ -11,6 +11,7 @@ both, which is written without cancellation: equal and nearly equal poles are no
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -22,6 +23,8 @@ from posfet_model.amplifier.follower_base import VOLTAGE_LIMIT
 
 _MOST_GROWTH: Final = 600.0
 """Largest exponent of an unstable pole in a step: beyond, the lag is at its limit anyway."""
+
+_KNOWN_STEPS: Final = 256
 
 Lags = tuple[NDArray[Any], NDArray[Any]]
 
@@ -37,10 +40,19 @@ class TwoPoleChain:
     zero: Array
     """tz; 0 where there is no zero, negative in the right half-plane."""
 
-    @property
+    @cached_property
     def grows(self) -> bool:
         """Whether any of the poles is unstable."""
         return bool(np.any(self.slow.real < 0) or np.any(self.fast.real < 0))
+
+    @cached_property
+    def _of_step(self) -> dict[float, tuple[NDArray[Any], ...]]:
+        """Coefficients by step: a simulation repeats few different steps."""
+        return {}
+
+    @cached_property
+    def _lead(self) -> NDArray[Any] | None:
+        return self.zero / self.slow if np.any(self.zero) else None
 
     def start(self, shape: tuple[int, ...]) -> Lags:
         """Return the lags at rest; unchecked."""
@@ -90,7 +102,14 @@ class TwoPoleChain:
         tuple of ndarray
             Lags at the end [V]; those of an unstable pole are held at 1e6 V.
         """
-        return self._moved(lags, change, self.coefficients(step))
+        if step.ndim:
+            return self._moved(lags, change, self.coefficients(step))
+        known = self._of_step.get(float(step))
+        if known is None:
+            if len(self._of_step) >= _KNOWN_STEPS:
+                self._of_step.clear()
+            known = self._of_step[float(step)] = self.coefficients(step)
+        return self._moved(lags, change, known)
 
     def _moved(self, lags: Lags, change: Array, coefficients: tuple[NDArray[Any], ...]) -> Lags:
         decay_fast, weight_fast, decay_slow, coupling, weight_slow = coefficients
@@ -129,8 +148,8 @@ class TwoPoleChain:
 
     def lag(self, lags: Lags) -> Array:
         """Return the lag of the output [V]; unchecked."""
-        share = self.zero / self.slow
-        return np.asarray((lags[1] + share * (lags[0] - lags[1])).real)
+        lag = lags[1] if self._lead is None else lags[1] + self._lead * (lags[0] - lags[1])
+        return np.asarray(lag.real)
 
     def slope(self, lags: Lags, change: Array, step: Array) -> Array:
         """Return the slope of the output at the end of a step [V/s], the zero's contribution of the input left out.
