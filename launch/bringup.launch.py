@@ -1,53 +1,92 @@
-"""Start the POSFET tactile stack: `ros2 launch posfet bringup.launch.py -s` lists the arguments."""
+"""Start the POSFET tactile stack: `ros2 launch posfet bringup.launch.py -s` lists the arguments.
 
+Other launch files may include it, under PushRosNamespace, SetRemap and SetParameter as well.
+"""
+
+import os
+from collections.abc import Callable
 from typing import Any
 
-from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, Shutdown
+from launch import Action, LaunchContext, LaunchDescription, LaunchDescriptionEntity
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, LogInfo, OpaqueFunction, Shutdown, TimerAction
 from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from posfet.arguments import ARGUMENTS, check, choices, description
+from posfet.arguments import ARGUMENTS, LAUNCH_ARGUMENTS, check, choices, description
 from posfet.bringup import default_params_file
 from posfet.graph import graph
+from posfet.ros_arguments import RosArguments
+from posfet_model.config import ConfigError
 from posfet_model.ros.exit_codes import PROCESS_FAILED
+from posfet_model.ros.start import PARENT
+
+RESPAWN_DELAY = 1.0
+"""Time before a process is started again that did not end on an internal error [s]."""
 
 
-def stop(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Shut down when a process has ended; raise for a process that failed, so that `ros2 launch` returns 1."""
-    if event.returncode > 0 and not context.is_shutdown:
-        raise RuntimeError(f"{event.process_name} failed with exit code {event.returncode}")
-    return [Shutdown()]
+def again(event: ProcessExited, ended: Callable[..., Any]) -> Action:
+    """Return the same process once more: namespace, parameters and remaps of an enclosing group are in its command."""
+    name = event.process_name.rsplit("-", 1)[0]
+    return ExecuteProcess(
+        cmd=event.cmd, cwd=event.cwd, env=event.env, name=name, prefix="", output="screen", on_exit=ended
+    )
 
 
-def process(**arguments: Any) -> Node:
-    """Return a process that ends the launch when it ends, but is started again when it gave up on internal errors."""
+def on_exit(required: bool, respawn: str) -> Callable[..., list[LaunchDescriptionEntity]]:
+    """Return what is done when a process has ended: start it again, end the launch, or leave the rest running."""
 
     def ended(event: ProcessExited, context: LaunchContext) -> list[LaunchDescriptionEntity]:
-        if event.returncode == PROCESS_FAILED and not context.is_shutdown:
-            return [process(**arguments)]
-        return stop(event, context)
+        if context.is_shutdown:
+            return []
+        if event.returncode == PROCESS_FAILED and respawn != "never":
+            return [again(event, ended)]
+        if respawn == "always":
+            return [TimerAction(period=RESPAWN_DELAY, actions=[again(event, ended)])]
+        if not required:
+            return [LogInfo(msg=f"{event.process_name} has ended; the rest goes on (required:=false)")]
+        if event.returncode > 0:  # `ros2 launch` then returns 1
+            raise RuntimeError(f"{event.process_name} failed with exit code {event.returncode}")
+        return [Shutdown(reason=f"{event.process_name} has ended")]
 
-    return Node(**arguments, output="screen", on_exit=ended)
+    return ended
 
 
 def start_nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """Return the processes; bad input ends the launch only if they are required."""
+    values = {argument.name: LaunchConfiguration(argument.name).perform(context) for argument in ARGUMENTS}
+    required, respawn = (LaunchConfiguration(argument.name).perform(context) for argument in LAUNCH_ARGUMENTS)
+    try:
+        return processes(context, check(values), on_exit(required == "true", respawn))
+    except ConfigError as error:
+        if required == "true":
+            raise
+        return [LogInfo(msg=f"posfet: {error}; the rest goes on (required:=false)")]
+
+
+def processes(context: LaunchContext, arguments: dict[str, str], ended: Callable[..., Any]) -> list[Node]:
     """Return one process with all nodes, which computes the graph itself, or one for each with composed:=false."""
-    arguments = check({argument.name: LaunchConfiguration(argument.name).perform(context) for argument in ARGUMENTS})
+    common: dict[str, Any] = {
+        "output": "screen",
+        "on_exit": ended,
+        # ros2 launch leaves its processes running when it ends on SIGTERM or SIGKILL: they end with it.
+        "additional_env": {PARENT: str(os.getpid())},
+    }
     if arguments["composed"] == "true":
         words = [f"{name}:={value}" for name, value in arguments.items()]
-        return [process(package="posfet", executable="bringup", arguments=words)]
+        return [Node(package="posfet", executable="bringup", arguments=words, **common)]
+    around = RosArguments(context.launch_configurations.get("ros_namespace", "").strip("/"))
     return [
-        process(
+        Node(
             package=spec.package,
             executable=spec.executable,
-            name=spec.executable,
-            namespace=spec.namespace,
+            name=spec.name,
+            namespace=f"/{spec.namespace}",
             parameters=[spec.params_file, dict(spec.parameters)],
             ros_arguments=["--log-level", spec.log_level],
+            **common,
         )
-        for spec in graph(arguments, arguments["params_file"] or default_params_file())
+        for spec in graph(arguments, arguments["params_file"] or default_params_file(), around)
     ]
 
 
@@ -60,6 +99,6 @@ def generate_launch_description() -> LaunchDescription:
             description=description(argument),
             choices=choices(argument) or None,
         )
-        for argument in ARGUMENTS
+        for argument in (*ARGUMENTS, *LAUNCH_ARGUMENTS)
     ]
     return LaunchDescription([*declared, OpaqueFunction(function=start_nodes)])

@@ -16,6 +16,9 @@ import pytest
 pytest.importorskip("rclpy", reason="needs ROS 2")
 pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 
+from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import GetParameters
+
 from posfet.graph import emulated_adapter
 from posfet_msgs.msg import TactileContacts
 from support.bringup_process import bringup, finish, needs_installation, running
@@ -203,12 +206,53 @@ def test_a_second_emulator_in_a_namespace_is_rejected_in_one_line() -> None:
         assert re.search(r"posfet: .* frames lost", finish(first))
 
 
-def test_ros_arguments_are_rejected_unless_empty() -> None:
-    result = bringup("--ros-args", "--log-level", "debug")
-    assert result.returncode == 2
-    expected = "ROS arguments are not supported, got '--ros-args --log-level debug': use name:=value (--show-args)"
-    assert result.stderr.splitlines()[-1].endswith(expected)
-    assert bringup("--show-args", "--ros-args").returncode == 0
+@pytest.mark.parametrize("composed", ["true", "false"])
+def test_ros_arguments_move_rename_and_set_the_nodes(composed: str, tmp_path: Path) -> None:
+    path = tmp_path / "parameters.yaml"
+    path.write_text("/robot/hand/brain:\n  ros__parameters:\n    simulated: false\n", encoding="utf-8")
+    rules = [
+        "-r",
+        "__ns:=/robot",
+        "-r",
+        "contacts:=touch",
+        "-r",
+        "model_node:__node:=brain",
+        "-p",
+        "use_sim_time:=true",
+    ]
+    words = ["namespace:=hand", f"composed:={composed}", f"params_file:={path}", "--ros-args", *rules]
+    with running(*words, "-p", "not_ours:=1") as process, Listener("robot/hand") as listener:
+        contacts = listener.collect(TactileContacts, "touch")
+        expect_info(listener)  # says that it is simulated: arguments override the section of a node
+        listener.wait(lambda: bool(contacts), "touch")
+        wanted = {"/robot/hand/brain", "/robot/hand/sim_board_node"}
+        listener.wait(lambda: wanted <= listener.node_names(), "the nodes")
+        for node in wanted:
+            request = GetParameters.Request(names=["use_sim_time"])
+            assert listener.call(GetParameters, f"{node}/get_parameters", request).values[0].bool_value
+        diagnostics = listener.collect(DiagnosticArray, "/diagnostics")
+        listener.wait(lambda: bool(diagnostics), "diagnostics while no /clock runs")
+        stamp = contacts[-1].header.stamp.sec
+        assert abs(time.time() - stamp) < TIMEOUT  # the time of acquisition
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=TIMEOUT)
+    assert process.returncode == 0, errors
+    assert "ignored, this node has no such parameter: not_ours" in errors
+
+
+@pytest.mark.parametrize("composed", ["true", "false"])
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--log-levl", "debug"], "unknown ROS arguments: ['--log-levl', 'debug']"),
+        (["-r", "__node:=a/b"], "__node: must be a name without slashes"),
+    ],
+)
+def test_bad_ros_arguments_end_with_one_line(words: list[str], reason: str, composed: str) -> None:
+    result = bringup(f"composed:={composed}", "--ros-args", *words)
+    assert result.returncode == 1
+    assert reason in result.stderr.splitlines()[-1]
+    assert "Traceback" not in result.stderr
 
 
 def test_show_args_describes_every_argument() -> None:

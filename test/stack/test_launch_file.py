@@ -15,7 +15,7 @@ from launch import LaunchDescription, LaunchService
 from launch.actions import ExecuteProcess, IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource, load_python_launch_file_as_module
 
-from posfet.arguments import ARGUMENTS, choices, defaults
+from posfet.arguments import ARGUMENTS, LAUNCH_ARGUMENTS, choices
 from posfet_model.ros.exit_codes import INTERRUPTED, PROCESS_FAILED
 from support.bringup_process import needs_installation
 
@@ -36,9 +36,10 @@ def launched(**arguments: str) -> int:
 
 def test_every_argument_is_declared_with_default_choices_and_description() -> None:
     declared = load_python_launch_file_as_module(LAUNCH_FILE).generate_launch_description().get_launch_arguments()
-    assert [argument.name for argument in declared] == [argument.name for argument in ARGUMENTS]
-    for argument, expected in zip(declared, ARGUMENTS, strict=True):
-        assert "".join(part.text for part in argument.default_value) == defaults()[expected.name]
+    table = [*ARGUMENTS, *LAUNCH_ARGUMENTS]
+    assert [argument.name for argument in declared] == [argument.name for argument in table]
+    for argument, expected in zip(declared, table, strict=True):
+        assert "".join(part.text for part in argument.default_value) == expected.default_text
         assert tuple(argument.choices or ()) == choices(expected)
         assert expected.description in argument.description
 

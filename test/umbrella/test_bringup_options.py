@@ -23,7 +23,7 @@ def test_options_may_stand_between_arguments(words: list[str], monkeypatch: pyte
     runs: list[tuple[object, float]] = []
     runner = SimpleNamespace(run=lambda specs, seconds: runs.append((specs, seconds)) or 7)
     monkeypatch.setattr(bringup, "default_params_file", lambda: "file")
-    monkeypatch.setattr(bringup, "graph", lambda arguments, _: (arguments["source"], arguments["namespace"]))
+    monkeypatch.setattr(bringup, "graph", lambda arguments, *_: (arguments["source"], arguments["namespace"]))
     monkeypatch.setattr(bringup, "import_module", lambda _: runner)
     assert bringup.main(words) == 7
     assert runs == [(("can", "x"), 5.0)]

@@ -6,6 +6,7 @@ import tempfile
 from pathlib import Path
 
 import pytest
+import yaml
 
 from posfet.arguments import parse
 from posfet.graph import NodeSpec, emulated_adapter, graph
@@ -113,14 +114,11 @@ def test_the_sensor_error_model_is_passed_to_the_simulated_board(params_file: st
         assert specs["sim_board_node"].parameters["imperfections"] == "none"
 
 
-def test_arguments_of_the_command_line_keep_their_types(params_file: str) -> None:
-    spec = NodeSpec(
-        "package", "sim_board_node", "tactile", params_file, "info", {"text": "5", "scene": "it's", "on": True}
-    )
+def test_parameters_of_a_process_keep_their_types_and_override_the_parameter_file(params_file: str) -> None:
+    values = {"text": "5", "scene": "it's", "on": True, "rate": 1e-3}
+    spec = NodeSpec("package", "sim_board_node", "tactile", params_file, "info", values)
+    assert yaml.safe_load(spec.parameter_file()) == {"/tactile/sim_board_node": {"ros__parameters": values}}
     words = spec.arguments
-    assert "text:='5'" in words  # text stays text
-    assert "scene:='it''s'" in words
-    assert "on:=true" in words
     assert words[:5] == ["--ros-args", "-r", "__node:=sim_board_node", "-r", "__ns:=/tactile"]
     assert words[words.index("--params-file") + 1] == params_file
 

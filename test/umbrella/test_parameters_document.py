@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from posfet.arguments import ARGUMENTS
+from posfet.arguments import ARGUMENTS, LAUNCH_ARGUMENTS
 from posfet.graph import NODES
 from posfet.parameters_document import document, main
 
@@ -24,7 +24,7 @@ def test_the_command_writes_the_document(tmp_path: Path, capsys: pytest.CaptureF
 
 def test_every_parameter_has_one_row_with_its_type_and_description() -> None:
     rows = [line for line in document().splitlines() if line.startswith("| `")]
-    tables = [ARGUMENTS, *NODES.values()]
+    tables = [ARGUMENTS, LAUNCH_ARGUMENTS, *NODES.values()]
     assert len(rows) == sum(map(len, tables))
     parameters = [parameter for table in tables for parameter in table]
     for row, parameter in zip(rows, parameters, strict=True):

@@ -72,6 +72,23 @@ ARGUMENTS: Final = (
     Parameter("log_level", "info", "Lowest severity of the log messages shown", choices=LOG_LEVELS),
 )
 
+LAUNCH_ARGUMENTS: Final = (
+    Parameter(
+        "required",
+        True,
+        "Shut the whole launch down when a process of this stack has ended for good; false: log it and leave the rest "
+        "running",
+    ),
+    Parameter(
+        "respawn",
+        "on_internal_error",
+        "When an ended process is started again: on_internal_error (exit code 3), always (after a second, also when it "
+        "could not start), never",
+        choices=("on_internal_error", "always", "never"),
+    ),
+)
+"""Arguments that only the launch file has."""
+
 
 def choices(argument: Parameter) -> tuple[str, ...]:
     """Return the texts allowed for an argument, empty for any text."""
@@ -115,6 +132,8 @@ def check(values: dict[str, str]) -> dict[str, str]:
     known = {argument.name: argument for argument in ARGUMENTS}
     for name, value in values.items():
         if name not in known:
+            if name in {argument.name for argument in LAUNCH_ARGUMENTS}:
+                raise ConfigError(f"{name}: is an argument of the launch file only")
             raise ConfigError(f"{name}: unknown argument, known are {', '.join(known)}")
         if name == NAMESPACE.name:
             checked_namespace(value)

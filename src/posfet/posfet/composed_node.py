@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib import import_module
 from typing import Any, Final
 
+from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from posfet.display_loop import show
 from posfet.graph import NodeSpec
@@ -23,12 +25,14 @@ CLASSES: Final = {"model_node": "ModelNode", "sim_board_node": "SimBoardNode", "
 
 
 class Graph:
-    """The nodes of one graph, connected within this process.
+    """The nodes of one graph, connected within this process; iterates over them.
 
     Parameters
     ----------
     specs : sequence of NodeSpec
         Nodes; the source of scans is last.
+    context : Context, optional
+        Context of the nodes; None: the default one.
 
     Raises
     ------
@@ -36,16 +40,21 @@ class Graph:
         If a parameter or file cannot be used.
     """
 
-    def __init__(self, specs: Sequence[NodeSpec]) -> None:
+    def __init__(self, specs: Sequence[NodeSpec], context: Context | None = None) -> None:
         self.nodes: dict[str, Node] = {}
+        """The nodes by the name of their executable."""
         try:
             for spec in specs:
-                arguments = spec.arguments
+                values = dict(spec.parameters)
                 if spec.executable == "model_node":
-                    arguments = [*arguments, "-p", "direct:=true"]
+                    values["direct"] = True
                 module = import_module(f"{spec.package}.ros.{spec.executable}")
-                node = getattr(module, CLASSES[spec.executable])(cli_args=arguments, use_global_arguments=False)
-                self.nodes[spec.executable] = node
+                self.nodes[spec.executable] = getattr(module, CLASSES[spec.executable])(
+                    cli_args=spec.arguments,
+                    use_global_arguments=False,
+                    parameter_overrides=[Parameter(name, value=value) for name, value in values.items()],
+                    context=context,
+                )
         except BaseException:
             self.destroy()
             raise
@@ -53,6 +62,14 @@ class Graph:
         self._simulation: Any = self.nodes.get("sim_board_node")
         self._source: ScanSourceNode = self.nodes[specs[-1].executable]
         self._source.sink = self._model.process
+
+    def __iter__(self) -> Iterator[Node]:
+        return iter(self.nodes.values())
+
+    @property
+    def failure(self) -> str:
+        """Why a node cannot go on after internal errors, in one line; '' while all can."""
+        return next((node.failure for node in self.nodes.values() if node.failure), "")
 
     def start(self) -> None:
         """Start the source of scans; raise ConfigError if it cannot be opened and a retry would not help."""
@@ -128,7 +145,7 @@ def run(specs: Sequence[NodeSpec], seconds: float) -> int:
     seconds : float
         Duration [s].
     """
-    with ros(["--ros-args", "--log-level", specs[0].log_level]) as stack:
+    with ros(["--ros-args", "--log-level", specs[0].log_level, *specs[0].ros_words]) as stack:
         graph = Graph(specs)
         stack.callback(graph.destroy)
         with Screen(graph) as screen:

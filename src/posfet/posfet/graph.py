@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import stat
 import tempfile
@@ -11,9 +12,9 @@ from pathlib import Path
 from typing import Final
 
 from posfet.arguments import given_parameters, node_parameters
+from posfet.ros_arguments import RosArguments
 from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE, DRIVER_NODE
 from posfet_model.calibration.calibration_file import load_calibration
-from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError, is_there, read_yaml
 from posfet_model.parameters import (
     CALIBRATION_FILE,
@@ -23,6 +24,7 @@ from posfet_model.parameters import (
     MOUNT,
     MOUNT_POSE,
     SENSOR,
+    STANDARD,
     Scalar,
 )
 from posfet_model.ros.mount import parse_mount
@@ -42,42 +44,59 @@ class NodeSpec:
 
     package: str
     executable: str
-    """Name of the executable, and of the node."""
+    """Name of the executable, and of the node unless it has another."""
     namespace: str
+    """Full namespace, without slashes at its ends."""
     params_file: str
     log_level: str
     parameters: Mapping[str, Scalar] = field(default_factory=dict)
-    """Parameters that override those of `params_file`."""
+    """Parameters that override those of `params_file` and of `ros_words`."""
+    ros_words: tuple[str, ...] = ()
+    """Further ROS arguments, `--ros-args` first."""
+    given_name: str = ""
+    """Name of the node where it is not that of the executable."""
+
+    @property
+    def name(self) -> str:
+        """Name of the node."""
+        return self.given_name or self.executable
 
     @property
     def arguments(self) -> list[str]:
-        """The node as arguments of the ROS command line."""
-        words = ["--ros-args", "-r", f"__node:={self.executable}", "-r", f"__ns:=/{self.namespace}"]
-        words += ["--log-level", self.log_level, "--params-file", self.params_file]
-        for name, value in self.parameters.items():
-            words += ["-p", f"{name}:={_yaml(value)}"]
-        return words
+        """The node without `parameters` as arguments of the ROS command line."""
+        words = ["--ros-args", "-r", f"__node:={self.name}", "-r", f"__ns:=/{self.namespace}"]
+        return [*words, "--log-level", self.log_level, *self.ros_words, "--params-file", self.params_file]
+
+    def parameter_file(self) -> str:
+        """Return `parameters` as the text of a parameter file: one for this node overrides one for all, and `-p`."""
+        # JSON is YAML, and keeps the types.
+        return json.dumps({f"/{self.namespace}/{self.name}": {"ros__parameters": dict(self.parameters)}})
 
 
-def _yaml(value: Scalar) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return "'" + value.replace("'", "''") + "'"  # a bare 5 or true would become another type
-    return repr(value)
+def check_params_file(path: str, ros: RosArguments) -> None:
+    """Raise ConfigError, one line, unless `path` holds parameters for nodes of this stack; nodes check the values.
 
-
-def check_params_file(path: str) -> None:
-    """Raise ConfigError, one line, unless `path` holds parameters for nodes of this stack; nodes check the values."""
+    Parameters
+    ----------
+    path : str
+        Path of the parameter file.
+    ros : RosArguments
+        Names of the nodes.
+    """
+    tables = {ros.name(node): table for node, table in NODES.items()}
     if not is_there(Path(path)):
         raise ConfigError(f"params_file: no such file: {path}")
     top = read_yaml(path)
     for name in top.names():
         node = name.rsplit("/", 1)[-1]
-        if node not in {*NODES, "*", "**"}:
-            raise top.error(name, f"no such node, known are {', '.join(NODES)}")
+        if node not in {*tables, "*", "**"}:
+            raise top.error(name, f"no such node, known are {', '.join(tables)}")
         section = top.section(name)
-        section.section("ros__parameters")
+        values = section.section("ros__parameters")
+        known = {each.name for table in ([tables[node]] if node in tables else tables.values()) for each in table}
+        for key in values.names():
+            if key not in known and not f"{key}.".startswith(tuple(f"{each.rstrip('.')}." for each in STANDARD)):
+                raise values.error(key, f"unknown parameter, known are {', '.join(sorted(known))}")
         section.end()
 
 
@@ -141,7 +160,7 @@ def _bus(arguments: Mapping[str, str], namespace: str) -> tuple[dict[str, Scalar
     return {CAN_INTERFACE.name: "slcan", CAN_CHANNEL.name: adapter}, {ADAPTER_LINK.name: adapter}
 
 
-def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
+def graph(arguments: Mapping[str, str], params_file: str, ros: RosArguments | None = None) -> list[NodeSpec]:
     """Return the nodes for checked bring-up arguments.
 
     The source of scans is last, so that its subscribers exist before its first scan.
@@ -152,14 +171,17 @@ def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
         Every argument by name, as `posfet.arguments.parse` returns them.
     params_file : str
         Path of a YAML file with node parameters.
+    ros : RosArguments, optional
+        ROS arguments for the nodes; default: none.
 
     Raises
     ------
     ConfigError
         If the namespace or a file cannot be used: one line here instead of one from every node.
     """
-    namespace = checked_namespace(arguments["namespace"])
-    check_params_file(params_file)
+    ros = ros or RosArguments()
+    namespace = ros.within(arguments["namespace"])
+    check_params_file(params_file, ros)
     source = arguments["source"]
     sensor = load_sensor(arguments["sensor_file"])
     if source != "can":
@@ -169,7 +191,11 @@ def graph(arguments: Mapping[str, str], params_file: str) -> list[NodeSpec]:
     driver_bus, board_bus = _bus(arguments, namespace)
 
     def node(package: str, executable: str, parameters: Mapping[str, Scalar]) -> NodeSpec:
-        return NodeSpec(package, executable, namespace, params_file, arguments["log_level"], {**shared, **parameters})
+        values = {**shared, **parameters}
+        name = ros.name(executable)
+        return NodeSpec(
+            package, executable, namespace, params_file, arguments["log_level"], values, ros.words, given_name=name
+        )
 
     model: dict[str, Scalar] = {"simulated": source != "can", **_mount(arguments), **_calibration(arguments, sensor)}
     model |= given_parameters(arguments, CALIBRATION_FOLDER, *ESTIMATION)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import subprocess
+import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
@@ -34,12 +36,17 @@ class Processes:
     """Context manager that starts the nodes, and stops all of them at its end."""
 
     def __init__(self, specs: Sequence[NodeSpec]) -> None:
-        self._commands = [[str(executable(spec)), *spec.arguments] for spec in specs]
+        self._commands = [(spec, [str(executable(spec)), *spec.arguments]) for spec in specs]
+        self._stack = ExitStack()
         self._running: list[subprocess.Popen[bytes]] = []
 
     def __enter__(self) -> Processes:
         environment = {**os.environ, PARENT: str(os.getpid())}
-        for command in self._commands:
+        folder = self._stack.enter_context(tempfile.TemporaryDirectory(prefix="posfet-"))
+        for spec, command in self._commands:
+            path = Path(folder, f"{spec.executable}.yaml")
+            path.write_text(spec.parameter_file(), encoding="utf-8")
+            command += ["--params-file", str(path)]
             # A separate session: Ctrl-C in the terminal reaches this process only, which then stops the nodes.
             self._running.append(subprocess.Popen(command, start_new_session=True, env=environment))
         return self
@@ -55,6 +62,7 @@ class Processes:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+        self._stack.close()
 
     def ended(self) -> bool:
         """Return whether a node has ended by itself."""

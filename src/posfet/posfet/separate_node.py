@@ -25,8 +25,8 @@ def run(specs: Sequence[NodeSpec], seconds: float) -> int:
     seconds : float
         Duration [s].
     """
-    with ros([]) as stack:
-        node = ViewNode(specs[0].namespace)
+    with ros(specs[0].ros_words) as stack:
+        node = ViewNode(specs[0].namespace, specs[0].ros_words)
         stack.callback(node.destroy_node)
         with Processes(specs) as processes, Screen(node) as screen:
             code = show(screen, [node], seconds, node.state, stop=processes.ended)

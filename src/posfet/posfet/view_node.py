@@ -34,10 +34,12 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
     ----------
     namespace : str
         Namespace of the stack.
+    ros_words : sequence of str, optional
+        ROS arguments of the stack, which may rename its topics.
     """
 
-    def __init__(self, namespace: str) -> None:
-        super().__init__("view_node", namespace=namespace, use_global_arguments=False)
+    def __init__(self, namespace: str, ros_words: Sequence[str] = ()) -> None:
+        super().__init__("view_node", namespace=namespace, cli_args=[*ros_words], use_global_arguments=False)
         self._image: TactileImage | None = None
         self._contacts: dict[int, TactileContacts] = {}
         self._truth: dict[int, TactileTruth] = {}

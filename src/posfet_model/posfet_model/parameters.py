@@ -18,6 +18,9 @@ from posfet_model.sensor.description import DEFAULT_SENSOR, FRAME_CHOICES
 Scalar: TypeAlias = "bool | int | float | str"
 Value: TypeAlias = "Scalar | list[str]"
 
+STANDARD: Final = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+"""Parameters that every node has or may be given; with a dot at the end: all that begin so."""
+
 _TYPES: Final = {bool: "bool", int: "integer", float: "double", str: "string", list: "string array"}
 _IN_WORDS: Final = {
     bool: "true or false",

@@ -11,11 +11,8 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 
 from posfet_model.config import ConfigError
-from posfet_model.parameters import Parameter
+from posfet_model.parameters import STANDARD, Parameter
 from posfet_model.sensor.description import Sensor, load_sensor, with_frames
-
-STANDARD = ("use_sim_time", "start_type_description_service", "qos_overrides.")
-"""Parameters that every node has or may be given."""
 
 
 def descriptor(parameter: Parameter) -> ParameterDescriptor:
@@ -42,6 +39,8 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
 def declare(node: Node, table: Sequence[Parameter]) -> Mapping[str, Any]:
     """Declare all parameters of a node and return their checked values by name.
 
+    One that the node does not have is ignored with a warning: a launch file may give its parameters to all nodes.
+
     Parameters
     ----------
     node : Node
@@ -52,19 +51,14 @@ def declare(node: Node, table: Sequence[Parameter]) -> Mapping[str, Any]:
     Raises
     ------
     ConfigError
-        For a value that is not allowed: one line with node, parameter, what is allowed and what was given. Also for a
-        parameter that the node does not have, which rclpy would ignore.
+        For a value that is not allowed: one line with node, parameter, what is allowed and what was given.
     """
     name = node.get_fully_qualified_name()
     known = [parameter.name for parameter in table]
     given = _given(node)
-    for key in sorted(given):
-        if key not in known and not key.startswith(STANDARD):
-            raise ConfigError(f"{name}: {key}: unknown parameter, known are {', '.join(known)}")
-    if node.get_parameter("use_sim_time").value:
-        raise ConfigError(
-            f"{name}: use_sim_time: must be false: stamps are times of acquisition, by this machine's clock"
-        )
+    unknown = [key for key in sorted(given) if key not in known and not key.startswith(STANDARD)]
+    if unknown:
+        node.get_logger().warning(f"ignored, this node has no such parameter: {', '.join(unknown)}")
     values: dict[str, Any] = {}
     for parameter in table:
         try:

@@ -138,7 +138,10 @@ def ros(arguments: Sequence[str] | None = None) -> Iterator[ExitStack]:
     """
     os.environ.setdefault(PROFILES, str(MIDDLEWARE))
     try:
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        given = None if arguments is None else list(arguments)
+        rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
+    except rclpy_implementation.UnknownROSArgsError as error:
+        raise ConfigError(f"unknown ROS arguments: {error}") from error
     except rclpy_implementation.RCLError as error:
         raise ConfigError(" ".join(str(error).split())) from error
     _signals.reset()

@@ -26,13 +26,18 @@ def interrupt_on_signal() -> None:
 
 
 def exit_with_parent() -> None:
-    """Have the kernel send SIGINT when the process named by PARENT has ended, even if it was killed; Linux only."""
+    """Have the kernel send SIGINT when the process named by PARENT has ended, even if it was killed; Linux only.
+
+    Where another process stands between, such as a debugger that launch puts before the command, its end counts.
+    """
     parent = os.environ.pop(PARENT, "")
     if parent and sys.platform == "linux":
         import ctypes  # noqa: PLC0415  # signals are handled sooner without it
 
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
-        if os.getppid() != int(parent):  # it ended before the call
+        try:
+            os.kill(int(parent), 0)
+        except OSError:  # it ended before the call
             os._exit(0)
 
 

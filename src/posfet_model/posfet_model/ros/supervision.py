@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 RESTART_PERIOD: Final = 60.0
@@ -152,9 +153,10 @@ class SupervisedNode(Node):  # type: ignore[misc]  # rclpy has no types
         return super().create_service(srv_type, srv_name, guarded, **options)
 
     def create_timer(self, period: float, callback: Callable[..., Any], *options: Any, **named_options: Any) -> Any:
-        """Create a timer as rclpy does; it goes on when its callback raises."""
+        """Create a timer as rclpy does; it goes on when its callback raises, and while simulated time stands still."""
         guarded = self.internal_errors.guarded(f"timer {callback.__name__.strip('_')}", callback)
-        return super().create_timer(period, guarded, *options, **named_options)
+        clock = named_options.pop("clock", None) or Clock(clock_type=ClockType.STEADY_TIME)
+        return super().create_timer(period, guarded, *options, clock=clock, **named_options)
 
     def _log_error(self, text: str) -> None:
         if self.context.ok():  # else the process is shutting down, and errors follow from that

@@ -1,0 +1,80 @@
+"""The stack as nodes of another program: the shipped example, and what does not fit."""
+
+from __future__ import annotations
+
+import re
+import select
+import signal
+import subprocess
+import sys
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="needs ROS 2")
+pytest.importorskip("posfet_msgs", reason="needs the built workspace")
+
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+
+import posfet.bringup
+from posfet_model.config import ConfigError
+from support.bringup_process import needs_installation
+from support.expectations import TIMEOUT
+from support.paths import ROOT
+
+pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
+
+
+def test_the_example_with_a_controller_on_the_same_executor_prints_the_force() -> None:
+    command = [sys.executable, str(ROOT / "examples" / "one_executor.py")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        shown: list[str] = []
+        while not shown or shown[-1].endswith(" 0.00 N\n"):
+            assert select.select([process.stdout], [], [], TIMEOUT)[0], shown
+            shown.append(process.stdout.readline())
+            assert process.poll() is None, process.stderr.read()
+        process.send_signal(signal.SIGINT)
+        _, errors = process.communicate(timeout=TIMEOUT)
+    assert re.fullmatch(r"touched with \d\.\d\d N\n", shown[-1])
+    assert process.returncode in {0, -signal.SIGINT}, errors
+    assert "Traceback" not in errors
+
+
+def test_nodes_of_two_sensors_share_an_executor_and_are_destroyed_at_the_end() -> None:
+    context = Context()
+    rclpy.init(context=context)
+    executor = SingleThreadedExecutor(context=context)
+    words = ["-r", "__ns:=/robot", "-r", "contacts:=touch"]
+    with (
+        posfet.bringup.nodes(context, words, namespace="thumb", scene="hold") as thumb,
+        posfet.bringup.nodes(context, namespace="palm", scene="idle", composed=True) as palm,
+    ):
+        names = []
+        for node in (*thumb, *palm):
+            executor.add_node(node)
+            names.append(node.get_fully_qualified_name())
+        assert names == [
+            "/robot/thumb/model_node",
+            "/robot/thumb/sim_board_node",
+            "/palm/model_node",
+            "/palm/sim_board_node",
+        ]
+        assert thumb.nodes["model_node"].resolve_topic_name("contacts") == "/robot/thumb/touch"
+        snapshots = [None]
+        while None in snapshots:
+            executor.spin_once(timeout_sec=0.05)
+            snapshots = [thumb.snapshot(), palm.snapshot()]
+        assert (thumb.failure, palm.failure) == ("", "")
+        thumb.nodes["model_node"].failure = "cannot go on"
+        assert thumb.failure == "cannot go on"
+    executor.shutdown()
+    rclpy.shutdown(context=context)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "reason"),
+    [({"scene": "nowhere"}, "no such scene"), ({"sourse": "sim"}, "sourse: unknown argument")],
+)
+def test_arguments_that_do_not_fit_are_refused_in_one_line(arguments: dict[str, str], reason: str) -> None:
+    with pytest.raises(ConfigError, match=reason), posfet.bringup.nodes(**arguments):
+        pytest.fail("must not start")
