@@ -11,6 +11,9 @@ from hypothesis import strategies as st
 from posfet_model.calibration.calibration_file import load_calibration, save_calibration
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError, Section
+from posfet_model.design.design_file import FOLDER as DESIGN_FOLDER
+from posfet_model.design.design_file import load_design
+from posfet_model.design.signal_file import read_signal
 from posfet_model.plain_yaml import YamlError, parse
 from posfet_model.ros.mount import parse_mount
 from posfet_model.sensor.description import SENSOR_FOLDER, load_sensor
@@ -88,6 +91,38 @@ def test_any_follower_run_is_read_or_refused(tmp_path: Path, count: int) -> None
         try:
             assert len(read_run(path).time) >= 2
         except RunFileError as error:
+            assert_one_line(error, path)
+
+    check()
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_any_design_file_is_loaded_or_refused(tmp_path: Path, count: int) -> None:
+    path = tmp_path / "design.yaml"
+
+    @examples(count)
+    @given(mutated(*(shipped.read_bytes() for shipped in sorted(DESIGN_FOLDER.glob("[ps]*.yaml")))))
+    def check(content: bytes) -> None:
+        path.write_bytes(content)
+        try:
+            assert load_design(str(path)).design.shape == ()
+        except ConfigError as error:
+            assert_one_line(error, path)
+
+    check()
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_any_signal_is_read_or_refused(tmp_path: Path, count: int) -> None:
+    path = tmp_path / "in.csv"
+
+    @examples(count)
+    @given(mutated(b"# a step\nt,vin\n0,0\n1e-6,0\n1e-6,1\n2e-6,1\n"))
+    def check(content: bytes) -> None:
+        path.write_bytes(content)
+        try:
+            assert len(read_signal(path).time) >= 1
+        except ConfigError as error:
             assert_one_line(error, path)
 
     check()

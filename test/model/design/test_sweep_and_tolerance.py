@@ -75,17 +75,17 @@ def test_the_pareto_front_is_that_of_its_definition() -> None:
 def test_spreads_pass_into_the_figures_by_their_formulas() -> None:
     """d33 enters V/N as a factor: its spread is that of d33. A log-normal's logarithm is normal about the nominal."""
     spread = (("piezoelectric_coefficient", 0.1), ("bias_resistance", 0.3))
-    result = run_tolerance(DESIGN, Tolerance(samples=1000, spread=spread))
+    result = run_tolerance(DESIGN, Tolerance(samples=500, spread=spread))
     for key, relative in (("volts_per_newton_gate", 0.1), ("leak_time_constant_s", 0.3)):
         logarithm = np.log(result.figures[key] / report.values(DESIGN, [key])[key])
         sigma = math.sqrt(math.log(1 + relative**2))
-        assert np.std(logarithm) == pytest.approx(sigma, rel=5 / math.sqrt(2 * 1000))
-        assert abs(np.mean(logarithm)) <= 5 * sigma / math.sqrt(1000)
+        assert np.std(logarithm) == pytest.approx(sigma, rel=5 / math.sqrt(2 * 500))
+        assert abs(np.mean(logarithm)) <= 5 * sigma / math.sqrt(500)
     assert np.ptp(result.figures["film_capacitance_f"]) == 0
 
 
 def test_the_offset_has_the_standard_deviation_of_pelgroms_law() -> None:
-    result = run_tolerance(DESIGN, Tolerance(samples=1000, threshold_mismatch=20e-9, gain_mismatch=0.03e-6))
+    result = run_tolerance(DESIGN, Tolerance(samples=500, threshold_mismatch=20e-9, gain_mismatch=0.03e-6))
     pair, load = math.sqrt(3276e-6 * 12e-6), math.sqrt(160e-6 * 12e-6)
     amplifier = DESIGN.amplifier
     ratio = float(amplifier.load_transconductance / amplifier.input_transconductance)
@@ -95,7 +95,7 @@ def test_the_offset_has_the_standard_deviation_of_pelgroms_law() -> None:
         0.5 * float(amplifier.overdrive) * 0.03e-6 / pair,
         0.5 * float(amplifier.overdrive) * 0.03e-6 / load,
     )
-    assert np.std(result.figures[OFFSET]) == pytest.approx(by_hand, rel=0.12)
+    assert np.std(result.figures[OFFSET]) == pytest.approx(by_hand, rel=0.16)
     # The tail current follows M5 against M6: gain, and threshold over half the overdrive.
     m5 = math.sqrt(80e-6 * 12e-6)
     overdrive = math.sqrt(2 * 200e-6 / (0.085 * 7.67363e-4 * 80 / 12))
@@ -106,7 +106,7 @@ def test_the_offset_has_the_standard_deviation_of_pelgroms_law() -> None:
 
 def test_yield_and_quantiles_count_the_samples() -> None:
     limits = (Limit("gain_db", low=52.5), Limit("smallest_force_n", high=1.7e-4))
-    result = run_tolerance(DESIGN, Tolerance(samples=400, spread=(("film_thickness", 0.1),), limits=limits))
+    result = run_tolerance(DESIGN, Tolerance(samples=200, spread=(("film_thickness", 0.1),), limits=limits))
     gain, force = result.figures["gain_db"], result.figures["smallest_force_n"]
     good = (gain >= 52.5) & (force <= 1.7e-4) & result.valid
     assert result.yielded == good.mean()
@@ -114,9 +114,9 @@ def test_yield_and_quantiles_count_the_samples() -> None:
     assert result.passed["gain_db"].sum() == (gain >= 52.5).sum()
     ordered = np.sort(gain)
     for share, value in zip(QUANTILES, result.quantiles("gain_db"), strict=True):
-        assert value == ordered[math.ceil(share * 400) - 1]
+        assert value == ordered[math.ceil(share * 200) - 1]
     lines = result.csv().splitlines()
-    assert len(lines) == 401
+    assert len(lines) == 201
     assert lines[0].split(",") == [*report.KEYS, "valid", "pass"]
     assert sum(int(line.rsplit(",", 1)[1]) for line in lines[1:]) == good.sum()
 
