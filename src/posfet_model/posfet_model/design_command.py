@@ -13,12 +13,14 @@ from typing import Any, Final
 
 import numpy as np
 
+from posfet_model._lib.types import Array, Mask
+from posfet_model.amplifier.follower_base import Follower
 from posfet_model.command_line import ignoring_broken_pipe, positive
 from posfet_model.config import ConfigError, write_text
 from posfet_model.design import report
 from posfet_model.design.design_file import DesignFile, load_design, shipped
 from posfet_model.design.posfet_design import PosfetDesign
-from posfet_model.design.signal_file import read_signal, signal_csv
+from posfet_model.design.signal_file import Signal, read_signal, signal_csv
 from posfet_model.design.sweep import OBJECTIVES, SweepResult, joblib_is_there, run_sweep
 from posfet_model.design.tolerance import QUANTILES, Tolerance, ToleranceResult, run_tolerance
 
@@ -29,6 +31,7 @@ FRONT_ROWS: Final = 20
 """Most designs of a Pareto front that are printed; all are in the CSV file."""
 
 _BAR: Final = 30
+_PIECE: Final = 1000
 _REDRAW: Final = 0.1
 
 _DESCRIPTION: Final = """\
@@ -58,8 +61,8 @@ def _run(options: argparse.Namespace) -> None:
         raise ConfigError("give the path of a design file, or the name of a shipped one (--list)")
     if (options.out is None) != (options.simulate is None):
         raise ConfigError("--simulate and --out must be given together")
-    if options.dt is not None and options.simulate is None:
-        raise ConfigError("--dt needs --simulate")
+    if (options.dt is not None or options.linear) and options.simulate is None:
+        raise ConfigError(f"{'--linear' if options.linear else '--dt'} needs --simulate")
     if options.plot is not None and options.sweep is None:
         raise ConfigError("--plot needs --sweep")
     loaded = load_design(options.file)
@@ -84,11 +87,29 @@ def _simulate(design: PosfetDesign, options: argparse.Namespace) -> tuple[dict[s
     wanted = np.ones(signal.time.size, np.bool_)
     if options.dt is not None:
         signal, wanted = signal.with_even_times(options.dt)
-    output = design.follower().run(signal.time - signal.time[0], signal.v_in)
-    write_text(options.out, signal_csv(signal, output.v_out, wanted))
-    valid, total = int(np.count_nonzero(output.valid[wanted])), int(np.count_nonzero(wanted))
+    follower = design.linear_follower() if options.linear else design.follower()
+    v_out, good = _followed(follower, signal)
+    write_text(options.out, signal_csv(signal, v_out, wanted))
+    valid, total = int(np.count_nonzero(good[wanted])), int(np.count_nonzero(wanted))
     remark = f"{options.out}: {total} samples, the model is valid for {valid} of them"
     return {"samples": total, "valid_samples": valid}, remark
+
+
+def _followed(follower: Follower, signal: Signal) -> tuple[Array, Mask]:
+    """Return the output [V] of a follower and where it is valid, starting at rest, in pieces for the progress bar."""
+    steps = np.diff(signal.time)
+    progress = _progress(signal.time.size, "samples")
+    state = follower.start(signal.v_in[0])
+    first = follower.output(state)
+    v_out, good = [np.atleast_1d(first.v_out)], [np.atleast_1d(first.valid)]
+    for begin in range(0, steps.size, _PIECE):
+        piece = slice(begin, begin + _PIECE)
+        series = follower.advance_series(state, signal.v_in[1:][piece], steps[piece])
+        state = series.end
+        v_out.append(series.output.v_out)
+        good.append(series.output.valid)
+        progress(min(begin + _PIECE, steps.size) + 1)
+    return np.concatenate(v_out), np.concatenate(good)
 
 
 def _sweep(loaded: DesignFile, options: argparse.Namespace) -> tuple[dict[str, Any], str]:
@@ -161,7 +182,7 @@ def _tolerance_text(result: ToleranceResult) -> str:
     return "\n".join(lines)
 
 
-def _progress(total: int) -> Callable[[int], None]:
+def _progress(total: int, what: str = "designs") -> Callable[[int], None]:
     """Return a callback that draws a progress bar, on a terminal only."""
     if not sys.stderr.isatty():
         return lambda done: None
@@ -174,7 +195,7 @@ def _progress(total: int) -> Callable[[int], None]:
         drawn = time.monotonic()
         bar = "#" * (_BAR * done // total)
         end = "\r\033[K" if done == total else ""
-        sys.stderr.write(f"\r[{bar:{_BAR}}] {done}/{total} designs{end}")
+        sys.stderr.write(f"\r[{bar:{_BAR}}] {done}/{total} {what}{end}")
         sys.stderr.flush()
 
     return draw
@@ -203,6 +224,9 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--simulate", type=Path, metavar="INPUT.csv", help="run the follower on a signal, t,vin [s, V]")
     parser.add_argument("--out", type=Path, metavar="OUTPUT.csv", help="where to write its output, t,vin,vout")
     parser.add_argument("--dt", type=positive, metavar="S", help="even steps [s] instead of the input's own times")
+    parser.add_argument(
+        "--linear", action="store_true", help="simulate small signals only: two poles and a zero, much faster"
+    )
     parser.add_argument("--sweep", type=Path, metavar="OUT.csv", help="compute the ranges of the file's key 'sweep'")
     parser.add_argument("--plot", type=Path, metavar="OUT.svg", help="draw the Pareto front of the sweep (matplotlib)")
     parser.add_argument("--tolerance", type=Path, metavar="OUT.csv", help="Monte Carlo by the file's key 'tolerance'")

@@ -173,6 +173,7 @@ def test_tolerances_are_printed_with_quantiles_and_yield(run: Any, tmp_path: Pat
         (["none/x.yaml"], "none/x.yaml: no such design file"),
         (["two_stage", "--simulate", "in.csv"], "--simulate and --out must be given together"),
         (["two_stage", "--dt", "1e-6"], "--dt needs --simulate"),
+        (["two_stage", "--linear"], "--linear needs --simulate"),
         (["two_stage", "--plot", "x.svg"], "--plot needs --sweep"),
         (["two_stage", "--sweep", "x.csv"], "two_stage: sweep: missing, must be a range or a list of ranges"),
         (["two_stage", "--netlist", "/nowhere/x.cir"], "/nowhere/x.cir: cannot be written: "),
@@ -192,6 +193,35 @@ def test_a_bad_option_is_a_usage_error(words: list[str], capsys: pytest.CaptureF
         design_command.main(["two_stage", *words])
     assert caught.value.code == 2
     assert words[0] in capsys.readouterr().err
+
+
+def test_small_signals_may_be_simulated_by_the_linear_follower(run: Any, tmp_path: Path) -> None:
+    source, outputs = tmp_path / "in.csv", []
+    source.write_text("t,vin\n0,0\n1e-6,0\n1e-6,0.002\n3e-6,0.002\n", encoding="utf-8")
+    for words in ((), ("--linear",)):
+        out = tmp_path / "out.csv"
+        assert run("two_stage_100pf", "--simulate", source, "--out", out, "--dt", "1e-8", *words)[0] == 0
+        outputs.append(np.loadtxt(out, delimiter=",", skiprows=1)[:, 2])
+    circuit, linear = outputs
+    assert np.abs(circuit - linear).max() <= 0.06 * 0.002  # the circuit has more than two poles
+    assert linear.max() - linear[-1] > 0.1 * 0.002  # it rings
+    source.write_text(STEP.replace("0.05", "1"), encoding="utf-8")
+    words = ("two_stage", "--simulate", source, "--out", tmp_path / "out.csv", "--dt", "1e-8", "--linear", "--json")
+    steep = json.loads(run(*words)[1])["simulation"]
+    assert 0 < steep["valid_samples"] < steep["samples"] == 301
+
+
+def test_a_long_signal_is_followed_in_pieces_without_a_seam(
+    run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source, out = tmp_path / "in.csv", tmp_path / "out.csv"
+    source.write_text(STEP, encoding="utf-8")
+    results = []
+    for piece in (1000, 7):
+        monkeypatch.setattr(design_command, "_PIECE", piece)
+        run("two_stage", "--simulate", source, "--out", out, "--dt", "1e-7", "--linear")
+        results.append(np.loadtxt(out, delimiter=",", skiprows=1))
+    np.testing.assert_allclose(results[0], results[1], rtol=0, atol=1e-12)
 
 
 def test_an_unstable_design_is_not_simulated_as_valid(run: Any, tmp_path: Path) -> None:

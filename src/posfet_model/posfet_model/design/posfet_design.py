@@ -17,7 +17,10 @@ import numpy as np
 from posfet_model._lib.types import Array, FloatArray
 from posfet_model._lib.validation import whole_number
 from posfet_model.amplifier.circuit import AmplifierCircuit
+from posfet_model.amplifier.circuit_figures import circuit_figures
+from posfet_model.amplifier.closed_loop import FollowerLimits
 from posfet_model.amplifier.operating_point import AmplifierBias, AmplifierDesign
+from posfet_model.amplifier.ringing_follower import RingingFollower
 from posfet_model.amplifier.transient_follower import CircuitFollower
 from posfet_model.amplifier.validity import Validity
 from posfet_model.design import readout
@@ -364,6 +367,38 @@ class PosfetDesign(Taxel):
         """
         self._require_single()
         return CircuitFollower(circuit=self.op_amp)
+
+    def linear_follower(self) -> RingingFollower:
+        """Return the follower of a single design for small signals, with gain, crossing and margin of the circuit.
+
+        Two poles and a zero, exact in time for any step and far faster than `follower`; a steeper output than the slew
+        rates, and inputs out of range, are not valid.
+
+        Returns
+        -------
+        RingingFollower
+            The follower, with the circuit's systematic offset.
+
+        Raises
+        ------
+        ValueError
+            The design has arrays (use `at`), or no operating point, or is out of its range at 0 V.
+        """
+        self._require_single()
+        amplifier = self.amplifier
+        if not np.isfinite(amplifier.lowest_input):
+            raise ValueError(f"the design has no linear follower: {'; '.join(amplifier.validity.reasons)}")
+        loop = circuit_figures(self.op_amp).open_loop
+        return RingingFollower(
+            open_loop=loop,
+            offset=float(amplifier.offset / loop.closed_loop_gain),
+            limits=FollowerLimits(
+                v_low=float(amplifier.lowest_input),
+                v_high=float(amplifier.highest_input),
+                slew_rate=float(amplifier.slew_rate),
+                falling_slew_rate=float(amplifier.falling_slew_rate),
+            ),
+        )
 
     def netlist(self, name: str = "design") -> str:
         """Return the op-amp of a single design as a SPICE subcircuit, ``.subckt opamp plus minus out``.
