@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from posfet_model import spice_compare
+from posfet_model.amplifier.circuit import AmplifierCircuit
 from posfet_model.amplifier.follower import OnePoleFollower
 from posfet_model.amplifier.open_loop import OpenLoop
-from posfet_model.spice import circuit_comparison, random_designs
+from posfet_model.spice import circuit_command, circuit_comparison, random_designs
 from posfet_model.spice.circuit_comparison import Comparison, LoopError, RunError, compare, step_target
-from posfet_model.spice.circuit_models import CircuitModel
+from posfet_model.spice.circuit_models import WAYS, CircuitModel, extracted
 from posfet_model.spice.circuits import CIRCUITS
 from posfet_model.spice.comparison_table import table
 from posfet_model.spice.measurement import LoopMeasurement
@@ -32,12 +33,21 @@ def one_pole(scale: float = 1.0) -> CircuitModel:
     """Return a follower of one pole, with the bandwidth scaled."""
     pole = scale * CROSSING / math.sqrt(GAIN**2 - 1)
     closed = OnePoleFollower(gain=GAIN / (1 + GAIN), bandwidth=pole * (1 + GAIN))
-    return CircuitModel(closed, OpenLoop(GAIN, (pole, math.inf)))
+    op_amp = OpenLoop(GAIN, (pole, math.inf))
+    return CircuitModel(
+        follower=closed,
+        gain=GAIN,
+        closed_loop_gain=closed.gain,
+        unity_crossing=float(op_amp.gain_bandwidth),
+        phase_margin=float(op_amp.phase_margin),
+        stable=True,
+        usable=True,
+    )
 
 
 def record_of(model: CircuitModel) -> Record:
     """Return a record as if ngspice had run the model itself."""
-    loop = LoopMeasurement(GAIN, CROSSING / GAIN, CROSSING, float(model.open_loop.phase_margin))
+    loop = LoopMeasurement(GAIN, CROSSING / GAIN, CROSSING, model.phase_margin)
     runs = {}
     for name, what in stimuli(CIRCUITS["one_stage"], time_scale(loop)).items():
         time, volts = what.resolved(4001)
@@ -45,15 +55,22 @@ def record_of(model: CircuitModel) -> Record:
     return replace(recorded("one_stage"), loop=loop, runs=runs)
 
 
+def brief(name: str, *runs: str) -> Record:
+    """Return a recorded circuit with few of its runs."""
+    whole = recorded(name)
+    kept = {run: whole.runs[run] for run in runs or ("up_50_mv",) if run in whole.runs}
+    return replace(whole, runs=kept, unstable=whole.unstable[:1])
+
+
 def compared(monkeypatch: pytest.MonkeyPatch, truth: CircuitModel, model: CircuitModel) -> Comparison:
-    monkeypatch.setattr(circuit_comparison, "WAYS", {"sizes": lambda circuit, loop, point: model})
+    monkeypatch.setattr(circuit_comparison, "WAYS", {"sizes": lambda circuit, record: model})
     return compare(CIRCUITS["one_stage"], record_of(truth), "sizes")
 
 
 def test_a_model_compared_with_itself_has_no_error(monkeypatch: pytest.MonkeyPatch) -> None:
     found = compared(monkeypatch, one_pole(), one_pole())
     assert len(found.runs) == 14
-    assert max(run.max_pct for run in found.runs) < 0.05  # straight lines between samples of the record
+    assert max(run.max_pct for run in found.runs) < 0.1  # straight lines between samples of the record
     assert all(run.valid for run in found.runs)
     assert found.misses() == []
 
@@ -74,11 +91,13 @@ def test_a_wrong_bandwidth_misses_and_the_numbers_are_right(monkeypatch: pytest.
 
 
 def test_an_unstable_circuit_must_be_named_so_and_never_be_valid(monkeypatch: pytest.MonkeyPatch) -> None:
-    unstable = replace(record_of(one_pole()), loop=LoopMeasurement(GAIN, CROSSING / GAIN, CROSSING, -5.0))
-    monkeypatch.setattr(circuit_comparison, "WAYS", {"sizes": lambda circuit, loop, point: one_pole()})
+    names = tuple(record_of(one_pole()).runs)
+    loop = LoopMeasurement(GAIN, CROSSING / GAIN, CROSSING, -5.0)
+    unstable = replace(recorded("one_stage"), loop=loop, runs={}, unstable=names)
+    monkeypatch.setattr(circuit_comparison, "WAYS", {"sizes": lambda circuit, record: one_pole()})
     found = compare(CIRCUITS["one_stage"], unstable, "sizes")
     assert found.runs == ()
-    assert set(found.wrongly_valid) == set(unstable.runs)
+    assert found.wrongly_valid == names
     assert "is unstable, the model says stable" in found.misses()
 
 
@@ -100,16 +119,19 @@ def test_an_error_that_is_not_a_number_is_a_miss() -> None:
     assert "nan*" in table([Comparison(loop, (run,), ())])
 
 
-def test_the_table_names_each_miss_once() -> None:
-    found = [compare(CIRCUITS[name], recorded(name), "sizes") for name in ("one_stage", "two_stage_no_rz_unstable")]
+def test_the_table_names_each_miss_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(circuit_comparison, "STEP_TARGETS", {"given": (1e-3, 1e-3)})
+    found = [compare(CIRCUITS[name], brief(name), "given") for name in ("two_stage", "two_stage_no_rz_unstable")]
+    assert any(part.misses() for part in found)
     text = table(found)
     for part in found:
         for miss in part.misses():
-            assert text.count(f"{part.loop.circuit}, sizes: {miss}") == 1
+            assert text.count(f"{part.loop.circuit}, given: {miss}") == 1
     assert "unstable: no run to compare" in text
 
 
 def test_the_command_prints_json_and_fails_on_a_missed_target(capsys, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(circuit_command, "load", lambda file: brief(file.stem))
     options = [
         "circuits",
         "--recorded",
@@ -117,15 +139,15 @@ def test_the_command_prints_json_and_fails_on_a_missed_target(capsys, monkeypatc
         "--circuit",
         "one_stage",
         "--model",
-        "sizes",
+        "given",
         "--json",
     ]
     code = spice_compare.main(options)
     found = json.loads(capsys.readouterr().out)
     assert [part["circuit"] for part in found] == ["one_stage"]
-    assert len(found[0]["runs"]) == 14
-    assert code == int(bool(found[0]["misses"]))
-    monkeypatch.setattr(circuit_comparison, "SLOW_TARGET", 1e-9)
+    assert [run["stimulus"] for run in found[0]["runs"]] == ["up_50_mv"]
+    assert (code, found[0]["misses"]) == (0, [])
+    monkeypatch.setattr(circuit_comparison, "STEP_TARGETS", {"given": (1e-9, 1e-9)})
     assert spice_compare.main(options) == 1
 
 
@@ -148,6 +170,47 @@ def test_the_confusion_table_counts_verdicts() -> None:
     text = confusion_table([one("usable", "usable", 80.0), one("unstable", "not usable", -3.0)])
     assert "stability differs on 1, usability on 0" in text
     assert "one_stage: -3.0 / -1.0 degrees" in text
+
+
+@pytest.mark.parametrize("way", ["sizes", "calibrated", "operating_point"])
+@pytest.mark.parametrize("name", CIRCUITS)
+def test_the_circuit_models_name_margin_crossing_and_stability(name: str, way: str) -> None:
+    """On all circuits; in time on some below, and on all inputs by `spice_compare circuits`."""
+    found = compare(CIRCUITS[name], replace(recorded(name), runs={}, unstable=()), way).loop
+    assert found.stable[0] == found.stable[1]
+    assert found.gain_db[1] == pytest.approx(found.gain_db[0], abs=0.1)
+    if found.stable[0]:
+        errors = found.errors()
+        assert abs(errors["phase_margin"]) <= 1
+        assert abs(errors["unity_crossing"]) <= 10
+
+
+@pytest.mark.parametrize(
+    ("name", "run"),
+    [
+        ("two_stage_300pf", "down_1000_mv"),
+        ("one_stage_10mhz", "up_1000_mv"),
+    ],
+)
+def test_the_circuit_from_sizes_runs_as_ngspice_does(name: str, run: str) -> None:
+    """Slewing on either side, ringing, cut off: 0.02 % rms of full scale, where 0.1 to 1.5 % are allowed."""
+    (found,) = compare(CIRCUITS[name], brief(name, run), "sizes").runs
+    assert found.rms_pct <= 0.02
+
+
+def test_no_run_of_an_unstable_circuit_is_valid() -> None:
+    for name in ("two_stage_thin_film_unstable", "two_stage_no_zero_resistor"):
+        record = replace(recorded(name), runs={})
+        assert record.unstable
+        assert [compare(CIRCUITS[name], record, way).wrongly_valid for way in WAYS] == [()] * len(WAYS)
+
+
+def test_transistors_extracted_from_an_operating_point_are_those_of_the_sizes() -> None:
+    circuit = CIRCUITS["two_stage_thin_film_unstable"]
+    found = extracted(circuit, recorded(circuit.name).bias_point)
+    sizes = AmplifierCircuit.from_design(circuit.bias, circuit.design, circuit.stages)
+    for name in ("beta", "gate_area", "threshold", "modulation", "reference_current"):
+        np.testing.assert_allclose(getattr(found, name), getattr(sizes, name), rtol=2e-3)
 
 
 @pytest.mark.spice

@@ -9,7 +9,7 @@ import pytest
 
 from posfet_model.spice import recorded_runs
 from posfet_model.spice.circuits import CIRCUITS
-from posfet_model.spice.recorded_runs import OF_UNSTABLE, THINNING, deck_hash, load, record, save, thinned, time_scale
+from posfet_model.spice.recorded_runs import THINNING, deck_hash, load, record, save, thinned, time_scale
 from posfet_model.spice.stimuli import stimuli
 from support.spice_data import FOLDER, recorded
 
@@ -22,7 +22,8 @@ def test_the_recorded_runs_are_of_the_circuit_as_it_is_now(name: str) -> None:
     found, inputs = recorded(name), stimuli(CIRCUITS[name], time_scale(recorded(name).loop))
     assert found.deck_hash == deck_hash(CIRCUITS[name], inputs)
     assert found.simulator.startswith("ngspice-")
-    assert set(found.runs) == (set(inputs) if found.loop.stable else set(OF_UNSTABLE))
+    assert {*found.runs, *found.unstable} == set(inputs)
+    assert found.loop.stable or not found.runs
     for label, run in found.runs.items():
         assert run.time[-1] == pytest.approx(inputs[label].stop, rel=1e-6)
 
@@ -43,6 +44,12 @@ def test_the_reference_is_converged() -> None:
     assert max(run.uncertainty for found in stable for run in found.runs.values()) < 0.05
 
 
+def test_inputs_to_which_a_circuit_is_unstable_have_no_run() -> None:
+    """Without Rz the margin is 16 degrees at 0 V and -18 at -1 V, where ngspice's integration hides the oscillation."""
+    assert recorded("two_stage_no_zero_resistor").unstable == ("sine_1000_hz", "sine_10000_hz")
+    assert recorded("two_stage_100pf").unstable == ()
+
+
 def test_files_are_compact() -> None:
     assert sum(file.stat().st_size for file in (FOLDER / "circuits").iterdir()) < 500_000
 
@@ -60,7 +67,8 @@ def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
     before = recorded("one_stage")
     save(tmp_path / "again.npz", before)
     after = load(tmp_path / "again.npz")
-    assert (after.loop, after.bias_point, after.deck_hash) == (before.loop, before.bias_point, before.deck_hash)
+    for name in ("loop", "bias_point", "deck_hash", "slew_rates", "follower_gain", "unstable"):
+        assert getattr(after, name) == getattr(before, name)
     for name, run in before.runs.items():
         np.testing.assert_array_equal(after.runs[name].time, run.time)
         np.testing.assert_allclose(after.runs[name].v_out, run.v_out, atol=np.ptp(run.v_out) / 60000)
@@ -74,7 +82,7 @@ def test_what_is_no_record_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.spice
 @needs_ngspice
-@pytest.mark.parametrize("name", ["two_stage_100pf", "two_stage_no_rz_unstable", "one_stage_narrow_pair_25ua"])
+@pytest.mark.parametrize("name", ["two_stage_100pf", "one_stage_narrow_pair_25ua"])
 def test_recorded_runs_match_the_installed_ngspice(name: str) -> None:
     before, now = recorded(name), record(CIRCUITS[name], ["up_1000_mv"])
     assert now.loop.phase_margin == pytest.approx(before.loop.phase_margin, abs=0.1)

@@ -18,13 +18,13 @@ from posfet_model.amplifier.open_loop import LEAST_PHASE_MARGIN, MOST_OVERSHOOT
 from posfet_model.spice.circuit_models import WAYS, CircuitModel
 from posfet_model.spice.circuits import Circuit
 from posfet_model.spice.measurement import overshoot, slew_rate
-from posfet_model.spice.recorded_runs import Record, RecordedRun, time_scale
+from posfet_model.spice.recorded_runs import Record, time_scale
 from posfet_model.spice.stimuli import Stimulus, stimuli
 
 SMALL_STEP: Final = 0.05
 """Largest step [V] that counts as small."""
 
-STEP_TARGETS: Final = {"given": (0.5, 0.5)}
+STEP_TARGETS: Final = {"given": (0.5, 0.5), "calibrated": (0.5, 0.5)}
 """Largest rms error of small and of other steps by the way to obtain the model [% of full scale]."""
 
 OTHER_STEP_TARGETS: Final = (1.0, 1.5)
@@ -37,7 +37,7 @@ LOOP_TARGETS: Final = {"phase_margin": 5.0, "unity_crossing": 10.0, "overshoot":
 """Largest error of the phase margin [degrees], of the unity crossing [%], of the overshoot of 50 mV [% of the step]."""
 
 OVERSHOOT_STEP: Final = "up_50_mv"
-SLEWING_STEP: Final = "up_1000_mv"
+SLEWING_STEP: Final = "up_1000_mv"  # 1 V
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class Comparison:
     loop: LoopError
     runs: tuple[RunError, ...]
     wrongly_valid: tuple[str, ...]
-    """Runs of an unstable circuit that the model declares valid."""
+    """Runs that the model declares valid though the circuit is unstable in the range of their input."""
 
     def misses(self) -> list[str]:
         """Return what misses its target, in words; empty if all is met."""
@@ -123,7 +123,11 @@ class Comparison:
             for run in self.runs
             if not run.met
         ]
-        return [*self.loop.misses(), *runs, *(f"{name} valid, the circuit is unstable" for name in self.wrongly_valid)]
+        return [
+            *self.loop.misses(),
+            *runs,
+            *(f"{name} valid where the circuit is unstable" for name in self.wrongly_valid),
+        ]
 
 
 def _stability(stable: bool) -> str:
@@ -144,53 +148,21 @@ def step_target(way: str, volts: float) -> float:
     return small if volts <= SMALL_STEP else large
 
 
-def run_error(record: Record, way: str, name: str, stimulus: Stimulus, model: CircuitModel) -> RunError:
-    """Return the error of a model on a recorded run; first values are subtracted.
+@dataclass(frozen=True, eq=False)
+class _ModelRun:
+    """A model's output on a stimulus."""
 
-    Parameters
-    ----------
-    record : Record
-        ngspice's runs of the circuit.
-    way, name : str
-        Way to obtain the model, and name of the stimulus.
-    stimulus : Stimulus
-        The input.
-    model : CircuitModel
-        The model.
-
-    Returns
-    -------
-    RunError
-        Its errors.
-    """
-    run = record.runs[name]
-    time, v_out, valid = _model_run(run, stimulus, model)
-    error = (v_out - v_out[0]) - (np.interp(time, run.time, run.v_out) - run.v_out[0])
-    scale = 100 / float(np.ptp(run.v_out))
-    square = 0.5 * (error[1:] ** 2 + error[:-1] ** 2) * np.diff(time)
-    slow = stimulus.kind not in ("up", "down")
-    return RunError(
-        circuit=record.circuit,
-        way=way,
-        stimulus=name,
-        max_pct=scale * float(np.max(np.abs(error))),
-        rms_pct=scale * math.sqrt(float(square.sum()) / stimulus.stop),
-        target_pct=SLOW_TARGET if slow else step_target(way, stimulus.amplitude),
-        reference_pct=run.uncertainty,
-        valid=valid,
-    )
+    time: NDArray[np.float64]
+    v_out: NDArray[np.float64]
+    valid: bool
 
 
-def _model_run(
-    run: RecordedRun, stimulus: Stimulus, model: CircuitModel
-) -> tuple[NDArray[np.float64], NDArray[np.float64], bool]:
-    """Return instants, output of the model, and whether it is valid throughout, the design included."""
+def _model_run(model: CircuitModel, stimulus: Stimulus, instants: NDArray[np.float64]) -> _ModelRun:
+    """Return the output at the stimulus' own instants and others, and whether it is valid throughout."""
     time, v_in = stimulus.resolved()
-    extra = np.setdiff1d(run.time[run.time < stimulus.stop], time)
-    everywhere = np.union1d(time, extra)
+    everywhere = np.union1d(time, instants[instants < stimulus.stop])
     output = model.follower.run(everywhere, np.interp(everywhere, time, v_in))
-    usable = bool(model.open_loop.validity.valid)
-    return everywhere, output.v_out, usable and bool(output.valid.all())
+    return _ModelRun(everywhere, output.v_out, model.usable and bool(output.valid.all()))
 
 
 def compare(circuit: Circuit, record: Record, way: str) -> Comparison:
@@ -210,67 +182,64 @@ def compare(circuit: Circuit, record: Record, way: str) -> Comparison:
     Comparison
         The errors.
     """
-    model = WAYS[way](circuit, record.loop, record.bias_point)
+    model = WAYS[way](circuit, record)
     inputs = stimuli(circuit, time_scale(record.loop))
-    runs = [run_error(record, way, name, inputs[name], model) for name in record.runs]
-    loop = loop_error(record, way, inputs, model)
-    if not record.loop.stable:
-        return Comparison(loop, (), tuple(run.stimulus for run in runs if run.valid))
-    return Comparison(loop, tuple(runs), ())
+    found = {name: _model_run(model, inputs[name], run.time) for name, run in record.runs.items()}
+    errors = tuple(_run_error(record, way, name, inputs[name], run) for name, run in found.items())
+    nothing = np.zeros(0)
+    wrongly_valid = (
+        tuple(name for name in record.unstable if _model_run(model, inputs[name], nothing).valid)
+        if model.usable
+        else ()
+    )
+    return Comparison(_loop_error(record, way, model, found), errors, wrongly_valid)
 
 
-def loop_error(record: Record, way: str, inputs: Mapping[str, Stimulus], model: CircuitModel) -> LoopError:
-    """Return loop gain and step response by ngspice and by a model; unchecked.
+def _run_error(record: Record, way: str, name: str, stimulus: Stimulus, found: _ModelRun) -> RunError:
+    """Return the error of a model on a recorded run; first values are subtracted."""
+    run = record.runs[name]
+    error = (found.v_out - found.v_out[0]) - (np.interp(found.time, run.time, run.v_out) - run.v_out[0])
+    scale = 100 / float(np.ptp(run.v_out))
+    square = 0.5 * (error[1:] ** 2 + error[:-1] ** 2) * np.diff(found.time)
+    slow = stimulus.kind not in ("up", "down")
+    return RunError(
+        circuit=record.circuit,
+        way=way,
+        stimulus=name,
+        max_pct=scale * float(np.max(np.abs(error))),
+        rms_pct=scale * math.sqrt(float(square.sum()) / stimulus.stop),
+        target_pct=SLOW_TARGET if slow else step_target(way, stimulus.amplitude),
+        reference_pct=run.uncertainty,
+        valid=found.valid,
+    )
 
-    Parameters
-    ----------
-    record : Record
-        ngspice's runs of the circuit.
-    way : str
-        Way to obtain the model.
-    inputs : mapping of str to Stimulus
-        Inputs by name.
-    model : CircuitModel
-        The model.
-    """
-    measured, open_loop = record.loop, model.open_loop
-    stable = measured.stable, bool(open_loop.stable)
+
+def _loop_error(record: Record, way: str, model: CircuitModel, found: Mapping[str, _ModelRun]) -> LoopError:
+    """Return loop gain and step response by ngspice and by a model."""
+    measured = record.loop
+    stable = measured.stable, model.stable
+    gains = measured.gain / (1 + measured.gain), model.closed_loop_gain
     peaks = slopes = (math.nan, math.nan)
-    if all(stable) and OVERSHOOT_STEP in record.runs:
-        peaks = _on_step(record, inputs, model, OVERSHOOT_STEP, lambda time, v_out, final: overshoot(v_out, final))
-    if all(stable) and SLEWING_STEP in record.runs:
-        slopes = _on_step(record, inputs, model, SLEWING_STEP, slew_rate)
+    if all(stable) and OVERSHOOT_STEP in found:
+        curves = (record.runs[OVERSHOOT_STEP].v_out, found[OVERSHOOT_STEP].v_out)
+        ends = [float(curve[0]) + SMALL_STEP * gain for curve, gain in zip(curves, gains, strict=True)]
+        peaks = overshoot(curves[0], ends[0]), overshoot(curves[1], ends[1])
+    if all(stable) and SLEWING_STEP in found:
+        run, own = record.runs[SLEWING_STEP], found[SLEWING_STEP]
+        ends = [float(run.v_out[0]) + gains[0], float(own.v_out[0]) + gains[1]]
+        slopes = slew_rate(run.time, run.v_out, ends[0]), slew_rate(own.time, own.v_out, ends[1])
     usable = measured.phase_margin >= LEAST_PHASE_MARGIN and peaks[0] <= MOST_OVERSHOOT
     return LoopError(
         circuit=record.circuit,
         way=way,
-        gain_db=(measured.gain_db, float(open_loop.gain_db)),
-        unity_crossing=(measured.unity_crossing, float(open_loop.gain_bandwidth)),
-        phase_margin=(measured.phase_margin, float(open_loop.phase_margin)),
+        gain_db=(measured.gain_db, 20 * math.log10(model.gain)),
+        unity_crossing=(measured.unity_crossing, model.unity_crossing),
+        phase_margin=(measured.phase_margin, model.phase_margin),
         overshoot=peaks,
         slew_rate=slopes,
         stable=stable,
-        usable=(bool(usable), bool(open_loop.validity.valid)),
+        usable=(bool(usable), model.usable),
     )
-
-
-def _on_step(
-    record: Record,
-    inputs: Mapping[str, Stimulus],
-    model: CircuitModel,
-    name: str,
-    measure: Callable[[NDArray[np.float64], NDArray[np.float64], float], float],
-) -> tuple[float, float]:
-    """Return what is measured on a step by ngspice and by the model, from time, output and final value."""
-    run, volts = record.runs[name], inputs[name].amplitude
-    time, v_out, _ = _model_run(run, inputs[name], model)
-    gains = record.loop.gain / (1 + record.loop.gain), float(model.open_loop.closed_loop_gain)
-    curves = ((run.time, run.v_out), (time, v_out))
-    first, second = (
-        measure(instants, curve, float(curve[0]) + volts * gain)
-        for (instants, curve), gain in zip(curves, gains, strict=True)
-    )
-    return first, second
 
 
 def compare_all(

@@ -4,71 +4,180 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
-from posfet_model.amplifier.closed_loop import close_loop
-from posfet_model.amplifier.follower import OnePoleFollower
+import numpy as np
+
+from posfet_model.amplifier.calibration import calibrate_circuit
+from posfet_model.amplifier.circuit import AmplifierCircuit
 from posfet_model.amplifier.follower_base import Follower
-from posfet_model.amplifier.one_stage import one_stage_figures
+from posfet_model.amplifier.one_stage import CIRCUIT_C
 from posfet_model.amplifier.open_loop import OpenLoop
-from posfet_model.amplifier.slew_identification import one_stage_model, two_stage_model
-from posfet_model.amplifier.two_stage import figures_of_merit
+from posfet_model.amplifier.operating_point import CIRCUIT_B
+from posfet_model.amplifier.transient_follower import CircuitFollower, SlewingFollower
 from posfet_model.spice.circuits import Circuit
-from posfet_model.spice.measurement import BiasPoint, LoopMeasurement
+from posfet_model.spice.measurement import BiasPoint
+from posfet_model.spice.recorded_runs import Record
+
+LEAST_MARGIN: Final = -85.0
+"""Least phase margin of an op-amp of given figures [degrees]."""
 
 
 @dataclass(frozen=True, eq=False)
 class CircuitModel:
-    """A follower in time and its loop gain."""
+    """A follower in time and its figures of merit."""
 
     follower: Follower
     """Output over time, with its range of validity."""
-    open_loop: OpenLoop
-    """Unity crossing, phase margin, stability, and whether the design is usable."""
+    gain: float
+    """A0 [V/V]."""
+    closed_loop_gain: float
+    """Gain of the follower at frequency 0 [V/V]."""
+    unity_crossing: float
+    """[Hz]."""
+    phase_margin: float
+    """[degrees]."""
+    stable: bool
+    """Whether the follower is stable."""
+    usable: bool
+    """Whether the model declares the design valid."""
 
 
-def from_sizes(circuit: Circuit, loop: LoopMeasurement, bias_point: BiasPoint) -> CircuitModel:
+def from_sizes(circuit: Circuit, record: Record | None = None) -> CircuitModel:
     """Return the model from sizes, bias, compensation and load alone; unchecked."""
-    del loop, bias_point
-    if circuit.stages == 1:
-        one = one_stage_figures(circuit.bias, circuit.design)
-        follower = one_stage_model(circuit.bias, circuit.design).follower()
-        return CircuitModel(follower, OpenLoop(one.open_loop_gain, (one.dominant_pole, one.second_pole)))
-    two = figures_of_merit(circuit.bias, circuit.design)
+    del record
+    return _of_circuit(AmplifierCircuit.from_design(circuit.bias, circuit.design, circuit.stages))
+
+
+def from_operating_point(circuit: Circuit, record: Record) -> CircuitModel:
+    """Return the model from ngspice's operating point and the netlist's resistors and capacitors; unchecked."""
+    return _of_circuit(extracted(circuit, record.bias_point))
+
+
+def from_figures(circuit: Circuit, record: Record) -> CircuitModel:
+    """Return the model from figures as ngspice shows them; unchecked.
+
+    Gain of the follower at low frequency, unity crossing and phase margin of the loop, and the steepest rise.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The circuit.
+    record : Record
+        What ngspice says about it.
+    """
+    del circuit
+    loop, gain = record.loop, record.follower_gain / (1 - record.follower_gain)
+    open_loop = OpenLoop.from_phase_margin(gain, loop.unity_crossing, max(loop.phase_margin, LEAST_MARGIN))
+    rise = record.slew_rates[0]
+    follower = SlewingFollower(open_loop=open_loop, slew_rate=rise if math.isfinite(rise) else _unlimited(open_loop))
     return CircuitModel(
-        two_stage_model(circuit.bias, circuit.design).follower(),
-        OpenLoop(two.open_loop_gain, (two.dominant_pole, two.second_pole), two.zero),
+        follower=follower,
+        gain=float(open_loop.gain),
+        closed_loop_gain=float(open_loop.closed_loop_gain),
+        unity_crossing=float(open_loop.gain_bandwidth),
+        phase_margin=float(open_loop.phase_margin),
+        stable=bool(open_loop.stable),
+        usable=bool(follower.validity.valid),
     )
 
 
-def from_figures(circuit: Circuit, loop: LoopMeasurement, bias_point: BiasPoint) -> CircuitModel:
-    """Return the model from gain, unity crossing and phase margin as ngspice shows them; unchecked."""
-    del circuit, bias_point
-    closed = close_loop(loop.gain, loop.unity_crossing)
-    return CircuitModel(OnePoleFollower(gain=closed.gain, bandwidth=closed.bandwidth), _open_loop(loop))
+def _unlimited(open_loop: OpenLoop) -> float:
+    """Return a slew rate [V/s] that no step of some volts reaches."""
+    return 1e3 * float(open_loop.gain_pole_product)
 
 
-def _open_loop(loop: LoopMeasurement) -> OpenLoop:
-    """Return two poles, or a pole and a zero; for an unstable loop a pole and an all-pass, whose zero is on the right.
+def _of_circuit(circuit: AmplifierCircuit) -> CircuitModel:
+    follower = CircuitFollower(circuit=circuit)
+    figures = follower.figures
+    return CircuitModel(
+        follower=follower,
+        gain=float(figures.gain),
+        closed_loop_gain=float(figures.closed_loop_gain),
+        unity_crossing=float(figures.gain_bandwidth),
+        phase_margin=float(figures.phase_margin),
+        stable=bool(figures.stable),
+        usable=bool(figures.validity.valid),
+    )
 
-    No two poles make a margin that is not positive; a second pole p and a zero at -p leave the gain as it is and turn
-    the phase by ``2*atan(f/p)``.
+
+def extracted(circuit: Circuit, point: BiasPoint) -> AmplifierCircuit:
+    """Return the circuit of which each transistor has the current, gm, gds and Cgs of an operating point.
+
+    A square law is laid through the point of each: ``Vov = 2*I/gm``, ``lambda = gds/(I - gds*Vds)``, gate ``3/2*Cgs``.
+    Resistors, capacitors and supplies are the circuit's; sizes and process are not used. So a netlist with other
+    transistors than the level 1 model can be followed, too, near the operating point.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The circuit, for its resistors, capacitors and supplies.
+    point : BiasPoint
+        Operating point, from `measurement.measure_bias_point` or any simulator.
+
+    Returns
+    -------
+    AmplifierCircuit
+        The circuit.
     """
-    if loop.phase_margin > 0.1:
-        return OpenLoop.from_phase_margin(loop.gain, loop.unity_crossing, loop.phase_margin)
-    lag = math.pi - math.radians(loop.phase_margin) - math.atan(math.sqrt(loop.gain**2 - 1))
-    second = loop.unity_crossing / math.tan(0.5 * lag)
-    return OpenLoop(loop.gain, (loop.unity_crossing / math.sqrt(loop.gain**2 - 1), second), -second)
+    names = [f"M{number}" for number in range(1, 9)]
+    rows = [point.transistors[name] for name in names]
+    current, gate, drain, gm, gds, area = (
+        np.array([getattr(row, name) for row in rows])
+        for name in (
+            "current",
+            "gate_voltage",
+            "drain_voltage",
+            "transconductance",
+            "output_conductance",
+            "gate_source_capacitance",
+        )
+    )
+    overdrive = 2 * current / gm
+    modulation = gds / (current - gds * drain)
+    bias = circuit.bias
+    return AmplifierCircuit(
+        stages=circuit.stages,
+        beta=gm / (overdrive * (1 + modulation * drain)),
+        gate_area=1.5 * area,
+        threshold=gate - overdrive,
+        modulation=np.asarray(modulation.mean()),
+        supply=np.asarray(bias.supply),
+        reference_current=np.asarray(current[5]),
+        compensation=np.asarray(bias.compensation),
+        zero_resistor=np.asarray(bias.zero_resistor),
+        load_resistance=np.asarray(bias.load_resistance),
+        load_capacitance=np.asarray(bias.load_capacitance),
+    )
 
 
-WAYS: Final[Mapping[str, Callable[[Circuit, LoopMeasurement, BiasPoint], CircuitModel]]] = {
+def from_calibration(circuit: Circuit, record: Record) -> CircuitModel:
+    """Return the model from sizes and bias current, and gain, unity crossing and phase margin as ngspice shows them.
+
+    Compensation, load capacitance, and load resistance or lambda are not taken from the circuit but found; the search
+    starts at those of circuits B and C. Unchecked.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The circuit.
+    record : Record
+        What ngspice says about it.
+    """
+    start = CIRCUIT_B if circuit.stages == 2 else CIRCUIT_C
+    names = ("compensation", "load_capacitance", "load_resistance" if circuit.stages == 2 else "modulation")
+    bias = replace(circuit.bias, **{name: getattr(start, name) for name in names})
+    design, measured = AmplifierCircuit.from_design(bias, circuit.design, circuit.stages), record.open_loop
+    return _of_circuit(
+        calibrate_circuit(design, measured.gain, measured.unity_crossing, max(measured.phase_margin, LEAST_MARGIN))
+    )
+
+
+WAYS: Final[Mapping[str, Callable[[Circuit, Record], CircuitModel]]] = {
     "sizes": from_sizes,
     "given": from_figures,
+    "calibrated": from_calibration,
+    "operating_point": from_operating_point,
 }
-"""Ways to obtain a model, by name."""
-
-
-def unusable(model: CircuitModel) -> bool:
-    """Return whether the model's open loop says that the design is not usable."""
-    return not bool(model.open_loop.validity.valid) or math.isnan(float(model.open_loop.phase_margin))
+"""What a model is made of, by name."""

@@ -226,7 +226,9 @@ def run_open_loop_ac(circuit: str, lowest: float = 1.0, highest: float = 1e8, pe
     return _run_ac(circuit, loop, lowest, highest, per_decade)
 
 
-def run_loop_gain(circuit: str, lowest: float = 1.0, highest: float = 1e8, per_decade: int = 50) -> SmallSignal:
+def run_loop_gain(
+    circuit: str, lowest: float = 1.0, highest: float = 1e8, per_decade: int = 50, v_in: float = 0.0
+) -> SmallSignal:
     """Return the loop gain of the follower, with a voltage source in the closed loop at the inverting input.
 
     The output keeps its load by the inverting input, and the operating point is the follower's, in contrast to
@@ -240,6 +242,8 @@ def run_loop_gain(circuit: str, lowest: float = 1.0, highest: float = 1e8, per_d
         Ends of the frequency range [Hz], from 1e-3 to 1e13, at least a decade apart.
     per_decade : int, default 50
         Frequencies per decade, in [1, 10000].
+    v_in : float, default 0.0
+        Input at rest [V], within +-1e3.
 
     Returns
     -------
@@ -249,12 +253,13 @@ def run_loop_gain(circuit: str, lowest: float = 1.0, highest: float = 1e8, per_d
     Raises
     ------
     ValueError
-        A frequency or `per_decade` is out of range.
+        A frequency, `per_decade` or `v_in` is out of range.
     SpiceError
         ngspice failed or the run is incomplete.
     """
     loop = "vloop out feedback dc 0 ac -1\nxdut in feedback out opamp"
-    frequency, (feedback, out) = _ac(circuit, loop, "0", ("feedback", "out"), lowest, highest, per_decade)
+    volts = f"{real_number('v_in', v_in, -1e3, 1e3):.12g}"
+    frequency, (feedback, out) = _ac(circuit, loop, volts, ("feedback", "out"), lowest, highest, per_decade)
     return SmallSignal(frequency=frequency, transfer=-out / feedback)
 
 

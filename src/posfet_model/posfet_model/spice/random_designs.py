@@ -150,14 +150,14 @@ def judge(circuit: Circuit) -> Verdict | None:
     what = step(0.0, STEP, loop.unity_crossing, 3 * slewing_time(circuit, STEP))
     run = ngspice.run_follower(text, what.source, what.stop, what.largest_step)
     peak = overshoot(run.v_out, float(run.v_out[0]) + STEP * loop.gain / (1 + loop.gain))
-    open_loop = from_sizes(circuit, loop, point).open_loop
+    model = from_sizes(circuit)
     good = loop.phase_margin >= LEAST_PHASE_MARGIN and peak <= MOST_OVERSHOOT
     return Verdict(
         circuit=circuit,
         spice=_verdict(loop.stable, good),
-        model=_verdict(bool(open_loop.stable), bool(open_loop.validity.valid)),
-        phase_margin=(loop.phase_margin, float(open_loop.phase_margin)),
-        unity_crossing=(loop.unity_crossing, float(open_loop.gain_bandwidth)),
+        model=_verdict(model.stable, model.usable),
+        phase_margin=(loop.phase_margin, model.phase_margin),
+        unity_crossing=(loop.unity_crossing, model.unity_crossing),
         oscillates=oscillates(np.interp(np.linspace(what.time[2], what.stop, 2001), run.time, run.v_out)),
     )
 

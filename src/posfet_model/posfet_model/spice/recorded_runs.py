@@ -2,7 +2,8 @@
 
 One file per circuit, NAME.npz: the loop gain in numbers, the operating point, and each run thinned out so that straight
 lines between the samples deviate from it by at most `THINNING` of full scale. Each run states how much it changes with
-half the tolerance and half the largest time step, the uncertainty of the reference.
+half the tolerance and half the largest time step, the uncertainty of the reference. Where the circuit is unstable at an
+end of the input's range there is no run: what ngspice shows there depends on its time step.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -22,19 +24,19 @@ from numpy.typing import NDArray
 from posfet_model.amplifier.transistor_point import TransistorPoint
 from posfet_model.spice import ngspice
 from posfet_model.spice.circuits import CIRCUITS, Circuit
-from posfet_model.spice.measurement import BiasPoint, LoopMeasurement, measure_bias_point, measure_loop
+from posfet_model.spice.measurement import BiasPoint, LoopMeasurement, measure_bias_point, measure_loop, steepest_slope
 from posfet_model.spice.netlist import subcircuit
 from posfet_model.spice.reference_runs import version
-from posfet_model.spice.stimuli import Stimulus, stimuli
+from posfet_model.spice.stimuli import Stimulus, slewing_time, step, stimuli
 
 THINNING: Final = 1e-4
 """Largest deviation of a thinned run [full scale]."""
 
-OF_UNSTABLE: Final = ("up_50_mv", "up_1000_mv")
-"""Stimuli of unstable circuits."""
-
 BEYOND_UNITY: Final = 10.0
 """End of the AC analysis, in unity crossings."""
+
+SLEWING_STEP: Final = (-0.5, 1.0)
+"""Step on which the slew rates are measured [V]."""
 
 _LEVELS: Final = 65535
 _HIGHEST_FREQUENCY: Final = 1e10
@@ -65,14 +67,22 @@ class Record:
     """Of netlist, options and inputs: `deck_hash` of the circuit now."""
     loop: LoopMeasurement
     """Loop gain in numbers."""
+    open_loop: LoopMeasurement
+    """Gain of the op-amp in numbers, without the inverting input as a load of the output."""
     bias_point: BiasPoint
     """Operating point."""
     frequency: NDArray[np.float64]
     """Of the loop gain [Hz], to ten times the unity crossing."""
     loop_gain: NDArray[np.complex128]
     """[V/V]."""
+    follower_gain: float
+    """Gain of the follower at low frequency [V/V]."""
+    slew_rates: tuple[float, float]
+    """Steepest rise and fall, on a step of `SLEWING_STEP` that no model is compared on [V/s]; NaN where unstable."""
     runs: Mapping[str, RecordedRun]
     """By name of the stimulus."""
+    unstable: tuple[str, ...] = ()
+    """Names of the stimuli in whose range the circuit is unstable, of which there are no runs."""
 
 
 def time_scale(loop: LoopMeasurement) -> float:
@@ -103,7 +113,7 @@ def record(circuit: Circuit, names: Sequence[str] | None = None) -> Record:
     circuit : Circuit
         The circuit.
     names : sequence of str, optional
-        Stimuli to run; by default all, `OF_UNSTABLE` for an unstable circuit.
+        Stimuli to run; all by default.
 
     Returns
     -------
@@ -118,18 +128,48 @@ def record(circuit: Circuit, names: Sequence[str] | None = None) -> Record:
     text = subcircuit(circuit)
     loop = measure_loop(ngspice.run_loop_gain(text, highest=_HIGHEST_FREQUENCY, per_decade=100))
     inputs = stimuli(circuit, time_scale(loop))
-    kept = list(names) if names is not None else list(inputs) if loop.stable else list(OF_UNSTABLE)
+    kept = list(inputs) if names is None else list(names)
+    unstable = _unstable(text, {name: inputs[name] for name in kept})
     response = ngspice.run_loop_gain(text, highest=BEYOND_UNITY * loop.unity_crossing, per_decade=_PER_DECADE)
     return Record(
         circuit=circuit.name,
         simulator=version(),
         deck_hash=deck_hash(circuit, inputs),
         loop=loop,
+        open_loop=_open_loop(text),
         bias_point=measure_bias_point(circuit),
         frequency=response.frequency,
         loop_gain=response.transfer,
-        runs={name: _run(text, inputs[name]) for name in kept},
+        follower_gain=float(np.abs(ngspice.run_follower_ac(text, highest=10.0, per_decade=1).transfer[0])),
+        slew_rates=_slew_rates(circuit, loop) if loop.stable else (math.nan, math.nan),
+        runs={name: _run(text, inputs[name]) for name in kept if name not in unstable},
+        unstable=unstable,
     )
+
+
+def _open_loop(text: str) -> LoopMeasurement:
+    return measure_loop(ngspice.run_open_loop_ac(text, highest=_HIGHEST_FREQUENCY, per_decade=100))
+
+
+def _unstable(text: str, inputs: Mapping[str, Stimulus]) -> tuple[str, ...]:
+    """Return the stimuli in whose range the circuit is unstable: at rest at its lowest or its highest input."""
+    ends = {name: (float(part.volts.min()), float(part.volts.max())) for name, part in inputs.items()}
+    stable = {
+        volts: measure_loop(ngspice.run_loop_gain(text, highest=_HIGHEST_FREQUENCY, v_in=volts)).stable
+        for volts in {volt for pair in ends.values() for volt in pair}
+    }
+    return tuple(name for name, (low, high) in ends.items() if not (stable[low] and stable[high]))
+
+
+def _slew_rates(circuit: Circuit, loop: LoopMeasurement) -> tuple[float, float]:
+    low, high = SLEWING_STEP
+    slewing = 3 * slewing_time(circuit, high - low)
+    slopes = []
+    for ends in ((low, high), (high, low)):
+        what = step(*ends, loop.unity_crossing, slewing)
+        run = ngspice.run_follower(subcircuit(circuit), what.source, what.stop, what.largest_step)
+        slopes.append(steepest_slope(run.time, run.v_out, float(what.time[2])))
+    return slopes[0], slopes[1]
 
 
 def _run(text: str, stimulus: Stimulus) -> RecordedRun:
@@ -192,8 +232,11 @@ def save(path: Path, recorded: Record) -> None:
     OSError
         The file cannot be written.
     """
-    about: dict[str, Any] = {name: getattr(recorded, name) for name in ("circuit", "simulator", "deck_hash")}
-    about["loop"], about["bias_point"] = asdict(recorded.loop), asdict(recorded.bias_point)
+    about: dict[str, Any] = {
+        name: getattr(recorded, name) for name in ("circuit", "simulator", "deck_hash", "follower_gain", "unstable")
+    }
+    about |= {name: asdict(getattr(recorded, name)) for name in ("loop", "open_loop", "bias_point")}
+    about["slew_rates"] = [None if math.isnan(rate) else rate for rate in recorded.slew_rates]
     about["runs"] = {
         name: {
             "samples": run.time.size,
@@ -209,8 +252,8 @@ def save(path: Path, recorded: Record) -> None:
         about=np.array(json.dumps(about)),
         frequency=recorded.frequency.astype(np.float32),
         loop_gain=recorded.loop_gain.astype(np.complex64),
-        time=np.concatenate([run.time for run in recorded.runs.values()]).astype(np.float32),
-        v_out=np.round(np.concatenate(levels)).astype(np.uint16),
+        time=np.concatenate([[], *(run.time for run in recorded.runs.values())]).astype(np.float32),
+        v_out=np.round(np.concatenate([[], *levels])).astype(np.uint16),
     )
 
 
@@ -246,9 +289,13 @@ def load(path: Path) -> Record:
             simulator=about["simulator"],
             deck_hash=about["deck_hash"],
             loop=LoopMeasurement(**about["loop"]),
+            open_loop=LoopMeasurement(**about["open_loop"]),
             bias_point=BiasPoint(about["bias_point"]["v_out"], points),
             frequency=frequency,
             loop_gain=loop_gain,
+            follower_gain=about["follower_gain"],
+            unstable=tuple(about["unstable"]),
+            slew_rates=tuple(math.nan if rate is None else rate for rate in about["slew_rates"]),  # type: ignore[arg-type]
             runs={
                 name: RecordedRun(
                     time[end - run["samples"] : end],
@@ -273,11 +320,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for name in options.circuit or CIRCUITS:
             recorded = record(CIRCUITS[name])
             save(options.folder / f"{name}.npz", recorded)
-            worst = max(recorded.runs, key=lambda run: recorded.runs[run].uncertainty)
+            uncertain = max((run.uncertainty for run in recorded.runs.values()), default=math.nan)
             print(
                 f"{name}: {recorded.loop.gain_db:.1f} dB, {recorded.loop.unity_crossing / 1e6:.3f} MHz, "
-                f"{recorded.loop.phase_margin:.1f} degrees; uncertainty at most "
-                f"{recorded.runs[worst].uncertainty:.2g} % ({worst})",
+                f"{recorded.loop.phase_margin:.1f} degrees; {len(recorded.runs)} runs, "
+                f"uncertainty at most {uncertain:.2g} %",
                 flush=True,
             )
     except (ngspice.SpiceError, OSError) as error:

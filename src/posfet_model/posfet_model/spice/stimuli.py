@@ -58,7 +58,7 @@ class Stimulus:
         """End of the run [s]."""
         return float(self.time[-1])
 
-    def resolved(self, samples: int = 1500) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def resolved(self, samples: int = 200) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return instants [s] and input [V] that resolve the input: its own, and as many evenly spaced; unchecked."""
         time = np.union1d(self.time, np.linspace(0, self.stop, samples))
         return time, np.interp(time, self.time, self.volts) if self.kind != "sine" else self._sine(time)
