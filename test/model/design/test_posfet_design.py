@@ -206,6 +206,24 @@ def test_reasons_say_why_a_design_is_not_valid(changes: dict[str, Any], reason: 
     assert any(text.startswith(reason) for text in design.reasons), design.reasons
 
 
+def test_a_design_that_cannot_work_has_a_report_all_the_same() -> None:
+    cut_off = PosfetDesign(reference_current=0.1, supply=0.5)
+    assert not cut_off.valid
+    assert math.isnan(float(cut_off.smallest_force))
+    assert report.as_json(cut_off)["smallest_force_n"] is None
+    tiny = PosfetDesign(film_area=1e-12, film_thickness=1e-3, film_permittivity=1.0)
+    assert not tiny.valid
+    both = PosfetDesign(reference_current=np.array([0.1, 2e-4]), supply=np.array([0.5, 5.0]))
+    assert both.valid.tolist() == [False, True]
+    assert np.isfinite(both.smallest_force).tolist() == [False, True]
+
+
+def test_an_output_without_load_is_that_with_a_tiny_one() -> None:
+    none, tiny = (PosfetDesign(load_capacitance=farad).amplifier for farad in (0.0, 1e-15))
+    assert none.gain_bandwidth == pytest.approx(tiny.gain_bandwidth, rel=1e-3)
+    assert none.phase_margin == pytest.approx(tiny.phase_margin, abs=0.1)
+
+
 def test_an_unstable_design_has_no_overshoot_and_never_settles() -> None:
     design = PosfetDesign(load_resistance=1e5, zero_resistor=500.0, film_thickness=1e-6)
     numbers = report.as_json(design)

@@ -15,7 +15,7 @@ import numpy as np
 
 from posfet_model._lib.types import Array, FloatArray, Mask
 from posfet_model.amplifier.circuit import AmplifierCircuit
-from posfet_model.amplifier.circuit_figures import TransferFunction, circuit_figures
+from posfet_model.amplifier.circuit_figures import CircuitFigures, TransferFunction, circuit_figures
 from posfet_model.amplifier.operating_point import MIN_OUTPUT_CURRENT
 from posfet_model.amplifier.validity import Validity
 
@@ -132,7 +132,11 @@ def _blocks(circuit: AmplifierCircuit) -> Iterator[AmplifierCircuit]:
 
 def _block(circuit: AmplifierCircuit) -> AmplifierFigures:
     """Return the figures of circuits of the shape [n]."""
-    figures = circuit_figures(circuit)
+    with np.errstate(divide="ignore", invalid="ignore"):  # transistors in cut-off
+        return _block_figures(circuit, circuit_figures(circuit))
+
+
+def _block_figures(circuit: AmplifierCircuit, figures: CircuitFigures) -> AmplifierFigures:
     nodes = circuit.operating_point(0.0)
     rest = np.zeros(nodes.shape[:-1])
     found = np.asarray(np.isfinite(nodes).all(axis=-1))

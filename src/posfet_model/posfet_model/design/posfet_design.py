@@ -42,6 +42,12 @@ from posfet_model.spice.circuits import Circuit
 PARTS = ("gate", "gate", "load", "load", "tail", "mirror", "output", "sink")
 """Names of M1 to M8 in the fields of sizes."""
 
+LEAST_TRANSCONDUCTANCE = 1e-12
+"""gm1 below which the input pair is cut off, and the noise unknown [S]."""
+
+LEAST_LOAD = 1e-18
+"""Capacitance at the output in place of none [F], without which the open loop has no solution."""
+
 NOT_POLED = "the film is not poled: a force gives no signal"
 BEYOND_INPUT = "the force to be measured drives the input out of the amplifier's range"
 BEYOND_ADC = "the force to be measured drives the ADC out of its range"
@@ -161,14 +167,15 @@ class PosfetDesign(Taxel):
             compensation=np.asarray(self.compensation),
             zero_resistor=np.asarray(self.zero_resistor),
             load_resistance=np.asarray(self.load_resistance),
-            load_capacitance=np.asarray(self.load_capacitance),
+            load_capacitance=np.maximum(self.load_capacitance, LEAST_LOAD),
         )
 
     @cached_property
     def noise(self) -> NoiseBudget:
         """Noise by source in the band [V rms], as a voltage of the top electrode."""
         amplifier = self.amplifier
-        usable = amplifier.found  # else the rest is computed with figures that do not matter
+        usable = amplifier.found & (amplifier.input_transconductance >= LEAST_TRANSCONDUCTANCE)
+        # Where it is not, the rest is computed with figures that do not matter.
         gm1 = np.where(usable, amplifier.input_transconductance, 1.0)
         gm3 = np.where(usable, amplifier.load_transconductance, 0.0)
         gain = np.where(usable, amplifier.follower_gain, 1.0)

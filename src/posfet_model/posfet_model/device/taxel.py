@@ -270,8 +270,7 @@ class Taxel:
             `plane` is not a Plane.
         """
         share = self.coupling if instance("plane", plane, Plane) is Plane.GATE else 1.0
-        capacitance = self.oxide_capacitance * share
-        return transistor.gain_factor(self.electron_mobility, capacitance, self.gate_width, self.gate_length)
+        return self.electron_mobility * self.oxide_capacitance * share * (self.gate_width / self.gate_length)
 
     def drain_current(
         self, gate_voltage: ArrayLike, drain_voltage: ArrayLike, channel_length_modulation: ArrayLike = 0.0
