@@ -1,0 +1,87 @@
+"""A step as on the bench: overshoot, settling time and slope of a follower from sizes and bias.
+
+A step of 50 mV is not small to an op-amp with little margin: the current of its output stage swings with the ringing,
+and the overshoot is up to a quarter less than the linear one of `circuit_figures`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from posfet_model._lib.types import Array
+from posfet_model._lib.validation import instance, real_number
+from posfet_model.amplifier.transient_follower import CircuitFollower
+
+EDGE: Final = 0.015
+"""Duration of the step's edge, in periods of the unity crossing."""
+
+SETTLED: Final = 0.01
+"""Deviation from the final value, as a fraction of the step, at which it has settled."""
+
+_SAMPLES: Final = 600
+_LONGEST: Final = 40.0  # periods of the unity crossing, beside the time of slewing
+
+
+@dataclass(frozen=True)
+class StepTest:
+    """What a step shows; NaN where the follower is unstable or has no operating point."""
+
+    overshoot: float
+    """Excursion beyond the final value, as a fraction of the step [1]."""
+    settling_time: float
+    """Time from the step until the output stays within 1 % of it [s], to 1 % of the window; inf where unstable."""
+    slope: float
+    """Mean slope of the output from 20 to 80 % of the step [V/s]: the slew rate, if the step is large enough."""
+
+
+def step_test(follower: CircuitFollower, volts: float = 0.05, start: float = 0.0) -> StepTest:
+    """Return what a step of the input shows, by integration.
+
+    Parameters
+    ----------
+    follower : CircuitFollower
+        A single follower.
+    volts : float, default 0.05
+        Height of the step [V], positive or negative, within +-20.
+    start : float, default 0.0
+        Input before the step [V], within +-20.
+
+    Returns
+    -------
+    StepTest
+        Overshoot, settling time and slope.
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range, or the follower is an array.
+    """
+    follower = instance("follower", follower, CircuitFollower)
+    volts, start = real_number("volts", volts, -20, 20), real_number("start", start, -20, 20)
+    if follower.circuit.shape or volts == 0:
+        raise ValueError("follower must be a single one, and volts must not be 0")
+    figures = follower.figures
+    period = 1 / float(figures.gain_bandwidth)
+    if not figures.stable or not np.isfinite(period):
+        return StepTest(np.nan, np.inf, np.nan)
+    slewing = abs(volts) / float(np.minimum(figures.slew_rate, figures.falling_slew_rate))
+    end = EDGE * period + 2 * slewing + min(3 * float(figures.settling_time), _LONGEST * period)
+    time = np.r_[0.0, np.linspace(EDGE * period, end, _SAMPLES)]
+    out = follower.run(time, start + volts * np.minimum(time / (EDGE * period), 1.0)).v_out
+    final = float(follower.run([0.0], [start + volts]).v_out[0])
+    rise = (out - out[0]) / (final - out[0])
+    outside = np.flatnonzero(np.abs(rise - 1) > SETTLED)
+    return StepTest(
+        overshoot=max(float(rise.max()) - 1, 0.0),
+        settling_time=float(time[min(outside[-1] + 1, _SAMPLES)]) if outside[-1] < _SAMPLES else np.inf,
+        slope=0.6 * abs(final - float(out[0])) / (_first(time, rise, 0.8) - _first(time, rise, 0.2)),
+    )
+
+
+def _first(time: Array, rise: Array, share: float) -> float:
+    """Return when the output first reaches a share of the step, between samples by interpolation."""
+    k = int(np.argmax(rise >= share))
+    return float(np.interp(share, rise[k - 1 : k + 1], time[k - 1 : k + 1]))

@@ -1,0 +1,61 @@
+"""Overshoot, settling and slope of a step, against ngspice's and the linear ones."""
+
+import math
+
+import pytest
+
+from posfet_model.amplifier.circuit import AmplifierCircuit
+from posfet_model.amplifier.step_test import step_test
+from posfet_model.amplifier.transient_follower import CircuitFollower
+from posfet_model.spice.circuits import CIRCUITS
+from support.sweep import assert_refused
+
+
+def of_circuit(name: str) -> CircuitFollower:
+    of = CIRCUITS[name]
+    return CircuitFollower.from_design(of.bias, of.design, of.stages)
+
+
+@pytest.mark.parametrize(
+    ("name", "percent"),  # of ngspice, a step of 50 mV with an edge of 10 ns
+    [
+        ("two_stage", 0.0),
+        ("two_stage_100pf", 13.98),
+        ("two_stage_300pf", 31.98),
+        ("two_stage_no_zero_resistor", 109.78),
+        ("two_stage_small_rz_30pf", 71.39),
+        ("one_stage_100pf", 31.36),
+        ("one_stage_half_cc_30pf", 23.98),
+        ("one_stage_300khz_300pf", 26.06),
+    ],
+)
+def test_the_overshoot_of_50_mv_is_that_of_ngspice(name: str, percent: float) -> None:
+    assert 100 * step_test(of_circuit(name)).overshoot == pytest.approx(percent, abs=1.0)
+
+
+def test_a_tiny_step_has_the_linear_overshoot_and_settling_time() -> None:
+    follower = CircuitFollower(circuit=of_circuit("one_stage_100pf").circuit, tolerance=1e-8)
+    found = step_test(follower, 1e-3)
+    assert found.overshoot == pytest.approx(float(follower.figures.overshoot), abs=5e-3)
+    assert found.settling_time == pytest.approx(float(follower.figures.settling_time), rel=0.05)
+
+
+def test_a_large_step_slews() -> None:
+    rising = step_test(of_circuit("two_stage"), 2.0).slope
+    assert rising == pytest.approx(4.85e6, rel=0.1)  # of ngspice, steepest
+    follower = of_circuit("one_stage_100pf")
+    falling = step_test(follower, -1.0, 0.5).slope
+    assert falling == pytest.approx(float(follower.figures.falling_slew_rate), rel=0.2)
+
+
+def test_an_unstable_follower_has_none() -> None:
+    found = step_test(of_circuit("two_stage_no_rz_unstable"))
+    assert math.isnan(found.overshoot) and found.settling_time == math.inf
+
+
+def test_what_is_refused() -> None:
+    good = {"follower": of_circuit("two_stage"), "volts": 0.05, "start": 0.0}
+    assert_refused(step_test, {**good, "volts": 0.0}, "volts")
+    assert_refused(step_test, {**good, "start": 30.0}, "start")
+    many = CircuitFollower(circuit=AmplifierCircuit.stack([AmplifierCircuit.from_design()] * 2))
+    assert_refused(step_test, {**good, "follower": many}, "follower")
