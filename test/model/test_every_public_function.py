@@ -182,7 +182,11 @@ GOOD: dict[str, dict[str, Any]] = {
     },
     "paper.TransistorSize": {"name": "M1", "width": 3e-3, "length": 12e-6},
     "paper.channel_gain_factor": {"plane": transistor.Plane.GATE},
-    "slew_identification.slew_model": {"loop": closed_loop.ClosedLoop(0.99, 1.4e6), "gain_bandwidth": 1.5e6},
+    "slew_identification.slew_model": {
+        "loop": closed_loop.ClosedLoop(0.99, 1.4e6),
+        "gain_bandwidth": 1.5e6,
+        "stages": 2,
+    },
     "slew_identification.two_stage_model": {"bias": two_stage.CIRCUIT_B, "design": two_stage.TABLE_II},
     "slew_identification.one_stage_model": {"bias": two_stage.CIRCUIT_B, "design": two_stage.TABLE_II},
     "slew_identification.SlewModel.follower": {"overdrive": 0.4},

@@ -14,7 +14,7 @@ import numpy as np
 
 from posfet_model.amplifier.closed_loop import ClosedLoop
 from posfet_model.amplifier.follower import SquareLawFollower
-from posfet_model.amplifier.slew_identification import OVERDRIVE, slew_model
+from posfet_model.amplifier.slew_identification import OVERDRIVE, SlewModel, slew_model
 from posfet_model.command_line import ignoring_broken_pipe
 from posfet_model.device.paper import GAIN_BANDWIDTH
 from posfet_model.spice import circuit_command
@@ -49,10 +49,9 @@ Every model starts in the steady state of the first v_in.
 "blind" uses an open-loop gain of 42.3 dB and a gain-bandwidth product of 1.5 MHz, and assumes a second pole at
 {1 / SECOND_POLE_QUALITY**2:g} times that and a differential pair of {OVERDRIVE} V overdrive.
 "calibrated" appears when --gain and --bandwidth are given. Nothing is fitted to FILE.csv. Gain and bandwidth do not
-determine slewing, so the square-law model identifies the op-amp by the ratio of the bandwidth to that of one pole with
-the gain-bandwidth product (--gain-bandwidth): lower, two stages with a zero; higher, one stage and an output follower.
-Its overdrive then follows from hand formulas with the sizes of Table II, unless it is given (--overdrive) or measured
-on another run of the same circuit (--overdrive-from).
+determine slewing: with the circuit of the op-amp (--stages 2: Miller; 1: one stage and an output follower) the
+overdrive of the square-law model follows from hand formulas with the sizes of Table II, unless it is given
+(--overdrive) or measured on another run of the same circuit (--overdrive-from). Without --stages it is assumed.
 In place of FILE.csv, "circuits" compares the models of the set of circuits with ngspice and says which are valid on
 which run, "random" compares verdicts about stability, "netlist NAME" prints a circuit for SPICE (each with --help).
 Standard output has the JSON only; standard error reports how --gain was interpreted where it may be in dB, the assumed
@@ -75,6 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             options.gain,
             options.bandwidth,
             gain_bandwidth=options.gain_bandwidth,
+            stages=options.stages,
             overdrive=options.overdrive,
             overdrive_from=options.overdrive_from,
             report=_note,
@@ -96,6 +96,7 @@ def compare(
     bandwidth: float | None = None,
     *,
     gain_bandwidth: float | None = None,
+    stages: int | None = None,
     overdrive: float | None = None,
     overdrive_from: Path | None = None,
     report: Callable[[str], None] = lambda text: None,
@@ -112,6 +113,8 @@ def compare(
         -3 dB bandwidth of the follower [Hz].
     gain_bandwidth : float, optional
         Gain-bandwidth product of the op-amp [Hz].
+    stages : int, optional
+        2: Miller op-amp; 1: one stage and an output follower.
     overdrive : float, optional
         Overdrive of the differential pair [V].
     overdrive_from : Path, optional
@@ -132,14 +135,17 @@ def compare(
         If the options cannot be combined or are out of range.
     """
     loop = closed_loop(gain, bandwidth)
-    if loop is None and not (gain_bandwidth is None and overdrive is None and overdrive_from is None):
-        raise UsageError("--gain-bandwidth, --overdrive and --overdrive-from need --gain and --bandwidth")
+    if loop is None and any(option is not None for option in (gain_bandwidth, stages, overdrive, overdrive_from)):
+        raise UsageError("--gain-bandwidth, --stages, --overdrive and --overdrive-from need --gain and --bandwidth")
     run = read_run(file)
     results = {"blind": deviations(run, blind_models())}
     if loop is not None:
         if gain is not None and LIKE_DECIBELS[0] <= gain <= LIKE_DECIBELS[1]:
             report(f"--gain {gain:g} is read as an open-loop gain in V/V, not dB: a follower of {loop.gain:.6g} V/V")
-        slewing = _slewing(loop, gain_bandwidth, _Overdrive(overdrive, overdrive_from), run, report)
+        if gain_bandwidth is not None:
+            _require("--gain-bandwidth", gain_bandwidth, BANDWIDTH)
+        model = slew_model(loop, gain_bandwidth, stages)
+        slewing = _slewing(loop, model, _Overdrive(overdrive, overdrive_from), run, report)
         results["calibrated"] = deviations(run, calibrated_models(loop, slewing))
     return {
         name: {
@@ -160,15 +166,12 @@ class _Overdrive:
 
 def _slewing(
     loop: ClosedLoop,
-    gain_bandwidth: float | None,
+    model: SlewModel,
     overdrive: _Overdrive,
     run: FollowerRun,
     report: Callable[[str], None],
 ) -> SquareLawFollower:
     """Return the calibrated slewing model; `run` is only used to reject it as its own reference."""
-    if gain_bandwidth is not None:
-        _require("--gain-bandwidth", gain_bandwidth, BANDWIDTH)
-    model = slew_model(loop, GAIN_BANDWIDTH.value if gain_bandwidth is None else gain_bandwidth)
     value, how = model.overdrive, "by hand formulas" if model.amplifier != "one pole" else "assumed"
     if overdrive.given is not None and overdrive.other is not None:
         raise UsageError("--overdrive and --overdrive-from cannot be combined")
@@ -256,7 +259,10 @@ def _parser() -> argparse.ArgumentParser:
         "--gain-bandwidth",
         type=float,
         metavar="HZ",
-        help=f"gain-bandwidth product of the op-amp, default {GAIN_BANDWIDTH.value:g}",
+        help=f"gain-bandwidth product of the op-amp, default {GAIN_BANDWIDTH.value:g} with --stages",
+    )
+    parser.add_argument(
+        "--stages", type=int, choices=(1, 2), help="circuit of the op-amp, 2: Miller; 1: one stage, output follower"
     )
     parser.add_argument("--overdrive", type=float, metavar="V", help="overdrive of the differential pair")
     parser.add_argument(

@@ -89,10 +89,13 @@ class Follower(ABC):
     """Input offset [V], a number or one per taxel, within +-1e6."""
     limits: FollowerLimits = field(default_factory=FollowerLimits)
     """Range in which the model is valid."""
+    usable: bool = True
+    """Whether the model is applicable at all; if not, no result is valid."""
 
     def __post_init__(self) -> None:
         real_array("offset", self.offset, -VOLTAGE_LIMIT, VOLTAGE_LIMIT)
         instance("limits", self.limits, FollowerLimits)
+        instance("usable", self.usable, bool)
 
     @property
     @abstractmethod
@@ -316,10 +319,10 @@ class Follower(ABC):
         wanted = voltage.copy() if type(self.offset) is float and self.offset == 0 else self._with_offset(voltage)
         if self.limits.v_low == -math.inf and self.limits.v_high == math.inf:
             valid = np.empty(wanted.shape, np.bool_)
-            valid.fill(True)  # a third of the time of np.ones
+            valid.fill(self.usable)  # a third of the time of np.ones
             return wanted, valid
         held = np.clip(wanted, self.limits.v_low, self.limits.v_high)
-        return held, np.asarray(held == wanted)
+        return held, np.asarray((held == wanted) & self.usable)
 
     def _with_offset(self, voltage: NDArray[np.float64]) -> NDArray[np.float64]:
         try:
