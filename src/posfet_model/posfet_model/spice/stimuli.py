@@ -9,16 +9,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model.device.paper import FORCE_AREA, PIEZOELECTRIC_COEFFICIENT, STACK
 from posfet_model.spice.circuits import Circuit
 from posfet_model.spice.ngspice import piecewise_linear
-
-PRESS_FORCE: Final = 5.0
-"""Force of press and tap [N]."""
-
-PRESS_VOLTAGE: Final = -PIEZOELECTRIC_COEFFICIENT.value * PRESS_FORCE / FORCE_AREA.value / STACK.oxide
-"""Gate shift by 5 N on 1 mm2 at the oxide plane, d33*F/(A*Cox) = 0.248 V. Referred to the gate of the stack the same
-charge gives 4.47 V, which is beyond the range of a follower on +-5 V."""
+from posfet_model.spice.reference_runs import PRESS_VOLTAGE
 
 STEPS: Final = (0.01, 0.05, 0.2, 1.0)
 """Steps [V], from 0 up and from that voltage back to 0."""
