@@ -1,10 +1,12 @@
 """Overshoot, settling and slope of a step, against ngspice's and the linear ones."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from posfet_model.amplifier.circuit import AmplifierCircuit
+from posfet_model.amplifier.operating_point import CIRCUIT_B, TABLE_II
 from posfet_model.amplifier.step_test import step_test
 from posfet_model.amplifier.transient_follower import CircuitFollower
 from posfet_model.spice.circuits import CIRCUITS
@@ -51,6 +53,13 @@ def test_a_large_step_slews() -> None:
 def test_an_unstable_follower_has_none() -> None:
     found = step_test(of_circuit("two_stage_no_rz_unstable"))
     assert math.isnan(found.overshoot) and found.settling_time == math.inf
+
+
+def test_an_output_without_load_and_a_pair_that_is_cut_off() -> None:
+    free = CircuitFollower.from_design(replace(CIRCUIT_B, load_capacitance=0.0))
+    assert step_test(free).overshoot < 0.01 and free.figures.phase_margin > 90
+    off = CircuitFollower.from_design(CIRCUIT_B, replace(TABLE_II, pair_threshold_shift=20.0))
+    assert math.isnan(step_test(off).overshoot) and not off.validity.valid
 
 
 def test_what_is_refused() -> None:

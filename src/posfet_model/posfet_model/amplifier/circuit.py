@@ -70,6 +70,9 @@ _LEAST_RESISTANCE: Final = 0.1
 _LEAST_CONDUCTANCE: Final = 1e-12
 """From each node to ground, so that transistors in cut-off leave no node floating [S]."""
 
+_LEAST_CAPACITANCE: Final = 1e-18
+"""From each node to ground, so that an output without load is no singular case [F]."""
+
 _MOST_CHANGE: Final = 0.5
 """Largest change of a node in an iteration of the operating point [V]."""
 
@@ -184,6 +187,7 @@ class AmplifierCircuit:
         capacitance = np.zeros_like(conductance)
         first, out = nodes.index("first"), nodes.index("out")
         conductance[..., range(len(nodes)), range(len(nodes))] = _LEAST_CONDUCTANCE
+        capacitance[..., range(len(nodes)), range(len(nodes))] = _LEAST_CAPACITANCE
         conductance[..., out, out] += 1 / self.load_resistance
         capacitance[..., out, out] += self.load_capacitance
         if self.stages == 1:

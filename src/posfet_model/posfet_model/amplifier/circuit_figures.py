@@ -120,7 +120,7 @@ class CircuitFigures:
     phase_margin: Array
     """180 degrees plus the phase there [degrees]."""
     overshoot: Array
-    """Overshoot of a small step, as a fraction of it [1]; NaN where unstable."""
+    """Overshoot of a small step, as a fraction of it [1]; NaN where unstable or without a unity crossing."""
     settling_time: Array
     """Time after which a small step stays within 1 % [s], to 2 % of itself; inf where unstable."""
     slew_rate: Array
@@ -194,10 +194,11 @@ def circuit_figures(circuit: AmplifierCircuit, v_in: float | Array = 0.0) -> Cir
     overshoot, settling = _step_figures(closed)
     currents = circuit.transistors(safe, v_in)[2]
     tail, sunk = currents.current[..., 4], currents.current[..., 7]
-    rise, fall = _slew_rates(circuit, currents.transconductance, currents.output_conductance, tail, sunk)
+    with np.errstate(divide="ignore", invalid="ignore"):  # of a pair or an output stage that is cut off
+        rise, fall = _slew_rates(circuit, currents.transconductance, currents.output_conductance, tail, sunk)
     saturated = circuit.saturated(safe, v_in).all(axis=-1)
     nothing = np.where(found, 1.0, np.nan)
-    overshoot = np.where(stable, overshoot, np.nan)
+    overshoot = np.where(stable & np.isfinite(crossing), overshoot, np.nan)
     return CircuitFigures(
         open_loop_response=opened,
         closed_loop_response=closed,
@@ -251,7 +252,7 @@ def _step_figures(response: TransferFunction) -> tuple[Array, Array]:
     shape = response.direct.shape
     slowest = 1 / np.maximum(response.rates.real.min(axis=-1), 1e-30)
     time = _STEP_TIMES.reshape(-1, *(1,) * len(shape)) * slowest
-    with np.errstate(invalid="ignore", over="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         value = response.step(time) / response.gain
     outside = np.abs(value - 1) > 0.01
     last = len(time) - 1 - np.argmax(outside[::-1], axis=0)

@@ -65,9 +65,10 @@ def step_test(follower: CircuitFollower, volts: float = 0.05, start: float = 0.0
         raise ValueError("follower must be a single one, and volts must not be 0")
     figures = follower.figures
     period = 1 / float(figures.gain_bandwidth)
-    if not figures.stable or not np.isfinite(period):
+    slew_rate = float(np.minimum(figures.slew_rate, figures.falling_slew_rate))
+    if not (figures.stable and np.isfinite(period) and slew_rate > 0):
         return StepTest(np.nan, np.inf, np.nan)
-    slewing = abs(volts) / float(np.minimum(figures.slew_rate, figures.falling_slew_rate))
+    slewing = abs(volts) / slew_rate
     end = EDGE * period + 2 * slewing + min(3 * float(figures.settling_time), _LONGEST * period)
     time = np.r_[0.0, EDGE * period + (end - EDGE * period) * np.linspace(0, 1, _SAMPLES) ** 2]  # denser at first
     out = follower.run(time, start + volts * np.minimum(time / (EDGE * period), 1.0)).v_out
