@@ -402,3 +402,115 @@ def test_a_classic_clock_that_jumps_does_not_measure_the_scan_period() -> None:
             errors.append(decoder.scan.stamp - decoder.scan.sequence * PERIOD)
     assert len(errors) > 160
     assert np.abs(errors).max() < 100_000
+
+
+def scan_frames(
+    fd: bool, sequence: int, time: int, number: int | None = None, header: bool | None = None
+) -> list[Frame]:
+    """Return the frames of a marked scan that states a device time [us], and perhaps another number."""
+    sensor = with_fd(SENSOR, fd)
+    scan = make_scan(sensor, sequence, time)
+    scan.sequence = sequence if number is None else number
+    return make_codec(sensor).encode(scan, BASE, header=scan.sequence % 16 == 0 if header is None else header)
+
+
+def stamp_errors(decoder: Decoder, batches: list[tuple[int, list[Frame]]]) -> dict[int, int]:
+    """Feed batches with their arrivals [ns]; return the error of the stamp [ns] by sequence: scans are 1 ms apart."""
+    errors = {}
+    for arrival, frames in batches:
+        for scan in receive(decoder, frames, arrival):
+            errors[scan.sequence] = scan.stamp - WALL_OFFSET - scan.sequence * PERIOD
+    return errors
+
+
+@pytest.mark.parametrize("jump", [1, 2, 5, 11])
+def test_classic_counters_that_jump_spoil_no_stamps(jump: int) -> None:
+    """A false number has a false time, which the next header corrects."""
+    decoder = classic_decoder()
+    lying = [(sequence, sequence + jump if 36 <= sequence < 40 else sequence) for sequence in range(32, 200)]
+    batches = [
+        (sequence * PERIOD, scan_frames(False, sequence, sequence * 1000, number, sequence % 16 == 0))
+        for sequence, number in lying
+    ]
+    errors = []
+    for arrival, frames in batches:
+        for decoded in decoder.decode(frames, arrival, 0):
+            if isinstance(decoded, ScanReady) and arrival >= 48 * PERIOD:
+                errors.append(decoder.scan.stamp - decoder.scan.sequence * PERIOD)
+    assert len(errors) >= 152
+    assert np.abs(errors).max() < 20_000
+
+
+def test_a_header_that_was_sampled_late_spoils_no_stamp_of_other_classic_scans() -> None:
+    decoder = Decoder(with_fd(SENSOR, False))
+    decoder.start()
+    late = {48: 900_000, 96: 700_000}
+    batches = [
+        (
+            sequence * PERIOD + late.get(sequence, 0),
+            scan_frames(False, sequence, sequence * 1000 + late.get(sequence, 0) // 1000),
+        )
+        for sequence in range(200)
+    ]
+    errors = stamp_errors(decoder, batches)
+    assert len(errors) == 200
+    assert max(abs(error - late.get(sequence, 0)) for sequence, error in errors.items()) < 20_000
+
+
+@BOTH
+def test_stamps_during_a_frozen_clock_and_after_it_are_right(fd: bool) -> None:
+    decoder = Decoder(with_fd(SENSOR, fd))
+    decoder.start()
+    batches = [
+        (sequence * PERIOD, scan_frames(fd, sequence, 64_000 if 64 <= sequence < 300 else sequence * 1000))
+        for sequence in range(400)
+    ]
+    errors = stamp_errors(decoder, batches)
+    assert len(errors) >= 397  # of FD the first one is confirmed by the second
+    assert max(map(abs, errors.values())) < 50_000
+    assert decoder.frozen_clock > 10
+
+
+@BOTH
+def test_a_clock_that_jumps_spoils_no_stamp(fd: bool) -> None:
+    decoder = Decoder(with_fd(SENSOR, fd))
+    decoder.start()
+    batches = [
+        (sequence * PERIOD, scan_frames(fd, sequence, sequence * 1000 + (123_456_789 if 100 <= sequence < 300 else 0)))
+        for sequence in range(400)
+    ]
+    errors = stamp_errors(decoder, batches)
+    assert len(errors) >= 396
+    assert max(map(abs, errors.values())) < 50_000
+    assert decoder.clock_uncertainty < 2e-3
+
+
+def test_a_block_that_overtakes_its_header_confirms_no_number() -> None:
+    """16 scans with their header are lost, and what follows is held with numbers that are 16 too low."""
+    decoder = classic_decoder()
+    batches = [(sequence * PERIOD, scan_frames(False, sequence, sequence * 1000)) for sequence in (32, 33)]
+    batches += [(sequence * PERIOD, scan_frames(False, sequence, sequence * 1000)) for sequence in range(50, 64)]
+    header, first, *rest = scan_frames(False, 64, 64_000)
+    batches += [(64 * PERIOD, [first, header, *rest])]
+    batches += [(sequence * PERIOD, scan_frames(False, sequence, sequence * 1000)) for sequence in range(65, 100)]
+    assert sorted(stamp_errors(decoder, batches)) == [32, 33, *range(65, 100)]
+    assert decoder.scans + decoder.statistics.lost_scans + decoder.statistics.incomplete_scans == 100
+
+
+def test_a_classic_block_of_an_earlier_scan_is_late_however_late_it_is() -> None:
+    """A counter of 4 bits could be that of a scan to come, which cannot have been sampled yet."""
+    decoder = classic_decoder()
+    batches = [(sequence * PERIOD, scan_frames(False, sequence, sequence * 1000)) for sequence in range(32, 60)]
+    late = batches[8][1].pop()  # of scan 40
+    batches[18][1].append(late)
+    errors = stamp_errors(decoder, batches)
+    assert sorted(errors) == [*range(32, 40), *range(41, 60)]
+    assert (decoder.statistics.late, decoder.statistics.incomplete_scans, decoder.statistics.lost_scans) == (1, 1, 0)
+
+
+def test_a_response_from_before_a_reset_sets_no_period() -> None:
+    decoder = Decoder(with_fd(SENSOR, False))
+    frames = [(BASE + STATUS_OFFSET, CLASSIC, status(boot=boot).pack()) for boot in (1, 2)]
+    frames += [(BASE + RESPONSE_OFFSET, CLASSIC, Response(Command.SET_RATE, 1, Result.OK, 5000, boot=1).pack())]
+    assert [type(decoded) for decoded in decoder.decode(frames, 0, 0)] == [StatusReceived, StatusReceived]
+    assert (decoder.scan_period, decoder.resets) == (1000, 1)

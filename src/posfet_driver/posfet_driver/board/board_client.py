@@ -110,7 +110,7 @@ class Board:
 
     @property
     def stamp_uncertainty(self) -> float:
-        """Largest delay of a stamp after the acquisition [s]: transit time of a scan plus `clock_uncertainty`."""
+        """Largest error of a stamp [s]: transit time of a scan plus `clock_uncertainty`."""
         return self._transit_time + self.decoder.clock_uncertainty
 
     def open(self) -> None:

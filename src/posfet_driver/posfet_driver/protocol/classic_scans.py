@@ -13,8 +13,9 @@ from posfet_driver.bus.frame import CLASSIC
 from posfet_driver.protocol.clock_sync import ClockSync
 from posfet_driver.protocol.device_clock import DeviceClock
 from posfet_driver.protocol.scan_assembler import Assembler, BlockOutcome
-from posfet_driver.protocol.scan_codec import CLASSIC_COUNTER, CLASSIC_LENGTH, HEADER_SCANS, ScanHeader
-from posfet_driver.protocol.scan_numbering import FASTEST, SLACK, Number, ScanNumbering
+from posfet_driver.protocol.scan_codec import CLASSIC_COUNTER, CLASSIC_LENGTH, HEADER_SCANS, SEQUENCE, ScanHeader
+from posfet_driver.protocol.scan_numbering import TOLERANCE, Number, ScanNumbering
+from posfet_driver.protocol.tick_line import TickLine
 from posfet_model.sensor.scan import Scan
 
 LATE_BLOCKS: Final = 3
@@ -44,18 +45,21 @@ class ClassicScans:
         self.numbering = ScanNumbering(assembler.statistics, self.clock, cautious=False)
         self.sequence = -1
         """Sequence of the current scan; while `doubtful` it has to be confirmed by the next header."""
+        self.time = 0
+        """Device time of the current scan, unwrapped [us]: that of its header, or of its tick when it has none."""
         self.doubtful = False
         self._assembler = assembler
         self._statistics = assembler.statistics
         self._blocks = assembler.codec.blocks
         self._sync = sync
-        self._announced = self._period = 0.0
+        self._announced = 0.0
+        self._earliest = self._latest = 0.0  # delays of a scan whose number is certain [ns]
+        self._ticks = TickLine()
         self._header = -1  # sequence of the newest header
-        self._header_read = False  # its scan period can be measured up to the next one
+        self._confirmed = sync.save()  # at the newest header
         self._fresh = False  # no block since the newest header
         self._adrift = True  # no number until the next header
-        self._arrival = 0  # of the newest header [ns]
-        self._held: list[Scan] = []
+        self._held: list[tuple[Scan, float]] = []  # each with the offset that its stamp has
         self._accounted = 0  # scans since the newest header that were delivered or counted as lost
         self._incomplete = 0  # incomplete scans up to the newest header
 
@@ -67,18 +71,9 @@ class ClassicScans:
     @period.setter
     def period(self, period: float) -> None:  # numpydoc ignore=GL08
         if period != self._announced:
-            self._announced = self._period = self.numbering.period = period
-            self._header_read = False
-
-    @property
-    def time(self) -> int:  # numpydoc ignore=RT01
-        """Device time of the current scan, unwrapped [us]: that of the newest header and the scan periods since.
-
-        While the clock is frozen, it is computed from the sequence.
-        """
-        if self.clock.frozen:
-            return round(self.sequence * self._announced)
-        return self.clock.time + round((self.sequence - self._header) * self._period)
+            self._announced = self.numbering.period = period
+            self._earliest, self._latest = -TOLERANCE * period * 1000, CERTAIN * period * 1000
+            self._ticks.restart(period)
 
     def hold(self, scan: Scan) -> None:
         """Hold a complete scan until its number is confirmed; too many are dropped.
@@ -88,7 +83,7 @@ class ClassicScans:
         scan : Scan
             The scan, which stays as it is.
         """
-        self._held.append(scan)
+        self._held.append((scan, self._sync.offset))
         if len(self._held) > MOST_HELD:
             self.lose_number()
 
@@ -118,9 +113,10 @@ class ClassicScans:
         if header is None:
             self._statistics.malformed += 1
             return []
-        numbering, before = self.numbering, self.clock.time
-        waited = (arrival - self._arrival) / 1000
-        missing = numbering.missing(Number(header.boot, header.sequence, header.time), waited)
+        numbering = self.numbering
+        if self._adrift or not self._confirms(header):
+            self._sync.restore(self._confirmed)
+        missing = numbering.missing(Number(header.boot, header.sequence, header.time), arrival)
         if missing is None:
             self.doubtful |= header.boot == numbering.boot  # it is wrong, or what was counted since the last one
             return []
@@ -136,9 +132,13 @@ class ClassicScans:
         if not begun:
             self._assembler.abandon()
         released = self._end_group(missing, complete)
-        self._measure_period(before, waited)
+        if numbering.restarted:
+            self._ticks.restart(self._announced)
+        self._ticks.add(numbering.sequence, self.clock.time, self.clock.stalled)
+        self._confirmed = self._sync.save()
         self.sequence = self._header = numbering.sequence
-        self._arrival, self._accounted = arrival, int(complete)
+        self.time = self.clock.time
+        self._accounted = int(complete)
         if not begun:
             self._assembler.begin()
         self.doubtful = self._adrift = False
@@ -173,15 +173,20 @@ class ClassicScans:
         if ahead > CERTAIN:
             self._statistics.late += 1
             return False
+        if ahead or self._fresh:
+            time = self._ticks.time(self.sequence + ahead) if ahead else self.clock.time
+            delay = self._sync.delay(time, arrival)
+            early = delay < self._earliest
+            if early and ahead > 1:
+                self._statistics.late += 1
+                return False
+            self.doubtful |= early or delay + self._sync.drift > self._latest or (self._fresh and ahead > 0)
+            self._fresh = False
+            self.time = time
         if ahead:
             self._assembler.begin()
             self._count_lost(ahead - 1)
             self.sequence += ahead
-        if ahead or self._fresh:
-            late = self._sync.delay(self.time, arrival)
-            uncertain = late > CERTAIN * self._announced * 1000 - self._sync.uncertainty
-            self.doubtful |= uncertain or (self._fresh and ahead > 0)
-            self._fresh = False
         outcome = self._assembler.add(block, 0, data)
         if outcome is _CONFLICT:
             self.lose_number()
@@ -195,6 +200,14 @@ class ClassicScans:
         self.numbering.open()
         self.lose_number()
 
+    def _confirms(self, header: ScanHeader) -> bool:
+        """Return whether a header states what was counted since the one before, and a time that is not earlier."""
+        ahead = (header.sequence - self.sequence + LATE_BLOCKS) & SEQUENCE
+        if header.boot != self.numbering.boot or ahead >= HEADER_SCANS + LATE_BLOCKS:
+            return False
+        counted = self._ticks.time(self.sequence + ahead - LATE_BLOCKS) - self.clock.time
+        return counted - self.clock.ahead(header.time) <= TOLERANCE * self._announced
+
     def _end_group(self, missing: int, next_complete: bool) -> list[Scan]:
         """Account for the scans since the newest header; return those that were held and have the right number."""
         held, self._held = self._held, []
@@ -202,24 +215,14 @@ class ClassicScans:
         if self._header < 0 or self.numbering.restarted:
             self._assembler.count_lost(len(held))
             return []
-        right = 0 <= self.numbering.sequence - self.sequence <= HEADER_SCANS
+        right = 0 <= self.numbering.sequence - self.sequence < HEADER_SCANS  # else a block has overtaken its header
         released = held if right and not self._adrift else []
+        for scan, offset in released:
+            scan.stamp += round(self._sync.offset - offset)
         accounted = self._accounted + self._incomplete - incomplete + len(released) - next_complete
         self._assembler.count_lost(max(missing + 1 - accounted, 0))
-        return released
+        return [scan for scan, _ in released]
 
     def _count_lost(self, scans: int) -> None:
         self._assembler.count_lost(scans)
         self._accounted += scans
-
-    def _measure_period(self, before: int, waited: float) -> None:
-        """Measure the scan period since the previous header.
-
-        Its time [us] is `before`, and it arrived `waited` [us] ago: a clock that has jumped measures nothing.
-        """
-        clock, scans = self.clock, self.numbering.sequence - self._header
-        measurable = self._header_read and scans <= HEADER_SCANS and not self.numbering.restarted
-        self._header_read = not clock.frozen
-        elapsed = clock.time - before
-        if measurable and 0 < elapsed <= FASTEST * waited + SLACK * self._period:
-            self._period = elapsed / scans

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 MAX_DRIFT: Final = 100e-6
 """Greatest relative drift of the two clocks that is followed [s/s]: two crystals of 50 ppm each; assumed."""
@@ -11,8 +11,33 @@ MAX_DRIFT: Final = 100e-6
 WINDOW: Final = 1_000_000_000
 """Time within which one frame has to arrive undelayed [ns]."""
 
-STEP_LIMIT: Final = 5_000_000.0
-"""Delay of every frame of a window that is interpreted as a step of the board's clock [ns]; assumed."""
+WINDOWS: Final = 10
+"""Windows that are remembered: the offset rises when no frame of so many was undelayed. Assumed."""
+
+
+class Window(NamedTuple):
+    """What a window tells of the offset."""
+
+    end: int
+    """When it ended [ns]."""
+    offset: float
+    """The offset then, by the frames of the window alone [ns]."""
+    undelayed: int
+    """When the frame that determined it arrived [ns]."""
+
+
+class SyncState(NamedTuple):
+    """What a `ClockSync` knows."""
+
+    offset: float = 0.0
+    last: int = 0
+    undelayed: int = 0
+    known: bool = False
+    windows: tuple[Window, ...] = ()
+    window_end: int = 0
+    window_offset: float = math.inf
+    window_undelayed: int = 0
+    doubted: bool = False
 
 
 class ClockSync:
@@ -21,22 +46,28 @@ class ClockSync:
     Arrival time minus device time is the clock offset plus the transit time, and the transit time is never below that
     of an undelayed frame. The minimum of this difference is the estimated offset. It is raised by `MAX_DRIFT` per
     second, so that a slow board clock is followed; a fast one lowers the minimum by itself. The error is the minimum
-    transit time (0.2 ms of frame and adapter), plus 0.2 ms for each second without an undelayed frame. When every frame
-    of one second is late by more than 5 ms, the board's clock has been set back, and the offset is re-estimated.
+    transit time (0.2 ms of frame and adapter), plus 0.2 ms for each second without an undelayed frame.
 
-    A board whose clock is frozen is mapped in the same manner by the sequence of its scans, which are equidistant.
+    The minimum is that of the last ten seconds with frames. A clock that was set back makes all frames late: whether
+    that or a delay is the cause cannot be observed. The stamps are early by the shortest delay at most (`lead`), and
+    after ten seconds that delay is taken for a step of the clock.
     """
 
     def __init__(self) -> None:
-        self._offset = 0.0
-        self._last = 0
+        self.offset = 0.0
+        """This machine's time less the device time, after the newest frame [ns]."""
         self._known = False
+        self._last = 0  # arrival of the newest frame
+        self._undelayed = 0  # arrival of the frame that determined the offset
+        self._lowest = math.inf  # offset by frames whose device times may be wrong
+        self._windows: tuple[Window, ...] = ()
         self._window_end = 0
-        self._window_minimum = 0.0
-        self._undelayed = 0
+        self._window_offset = math.inf  # by the frames of the present window alone
+        self._window_undelayed = 0
+        self._doubted = False  # the windows before tell nothing
 
     @property
-    def uncertainty(self) -> float:  # numpydoc ignore=RT01
+    def drift(self) -> float:  # numpydoc ignore=RT01
         """Possible drift of the offset since the last undelayed frame [ns]; NaN before the first frame.
 
         The offset is raised by `MAX_DRIFT` while the board's clock may be fast by as much. The minimum transit time
@@ -44,8 +75,27 @@ class ClockSync:
         """
         return 2 * (self._last - self._undelayed) * MAX_DRIFT if self._known else math.nan
 
+    @property
+    def lead(self) -> float:  # numpydoc ignore=RT01
+        """Shortest delay of the frames of the last one or two seconds [ns]: stamps may be early by it.
+
+        After `doubt` it is that of the frames since then.
+        """
+        if not self._known:
+            return math.nan
+        recent = self._window_offset
+        if self._windows and not self._doubted:
+            end, offset, _ = self._windows[-1]
+            recent = min(recent, offset + (self._last - end) * MAX_DRIFT)
+        return max(recent - self.offset, 0.0)
+
+    @property
+    def uncertainty(self) -> float:
+        """Possible error of the offset [ns], by drift or a step of the board's clock; NaN before the first frame."""
+        return self.drift + self.lead + max(self.offset - self._lowest, 0.0)
+
     def delay(self, device_time: int, arrival: int) -> float:
-        """Return how much later a frame arrived than an undelayed one [ns]; 0 before the first frame.
+        """Return how much later a frame arrived than an undelayed one [ns]; NaN before the first frame.
 
         Parameters
         ----------
@@ -54,11 +104,53 @@ class ClockSync:
         arrival : int
             Monotonic time at which the frame arrived [ns].
         """
-        return arrival - device_time * 1000 - self._offset if self._known else 0.0
+        if not self._known:
+            return math.nan
+        return arrival - device_time * 1000 - self.offset + (arrival - self._last) * MAX_DRIFT
 
     def reset(self) -> None:
         """Discard the offset: the board's clock has restarted."""
-        self._known = False
+        self._set(SyncState())
+        self._lowest = math.inf
+
+    def doubt(self, device_time: int, arrival: int, shift: int = 0) -> None:
+        """Note that the board's clock may have been set: within a window the offset is found by the frames from now on.
+
+        Parameters
+        ----------
+        device_time : int
+            Time of acquisition on the board's clock as of now, unwrapped [us].
+        arrival : int
+            Monotonic time at which the frame arrived [ns].
+        shift : int, default 0
+            Time by which it may have been set forward [us]: so much too high the offset may be.
+        """
+        if self._known:
+            self._doubted, self._window_end = True, arrival + WINDOW
+            if shift > 0:
+                self._lowest = min(self._lowest, self.offset - shift * 1000)
+            self._window_offset, self._window_undelayed = float(arrival - device_time * 1000), arrival
+
+    def save(self) -> SyncState:
+        """Return what is known, for `restore`."""
+        return SyncState(
+            self.offset,
+            self._last,
+            self._undelayed,
+            self._known,
+            self._windows,
+            self._window_end,
+            self._window_offset,
+            self._window_undelayed,
+            self._doubted,
+        )
+
+    def restore(self, state: SyncState) -> None:
+        """Forget the frames since `save`, unless nothing was known then: their device times may have been wrong."""
+        if not state.known:
+            return
+        self._lowest = min(self._lowest, self.offset)
+        self._set(state)
 
     def to_monotonic(self, device_time: int, arrival: int) -> int:
         """Return the monotonic time that corresponds to a device time.
@@ -77,33 +169,37 @@ class ClockSync:
         """
         difference = float(arrival - device_time * 1000)
         if self._known:
-            elapsed = arrival - self._last
-            followed = self._offset + elapsed * MAX_DRIFT if elapsed > 0 else self._offset
-            if difference <= followed:
-                followed, self._undelayed = difference, arrival
-            self._offset = followed
-            if difference < self._window_minimum:  # noqa: PLR1730  # faster than min() for every scan
-                self._window_minimum = difference
-            if arrival >= self._window_end:
-                self._end_window(difference, arrival)
+            rise = (arrival - self._last) * MAX_DRIFT if arrival > self._last else 0.0
+            offset, recent = self.offset + rise, self._window_offset + rise
+            if difference <= recent:
+                recent, self._window_undelayed = difference, arrival
+                if difference <= offset:
+                    offset, self._undelayed = difference, arrival
+            self.offset, self._window_offset = offset, recent
         else:
-            self._offset = difference
-            self._known = True
-            self._undelayed = arrival
-            self._begin_window(difference, arrival)
+            self.offset = self._window_offset = difference
+            self._undelayed = self._window_undelayed = arrival
+            self._known, self._window_end = True, arrival + WINDOW
         self._last = arrival
-        return device_time * 1000 + round(self._offset)
+        if arrival >= self._window_end:
+            self._end_window(arrival)
+        return device_time * 1000 + round(self.offset)
 
-    def _end_window(self, difference: float, arrival: int) -> None:
-        """Re-estimate the offset when no frame of the window arrived undelayed."""
-        if self._window_minimum > self._offset + STEP_LIMIT:
-            self._offset = self._window_minimum
-            self._undelayed = arrival
-        self._begin_window(difference, arrival)
+    def _end_window(self, arrival: int) -> None:
+        """Find the offset anew, from the windows that are remembered."""
+        window = Window(arrival, self._window_offset, self._window_undelayed)
+        self._windows = (window,) if self._doubted else (*self._windows[1 - WINDOWS :], window)
+        self._doubted, self._lowest = False, math.inf
+        self.offset, self._undelayed = min(
+            (offset + (arrival - end) * MAX_DRIFT, undelayed) for end, offset, undelayed in self._windows
+        )
+        self._window_offset, self._window_end = math.inf, arrival + WINDOW
 
-    def _begin_window(self, difference: float, arrival: int) -> None:
-        self._window_end = arrival + WINDOW
-        self._window_minimum = difference
+    def _set(self, state: SyncState) -> None:
+        self.offset, self._last, self._undelayed = state.offset, state.last, state.undelayed
+        self._known, self._doubted, self._windows = state.known, state.doubted, state.windows
+        self._window_offset, self._window_undelayed = state.window_offset, state.window_undelayed
+        self._window_end = state.window_end
 
 
 class WallOffset:

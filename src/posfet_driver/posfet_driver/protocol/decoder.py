@@ -138,6 +138,7 @@ class Decoder:
         self._fd = sensor.can.fd
         self._sync = ClockSync()
         self._scan_boot: int | None = None
+        self._previous_boot: int | None = None
         self._arrival = 0
         self._wall_offset = WallOffset()
         self._status_data = b""
@@ -173,7 +174,7 @@ class Decoder:
 
     @property
     def clock_uncertainty(self) -> float:
-        """Possible drift of the clock offset since the last undelayed frame [s]; NaN before the first frame."""
+        """Possible error of the clock offset by drift and unobservable steps [s]; NaN before the first frame."""
         return self._sync.uncertainty / NANOSECONDS
 
     @property
@@ -287,6 +288,7 @@ class Decoder:
         """Note the number of the power-on that a message or a scan states, and count a reset."""
         if boot == self.boot:
             return
+        self._previous_boot = self.boot
         if self.boot is not None:
             self.resets += 1
             if boot != self._scans.numbering.boot:
@@ -317,7 +319,9 @@ class Decoder:
                 return IdentityReceived(message)
         return None
 
-    def _apply_response(self, response: Response) -> Decoded:
+    def _apply_response(self, response: Response) -> Decoded | None:
+        if response.boot == self._previous_boot:
+            return None  # late: the board was reset since
         self._note_boot(response.boot)
         if response.command == Command.SET_RATE and response.result == Result.OK:
             if 1 <= response.value <= LONGEST_PERIOD:

@@ -1,4 +1,4 @@
-"""The clock of a board: device time without wraps, and whether the clock is frozen."""
+"""The clock of a board: device time without wraps, jumps and stand-stills."""
 
 from __future__ import annotations
 
@@ -7,41 +7,53 @@ from typing import Final
 from posfet_driver.protocol.clock_sync import ClockSync
 
 FROZEN_READINGS: Final = 3
-"""Consecutive readings of the same device time from which on the clock is not used."""
+"""Consecutive readings of the same device time from which on the clock is reported as frozen."""
+EARLIEST: Final = -1e6
+PROMPT: Final = 5e6
+"""Delays of a frame [ns] by which its reading is right though the sequence contradicts it, the latter besides the
+delay by the sequence; assumed."""
+LATEST: Final = 100e6
+"""Delay of a frame [ns] up to which the clock has gone on though the sequence began again; assumed."""
 
 
 class DeviceClock:
     """Unwraps the device time of a board.
+
+    A reading that repeats the one before is no time of a later scan: the time is counted on by the sequence. Where
+    reading and sequence contradict each other, one of them has jumped, and the arrival decides. The reading is right if
+    the frame arrived after it, and not much later than by the sequence; else that of the two by which the frame is less
+    delayed. So the time goes on evenly, and the mapping of the clock with it.
 
     Parameters
     ----------
     bits : int
         Number of bits of a reading.
     sync : ClockSync
-        Mapping of this clock; it is reset when the clock starts again, is frozen, and runs again.
+        Mapping of this clock; it is reset when the clock starts again.
     """
 
     def __init__(self, bits: int, sync: ClockSync) -> None:
         self.time = 0
-        """Newest reading, unwrapped [us]."""
-        self.frozen = False
-        """Whether the clock stands still while scans go on."""
+        """Device time of the newest scan, unwrapped [us]."""
         self.repeated = 0
         """Readings that repeat the one before; never falls."""
         self._modulus = 1 << bits
         self._sync = sync
+        self._reading = 0  # newest, as sent [us]
+        self._read_time = 0  # `time` when the reading changed last [us]
+        self._counted = 0.0  # time since then, by the sequence [us]
         self._in_a_row = 0
         self._known = False
 
-    def reset(self) -> None:
-        """Forget the newest reading: the clock has started again."""
-        self._known = False
-        self._sync.reset()
-
     @property
     def stalled(self) -> bool:
-        """Whether the newest reading repeats the one before."""
+        """Whether the newest reading repeats the one before: `time` is computed from the sequence."""
         return self._in_a_row > 0
+
+    @property
+    def frozen(self) -> bool:
+        """Whether the clock stands still while scans go on."""
+        return self._in_a_row >= FROZEN_READINGS
 
     def between(self, earlier: int, later: int) -> int:
         """Return the time from one reading to another, modulo the range of readings [us]."""
@@ -49,7 +61,7 @@ class DeviceClock:
 
     def ahead(self, reading: int) -> int:
         """Return how far a reading is ahead of the newest one, modulo the range of readings [us]; 0 if unknown."""
-        return (reading - self.time) % self._modulus if self._known else 0
+        return (reading - self._reading) % self._modulus if self._known else 0
 
     def elapsed(self, reading: int, expected: float) -> int:
         """Return the time since the newest reading [us].
@@ -61,12 +73,12 @@ class DeviceClock:
         expected : float
             The same by the sequence [us]: it tells how often the clock has wrapped meanwhile.
         """
-        elapsed = (reading - self.time) % self._modulus
+        elapsed = (reading - self._reading) % self._modulus
         if expected > self._modulus // 2:
             elapsed += max(round((expected - elapsed) / self._modulus), 0) * self._modulus
         return elapsed
 
-    def advance(self, reading: int, expected: float) -> None:
+    def advance(self, reading: int, expected: float, fits: bool, arrival: int) -> None:
         """Take a reading of a later scan.
 
         Parameters
@@ -75,24 +87,63 @@ class DeviceClock:
             Device time as sent [us].
         expected : float
             Time since the previous reading by the sequence [us].
+        fits : bool
+            Whether the two agree.
+        arrival : int
+            Monotonic time at which the scan arrived [ns].
         """
-        if not self._known:
-            self._known = True
-            self.time, self._in_a_row = reading, 0
-            self._set_frozen(False)
+        counted = self._counted + expected
+        elapsed = (reading - self._reading) % self._modulus
+        if elapsed and fits and not self._in_a_row and expected < self._modulus // 2:  # as nearly always
+            self._reading = reading
+            self.time = self._read_time = self._read_time + elapsed
             return
-        elapsed = self.elapsed(reading, expected)
+        elapsed = self.elapsed(reading, counted)
         if elapsed == 0:
             self.repeated += 1
             self._in_a_row += 1
-            self._set_frozen(self._in_a_row >= FROZEN_READINGS)
+            if not fits and (early := self._sync.delay(self._read_time + round(counted), arrival)) < EARLIEST:
+                counted += early / 1000
+                self._sync.doubt(self._read_time + round(counted), arrival)
+            self._counted = counted
+            self.time = self._read_time + round(counted)
             return
-        self.time += elapsed
-        if self._in_a_row:
-            self._in_a_row = 0
-            self._set_frozen(False)
+        time = self._read_time + elapsed
+        if self._in_a_row or not fits:
+            time = self._decide(time, self._read_time + round(counted), arrival)
+        self._take(reading, time)
 
-    def _set_frozen(self, frozen: bool) -> None:
-        if frozen != self.frozen:
-            self.frozen = frozen
-            self._sync.reset()
+    def restart(self, reading: int, same_boot: bool, arrival: int) -> None:
+        """Take the reading of a scan with which the sequence began again.
+
+        Parameters
+        ----------
+        reading : int
+            Device time as sent [us].
+        same_boot : bool
+            Whether the number of the power-on is the same: then the clock may have gone on.
+        arrival : int
+            Monotonic time at which the scan arrived [ns].
+        """
+        went_on = self._read_time + self.ahead(reading)
+        if same_boot and self._known and EARLIEST <= self._sync.delay(went_on, arrival) <= LATEST:
+            self._sync.doubt(went_on, arrival)
+            self._take(reading, went_on)
+            return
+        self._known = True
+        self._sync.reset()
+        self._take(reading, reading)
+
+    def _decide(self, read: int, by_sequence: int, arrival: int) -> int:
+        """Return that of two times which the arrival speaks for; what it leaves open is uncertain for a while."""
+        delay, other = self._sync.delay(read, arrival), abs(self._sync.delay(by_sequence, arrival))
+        if other < abs(delay) and not EARLIEST <= delay <= other + PROMPT:
+            self._sync.doubt(by_sequence, arrival)
+            return by_sequence
+        shift = read - by_sequence
+        self._sync.doubt(read, arrival, shift if shift * 1000 <= PROMPT else 0)
+        return read
+
+    def _take(self, reading: int, time: int) -> None:
+        self._reading, self._read_time, self.time = reading, time, time
+        self._counted, self._in_a_row = 0.0, 0

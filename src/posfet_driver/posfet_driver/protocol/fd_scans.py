@@ -36,7 +36,6 @@ class FdScans:
         self._low = -1  # of the current scan: low bits of the sequence, boot, and time as sent
         self._boot = -1
         self._time = -1
-        self._arrival = 0  # of the newest scan [ns]
 
     @property
     def period(self) -> float:
@@ -55,8 +54,8 @@ class FdScans:
 
     @property
     def time(self) -> int:
-        """Device time of the current scan, unwrapped [us]; while the clock is frozen, from the sequence."""
-        return round(self.sequence * self._announced) if self.clock.frozen else self.clock.time
+        """Device time of the current scan, unwrapped [us]."""
+        return self.clock.time
 
     def feed(self, kind: int, data: bytes, arrival: int) -> bool:
         """Process one block.
@@ -100,13 +99,11 @@ class FdScans:
         self.numbering.open()
 
     def _begin(self, boot: int, sequence: int, time: int, arrival: int) -> bool:
-        waited = (arrival - self._arrival) / 1000
-        missing = self.numbering.missing(Number(boot, sequence, time), waited)
+        missing = self.numbering.missing(Number(boot, sequence, time), arrival)
         if missing is None or missing < 0:
             return False
         self._assembler.begin()
         if missing:
             self._assembler.count_lost(missing)
         self._low, self._boot, self._time = sequence & SEQUENCE, boot, time
-        self._arrival = arrival
         return True

@@ -93,7 +93,7 @@ class MappedDecoder:
 
     @property
     def clock_uncertainty(self) -> float:
-        """Possible drift of the clock offset since the last undelayed frame [s]; NaN without a board's time."""
+        """Possible error of the clock offset by drift or a step [s]; NaN without a board's time."""
         return self._numbering.clock_uncertainty / NANOSECONDS if self.tables.time_bits else math.nan
 
     @property

@@ -68,6 +68,7 @@ class ScanNumbering:
         self._candidate: Number | None = None  # does not fit; needs a successor
         self._open = True  # any sequence is possible
         self._gap_counts = True
+        self._arrival = 0  # of the newest scan [ns]
 
     def open(self) -> None:
         """Accept any sequence next: the board was started."""
@@ -77,15 +78,15 @@ class ScanNumbering:
         """Count no scan as missing before the next one: the board was stopped on request."""
         self._gap_counts = False
 
-    def missing(self, number: Number, waited: float) -> int | None:
+    def missing(self, number: Number, arrival: int) -> int | None:
         """Take the number of another scan, and return how many are missing before it.
 
         Parameters
         ----------
         number : Number
             What the board states.
-        waited : float
-            Time of this machine since the previous scan [us].
+        arrival : int
+            Monotonic time of its arrival [ns].
 
         Returns
         -------
@@ -100,11 +101,11 @@ class ScanNumbering:
             self._statistics.late += 1
             return None
         if same_boot and self._fits(ahead, number.reading):
-            return self._advance(ahead, number.reading)
+            return self._advance(ahead, number.reading, True, arrival)
         if self._cautious and self.boot >= 0 and not self._is_successor(number):
             self._candidate = number
             return None
-        return self._jump(number, waited)
+        return self._jump(number, arrival)
 
     def _is_late(self, number: Number) -> bool:
         """Return whether a scan was sent before one that was used, in this boot or the one before."""
@@ -113,16 +114,16 @@ class ScanNumbering:
         boot, last = self._previous
         return number.boot == boot and (number.low - last + LATE) & SEQUENCE < 2 * LATE
 
-    def _jump(self, number: Number, waited: float) -> int | None:
+    def _jump(self, number: Number, arrival: int) -> int | None:
         """Take a number that does not fit the time."""
         same_boot, ahead = number.boot == self.boot, (number.low - self.sequence) & SEQUENCE
-        elapsed = max(waited, self._clock.ahead(number.reading))
+        elapsed = max((arrival - self._arrival) / 1000, self._clock.ahead(number.reading))
         if same_boot and ahead * self.period <= FASTEST * elapsed + SLACK * self.period:
-            return self._advance(ahead, number.reading)
+            return self._advance(ahead, number.reading, False, arrival)
         if same_boot and not self._cautious and not self._open:
             self._statistics.implausible += 1
             return None
-        return self._restart(number)
+        return self._restart(number, arrival)
 
     def _fits(self, ahead: int, reading: int) -> bool:
         """Return whether a step of the sequence fits the time that has passed on the board's clock."""
@@ -148,19 +149,19 @@ class ScanNumbering:
             self.period = elapsed / step
         return True
 
-    def _advance(self, ahead: int, reading: int) -> int:
-        self._clock.advance(reading, ahead * self.period)
+    def _advance(self, ahead: int, reading: int, fits: bool, arrival: int) -> int:
+        self._clock.advance(reading, ahead * self.period, fits, arrival)
+        self._arrival = arrival
         self.sequence += ahead
         counts, self._gap_counts, self._open, self._candidate = self._gap_counts, True, False, None
         return ahead - 1 if counts else 0
 
-    def _restart(self, number: Number) -> int:
+    def _restart(self, number: Number, arrival: int) -> int:
         if self.boot >= 0:
             self.restarted = True
             self._statistics.implausible += number.boot == self.boot and not self._open
+        self._clock.restart(number.reading, number.boot == self.boot, arrival)
         self._previous = self.boot, self.sequence
-        self.boot, self.sequence = number.boot, number.low
-        self._clock.reset()
-        self._clock.advance(number.reading, 0.0)
+        self.boot, self.sequence, self._arrival = number.boot, number.low, arrival
         self._gap_counts, self._open, self._candidate = True, False, None
         return 0

@@ -1,0 +1,73 @@
+"""Times of the ticks between two classic headers."""
+
+from __future__ import annotations
+
+from collections import deque
+from statistics import median
+from typing import Final
+
+from posfet_driver.protocol.scan_codec import HEADER_SCANS
+
+STEPS: Final = 5
+"""Newest steps from header to header of which the period is the median; assumed."""
+NOMINAL: Final = 2
+"""Steps for which the nominal period counts [1]: it holds against that many others."""
+LATEST: Final = 0.95
+"""Time by which a tick may be sampled late [scan periods]; later, and period or sequence have changed. Assumed."""
+
+
+class TickLine:
+    """The ticks of a board's scan timer, on the board's clock: equidistant, as long as the period is the same.
+
+    A header states when its scan was sampled. That is the time of its tick, or later when the board was busy, but by
+    less than a period, and never earlier. The ticks are therefore a line with the headers on it or above: its slope is
+    the median of the steps between the newest headers, and it runs through the earliest of them.
+    """
+
+    def __init__(self) -> None:
+        self.period = 0.0
+        """Scan period [us], as announced, or as measured when most of the newest headers contradict that."""
+        self._announced = self._nominal = 0.0  # the latter also measured, when two steps contradict the former
+        self._contradiction = 0.0  # newest step that does [us]
+        self._steps: deque[float] = deque(maxlen=STEPS)  # periods from one header to the next [us]
+        self._headers: deque[tuple[int, int]] = deque(maxlen=STEPS + 1)  # sequence and time, on one line
+        self._newest = 0, 0
+        self._tick = 0.0
+
+    def restart(self, period: float) -> None:
+        """Forget all headers: the board announces a scan period [us], or has restarted."""
+        self._announced = self._nominal = self.period = period
+        self._steps.clear()
+        self._headers.clear()
+
+    def add(self, sequence: int, time: int, estimated: bool) -> None:
+        """Take a header.
+
+        Parameters
+        ----------
+        sequence : int
+            Sequence of its scan.
+        time : int
+            Its time on the board's clock, unwrapped [us].
+        estimated : bool
+            Whether the time is counted on by the sequence: then it measures nothing.
+        """
+        scans, elapsed = sequence - self._newest[0], time - self._newest[1]
+        if self._headers:
+            if abs(elapsed - scans * self.period) > LATEST * self.period:
+                step = elapsed / scans if 0 < scans <= HEADER_SCANS else 0.0
+                again = abs(step - self._contradiction) <= LATEST * step / HEADER_SCANS
+                self._nominal = self.period = step if again and step > 0 else self._announced
+                self._contradiction = step
+                self._steps.clear()
+                self._headers.clear()
+            elif scans <= HEADER_SCANS and not estimated:
+                self._steps.append(elapsed / scans)
+                self.period = median([*[self._nominal] * NOMINAL, *self._steps])
+        self._newest = sequence, time
+        self._headers.append(self._newest)
+        self._tick = min(earlier + (sequence - before) * self.period for before, earlier in self._headers)
+
+    def time(self, sequence: int) -> int:
+        """Return the time of the tick of a scan since the newest header [us]."""
+        return round(self._tick + (sequence - self._newest[0]) * self.period)
