@@ -19,14 +19,14 @@ from pathlib import Path
 from typing import Final
 
 from posfet_driver.board.board_client import Board
-from posfet_driver.protocol.clock_sync import STEP_LIMIT
+from posfet_driver.board.board_report import MAX_CLOCK_UNCERTAINTY
 from posfet_model.sensor.description import Sensor, load_sensor
-from posfet_model.sensor.scan import Scan
+from posfet_model.sensor.scan import Scan, ScanStatus
 from support.adversary_link import Link, LoggedBoard, Sampled
 from support.clocks import SteppedClock
 from support.fake_board import with_fd, with_layout
 from support.reference_board import make
-from support.soak import GROWTH_LIMIT, Usage
+from support.soak import Usage
 
 LINK_FAULTS: Final = (
     "frames lost",
@@ -63,30 +63,39 @@ LIES: Final = (
 )
 FAULTS: Final = LINK_FAULTS + BOARD_FAULTS + HOST_FAULTS + LIES
 ABOUT_SEQUENCE: Final = {"lie: sequence", "lie: frozen sequence"}
-ABOUT_TIME: Final = {"lie: time", "lie: frozen time", "lie: sequence", "lie: frozen sequence", "reset, same number"}
-"""Lies after which stamps may be wrong: a stamp needs a clock, or the sequence in its place."""
+ABOUT_TICKS: Final = {*ABOUT_SEQUENCE, "lie: time", "lie: frozen time", "reset, same number"}
+"""Lies across which scans are not accounted for."""
+
+UNKNOWABLE: Final = {"lie: frozen time", "foreign commands"}
+"""Neither clock nor period are known when both are there."""
 
 PERIODS: Final = (1000, 1000, 2000, 5000)
 """Scan periods [us]; those that other hosts set are among them."""
 SECOND: Final = 1_000_000_000
 NUMBERED_AGAIN: Final = SECOND // 5
-"""Time after a lie about the sequence within which a scan may have the false number [ns]."""
-LONGEST_READ: Final = 20_000_000
-"""Time between two scans that counts as time in which the host reads [ns]."""
-DRIFTING: Final = 300 * SECOND
-"""Time in which an error of `STEP_LIMIT` is gone [ns]: 100 ppm are allowed for, and the clocks drift by up to 80."""
+"""Time after the last fault or lie within which a scan may have a false number [ns]."""
+WRAPPED: Final = {True: 0.0, False: 1e-3}
+"""Share of the scans that may have a false number without a lie about it until then: FD, classic."""
 COUNTER: Final = 16
 """Scans by which the counter of classic blocks can mislead besides [1]."""
-STAMPED_AGAIN: Final = 2 * SECOND
-"""Time of scans after a lie about time within which stamps may be wrong [ns]: the offset is re-estimated after a whole
-window of one second, of which the lie may have spoiled the first."""
 REPLUGGED: Final = SECOND // 2
 RECOVERED: Final = 2 * SECOND
 """Time from the end of a fault to the next scan [ns]."""
 QUIET: Final = SECOND * 3 // 10
 """Time without faults after which scans are accounted for [ns]."""
+GROWTH_LIMIT: Final = 16 << 20
+"""Maximum growth of resident memory [byte]: the log of the board and the frames that wait are part of it."""
 ROUNDING: Final = 20_000
 """Error of a stamp by rounding to whole microseconds, with classic frames for each of 16 scans [ns]."""
+UNNOTICED: Final = 5 * SECOND // 2
+"""Time of reading after a reset without another number, or a lie about time, in which stamps may be early [ns], when
+all other evidence fits: then the bound covers it."""
+UNTIMED: Final = 12 * SECOND
+"""Time of reading after a board without a clock had an unknown period in which stamps may be wrong [ns]."""
+LONGEST_READ: Final = 20_000_000
+"""Time between two scans that counts as time of reading [ns]."""
+LATE_TICK: Final = max(PERIODS) * 1000
+"""Time by which a board may sample a tick late [ns]; classic scans without a header do not tell it."""
 
 
 @dataclass
@@ -100,13 +109,19 @@ class Findings:
     incomplete: int = 0
     stretches: int = 0
     false_numbers: int = 0
-    """Scans that were published with the number of a lie about it."""
+    """Scans with the number of a lie about it, while it lasts or shortly after."""
+    mixed: int = 0
+    """Classic scans of blocks of two scans, to which a lie has given one number and of which frames were lost."""
     wrapped: int = 0
-    """Classic scans whose number is wrong by a multiple of 16, all that a counter of 4 bits leaves open."""
-    early: int = 0
-    """Classic scans after a lie whose stamps were early by less than `STEP_LIMIT`: only the drift mends it."""
-    not_stamped: int = 0
-    """Scans whose stamps were not judged: in a lie about time, or just after it."""
+    """Other scans with a false number, during a fault or shortly after."""
+    late_ticks: int = 0
+    """Classic scans without a header that the board has sampled late, whose stamps are early by that."""
+    unnoticed: int = 0
+    """Scans with early stamps: a board was reset without another number and seemed to go on, or lied by a little."""
+    untimed: int = 0
+    """Scans with wrong stamps of a board without a clock whose period is unknown, and until that is forgotten."""
+    uncertain: int = 0
+    """Scans whose stamps had a bound of which the driver warns."""
     largest_error: int = 0
     """Of a stamp that was judged [ns]."""
     slowest: Counter[str] = field(default_factory=Counter)
@@ -136,12 +151,13 @@ class Judge:
         self._counters: dict[str, int] = {}
         self._delays: dict[int, int] = {}  # shortest in each tenth of a second [ns]
         self._number_lies: list[tuple[int, int, int]] = []  # begin and end [ns], and the jump
-        self._doubted = 0  # time of reading in which stamps are still not judged [ns]
-        self._previous = 0  # time of the previous scan [ns]
-        self._doubted_last = -DRIFTING  # time of the first right scan after the newest lie [ns]
-        self._waits_for_time = False
         self._base: tuple[int, int, int, int] | None = None  # of the stretch: sequence, published, lost, incomplete
         self.quiet_since = 0
+        self.unnoticed = 0
+        """Time of reading in which stamps may be early, as after an unnoticed step of the board's clock [ns]."""
+        self.untimed = 0
+        """Time of reading in which stamps may be wrong, as after `UNKNOWABLE` [ns]."""
+        self._previous = 0  # time of the previous scan [ns]
 
     def lie_begins(self, begin: int, jump: int) -> None:
         """Note that the board lies about its sequence from a time [ns] on."""
@@ -150,10 +166,6 @@ class Judge:
     def lies_end(self, end: int) -> None:
         """Note that the board tells its sequence from a time [ns] on."""
         self._number_lies = [(begin, min(last, end), jump) for begin, last, jump in self._number_lies]
-
-    def doubt_time(self) -> None:
-        """Judge no stamp until scans have been right for a while."""
-        self._waits_for_time = True
 
     def end_stretch(self) -> None:
         """Account for nothing across this moment."""
@@ -168,12 +180,19 @@ class Judge:
         self._lost = scan.frames_lost
         sent = self._find(scan, scan.sequence)
         if sent is None:
-            if not self._is_false_number(scan):
+            self._last, self._base = -1, None
+            if calm and now - self.quiet_since > NUMBERED_AGAIN:
+                found.fail(
+                    "misnumbered", self._at(scan, f"{(now - self.quiet_since) / 1e9:.3f} s after the last fault")
+                )
+            elif not self._is_false_number(scan):
                 self._find_error(scan)
             return
         if sent.power_on != self._power_on:
             self._power_on, self._last, self._base = sent.power_on, -1, None
             self._delays.clear()
+        if scan.status & ScanStatus.BOARD_RESET:
+            self._delays.clear()  # the mapping of the clock begins anew
         self.newest = sent.time
         lied = any(begin <= sent.time <= end + NUMBERED_AGAIN for begin, end, _ in self._number_lies)
         if scan.sequence <= self._last and not lied:
@@ -220,51 +239,53 @@ class Judge:
                 sent = self._find(scan, (scan.sequence - wrong) & 0xFFFFFFFF)
                 if sent and self._is_in_lie(sent.time):
                     self.findings.false_numbers += 1
-                    self._last = -1
                     return True
         return False
 
     def _find_error(self, scan: Scan) -> None:
+        """Count a scan whose number is false without a lie about it."""
         wraps = range(-64 * COUNTER, 64 * COUNTER + 1, COUNTER)
         if not self._fd and any(self._find(scan, scan.sequence + wrap) for wrap in wraps):
             self.findings.wrapped += 1
-            self._last, self._base, self._waits_for_time = -1, None, True  # its stamp is that of another scan
             return
-        if self.findings.failures["misnumbered"] > 3:
-            self.findings.fail("misnumbered", "or torn")
-            return
-        for sequence, others in self._hardware.sampled.items():
+        for others in self._hardware.sampled.values():
             same = [sampled for sampled in others if self._equal(scan, sampled)]
             if same and self._is_in_lie(same[-1].time):
                 self.findings.false_numbers += 1
-                self._last = -1
                 return
             if same:
-                self.findings.fail("misnumbered", self._at(scan, f"is {sequence}, {others}"))
+                self.findings.wrapped += 1
                 return
+        if not self._fd and self._is_in_lie(self._link.clock.now):
+            self.findings.mixed += 1
+            return
         self.findings.fail("torn", self._at(scan, "was never sampled"))
 
     def _judge_stamp(self, scan: Scan, sent: Sampled, calm: bool) -> None:
         found, now = self.findings, self._link.clock.now
         tenth = now // (SECOND // 10)
         self._delays[tenth] = min(self._delays.get(tenth, now), now - sent.time)
-        while (oldest := next(iter(self._delays))) < tenth - 10:
+        while (oldest := next(iter(self._delays))) < tenth - 9:
             del self._delays[oldest]
-        if self._waits_for_time and calm:
-            self._waits_for_time = False
-            self._doubted, self._doubted_last = STAMPED_AGAIN, now
-        passed, self._previous = min(now - self._previous, LONGEST_READ), now
-        if self._waits_for_time or self._doubted > 0:
-            self._doubted -= passed
-            found.not_stamped += 1
-            return
+        uncertainty = self._board.stamp_uncertainty
+        found.uncertain += uncertainty > MAX_CLOCK_UNCERTAINTY
         error = scan.stamp - sent.time
-        bound = min(self._delays.values()) + round(self._board.stamp_uncertainty * 1e9)
-        if not self._fd and -STEP_LIMIT < error < -ROUNDING and now < self._doubted_last + DRIFTING:
-            found.early += 1
-            return
-        if not -ROUNDING <= error <= bound + ROUNDING:
-            found.fail("stamp", self._at(scan, f"error {error / 1e6:.3f} ms, bound {bound / 1e6:.3f} ms"))
+        latest = min(self._delays.values()) + round(uncertainty * 1e9)
+        earliest = -round(self._board.decoder.clock_uncertainty * 1e9)
+        if sent.late and not self._fd and error < earliest - ROUNDING:
+            found.late_ticks += 1
+            earliest -= LATE_TICK
+        passed, self._previous = min(now - self._previous, LONGEST_READ), now
+        self.unnoticed, self.untimed = self.unnoticed - passed, self.untimed - passed
+        if error < earliest - ROUNDING and self.unnoticed > 0:
+            found.unnoticed += 1
+        elif not earliest - ROUNDING <= error <= latest + ROUNDING and self.untimed > 0:
+            found.untimed += 1
+        elif not earliest - ROUNDING <= error <= latest + ROUNDING:
+            found.fail(
+                "stamp",
+                self._at(scan, f"error {error / 1e6:.3f} ms, bounds {earliest / 1e6:.3f}, {latest / 1e6:.3f} ms"),
+            )
         if calm:
             found.largest_error = max(found.largest_error, abs(error))
 
@@ -303,6 +324,7 @@ class Adversary:
         self.board = Board(sensor, self.link.open, self.clock, self.link.presence)
         self.judge = Judge(self.board, self.link, self.hardware, sensor.can.fd)
         self.history: list[str] = []
+        self._fd = sensor.can.fd
         self._boot = 0
 
     def run(self, scans: int) -> Findings:
@@ -324,6 +346,8 @@ class Adversary:
         after = Usage.now()
         if before and (after.memory - before.memory > GROWTH_LIMIT or after.descriptors > before.descriptors):
             found.fail("growth", f"{before} -> {after}")
+        if found.wrapped > WRAPPED[self._fd] * found.published:
+            found.fail("misnumbered", f"{found.wrapped} of {found.published} during faults")
         self.board.close()
         code = self.hardware.close()
         if code:
@@ -347,8 +371,8 @@ class Adversary:
         begin = self.clock.now
         self.history = [*self.history[-5:], f"{begin / 1e9:.3f} s {names}"]
         examples = len(found.examples)
-        if not ABOUT_TIME.isdisjoint(names):
-            judge.doubt_time()
+        if UNKNOWABLE.issubset(names):
+            judge.untimed = 1 << 62
         for name in names:
             found.faults[name] += 1
             self._begin(name)
@@ -358,8 +382,12 @@ class Adversary:
         link.run(max(self.clock.now, self.hardware.host_time(self.hardware.now)))
         end = judge.quiet_since = self.clock.now
         judge.lies_end(max(end, self.hardware.host_time(self.hardware.now)))
-        if not ABOUT_TIME.isdisjoint(names):
+        if not ABOUT_TICKS.isdisjoint(names):
             judge.end_stretch()
+        if UNKNOWABLE.issubset(names):
+            judge.untimed = UNTIMED
+        if "lie: time" in names:
+            judge.unnoticed = UNNOTICED
         self._recover(names, end)
         self.read(round(noise.uniform(0.2, 0.8) * SECOND), calm=True)
         for index in range(examples, len(found.examples)):
@@ -387,6 +415,8 @@ class Adversary:
                 self._boot = (self._boot + noise.choice((1, 1, 1, 7))) % 16
             self.judge.end_stretch()
             link.power_cycle(self._boot)
+            if name == "reset, same number":
+                self.judge.unnoticed = UNNOTICED
             hardware.command("V 3300")
         elif name == "ADC fails":
             hardware.command("A 1")
@@ -409,6 +439,8 @@ class Adversary:
                 self.read(SECOND // 20, calm=False)
         else:
             link.begin(name)
+            if name == "lie: time":
+                self.judge.unnoticed = UNNOTICED
             if name in ABOUT_SEQUENCE:
                 self.judge.lie_begins(self.clock.now, link.jump)
                 self.judge.lie_begins(self.clock.now, 0)  # seen in classic counters, which have 4 bits
@@ -440,9 +472,11 @@ def describe(name: str, found: Findings, seconds: float) -> str:
         f"{name}: {found.published} scans published, {sum(found.faults.values())} faults, {seconds:.0f} s",
         f"  accounted for: {found.sampled} ticks in {found.stretches} stretches, {found.lost} lost, "
         f"{found.incomplete} incomplete",
-        f"  numbers of lies: {found.false_numbers}; wrong by a multiple of 16: {found.wrapped}; "
-        f"stamps not judged: {found.not_stamped}, early by less than 5 ms after a lie: {found.early}, "
-        f"largest error of the others without faults {found.largest_error / 1e6:.3f} ms",
+        f"  false numbers: of lies {found.false_numbers}, mixed by lies {found.mixed}, "
+        f"others during faults {found.wrapped}",
+        f"  stamps: of late ticks {found.late_ticks}, after unnoticed steps {found.unnoticed}, without clock and "
+        f"period {found.untimed}, with a bound above {1e3 * MAX_CLOCK_UNCERTAINTY:g} ms {found.uncertain}, "
+        f"largest error after faults {found.largest_error / 1e6:.3f} ms",
         f"  longest time to the next scan [s]: {slowest}",
     ]
     return "\n".join([*lines, *(f"BAD: {kind}: {count}" for kind, count in found.failures.items()), *found.examples])

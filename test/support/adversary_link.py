@@ -36,6 +36,8 @@ class Sampled(NamedTuple):
     time: int
     """Time of acquisition, on the host's clock [ns]."""
     counts: str
+    late: bool
+    """Whether the board's processor stood still at the tick."""
 
 
 class LoggedBoard:
@@ -110,10 +112,10 @@ class LoggedBoard:
                 continue
             length = _LENGTHS[int(reply[4], 16)]
             sent.append((time, (int(reply[1:4], 16), _KINDS[first], bytes.fromhex(reply[5 : 5 + 2 * length]))))
-        self._read_log()
+        self._read_log(late=line[0] == "J")
         return sent
 
-    def _read_log(self) -> None:
+    def _read_log(self, late: bool) -> None:
         try:
             text = self._rest + os.read(self._log, LOG_PIPE).decode()
         except BlockingIOError:
@@ -124,7 +126,7 @@ class LoggedBoard:
         for line in lines:
             _, sequence, time, counts = line.split(" ", 3)
             number = int(sequence)
-            scan = Sampled(self.power_on, self.host_time(self._began + int(time)), counts)
+            scan = Sampled(self.power_on, self.host_time(self._began + int(time)), counts, late)
             self.sampled.setdefault(number, []).append(scan)
             self._order.append(number)
         while len(self._order) > KEPT:
@@ -212,7 +214,7 @@ class Link:
         end = self.clock.now + duration
         while self.clock.now < end:
             self.clock.now = min(self.clock.now + STEP * 1000, end)
-            full = len(self._queue) >= self.room
+            full = max(len(self._queue), len(self._stalled)) >= self.room
             self.run(self.clock.now)
             self.board.is_heard = not full
         self.board.is_heard = True
@@ -311,7 +313,8 @@ class Link:
         active, noise = self.active, self._noise
         identifier, kind, data = frame
         if "adapter stalls" in active:
-            self._stalled.append(frame)
+            if len(self._stalled) < self.room:
+                self._stalled.append(frame)
             return
         if identifier == BASE + 1:
             if "answers lost" in active:
