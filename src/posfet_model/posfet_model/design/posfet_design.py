@@ -240,12 +240,12 @@ class PosfetDesign(Taxel):
     def _reach(self, of: str) -> FloatArray:
         """Return the force [N] that reaches the end of the input range of the amplifier or of the ADC behind it."""
         gain = self.amplifier.follower_gain
-        low, high = {
-            "amplifier": (self.amplifier.lowest_input, self.amplifier.highest_input),
-            "adc": (self.adc_low / gain, self.adc_high / gain),
-        }[of]
         per_newton = self.volts_per_newton()
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):  # of a follower without gain, a film without signal
+            low, high = {
+                "amplifier": (self.amplifier.lowest_input, self.amplifier.highest_input),
+                "adc": (self.adc_low / gain, self.adc_high / gain),
+            }[of]
             force = np.where(per_newton > 0, high, low) / per_newton
         return np.where(per_newton == 0, math.inf, force)
 
