@@ -10,7 +10,7 @@ from benchmarks.outcome import Cell, Outcome, Table
 from benchmarks.simulation.runs import NONE, SENSOR, SHIPPED, run
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.ros.conversions import ForceImageMessage, ImageMessage, PointsMessage, WrenchMessage
-from posfet_model.ros.model_node import MARKER_PERIOD
+from posfet_model.parameters import DISPLAY_RATE
 from posfet_model.sensor.scan import Scan
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.scene import SceneLoads, load_scene
@@ -72,7 +72,7 @@ def measure(full: bool) -> Outcome:
     rows: list[tuple[Cell, ...]] = []
     unfilled = message_cost()
     seconds = SCANS / SENSOR.can.scan_rate
-    shown = round(seconds * 1e9 / MARKER_PERIOD)
+    shown = round(seconds * DISPLAY_RATE.default)
     skipped_messages = 4 * SCANS + SCANS
     updates = saved = labellings = 0.0
     for name in SHIPPED:

@@ -27,7 +27,7 @@ def describe(listener: Listener, nodes: set[str]) -> tuple[dict[str, list[str]],
     """Return topics with their types, and the value of every parameter by node and name."""
     listener.wait(lambda: nodes <= listener.node_names(), f"the nodes {sorted(nodes)}")
     expected = {*SHARED, *(f"/tactile/{name}" for name in OWN)}
-    expected |= {f"{node}/transition_event" for node in nodes if not node.endswith("model_node")}
+    expected |= {f"{node}/transition_event" for node in nodes}
     listener.wait(lambda: expected <= set(listener.published_topics(nodes)), f"the topics {sorted(expected)}")
     parameters = {}
     for node in sorted(nodes):

@@ -13,7 +13,10 @@ import yaml
 REPOSITORY = Path(__file__).parents[2]
 UMBRELLA = REPOSITORY / "src" / "posfet"
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
-MODEL_NODE = (REPOSITORY / "src/posfet_model/posfet_model/ros/model_node.py").read_text(encoding="utf-8")
+MODEL_NODE = "".join(
+    (REPOSITORY / "src/posfet_model/posfet_model/ros" / name).read_text(encoding="utf-8")
+    for name in ("model_node.py", "model_outputs.py")
+)
 
 
 def published() -> dict[str, str]:

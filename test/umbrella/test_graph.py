@@ -19,7 +19,7 @@ from posfet_model.sensor.description import load_sensor
 @pytest.fixture
 def params_file(tmp_path: Path) -> str:
     path = tmp_path / "parameters.yaml"
-    path.write_text("/**:\n  ros__parameters:\n    frame_id: hand\n", encoding="utf-8")
+    path.write_text("/**:\n  ros__parameters:\n    can_options: [a=1]\n", encoding="utf-8")
     return str(path)
 
 

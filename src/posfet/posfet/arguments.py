@@ -10,10 +10,12 @@ from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE
 from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError
 from posfet_model.parameters import (
+    AUTOSTART,
     CALIBRATION_FILE,
     CALIBRATION_FOLDER,
     CAN_FD,
     ESTIMATOR,
+    FRAME_ID,
     MAX_RELATIVE,
     MOUNT_POSE,
     PARENT_FRAME,
@@ -61,6 +63,7 @@ ARGUMENTS: Final = (
     _optional(CALIBRATION_FOLDER),
     _optional(ESTIMATOR),
     _optional(MAX_RELATIVE),
+    FRAME_ID,
     _optional(PARENT_FRAME),
     MOUNT_POSE,
     Parameter("params_file", "", "YAML file with node parameters", empty="config/parameters.yaml of package posfet"),
@@ -68,6 +71,7 @@ ARGUMENTS: Final = (
     IMPERFECTIONS,
     _for("emulator", BUS_INTERFACE),
     _for("emulator", BUS_CHANNEL),
+    _optional(AUTOSTART),
     Parameter("composed", True, "Run all nodes in one process, which is fastest; false: one process for each node"),
     Parameter("log_level", "info", "Lowest severity of the log messages shown", choices=LOG_LEVELS),
 )

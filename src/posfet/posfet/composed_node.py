@@ -62,6 +62,11 @@ class Graph:
         self._simulation: Any = self.nodes.get("sim_board_node")
         self._source: ScanSourceNode = self.nodes[specs[-1].executable]
         self._source.sink = self._model.process
+        try:
+            self._model.use_frame(self._source.frame_id)
+        except BaseException:
+            self.destroy()
+            raise
 
     def __iter__(self) -> Iterator[Node]:
         return iter(self.nodes.values())
@@ -74,8 +79,7 @@ class Graph:
     def start(self) -> None:
         """Start the source of scans; raise ConfigError if it cannot be opened and a retry would not help."""
         for node in self.nodes.values():
-            if isinstance(node, ScanSourceNode):
-                node.start()
+            node.start()
 
     def destroy(self) -> None:
         """Destroy the sources first, then the other nodes."""

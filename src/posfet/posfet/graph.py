@@ -17,15 +17,18 @@ from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE, DR
 from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.config import ConfigError, is_there, read_yaml
 from posfet_model.parameters import (
+    AUTOSTART,
     CALIBRATION_FILE,
     CALIBRATION_FOLDER,
     ESTIMATION,
+    FRAME_ID,
     MODEL_NODE,
     MOUNT,
     MOUNT_POSE,
     SENSOR,
     STANDARD,
     Scalar,
+    default_frame,
 )
 from posfet_model.ros.mount import parse_mount
 from posfet_model.sensor.description import Sensor, load_sensor
@@ -95,6 +98,8 @@ def check_params_file(path: str, ros: RosArguments) -> None:
         values = section.section("ros__parameters")
         known = {each.name for table in ([tables[node]] if node in tables else tables.values()) for each in table}
         for key in values.names():
+            if key == FRAME_ID.name:
+                raise values.error(key, "use the argument frame_id:=<name>: all nodes have the same frame")
             if key not in known and not f"{key}.".startswith(tuple(f"{each.rstrip('.')}." for each in STANDARD)):
                 raise values.error(key, f"unknown parameter, known are {', '.join(sorted(known))}")
         section.end()
@@ -187,7 +192,8 @@ def graph(arguments: Mapping[str, str], params_file: str, ros: RosArguments | No
     if source != "can":
         load_scene(arguments[SCENE.name], sensor)
         load_error_model(arguments[IMPERFECTIONS.name])
-    shared = node_parameters(arguments, *SENSOR)
+    shared = node_parameters(arguments, *SENSOR) | given_parameters(arguments, AUTOSTART)
+    frame: dict[str, Scalar] = {FRAME_ID.name: arguments[FRAME_ID.name] or default_frame(namespace)}
     driver_bus, board_bus = _bus(arguments, namespace)
 
     def node(package: str, executable: str, parameters: Mapping[str, Scalar]) -> NodeSpec:
@@ -198,11 +204,14 @@ def graph(arguments: Mapping[str, str], params_file: str, ros: RosArguments | No
         )
 
     model: dict[str, Scalar] = {"simulated": source != "can", **_mount(arguments), **_calibration(arguments, sensor)}
+    if model.get("parent_frame") == frame[FRAME_ID.name]:
+        raise ConfigError(f"parent_frame: must not be the frame of the array itself, got '{model['parent_frame']}'")
     model |= given_parameters(arguments, CALIBRATION_FOLDER, *ESTIMATION)
     nodes = [node("posfet_model", "model_node", model)]
     if source != "can":
         board = node_parameters(arguments, SCENE, IMPERFECTIONS)
-        nodes.append(node("posfet_sim", "sim_board_node", {**board, **board_bus}))
+        nodes.append(node("posfet_sim", "sim_board_node", {**frame, **board, **board_bus}))
     if source != "sim":
-        nodes.append(node("posfet_driver", "driver_node", {**driver_bus, **node_parameters(arguments, CAN_BITRATE)}))
+        bus = {**driver_bus, **node_parameters(arguments, CAN_BITRATE)}
+        nodes.append(node("posfet_driver", "driver_node", {**frame, **bus}))
     return nodes

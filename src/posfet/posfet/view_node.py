@@ -98,7 +98,7 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
     def _take_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             values = {pair.key: pair.value for pair in status.values}
-            if not status.name.startswith(f"{self.get_namespace()}/"):
+            if not status.name.startswith(f"{self.get_namespace().strip('/')}/"):
                 continue
             if "frames lost" in values:
                 self._state = status.message

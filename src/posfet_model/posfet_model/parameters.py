@@ -50,6 +50,8 @@ class Parameter:
     """Meaning of the empty text, where it is the default."""
     read_only: bool = True
     """Whether it is set at start-up only."""
+    fixed: str = "it is used at start-up only"
+    """Why it is read-only, if it is."""
 
     def __post_init__(self) -> None:
         reason = self.check(self.default)
@@ -166,13 +168,17 @@ def _as_text(value: Value) -> str:
 
 
 SENSOR_FILE: Final = Parameter(
-    "sensor_file", DEFAULT_SENSOR, "Sensor description: path of a YAML file, or name of a shipped one"
+    "sensor_file",
+    DEFAULT_SENSOR,
+    "Sensor description: path of a YAML file, or name of a shipped one",
+    fixed="buffers and messages have the size of its array",
 )
 CAN_FD: Final = Parameter(
     "can_fd",
     "auto",
     "Frames of the board: true for CAN FD, false for classic CAN, auto as in the sensor file",
     choices=FRAME_CHOICES,
+    fixed="board and driver agree on it when they start",
 )
 SENSOR: Final = (SENSOR_FILE, CAN_FD)
 """The parameters that describe the sensor to a node."""
@@ -181,6 +187,7 @@ FRAME_ID: Final = Parameter(
     "",
     "Frame of the array: x along columns, y along rows, z outward",
     empty="<namespace>_array",
+    fixed="TF and other nodes have it already",
 )
 PARENT_FRAME: Final = Parameter(
     "parent_frame", "", "TF frame that the array is mounted on", empty="no transform is broadcast"
@@ -188,17 +195,22 @@ PARENT_FRAME: Final = Parameter(
 MOUNT_POSE: Final = Parameter(
     "mount", "0 0 0 0 0 0", "Pose of the array in parent_frame: x y z [m] roll pitch yaw [rad]"
 )
+AUTOSTART: Final = Parameter(
+    "autostart", True, "Configure and activate at start-up; false: wait for lifecycle transitions"
+)
 MOUNT: Final = (PARENT_FRAME, MOUNT_POSE)
 CALIBRATION_FILE: Final = Parameter(
     "calibration_file",
     "",
     "Calibration of this individual sensor: path of a YAML file",
     empty="nominal values of the sensor file",
+    fixed="the service calibration/load changes the calibration",
 )
 CALIBRATION_FOLDER: Final = Parameter(
     "calibration_folder",
     "~/.ros/posfet",
     "Folder in which the services calibration/load and calibration/save find and put their files, and nowhere else",
+    fixed="it bounds what services may read and write",
 )
 ESTIMATOR: Final = Parameter(
     "estimator",
@@ -206,6 +218,7 @@ ESTIMATOR: Final = Parameter(
     "Estimator of the forces: observer (one filter for each cause of an error), error_state (one filter of all errors, "
     "docs/estimation.md; new)",
     choices=tuple(each.value for each in Estimator),
+    fixed="the state of one estimator is not that of another",
 )
 MAX_RELATIVE: Final = Parameter(
     "max_relative_uncertainty",
@@ -214,18 +227,53 @@ MAX_RELATIVE: Final = Parameter(
     "error_state",
     low=1e-3,
     high=10.0,
+    read_only=False,
 )
 ESTIMATION: Final = (ESTIMATOR, MAX_RELATIVE)
 """The parameters that decide how forces are estimated."""
+CONTACT_THRESHOLD: Final = Parameter(
+    "contact_threshold",
+    0.0,
+    "Least force of a taxel at which a contact begins; 0: as in the sensor file",
+    unit="N",
+    low=0.0,
+    high=1000.0,
+    read_only=False,
+)
+RELEASE_THRESHOLD: Final = Parameter(
+    "release_threshold",
+    0.0,
+    "Force of a taxel below which a contact ends, at most contact_threshold; 0: the same share of it as in the sensor "
+    "file",
+    unit="N",
+    low=0.0,
+    high=1000.0,
+    read_only=False,
+)
+HUM_REMOVAL: Final = Parameter(
+    "hum_removal", True, "Estimate mains hum and subtract it from all signals", read_only=False
+)
+DISPLAY_RATE: Final = Parameter(
+    "display_rate",
+    30.0,
+    "Largest rate of messages that are for display only, `markers`",
+    unit="Hz",
+    low=0.1,
+    high=10_000.0,
+    read_only=False,
+)
+TUNING: Final = (CONTACT_THRESHOLD, RELEASE_THRESHOLD, HUM_REMOVAL, DISPLAY_RATE)
+"""Parameters of the model that may change while it runs, besides `max_relative_uncertainty`."""
 SIMULATED: Final = Parameter("simulated", False, "Published in `info`: the signals come from a simulated board")
 
 MODEL_NODE: Final = (
     *SENSOR,
-    FRAME_ID,
+    AUTOSTART,
     *MOUNT,
     CALIBRATION_FILE,
     CALIBRATION_FOLDER,
     *ESTIMATION,
+    *TUNING,
     SIMULATED,
     Parameter(
         "contacts_as_bytes",
@@ -238,3 +286,19 @@ MODEL_NODE: Final = (
         "Receive scans within the process instead of subscribing to `raw`; set by composed bring-up",
     ),
 )
+
+
+def default_frame(namespace: str) -> str:
+    """Return the frame of the array where none is given, unique for each namespace.
+
+    Parameters
+    ----------
+    namespace : str
+        Full namespace of the nodes.
+
+    Examples
+    --------
+    >>> default_frame("/hand/thumb")
+    'hand_thumb_array'
+    """
+    return "_".join([*namespace.strip("/").split("/"), "array"]).lstrip("_")

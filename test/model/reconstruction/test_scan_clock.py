@@ -151,7 +151,7 @@ GOOD = ScanCounts(accepted=1000)
     ("after", "state", "level", "word"),
     [
         (GOOD, {}, Level.OK, "valid"),
-        (ScanCounts(), {}, Level.STALE, "no scans"),
+        (ScanCounts(), {}, Level.ERROR, "no scans"),
         (ScanCounts(accepted=9, layout_mismatch=1), {}, Level.ERROR, "sensor file"),
         (ScanCounts(layout_mismatch=1), {}, Level.ERROR, "sensor file"),
         (ScanCounts(accepted=9, adc_fault=1), {}, Level.ERROR, "ADC"),

@@ -29,7 +29,7 @@ def sent(level: int, values: dict[str, str], stamp: int = STAMP) -> DiagnosticAr
         (0, DiagnosticStatus.OK),
         (1, DiagnosticStatus.WARN),
         (2, DiagnosticStatus.ERROR),
-        (3, DiagnosticStatus.STALE),
+        (3, DiagnosticStatus.ERROR),  # what is stale only an aggregator knows
     ],
 )
 def test_the_message_has_one_status_with_the_level_of_ros(level: int, constant: bytes) -> None:

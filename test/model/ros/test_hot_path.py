@@ -16,6 +16,7 @@ pytest.importorskip("posfet_msgs", reason="needs the built posfet_msgs")
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message, serialize_message
 
 from posfet_driver.protocol.decoder import Decoder, ScanReady
@@ -90,7 +91,8 @@ def contacts_publisher(node: ModelNode) -> Any:
 def test_a_scan_publishes_only_subscribed_topics(listening: bool) -> None:
     context = Context()
     rclpy.init(context=context)
-    node, peer = ModelNode(context=context), Node("peer", context=context)
+    node, peer = ModelNode(context=context, parameter_overrides=[Parameter("direct", value=True)]), Node("peer", context=context)
+    node.start()
     try:
         published: dict[str, int] = {}
         for publisher in node.publishers:
@@ -116,7 +118,8 @@ def test_block_maintenance_runs_after_the_contacts_are_published(monkeypatch: py
     """Block maintenance takes longer than a scan: it runs neither before a message nor in the next scan."""
     context = Context()
     rclpy.init(context=context)
-    node = ModelNode(context=context)
+    node = ModelNode(context=context, parameter_overrides=[Parameter("direct", value=True)])
+    node.start()
     try:
         contacts, events, run_maintenance = contacts_publisher(node), [], Reconstructor.run_maintenance
 

@@ -61,7 +61,9 @@ class Bench:
 
     def model(self, **parameters: Any) -> ModelNode:
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        return self.add(ModelNode(context=self.context, parameter_overrides=overrides))
+        node = self.add(ModelNode(context=self.context, parameter_overrides=overrides))
+        node.start()
+        return node
 
     def listen(self, kind: Any, topic: str, qos: Any = 1000) -> list[Any]:
         received: list[Any] = []
@@ -192,8 +194,8 @@ def test_on_a_bent_chip_all_positions_lie_on_its_surface(bench: Bench, tmp_path:
     infos = bench.listen(TactileInfo, "info", transient_local)
     node = bench.model(sensor_file=str(path))
     bench.wait_for_subscribers(node, "contacts", "wrench", "points")
-    bench.spin_until(lambda: len(infos) > 0)
     play(bench, outputs, recorded_scans()[:360])
+    bench.spin_until(lambda: len(infos) > 0)
     contacts, wrenches, clouds = outputs
     [contact] = contacts[350].contacts
     normal = np.array([contact.normal.x, contact.normal.y, contact.normal.z])
@@ -218,10 +220,10 @@ def test_on_a_bent_chip_all_positions_lie_on_its_surface(bench: Bench, tmp_path:
     assert wrench.torque.y == pytest.approx(-radius * wrench.force.x, abs=1e-9)
 
 
-def test_markers_appear_and_disappear_with_the_contact(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(model_node, "MARKER_PERIOD", 0)  # a message for every scan, however fast they are processed
+def test_markers_appear_and_disappear_with_the_contact(bench: Bench) -> None:
     markers = bench.listen(MarkerArray, "markers")
     node = bench.model(direct=True)
+    node._outputs.marker_period = 0  # a message for every scan, however fast they are processed
     bench.wait_for_subscribers(node, "markers")
     scans = recorded_scans()
     process(node, scans)
@@ -263,7 +265,8 @@ def test_latest_is_a_copy_and_none_before_the_first_scan(bench: Bench) -> None:
 
 
 def test_info_is_transient_local_and_describes_the_sensor(bench: Bench) -> None:
-    node = bench.model(simulated=True, direct=True, frame_id="thumb")
+    node = bench.model(simulated=True, direct=True)
+    node.use_frame("thumb")
     infos = bench.listen(TactileInfo, "info", QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
     bench.spin_until(lambda: bool(infos))
     [info] = infos
@@ -383,10 +386,8 @@ def test_an_invalid_parameter_or_file_is_reported_in_one_line(bench: Bench) -> N
         bench.model(sensor_file="nowhere.yaml")
     with pytest.raises(ConfigError, match="direct: must be true or false"):
         bench.model(direct=3)
-    with pytest.raises(ConfigError, match="use_sim_time: must be false"):
-        bench.model(use_sim_time=True)
-    with pytest.raises(ConfigError, match="speed: unknown parameter"):
-        bench.model(speed=3)
+    with pytest.raises(ConfigError, match="release_threshold: must be at most contact_threshold, 0.01 N, got 0.02 N"):
+        bench.model(contact_threshold=0.01, release_threshold=0.02)
 
 
 def constants(message: Any, prefix: str) -> dict[str, int]:

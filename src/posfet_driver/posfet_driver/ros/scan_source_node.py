@@ -10,7 +10,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.impl.implementation_singleton import rclpy_implementation
-from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 from rclpy.qos import QoSProfile
 
 from posfet_driver.board.fault_monitor import FaultMonitor, changes
@@ -21,9 +21,11 @@ from posfet_driver.parameters import SCAN_SOURCE_NODE
 from posfet_driver.ros.conversions import RawMessage, report_diagnostics
 from posfet_model.config import ConfigError
 from posfet_model.parameters import Parameter
+from posfet_model.ros.diagnostic_array import hardware_id
+from posfet_model.ros.lifecycle import SupervisedLifecycleNode
 from posfet_model.ros.ros_parameters import declare, declared_frame, declared_sensor
 from posfet_model.ros.subscriptions import SubscriptionCache
-from posfet_model.ros.supervision import RESTART_PERIOD, RestartPolicy, SupervisedNode, described
+from posfet_model.ros.supervision import RESTART_PERIOD, RestartPolicy, described
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileRaw
@@ -38,20 +40,7 @@ REPORT_PERIOD = 1.0
 """Period of the diagnostics [s]."""
 
 
-def _refusing(change_state: Callable[..., Any]) -> Callable[..., Any]:
-    """Return rclpy's transition service, which refuses an invalid transition instead of ending the process."""
-
-    def change(request: Any, response: Any) -> Any:
-        try:
-            return change_state(request, response)
-        except rclpy_implementation.RCLError:  # rcl has logged it
-            response.success = False
-            return response
-
-    return change
-
-
-class ScanSourceNode(SupervisedNode, LifecycleNode):  # type: ignore[misc]  # rclpy has no types
+class ScanSourceNode(SupervisedLifecycleNode):
     """Publishes the scans of a source.
 
     configure opens the source and starts the one data thread, which reads once `reading_wanted`; activate passes
@@ -79,6 +68,7 @@ class ScanSourceNode(SupervisedNode, LifecycleNode):  # type: ignore[misc]  # rc
         When a parameter or file cannot be used.
     """
 
+    EXPECTED = (ConfigError, SourceError)
     source: ManagedDevice
 
     def __init__(
@@ -91,7 +81,6 @@ class ScanSourceNode(SupervisedNode, LifecycleNode):  # type: ignore[misc]  # rc
         super().__init__(node_name, **node_arguments)
         self.clock = clock or SystemClock()
         """Clock of the source."""
-        self._service_change_state.callback = _refusing(self._service_change_state.callback)
         self.sink: Callable[[Scan], None] | None = None
         """Called with every scan in the data thread, before anything is published; set it while inactive."""
         try:
@@ -112,8 +101,6 @@ class ScanSourceNode(SupervisedNode, LifecycleNode):  # type: ignore[misc]  # rc
         self._stop = threading.Event()
         self._active = False
         self._subscribed = False
-        self._starting = False
-        self._refusal = ""
         self._restarts = RestartPolicy()
         self._logged_state = ""
         self._monitor = FaultMonitor()
@@ -131,23 +118,6 @@ class ScanSourceNode(SupervisedNode, LifecycleNode):  # type: ignore[misc]  # rc
             Checked parameters of the node by name.
         """
         raise NotImplementedError
-
-    def start(self) -> None:
-        """Configure and activate, unless the parameter autostart is false.
-
-        Raises
-        ------
-        ConfigError
-            When the source cannot be opened; one line.
-        """
-        if not self.parameters["autostart"]:
-            return
-        self._starting = True
-        configured = self.trigger_configure()
-        self._starting = False
-        if configured != TransitionCallbackReturn.SUCCESS:
-            raise ConfigError(f"{self.get_fully_qualified_name()}: {self._refusal}")
-        self.trigger_activate()
 
     @property
     def reading(self) -> bool:
@@ -177,15 +147,8 @@ class ScanSourceNode(SupervisedNode, LifecycleNode):  # type: ignore[misc]  # rc
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Open the source and start reading."""
-        try:
-            self._begin()
-        except Exception as error:  # rclpy would swallow it
-            self._refusal = str(error) if isinstance(error, ConfigError | SourceError) else described(error)
-            if not self._starting:  # else `start` raises it
-                self.get_logger().error(self._refusal)
-            self._end()
-            return TransitionCallbackReturn.FAILURE
-        return super().on_configure(state)
+        result = self.configured(self._begin, self._end)
+        return super().on_configure(state) if result == TransitionCallbackReturn.SUCCESS else result
 
     def restart(self) -> None:
         """Close and reopen the source, if it is being read. Raises ConfigError or SourceError as `open` does."""
@@ -290,9 +253,9 @@ class ScanSourceNode(SupervisedNode, LifecycleNode):  # type: ignore[misc]  # rc
         self._reported = (report.scans, now)
         scan_rate = (report.scans - scans) * 1e9 / max(now - before, 1)
         name = f"{self.get_fully_qualified_name()}: board"
-        hardware_id = self.sensor.serial or self.sensor.name
+        board = hardware_id(self.sensor, self.get_namespace())
         faults = self._monitor.present(report, now)
-        self._diagnostics.publish(report_diagnostics(report, name, hardware_id, scan_rate, time.time_ns(), faults))
+        self._diagnostics.publish(report_diagnostics(report, name, board, scan_rate, time.time_ns(), faults))
         self._log_state(report)
         self._log_faults(faults)
 
@@ -322,6 +285,8 @@ class ScanSourceNode(SupervisedNode, LifecycleNode):  # type: ignore[misc]  # rc
         """Log each fault once when it appears and once when it clears."""
         appeared, cleared = changes(self._faults, faults)
         self._faults = faults
+        if not self.parameters["log_faults"]:
+            return
         for fault in appeared:
             if fault.health >= Health.ERROR:
                 self.get_logger().error(fault.text)

@@ -19,7 +19,7 @@ from posfet_model.contacts.connected_components import BitMap
 from posfet_model.contacts.footprint import Footprint, Footprints
 from posfet_model.contacts.moments import MomentFinder
 from posfet_model.contacts.separation import INITIAL_ITERATIONS, ITERATIONS, Positions, Separator
-from posfet_model.sensor.description import Sensor
+from posfet_model.sensor.description import ContactThresholds, Sensor
 
 ENTER_DEVIATIONS: Final = 5.0
 """Standard deviations above zero from which a force begins a contact [1]."""
@@ -171,6 +171,16 @@ class ContactFinder:
         """Taxels in contact in any scan since the last threshold update, or being released, shape [rows * cols]."""
         self.patches: list[NDArray[np.intp]] = []
         """Members of each region in the last call of `measure`, the ring around it included."""
+
+    def set_thresholds(self, contact: ContactThresholds) -> None:
+        """Use other thresholds from the next `update_thresholds` on.
+
+        Parameters
+        ----------
+        contact : ContactThresholds
+            Thresholds of a taxel without uncertainty.
+        """
+        self._threshold, self._release_threshold = contact.threshold, contact.threshold - contact.deadband
 
     def bits(self, taxels: NDArray[np.bool_]) -> int:
         """Return a mask, shape [rows * cols], as bits of `connected_components.BitMap`."""

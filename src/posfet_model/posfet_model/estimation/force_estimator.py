@@ -173,7 +173,8 @@ class ForceEstimator:
         self._inverse = LeakageInverse(self._tau, 1.0 / (charge_per_newton(sensor) * gain))
         self._noise_variance = np.full(taxels, noise**2)
         self._threshold = sensor.contact.threshold
-        self._relative = max_relative_uncertainty
+        self.max_relative_uncertainty = max_relative_uncertainty
+        """Standard deviation of the total force over that force above which forces are not valid; may change."""
         self._runaway = RUNAWAY * device.force_max
         self._long_step = LONG_STEP * float(self._tau.min())
         lag = calibration.thermal_time_constant
@@ -732,7 +733,7 @@ class ForceEstimator:
             return False
         variance = float(self._own[touched].sum() + np.square(self._factor[touched].sum(axis=0)).sum())
         greatest = max(self._recent_force)  # a release makes the force small before it is found
-        return math.sqrt(variance) <= max(self._relative * greatest, LEAST_DEVIATION * self._threshold)
+        return math.sqrt(variance) <= max(self.max_relative_uncertainty * greatest, LEAST_DEVIATION * self._threshold)
 
     def _confirm_offsets(self, duration: float) -> None:
         """Mark offsets as known once the array has been still."""

@@ -15,7 +15,6 @@ class Level(IntEnum):
     OK = 0
     WARN = 1
     ERROR = 2
-    STALE = 3
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,7 @@ def judge(period: Period) -> Verdict:
     faults = (
         (period.layout_mismatch > 0, Level.ERROR, "layout mismatch, scans refused: set this board's sensor file"),
         (period.adc_fault > 0, Level.ERROR, "ADC fault, scans refused: check supply and wiring of the board"),
-        (period.scans == 0, Level.STALE, "no scans: check that the driver is running and active"),
+        (period.scans == 0, Level.ERROR, "no scans: check that the driver is running and active"),
         (period.interruptions > 0, Level.WARN, "interrupted: forces held meanwhile are unknown; check the bus"),
         (period.time_jumps > 0, Level.WARN, "board clock jumped: intervals taken from the sequence"),
         (period.saturated > 0, Level.WARN, "taxels saturated: press less, or widen the ADC range"),

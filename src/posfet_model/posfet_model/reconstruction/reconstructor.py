@@ -107,12 +107,13 @@ class Reconstructor:
         self._observer = _force_estimator(estimator, sensor, self.calibration, settings)
         noise = force_noise_rms(sensor)
         self._newton_per_charge = 1.0 / charge_per_newton(sensor)
-        hum_rate = sensor.can.scan_rate if settings.hum_removal else 0.0  # too low to find hum
-        self._hum = MainsHum(taxels, hum_rate, noise / self._newton_per_charge)
+        self._sensor, self._noise, self._settings = sensor, noise, settings
+        self._hum = self._make_hum(settings)
         self._dynamic = DynamicChannel(sensor.layout, noise)
         self.vibration_wanted = False
         """Whether the dynamic channel runs while nothing touches, too, and averages the power of each taxel."""
         self._finder = ContactFinder(sensor)
+        self._finder.set_thresholds(settings.contact or sensor.contact)
         self._tracker = ContactTracker(sensor)
         self._faults = TaxelFaultDetector(sensor, known_dead=self.calibration.dead)
         self._detects_faults = settings.fault_detection
@@ -256,6 +257,37 @@ class Reconstructor:
         """
         if self._observer.block_due:
             self._close_block()
+
+    def change(self, settings: ReconstructionSettings) -> None:
+        """Use other settings from the next scan on, without an interruption of forces and contacts.
+
+        Mains hum that was found is estimated again after its removal is switched on.
+
+        Parameters
+        ----------
+        settings : ReconstructionSettings
+            New settings; those of the estimator itself must be as before.
+
+        Raises
+        ------
+        ValueError
+            If `observer` or `priors` are others than before.
+        """
+        before, self._settings = self._settings, settings
+        if (settings.observer, settings.priors) != (before.observer, before.priors):
+            self._settings = before
+            raise ValueError("observer and priors must be as before: they are used when the estimator is made")
+        if settings.hum_removal != before.hum_removal:
+            self._hum = self._make_hum(settings)
+        if isinstance(self._observer, ForceEstimator):
+            self._observer.max_relative_uncertainty = settings.max_relative_uncertainty
+        self._detects_faults = settings.fault_detection
+        self._finder.set_thresholds(settings.contact or self._sensor.contact)
+        self._set_thresholds()
+
+    def _make_hum(self, settings: ReconstructionSettings) -> MainsHum:
+        rate = self._sensor.can.scan_rate if settings.hum_removal else 0.0  # too low to find hum
+        return MainsHum(self._sensor.layout.taxels, rate, self._noise / self._newton_per_charge)
 
     def tare(self, force: bool = False) -> Tare:
         """Set the forces to zero while nothing touches; refused under load, and while offsets are unknown.

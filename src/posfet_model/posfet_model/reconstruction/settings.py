@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from posfet_model.estimation.choice import MAX_RELATIVE_UNCERTAINTY
 from posfet_model.estimation.error_states import ErrorPriors
 from posfet_model.estimation.settings import ObserverSettings
+from posfet_model.sensor.description import ContactThresholds
 
 
 @dataclass(frozen=True)
@@ -20,6 +21,8 @@ class ReconstructionSettings:
     max_relative_uncertainty: float = MAX_RELATIVE_UNCERTAINTY
     """Standard deviation of the total force over that force above which the forces are not valid [1]; the force
     observer has no such limit."""
+    contact: ContactThresholds | None = None
+    """Thresholds of contacts; None: those of the sensor."""
     hum_removal: bool = True
     """Whether mains hum is estimated and subtracted."""
     fault_detection: bool = True

@@ -7,6 +7,22 @@ from collections.abc import Mapping
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from posfet_model._lib.units import NANOSECONDS
+from posfet_model.sensor.description import Sensor
+
+_ERROR = 2
+
+
+def hardware_id(sensor: Sensor, namespace: str) -> str:
+    """Return what tells this board from all others: its serial number, or its name and namespace if it has none.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    namespace : str
+        Full namespace of the nodes.
+    """
+    return sensor.serial or f"{sensor.name} ({namespace.strip('/')})"
 
 
 def diagnostic_array(
@@ -17,9 +33,9 @@ def diagnostic_array(
     Parameters
     ----------
     level : int
-        Level of diagnostic_msgs/DiagnosticStatus.
+        Level of diagnostic_msgs/DiagnosticStatus; STALE becomes ERROR, since only an aggregator knows what is stale.
     name : str
-        Name of the status.
+        Name of the status; a slash at the front is left out.
     text : str
         Message of the status.
     hardware_id : str
@@ -35,8 +51,8 @@ def diagnostic_array(
         The message.
     """
     status = DiagnosticStatus(
-        level=bytes([level]),
-        name=name,
+        level=bytes([min(level, _ERROR)]),
+        name=name.lstrip("/"),
         message=text,
         hardware_id=hardware_id,
         values=[KeyValue(key=key, value=value) for key, value in values.items()],

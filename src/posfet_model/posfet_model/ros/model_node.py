@@ -5,63 +5,49 @@ from __future__ import annotations
 import threading
 import time
 from array import array
-from collections.abc import Callable, Set
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import WrenchStamped
 from numpy.typing import NDArray
-from rclpy.publisher import Publisher
-from rclpy.qos import DurabilityPolicy, QoSProfile
-from sensor_msgs.msg import Image, PointCloud2
-from visualization_msgs.msg import MarkerArray
+from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.calibration.calibration_folder import CalibrationFolder
+from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
 from posfet_model.contacts.tracker import Contact
 from posfet_model.estimation.choice import Estimator
-from posfet_model.parameters import MODEL_NODE
+from posfet_model.parameters import MODEL_NODE, default_frame
 from posfet_model.reconstruction.diagnostics import Period, judge
-from posfet_model.reconstruction.force_image import ForceImage
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
 from posfet_model.reconstruction.scan_clock import ScanCounts
 from posfet_model.reconstruction.settings import ReconstructionSettings
-from posfet_model.ros.contacts_cdr import ContactsBytes
-from posfet_model.ros.conversions import (
-    ContactsMessage,
-    ForceImageMessage,
-    ImageMessage,
-    MarkersMessage,
-    PointsMessage,
-    ScanReader,
-    VibrationMessage,
-    WrenchMessage,
-    contacts_writer,
-    info_message,
-)
-from posfet_model.ros.diagnostic_array import diagnostic_array
+from posfet_model.ros.conversions import ScanReader
+from posfet_model.ros.diagnostic_array import diagnostic_array, hardware_id
+from posfet_model.ros.lifecycle import SupervisedLifecycleNode
+from posfet_model.ros.model_outputs import OUTPUT_DEPTH, ModelOutputs
+from posfet_model.ros.mount import parse_mount
 from posfet_model.ros.mount_node import broadcast_mount
-from posfet_model.ros.ros_parameters import declare, declared_frame, declared_sensor
+from posfet_model.ros.ros_parameters import declare, declared_sensor
 from posfet_model.ros.run_node import run_node
-from posfet_model.ros.subscriptions import SubscriptionCache
-from posfet_model.ros.supervision import SupervisedNode
+from posfet_model.sensor.description import ContactThresholds, Sensor
 from posfet_model.sensor.scan import Scan
-from posfet_msgs.msg import TactileContacts, TactileImage, TactileInfo, TactileRaw, TactileVibration
+from posfet_msgs.msg import TactileRaw
 from posfet_msgs.srv import CalibrationFile
 from posfet_msgs.srv import Tare as TareService
 
-OUTPUT_DEPTH = 10
 RAW_DEPTH = 1000
 """Depth of the scan queue: one second at 1 kHz, for a process that is delayed."""
 REPORT_PERIOD = 1.0
 """Period of the diagnostics [s]."""
-MARKER_PERIOD = 33_000_000
-"""Shortest time between two marker messages [ns]; markers are for display only."""
 READER_GRACE_PERIOD = 1e-4
 """Pause before block maintenance [s], so that the subscribers of a message run first."""
+NOT_CONFIGURED = "the model is not configured"
+"""Answer of services that need the transition configure first."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +73,35 @@ class Snapshot:
     """Date of the calibration, or what its absence costs, in one line."""
 
 
-class ModelNode(SupervisedNode):
+def contact_thresholds(sensor: Sensor, parameters: Mapping[str, Any]) -> ContactThresholds:
+    """Return the thresholds that parameters give, where they are not 0, and else the sensor.
+
+    Raises ConfigError, one line, if contacts would end above the force at which they begin.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    parameters : mapping
+        Values of `posfet_model.parameters.TUNING` by name.
+    """
+    own = sensor.contact
+    threshold = parameters["contact_threshold"] or own.threshold
+    release = parameters["release_threshold"] or threshold * (1.0 - own.deadband / own.threshold)
+    if release > threshold:
+        raise ConfigError(
+            f"release_threshold: must be at most contact_threshold, {threshold:g} N, got {release:g} N; "
+            "set both at once"
+        )
+    return ContactThresholds(threshold, threshold - release)
+
+
+class ModelNode(SupervisedLifecycleNode):
     """Publishes forces and contacts, reconstructed from the scans of `raw` or from those passed to `process`.
+
+    configure loads the calibration, with baselines unknown; activate processes scans; deactivate ignores them; cleanup
+    forgets all that was estimated. The frame of the array is that of the scans on `raw`: `info` and the transform of
+    the mount follow with the first one. Scans passed to `process` have none, see `use_frame`.
 
     Parameters
     ----------
@@ -103,61 +116,134 @@ class ModelNode(SupervisedNode):
 
     def __init__(self, **node_arguments: Any) -> None:
         super().__init__("model_node", **node_arguments)
+        self._lock = threading.Lock()
+        self._reconstructor: Reconstructor | None = None
         try:
-            parameters = declare(self, MODEL_NODE)
-            self.sensor = declared_sensor(parameters)
-            path = parameters["calibration_file"]
-            calibration = load_calibration(path, self.sensor) if path else None
-            self._calibrations = CalibrationFolder(parameters["calibration_folder"], self.sensor)
-            frame_id = declared_frame(self, parameters)
-            self._mount = broadcast_mount(self, frame_id, parameters)
+            self.parameters = declare(self, MODEL_NODE, self._prepare)
+            self.sensor = declared_sensor(self.parameters)
+            settings = self._made_settings(self.parameters)
+            self._calibrations = CalibrationFolder(self.parameters["calibration_folder"], self.sensor)
+            parse_mount(self.parameters["mount"])
         except ConfigError:
             self.destroy_node()
             raise
-        layout = self.sensor.layout
-        settings = ReconstructionSettings(max_relative_uncertainty=parameters["max_relative_uncertainty"])
-        self._estimation = Estimator(parameters["estimator"]), settings
-        self._reconstructor = Reconstructor(self.sensor, calibration, *self._estimation)
-        self._lock = threading.Lock()
+        self._active = False
         self._result: Reconstruction | None = None
-        self._reader = ScanReader(layout)
-        image, wrench = ImageMessage(layout, frame_id), WrenchMessage(layout, frame_id)
-        force_image, points = ForceImageMessage(layout, frame_id), PointsMessage(layout, frame_id)
-        self._contacts_message: ContactsMessage | ContactsBytes = ContactsMessage(self.sensor, frame_id)
-        if parameters["contacts_as_bytes"]:
-            self._contacts_message = contacts_writer(self.sensor, frame_id)
-        self._markers_message = MarkersMessage(layout, frame_id)
-        self._contacts = self.create_publisher(TactileContacts, "contacts", OUTPUT_DEPTH)
-        if isinstance(self._contacts_message, ContactsBytes):
-            # Publish without the checks of the message type in rclpy, which cost twice as much as publishing itself.
-            self._contacts.publish = self._contacts.handle.publish_raw
-        self._markers = self.create_publisher(MarkerArray, "markers", OUTPUT_DEPTH)
-        self._maps: tuple[tuple[Publisher, Callable[[Reconstruction, ForceImage], Any]], ...] = (
-            (self.create_publisher(TactileImage, "image", OUTPUT_DEPTH), image.fill),
-            (self.create_publisher(WrenchStamped, "wrench", OUTPUT_DEPTH), wrench.fill),
-            (self.create_publisher(Image, "force_image", OUTPUT_DEPTH), force_image.fill),
-            (self.create_publisher(PointCloud2, "points", OUTPUT_DEPTH), points.fill),
-        )
-        self._vibration_message = VibrationMessage(layout, frame_id)
-        self._vibration = self.create_publisher(TactileVibration, "vibration", OUTPUT_DEPTH)
-        maps = (publisher for publisher, _ in self._maps)
-        self._subscription_cache = SubscriptionCache(self._contacts, self._markers, self._vibration, *maps)
-        self._only_contacts = {self._contacts}
-        self._next_markers = 0
-        transient_local = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._info = self.create_publisher(TactileInfo, "info", transient_local)
-        self._info.publish(info_message(self.sensor, frame_id, parameters["simulated"], time.time_ns()))
+        self._reader = ScanReader(self.sensor.layout)
+        self._outputs = ModelOutputs(self, self.parameters["contacts_as_bytes"], self.parameters["simulated"])
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", OUTPUT_DEPTH)
+        self._mount: Any = None
+        self._raw: Any = None
+        self._settings = ReconstructionSettings()
+        self._use_settings(settings)
         self._reported = ScanCounts()
-        self.create_timer(REPORT_PERIOD, self._report)
+        self._report_timer = self.create_timer(REPORT_PERIOD, self._report, autostart=False)
         self.create_service(TareService, "tare", self._tare)
         self.create_service(CalibrationFile, "calibration/load", self._load)
         self.create_service(CalibrationFile, "calibration/save", self._save)
-        if not parameters["direct"]:
-            self.create_subscription(TactileRaw, "raw", self._receive, RAW_DEPTH)
+        if self.parameters["direct"]:
+            self.use_frame(default_frame(self.get_namespace()))
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Load the calibration."""
+        result = self.configured(self._begin, self._end)
+        return super().on_configure(state) if result == TransitionCallbackReturn.SUCCESS else result
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Process scans."""
+        if not self.parameters["direct"]:
+            self._raw = self.create_subscription(TactileRaw, "raw", self._receive, RAW_DEPTH)
+        self._active = True
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ignore scans."""
+        self._pause()
+        return super().on_deactivate(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Forget all that was estimated."""
+        self._end()
+        return super().on_cleanup(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Ignore scans, and forget all that was estimated."""
+        self._end()
+        return super().on_shutdown(state)
+
+    def _begin(self) -> None:
+        path = self.parameters["calibration_file"]
+        self._use_calibration(load_calibration(path, self.sensor) if path else None)
+        self._report_timer.reset()
+
+    def _pause(self) -> None:
+        with self._lock:  # a scan that is being processed is the last one
+            self._active = False
+        if self._raw is not None:
+            self.destroy_subscription(self._raw)
+            self._raw = None
+
+    def _end(self) -> None:
+        self._pause()
+        self._report_timer.cancel()
+        with self._lock:
+            self._reconstructor = self._result = None
+
+    def _use_calibration(self, calibration: Calibration | None) -> Reconstructor:
+        """Begin to estimate with a calibration; None: nominal values."""
+        estimator = Estimator(self.parameters["estimator"])
+        reconstructor = Reconstructor(self.sensor, calibration, estimator, self._settings)
+        with self._lock:
+            self._reconstructor, self._result = reconstructor, None
+            self._reported = ScanCounts()
+        return reconstructor
+
+    def _prepare(self, parameters: Mapping[str, Any]) -> Callable[[], object]:
+        """Return what applies changed parameters between two scans; raise ConfigError if they do not fit."""
+        settings = self._made_settings(parameters)
+        return lambda: self._use_settings(settings)
+
+    def _made_settings(self, parameters: Mapping[str, Any]) -> ReconstructionSettings:
+        return ReconstructionSettings(
+            max_relative_uncertainty=parameters["max_relative_uncertainty"],
+            hum_removal=parameters["hum_removal"],
+            contact=contact_thresholds(self.sensor, parameters),
+        )
+
+    def _use_settings(self, settings: ReconstructionSettings) -> None:
+        with self._lock:
+            before, self._settings = self._settings, settings
+            self._outputs.marker_period = round(NANOSECONDS / self.parameters["display_rate"])
+            if self._reconstructor is not None and settings != before:
+                self._reconstructor.change(settings)
+            if self._outputs.frame_id and settings.contact != before.contact:
+                self._describe(self._outputs.frame_id)
+
+    def use_frame(self, frame_id: str) -> None:
+        """Use another frame of the array from the next message on, publish `info`, and where the array is mounted.
+
+        Parameters
+        ----------
+        frame_id : str
+            Frame of the array; its owner is the source of scans.
+
+        Raises
+        ------
+        ConfigError
+            If the array would be mounted on itself; one line.
+        """
+        with self._lock:
+            self._describe(frame_id)
+        if self._mount is not None:
+            self.destroy_publisher(self._mount)
+        self._mount = None
+        self._mount = broadcast_mount(self, frame_id, self.parameters)
+
+    def _describe(self, frame_id: str) -> None:
+        self._outputs.describe(replace(self.sensor, contact=self._settings.contact), frame_id)
 
     def process(self, scan: Scan) -> None:
-        """Process one scan and publish the messages that have subscribers, contacts first.
+        """Process one scan while active, and publish the messages that have subscribers, contacts first.
 
         A scan that cannot be used also gives messages, with `data_valid` false. For one thread at a time.
 
@@ -167,39 +253,28 @@ class ModelNode(SupervisedNode):
             The scan.
         """
         with self._lock:
+            reconstructor = self._reconstructor
+            if not self._active or reconstructor is None:
+                return
             now = time.monotonic_ns()
-            subscribed = self._subscription_cache.subscribed(now)
-            self._reconstructor.vibration_wanted = self._vibration in subscribed
-            result = self._reconstructor.process(scan)
+            outputs = self._outputs
+            subscribed = outputs.subscribed(now)
+            reconstructor.vibration_wanted = outputs.vibration_wanted(subscribed)
+            result = reconstructor.process(scan)
             if result.accepted:
                 self._result = result
             elif not result.unusable:
                 return
-            if self._contacts in subscribed:
-                self._contacts.publish(self._contacts_message.fill(result))
-            if subscribed != self._only_contacts:
-                self._publish_others(result, subscribed, now)
-            if self._reconstructor.maintenance_due:
+            if subscribed:
+                outputs.publish(reconstructor, result, subscribed, now)
+            if reconstructor.maintenance_due:
                 time.sleep(READER_GRACE_PERIOD)
-                self._reconstructor.run_maintenance()
-
-    def _publish_others(self, result: Reconstruction, subscribed: Set[Any], now: int) -> None:
-        """Publish the other messages that have subscribers."""
-        maps = [entry for entry in self._maps if entry[0] in subscribed]
-        if maps:
-            image = self._reconstructor.image()
-            for publisher, fill in maps:
-                publisher.publish(fill(result, image))
-        if self._vibration in subscribed:
-            self._vibration.publish(self._vibration_message.fill(result, self._reconstructor.vibration()))
-        if now >= self._next_markers and self._markers in subscribed:
-            self._next_markers = now + MARKER_PERIOD
-            self._markers.publish(self._markers_message.fill(result))
+                reconstructor.run_maintenance()
 
     def latest(self) -> Snapshot | None:
         """Return a copy of the newest reconstruction, None before the first scan. For any thread."""
         with self._lock:
-            if self._result is None:
+            if self._result is None or self._reconstructor is None:
                 return None
             image, counts = self._reconstructor.image(), self._reconstructor.counts
             shape = self.sensor.layout.rows, self.sensor.layout.cols
@@ -217,34 +292,46 @@ class ModelNode(SupervisedNode):
             )
 
     def _receive(self, message: TactileRaw) -> None:
+        frame_id = message.header.frame_id or default_frame(self.get_namespace())
+        if frame_id != self._outputs.frame_id:
+            try:
+                self.use_frame(frame_id)
+            except ConfigError as error:
+                self.get_logger().error(str(error))
         self.process(self._reader.read(message))
 
     def _tare(self, request: Any, response: Any) -> Any:
         with self._lock:
+            if not self._active or self._reconstructor is None:
+                response.message = "refused: the model is not active"
+                return response
             tare = self._reconstructor.tare(request.force)
         response.success, response.message = tare.done, tare.message
         response.force_change = array("f", tare.force_change.tolist())
         return response
 
     def _load(self, request: Any, response: Any) -> Any:
+        if self._reconstructor is None:
+            response.message = NOT_CONFIGURED
+            return response
         try:
             calibration = self._calibrations.load(request.path)
         except ConfigError as error:
             response.success, response.message = False, str(error)
             return response
-        reconstructor = Reconstructor(self.sensor, calibration, *self._estimation)
-        with self._lock:
-            self._reconstructor = reconstructor
-            self._result = None
-            self._reported = ScanCounts()
+        reconstructor = self._use_calibration(calibration)
         response.success = True
         date = reconstructor.calibration.date or "no date"
         response.message = f"calibration of {date} in use; baselines are estimated again"
         return response
 
     def _save(self, request: Any, response: Any) -> Any:
+        reconstructor = self._reconstructor
+        if reconstructor is None:
+            response.message = NOT_CONFIGURED
+            return response
         try:
-            path = self._calibrations.save(request.path, self._reconstructor.calibration)
+            path = self._calibrations.save(request.path, reconstructor.calibration)
         except ConfigError as error:
             response.success, response.message = False, str(error)
             return response
@@ -253,13 +340,16 @@ class ModelNode(SupervisedNode):
 
     def _report(self) -> None:
         with self._lock:
-            counts = self._reconstructor.counts.snapshot()
+            active, model = self._active, self._reconstructor
+            if model is None:
+                return
+            counts = model.counts.snapshot()
             saturated = self._result.saturated if self._result else 0
-            unsettled, restarts = self._reconstructor.unsettled, self._reconstructor.restarts
-            bad = self._reconstructor.faulty
-            temperature_known, rate = self._reconstructor.temperature_known, self._reconstructor.rate
-            hum_frequency, hum_amplitude = self._reconstructor.hum_frequency, self._reconstructor.hum_amplitude
-            calibration = self._reconstructor.calibration
+            unsettled, restarts = model.unsettled, model.restarts
+            bad = model.faulty
+            temperature_known, rate = model.temperature_known, model.rate
+            hum_frequency, hum_amplitude = model.hum_frequency, model.hum_amplitude
+            calibration = model.calibration
         before, self._reported = self._reported, counts
         verdict = judge(
             Period.between(before, counts, unsettled, saturated, bad, temperature_known, calibration.calibrated)
@@ -276,12 +366,22 @@ class ModelNode(SupervisedNode):
         values["mains hum frequency [Hz]"] = f"{hum_frequency:.2f}"
         values |= self.internal_errors.values()
         name = f"{self.get_fully_qualified_name()}: reconstruction"
-        hardware_id = self.sensor.serial or self.sensor.name
-        self._diagnostics.publish(
-            diagnostic_array(verdict.level, name, verdict.text, hardware_id, values, time.time_ns())
-        )
+        level, text = (verdict.level, verdict.text) if active else (0, "inactive: scans are ignored")
+        board = hardware_id(self.sensor, self.get_namespace())
+        self._diagnostics.publish(diagnostic_array(level, name, text, board, values, time.time_ns()))
+
+
+def make_node() -> ModelNode:
+    """Return the node, started unless its parameter autostart is false."""
+    node = ModelNode()
+    try:
+        node.start()
+    except ConfigError:
+        node.destroy_node()
+        raise
+    return node
 
 
 def main() -> None:
     """Run the node until Ctrl-C or SIGTERM."""
-    raise SystemExit(run_node(ModelNode))
+    raise SystemExit(run_node(make_node))

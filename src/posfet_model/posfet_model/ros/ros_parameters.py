@@ -11,7 +11,8 @@ from rclpy.exceptions import ParameterException
 from rclpy.node import Node
 
 from posfet_model.config import ConfigError
-from posfet_model.parameters import STANDARD, Parameter
+from posfet_model.parameters import STANDARD, Parameter, default_frame
+from posfet_model.ros.supervision import SupervisedNode
 from posfet_model.sensor.description import Sensor, load_sensor, with_frames
 
 
@@ -36,7 +37,11 @@ def descriptor(parameter: Parameter) -> ParameterDescriptor:
     return described
 
 
-def declare(node: Node, table: Sequence[Parameter]) -> Mapping[str, Any]:
+Prepare = Callable[[Mapping[str, Any]], Callable[[], object]]
+"""Takes all parameters with changes in them; returns what applies the changes, or raises ConfigError."""
+
+
+def declare(node: Node, table: Sequence[Parameter], prepare: Prepare | None = None) -> dict[str, Any]:
     """Declare all parameters of a node and return their checked values by name.
 
     One that the node does not have is ignored with a warning: a launch file may give its parameters to all nodes.
@@ -47,6 +52,13 @@ def declare(node: Node, table: Sequence[Parameter]) -> Mapping[str, Any]:
         Node without declared parameters.
     table : sequence of Parameter
         All parameters of the node.
+    prepare : callable, optional
+        Applies changes while the node runs: all that are set together, or none of them.
+
+    Returns
+    -------
+    dict
+        The values by name, updated when they change.
 
     Raises
     ------
@@ -71,24 +83,42 @@ def declare(node: Node, table: Sequence[Parameter]) -> Mapping[str, Any]:
         if reason:
             raise ConfigError(f"{name}: {parameter.name}: {reason}")
         values[parameter.name] = value
-    writable = {parameter.name: parameter for parameter in table if not parameter.read_only}
-    if writable:
-        node.add_on_set_parameters_callback(_checking(writable))
+    _Changes(node, {each.name: each for each in table if not each.read_only}, values, prepare)
+    if isinstance(node, SupervisedNode):
+        node.fixed_parameters = {each.name: each.fixed for each in table if each.read_only}
     return values
 
 
-def _checking(writable: Mapping[str, Parameter]) -> Callable[[Sequence[Any]], SetParametersResult]:
-    """Return the callback that rejects values that are not allowed when parameters are set while the node runs."""
+class _Changes:
+    """Checks parameters that are set while the node runs, and applies all changes of one call, or none."""
 
-    def check(changes: Sequence[Any]) -> SetParametersResult:
-        reasons = [
-            f"{change.name}: {reason}"
-            for change in changes
-            if change.name in writable and (reason := writable[change.name].check(change.value))
-        ]
+    def __init__(
+        self, node: Node, writable: Mapping[str, Parameter], values: dict[str, Any], prepare: Prepare | None
+    ) -> None:
+        self._writable, self._values, self._prepare = writable, values, prepare
+        self._changed: dict[str, Any] = {}
+        self._apply: Callable[[], object] | None = None
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._set)
+
+    def _check(self, changes: Sequence[Any]) -> SetParametersResult:
+        self._apply = None
+        ours = {change.name: change.value for change in changes if change.name in self._writable}
+        reasons = [f"{name}: {reason}" for name, value in ours.items() if (reason := self._writable[name].check(value))]
+        if ours and not reasons and self._prepare:
+            try:
+                self._apply = self._prepare({**self._values, **ours})
+            except ConfigError as error:
+                reasons = [str(error)]
+        self._changed = ours
         return SetParametersResult(successful=not reasons, reason="; ".join(reasons))
 
-    return check
+    def _set(self, _: object) -> None:
+        """Apply what was checked, once no callback of the node rejects it."""
+        self._values.update(self._changed)
+        apply, self._apply = self._apply, None
+        if apply:
+            apply()
 
 
 def _given(node: Node) -> Mapping[str, Any]:
@@ -115,4 +145,4 @@ def declared_frame(node: Node, values: Mapping[str, Any]) -> str:
     values : mapping of str to object
         Checked parameters of the node by name.
     """
-    return values["frame_id"] or "_".join([*node.get_namespace().strip("/").split("/"), "array"]).lstrip("_")
+    return values["frame_id"] or default_frame(node.get_namespace())

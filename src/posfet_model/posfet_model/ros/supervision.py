@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
@@ -145,7 +146,24 @@ class SupervisedNode(Node):  # type: ignore[misc]  # rclpy has no types
         """Errors of this node."""
         self.failure = ""
         """Why this node cannot go on, in one line: `spin` then ends the process; '' while it can."""
+        self.fixed_parameters: dict[str, str] = {}
+        """Parameters that cannot change while the node runs, by name, and why."""
         super().__init__(*arguments, **named_arguments)
+
+    def set_parameters(self, parameter_list: list[Any]) -> list[Any]:
+        """Set parameters one by one as rclpy does; see `set_parameters_atomically`."""
+        return [self.set_parameters_atomically([parameter]) for parameter in parameter_list]
+
+    def set_parameters_atomically(self, parameter_list: list[Any]) -> Any:
+        """Set all parameters or none as rclpy does; the result says why one cannot change while the node runs."""
+        reasons = [
+            f"{parameter.name}: cannot change while the node runs: {self.fixed_parameters[parameter.name]}"
+            for parameter in parameter_list
+            if parameter.name in self.fixed_parameters
+        ]
+        if reasons:
+            return SetParametersResult(successful=False, reason="; ".join(reasons))
+        return super().set_parameters_atomically(parameter_list)
 
     def create_service(self, srv_type: Any, srv_name: str, callback: Callable[..., Any], **options: Any) -> Any:
         """Create a service as rclpy does; when its callback raises, it answers with the error."""

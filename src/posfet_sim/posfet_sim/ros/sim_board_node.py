@@ -175,7 +175,7 @@ class SimBoardNode(ScanSourceNode):
             return _reason(error)
         resume = self._resume
         if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
-            return self._refusal
+            return self.refusal
         if resume:
             self.trigger_activate()
         return ""

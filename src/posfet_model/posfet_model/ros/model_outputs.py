@@ -1,0 +1,132 @@
+"""Topics of the model node: each message computed only if it has subscribers."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Set
+from typing import Any
+
+from geometry_msgs.msg import WrenchStamped
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import Image, PointCloud2
+from visualization_msgs.msg import MarkerArray
+
+from posfet_model.reconstruction.force_image import ForceImage
+from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
+from posfet_model.ros.contacts_cdr import ContactsBytes
+from posfet_model.ros.conversions import (
+    ContactsMessage,
+    ForceImageMessage,
+    ImageMessage,
+    MarkersMessage,
+    PointsMessage,
+    VibrationMessage,
+    WrenchMessage,
+    contacts_writer,
+    info_message,
+)
+from posfet_model.ros.subscriptions import SubscriptionCache
+from posfet_model.sensor.description import Sensor
+from posfet_msgs.msg import TactileContacts, TactileImage, TactileInfo, TactileVibration
+
+OUTPUT_DEPTH = 10
+
+
+class ModelOutputs:
+    """Publishes reconstructions; before `describe` nothing.
+
+    Parameters
+    ----------
+    node : Node
+        Node that publishes.
+    as_bytes : bool
+        Whether contacts are serialised here instead of by the middleware.
+    simulated : bool
+        Whether the signals come from a simulated board.
+    """
+
+    def __init__(self, node: Node, as_bytes: bool, simulated: bool) -> None:
+        self.frame_id = ""
+        """Frame of the array; '' before `describe`."""
+        self.marker_period = 0
+        """Shortest time between two marker messages [ns]; markers are for display only."""
+        self._as_bytes, self._simulated = as_bytes, simulated
+        self._contacts = node.create_publisher(TactileContacts, "contacts", OUTPUT_DEPTH)
+        self._markers = node.create_publisher(MarkerArray, "markers", OUTPUT_DEPTH)
+        self._map_publishers = [
+            node.create_publisher(TactileImage, "image", OUTPUT_DEPTH),
+            node.create_publisher(WrenchStamped, "wrench", OUTPUT_DEPTH),
+            node.create_publisher(Image, "force_image", OUTPUT_DEPTH),
+            node.create_publisher(PointCloud2, "points", OUTPUT_DEPTH),
+        ]
+        self._maps: tuple[tuple[Publisher, Callable[[Reconstruction, ForceImage], Any]], ...] = ()
+        self._vibration = node.create_publisher(TactileVibration, "vibration", OUTPUT_DEPTH)
+        self._subscriptions = SubscriptionCache(self._contacts, self._markers, self._vibration, *self._map_publishers)
+        self._only_contacts = {self._contacts}
+        self._next_markers = 0
+        transient_local = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._info = node.create_publisher(TactileInfo, "info", transient_local)
+
+    def describe(self, sensor: Sensor, frame_id: str) -> None:
+        """Publish `info`, and use frame and thresholds in all further messages.
+
+        Parameters
+        ----------
+        sensor : Sensor
+            Sensor description, with the contact thresholds in use.
+        frame_id : str
+            Frame of the array.
+        """
+        self.frame_id, layout = frame_id, sensor.layout
+        writer = contacts_writer(sensor, frame_id) if self._as_bytes else ContactsMessage(sensor, frame_id)
+        self._contacts_message: ContactsMessage | ContactsBytes = writer
+        if isinstance(writer, ContactsBytes):
+            # Publish without the checks of the message type in rclpy, which cost twice as much as publishing itself.
+            self._contacts.publish = self._contacts.handle.publish_raw
+        kinds = (ImageMessage, WrenchMessage, ForceImageMessage, PointsMessage)
+        self._maps = tuple(
+            (publisher, kind(layout, frame_id).fill)
+            for publisher, kind in zip(self._map_publishers, kinds, strict=True)
+        )
+        self._markers_message = MarkersMessage(layout, frame_id)
+        self._vibration_message = VibrationMessage(layout, frame_id)
+        self._info.publish(info_message(sensor, frame_id, self._simulated, time.time_ns()))
+
+    def subscribed(self, now: int) -> Set[Any]:
+        """Return the publishers with subscribers; `now` is a monotonic time [ns]."""
+        return self._subscriptions.subscribed(now)
+
+    def vibration_wanted(self, subscribed: Set[Any]) -> bool:
+        """Return whether `vibration` is among the publishers with subscribers."""
+        return self._vibration in subscribed
+
+    def publish(self, reconstructor: Reconstructor, result: Reconstruction, subscribed: Set[Any], now: int) -> None:
+        """Publish the messages of a scan, contacts first.
+
+        Parameters
+        ----------
+        reconstructor : Reconstructor
+            Source of the maps that have subscribers.
+        result : Reconstruction
+            Its result.
+        subscribed : set
+            Publishers with subscribers.
+        now : int
+            Monotonic time [ns].
+        """
+        if self._contacts in subscribed:
+            self._contacts.publish(self._contacts_message.fill(result))
+        if subscribed == self._only_contacts:
+            return
+        maps = [entry for entry in self._maps if entry[0] in subscribed]
+        if maps:
+            image = reconstructor.image()
+            for publisher, fill in maps:
+                publisher.publish(fill(result, image))
+        if self._vibration in subscribed:
+            self._vibration.publish(self._vibration_message.fill(result, reconstructor.vibration()))
+        if now >= self._next_markers and self._markers in subscribed:
+            self._next_markers = now + self.marker_period
+            self._markers.publish(self._markers_message.fill(result))
