@@ -339,7 +339,7 @@ def test_diagnostics_report_an_adapter_that_appears_disconnects_and_returns(benc
     bench.driver(can_channel=str(link)).start()
     bench.wait(lambda: "No such file or directory" in bench.state())
     assert bench.watcher.diagnostics[-1].level == DiagnosticStatus.ERROR
-    assert bench.watcher.diagnostics[-1].hardware_id == "posfet_5x5"
+    assert bench.watcher.diagnostics[-1].hardware_id == "posfet_5x5 (tactile)"
     for _ in range(2):
         adapter = make_adapter(link, bench.clock)
         try:

@@ -91,7 +91,10 @@ def contacts_publisher(node: ModelNode) -> Any:
 def test_a_scan_publishes_only_subscribed_topics(listening: bool) -> None:
     context = Context()
     rclpy.init(context=context)
-    node, peer = ModelNode(context=context, parameter_overrides=[Parameter("direct", value=True)]), Node("peer", context=context)
+    node, peer = (
+        ModelNode(context=context, parameter_overrides=[Parameter("direct", value=True)]),
+        Node("peer", context=context),
+    )
     node.start()
     try:
         published: dict[str, int] = {}

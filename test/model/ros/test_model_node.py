@@ -386,7 +386,9 @@ def test_an_invalid_parameter_or_file_is_reported_in_one_line(bench: Bench) -> N
         bench.model(sensor_file="nowhere.yaml")
     with pytest.raises(ConfigError, match="direct: must be true or false"):
         bench.model(direct=3)
-    with pytest.raises(ConfigError, match="release_threshold: must be at most contact_threshold, 0.01 N, got 0.02 N"):
+    with pytest.raises(
+        ConfigError, match=r"release_threshold: must be at most contact_threshold, 0\.01 N, got 0\.02 N"
+    ):
         bench.model(contact_threshold=0.01, release_threshold=0.02)
 
 

@@ -240,7 +240,7 @@ class ModelNode(SupervisedLifecycleNode):
         self._mount = broadcast_mount(self, frame_id, self.parameters)
 
     def _describe(self, frame_id: str) -> None:
-        self._outputs.describe(replace(self.sensor, contact=self._settings.contact), frame_id)
+        self._outputs.describe(replace(self.sensor, contact=self._settings.contact or self.sensor.contact), frame_id)
 
     def process(self, scan: Scan) -> None:
         """Process one scan while active, and publish the messages that have subscribers, contacts first.

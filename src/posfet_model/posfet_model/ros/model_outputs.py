@@ -85,11 +85,13 @@ class ModelOutputs:
         if isinstance(writer, ContactsBytes):
             # Publish without the checks of the message type in rclpy, which cost twice as much as publishing itself.
             self._contacts.publish = self._contacts.handle.publish_raw
-        kinds = (ImageMessage, WrenchMessage, ForceImageMessage, PointsMessage)
-        self._maps = tuple(
-            (publisher, kind(layout, frame_id).fill)
-            for publisher, kind in zip(self._map_publishers, kinds, strict=True)
+        fills: tuple[Callable[[Reconstruction, ForceImage], Any], ...] = (
+            ImageMessage(layout, frame_id).fill,
+            WrenchMessage(layout, frame_id).fill,
+            ForceImageMessage(layout, frame_id).fill,
+            PointsMessage(layout, frame_id).fill,
         )
+        self._maps = tuple(zip(self._map_publishers, fills, strict=True))
         self._markers_message = MarkersMessage(layout, frame_id)
         self._vibration_message = VibrationMessage(layout, frame_id)
         self._info.publish(info_message(sensor, frame_id, self._simulated, time.time_ns()))

@@ -1,0 +1,110 @@
+"""The transitions of a whole stack: by services of a started one, and by the example of a launch file."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from importlib.util import find_spec
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2")
+pytest.importorskip("posfet_msgs", reason="needs the built workspace")
+
+from diagnostic_msgs.msg import DiagnosticArray
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParametersAtomically
+
+from posfet_msgs.msg import TactileContacts, TactileInfo
+from support.bringup_process import needs_installation, running
+from support.expectations import TIMEOUT, Listener
+from support.paths import ROOT
+
+pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
+
+LAUNCH = """
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+
+service = LaunchService(noninteractive=True)
+source = PythonLaunchDescriptionSource(sys.argv[1])
+service.include_launch_description(LaunchDescription([IncludeLaunchDescription(source)]))
+sys.exit(service.run())
+"""
+
+
+def state(listener: Listener, node: str) -> str:
+    return listener.call(GetState, f"{node}/get_state", GetState.Request()).current_state.label
+
+
+def change(listener: Listener, node: str, transition: int) -> bool:
+    request = ChangeState.Request(transition=Transition(id=transition))
+    return listener.call(ChangeState, f"{node}/change_state", request).success
+
+
+@pytest.mark.parametrize("composed", ["true", "false"])
+def test_a_stack_waits_for_transitions_and_is_tuned_while_it_runs(composed: str) -> None:
+    words = ["autostart:=false", "scene:=hold", "frame_id:=finger", f"composed:={composed}", "namespace:=steps"]
+    nodes = ("model_node", "sim_board_node")
+    with running(*words), Listener("steps") as listener:
+        contacts = listener.collect(TactileContacts, "contacts")
+        info = listener.collect(TactileInfo, "info", transient_local=True)
+        diagnostics = listener.collect(DiagnosticArray, "/diagnostics")
+        for node in nodes:
+            assert state(listener, node) == "unconfigured"
+            assert not change(listener, node, Transition.TRANSITION_ACTIVATE)
+            assert change(listener, node, Transition.TRANSITION_CONFIGURE)
+            assert state(listener, node) == "inactive"
+        assert not contacts
+        for node in nodes:
+            assert change(listener, node, Transition.TRANSITION_ACTIVATE)
+        listener.wait(lambda: any(message.contacts for message in contacts), "a contact")
+        listener.wait(lambda: bool(info), "info")
+        assert (contacts[-1].header.frame_id, info[-1].header.frame_id) == ("finger", "finger")
+
+        values = {"contact_threshold": 50.0, "release_threshold": 20.0}
+        request = SetParametersAtomically.Request(
+            parameters=[
+                Parameter(name=name, value=ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=value))
+                for name, value in values.items()
+            ]
+        )
+        result = listener.call(SetParametersAtomically, "model_node/set_parameters_atomically", request).result
+        assert result.successful, result.reason
+        listener.wait(lambda: not contacts[-1].contacts, "an end of contacts above the new threshold")
+        assert contacts[-1].threshold == pytest.approx(50.0)
+        listener.wait(lambda: info[-1].contact_threshold == pytest.approx(50.0), "the new thresholds in info")
+
+        names = {"steps/model_node: reconstruction", "steps/sim_board_node: board"}
+        listener.wait(lambda: names <= {each.status[0].name for each in diagnostics}, "diagnostics")
+        assert {each.status[0].hardware_id for each in diagnostics} == {"posfet_5x5 (steps)"}
+        assert change(listener, "model_node", Transition.TRANSITION_DEACTIVATE)
+        diagnostics.clear()
+        listener.wait(
+            lambda: any(each.status[0].message.startswith("inactive") for each in diagnostics), "diagnostics: inactive"
+        )
+        assert change(listener, "model_node", Transition.TRANSITION_ACTIVATE)
+        contacts.clear()
+        listener.wait(lambda: bool(contacts), "contacts after deactivate and activate")
+
+
+@pytest.mark.skipif(find_spec("launch_ros") is None, reason="needs launch_ros; the test above makes the transitions")
+def test_the_example_of_a_launch_file_brings_the_nodes_up_step_by_step() -> None:
+    command = [sys.executable, "-c", LAUNCH, str(ROOT / "examples" / "lifecycle.launch.py")]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        with Listener() as listener:
+            contacts = listener.collect(TactileContacts, "contacts")
+            listener.wait(lambda: any(message.contacts for message in contacts), "a contact")
+            assert {state(listener, node) for node in ("model_node", "sim_board_node")} == {"active"}
+        process.send_signal(signal.SIGINT)
+        output, _ = process.communicate(timeout=TIMEOUT)
+    finally:
+        process.kill()
+        process.communicate()
+    assert process.returncode == 0, output
