@@ -41,7 +41,7 @@ def reached(node: LifecycleNode, start: str, goal: str, then: EmitEvent) -> Regi
 def generate_launch_description() -> LaunchDescription:
     """Return configure and activate of the model, then of the board."""
     model = lifecycle_node("posfet_model", "model_node", simulated=True)
-    board = lifecycle_node("posfet_sim", "sim_board_node", scene="hold")
+    board = lifecycle_node("posfet_sim", "sim_board_node")
     configure, activate = Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE
     return LaunchDescription(
         [

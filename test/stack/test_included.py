@@ -94,7 +94,7 @@ def ours(process: int) -> dict[int, str]:
 
 @pytest.mark.parametrize(("composed", "number"), [("true", signal.SIGTERM), ("false", signal.SIGTERM)])
 def test_an_included_stack_is_moved_remapped_and_ends_with_the_launch(composed: str, number: signal.Signals) -> None:
-    with robot(f"composed:={composed}", "scene:=hold") as process, Listener("robot/tactile") as listener:
+    with robot(f"composed:={composed}") as process, Listener("robot/tactile") as listener:
         contacts = listener.collect(TactileContacts, "touch")
         listener.wait(lambda: any(message.contacts for message in contacts), "a contact")
         assert contacts[-1].header.frame_id == "robot_tactile_array"
@@ -109,7 +109,7 @@ def test_an_included_stack_is_moved_remapped_and_ends_with_the_launch(composed: 
 
 
 def test_a_killed_stack_is_started_again_with_all_that_the_launch_gave_it() -> None:
-    with robot("respawn:=always", "scene:=hold") as process, Listener("robot/tactile") as listener:
+    with robot("respawn:=always") as process, Listener("robot/tactile") as listener:
         contacts = listener.collect(TactileContacts, "touch")
         listener.wait(lambda: bool(contacts), "contacts")
         first = ours(process.pid)

@@ -49,7 +49,7 @@ def change(listener: Listener, node: str, transition: int) -> bool:
 
 @pytest.mark.parametrize("composed", ["true", "false"])
 def test_a_stack_waits_for_transitions_and_is_tuned_while_it_runs(composed: str) -> None:
-    words = ["autostart:=false", "scene:=hold", "frame_id:=finger", f"composed:={composed}", "namespace:=steps"]
+    words = ["autostart:=false", "frame_id:=finger", f"composed:={composed}", "namespace:=steps"]
     nodes = ("model_node", "sim_board_node")
     with running(*words), Listener("steps") as listener:
         contacts = listener.collect(TactileContacts, "contacts")
