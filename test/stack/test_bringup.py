@@ -136,7 +136,8 @@ def test_invalid_input_ends_with_one_line(arguments: list[str], expected: str, c
 def test_invalid_parameters_end_with_one_line(tmp_path: os.PathLike[str]) -> None:
     path = os.path.join(tmp_path, "parameters.yaml")
     for text, expected in (
-        ("frame_id: 5", "frame_id: must be text, got 5"),
+        ("frame_id: hand", "frame_id: use the argument frame_id:=<name>: all nodes have the same frame"),
+        ("display_rate: fast", "display_rate: must be a number with a decimal point in [0.1, 10000] Hz, got 'fast'"),
         ("frame: hand", "frame: unknown parameter, known are"),
         ("use_sim_time: 3", "use_sim_time"),
     ):
