@@ -362,3 +362,24 @@ def test_an_untouched_array_has_no_restarts() -> None:
     watch = Watch()
     history(watch, SENSOR, 3.0, force=nothing)
     assert watch.estimator.restarts == 0
+
+
+def test_a_uniform_press_is_not_valid_until_the_sensors_told_it_from_a_warmer_film() -> None:
+    watch, force = Watch(), press(2.5, 1.0, 9.0, rise=0.2)
+    forces = history(watch, SENSOR, 3.5, force=force, shape=np.full(TAXELS, 1.0 / TAXELS))
+    wrong = np.abs(forces.sum(axis=1) - np.array([force(0.001 * number) for number in range(3500)])) > 0.3
+    assert np.count_nonzero(wrong[1100:2000]) > 800  # it cannot be known yet
+    assert not any(np.array(watch.valid)[1100:] & wrong[1100:])
+    assert forces[-1].sum() == pytest.approx(2.5, rel=0.02)
+
+
+@pytest.mark.parametrize("offset", [-0.15, 0.15])
+def test_blocks_of_unequal_length_do_not_look_like_warming(offset: float) -> None:
+    # Rounding of times makes some blocks one scan longer. The force error grows by 0.6 N/s: half a scan of it shows.
+    device = replace(SENSOR, amplifier=replace(SENSOR.amplifier, offset=offset))
+    watch, rates = Watch(), []
+    for time, scan in scans(device, 1.2):
+        watch.process(time, scan)
+        if time > 0.5:
+            rates.append(float(watch.estimator.belief.shared[Shared.RATE]))
+    assert np.abs(rates).max() < 0.01

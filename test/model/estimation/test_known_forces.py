@@ -143,6 +143,12 @@ def test_a_contact_whose_forces_are_within_their_uncertainty_was_released() -> N
     assert found[-1] == CONTACT.tolist()
 
 
+def test_a_single_taxel_was_released_although_its_force_is_two_deviations() -> None:
+    one = CONTACT[:1]
+    assert first(Release().run(hold(1.0, 20, one) + hold(2.0 * DEVIATION, 20, one), [one])) is not None
+    assert first(Release().run(hold(1.0, 20, one) + hold(3.0 * DEVIATION, 20, one), [one])) is None
+
+
 def test_a_contact_is_not_released_while_its_force_is_significant() -> None:
     assert first(Release().run(hold(1.0, 20) + hold(2.0 * DEVIATION, 100))) is None
 

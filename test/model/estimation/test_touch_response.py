@@ -183,3 +183,12 @@ def test_a_taxel_responds_to_its_own_force_only_but_for_bending() -> None:
     assert np.flatnonzero(matrix.any(axis=1)).tolist() == [4]
     # The small force of a taxel beside a contact is not a response to its own.
     assert not matrix[:, Shared.TAIL].any()
+
+
+def test_a_rest_of_a_touch_is_not_warmed_as_the_touch_was() -> None:
+    each, force = response(), np.zeros(TAXELS)
+    force[2] = 1.0
+    advance(each, [force] * 100)
+    assert each.warm[2] > 0.99
+    advance(each, [0.02 * force] * 200)
+    assert each.warm[2] == pytest.approx(0.02 / FULLY_WARM, rel=0.01)

@@ -65,7 +65,7 @@ class ErrorPriors:
 
     film_walk: float = 0.4e-3
     """Random walk of the film temperature [K/sqrt(s)]."""
-    rate: float = 5e-3
+    rate: float = 0.05
     """Rate of the chip temperature at the start [K/s]."""
     rate_walk: float = 2e-3
     """Random walk of that rate [K/s/sqrt(s)], and"""
@@ -94,7 +94,9 @@ class ErrorPriors:
     leak_calibrated: float = 0.03
     """The same with calibration: the effect of temperature and ageing [1]."""
     tail: float = 0.08
-    """Force of a taxel beside a contact, relative to that of a geometric decline [1]."""
+    """Force of a taxel beside a contact, relative to that of a geometric decline, expected under a fingertip [1]."""
+    tail_spread: float = 0.15
+    """Standard deviation of what these forces have in common [1]: beside a pad they do not decline geometrically."""
     tail_least: float = 0.005
     """The same as a share of its neighbours' force [1]."""
     tail_change: float = 0.003
@@ -176,7 +178,7 @@ class ErrorPriors:
         deviations[[Shared.BEND_X, Shared.BEND_Y]] = self.bend_gradient
         deviations[Shared.LEAK] = self.leak
         deviations[Shared.WARMTH] = self.warmth
-        deviations[Shared.TAIL] = self.tail
+        deviations[Shared.TAIL] = self.tail_spread
         deviations[Shared.DRIFT] = self.drift
         deviations[Shared.CREEP :] = self.creep
         return np.diag(np.square(deviations))
@@ -195,7 +197,7 @@ class SharedDynamics:
     """Transition of the shared states over a block.
 
     Chip, film and sensors: ``C' = U``, ``Theta' = (C - Theta)/tau_film``, ``S' = (C - S)/exp(l)``; the others are
-    constant, but for a small random walk by which they forget in about ten minutes.
+    constant, but for a small random walk by which they forget in about an hour.
 
     Parameters
     ----------
@@ -205,7 +207,7 @@ class SharedDynamics:
         Time constant of the film's lag behind the chip [s], >= 0.
     """
 
-    FORGET: Final = 600.0
+    FORGET: Final = 3600.0
     """Time in which a constant state becomes uncertain again [s]."""
     LEAST_LAG: Final = -7.0
     """Least logarithm of the time constant of the sensors' lag that makes a difference [1]: 0.9 ms."""
@@ -219,7 +221,7 @@ class SharedDynamics:
         rates[Shared.CHIP] = rates[Shared.FILM] = priors.film_walk**2
         rates[Shared.RATE] = priors.rate_walk**2
         rates[[Shared.SENSOR, Shared.DRIFT]] = 0.0
-        rates[Shared.TAIL] = priors.tail**2
+        rates[Shared.TAIL] = 0.0
         self._noise = np.diag(rates)
         both = [Shared.CHIP, Shared.FILM]
         self._noise[np.ix_(both, both)] = priors.film_walk**2

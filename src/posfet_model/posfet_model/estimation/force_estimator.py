@@ -49,9 +49,6 @@ from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 BLOCK: Final = 0.02
 """Duration of a block [s]."""
 
-HALF_BLOCK: Final = 0.5 * BLOCK
-"""Time from the middle of a block, to which force errors belong, to its end [s]."""
-
 LAG: Final = 16
 """Number of blocks that are processed again when a touch begins: 0.3 s, assumed to be the weak part of a touch."""
 
@@ -73,9 +70,12 @@ STALE: Final = 1.5
 LONGEST_INTERVAL: Final = 0.1
 """Longest time between two readings of the temperature sensors [s]: one that shows no change is none."""
 
-REPEATED: Final = 1.0
-"""Time after which a reading of the temperature sensors that has not changed counts again [s], assumed: until then its
-rounding error is the same."""
+REPEATED: Final = 0.15
+"""Time after which a reading of the temperature sensors that has not changed counts again [s]: one and a half
+intervals of board status."""
+
+SAME_ERROR: Final = 1.0
+"""Time for which the rounding error of such a reading is the same [s], assumed: it counts for no more in that time."""
 
 CORRELATED: Final = 50.0
 """Blocks over which the error of a taxel beside a contact, or that is still warm, stays the same [1]: one second."""
@@ -100,6 +100,9 @@ LEAST_DEVIATION: Final = 1.0
 GREATEST_WARMTH: Final = 0.08
 """Warmth of touched taxels above which their forces are not valid [K]: force and warmth are hardly separable then."""
 
+PLAY: Final = 4.0
+"""Deviations of a block's mean by which a force must change to have moved [1]."""
+
 ABSORBED_TIME: Final = 1.0
 """Time constant of the baseline that a slow press is compared with [s]."""
 
@@ -113,12 +116,16 @@ class Block:
     scans: int
     duration: float
     """Its duration [s]."""
+    span: float
+    """Time from the middle of the block before to its own [s]."""
     square: float
     """Sum of the squares of its steps [s2]."""
     jumped: Array
     """Variance due to long steps [N2]."""
     reading: float
     """New mean reading of the temperature sensors [K]; NaN: none."""
+    reading_variance: float
+    """Variance of its noise [K2]."""
     interval: float
     """Time since the reading before [s]."""
     listed: Mask
@@ -131,6 +138,8 @@ class Block:
     """Greatest force of a neighbour [N]; 0 where nothing touches."""
     tail: Array
     """Force of an untouched taxel if forces declined geometrically away from the contact [N]."""
+    tail_moved: float
+    """Share of that force that is new [1]."""
     own_noise: Array
     """Variance that the force errors gain by motion, and the force of a taxel beside a contact, shape [2, taxels]."""
     before: Belief
@@ -213,15 +222,17 @@ class ForceEstimator:
 
     def _make_state(self, taxels: int) -> None:
         self._started, self._recovering, self._agreed, self._reading = False, 0.0, 0.0, math.nan
-        self._sensors, self._unread = math.nan, 0.0
+        self._sensors, self._unread, self._last_duration = math.nan, 0.0, BLOCK
         self._blocks: deque[Block] = deque(maxlen=LAG)
         self._recent_force: deque[float] = deque(maxlen=STILL_BLOCKS + RELEASED_BLOCKS)
         self._unheated: ForceErrorFilter | None = None  # the belief while the hypothesis is open, without it
+        self._expected_film = self._expected_rate = 0.0  # without any change of the rate [K], [K/s]
+        self._doubt = 0.0  # temperature that this hypothesis claims beyond what the sensors show [K]
         self._raw, self._change, self._correction, self._rate, self._work = np.zeros((5, taxels))
         self._sum, self._raw_sum, self._jumped, self._mean, self._last_mean, self._nothing = np.zeros((6, taxels))
         self._usual, self._touch_force, self._tail, self._warmth, self._film_before = np.zeros((5, taxels))
-        self._own, self._untouched_variance = np.zeros((2, taxels))
-        self._factor = np.zeros((taxels, COUNT + 1))
+        self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
+        self._factor = np.zeros((taxels, COUNT + 2))
         self._touched, self._beside = np.zeros((2, taxels), np.bool_)
 
     @property
@@ -427,6 +438,7 @@ class ForceEstimator:
         self._blocks.append(block)
         if self._unheated is not None:
             self._predict(self._unheated, block)
+            self._measure_temperature(self._unheated, block, zeros=False)
         if begun.any():
             self._process_again(touched)
         else:
@@ -446,42 +458,51 @@ class ForceEstimator:
         mean = self._sum / self._scans
         self._mean = mean
         self._unread += self._elapsed
-        if math.isnan(self._reading) and self._unread >= REPEATED and self.film.known:
+        repeated = math.isnan(self._reading) and self._unread >= REPEATED and self.film.known
+        if repeated:
             self._reading = self._sensors
         any_touched = bool(touched.any())
         near = self._adjacent(touched) if any_touched else touched
-        force = np.where(self._adjacent(listed), np.maximum(mean, 0.0), 0.0) if listed.any() else self._nothing
+        # Noise is no motion: without this play its path would count, which is long after a minute.
+        play = PLAY * np.sqrt(self._noise_variance / self._scans)
+        self._steady = np.clip(self._steady, mean - play, mean + play)
+        force = np.where(self._adjacent(listed), np.maximum(self._steady, 0.0), 0.0) if listed.any() else self._nothing
         self._touch.advance(force, self._elapsed)
         response = self._touch.matrix()
         neighbour = tail = self._nothing
         if any_touched:
-            felt = np.where(self.ignored, 0.0, np.abs(mean))
-            neighbour = self._greatest_neighbour(felt)
-            tail = neighbour * neighbour / max(float(felt.max()), 0.1 * self._threshold)
+            neighbour, tail = self._beside_contact()
         p = self._priors
-        held = np.where(touched, np.maximum(mean, 0.0), 0.0)
+        held = np.where(touched, np.maximum(self._steady, 0.0), 0.0)
         warm = self._touch.warm
         own_noise = np.empty((2, len(mean)))
         own_noise[0] = p.motion**2 * np.abs(held - self._touch_force) * np.maximum(held, self._touch_force)
-        own_noise[1] = p.tail**2 * np.abs(tail - self._tail) * np.maximum(tail, self._tail)
+        spread = self._tail_spread()
+        own_noise[1] = spread**2 * np.abs(tail - self._tail) * np.maximum(tail, self._tail)
         own_noise[1] += (p.warmth_beside * self._per_kelvin) ** 2 * np.abs(warm * warm - self._warmth)
+        whole = float(np.maximum(tail, self._tail).sum())
+        tail_moved = float(np.abs(tail - self._tail).sum()) / whole if whole else 0.0
         self._touch_force, self._tail, self._warmth = held, tail, warm * warm
         block = Block(
             self._raw_sum / self._scans,
             self._scans,
             self._elapsed,
+            0.5 * (self._last_duration + self._elapsed),
             self._square,
             self._jumped.copy(),
             self._reading,
+            self._priors.reading**2 * (SAME_ERROR / REPEATED if repeated else 1.0),
             min(self._unread, LONGEST_INTERVAL),
             listed,
             touched,
             response,
             neighbour,
             tail,
+            tail_moved,
             own_noise,
             self.belief.copy(),
         )
+        self._last_duration = self._elapsed
         if not math.isnan(self._reading):
             self._reading, self._unread = math.nan, 0.0
         return block, near
@@ -491,12 +512,26 @@ class ForceEstimator:
         adjacent: Mask = np.append(mask, False)[self._neighbours].any(axis=-1) | mask
         return adjacent
 
+    def _beside_contact(self) -> tuple[Array, Array]:
+        """Return the greatest force of each taxel's neighbours, and its own by a geometric decline [N]."""
+        felt = np.where(self.ignored, 0.0, np.abs(self._steady))
+        greatest = max(float(felt.max()), 0.1 * self._threshold)
+        neighbour = self._greatest_neighbour(felt)
+        return neighbour, neighbour * neighbour / greatest
+
     def _greatest_neighbour(self, values: Array) -> Array:
         """Return the greatest of the neighbours' values, which are >= 0; those at a corner count less."""
         padded = np.append(values, 0.0)
         at_edge, at_corner = padded[self._at_edge].max(axis=-1), padded[self._at_corner].max(axis=-1)
         greatest: Array = np.maximum(at_edge, DIAGONAL * at_corner)
         return greatest
+
+    def _tail_spread(self) -> float:
+        """Return by how much forces beside a contact differ from what they have in common, relative to the decline.
+
+        As much as that itself, which is far from its prior where forces do not decline geometrically: beside a pad.
+        """
+        return max(self._priors.tail, abs(float(self.belief.shared[Shared.TAIL])))
 
     def _offset(self) -> Array:
         """Return the offset of each signal [N], with what all have in common."""
@@ -523,26 +558,29 @@ class ForceEstimator:
     def _step(self, block: Block) -> None:
         """Propagate the belief over a block, and update it by the temperature and by the forces that are known."""
         beside = self._predict(self._filter, block)
-        if not math.isnan(block.reading):
-            self._measure_temperature(block)
+        zeros = ~block.touched & ~self.ignored & (self._unexplained.below == 0.0)
+        self._measure_temperature(self._filter, block, bool(zeros.any()))
         self._measure_zeros(block, beside)
 
-    def _measure_temperature(self, block: Block) -> None:
-        """Update by a new reading of the temperature sensors.
+    def _measure_temperature(self, f: ForceErrorFilter, block: Block, zeros: bool) -> None:
+        """Update a belief by a new reading of the temperature sensors, if there is one.
 
         An unexpected one shows that the rate changed, at least as if the sensors had no lag. While zero forces
-        determine the temperature of the film, it shows only that the sensors differ from their model, and is weighted
-        down.
+        determine the temperature of the film, or if no change of the rate explains it, it shows only that the sensors
+        differ from their model, and is weighted down.
         """
-        f, variance = self._filter, self._priors.reading**2
+        if math.isnan(block.reading):
+            return
+        variance = block.reading_variance
         innovation, _, total = f.temperature_innovation(block.reading, variance)
-        if innovation * innovation > SURPRISING * SURPRISING * total:
-            zeros = ~block.touched & ~self.ignored & (self._unexplained.below == 0.0)
-            if zeros.any():
-                variance += (innovation / SURPRISING) ** 2
-            else:
-                rate = min(abs(innovation) / block.interval, self._priors.fastest)
-                f.admit(self._dynamics.maneuver(f.belief.shared, block.interval), rate * rate)
+        surprising = innovation * innovation > SURPRISING * SURPRISING * total
+        if surprising and not zeros:
+            rate = min(abs(innovation) / block.interval, self._priors.fastest)
+            f.admit(self._dynamics.maneuver(f.belief.shared, block.interval), rate * rate)
+            innovation, _, total = f.temperature_innovation(block.reading, variance)
+            surprising = innovation * innovation > SURPRISING * SURPRISING * total
+        if surprising:
+            variance += (innovation / SURPRISING) ** 2
         f.measure_temperature(block.reading, variance)
 
     def _predict(self, errors: ForceErrorFilter, block: Block) -> Mask:
@@ -551,15 +589,16 @@ class ForceEstimator:
         beside: Mask = ~block.touched & (block.neighbour > 0.0)
         belief.forget_small_forces(~beside)
         own_noise = np.zeros((len(beside), 3, 3))
-        own_noise[:, :2, :2] = p.offset_walk**2 * block.duration
+        own_noise[:, :2, :2] = p.offset_walk**2 * block.span
         own_noise[:, 0, 0] += self._noise_variance * block.square / self._tau**2 + block.own_noise[0] + block.jumped
         own_noise[:, 2, 2] = block.own_noise[1]
         fresh = beside & (belief.own[:, 2, 2] == 0.0)
-        own_noise[fresh, 2, 2] = (p.tail * block.tail[fresh] + p.tail_least * block.neighbour[fresh]) ** 2
-        after, matrix, noise = self._dynamics.transition(belief.shared, block.duration)
+        own_noise[fresh, 2, 2] = (self._tail_spread() * block.tail[fresh] + p.tail_least * block.neighbour[fresh]) ** 2
+        after, matrix, noise = self._dynamics.transition(belief.shared, block.span)
+        noise[Shared.TAIL, Shared.TAIL] = p.tail_spread**2 * block.tail_moved
         warmed = float(after[Shared.FILM] - belief.shared[Shared.FILM])
         own_noise[:, 0, 0] += (p.pyroelectric * self._per_kelvin * warmed) ** 2
-        errors.predict(after, matrix, noise, *self._integrated(block.duration), own_noise)
+        errors.predict(after, matrix, noise, *self._integrated(block.span), own_noise)
         return beside
 
     def _measure_zeros(self, block: Block, beside: Mask) -> None:
@@ -600,6 +639,7 @@ class ForceEstimator:
             return
         self._uniform.begin()
         self._unheated = ForceErrorFilter(self.belief.copy())
+        self._expected_film, self._expected_rate = self.belief.shared[[Shared.FILM, Shared.RATE]].tolist()
         from_here = dropwhile(lambda other: other is not block, self._blocks)
         for later in islice(from_here, 1, None):
             self._predict(self._unheated, later)
@@ -609,11 +649,12 @@ class ForceEstimator:
         shared, unheated = self.belief.shared, self._unheated
         claimed = shown = deviation = math.nan
         if unheated is not None:
-            before, scale = unheated.belief.shared, 1.0 + shared[Shared.SCALE]
-            claimed = float(shared[Shared.FILM] - before[Shared.FILM])
-            shown = float(self._sensors / scale - before[Shared.SENSOR])
-            variance = unheated.belief.covariance[Shared.SENSOR, Shared.SENSOR]
-            deviation = math.hypot(self._priors.reading, math.sqrt(max(variance, 0.0)))
+            before, film = unheated.belief.shared, unheated.belief.covariance[Shared.FILM, Shared.FILM]
+            self._expected_film += self._expected_rate * block.duration
+            claimed = float(shared[Shared.FILM]) - self._expected_film
+            shown = float(before[Shared.FILM]) - self._expected_film
+            deviation = math.sqrt(max(float(film), 0.0))
+            shared = before  # the hypothesis itself makes the sensors' lag seem longer
         wait = UniformChange.CONFIRMATION + 2.0 * self._dynamics.sensor_lag(shared)
         if math.isnan(block.reading):
             wait += UniformChange.INTERVAL
@@ -626,6 +667,7 @@ class ForceEstimator:
                 self._blocks.clear()
         if not self._uniform.open:
             self._unheated = None
+        self._doubt = claimed - shown if self._unheated is not None else 0.0
         unknown = odd & ~self.offset_known
         if unknown.any():
             self._left_deviation[unknown] = np.minimum(REJECTED * self._left_deviation[unknown], self._runaway)
@@ -715,6 +757,7 @@ class ForceEstimator:
         sensitivity = response + belief.slope[:, 0]
         self._untouched_variance = own + self._filter.shared_variance(sensitivity)
         self._factor[:, COUNT] = self._gain_common * held
+        self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt
         own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2 + self._warmth_variance(block)
         # What the film's temperature has changed in touched taxels, and will change until the next correction.
         ahead = STALE * block.duration * self._film_rate()
@@ -725,7 +768,8 @@ class ForceEstimator:
         sound = self.offset_known & (self._unexplained.below == 0.0) & ~self._lower_bound.mask | self.ignored
         touched = self._touched & ~self.ignored
         self._recent_force.append(abs(float(self.force[touched].sum())))
-        if self._recovering > 0.0 or not sound.all():
+        doubted = LEAST_DEVIATION * self._threshold < abs(self._doubt) * float(np.abs(self._per_kelvin).max())
+        if self._recovering > 0.0 or not sound.all() or doubted:
             return False
         if not touched.any():
             return True
@@ -750,6 +794,7 @@ class ForceEstimator:
     def _start(self, charge: Array) -> None:
         """Start with a scan that has no predecessor."""
         self._inverse.start(charge)
+        self._last_duration = BLOCK
         signal, belief = self._inverse.signal, self.belief
         if not math.isnan(self._sensors):
             p = self._priors
@@ -763,7 +808,7 @@ class ForceEstimator:
         belief.error[:, 0] = self._correction - self._touch.matrix() @ belief.shared
         belief.forget(slice(None), 0)
         belief.own[:, 0, 0] = self._noise_variance + belief.own[:, 1, 1]
-        belief.integrate(*self._integrated(-HALF_BLOCK))
+        belief.integrate(*self._integrated(-0.5 * self._last_duration))
         self._usual[:] = belief.error[:, 0]
         self._blocks.clear()
         self._recent_force.clear()
@@ -794,7 +839,7 @@ class ForceEstimator:
         self._left_deviation[known] = self._left
         belief.own[known, 0, 0] = noise[known]
         belief.own[known, 1, 1] = (RESTART_DEVIATION * self._threshold) ** 2
-        belief.integrate(*self._integrated(np.where(where, -HALF_BLOCK, 0.0)))
+        belief.integrate(*self._integrated(np.where(where, -0.5 * self._last_duration, 0.0)))
         self._rate[where] = (self._offset() / self._tau)[where]
         self.offset_known[where] = False
         self._correction[where] = self._raw[where]

@@ -40,8 +40,9 @@ RELEASED_BLOCKS: Final = 3
 RELEASED_SHARE: Final = 0.3
 """A released contact has less than this share of its recent peak left [1]."""
 
-RELEASED_SQUARE: Final = 3.0
-"""Mean square of a released contact's forces, in variances [1]."""
+RELEASED_DEVIATIONS: Final = 2.33
+"""Deviations by which the squares of a released contact's forces may exceed their mean [1]: zero forces do so once in a
+hundred times."""
 
 RESIDUAL_MOTION: Final = 0.01
 """Share of its recent peak by which a released contact may still move [1]: the film creeps back."""
@@ -110,6 +111,15 @@ class UnexplainedResiduals:
         self.below[:] = self._steady[:] = 0.0
 
 
+def _mean_square(count: int) -> float:
+    """Return the mean of so many squares that zero forces exceed as rarely as `RELEASED_DEVIATIONS`.
+
+    Quantile of the chi-square distribution after Wilson and Hilferty, PNAS 17, 684, 1931.
+    """
+    spread = 2.0 / (9.0 * count)
+    return (1.0 - spread + RELEASED_DEVIATIONS * math.sqrt(spread)) ** 3
+
+
 class ReleaseDetector:
     """Finds contacts that are still listed, as their forces are above the threshold, but were released.
 
@@ -161,7 +171,7 @@ class ReleaseDetector:
                 looks[contact] = (
                     float(force.max()) < RELEASED_SHARE * peak
                     and moved < GATE * noise + RESIDUAL_MOTION * peak
-                    and float(np.mean(force * force / variance[contact])) < RELEASED_SQUARE
+                    and float(np.mean(force * force / variance[contact])) < _mean_square(len(contact))
                 )
         self._blocks = np.where(looks, self._blocks + 1, 0)
         released: Mask = self._blocks >= RELEASED_BLOCKS
@@ -268,9 +278,9 @@ class UniformChange:
         claimed : float
             Change of the film's temperature according to the hypothesis [K].
         shown : float
-            The change that the sensors show [K]; NaN without sensors.
+            The change of the film according to the sensors [K]; NaN without a hypothesis.
         deviation : float
-            Standard deviation of that change without a change of the film [K].
+            Standard deviation of that change [K].
         wait : float
             Time after which the sensors show most of a change of the film [s].
         duration : float
@@ -282,7 +292,7 @@ class UniformChange:
         self._open += duration
         wrong = np.count_nonzero(odd & where) > self.MISFITS * np.count_nonzero(where)
         if self._open >= wait:
-            resolved = math.isfinite(shown) and abs(claimed) > self.DISTINCT * deviation
+            resolved = math.isfinite(shown) and abs(claimed - shown) > self.DISTINCT * deviation
             wrong |= resolved and shown * claimed < self.CONFIRMED * claimed * claimed
             self._open = math.nan
         return bool(wrong)

@@ -18,6 +18,10 @@ FULLY_WARM: Final = 0.05
 """Force from which on the object warms the film of a taxel fully [N], assumed."""
 
 
+LEFT_SHARE: Final = 0.15
+"""Share of the greatest force of a touch below which the object no longer warms a taxel as it did [1], assumed."""
+
+
 class TouchResponse:
     """Responses of the force errors to the shared states.
 
@@ -79,7 +83,9 @@ class TouchResponse:
         self._charge = self._charge * left + (force - self._force) * (1.0 - left) / ratio
         self._force = force
         # Driven by the greatest force of the touch: a force that seems to fall because the film warms would feed back.
-        self._greatest = np.where(force > 0.0, np.maximum(self._greatest, force), 0.0)
+        # Far below that the object is gone: a rest that only its warmth explains would feed back as well.
+        held = force > LEFT_SHARE * self._greatest
+        self._greatest = np.where(held, np.maximum(self._greatest, force), force)
         driven = np.minimum(self._greatest / FULLY_WARM, 1.0)
         self.warm += -np.expm1(-duration / self._warmth_time) * (driven - self.warm)
 
