@@ -218,6 +218,24 @@ def test_a_design_that_cannot_work_has_a_report_all_the_same() -> None:
     assert np.isfinite(both.smallest_force).tolist() == [False, True]
 
 
+def test_random_designs_have_a_report_and_unstable_ones_are_never_valid() -> None:
+    generator = np.random.default_rng(0)
+    names = "reference_current compensation zero_resistor load_capacitance load_resistance load_width tail_width"
+    names += " output_width sink_width gate_width film_thickness film_area"
+    for stages in (1, 2):
+        drawn = {n: getattr(DESIGN, n) * 10 ** generator.uniform(-1.3, 1.3, 60) for n in names.split()}
+        designs = PosfetDesign(**drawn, supply=generator.uniform(0.6, 10, 60), stages=stages)
+        figures = report.values(designs)
+        assert all(value.shape == (60,) for value in figures.values())
+        valid = designs.valid
+        assert 0 < valid.sum() < 60
+        assert designs.amplifier.stable[valid].all()
+        assert (figures["phase_margin_deg"][valid] >= 45).all()
+        assert (figures["overshoot_pct"][valid] <= 10).all()
+        assert np.isfinite(figures["smallest_force_n"][valid]).all()
+        assert np.isfinite(figures["lowest_input_v"][valid]).all()
+
+
 def test_an_output_without_load_is_that_with_a_tiny_one() -> None:
     none, tiny = (PosfetDesign(load_capacitance=farad).amplifier for farad in (0.0, 1e-15))
     assert none.gain_bandwidth == pytest.approx(tiny.gain_bandwidth, rel=1e-3)

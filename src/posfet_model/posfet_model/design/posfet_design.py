@@ -45,6 +45,9 @@ PARTS = ("gate", "gate", "load", "load", "tail", "mirror", "output", "sink")
 LEAST_TRANSCONDUCTANCE = 1e-12
 """gm1 below which the input pair is cut off, and the noise unknown [S]."""
 
+LEAST_GAIN = 1e-3
+"""Gain of the follower below which the noise behind it is unknown [V/V]."""
+
 LEAST_LOAD = 1e-18
 """Capacitance at the output in place of none [F], without which the open loop has no solution."""
 
@@ -175,6 +178,7 @@ class PosfetDesign(Taxel):
         """Noise by source in the band [V rms], as a voltage of the top electrode."""
         amplifier = self.amplifier
         usable = amplifier.found & (amplifier.input_transconductance >= LEAST_TRANSCONDUCTANCE)
+        usable &= (amplifier.follower_gain >= LEAST_GAIN) & (amplifier.follower_gain <= 1 / LEAST_GAIN)
         # Where it is not, the rest is computed with figures that do not matter.
         gm1 = np.where(usable, amplifier.input_transconductance, 1.0)
         gm3 = np.where(usable, amplifier.load_transconductance, 0.0)
