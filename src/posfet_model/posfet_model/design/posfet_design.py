@@ -48,9 +48,6 @@ LEAST_TRANSCONDUCTANCE = 1e-12
 LEAST_GAIN = 1e-3
 """Gain of the follower below which the noise behind it is unknown [V/V]."""
 
-LEAST_LOAD = 1e-18
-"""Capacitance at the output in place of none [F], without which the open loop has no solution."""
-
 NOT_POLED = "the film is not poled: a force gives no signal"
 BEYOND_INPUT = "the force to be measured drives the input out of the amplifier's range"
 BEYOND_ADC = "the force to be measured drives the ADC out of its range"
@@ -170,7 +167,7 @@ class PosfetDesign(Taxel):
             compensation=np.asarray(self.compensation),
             zero_resistor=np.asarray(self.zero_resistor),
             load_resistance=np.asarray(self.load_resistance),
-            load_capacitance=np.maximum(self.load_capacitance, LEAST_LOAD),
+            load_capacitance=np.asarray(self.load_capacitance),
         )
 
     @cached_property

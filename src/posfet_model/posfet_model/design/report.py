@@ -131,7 +131,8 @@ def _of_single(design: PosfetDesign) -> dict[str, float]:
     """Return the figures of a single design; its overshoot is that of 50 mV, which takes an integration."""
     numbers = {key: float(value) for key, value in values(design).items()}
     if not math.isnan(numbers["overshoot_pct"]):
-        numbers["overshoot_pct"] = 100 * step_test(design.follower()).overshoot
+        with np.errstate(divide="ignore", invalid="ignore"):  # transistors in cut-off
+            numbers["overshoot_pct"] = 100 * step_test(design.follower()).overshoot
     return numbers
 
 
