@@ -69,7 +69,7 @@ class ErrorPriors:
     """Rate of the chip temperature at the start [K/s]."""
     rate_walk: float = 2e-3
     """Random walk of that rate [K/s/sqrt(s)], and"""
-    rate_change: float = 1.0
+    rate_change: float = 3.0
     """the same as a share of the rate [1/sqrt(s)]: what warms the chip fast soon warms it less."""
     fastest: float = 3.0
     """Greatest change of that rate between two readings [K/s]."""
