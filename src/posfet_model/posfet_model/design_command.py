@@ -23,6 +23,7 @@ from posfet_model.design.posfet_design import PosfetDesign
 from posfet_model.design.signal_file import Signal, read_signal, signal_csv
 from posfet_model.design.sweep import OBJECTIVES, SweepResult, joblib_is_there, run_sweep
 from posfet_model.design.tolerance import QUANTILES, Tolerance, ToleranceResult, run_tolerance
+from posfet_model.device.taxel import plausible_fields
 
 BAD_INPUT: Final = 1
 """Exit code for bad input."""
@@ -70,6 +71,9 @@ def _run(options: argparse.Namespace) -> None:
         write_text(options.netlist, f"{loaded.design.netlist(_circuit_name(loaded.name))}\n")
     document = report.as_json(loaded.design)
     text = report.as_text(loaded.design)
+    if loaded.adjusted:
+        document["adjusted"] = loaded.adjusted
+        text += f"\n{_adjusted_text(loaded.adjusted)}"
     if options.simulate is not None:
         document["simulation"], remark = _simulate(loaded.design, options)
         text += f"\n{remark}"
@@ -80,6 +84,12 @@ def _run(options: argparse.Namespace) -> None:
         document["tolerance"], table = _tolerance(loaded, options)
         text += f"\n\n{table}"
     print(json.dumps(document, indent=2, allow_nan=False) if options.json else text)
+
+
+def _adjusted_text(adjusted: dict[str, float]) -> str:
+    units = plausible_fields(PosfetDesign)
+    shown = (f"{key} {report.readable(value, units[key].unit)}" for key, value in adjusted.items())
+    return f"adjusted to the measured figures: {', '.join(shown)}"
 
 
 def _simulate(design: PosfetDesign, options: argparse.Namespace) -> tuple[dict[str, Any], str]:

@@ -54,6 +54,20 @@ def test_json_has_the_promised_keys_and_null_for_what_is_unknown(run: Any) -> No
     assert unstable["reasons"][0].startswith("unstable")
 
 
+def test_the_report_says_what_was_adjusted_to_measured_figures(run: Any, tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("measured: {gain_db: 52, gbw_hz: 5 MHz, phase_margin_deg: 60}\n", encoding="utf-8")
+    last = run(path)[1].splitlines()[-1]
+    names = ("compensation", "load_capacitance", "load_resistance")
+    document = json.loads(run(path, "--json")[1])
+    assert set(document["adjusted"]) == set(names)
+    units = dict(zip(names, ("F", "F", "ohm"), strict=True))
+    shown = (f"{name} {report.readable(document['adjusted'][name], units[name])}" for name in names)
+    assert last == f"adjusted to the measured figures: {', '.join(shown)}"
+    wanted = {"gain_db": 52, "gbw_hz": 5e6, "phase_margin_deg": 60}
+    assert {key: document[key] for key in wanted} == pytest.approx(wanted, rel=1e-5)
+
+
 def test_every_shipped_design_has_a_report(run: Any) -> None:
     assert run("--list")[1].split() == shipped()
     for name in shipped():

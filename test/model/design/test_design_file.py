@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from posfet_model.config import ConfigError
+from posfet_model.design import report
 from posfet_model.design.design_file import FOLDER, DesignFile, fields_table, load_design, shipped
 from posfet_model.design.posfet_design import PosfetDesign
 from posfet_model.design.tolerance import Tolerance
@@ -110,6 +111,33 @@ def test_numbers_are_in_si_or_have_a_unit(tmp_path: Path) -> None:
         ),
         ("tolerance: {limits: {gain: {min: 1}}}", "tolerance.limits.gain: no such name 'gain', did you mean gain_db?"),
         ("tolerance: {limits: {gain_db: {least: 1}}}", "tolerance.limits.gain_db.least: unknown key"),
+        ("measured: 3", "measured: must be a mapping of keys to values, got 3"),
+        (
+            "measured: {gain_db: 42, gbw_hz: 1 MHz}",
+            "measured.phase_margin_deg: missing, must be a number in [-85, 179]",
+        ),
+        ("measured: {gbw_hz: 1.0e6, phase_margin_deg: 60}", "measured.gain_db: missing, must be a number in dB"),
+        (
+            "measured: {gain_db: 42 V, gbw_hz: 1 MHz, phase_margin_deg: 60}",
+            "measured.gain_db: must be a number, alone or with a unit of dB, got '42 V'",
+        ),
+        (
+            "measured: {gain_db: 42, gbw_hz: 0.1, phase_margin_deg: 60}",
+            "measured.gbw_hz: must be in [1, 1e+12] Hz, got 0.1; meant in kHz? ",
+        ),
+        (
+            "measured: {gain_db: 42, gbw_hz: 1 MHz, phase_margin_deg: 180}",
+            "measured.phase_margin_deg: must be a number in [-85, 179], got 180",
+        ),
+        (
+            "measured: {gain_db: 42, gbw_hz: 1 MHz, phase_margin_deg: 60, slew: 1}",
+            "measured.slew: unknown key",
+        ),
+        (
+            "measured: {gain_db: 120 dB, gbw_hz: 1 MHz, phase_margin_deg: 60}",
+            "measured: gain, gain_bandwidth and phase_margin must be reachable by load and compensation of this "
+            "circuit, got 1e+06 (120 dB), 1e+06 Hz and 60 degrees",
+        ),
         (
             "tolerance: {threshold_mismatch: 45}",
             "tolerance.threshold_mismatch: must be in [0, 1e-06] V m, got 45; meant in mV um?",
@@ -118,6 +146,34 @@ def test_numbers_are_in_si_or_have_a_unit(tmp_path: Path) -> None:
 )
 def test_a_wrong_file_is_refused_in_one_line(tmp_path: Path, text: str, message: str) -> None:
     assert refused(tmp_path, text).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("stages", "figures", "adjusted"),
+    [
+        (2, (45.0, 2e6, 55.0), {"load_resistance", "compensation", "load_capacitance"}),
+        (1, (38.0, 1.2e6, 62.0), {"channel_length_modulation", "compensation", "load_capacitance"}),
+    ],
+)
+def test_a_design_has_the_figures_that_were_measured(
+    tmp_path: Path, stages: int, figures: tuple[float, float, float], adjusted: set[str]
+) -> None:
+    gain, crossing, margin = figures
+    loaded = load(
+        tmp_path,
+        f"stages: {stages}\nfilm_geometry: as in paper\nzero_resistor: 2 kohm\n"
+        f"measured: {{gain_db: {gain}, gbw_hz: {crossing / 1e6} MHz, phase_margin_deg: {margin}}}\n",
+    )
+    assert set(loaded.adjusted) == adjusted
+    for key, value in loaded.adjusted.items():
+        assert getattr(loaded.design, key) == value
+    assert loaded.design.zero_resistor == 2e3
+    found = report.values(loaded.design, ("gain_db", "gbw_hz", "phase_margin_deg"))
+    assert found == pytest.approx({"gain_db": gain, "gbw_hz": crossing, "phase_margin_deg": margin}, rel=1e-5)
+
+
+def test_without_measured_figures_nothing_is_adjusted(tmp_path: Path) -> None:
+    assert load(tmp_path, "stages: 2\n").adjusted == {}
 
 
 def test_sweep_and_tolerance_of_a_file(tmp_path: Path) -> None:

@@ -87,7 +87,7 @@ def calibrate_circuit(
     if not np.abs(missing).max() <= 1e-6:
         raise ValueError(
             f"gain, gain_bandwidth and phase_margin must be reachable by load and compensation of this circuit, got "
-            f"{gain:g}, {gain_bandwidth:g} Hz and {phase_margin:g} degrees"
+            f"{gain:g} ({20 * np.log10(gain):.4g} dB), {gain_bandwidth:g} Hz and {phase_margin:g} degrees"
         )
     return _with(circuit, adjusted)
 

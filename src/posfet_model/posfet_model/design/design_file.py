@@ -27,6 +27,8 @@ MAX_STEPS: Final = 1000
 
 _FIELDS: Final = plausible_fields(PosfetDesign)
 
+_MEASURED: Final = {"gain_db": Plausible("dB", 0.1, 180), "gbw_hz": Plausible("Hz", 1, 1e12)}
+
 
 @dataclass(frozen=True)
 class DesignFile:
@@ -36,6 +38,8 @@ class DesignFile:
     """Name of the design, that of the file without its suffix."""
     design: PosfetDesign
     """The design, of numbers."""
+    adjusted: dict[str, float]
+    """Fields of the design that are adjusted to measured figures, with their values in SI; empty if none are given."""
     sweep: Sweep | None
     """Ranges to sweep, if the file has any."""
     tolerance: Tolerance | None
@@ -80,6 +84,7 @@ def load_design(name: str) -> DesignFile:
     volts = section.value("poling_voltages", "a list of voltages", default=None)
     if volts is not None:
         chosen["poling_voltages"] = _poling(section, volts)
+    measured = _measured(section.section("measured")) if "measured" in section else None
     sweep = _sweep(section) if "sweep" in section else None
     tolerance = _tolerance(section.section("tolerance")) if "tolerance" in section else None
     section.end()
@@ -87,7 +92,16 @@ def load_design(name: str) -> DesignFile:
         design = PosfetDesign(**chosen)
     except ValueError as error:
         raise section.error("", str(error)) from None
-    return DesignFile(path.stem, design, sweep, tolerance)
+    adjusted = {}
+    if measured is not None:
+        try:
+            changed = design.with_measured(*measured)
+        except ValueError as error:
+            raise section.error("measured", str(error)) from None
+        fields = ((key, float(getattr(changed, key))) for key in _FIELDS)
+        adjusted = {key: value for key, value in fields if value != getattr(design, key)}
+        design = changed
+    return DesignFile(path.stem, design, adjusted, sweep, tolerance)
 
 
 def read_number(section: Section, key: str, plausible: Plausible, value: object) -> float:
@@ -135,6 +149,17 @@ def fields_table() -> list[tuple[str, str, str, str, str]]:
         source = f"{'assumed: ' if of.assumed else ''}{of.source}"
         rows.append((item.name, f"{of.value:.6g}", of.unit, span, f"{of.name} ({source})"))
     return rows
+
+
+def _measured(section: Section) -> tuple[float, float, float]:
+    """Return gain [V/V], unity crossing [Hz] and phase margin [degrees]."""
+    decibels, hertz = (
+        read_number(section, key, plausible, section.value(key, f"a number in {plausible.unit}"))
+        for key, plausible in _MEASURED.items()
+    )
+    margin = section.number("phase_margin_deg", -85, 179)
+    section.end()
+    return 10 ** (decibels / 20), hertz, margin
 
 
 def _example(plausible: Plausible) -> str:

@@ -16,6 +16,7 @@ import numpy as np
 
 from posfet_model._lib.types import Array, FloatArray
 from posfet_model._lib.validation import whole_number
+from posfet_model.amplifier.calibration import calibrate_circuit
 from posfet_model.amplifier.circuit import AmplifierCircuit
 from posfet_model.amplifier.circuit_figures import circuit_figures
 from posfet_model.amplifier.closed_loop import FollowerLimits
@@ -406,6 +407,48 @@ class PosfetDesign(Taxel):
                 slew_rate=float(amplifier.slew_rate),
                 falling_slew_rate=float(amplifier.falling_slew_rate),
             ),
+        )
+
+    def with_measured(self, gain: float, gain_bandwidth: float, phase_margin: float) -> PosfetDesign:
+        """Return a single design whose op-amp has measured figures, sizes and bias being known.
+
+        With two stages `load_resistance` is adjusted to the gain, with one stage `channel_length_modulation`;
+        `compensation` and `load_capacitance` to unity crossing and phase margin (`calibrate_circuit`).
+
+        Parameters
+        ----------
+        gain : float
+            Measured open-loop gain [V/V], in [1.01, 1e9].
+        gain_bandwidth : float
+            Measured unity crossing [Hz], in [1, 1e12].
+        phase_margin : float
+            Measured phase margin [degrees], in [-85, 179].
+
+        Returns
+        -------
+        PosfetDesign
+            The adjusted design.
+
+        Raises
+        ------
+        ValueError
+            The design has arrays (use `at`), an argument is not real, not finite or out of range, or no plausible load
+            and compensation give these figures.
+
+        Examples
+        --------
+        >>> design = PosfetDesign().with_measured(400.0, 5e6, 60.0)
+        >>> print(f"{design.amplifier.phase_margin:.2f} degrees with {design.load_capacitance * 1e12:.1f} pF")
+        60.00 degrees with 24.7 pF
+        """
+        self._require_single()
+        found = calibrate_circuit(self.op_amp, gain, gain_bandwidth, phase_margin)
+        return dataclasses.replace(
+            self,
+            load_resistance=float(found.load_resistance),
+            channel_length_modulation=float(found.modulation),
+            compensation=float(found.compensation),
+            load_capacitance=float(found.load_capacitance),
         )
 
     def netlist(self, name: str = "design") -> str:
