@@ -35,6 +35,14 @@ from posfet_model.device.transistor import Plane
 Values: TypeAlias = "float | FloatArray"
 """A number, or an array of numbers that broadcasts with all others of a design."""
 
+_THRESHOLD: Final = Quantity(
+    "threshold of the transistors on the oxide alone, and of M1 and M2 below the paper's film poled to saturation",
+    paper.THRESHOLD_VOLTAGE.value,
+    "V",
+    paper.THRESHOLD_VOLTAGE.source,
+    paper.THRESHOLD_VOLTAGE.assumed,
+)
+
 POLING_VOLTAGE: Final = Plausible("V", 0, 1e5, signed=True)
 """Plausible voltages across the film while it is poled."""
 
@@ -120,7 +128,7 @@ class Taxel:
     """Relative permittivity of the oxide [1]."""
     electron_mobility: Values = quantity(paper.MOBILITY, 1e-5, 1)
     """Mobility of the electrons [m2/(V s)]."""
-    threshold_voltage: Values = quantity(paper.THRESHOLD_VOLTAGE, 0, 10)
+    threshold_voltage: Values = quantity(_THRESHOLD, 0, 10)
     """Threshold voltage [V] of the transistor below the paper's film, poled to saturation, and of those on the oxide
     alone. Another film, thickness or poling moves it (`threshold`)."""
     bias_resistance: Values = quantity(paper.BIAS_RESISTANCE, 1e3, 1e17)
