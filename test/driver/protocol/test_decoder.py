@@ -514,3 +514,25 @@ def test_a_response_from_before_a_reset_sets_no_period() -> None:
     frames += [(BASE + RESPONSE_OFFSET, CLASSIC, Response(Command.SET_RATE, 1, Result.OK, 5000, boot=1).pack())]
     assert [type(decoded) for decoded in decoder.decode(frames, 0, 0)] == [StatusReceived, StatusReceived]
     assert (decoder.scan_period, decoder.resets) == (1000, 1)
+
+
+@BOTH
+@pytest.mark.parametrize("transit", [0, 15_000_000], ids=["undelayed", "delayed"])
+@pytest.mark.parametrize("changed", [1, 8, 13, 15])
+def test_a_period_that_another_host_sets_spoils_no_stamp(fd: bool, transit: int, changed: int) -> None:
+    """The scans before the change had the earlier period, which a delay must not hide."""
+    decoder = Decoder(with_fd(SENSOR, fd))
+    decoder.start()
+    first = 64 + changed  # scan at the new period
+    times = {sequence: sequence * 1000 + max(sequence - first + 1, 0) * 1000 for sequence in range(120)}
+    response = Response(Command.SET_RATE, 1, Result.OK, 2000, boot=0)
+    errors = {}
+    for sequence, time in times.items():
+        frames = scan_frames(fd, sequence, time, header=sequence % 16 == 0 or sequence == first)
+        if sequence == first:
+            frames.insert(0, (BASE + RESPONSE_OFFSET, CLASSIC, response.pack()))
+        delay = transit if sequence >= first - 5 else 0
+        for scan in receive(decoder, frames, time * 1000 + delay):
+            errors[scan.sequence] = scan.stamp - WALL_OFFSET - times[scan.sequence] * 1000
+    assert len(errors) == 120
+    assert max(map(abs, errors.values())) < 50_000

@@ -71,7 +71,9 @@ class ClassicScans:
     @period.setter
     def period(self, period: float) -> None:  # numpydoc ignore=GL08
         if period != self._announced:
-            self._announced = self.numbering.period = period
+            self._announced = period
+            self.numbering.announce(period)
+            self._adrift = True  # the first scan at the new period has a header
             self._earliest, self._latest = -TOLERANCE * period * 1000, CERTAIN * period * 1000
             self._ticks.restart(period)
 
@@ -216,7 +218,7 @@ class ClassicScans:
             self._assembler.count_lost(len(held))
             return []
         right = 0 <= self.numbering.sequence - self.sequence < HEADER_SCANS  # else a block has overtaken its header
-        released = held if right and not self._adrift else []
+        released = held if right else []
         for scan, offset in released:
             scan.stamp += round(self._sync.offset - offset)
         accounted = self._accounted + self._incomplete - incomplete + len(released) - next_complete

@@ -45,7 +45,8 @@ class FdScans:
     @period.setter
     def period(self, period: float) -> None:  # numpydoc ignore=GL08
         if period != self._announced:
-            self._announced = self.numbering.period = period
+            self._announced = period
+            self.numbering.announce(period)
 
     @property
     def sequence(self) -> int:

@@ -69,6 +69,14 @@ class ScanNumbering:
         self._open = True  # any sequence is possible
         self._gap_counts = True
         self._arrival = 0  # of the newest scan [ns]
+        self._earlier: tuple[float, ...] = ()  # other periods that ticks since the newest scan may have had
+
+    def announce(self, period: float) -> None:
+        """Take a scan period [us] that the board announces: it is in force from one of the ticks to come on."""
+        if self.boot >= 0:
+            periods = self.period, *self._earlier
+            self._earlier = min(periods), max(periods)
+        self.period = period
 
     def open(self) -> None:
         """Accept any sequence next: the board was started."""
@@ -127,11 +135,19 @@ class ScanNumbering:
 
     def _fits(self, ahead: int, reading: int) -> bool:
         """Return whether a step of the sequence fits the time that has passed on the board's clock."""
-        clock, expected = self._clock, ahead * self.period
+        clock = self._clock
         if clock.stalled or clock.ahead(reading) == 0:
             return ahead <= UNTIMED
+        expected = self._expected(ahead, reading)
         difference = abs(clock.elapsed(reading, expected) - expected)
         return ahead < _HALF and difference <= TOLERANCE * self.period + RATE_TOLERANCE * expected
+
+    def _expected(self, ahead: int, reading: int) -> float:
+        """Return the time of a step of the sequence [us]; where the period has changed, the nearest to the reading."""
+        if not self._earlier or self._clock.stalled or self._clock.ahead(reading) == 0:
+            return ahead * self.period
+        least, most = ahead * min(self.period, *self._earlier), ahead * max(self.period, *self._earlier)
+        return min(max(self._clock.elapsed(reading, (least + most) / 2), least), most)
 
     def _is_successor(self, number: Number) -> bool:
         """Return whether a number counts on from the candidate, and measure the scan period if it does."""
@@ -150,7 +166,8 @@ class ScanNumbering:
         return True
 
     def _advance(self, ahead: int, reading: int, fits: bool, arrival: int) -> int:
-        self._clock.advance(reading, ahead * self.period, fits, arrival)
+        self._clock.advance(reading, self._expected(ahead, reading), fits, arrival)
+        self._earlier = ()
         self._arrival = arrival
         self.sequence += ahead
         counts, self._gap_counts, self._open, self._candidate = self._gap_counts, True, False, None
@@ -161,6 +178,7 @@ class ScanNumbering:
             self.restarted = True
             self._statistics.implausible += number.boot == self.boot and not self._open
         self._clock.restart(number.reading, number.boot == self.boot, arrival)
+        self._earlier = ()
         self._previous = self.boot, self.sequence
         self.boot, self.sequence, self._arrival = number.boot, number.low, arrival
         self._gap_counts, self._open, self._candidate = True, False, None
