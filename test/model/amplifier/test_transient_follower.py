@@ -2,14 +2,16 @@
 
 import math
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from posfet_model.amplifier.circuit import CUT_OFF, INPUT_RANGE, OUTPUT_RANGE, AmplifierCircuit
+from posfet_model.amplifier.circuit import CUT_OFF, INPUT_RANGE, OUTPUT_RANGE, UNSTABLE_HERE, AmplifierCircuit
 from posfet_model.amplifier.follower import OnePoleFollower, SquareLawFollower
 from posfet_model.amplifier.one_stage import CIRCUIT_C
 from posfet_model.amplifier.open_loop import RINGS, UNSTABLE, OpenLoop
+from posfet_model.amplifier.operating_point import CIRCUIT_B
 from posfet_model.amplifier.transient_follower import CircuitFollower, SlewingFollower
 from posfet_model.spice import ngspice
 from posfet_model.spice.circuits import CIRCUITS
@@ -104,6 +106,18 @@ def test_an_unstable_circuit_oscillates_between_its_rails_and_is_never_valid(nam
     assert np.abs(found).max() < 5 and np.ptp(found[-30:]) > 0.1
     result = follower.run([0.0, 1e-6], [0.0, 0.0])
     assert not result.valid.any() and UNSTABLE in result.reasons
+
+
+def test_an_input_at_which_the_output_stage_carries_too_little_is_named_where_it_oscillates() -> None:
+    """57 degrees at 0 V; at -2.5 V the load supplies most of the current of M8, and M7 is too weak for its load."""
+    bias = replace(CIRCUIT_B, reference_current=100e-6, load_resistance=40e3, modulation=0.02)
+    follower = CircuitFollower.from_design(bias)
+    assert follower.validity.valid
+    result = follower.run([0.0, 1e-3, 2e-3], [0.0, -0.5, -2.5])
+    assert result.valid.tolist() == [True, True, False] and UNSTABLE_HERE in result.reasons
+    time = np.linspace(0, 10e-6, 101)
+    swing = follower.run(time, np.where(time > 1e-6, -2.49, -2.5))
+    assert not swing.valid.any() and np.ptp(swing.v_out[-30:]) > 0.1
 
 
 def test_inputs_out_of_range_and_steep_falls_are_named() -> None:

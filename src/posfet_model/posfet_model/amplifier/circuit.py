@@ -63,6 +63,7 @@ _POLARITY: Final = {2: (1, 1, -1, -1, 1, 1, -1, 1), 1: (1, 1, -1, -1, 1, 1, 1, 1
 INPUT_RANGE: Final = "input stage out of its common-mode range"
 OUTPUT_RANGE: Final = "output stage out of saturation: too near a rail, or too much load"
 CUT_OFF: Final = "output stage cut off: the step is steeper than M8 can sink"
+UNSTABLE_HERE: Final = "unstable at this input: the follower oscillates"
 
 _LEAST_RESISTANCE: Final = 0.1
 """Rz in place of none [ohm]: with any Cc far beyond all other poles, yet no stiffer than rounding bears."""
@@ -362,6 +363,26 @@ class AmplifierCircuit:
         """
         return saturated(_SIGNS[self.stages], self.threshold, *self._voltages(nodes, v_in))
 
+    def stable(self, nodes: Array, v_in: Array) -> Mask:
+        """Return whether the follower is stable in small signals at these nodes; unchecked.
+
+        Parameters
+        ----------
+        nodes : ndarray
+            Voltages of the unknown nodes [V], shape [..., n].
+        v_in : ndarray
+            Input voltage [V], shape [...].
+
+        Returns
+        -------
+        ndarray
+            Mask, shape [...]; False where a node is NaN.
+        """
+        found = np.isfinite(nodes).all(axis=-1)
+        linear = self.evaluate(np.where(found[..., None], nodes, self.start(v_in)), v_in)[1]
+        rates = np.linalg.eigvals(np.linalg.solve(linear.capacitance, linear.conductance))
+        return np.asarray((rates.real > 0).all(axis=-1) & found)
+
     def findings(self, nodes: Array, v_in: Array) -> dict[str, Mask]:
         """Return why the circuit is not in its range: at rest at the input, or in the moment; unchecked.
 
@@ -381,11 +402,13 @@ class AmplifierCircuit:
         each = self.saturated(rest, v_in)
         currents = np.abs(self.transistors(rest, v_in)[2].current)
         weak = ~(currents[..., 6] >= MIN_OUTPUT_CURRENT * currents[..., 7])
+        swings = np.isfinite(rest).all(axis=-1) & ~self.stable(rest, v_in)
         gate = _SIGNS[self.stages][6] * self._voltages(nodes, v_in)[0][..., 6]
         return {
             INPUT_RANGE: ~each[..., :5].all(axis=-1),
             OUTPUT_RANGE: ~each[..., 6:].all(axis=-1) | weak,
             CUT_OFF: gate <= self.threshold[..., 6],
+            UNSTABLE_HERE: swings,
         }
 
 
