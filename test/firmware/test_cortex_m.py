@@ -107,9 +107,7 @@ def test_scans_follow_the_scan_timer(board: Board) -> None:
     scans = read(board, 200)
     assert board.report().health in (Health.OK, Health.WARN)
     for before, after in pairwise(scans):
-        missing = (
-            after.sequence - before.sequence - 1
-        )  # by other work on the machine; rule T5 has tests in virtual time
+        missing = after.sequence - before.sequence - 1  # by other work on the machine
         assert missing == 0 or (missing > 0 and after.frames_lost > before.frames_lost)
     # Time follows the ticks. Where the emulator had to wait for a processor, single scans are sampled late.
     delays = sorted(scan.device_time - PERIOD * scan.sequence for scan in scans)
