@@ -39,6 +39,9 @@ def main() -> None:
                 executor.spin_once(timeout_sec=0.1)
         except (KeyboardInterrupt, ExternalShutdownException):
             pass
+        except RuntimeError:  # raised by a message that was being taken when Ctrl-C ended the context
+            if rclpy.ok():
+                raise
     rclpy.try_shutdown()
 
 

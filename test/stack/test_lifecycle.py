@@ -39,12 +39,12 @@ sys.exit(service.run())
 
 
 def state(listener: Listener, node: str) -> str:
-    return listener.call(GetState, f"{node}/get_state", GetState.Request()).current_state.label
+    return listener.call(GetState, f"{node}/get_state", GetState.Request(), repeat=True).current_state.label
 
 
-def change(listener: Listener, node: str, transition: int) -> bool:
+def change(listener: Listener, node: str, transition: int, repeat: bool = False) -> bool:
     request = ChangeState.Request(transition=Transition(id=transition))
-    return listener.call(ChangeState, f"{node}/change_state", request).success
+    return listener.call(ChangeState, f"{node}/change_state", request, repeat).success
 
 
 @pytest.mark.parametrize("composed", ["true", "false"])
@@ -57,7 +57,7 @@ def test_a_stack_waits_for_transitions_and_is_tuned_while_it_runs(composed: str)
         diagnostics = listener.collect(DiagnosticArray, "/diagnostics")
         for node in nodes:
             assert state(listener, node) == "unconfigured"
-            assert not change(listener, node, Transition.TRANSITION_ACTIVATE)
+            assert not change(listener, node, Transition.TRANSITION_ACTIVATE, repeat=True)
             assert change(listener, node, Transition.TRANSITION_CONFIGURE)
             assert state(listener, node) == "inactive"
         assert not contacts
@@ -74,7 +74,8 @@ def test_a_stack_waits_for_transitions_and_is_tuned_while_it_runs(composed: str)
                 for name, value in values.items()
             ]
         )
-        result = listener.call(SetParametersAtomically, "model_node/set_parameters_atomically", request).result
+        service = "model_node/set_parameters_atomically"
+        result = listener.call(SetParametersAtomically, service, request, repeat=True).result
         assert result.successful, result.reason
         listener.wait(lambda: not contacts[-1].contacts, "an end of contacts above the new threshold")
         assert contacts[-1].threshold == pytest.approx(50.0)

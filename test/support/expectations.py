@@ -26,6 +26,8 @@ TIMEOUT = 180.0
 """Time-out for an expected message [s]; a running stack needs a fraction of it."""
 ASK_PERIOD = 0.1
 """Period at which a condition is checked [s]: thousands of messages arrive in the meantime."""
+REPEAT_PERIOD = 5.0
+"""Time without a response after which a request is sent again [s]."""
 COMPARED = 1000
 """Scans with a contact that are compared with the ground truth."""
 NOTHING = {"repeated", "late", "layout mismatch"}
@@ -49,6 +51,7 @@ class Listener:
         self._executor = NodeExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._subscriptions: list = []
+        self._clients: dict = {}
 
     def __enter__(self) -> Listener:
         return self
@@ -82,14 +85,28 @@ class Listener:
             while time.monotonic() < pause:
                 self._executor.spin_once(ASK_PERIOD)
 
-    def call(self, kind: type, name: str, request: object) -> Any:
-        """Call a service and return its response."""
-        client = self._node.create_client(kind, name)
+    def call(self, kind: type, name: str, request: object, repeat: bool = False) -> Any:
+        """Call a service and return its response.
+
+        The middleware loses the response to a client that the service has not discovered yet. So the first request to
+        a service should be one that may be sent again, with `repeat`.
+        """
+        if name not in self._clients:
+            self._clients[name] = self._node.create_client(kind, name)
+        client = self._clients[name]
         self.wait(client.service_is_ready, f"service {name}")
-        future = client.call_async(request)
-        self.wait(future.done, f"response of {name}")
-        self._node.destroy_client(client)
-        return future.result()
+        futures = [client.call_async(request)]
+        sent = time.monotonic()
+
+        def answered() -> bool:
+            nonlocal sent
+            if repeat and time.monotonic() > sent + REPEAT_PERIOD:
+                futures.append(client.call_async(request))
+                sent = time.monotonic()
+            return any(future.done() for future in futures)
+
+        self.wait(answered, f"response of {name}")
+        return next(future for future in futures if future.done()).result()
 
     def published_topics(self, nodes: set[str]) -> dict[str, list[str]]:
         """Return the topics that these nodes publish, with their types."""

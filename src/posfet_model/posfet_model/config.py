@@ -28,6 +28,9 @@ MAX_FILE: Final = 256_000
 MAX_TEXT: Final = 1000
 """Largest length of a text in a file."""
 
+MAX_KNOWN: Final = 14
+"""Most keys that an error lists."""
+
 _REQUIRED: Final = object()
 
 
@@ -270,7 +273,9 @@ class Section:
             name = sorted(self._values)[0]
             close = get_close_matches(name, self._known, n=1, cutoff=0.7)
             meant = f"did you mean {close[0]}? " if close else ""
-            raise self.error(name, f"unknown key, {meant}known here are {', '.join(self._known)}")
+            others = len(self._known) - MAX_KNOWN
+            known = ", ".join(list(self._known)[:MAX_KNOWN]) + (f" and {others} others" if others > 0 else "")
+            raise self.error(name, f"unknown key, {meant}known here are {known}")
 
 
 def _reads_as_number(text: str) -> bool:

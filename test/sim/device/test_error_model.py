@@ -295,7 +295,7 @@ def test_a_file_gives_its_base_model_and_the_differences(tmp_path: Path) -> None
             "taxels.gain_spread_percent: must be a number in [0, 30], got 31",
         ),
         ("base: none\ntaxels: {gain: 3}\n", "taxels.gain: unknown key"),
-        ("base: none\nfilms: {}\n", "films: unknown key, known here are base, taxels, film, amplifier"),
+        ("base: none\nfilms: {}\n", "films: unknown key, did you mean film? known here are base, taxels, film"),
         ("base: none\nfilm: {pyroelectric: 1}\n", "film.pyroelectric: must be true or false, got 1"),
         ("base: none\nclock: {jitter_us: .nan}\n", "clock.jitter_us: must be a number in [0, 1000], got nan"),
         ("base: none\nclock: 3\n", "clock: must be a mapping"),

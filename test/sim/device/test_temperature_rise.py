@@ -25,7 +25,7 @@ def test_startup_during_warming_becomes_valid_without_false_contacts(kelvin_per_
     warm = Keyframes((-20.0, 20.0, 999.0), ((25.0 - half,), (25.0 + half,), (25.0,)))
     scene = Scene(name="warming", description="nothing touches", period=1e3, objects=(), temperature=warm)
     reconstructor = Reconstructor(SENSOR)
-    results = [reconstructor.process(scan).valid for scan, _ in received_scans(SENSOR, scene, 5.0, 1)]
+    results = [reconstructor.process(scan).valid for scan, _ in received_scans(SENSOR, scene, 6.0, 1)]
     assert results[-1] and reconstructor.tare().done
     assert np.abs(reconstructor.image().force).max() < 0.5 * SENSOR.contact.threshold
 
