@@ -378,7 +378,7 @@ class AmplifierCircuit:
         ndarray
             Mask, shape [...]; False where a node is NaN.
         """
-        found = np.isfinite(nodes).all(axis=-1)
+        found: Mask = np.asarray(np.isfinite(nodes).all(axis=-1))
         linear = self.evaluate(np.where(found[..., None], nodes, self.start(v_in)), v_in)[1]
         rates = np.linalg.eigvals(np.linalg.solve(linear.capacitance, linear.conductance))
         return np.asarray((rates.real > 0).all(axis=-1) & found)
