@@ -61,6 +61,10 @@ class TransientFollower(Follower):
     def system(self) -> System:
         """What is integrated."""
 
+    @abstractmethod
+    def _closed_loop_response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Return the complex gain of the follower for small signals at frequencies [Hz]."""
+
     @property
     @abstractmethod
     def validity(self) -> Validity:
@@ -119,6 +123,29 @@ class TransientFollower(Follower):
             self.system, SystemState(before.v_in, before.nodes, before.step), held, duration, self.tolerance
         )
         return self._state(held, valid, after.nodes, after.step)
+
+    def response(self, frequency: ArrayLike) -> FrequencyResponse:
+        """Return the small-signal gain and phase, with the input at 0 V.
+
+        Parameters
+        ----------
+        frequency : array_like
+            f [Hz], any shape, in [0, 1e18]; broadcasts with the follower.
+
+        Returns
+        -------
+        FrequencyResponse
+            Gain [V/V] and phase [rad].
+
+        Raises
+        ------
+        ValueError
+            A frequency is not real, not finite or out of range.
+        """
+        transfer = self._closed_loop_response(frequency)
+        return FrequencyResponse(
+            gain=np.abs(transfer), phase=np.angle(transfer), valid=np.broadcast_to(self.validity.valid, transfer.shape)
+        )
 
     def _follow(
         self, state: FollowerState, held: NDArray[np.float64], valid: NDArray[np.bool_], step: NDArray[np.float64]
@@ -221,29 +248,9 @@ class CircuitFollower(TransientFollower):
         """Gain at frequency 0 with the input at 0 V [V/V], of a single circuit."""
         return float(self.figures.closed_loop_gain)
 
-    def response(self, frequency: ArrayLike) -> FrequencyResponse:
-        """Return the small-signal gain and phase with the input at 0 V.
-
-        Parameters
-        ----------
-        frequency : array_like
-            f [Hz], any shape, in [0, 1e18]; broadcasts with the circuits.
-
-        Returns
-        -------
-        FrequencyResponse
-            Gain [V/V] and phase [rad].
-
-        Raises
-        ------
-        ValueError
-            A frequency is not real, not finite or out of range.
-        """
+    def _closed_loop_response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
         hertz = real_array("frequency", frequency, 0, 1e18).astype(np.float64, copy=False)
-        transfer = self.figures.closed_loop_response.at(hertz)
-        return FrequencyResponse(
-            gain=np.abs(transfer), phase=np.angle(transfer), valid=np.broadcast_to(self.validity.valid, transfer.shape)
-        )
+        return self.figures.closed_loop_response.at(hertz)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -275,25 +282,5 @@ class SlewingFollower(TransientFollower):
         """Gain at frequency 0 for small signals [V/V], of a single follower."""
         return float(self.open_loop.closed_loop_gain)
 
-    def response(self, frequency: ArrayLike) -> FrequencyResponse:
-        """Return the small-signal gain and phase.
-
-        Parameters
-        ----------
-        frequency : array_like
-            f [Hz], any shape, in [0, 1e18]; broadcasts with the follower.
-
-        Returns
-        -------
-        FrequencyResponse
-            Gain [V/V] and phase [rad].
-
-        Raises
-        ------
-        ValueError
-            A frequency is not real, not finite or out of range.
-        """
-        transfer = self.open_loop.closed_loop_response(frequency)
-        return FrequencyResponse(
-            gain=np.abs(transfer), phase=np.angle(transfer), valid=np.broadcast_to(self.validity.valid, transfer.shape)
-        )
+    def _closed_loop_response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        return self.open_loop.closed_loop_response(frequency)
