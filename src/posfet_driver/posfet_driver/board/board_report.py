@@ -16,8 +16,7 @@ from posfet_model.sensor.scan import ScanStatus
 HIGH_LOAD: Final = 0.9
 """Bus load from which on it is reported as high [1]; assumed."""
 MAX_CLOCK_UNCERTAINTY: Final = 2e-3
-"""Uncertainty of the clock offset [s] above which clock sync is degraded: 10 s without an undelayed frame; assumed.
-The offset is re-estimated at the latest when it is wrong by 5 ms, so that a bound near that would never be passed."""
+"""Uncertainty of the clock offset [s] above which clock sync is degraded: 10 s without an undelayed frame; assumed."""
 
 _FLAGS: Final = {
     ScanStatus.SUPPLY_LOW: FaultKind.SUPPLY_LOW,

@@ -52,7 +52,6 @@ class ClassicScans:
         self._statistics = assembler.statistics
         self._blocks = assembler.codec.blocks
         self._sync = sync
-        self._announced = 0.0
         self._earliest = self._latest = 0.0  # delays of a scan whose number is certain [ns]
         self._ticks = TickLine()
         self._header = -1  # sequence of the newest header
@@ -66,13 +65,11 @@ class ClassicScans:
     @property
     def period(self) -> float:
         """Scan period [us], as announced by the board."""
-        return self._announced
+        return self.numbering.announced
 
     @period.setter
     def period(self, period: float) -> None:  # numpydoc ignore=GL08
-        if period != self._announced:
-            self._announced = period
-            self.numbering.announce(period)
+        if self.numbering.announce(period):
             self._adrift = True  # the first scan at the new period has a header
             self._earliest, self._latest = -TOLERANCE * period * 1000, CERTAIN * period * 1000
             self._ticks.restart(period)
@@ -135,7 +132,7 @@ class ClassicScans:
             self._assembler.abandon()
         released = self._end_group(missing, complete)
         if numbering.restarted:
-            self._ticks.restart(self._announced)
+            self._ticks.restart(self.numbering.announced)
         self._ticks.add(numbering.sequence, self.clock.time, self.clock.stalled)
         self._confirmed = self._sync.save()
         self.sequence = self._header = numbering.sequence
@@ -208,7 +205,7 @@ class ClassicScans:
         if header.boot != self.numbering.boot or ahead >= HEADER_SCANS + LATE_BLOCKS:
             return False
         counted = self._ticks.time(self.sequence + ahead - LATE_BLOCKS) - self.clock.time
-        return counted - self.clock.ahead(header.time) <= TOLERANCE * self._announced
+        return counted - self.clock.ahead(header.time) <= TOLERANCE * self.numbering.announced
 
     def _end_group(self, missing: int, next_complete: bool) -> list[Scan]:
         """Account for the scans since the newest header; return those that were held and have the right number."""

@@ -29,7 +29,6 @@ class FdScans:
     def __init__(self, assembler: Assembler, sync: ClockSync) -> None:
         self.clock = DeviceClock(32, sync)
         self.numbering = ScanNumbering(assembler.statistics, self.clock, cautious=True)
-        self._announced = 0.0
         self._assembler = assembler
         self._statistics = assembler.statistics
         self._blocks = assembler.codec.blocks
@@ -40,13 +39,11 @@ class FdScans:
     @property
     def period(self) -> float:
         """Scan period [us], as announced by the board."""
-        return self._announced
+        return self.numbering.announced
 
     @period.setter
     def period(self, period: float) -> None:  # numpydoc ignore=GL08
-        if period != self._announced:
-            self._announced = period
-            self.numbering.announce(period)
+        self.numbering.announce(period)
 
     @property
     def sequence(self) -> int:

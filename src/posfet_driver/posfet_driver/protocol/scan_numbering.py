@@ -61,6 +61,8 @@ class ScanNumbering:
         """Whether the sequence began again with the newest scan; whoever has used it clears it."""
         self.period = 0.0
         """Scan period [us], as announced, or as measured where the scans contradict it."""
+        self.announced = 0.0
+        """Scan period [us], as announced."""
         self._statistics = statistics
         self._clock = clock
         self._cautious = cautious
@@ -71,12 +73,18 @@ class ScanNumbering:
         self._arrival = 0  # of the newest scan [ns]
         self._earlier: tuple[float, ...] = ()  # other periods that ticks since the newest scan may have had
 
-    def announce(self, period: float) -> None:
-        """Take a scan period [us] that the board announces: it is in force from one of the ticks to come on."""
+    def announce(self, period: float) -> bool:
+        """Take a scan period [us] that the board announces; return whether it is another one.
+
+        It is in force from one of the ticks to come on.
+        """
+        if period == self.announced:
+            return False
         if self.boot >= 0:
             periods = self.period, *self._earlier
             self._earlier = min(periods), max(periods)
-        self.period = period
+        self.announced = self.period = period
+        return True
 
     def open(self) -> None:
         """Accept any sequence next: the board was started."""
@@ -108,8 +116,9 @@ class ScanNumbering:
         if self._is_late(number):
             self._statistics.late += 1
             return None
-        if same_boot and self._fits(ahead, number.reading):
-            return self._advance(ahead, number.reading, True, arrival)
+        expected = self._expected(ahead, number.reading)
+        if same_boot and self._fits(ahead, number.reading, expected):
+            return self._advance(ahead, number.reading, expected, True, arrival)
         if self._cautious and self.boot >= 0 and not self._is_successor(number):
             self._candidate = number
             return None
@@ -127,18 +136,17 @@ class ScanNumbering:
         same_boot, ahead = number.boot == self.boot, (number.low - self.sequence) & SEQUENCE
         elapsed = max((arrival - self._arrival) / 1000, self._clock.ahead(number.reading))
         if same_boot and ahead * self.period <= FASTEST * elapsed + SLACK * self.period:
-            return self._advance(ahead, number.reading, False, arrival)
+            return self._advance(ahead, number.reading, self._expected(ahead, number.reading), False, arrival)
         if same_boot and not self._cautious and not self._open:
             self._statistics.implausible += 1
             return None
         return self._restart(number, arrival)
 
-    def _fits(self, ahead: int, reading: int) -> bool:
+    def _fits(self, ahead: int, reading: int, expected: float) -> bool:
         """Return whether a step of the sequence fits the time that has passed on the board's clock."""
         clock = self._clock
         if clock.stalled or clock.ahead(reading) == 0:
             return ahead <= UNTIMED
-        expected = self._expected(ahead, reading)
         difference = abs(clock.elapsed(reading, expected) - expected)
         return ahead < _HALF and difference <= TOLERANCE * self.period + RATE_TOLERANCE * expected
 
@@ -165,8 +173,8 @@ class ScanNumbering:
             self.period = elapsed / step
         return True
 
-    def _advance(self, ahead: int, reading: int, fits: bool, arrival: int) -> int:
-        self._clock.advance(reading, self._expected(ahead, reading), fits, arrival)
+    def _advance(self, ahead: int, reading: int, expected: float, fits: bool, arrival: int) -> int:
+        self._clock.advance(reading, expected, fits, arrival)
         self._earlier = ()
         self._arrival = arrival
         self.sequence += ahead
