@@ -74,9 +74,17 @@ class ScanNumbering:
         self._earlier: tuple[float, ...] = ()  # other periods that ticks since the newest scan may have had
 
     def announce(self, period: float) -> bool:
-        """Take a scan period [us] that the board announces; return whether it is another one.
+        """Take a scan period that the board announces, in force from one of the ticks to come on.
 
-        It is in force from one of the ticks to come on.
+        Parameters
+        ----------
+        period : float
+            Scan period [us].
+
+        Returns
+        -------
+        bool
+            Whether it is another one than announced before.
         """
         if period == self.announced:
             return False
