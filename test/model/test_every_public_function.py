@@ -18,7 +18,8 @@ from posfet_model.amplifier.closed_loop import FollowerLimits
 from posfet_model.amplifier.differential_pair import Lead
 from posfet_model.device import paper, transistor
 from posfet_model.device.mechanics import Layer
-from posfet_model.device.taxel import FilmGeometry, Taxel
+from posfet_model.device.taxel import Taxel
+from posfet_model.device.taxel_fields import FilmGeometry
 from posfet_model.spice.ngspice import SmallSignal
 from support.each_row import each_row
 from support.sweep import Refusal, assert_all_refused
@@ -28,7 +29,7 @@ MODULES = [
     for room, names in {
         "amplifier": "closed_loop differential_pair follower follower_base one_stage operating_point pair_settling "
         "slew_identification two_stage",
-        "device": "adc as_printed charge film mechanics noise paper taxel threshold_extraction transistor",
+        "device": "adc as_printed charge film mechanics noise paper taxel taxel_fields threshold_extraction transistor",
         "spice": "ngspice",
     }.items()
     for name in names.split()
@@ -149,7 +150,6 @@ GOOD: dict[str, dict[str, Any]] = {
     "noise.sampling_rms": {"capacitance": 1e-11, "temperature": 300.0},
     "noise.quantisation_rms": {"lsb": 1e-3},
     "noise.flicker_sequence": {"coefficient": 1e-10, "rate": 1e3, "samples": 8, "generator": np.random.default_rng(1)},
-    "noise.volts_per_newton": {"piezoelectric_coefficient": -38e-12, "area": 1e-6, "capacitance": 4e-5},
     "noise.NoiseBudget.minimum_force": {"sigmas": 3.0},
     "noise.NoiseBudget.signal_to_noise": {"force": 1.0},
     "noise.noise_budget": {
@@ -199,7 +199,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "ngspice.run_operating_point": {"circuit": "", "quantities": ["v(out)"]},
     "ngspice.closed_loop": {"response": SmallSignal(np.array([1.0, 2.0]), np.array([1 + 0j, 0.1]))},
     "ngspice.read_raw": {"content": b"", "complex_values": False},
-    "taxel.Taxel": {
+    "taxel_fields.TaxelFields": {
         "film_area": 1e-6,
         "film_thickness": 2.5e-6,
         "film_permittivity": 12.0,
@@ -268,7 +268,8 @@ def _public(module: ModuleType) -> Iterator[tuple[str, Callable[..., Any]]]:
     else:
         members = dict(vars(module))
     for name, member in members.items():
-        if name.startswith("_") or getattr(member, "__module__", None) != module.__name__:
+        home = getattr(member, "__module__", None) or ""  # a subpackage shows what its modules define
+        if name.startswith("_") or (home != module.__name__ and not home.startswith(f"{module.__name__}.")):
             continue
         if inspect.isclass(member):
             if "__post_init__" in vars(member) and not inspect.isabstract(member):

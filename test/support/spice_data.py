@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from posfet_model.spice.ngspice import SmallSignal
-from posfet_model.spice.recorded_runs import Record, load
+from posfet_model.spice.record_file import Record, load
 from posfet_model.spice.run_file import FollowerRun, read_run
 
 FOLDER = Path(__file__).resolve().parents[1] / "data" / "spice"

@@ -23,7 +23,7 @@ from posfet_model.design.posfet_design import PosfetDesign
 from posfet_model.design.signal_file import Signal, read_signal, signal_csv
 from posfet_model.design.sweep import OBJECTIVES, SweepResult, joblib_is_there, run_sweep
 from posfet_model.design.tolerance import QUANTILES, Tolerance, ToleranceResult, run_tolerance
-from posfet_model.device.taxel import plausible_fields
+from posfet_model.device.taxel_fields import plausible_fields
 
 BAD_INPUT: Final = 1
 """Exit code for bad input."""

@@ -13,7 +13,7 @@ from posfet_model.design import report
 from posfet_model.design.design_file import FOLDER, DesignFile, fields_table, load_design, shipped
 from posfet_model.design.posfet_design import PosfetDesign
 from posfet_model.design.tolerance import Tolerance
-from posfet_model.device.taxel import FilmGeometry, plausible_fields
+from posfet_model.device.taxel_fields import FilmGeometry, plausible_fields
 from posfet_model.spice.circuits import CIRCUITS
 from posfet_model.spice.netlist import subcircuit
 from support.each_row import each_row

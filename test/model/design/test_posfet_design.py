@@ -11,8 +11,9 @@ from posfet_model.amplifier.circuit_figures import NOT_SATURATED
 from posfet_model.amplifier.one_stage import one_stage_figures
 from posfet_model.amplifier.two_stage import figures_of_merit
 from posfet_model.design import report
-from posfet_model.design.posfet_design import BEYOND_ADC, BEYOND_INPUT, NOT_POLED, TOO_STEEP, PosfetDesign
-from posfet_model.device.taxel import FilmGeometry, plausible_fields
+from posfet_model.design.posfet_design import PosfetDesign
+from posfet_model.design.ranges import BEYOND_ADC, BEYOND_INPUT, NOT_POLED, TOO_STEEP
+from posfet_model.device.taxel_fields import FilmGeometry, plausible_fields
 from posfet_model.device.transistor import Plane
 from posfet_model.spice import ngspice
 from posfet_model.spice.circuits import CIRCUITS

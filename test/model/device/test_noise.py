@@ -7,7 +7,7 @@ import pytest
 
 from posfet_model.amplifier.two_stage import figures_of_merit
 from posfet_model.device import noise, paper
-from posfet_model.device.transistor import Plane
+from posfet_model.device.taxel import Taxel
 from support.sweep import (
     EPS,
     assert_all_refused,
@@ -109,9 +109,7 @@ class TestFlickerSequence:
 
 
 def test_smallest_force_of_the_published_device() -> None:
-    per_newton = noise.volts_per_newton(
-        paper.PIEZOELECTRIC_COEFFICIENT.value, paper.FORCE_AREA.value, paper.STACK.charge_divisor(Plane.GATE)
-    )
+    per_newton = Taxel().volts_per_newton()
     assert per_newton == pytest.approx(0.8941, abs=1e-4)
     amplifier = figures_of_merit()
     density = noise.pair_density(amplifier.input_transconductance, amplifier.load_transconductance, 300.0)
@@ -234,13 +232,6 @@ GOOD_BUDGET = {
             noise.flicker_sequence, SEQUENCE, coefficient=[-1.0], rate=[0.0], samples=[1, 2**26 + 1, 8.0], generator=[7]
         ),
         refusals(
-            noise.volts_per_newton,
-            {"piezoelectric_coefficient": 0.0, "area": 1.0, "capacitance": 1.0},
-            piezoelectric_coefficient=[1.0],
-            area=[0.0],
-            capacitance=[0.0],
-        ),
-        refusals(
             noise.noise_budget, GOOD_BUDGET, bias_rms=[-1.0], volts_per_newton=[-1.0], gain=[0.0], sampled_rms=[-1.0]
         ),
         refusals(
@@ -275,11 +266,6 @@ TWO, THREE = np.ones(2), np.ones(3)
             ("input_transconductance", "load_transconductance"),
         ),
         (noise.flicker_density, {"coefficient": TWO, "frequency": THREE}, ("coefficient", "frequency")),
-        (
-            noise.volts_per_newton,
-            {"piezoelectric_coefficient": 1e-12 * TWO, "area": THREE, "capacitance": 1.0},
-            ("piezoelectric_coefficient", "area"),
-        ),
     ],
 )
 def test_incompatible_shapes_are_rejected_by_name(function, arguments, names) -> None:

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from posfet_model.amplifier import follower, one_stage, two_stage
 from posfet_model.device import as_printed, charge, film, mechanics, noise, paper, taxel, transistor
+from posfet_model.device.noise import band, density
 from posfet_model.device.transistor import Plane
 
 M, KG, S, A, K = np.eye(5)
@@ -217,7 +218,8 @@ def in_other_units(name: str, patch: pytest.MonkeyPatch) -> list[tuple[float, fl
     before = results_of(function, {argument: value for argument, (value, _) in arguments.items()}, results)
     for module in (as_printed, film, transistor, charge):
         patch.setattr(module, "VACUUM_PERMITTIVITY", in_new_units(module.VACUUM_PERMITTIVITY, F - M))
-    patch.setattr(noise, "BOLTZMANN", in_new_units(noise.BOLTZMANN, N + M - K))
+    for module in (band, density):
+        patch.setattr(module, "BOLTZMANN", in_new_units(module.BOLTZMANN, N + M - K))
     after = results_of(function, {argument: in_new_units(*value) for argument, value in arguments.items()}, results)
     return [(after[result], in_new_units(before[result], unit)) for result, unit in results.items()]
 

@@ -6,9 +6,10 @@ import math
 import numpy as np
 import pytest
 
-from posfet_model.device import charge, noise, paper
+from posfet_model.device import charge, paper
 from posfet_model.device.film import Film, remnant_after
-from posfet_model.device.taxel import FilmGeometry, Taxel, plausible_fields
+from posfet_model.device.taxel import Taxel
+from posfet_model.device.taxel_fields import FilmGeometry, plausible_fields
 from posfet_model.device.transistor import Plane
 from posfet_model.sensor.description import load_sensor
 from support.each_row import each_row
@@ -69,8 +70,8 @@ def test_the_charge_is_shared_between_film_and_gate() -> None:
         both = volts * (taxel.film_capacitance + taxel.gate_capacitance)
         assert both == pytest.approx(38e-12, rel=1e-13, abs=0)
         assert np.isclose(taxel.volts_per_newton() * taxel.film_capacitance, 38e-12, rtol=1e-13, atol=0)
-    per_newton = noise.volts_per_newton(-38e-12, 1e-6, paper.STACK.charge_divisor(Plane.GATE))
-    assert Taxel().volts_per_newton() == pytest.approx(float(per_newton), rel=1e-14, abs=0)
+    per_newton = 38e-12 / (1e-6 * paper.STACK.charge_divisor(Plane.GATE))
+    assert Taxel().volts_per_newton() == pytest.approx(per_newton, rel=1e-14, abs=0)
 
 
 def test_the_sensor_file_describes_the_same_taxel() -> None:

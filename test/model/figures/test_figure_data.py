@@ -14,8 +14,8 @@ pytest.importorskip("matplotlib", reason="the figures need matplotlib")
 from posfet_model.amplifier.transient_follower import CircuitFollower
 from posfet_model.device import paper
 from posfet_model.figures import amplifier, design, layout, ngspice_runs, schematic, structure
-from posfet_model.spice import ngspice
 from posfet_model.spice.circuits import CIRCUITS
+from posfet_model.spice.ngspice import program
 
 RUNS = DOCS / "figures"
 
@@ -123,6 +123,6 @@ def test_recording_again_gives_the_stored_runs(tmp_path: Path, capsys: pytest.Ca
 def test_without_ngspice_recording_fails_in_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(ngspice, "PROGRAM", "no_such_program")
+    monkeypatch.setattr(program, "PROGRAM", "no_such_program")
     assert ngspice_runs.main(["--out", str(tmp_path)]) == 1
     assert capsys.readouterr().err.startswith("ngspice_runs: ngspice is not on PATH")

@@ -20,7 +20,8 @@ from posfet_model.spice.circuits import CIRCUITS
 from posfet_model.spice.comparison_table import table
 from posfet_model.spice.measurement import LoopMeasurement
 from posfet_model.spice.random_designs import Verdict, confusion_table
-from posfet_model.spice.recorded_runs import Record, RecordedRun, time_scale
+from posfet_model.spice.record_file import Record, RecordedRun
+from posfet_model.spice.recorded_runs import time_scale
 from posfet_model.spice.stimuli import stimuli
 from support.spice_data import FOLDER, recorded
 

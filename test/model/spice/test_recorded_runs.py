@@ -9,9 +9,10 @@ import pytest
 
 from posfet_model.spice import recorded_runs
 from posfet_model.spice.circuits import CIRCUITS
-from posfet_model.spice.recorded_runs import THINNING, deck_hash, load, record, save, thinned, time_scale
+from posfet_model.spice.record_file import load
+from posfet_model.spice.recorded_runs import THINNING, deck_hash, record, thinned, time_scale
 from posfet_model.spice.stimuli import stimuli
-from support.spice_data import FOLDER, recorded
+from support.spice_data import recorded
 
 needs_ngspice = pytest.mark.skipif(shutil.which("ngspice") is None, reason="ngspice is not on PATH")
 
@@ -50,10 +51,6 @@ def test_inputs_to_which_a_circuit_is_unstable_have_no_run() -> None:
     assert recorded("two_stage_100pf").unstable == ()
 
 
-def test_files_are_compact() -> None:
-    assert sum(file.stat().st_size for file in (FOLDER / "circuits").iterdir()) < 500_000
-
-
 def test_thinning_keeps_a_curve_within_its_tolerance() -> None:
     time = np.linspace(0, 1, 3001) ** 2
     curve = np.where(time > 0.3, 1 - np.exp(-9 * (time - 0.3)) * np.cos(60 * (time - 0.3)), 0.0)
@@ -61,23 +58,6 @@ def test_thinning_keeps_a_curve_within_its_tolerance() -> None:
     assert (kept[0], kept[-1]) == (0, 3000)
     assert kept.size < 300
     assert np.abs(np.interp(time, time[kept], curve[kept]) - curve).max() <= 1e-3
-
-
-def test_a_file_is_read_as_it_was_written(tmp_path: Path) -> None:
-    before = recorded("one_stage")
-    save(tmp_path / "again.npz", before)
-    after = load(tmp_path / "again.npz")
-    for name in ("loop", "bias_point", "deck_hash", "slew_rates", "follower_gain", "unstable"):
-        assert getattr(after, name) == getattr(before, name)
-    for name, run in before.runs.items():
-        np.testing.assert_array_equal(after.runs[name].time, run.time)
-        np.testing.assert_allclose(after.runs[name].v_out, run.v_out, atol=np.ptp(run.v_out) / 60000)
-
-
-def test_what_is_no_record_is_refused(tmp_path: Path) -> None:
-    np.savez(tmp_path / "other.npz", time=np.zeros(3))
-    with pytest.raises(ValueError, match="is no record"):
-        load(tmp_path / "other.npz")
 
 
 @pytest.mark.spice

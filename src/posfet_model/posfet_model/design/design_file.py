@@ -17,7 +17,7 @@ from posfet_model.design.posfet_design import PosfetDesign
 from posfet_model.design.sweep import MAX_DESIGNS, MAX_POINTS, Axis, Sweep
 from posfet_model.design.tolerance import MAX_SAMPLES, Limit, Tolerance
 from posfet_model.device.physical_units import Plausible
-from posfet_model.device.taxel import POLING_VOLTAGE, FilmGeometry, plausible_fields
+from posfet_model.device.taxel_fields import POLING_VOLTAGE, FilmGeometry, plausible_fields
 
 FOLDER: Final = Path(__file__).parent / "designs"
 """Shipped design files."""

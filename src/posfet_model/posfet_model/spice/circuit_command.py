@@ -18,7 +18,8 @@ from posfet_model.spice.circuits import CIRCUITS, Circuit
 from posfet_model.spice.comparison_table import table
 from posfet_model.spice.netlist import subcircuit
 from posfet_model.spice.random_designs import confusion_table, verdicts
-from posfet_model.spice.recorded_runs import Record, load, record
+from posfet_model.spice.record_file import Record, load
+from posfet_model.spice.recorded_runs import record
 
 COMMANDS: Final = ("circuits", "random", "netlist")
 """Names of the commands."""

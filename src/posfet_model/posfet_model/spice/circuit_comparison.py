@@ -18,7 +18,8 @@ from posfet_model.amplifier.open_loop import LEAST_PHASE_MARGIN, MOST_OVERSHOOT
 from posfet_model.spice.circuit_models import WAYS, CircuitModel
 from posfet_model.spice.circuits import Circuit
 from posfet_model.spice.measurement import overshoot, slew_rate
-from posfet_model.spice.recorded_runs import Record, time_scale
+from posfet_model.spice.record_file import Record
+from posfet_model.spice.recorded_runs import time_scale
 from posfet_model.spice.stimuli import Stimulus, stimuli
 
 SMALL_STEP: Final = 0.05

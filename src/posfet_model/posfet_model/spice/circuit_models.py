@@ -18,7 +18,7 @@ from posfet_model.amplifier.operating_point import CIRCUIT_B
 from posfet_model.amplifier.transient_follower import CircuitFollower, SlewingFollower
 from posfet_model.spice.circuits import Circuit
 from posfet_model.spice.measurement import BiasPoint
-from posfet_model.spice.recorded_runs import Record
+from posfet_model.spice.record_file import Record
 
 LEAST_MARGIN: Final = -85.0
 """Least phase margin of an op-amp of given figures [degrees]."""

@@ -1,0 +1,85 @@
+"""The op-amp of a design as a circuit, of arrays or in numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from posfet_model._lib.types import Array
+from posfet_model.amplifier.circuit import AmplifierCircuit
+from posfet_model.amplifier.operating_point import AmplifierBias, AmplifierDesign
+from posfet_model.design.design_fields import PARTS, DesignFields
+from posfet_model.device.paper import TransistorSize
+from posfet_model.device.taxel_fields import Values
+from posfet_model.device.transistor import Stack
+from posfet_model.spice.circuits import Circuit
+
+
+def op_amp_circuit(design: DesignFields) -> AmplifierCircuit:
+    """Return the op-amp as a circuit, of arrays where the design has them; unchecked."""
+    second = design.hole_mobility if design.stages == 2 else design.electron_mobility  # M7
+    n, p, below = design.electron_mobility, design.hole_mobility, design.coupling
+    mobility = (n, n, p, p, n, n, second, n)
+    drive = np.asarray(design.oxide_capacitance)[..., None] * _each(below, below, 1, 1, 1, 1, 1, 1)
+    width, length = (_each(*(getattr(design, f"{part}_{size}") for part in PARTS)) for size in ("width", "length"))
+    plain = design.threshold_voltage
+    return AmplifierCircuit(
+        stages=design.stages,
+        beta=_each(*mobility) * drive * width / length,
+        gate_area=drive * width * length,
+        threshold=_each(design.threshold, design.threshold, *(plain,) * 6),
+        modulation=np.asarray(design.channel_length_modulation),
+        supply=np.asarray(design.supply),
+        reference_current=np.asarray(design.reference_current),
+        compensation=np.asarray(design.compensation),
+        zero_resistor=np.asarray(design.zero_resistor),
+        load_resistance=np.asarray(design.load_resistance),
+        load_capacitance=np.asarray(design.load_capacitance),
+    )
+
+
+def named_circuit(design: DesignFields, name: str) -> Circuit:
+    """Return the circuit of a single design, for hand formulas and SPICE; unchecked.
+
+    Parameters
+    ----------
+    design : DesignFields
+        The design, of numbers.
+    name : str
+        Name of the circuit.
+
+    Raises
+    ------
+    ValueError
+        The name has other characters than letters, digits and underscores.
+    """
+    return Circuit(
+        name,
+        design.stages,
+        AmplifierBias(
+            reference_current=float(design.reference_current),
+            supply=float(design.supply),
+            compensation=float(design.compensation),
+            zero_resistor=float(design.zero_resistor),
+            load_capacitance=float(design.load_capacitance),
+            load_resistance=float(design.load_resistance),
+            modulation=float(design.channel_length_modulation),
+            threshold=float(design.threshold_voltage),
+        ),
+        AmplifierDesign(
+            sizes=tuple(
+                TransistorSize(
+                    f"M{m}", float(getattr(design, f"{part}_width")), float(getattr(design, f"{part}_length"))
+                )
+                for m, part in enumerate(PARTS, 1)
+            ),
+            stack=Stack(oxide=float(design.oxide_capacitance), film=float(design.film_on_gate)),
+            electron_mobility=float(design.electron_mobility),
+            hole_mobility=float(design.hole_mobility),
+            pair_threshold_shift=float(design.threshold - design.threshold_voltage),
+        ),
+    )
+
+
+def _each(*values: Values | int) -> Array:
+    """Return one value for each transistor along a last axis."""
+    return np.stack(np.broadcast_arrays(*(np.asarray(value, np.float64) for value in values)), axis=-1)

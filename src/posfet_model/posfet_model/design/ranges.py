@@ -1,0 +1,67 @@
+"""Whether a design measures the force that it has to: ranges of amplifier and ADC, slew rate, poling."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from posfet_model._lib.types import FloatArray
+from posfet_model.amplifier.validity import Validity
+from posfet_model.design.amplifier_figures import AmplifierFigures
+from posfet_model.design.design_fields import DesignFields
+
+NOT_POLED: Final = "the film is not poled: a force gives no signal"
+BEYOND_INPUT: Final = "the force to be measured drives the input out of the amplifier's range"
+BEYOND_ADC: Final = "the force to be measured drives the ADC out of its range"
+TOO_STEEP: Final = "the force to be measured, at the upper end of the band, is steeper than the slew rate"
+
+
+def largest_force(design: DesignFields, amplifier: AmplifierFigures) -> FloatArray:
+    """Return the largest compressive force within the ranges of amplifier and ADC [N]; unchecked.
+
+    Parameters
+    ----------
+    design : DesignFields
+        One design or arrays.
+    amplifier : AmplifierFigures
+        Figures of its op-amp.
+    """
+    return np.minimum(_reach(design, amplifier, "amplifier"), _reach(design, amplifier, "adc"))[()]
+
+
+def validity(design: DesignFields, amplifier: AmplifierFigures) -> Validity:
+    """Return where a design is usable, and why not; unchecked.
+
+    Parameters
+    ----------
+    design : DesignFields
+        One design or arrays.
+    amplifier : AmplifierFigures
+        Figures of its op-amp.
+    """
+    volts = np.abs(design.volts_per_newton() * design.signal_force)
+    with np.errstate(invalid="ignore"):
+        return amplifier.validity.also(
+            {
+                NOT_POLED: np.equal(volts, 0),
+                BEYOND_INPUT: np.greater(design.signal_force, _reach(design, amplifier, "amplifier")),
+                BEYOND_ADC: np.greater(design.signal_force, _reach(design, amplifier, "adc")),
+                TOO_STEEP: 2 * math.pi * design.high_frequency * volts
+                > np.minimum(amplifier.slew_rate, amplifier.falling_slew_rate),
+            }
+        )
+
+
+def _reach(design: DesignFields, amplifier: AmplifierFigures, of: str) -> FloatArray:
+    """Return the force [N] that reaches the end of the input range of the amplifier or of the ADC behind it."""
+    gain = amplifier.follower_gain
+    per_newton = design.volts_per_newton()
+    with np.errstate(divide="ignore", invalid="ignore"):  # of a follower without gain, a film without signal
+        low, high = {
+            "amplifier": (amplifier.lowest_input, amplifier.highest_input),
+            "adc": (design.adc_low / gain, design.adc_high / gain),
+        }[of]
+        force = np.where(per_newton > 0, high, low) / per_newton
+    return np.where(per_newton == 0, math.inf, force)
