@@ -302,6 +302,30 @@ def test_stamps_are_acquisition_times(fd: bool) -> None:
 
 
 @BOTH
+@pytest.mark.parametrize("seed", range(8))
+def test_stamps_never_step_back_however_late_the_first_scans_are(fd: bool, seed: int) -> None:
+    noise = random.Random(seed)
+    firmware = BoardFirmware(with_fd(SENSOR, fd), FakeBoard(SENSOR), 0)
+    decoder = Decoder(with_fd(SENSOR, fd))
+    decoder.start()
+    receive(decoder, firmware.receive((BASE + COMMAND_OFFSET, CLASSIC, Request(Command.START, 1).pack()), 0), 0)
+    arrival, stamps = 0, []
+    for sampled in range(0, 400 * PERIOD, PERIOD):
+        late = noise.random() ** 4 * max(40 * PERIOD - sampled // 4, 0)
+        arrival = max(arrival, sampled + round(late))
+        for scan in receive(decoder, firmware.due(sampled), arrival):
+            stamps.append(scan.stamp - WALL_OFFSET)
+            assert stamps[-1] <= arrival
+            error = stamps[-1] - scan.sequence * PERIOD
+            assert error >= 0
+            if sampled > 200 * PERIOD:  # an undelayed scan has arrived
+                assert error <= decoder.clock_uncertainty * 1e9 + 1000
+    assert len(stamps) > 300
+    assert stamps == sorted(stamps)
+    assert len(set(stamps[-150:])) == 150
+
+
+@BOTH
 @pytest.mark.parametrize("first", ["status", "scan"])
 def test_sequence_and_stamps_restart_after_a_reset(fd: bool, first: str) -> None:
     """Whatever is heard first of the new boot, nothing of it is applied to the old numbering, and no counter falls."""

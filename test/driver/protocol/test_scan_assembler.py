@@ -34,7 +34,7 @@ class Line:
         self.assembler = Assembler(self.codec)
         self.sync = ClockSync()
         self.scans = FdScans(self.assembler, self.sync) if fd else ClassicScans(self.assembler, self.sync)
-        self.scans.period = 1000.0
+        self.scans.announce(1000.0)
         self.published: list[int] = []
         self.times: list[int] = []
         self.send(-2, -1)

@@ -7,7 +7,7 @@ header confirms its number.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, NamedTuple
 
 from posfet_driver.bus.frame import CLASSIC
 from posfet_driver.protocol.clock_sync import ClockSync
@@ -27,6 +27,15 @@ MOST_HELD: Final = 2 * HEADER_SCANS
 
 _COMPLETE: Final = BlockOutcome.COMPLETE
 _CONFLICT: Final = BlockOutcome.CONFLICT
+
+
+class Held(NamedTuple):
+    """A complete scan whose number is not confirmed yet."""
+
+    scan: Scan
+    """The scan; its stamp is of no use yet."""
+    device_time: int
+    """Its time on the board's clock, unwrapped [us], which the scan itself does not state while that is frozen."""
 
 
 class ClassicScans:
@@ -58,17 +67,12 @@ class ClassicScans:
         self._confirmed = sync.save()  # at the newest header
         self._fresh = False  # no block since the newest header
         self._adrift = True  # no number until the next header
-        self._held: list[tuple[Scan, float]] = []  # each with the offset that its stamp has
+        self._held: list[Held] = []
         self._accounted = 0  # scans since the newest header that were delivered or counted as lost
         self._incomplete = 0  # incomplete scans up to the newest header
 
-    @property
-    def period(self) -> float:
-        """Scan period [us], as announced by the board."""
-        return self.numbering.announced
-
-    @period.setter
-    def period(self, period: float) -> None:  # numpydoc ignore=GL08
+    def announce(self, period: float) -> None:
+        """Take a scan period that the board announces [us]."""
         if self.numbering.announce(period):
             self._adrift = True  # the first scan at the new period has a header
             self._earliest, self._latest = -TOLERANCE * period * 1000, CERTAIN * period * 1000
@@ -82,7 +86,7 @@ class ClassicScans:
         scan : Scan
             The scan, which stays as it is.
         """
-        self._held.append((scan, self._sync.offset))
+        self._held.append(Held(scan, self.time))
         if len(self._held) > MOST_HELD:
             self.lose_number()
 
@@ -91,7 +95,7 @@ class ClassicScans:
         self._adrift = True
         self._held = []
 
-    def feed_header(self, kind: int, data: bytes, arrival: int) -> list[Scan]:
+    def feed_header(self, kind: int, data: bytes, arrival: int) -> list[Held]:
         """Process a header.
 
         Parameters
@@ -105,7 +109,7 @@ class ClassicScans:
 
         Returns
         -------
-        list of Scan
+        list of Held
             The scans that were held and whose numbers are right.
         """
         header = ScanHeader.unpack(kind, data)
@@ -207,7 +211,7 @@ class ClassicScans:
         counted = self._ticks.time(self.sequence + ahead - LATE_BLOCKS) - self.clock.time
         return counted - self.clock.ahead(header.time) <= TOLERANCE * self.numbering.announced
 
-    def _end_group(self, missing: int, next_complete: bool) -> list[Scan]:
+    def _end_group(self, missing: int, next_complete: bool) -> list[Held]:
         """Account for the scans since the newest header; return those that were held and have the right number."""
         held, self._held = self._held, []
         incomplete, self._incomplete = self._incomplete, self._statistics.incomplete_scans
@@ -216,11 +220,9 @@ class ClassicScans:
             return []
         right = 0 <= self.numbering.sequence - self.sequence < HEADER_SCANS  # else a block has overtaken its header
         released = held if right else []
-        for scan, offset in released:
-            scan.stamp += round(self._sync.offset - offset)
         accounted = self._accounted + self._incomplete - incomplete + len(released) - next_complete
         self._assembler.count_lost(max(missing + 1 - accounted, 0))
-        return [scan for scan, _ in released]
+        return released
 
     def _count_lost(self, scans: int) -> None:
         self._assembler.count_lost(scans)

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from posfet_driver.bus.frame import ERROR, EXTENDED, Frame
-from posfet_driver.protocol.classic_scans import ClassicScans
+from posfet_driver.protocol.ascending_stamps import AscendingStamps
+from posfet_driver.protocol.classic_scans import ClassicScans, Held
 from posfet_driver.protocol.clock_sync import ClockSync, WallOffset
 from posfet_driver.protocol.fd_scans import FdScans
 from posfet_driver.protocol.messages import (
@@ -137,6 +138,7 @@ class Decoder:
         self._base = sensor.can.base_id
         self._fd = sensor.can.fd
         self._sync = ClockSync()
+        self._ascending = AscendingStamps()
         self._scan_boot: int | None = None
         self._previous_boot: int | None = None
         self._arrival = 0
@@ -174,17 +176,17 @@ class Decoder:
 
     @property
     def clock_uncertainty(self) -> float:
-        """Possible error of the clock offset by drift and unobservable steps [s]; NaN before the first frame."""
-        return self._sync.uncertainty / NANOSECONDS
+        """Possible error of a stamp by drift and steps of the clock, and by its order [s]; NaN before the first frame."""
+        return (self._sync.uncertainty + self._ascending.excess) / NANOSECONDS
 
     @property
     def scan_period(self) -> int:
         """Scan period that the board has announced [us]."""
-        return round(self._scans.period)
+        return round(self._scans.numbering.announced)
 
     def set_period(self, period: int) -> None:
         """Set the scan period that the board keeps [us]."""
-        self._scans.period = float(period)
+        self._scans.announce(float(period))
 
     def start(self) -> None:
         """Receive scans from now on, whatever their sequence: the board was started."""
@@ -229,6 +231,7 @@ class Decoder:
             if identifier == block and not kind & _NO_BLOCK:
                 if self.receiving and feed(kind, data, arrival):
                     self._complete()
+                    self._publish(self._fd_scans.time)
                     yield ready
             elif message := self._other(frame):
                 yield message
@@ -252,8 +255,8 @@ class Decoder:
                 self._complete()
                 if scans.doubtful:
                     scans.hold(self.scan.snapshot())
-                    self.scans -= 1
                 else:
+                    self._publish(scans.time)
                     yield ready
 
     def _complete(self) -> None:
@@ -266,7 +269,7 @@ class Decoder:
         if scans.clock.frozen:
             scan.device_time = 0
             scan.status |= _TIME_ESTIMATED
-        scan.stamp = self._sync.to_monotonic(time, self._arrival) + self._wall_offset.value
+        scan.stamp = self._sync.to_monotonic(time, self._arrival)
         if scans.numbering.restarted:
             scans.numbering.restarted = False
             scan.status |= _BOARD_RESET
@@ -274,14 +277,20 @@ class Decoder:
         if scans.numbering.boot != self._scan_boot:
             self._scan_boot = scans.numbering.boot
             self._note_boot(scans.numbering.boot)
-        self.scans += 1
 
-    def _recall(self, held: Scan) -> None:
+    def _recall(self, held: Held) -> None:
         """Make a scan that was held the newest one."""
-        scan = self.scan
-        scan.stamp, scan.sequence, scan.device_time = held.stamp, held.sequence, held.device_time
-        scan.status, scan.counts[:] = held.status, held.counts
+        scan, (earlier, device_time) = self.scan, held
+        scan.sequence, scan.device_time, scan.status = earlier.sequence, earlier.device_time, earlier.status
+        scan.counts[:] = earlier.counts
         scan.frames_lost = self.frames_lost
+        scan.stamp = device_time * 1000 + round(self._sync.offset)
+        self._publish(device_time)
+
+    def _publish(self, device_time: int) -> None:
+        """Stamp the newest scan, which was acquired at `device_time` [us], in the order of publication."""
+        stamp = self._ascending.stamp(self.scan.stamp, device_time, self._arrival)
+        self.scan.stamp = stamp + self._wall_offset.value
         self.scans += 1
 
     def _note_boot(self, boot: int) -> None:

@@ -36,13 +36,8 @@ class FdScans:
         self._boot = -1
         self._time = -1
 
-    @property
-    def period(self) -> float:
-        """Scan period [us], as announced by the board."""
-        return self.numbering.announced
-
-    @period.setter
-    def period(self, period: float) -> None:  # numpydoc ignore=GL08
+    def announce(self, period: float) -> None:
+        """Take a scan period that the board announces [us]."""
         self.numbering.announce(period)
 
     @property

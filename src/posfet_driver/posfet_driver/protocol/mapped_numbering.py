@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from posfet_driver.protocol.arrival_line import RATE_TOLERANCE, ArrivalLine
+from posfet_driver.protocol.ascending_stamps import AscendingStamps
 from posfet_driver.protocol.clock_sync import ClockSync
 from posfet_driver.protocol.device_clock import FROZEN_READINGS
 from posfet_driver.protocol.frame_tables import FrameTables
@@ -58,14 +59,15 @@ class MappedNumbering:
         self._span = max(self._counter_span, self._clock_span, period)  # a loss of this length leaves no trace
         self._line = ArrivalLine(period)
         self._clock = ClockSync()
+        self._ascending = AscendingStamps()
         self._counter = self._wire_time = self._ticks = 0
         self._surplus = 0.0  # periods that the board's time is ahead of the counted scans
         self._still = 0  # consecutive scans with the same time
 
     @property
     def clock_uncertainty(self) -> float:
-        """As that of ClockSync [ns]."""
-        return self._clock.uncertainty
+        """As that of ClockSync, and that by the order of stamps [ns]."""
+        return self._clock.uncertainty + self._ascending.excess
 
     def begin_batch(self, arrival: int, frames: int) -> None:
         """Begin a batch of frames.
@@ -137,10 +139,11 @@ class MappedNumbering:
         return True
 
     def stamp(self) -> int:
-        """Return the monotonic time of acquisition of the newest scan [ns]."""
+        """Return the monotonic time of acquisition of the newest scan [ns]; to be called once for each."""
+        arrival, time = self._line.arrival, round(self._line.time)
         if self._timed and not self.clock_frozen:
-            return self._clock.to_monotonic(self.device_time, self._line.arrival)
-        return round(self._line.time)
+            time = self._clock.to_monotonic(self.device_time, arrival)
+        return self._ascending.stamp(time, self.device_time, arrival)
 
     def _unwrapped(self, ahead: int, ticks: int) -> tuple[int, int]:
         """Return how far counter and time have advanced; whichever wraps later tells how often the other one has.
