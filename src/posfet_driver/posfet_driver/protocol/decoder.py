@@ -176,7 +176,7 @@ class Decoder:
 
     @property
     def clock_uncertainty(self) -> float:
-        """Possible error of a stamp by drift and steps of the clock, and by its order [s]; NaN before the first frame."""
+        """Possible error of a stamp by drift and steps of the clock, or its order [s]; NaN before the first frame."""
         return (self._sync.uncertainty + self._ascending.excess) / NANOSECONDS
 
     @property
