@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Final
@@ -271,11 +271,24 @@ class Section:
         """Raise ConfigError if a key has not been read."""
         if self._values:
             name = sorted(self._values)[0]
-            close = get_close_matches(name, self._known, n=1, cutoff=0.7)
-            meant = f"did you mean {close[0]}? " if close else ""
-            others = len(self._known) - MAX_KNOWN
-            known = ", ".join(list(self._known)[:MAX_KNOWN]) + (f" and {others} others" if others > 0 else "")
-            raise self.error(name, f"unknown key, {meant}known here are {known}")
+            raise self.error(name, f"unknown key, {known_instead(name, self._known)}")
+
+
+def known_instead(name: str, known: Iterable[str]) -> str:
+    """Return what an error says about a name that is not known: the most similar one, and a few of all.
+
+    Parameters
+    ----------
+    name : str
+        The name.
+    known : iterable of str
+        Names that are known.
+    """
+    names = list(known)
+    close = get_close_matches(name, names, n=1, cutoff=0.7)
+    meant = f"did you mean {close[0]}? " if close else ""
+    others = len(names) - MAX_KNOWN
+    return f"{meant}known here are {', '.join(names[:MAX_KNOWN])}" + (f" and {others} others" if others > 0 else "")
 
 
 def _reads_as_number(text: str) -> bool:
@@ -328,7 +341,7 @@ def write_text(path: str | Path, text: str) -> None:
         raise ConfigError(f"{one_line(str(path))}: cannot be written: {error.strerror}") from error
 
 
-def read_yaml(path: str | Path, limit: int = MAX_FILE) -> Section:
+def read_yaml(path: str | Path, limit: int = MAX_FILE, *, may_be_empty: bool = False) -> Section:
     """Return the top-level mapping of a YAML file.
 
     Parameters
@@ -337,6 +350,8 @@ def read_yaml(path: str | Path, limit: int = MAX_FILE) -> Section:
         Path of the file.
     limit : int, optional
         Largest size [byte].
+    may_be_empty : bool, default False
+        Whether a file without a key is a mapping without one; otherwise it is refused.
 
     Raises
     ------
@@ -348,7 +363,7 @@ def read_yaml(path: str | Path, limit: int = MAX_FILE) -> Section:
         value = parse(text)
     except YamlError as error:
         raise ConfigError(f"{one_line(str(path))}: is not valid YAML: {one_line(str(error))}") from error
-    return Section(str(path), "", value)
+    return Section(str(path), "", {} if value is None and may_be_empty else value)
 
 
 def find_file(name: str, folder: Path, kind: str) -> Path:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import os
 import sys
@@ -13,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from posfet_model._lib.shown import one_line
 from posfet_model._lib.types import Array, Mask
 from posfet_model.amplifier.follower_base import Follower
 from posfet_model.command_line import ignoring_broken_pipe, positive
@@ -58,7 +60,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _run(options: argparse.Namespace) -> None:
-    if options.file is None:
+    if not options.file:
         raise ConfigError("give the path of a design file, or the name of a shipped one (--list)")
     if (options.out is None) != (options.simulate is None):
         raise ConfigError("--simulate and --out must be given together")
@@ -66,6 +68,7 @@ def _run(options: argparse.Namespace) -> None:
         raise ConfigError(f"{'--linear' if options.linear else '--dt'} needs --simulate")
     if options.plot is not None and options.sweep is None:
         raise ConfigError("--plot needs --sweep")
+    _check_outputs(options)
     loaded = load_design(options.file)
     if options.netlist is not None:
         write_text(options.netlist, f"{loaded.design.netlist(_circuit_name(loaded.name))}\n")
@@ -84,6 +87,34 @@ def _run(options: argparse.Namespace) -> None:
         document["tolerance"], table = _tolerance(loaded, options)
         text += f"\n\n{table}"
     print(json.dumps(document, indent=2, allow_nan=False) if options.json else text)
+
+
+def _check_outputs(options: argparse.Namespace) -> None:
+    """Raise ConfigError for files that replace each other or cannot be written, before anything is computed."""
+    taken = {os.path.realpath(options.file): "design file"}
+    if options.simulate is not None:
+        taken[os.path.realpath(options.simulate)] = "input of --simulate"
+    for name in ("netlist", "out", "sweep", "plot", "tolerance"):
+        path = getattr(options, name)
+        if path is None:
+            continue
+        where = os.path.realpath(path)
+        if where in taken:
+            raise ConfigError(f"--{name}: {one_line(str(path))} is the {taken[where]}, too; give another name")
+        taken[where] = f"file of --{name}"
+        if os.path.isdir(where):
+            raise ConfigError(f"--{name}: {one_line(str(path))} is a folder; give the name of a file")
+        if not os.path.isdir(path.parent):
+            raise ConfigError(f"--{name}: {one_line(str(path))}: there is no such folder; make it first")
+    if options.plot is not None:
+        _plots().check_format(options.plot)
+
+
+def _plots() -> Any:
+    try:
+        return importlib.import_module("posfet_model.figures.design_sweep")
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"--plot: needs {error.name} (pip install matplotlib)") from None
 
 
 def _adjusted_text(adjusted: dict[str, float]) -> str:
@@ -125,9 +156,13 @@ def _followed(follower: Follower, signal: Signal) -> tuple[Array, Mask]:
 def _sweep(loaded: DesignFile, options: argparse.Namespace) -> tuple[dict[str, Any], str]:
     if loaded.sweep is None:
         raise ConfigError(f"{options.file}: sweep: missing, must be a range or a list of ranges for --sweep")
-    if options.jobs > 1 and not joblib_is_there():
+    jobs = options.jobs or os.cpu_count() or 1
+    if options.jobs and jobs > 1 and not joblib_is_there():
         print("posfet design: joblib is not installed, one process is used", file=sys.stderr)
-    result = run_sweep(loaded.design, loaded.sweep, options.jobs, _progress(loaded.sweep.designs))
+    try:
+        result = run_sweep(loaded.design, loaded.sweep, jobs, _progress(loaded.sweep.designs))
+    except ValueError as error:
+        raise ConfigError(f"{options.file}: sweep: {error}") from None
     write_text(options.sweep, result.csv())
     if options.plot is not None:
         _plot(result, options.plot)
@@ -136,11 +171,19 @@ def _sweep(loaded: DesignFile, options: argparse.Namespace) -> tuple[dict[str, A
     columns = {**result.fields, **result.figures}
     front = front[np.argsort(-result.figures["snr_db"][front], kind="stable")]
     best = [{key: float(columns[key][i]) for key in keys} for i in front]
-    document = {"designs": loaded.sweep.designs, "valid": int(result.valid.sum()), "pareto_front": best}
+    document = {
+        "designs": loaded.sweep.designs,
+        "valid": int(result.valid.sum()),
+        "reasons": result.reasons,
+        "pareto_front": best,
+    }
     lines = [
         f"{loaded.sweep.designs} designs, {document['valid']} valid, {len(best)} on the Pareto front of "
         f"{', '.join(OBJECTIVES)} (the most of the first two, the least of the others)"
     ]
+    lines += [f"  {count} not valid: {reason}" for reason, count in result.reasons.items()]
+    if not best:
+        return document, "\n".join(lines)
     width = [max(12, len(key)) for key in keys]
     lines.append("  ".join(f"{key:>{w}}" for key, w in zip(keys, width, strict=True)))
     for row in best[:FRONT_ROWS]:
@@ -152,17 +195,16 @@ def _sweep(loaded: DesignFile, options: argparse.Namespace) -> tuple[dict[str, A
 
 def _plot(result: SweepResult, path: Path) -> None:
     try:
-        from posfet_model.figures.design_sweep import save_front  # noqa: PLC0415  # needs matplotlib
-    except ModuleNotFoundError as error:
-        raise ConfigError(f"--plot: needs {error.name} (pip install matplotlib)") from None
-    try:
-        save_front(result, path)
+        _plots().save_front(result, path)
     except OSError as error:
         raise ConfigError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _tolerance(loaded: DesignFile, options: argparse.Namespace) -> tuple[dict[str, Any], str]:
-    result = run_tolerance(loaded.design, loaded.tolerance or Tolerance())
+    try:
+        result = run_tolerance(loaded.design, loaded.tolerance or Tolerance())
+    except ValueError as error:
+        raise ConfigError(f"{options.file}: tolerance: of a random sample, {error}; give a smaller spread") from None
     write_text(options.tolerance, result.csv())
     return _tolerance_document(result), _tolerance_text(result)
 
@@ -243,7 +285,6 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--jobs",
         type=_jobs,
-        default=max(1, os.cpu_count() or 1),
         metavar="N",
         help="processes of a sweep, where joblib is installed (default: processors)",
     )

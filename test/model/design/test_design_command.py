@@ -159,9 +159,46 @@ def test_a_plot_of_the_front_is_drawn(run: Any, tmp_path: Path) -> None:
     assert b"<svg" in first
     assert run(file, "--sweep", table, "--plot", plot)[0] == 0
     assert plot.read_bytes() == first
+    table.unlink()
     code, _, err = run(file, "--sweep", table, "--plot", tmp_path / "s.txt")
     assert code == 1
     assert err.endswith("the name of a plot must end in .svg, .png, .pdf\n")
+    assert not table.exists()  # said before anything is computed
+
+
+def test_a_sweep_without_a_valid_design_says_why(run: Any, tmp_path: Path) -> None:
+    file, table = tmp_path / "mine.yaml", tmp_path / "s.csv"
+    file.write_text("sweep: {field: supply, from: 0.6, to: 1, points: 3}\n", encoding="utf-8")
+    code, out, _ = run(file, "--sweep", table, "--jobs", 1)
+    assert code == 0
+    assert "3 designs, 0 valid" in out
+    assert out.splitlines()[-1].endswith("not valid: " + PosfetDesign(supply=0.6).reasons[-1])
+
+
+@pytest.mark.parametrize(
+    ("text", "option", "message"),
+    [
+        (
+            "sweep: {field: remnant_polarisation, from: 1 uC/cm2, to: 6 uC/cm2, points: 3}",
+            "--sweep",
+            "sweep: remnant_polarisation must be below saturation_polarisation",
+        ),
+        (
+            "tolerance: {samples: 200, spread: {remnant_polarisation: 60 %}}",
+            "--tolerance",
+            "tolerance: of a random sample, remnant_polarisation must be below saturation_polarisation",
+        ),
+    ],
+)
+def test_designs_that_contradict_themselves_are_said_with_the_key_of_the_file(
+    run: Any, tmp_path: Path, text: str, option: str, message: str
+) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(text, encoding="utf-8")
+    code, out, err = run(file, option, tmp_path / "x.csv")
+    assert (code, out) == (1, "")
+    assert err.startswith(f"posfet design: {file}: {message}")
+    assert err.count("\n") == 1
 
 
 def test_tolerances_are_printed_with_quantiles_and_yield(run: Any, tmp_path: Path) -> None:
@@ -190,7 +227,18 @@ def test_tolerances_are_printed_with_quantiles_and_yield(run: Any, tmp_path: Pat
         (["two_stage", "--linear"], "--linear needs --simulate"),
         (["two_stage", "--plot", "x.svg"], "--plot needs --sweep"),
         (["two_stage", "--sweep", "x.csv"], "two_stage: sweep: missing, must be a range or a list of ranges"),
-        (["two_stage", "--netlist", "/nowhere/x.cir"], "/nowhere/x.cir: cannot be written: "),
+        ([""], "give the path of a design file, or the name of a shipped one (--list)"),
+        (["two_stage", "--netlist", "/nowhere/x.cir"], "--netlist: /nowhere/x.cir: there is no such folder; make it"),
+        (["two_stage", "--tolerance", "/"], "--tolerance: / is a folder; give the name of a file"),
+        (
+            ["two_stage", "--simulate", "a.csv", "--out", "./a.csv"],
+            "--out: a.csv is the input of --simulate, too; give another name",
+        ),
+        (["a.yaml", "--netlist", "a.yaml"], "--netlist: a.yaml is the design file, too; give another name"),
+        (
+            ["two_stage", "--sweep", "a.csv", "--tolerance", "a.csv"],
+            "--tolerance: a.csv is the file of --sweep, too; give another name",
+        ),
         (["two_stage", "--simulate", "/nowhere/in.csv", "--out", "x.csv"], "/nowhere/in.csv: cannot be read: "),
     ],
 )

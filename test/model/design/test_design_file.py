@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,8 @@ from posfet_model.config import ConfigError
 from posfet_model.design import report
 from posfet_model.design.design_file import FOLDER, DesignFile, fields_table, load_design, shipped
 from posfet_model.design.posfet_design import PosfetDesign
-from posfet_model.design.tolerance import Tolerance
+from posfet_model.design.sweep import run_sweep
+from posfet_model.design.tolerance import Tolerance, run_tolerance
 from posfet_model.device.taxel_fields import FilmGeometry, plausible_fields
 from posfet_model.spice.circuits import CIRCUITS
 from posfet_model.spice.netlist import subcircuit
@@ -64,7 +66,11 @@ def test_numbers_are_in_si_or_have_a_unit(tmp_path: Path) -> None:
         ("film_thickness: thin", "film_thickness: must be a number, alone or with a unit of m, um,"),
         ("film_thickness: [1, 2]", "film_thickness: must be a number in m, or with a unit such as 2.5 um, got [1, 2]"),
         ("film_thickness: true", "film_thickness: must be a number in m, or with a unit such as 2.5 um, got True"),
-        ("film_thickness: .nan", "film_thickness: must be in (-inf, inf), got nan"),
+        ("film_thickness: .nan", "film_thickness: must be in [1e-08, 0.001] m, got nan"),
+        ("supply: .inf", "supply: must be in [0.5, 100] V, got inf"),
+        ("film_thickness:", "film_thickness: must be a number in m, or with a unit such as 2.5 um, got nothing"),
+        ("poling_voltages:", "poling_voltages: must be a list of at most 1000 voltages, got nothing"),
+        ("poling_voltages: [80, .inf]", "poling_voltages: must be of a magnitude in [0, 100000] V, got inf"),
         (
             "film_thicknes: 2.5 um",
             "film_thicknes: unknown key, did you mean film_thickness? known here are film_area, ",
@@ -111,6 +117,12 @@ def test_numbers_are_in_si_or_have_a_unit(tmp_path: Path) -> None:
         ),
         ("tolerance: {limits: {gain: {min: 1}}}", "tolerance.limits.gain: no such name 'gain', did you mean gain_db?"),
         ("tolerance: {limits: {gain_db: {least: 1}}}", "tolerance.limits.gain_db.least: unknown key"),
+        ("tolerance: {limits: {gain_db: 60}}", "tolerance.limits.gain_db: must be {min: ..., max: ...} or one of them"),
+        ("tolerance: {limits: {gain_db: {}}}", "tolerance.limits.gain_db: must be {min: ..., max: ...} or one of them"),
+        (
+            "tolerance: {limits: {gain_db: {min: 60, max: 50}}}",
+            "tolerance.limits.gain_db: must have a max above its min, got 50 and 60",
+        ),
         ("measured: 3", "measured: must be a mapping of keys to values, got 3"),
         (
             "measured: {gain_db: 42, gbw_hz: 1 MHz}",
@@ -240,3 +252,26 @@ def test_every_key_is_documented_with_default_unit_and_range() -> None:
     assert {row[0] for row in rows} == set(plausible_fields(PosfetDesign))
     for key, default, unit, span, meaning in rows:
         assert f"| `{key}` | {default} | {unit} | {span} | {meaning} |" in text, key
+
+
+def test_the_complete_example_of_the_document_has_every_key_and_is_of_the_default(tmp_path: Path) -> None:
+    example, tolerance = re.findall(r"```yaml\n(.*?)```", (DOCS / "design.md").read_text(encoding="utf-8"), re.DOTALL)
+    besides = {"stages", "film_geometry", "poling_voltages", "sweep", "tolerance"}
+    assert set(re.findall(r"^(\w+):", example, re.MULTILINE)) == set(plausible_fields(PosfetDesign)) | besides
+    loaded, default = load(tmp_path, example), PosfetDesign()
+    for name in plausible_fields(PosfetDesign):
+        assert getattr(loaded.design, name) == pytest.approx(getattr(default, name), rel=0.02), name
+    assert loaded.design.poled_fraction == pytest.approx(0.84, abs=0.005)
+    assert loaded.design.valid
+    assert loaded.sweep is not None
+    assert run_sweep(loaded.design, loaded.sweep).valid.any()
+    assert loaded.tolerance is not None
+    assert 0 < run_tolerance(loaded.design, loaded.tolerance).yielded <= 1
+    assert load(tmp_path, tolerance).tolerance is not None
+
+
+@pytest.mark.parametrize("text", ["", "# nothing yet\n", "---\n"])
+def test_an_empty_file_is_the_design_of_the_defaults(tmp_path: Path, text: str) -> None:
+    loaded = load(tmp_path, text)
+    assert all(getattr(loaded.design, name) == getattr(PosfetDesign(), name) for name in plausible_fields(PosfetDesign))
+    assert loaded.sweep is loaded.tolerance is None

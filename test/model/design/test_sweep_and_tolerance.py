@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections import Counter
 from types import SimpleNamespace
 from typing import Any
 
@@ -30,6 +31,14 @@ def test_a_sweep_gives_what_each_design_gives() -> None:
             np.testing.assert_allclose(result.figures[key][i], value, rtol=1e-9, err_msg=key)
     assert not result.valid[::2].any()
     assert not result.pareto[::2].any()
+    counted = Counter(reason for supply in (1.2, 5.0) for reason in _reasons_over_thickness(supply))
+    assert result.reasons == dict(counted)
+    assert list(result.reasons.values()) == sorted(result.reasons.values(), reverse=True)
+
+
+def _reasons_over_thickness(supply: float) -> list[str]:
+    designs = [PosfetDesign(film_thickness=thickness, supply=supply) for thickness in (1e-6, 2e-6, 4e-6)]
+    return [reason for design in designs for reason in design.reasons]
 
 
 def test_the_csv_has_a_row_for_each_design() -> None:

@@ -21,6 +21,10 @@ from posfet_model.device.physical_units import UNITS, Plausible
         ("1", "5 %", 0.05),
         ("V m", "10 mV um", 1e-8),
         ("F", "46.2 pF", 46.2e-12),
+        ("m2", "1 mm\N{SUPERSCRIPT TWO}", 1e-6),
+        ("m2", "1 mm^2", 1e-6),
+        ("ohm", "10 G\N{GREEK CAPITAL LETTER OMEGA}", 1e10),
+        ("Hz", "1.5 GHz", 1.5e9),
     ],
 )
 def test_a_text_with_a_unit_is_in_si(unit: str, text: str, value: float) -> None:
@@ -42,6 +46,14 @@ def test_every_unit_is_read_back() -> None:
 def test_a_temperature_in_degrees_celsius_is_recognised() -> None:
     with pytest.raises(ValueError, match=r"temperature must be in \[100, 500\] K, got 25; in degC it is 298.15 K"):
         Plausible("K", 100, 500).array("temperature", 25.0)
+
+
+@pytest.mark.parametrize("value", [float("inf"), float("-inf"), float("nan"), [1e-6, float("nan")]])
+def test_what_is_not_finite_is_refused_with_range_and_unit(value: float) -> None:
+    with pytest.raises(ValueError, match=r"^width must be in \[1e-08, 0.1\] m, got (inf|-inf|nan)$"):
+        Plausible("m", 1e-8, 0.1).array("width", value)
+    with pytest.raises(ValueError, match=r"^width must be in \(-inf, inf\) m, got "):
+        Plausible("m").array("width", value)
 
 
 def test_a_number_that_no_unit_explains_is_refused_without_a_guess() -> None:

@@ -57,6 +57,35 @@ def real_array(
         The value is not numeric, is complex, not finite or out of range. The message names the argument, its range and
         the first invalid value. A masked array is rejected too: its hidden values would be calculated with.
     """
+    array = real_values(name, value)
+    inside = (array > low) & (array < high) if exclusive else (array >= low) & (array <= high)
+    inside &= np.isfinite(array)
+    if not inside.all():
+        offender = array[~inside].flat[0] if array.ndim else array[()]
+        raise ValueError(f"{name} must be in {interval(low, high, exclusive)}, got {float(offender):g}")
+    return array
+
+
+def real_values(name: str, value: ArrayLike) -> FloatArray:
+    """Return `value` as a floating-point array, which may have values that are not finite.
+
+    Parameters
+    ----------
+    name : str
+        Name of the argument, for the error.
+    value : array_like
+        Value of the argument, any shape.
+
+    Returns
+    -------
+    ndarray
+        The value, float32 or float64.
+
+    Raises
+    ------
+    ValueError
+        The value is not numeric, is complex, or is masked.
+    """
     if _masked(value):
         raise ValueError(f"{name} must be without a mask, got a masked array; use .filled(value) or .compressed()")
     try:
@@ -65,14 +94,7 @@ def real_array(
         raise ValueError(f"{name} must be a whole array of real numbers, got {value!r:.60}") from None
     if array.dtype.kind not in "iuf":
         raise ValueError(f"{name} must be real numbers, got {value!r:.60} of type {array.dtype}")
-    if array.dtype != np.float32:
-        array = array.astype(np.float64, copy=False)
-    inside = (array > low) & (array < high) if exclusive else (array >= low) & (array <= high)
-    inside &= np.isfinite(array)
-    if not inside.all():
-        offender = array[~inside].flat[0] if array.ndim else array[()]
-        raise ValueError(f"{name} must be in {interval(low, high, exclusive)}, got {float(offender):g}")
-    return array
+    return array if array.dtype == np.float32 else array.astype(np.float64, copy=False)
 
 
 def _masked(value: object) -> bool:

@@ -6,12 +6,11 @@ import dataclasses
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Final
 
 from posfet_model._lib.shown import shown
-from posfet_model.config import ConfigError, Section, find_file, read_yaml
+from posfet_model.config import ConfigError, Section, find_file, known_instead, read_yaml
 from posfet_model.design import report
 from posfet_model.design.posfet_design import PosfetDesign
 from posfet_model.design.sweep import MAX_DESIGNS, MAX_POINTS, Axis, Sweep
@@ -70,20 +69,18 @@ def load_design(name: str) -> DesignFile:
         The file cannot be read or used; one line with file and key.
     """
     path = find_file(name, FOLDER, "design")
-    section = read_yaml(path)
+    section = read_yaml(path, may_be_empty=True)
     chosen: dict[str, Any] = {}
     for key, plausible in _FIELDS.items():
-        value = section.value(key, "a number", default=None)
-        if value is not None:
-            chosen[key] = read_number(section, key, plausible, value)
+        if key in section:
+            chosen[key] = read_number(section, key, plausible, section.value(key, "a number"))
     if "stages" in section:
         chosen["stages"] = section.whole("stages", 1, 2)
     if "film_geometry" in section:
         choices = [geometry.value for geometry in FilmGeometry]
         chosen["film_geometry"] = FilmGeometry(section.text("film_geometry", choices))
-    volts = section.value("poling_voltages", "a list of voltages", default=None)
-    if volts is not None:
-        chosen["poling_voltages"] = _poling(section, volts)
+    if "poling_voltages" in section:
+        chosen["poling_voltages"] = _poling(section, section.value("poling_voltages", "a list of voltages"))
     measured = _measured(section.section("measured")) if "measured" in section else None
     sweep = _sweep(section) if "sweep" in section else None
     tolerance = _tolerance(section.section("tolerance")) if "tolerance" in section else None
@@ -217,11 +214,7 @@ def _tolerance(section: Section) -> Tolerance:
         for key in named.names():
             if key not in report.KEYS:
                 raise unknown(named, key, key, report.KEYS)
-            ends = named.section(key)
-            low = ends.number("min") if "min" in ends else -math.inf
-            high = ends.number("max") if "max" in ends else math.inf
-            limits.append(Limit(key, low, high))
-            ends.end()
+            limits.append(_limit(named, key))
     usual = Tolerance()
     tolerance = Tolerance(
         samples=section.whole("samples", 1, MAX_SAMPLES, default=usual.samples),
@@ -235,6 +228,19 @@ def _tolerance(section: Section) -> Tolerance:
     )
     section.end()
     return tolerance
+
+
+def _limit(section: Section, key: str) -> Limit:
+    value = section.value(key, "")
+    if not isinstance(value, dict) or not value:
+        raise section.error(key, f"must be {{min: ..., max: ...}} or one of them, got {shown(value)}")
+    ends = Section(section.source, f"{section.key}.{key}", value)
+    low = ends.number("min") if "min" in ends else -math.inf
+    high = ends.number("max") if "max" in ends else math.inf
+    ends.end()
+    if low > high:
+        raise section.error(key, f"must have a max above its min, got {high:g} and {low:g}")
+    return Limit(key, low, high)
 
 
 def _mismatch(section: Section, key: str, plausible: Plausible, default: float) -> float:
@@ -255,7 +261,4 @@ def unknown(section: Section, key: str, name: str, known: Iterable[str]) -> Conf
     known : iterable of str
         Names that are known.
     """
-    names = list(known)
-    close = get_close_matches(name, names, n=1, cutoff=0.7)
-    meant = f"did you mean {close[0]}? " if close else ""
-    return section.error(key, f"no such name {shown(name)}, {meant}known are {', '.join(names)}")
+    return section.error(key, f"no such name {shown(name)}, {known_instead(name, known)}")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import importlib.util
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 
@@ -77,6 +78,8 @@ class SweepResult:
     """Figures of merit by key (`report.KEYS`)."""
     valid: Mask
     """Which designs are valid."""
+    reasons: dict[str, int]
+    """Number of designs that are not valid for each reason, the most frequent first; one may have several."""
     pareto: Mask
     """Which valid designs no other valid design beats in one of `OBJECTIVES` without being worse in another."""
 
@@ -119,14 +122,15 @@ def run_sweep(
     for begin in range(0, sweep.designs, CHUNK):
         part: dict[str, Any] = {name: value[begin : begin + CHUNK] for name, value in fields.items()}
         chunks.append(dataclasses.replace(design, **part))
-    parts, done = [], 0
+    parts, done, reasons = [], 0, Counter[str]()
     for computed in _computed(chunks, jobs):
         parts.append(computed)
+        reasons.update(computed[2])
         done += len(computed[1])
         progress(done)
     figures = {key: np.concatenate([one[0][key] for one in parts]) for key in report.KEYS}
     valid = np.concatenate([one[1] for one in parts])
-    return SweepResult(fields, figures, valid, _best(figures, valid))
+    return SweepResult(fields, figures, valid, dict(reasons.most_common()), _best(figures, valid))
 
 
 def joblib_is_there() -> bool:
@@ -165,12 +169,18 @@ def _best(figures: dict[str, FloatArray], valid: Mask) -> Mask:
     return best
 
 
-def _chunk(design: PosfetDesign) -> tuple[dict[str, FloatArray], Mask]:
+_Chunk: TypeAlias = "tuple[dict[str, FloatArray], Mask, dict[str, int]]"
+"""Figures and validity of designs, and how many are not valid for each reason."""
+
+
+def _chunk(design: PosfetDesign) -> _Chunk:
     figures: dict[str, FloatArray] = {key: np.array(value) for key, value in report.values(design).items()}
-    return figures, np.array(design.valid)
+    masks = ((reason, np.broadcast_to(mask, design.shape)) for reason, mask in design.validity.findings.items())
+    reasons = {reason: int(np.count_nonzero(mask)) for reason, mask in masks if np.any(mask)}
+    return figures, np.array(design.valid), reasons
 
 
-def _computed(chunks: list[PosfetDesign], jobs: int) -> Iterator[tuple[dict[str, FloatArray], Mask]]:
+def _computed(chunks: list[PosfetDesign], jobs: int) -> Iterator[_Chunk]:
     if jobs == 1 or len(chunks) == 1 or not joblib_is_there():
         yield from map(_chunk, chunks)
         return

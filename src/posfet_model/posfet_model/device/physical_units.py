@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from posfet_model._lib.types import FloatArray
-from posfet_model._lib.validation import interval, real_array
+from posfet_model._lib.validation import interval, real_values
 
 UNITS: Final[dict[str, dict[str, float]]] = {
     "m": {"um": 1e-6, "nm": 1e-9, "mm": 1e-3, "cm": 1e-2},
@@ -29,7 +29,7 @@ UNITS: Final[dict[str, dict[str, float]]] = {
     "C/N": {"pC/N": 1e-12, "nC/N": 1e-9},
     "C/(m2 K)": {"uC/(m2 K)": 1e-6, "uC/m2K": 1e-6, "nC/(cm2 K)": 1e-5},
     "m2/(V s)": {"cm2/(V s)": 1e-4, "cm2/Vs": 1e-4},
-    "Hz": {"kHz": 1e3, "MHz": 1e6, "mHz": 1e-3},
+    "Hz": {"kHz": 1e3, "MHz": 1e6, "GHz": 1e9, "mHz": 1e-3},
     "K": {},
     "N": {"mN": 1e-3, "kN": 1e3},
     "1/V": {"1/mV": 1e3},
@@ -42,6 +42,18 @@ UNITS: Final[dict[str, dict[str, float]]] = {
     "1": {"%": 1e-2},
 }
 """Units of each SI unit that are understood, the likeliest first, with their size in SI."""
+
+_AS_TYPED: Final = str.maketrans(
+    {
+        "\N{MICRO SIGN}": "u",
+        "\N{GREEK SMALL LETTER MU}": "u",
+        "\N{GREEK CAPITAL LETTER OMEGA}": "ohm",
+        "\N{OHM SIGN}": "ohm",
+        "\N{SUPERSCRIPT TWO}": "2",
+        "^": "",
+    }
+)
+"""Characters of units in other spellings."""
 
 _TEXT: Final = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*")
 
@@ -80,9 +92,9 @@ class Plausible:
             The value is not real, not finite, or not plausible in its SI unit; one line that names the unit, and the
             unit that the number is plausible in.
         """
-        array = real_array(name, value).astype(np.float64, copy=False)
+        array = real_values(name, value).astype(np.float64, copy=False)
         size = np.abs(array) if self.signed else array
-        wrong = ~((size >= self.low) & (size <= self.high))
+        wrong = ~(np.isfinite(array) & (size >= self.low) & (size <= self.high))
         if wrong.any():
             raise ValueError(f"{name} {self.complaint(float(array[wrong].flat[0] if array.ndim else array))}")
         return array
@@ -134,7 +146,7 @@ class Plausible:
         """
         known = {self.unit: 1.0, **UNITS[self.unit]}
         match = _TEXT.fullmatch(text)
-        unit = match[2].replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u") if match else ""
+        unit = match[2].translate(_AS_TYPED) if match else ""
         if match is None or (unit and unit not in known):
             units = ", ".join(known) if self.unit != "1" else "%"
             raise ValueError(f"must be a number, alone or with a unit of {units}, got '{text:.40}'")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from posfet_model.design.sweep import SweepResult
 from posfet_model.figures.style import BLUE, GREY, VERMILION, new_figure, style
+
+_METADATA: Final = {".svg": {"Date": None, "Creator": None}, ".png": {"Software": None}, ".pdf": {"CreationDate": None}}
 
 
 def front_figure(result: SweepResult) -> Figure:
@@ -57,6 +59,12 @@ def front_figure(result: SweepResult) -> Figure:
     return figure
 
 
+def check_format(path: Path) -> None:
+    """Raise ValueError unless the name of a plot ends in .svg, .png or .pdf."""
+    if path.suffix not in _METADATA:
+        raise ValueError(f"{path}: the name of a plot must end in {', '.join(_METADATA)}")
+
+
 def save_front(result: SweepResult, path: Path) -> None:
     """Draw a sweep and write it, in the format of the path's suffix.
 
@@ -74,8 +82,6 @@ def save_front(result: SweepResult, path: Path) -> None:
     OSError
         The file cannot be written.
     """
-    metadata = {".svg": {"Date": None, "Creator": None}, ".png": {"Software": None}, ".pdf": {"CreationDate": None}}
-    if path.suffix not in metadata:
-        raise ValueError(f"{path}: the name of a plot must end in {', '.join(metadata)}")
+    check_format(path)
     with style():
-        front_figure(result).savefig(path, dpi=200, metadata=metadata[path.suffix])
+        front_figure(result).savefig(path, dpi=200, metadata=_METADATA[path.suffix])
