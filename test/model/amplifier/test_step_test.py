@@ -7,7 +7,7 @@ import pytest
 
 from posfet_model.amplifier.circuit import AmplifierCircuit
 from posfet_model.amplifier.operating_point import CIRCUIT_B, TABLE_II
-from posfet_model.amplifier.step_test import step_test
+from posfet_model.amplifier.step_test import slew_rates, step_test
 from posfet_model.amplifier.transient_follower import CircuitFollower
 from posfet_model.spice.circuits import CIRCUITS
 from support.sweep import assert_refused
@@ -50,8 +50,24 @@ def test_a_large_step_slews() -> None:
     assert falling == pytest.approx(float(follower.figures.falling_slew_rate), rel=0.2)
 
 
+@pytest.mark.parametrize(
+    ("name", "rise", "fall"),  # of ngspice, on the same step, in V/us
+    [
+        ("two_stage", 4.7925, 3.4243),
+        ("two_stage_100pf", 4.7098, 1.6148),
+        ("two_stage_59db_300khz", 0.4353, 0.3024),
+        ("one_stage", 3.3368, 3.1048),
+        ("one_stage_60db_1pf", 1.5169, 1.4885),
+        ("one_stage_300khz_300pf", 0.9231, 0.2818),
+    ],
+)
+def test_the_slew_rates_are_those_of_ngspice(name: str, rise: float, fall: float) -> None:
+    assert slew_rates(of_circuit(name)) == pytest.approx((rise * 1e6, fall * 1e6), rel=1e-3)
+
+
 def test_an_unstable_follower_has_none() -> None:
     found = step_test(of_circuit("two_stage_no_rz_unstable"))
+    assert all(math.isnan(rate) for rate in slew_rates(of_circuit("two_stage_no_rz_unstable")))
     assert math.isnan(found.overshoot) and found.settling_time == math.inf
 
 
@@ -68,3 +84,7 @@ def test_what_is_refused() -> None:
     assert_refused(step_test, {**good, "start": 30.0}, "start")
     many = CircuitFollower(circuit=AmplifierCircuit.stack([AmplifierCircuit.from_design()] * 2))
     assert_refused(step_test, {**good, "follower": many}, "follower")
+    good = {"follower": of_circuit("two_stage"), "low": -0.5, "high": 1.5}
+    assert_refused(slew_rates, {**good, "low": 1.5}, "low")
+    assert_refused(slew_rates, {**good, "high": 30.0}, "high")
+    assert_refused(slew_rates, {**good, "follower": many}, "follower")

@@ -47,10 +47,13 @@ def test_json_has_the_promised_keys_and_null_for_what_is_unknown(run: Any) -> No
     assert all(isinstance(document[key], float) for key in promised)
     assert document["stable"] is document["valid"] is True
     assert document["reasons"] == []
+    # Of ngspice on the same step; the hand formulas give 4.49 and 2.88 V/us.
+    assert document["slew_v_per_s"] == pytest.approx(4.7925e6, rel=1e-3)
+    assert document["falling_slew_v_per_s"] == pytest.approx(3.4243e6, rel=1e-3)
     assert document["gain_db"] == pytest.approx(42.4, abs=0.2)
     unstable = json.loads(run("two_stage_no_rz_unstable", "--json")[1])
     assert unstable["stable"] is unstable["valid"] is False
-    assert unstable["settling_time_s"] is unstable["overshoot_pct"] is None
+    assert unstable["settling_time_s"] is unstable["overshoot_pct"] is unstable["slew_v_per_s"] is None
     assert unstable["reasons"][0].startswith("unstable")
 
 

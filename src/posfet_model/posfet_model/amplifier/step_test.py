@@ -6,7 +6,7 @@ and the overshoot is up to a quarter less than the linear one of `circuit_figure
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -18,10 +18,19 @@ from posfet_model.amplifier.transient_follower import CircuitFollower
 EDGE: Final = 0.015
 """Duration of the step's edge, in periods of the unity crossing."""
 
+SLEWING_STEP: Final = (-0.5, 1.5)
+"""Ends of the step on which the slew rates are measured [V]."""
+
 SETTLED: Final = 0.01
 """Deviation from the final value, as a fraction of the step, at which it has settled."""
 
 _SAMPLES: Final = 300
+_SLEWING_SAMPLES: Final = 150
+_SLEWING_TOLERANCE: Final = 5e-4  # of the step; a slope needs less accuracy than an overshoot
+_SLEWING: Final = 1.4  # longest time of slewing, in that of the hand formula
+_BAND: Final = 0.2  # of a step, over which a slope is a slew rate
+_PER_BAND: Final = 20
+_SHARES: Final = np.linspace(0.2, 0.8, 3 * _PER_BAND + 1)
 _LONGEST: Final = 40.0  # periods of the unity crossing, beside the time of slewing
 
 
@@ -80,6 +89,59 @@ def step_test(follower: CircuitFollower, volts: float = 0.05, start: float = 0.0
         settling_time=float(time[min(outside[-1] + 1, _SAMPLES)]) if outside[-1] < _SAMPLES else np.inf,
         slope=0.6 * abs(final - float(out[0])) / (_first(time, rise, 0.8) - _first(time, rise, 0.2)),
     )
+
+
+def slew_rates(
+    follower: CircuitFollower, low: float = SLEWING_STEP[0], high: float = SLEWING_STEP[1]
+) -> tuple[float, float]:
+    """Return the slew rates of a large step up and of the same step down, by integration.
+
+    The steepest mean slope over a fifth of the step, between 20 and 80 % of it: neither what capacitances pass on at
+    the input's edge, nor the end, where the input pair conducts on both sides again.
+
+    Parameters
+    ----------
+    follower : CircuitFollower
+        A single follower.
+    low, high : float
+        Ends of the step [V], within +-20; -0.5 and 1.5 V by default.
+
+    Returns
+    -------
+    tuple of float
+        Rise and fall [V/s], positive; NaN where the follower is unstable or has no operating point.
+
+    Raises
+    ------
+    ValueError
+        An argument is not real, not finite or out of range, or the follower is an array.
+    """
+    follower = instance("follower", follower, CircuitFollower)
+    low = real_number("low", low, -20, 20)
+    high = real_number("high", high, -20, 20)
+    if follower.circuit.shape or not low < high:
+        raise ValueError("follower must be a single one, and low must be below high")
+    figures = follower.figures
+    period = 1 / float(figures.gain_bandwidth)
+    slew_rate = float(np.minimum(figures.slew_rate, figures.falling_slew_rate))
+    if not (figures.stable and np.isfinite(period) and slew_rate > 0):
+        return np.nan, np.nan
+    edge, window = EDGE * period, _SLEWING * (high - low) / slew_rate + period
+    time = np.r_[0.0, edge + window * np.linspace(0, 1, _SLEWING_SAMPLES) ** 2]  # for a rise far faster than the fall
+    up = low + (high - low) * np.minimum(time / edge, 1.0)
+    coarse = replace(follower, tolerance=max(follower.tolerance, _SLEWING_TOLERANCE * (high - low)))
+    out = coarse.run(time, np.stack([up, low + high - up], axis=-1)).v_out
+    swing = out[0, ::-1] - out[0]
+    rise, fall = (out - out[0]).T / swing[:, None] if np.isfinite(swing).all() else np.zeros((2, time.size))
+    return _steepest(time, rise) * abs(float(swing[0])), _steepest(time, fall) * abs(float(swing[1]))
+
+
+def _steepest(time: Array, rise: Array) -> float:
+    """Return the steepest mean slope over a fifth of a step, between 20 and 80 % of it, as shares of it [1/s]."""
+    if not rise.max() >= _SHARES[-1]:
+        return np.nan
+    instants = np.array([_first(time, rise, share) for share in _SHARES])
+    return float(_BAND / (instants[_PER_BAND:] - instants[:-_PER_BAND]).min())
 
 
 def _first(time: Array, rise: Array, share: float) -> float:

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from posfet_model._lib.types import FloatArray
-from posfet_model.amplifier.step_test import step_test
+from posfet_model.amplifier.step_test import SLEWING_STEP, slew_rates, step_test
 from posfet_model.design.posfet_design import PosfetDesign
 from posfet_model.device.transistor import Plane
 
@@ -67,8 +67,15 @@ FIGURES: Final = (
     Figure("settling_time_s", "s", "time to 1 % of a small step", lambda d: d.amplifier.settling_time),
     Figure("follower_gain", "V/V", "gain of the follower", lambda d: d.amplifier.follower_gain),
     Figure("bandwidth_hz", "Hz", "-3 dB frequency of the follower", lambda d: d.amplifier.bandwidth),
-    Figure("slew_v_per_s", "V/s", "slew rate of a rise", lambda d: d.amplifier.slew_rate),
-    Figure("falling_slew_v_per_s", "V/s", "slew rate of a fall", lambda d: d.amplifier.falling_slew_rate),
+    Figure(
+        "slew_v_per_s",
+        "V/s",
+        "slew rate of a rise: in the report of 2 V, in sweeps by a hand formula",
+        lambda d: d.amplifier.slew_rate,
+    ),
+    Figure(
+        "falling_slew_v_per_s", "V/s", "slew rate of a fall, as that of a rise", lambda d: d.amplifier.falling_slew_rate
+    ),
     Figure("offset_v", "V", "systematic offset, without mismatch", lambda d: d.amplifier.offset),
     Figure(
         "cmrr_db",
@@ -128,12 +135,21 @@ def values(design: PosfetDesign, keys: Iterable[str] = KEYS) -> dict[str, FloatA
 
 
 def _of_single(design: PosfetDesign) -> dict[str, float]:
-    """Return the figures of a single design; its overshoot is that of 50 mV, which takes an integration."""
+    """Return the figures of a single design; overshoot and slew rates are those of steps, by integration."""
     numbers = {key: float(value) for key, value in values(design).items()}
-    if not math.isnan(numbers["overshoot_pct"]):
-        with np.errstate(divide="ignore", invalid="ignore"):  # transistors in cut-off
+    with np.errstate(divide="ignore", invalid="ignore"):  # transistors in cut-off
+        if not math.isnan(numbers["overshoot_pct"]):
             numbers["overshoot_pct"] = 100 * step_test(design.follower()).overshoot
+        numbers["slew_v_per_s"], numbers["falling_slew_v_per_s"] = _slew_rates(design, numbers)
     return numbers
+
+
+def _slew_rates(design: PosfetDesign, numbers: dict[str, float]) -> tuple[float, float]:
+    """Return rise and fall [V/s] of a step within the input's range; NaN where there is none."""
+    low, high = max(SLEWING_STEP[0], numbers["lowest_input_v"]), min(SLEWING_STEP[1], numbers["highest_input_v"])
+    if not (numbers["lowest_input_v"] < 0 < numbers["highest_input_v"]):
+        return math.nan, math.nan
+    return slew_rates(design.follower(), low, high)
 
 
 def as_json(design: PosfetDesign) -> dict[str, Any]:
