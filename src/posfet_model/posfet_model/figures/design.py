@@ -25,6 +25,9 @@ from posfet_model.figures.style import (
     new_figure,
 )
 
+SATURATING: Final = 400.0
+"""Poling voltage that leaves the default film, saturated in the other panels, at 99.9 % of Pr [V]."""
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -35,7 +38,7 @@ class Parameter:
     values: Array
     """Values along the axis, in its unit."""
     default: float
-    """Value of the paper, in the unit of the axis."""
+    """Value of the default design, in the unit of the axis."""
     shown: tuple[float, ...]
     """Values of the I-V curves, in the unit of the axis."""
     design: Callable[[Any], PosfetDesign]
@@ -66,9 +69,9 @@ PARAMETERS: Final = (
     ),
     Parameter(
         "poling voltage [V]",
-        np.linspace(10, 250, 41),
-        160.0,
-        (0.0, 80.0, 160.0),
+        np.linspace(10, 440, 44),
+        SATURATING,
+        (0.0, 120.0, SATURATING),
         lambda volts: PosfetDesign(poling_voltages=(volts,)),
     ),
 )
@@ -78,7 +81,7 @@ def film_design() -> Figure:
     """Draw sensitivity, noise, smallest force and leakage time constant against the film and its poling."""
     figure, panels = new_figure(8.4, rows=len(_ROWS), columns=len(PARAMETERS))
     for column, parameter in enumerate(PARAMETERS):
-        x, designs, one = parameter.values, parameter.design(parameter.values), parameter.design(parameter.default)
+        x, designs, one = parameter.values, parameter.design(parameter.values), PosfetDesign()
         for axes, (name, (limits, ticks, values)) in zip(panels[column :: len(PARAMETERS)], _ROWS.items(), strict=True):
             if name.startswith("noise"):
                 for source, (colour, dashes) in _SOURCES.items():
@@ -131,8 +134,12 @@ _TICKS: Final = {
     "film thickness [µm]": (1, 3, 10),
     "film area [mm²]": (0.1, 1, 10),
     "permittivity [1]": (5, 10, 20, 50),
-    "poling voltage [V]": (50, 150, 250),
+    "poling voltage [V]": (100, 200, 400),
 }
+
+
+_STATES: Final = {0.0: ", virgin film", SATURATING: ", saturated film"}
+"""States of the film by its poling voltage [V]."""
 
 
 def iv_design() -> Figure:
@@ -141,18 +148,19 @@ def iv_design() -> Figure:
     gate = np.linspace(0, 3, 151)
     for axes, parameter in zip(panels, PARAMETERS, strict=True):
         quantity, unit = parameter.name.rstrip("]").split(" [")
-        for value, (colour, dashes) in zip(
-            parameter.shown, ((VERMILION, DASHED), (BLUE, SOLID), (GREEN, DASH_DOT)), strict=True
-        ):
+        others = iter(((VERMILION, DASHED), (GREEN, DASH_DOT)))
+        for value in parameter.shown:
+            colour, dashes = (BLUE, SOLID) if value == parameter.default else next(others)
             current = 1e3 * parameter.design(value).drain_current(gate, 5.0)
-            text = f"{value:g}" if unit == "1" else f"{value:g} {unit}" + ("" if value else ", virgin film")
+            state = _STATES.get(value, "") if "poling" in quantity else ""
+            text = f"{value:g}" if unit == "1" else f"{value:g} {unit}{state}"
             axes.plot(gate, current, color=colour, linestyle=dashes, label=text)
         axes.legend(loc="upper left", frameon=False, fontsize=8)
-        axes.set(title=quantity, xlim=(0, 3), ylim=(0, 45))
+        axes.set(title=f"{quantity}, $V_{{ds}}$ = 5 V", xlim=(0, 3), ylim=(0, 45))
     for axes in panels[2:]:
         axes.set_xlabel("gate voltage $V_{gs}$ [V]")
     for axes in panels[::2]:
-        axes.set_ylabel("$I_d$ at $V_{ds}$ = 5 V [mA]")
+        axes.set_ylabel("drain current $I_d$ [mA]")
     return figure
 
 
