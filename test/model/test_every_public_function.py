@@ -196,6 +196,7 @@ GOOD: dict[str, dict[str, Any]] = {
     "ngspice.run_follower_ac": {"circuit": "", "lowest": 1.0, "highest": 1e8, "per_decade": 50},
     "ngspice.run_open_loop_ac": {"circuit": "", "lowest": 1.0, "highest": 1e8, "per_decade": 50},
     "ngspice.run_loop_gain": {"circuit": "", "lowest": 1.0, "highest": 1e8, "per_decade": 50},
+    "ngspice.run_double_injection": {"circuit": "", "lowest": 1.0, "highest": 1e8, "per_decade": 50},
     "ngspice.run_operating_point": {"circuit": "", "quantities": ["v(out)"]},
     "ngspice.closed_loop": {"response": SmallSignal(np.array([1.0, 2.0]), np.array([1 + 0j, 0.1]))},
     "ngspice.read_raw": {"content": b"", "complex_values": False},

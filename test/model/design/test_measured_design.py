@@ -23,8 +23,8 @@ from support.sweep import assert_refused
 )
 def test_the_adjusted_follower_is_the_measured_circuit_in_ngspice(nominal: str, real: str) -> None:
     record = recorded(real)
-    seen = record.open_loop
-    design = load_design(nominal).design.with_measured(seen.gain, seen.unity_crossing, seen.phase_margin)
+    seen = record.exact_loop
+    design = load_design(nominal).design.with_measured(record.open_loop.gain, seen.unity_crossing, seen.phase_margin)
     exact = load_design(real).design
     for field in ("compensation", "load_capacitance"):
         assert getattr(design, field) == pytest.approx(getattr(exact, field), rel=0.02)

@@ -47,9 +47,10 @@ def test_the_film_on_a_square_millimetre_against_what_the_paper_does() -> None:
 @pytest.mark.skipif(not ngspice.available(), reason="needs ngspice")
 def test_the_report_is_that_of_ngspice_for_the_exported_netlist() -> None:
     for design in (DESIGN, PosfetDesign(stages=1, load_capacitance=100e-12, load_resistance=1e12)):
-        response = ngspice.run_open_loop_ac(design.netlist(), 1.0, 1e9, 20)
+        held = ngspice.run_open_loop_ac(design.netlist(), 1.0, 10.0, 1)
+        assert design.amplifier.gain_db == pytest.approx(20 * math.log10(abs(held.transfer[0])), abs=0.01)
+        response = ngspice.run_double_injection(design.netlist(), 1.0, 1e9, 20)
         gain = np.abs(response.transfer)
-        assert design.amplifier.gain_db == pytest.approx(20 * math.log10(gain[0]), abs=0.01)
         crossing = math.exp(np.interp(0, -np.log(gain), np.log(response.frequency)))
         assert design.amplifier.gain_bandwidth == pytest.approx(crossing, rel=1e-3)
         phase = np.unwrap(np.angle(response.transfer))
@@ -74,11 +75,6 @@ def test_the_operating_point_by_hand() -> None:
     assert amplifier.input_transconductance == pytest.approx(tail / amplifier.overdrive, rel=5e-3)
     load_overdrive = math.sqrt(tail / (0.0283 * COX * 160 / 12 * (1 + 0.1 * 1.9)))
     assert amplifier.load_transconductance == pytest.approx(tail / load_overdrive, rel=0.02)
-    # Common mode: the tail's conductance, halved by the mirror's gm; against the gain of the first stage.
-    conductance = 0.1 * tail / (1 + 0.1 * tail_voltage)
-    first = figures_of_merit(DESIGN.circuit().bias, DESIGN.circuit().design).first_gain
-    rejection = first * 2 * amplifier.load_transconductance / conductance
-    assert amplifier.common_mode_rejection == pytest.approx(rejection, rel=5e-3)
     current = 200e-6 + tail + float(amplifier.output_current)
     assert DESIGN.power == pytest.approx(10 * current, rel=1e-12)
 

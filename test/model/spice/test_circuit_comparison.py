@@ -53,7 +53,7 @@ def record_of(model: CircuitModel) -> Record:
     for name, what in stimuli(CIRCUITS["one_stage"], time_scale(loop)).items():
         time, volts = what.resolved(4001)
         runs[name] = RecordedRun(time, model.follower.run(time, volts).v_out, 0.0)
-    return replace(recorded("one_stage"), loop=loop, runs=runs)
+    return replace(recorded("one_stage"), loop=loop, exact_loop=loop, runs=runs)
 
 
 def brief(name: str, *runs: str) -> Record:
@@ -94,7 +94,7 @@ def test_a_wrong_bandwidth_misses_and_the_numbers_are_right(monkeypatch: pytest.
 def test_an_unstable_circuit_must_be_named_so_and_never_be_valid(monkeypatch: pytest.MonkeyPatch) -> None:
     names = tuple(record_of(one_pole()).runs)
     loop = LoopMeasurement(GAIN, CROSSING / GAIN, CROSSING, -5.0)
-    unstable = replace(recorded("one_stage"), loop=loop, runs={}, unstable=names)
+    unstable = replace(recorded("one_stage"), loop=loop, exact_loop=loop, runs={}, unstable=names)
     monkeypatch.setattr(circuit_comparison, "WAYS", {"sizes": lambda circuit, record: one_pole()})
     found = compare(CIRCUITS["one_stage"], unstable, "sizes")
     assert found.runs == ()

@@ -60,7 +60,7 @@ def calibrate_circuit(
 
     >>> from posfet_model.amplifier.calibration import calibrate_circuit
     >>> from posfet_model.amplifier.circuit import AmplifierCircuit
-    >>> found = calibrate_circuit(AmplifierCircuit.from_design(), 130.16, 1.0111e6, 53.77)
+    >>> found = calibrate_circuit(AmplifierCircuit.from_design(), 130.16, 1.0084e6, 53.65)
     >>> print(f"{found.load_capacitance * 1e12:.0f} pF")
     100 pF
     """

@@ -73,6 +73,66 @@ class TransferFunction:
         return np.asarray((self.direct + (self.residues / self.rates * growth).sum(axis=-1)).real)
 
 
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Eigenvectors of ``C^-1*G``, of which every transfer function of the circuit is made; unchecked."""
+
+    linear: Matrices
+    """The linearised circuit."""
+    rates: NDArray[np.complex128]
+    """Eigenvalues [1/s], shape [..., n], slowest first."""
+    vectors: NDArray[np.complex128]
+    """Eigenvectors as columns, shape [..., n, n]."""
+
+    @classmethod
+    def of(cls, linear: Matrices) -> Modes:
+        """Return the modes of a linearised circuit; unchecked."""
+        rates, vectors = np.linalg.eig(np.linalg.solve(linear.capacitance, linear.conductance))
+        order = np.argsort(np.abs(rates), axis=-1)
+        return cls(
+            linear,
+            np.take_along_axis(rates, order, -1).astype(np.complex128),
+            np.take_along_axis(vectors, order[..., None, :], -1).astype(np.complex128),
+        )
+
+    def driven(self, conductance: Array, capacitance: Array) -> tuple[NDArray[np.complex128], Array]:
+        """Return the residues of the modes [1/s], and the nodes at infinite frequency, per volt of an input; unchecked.
+
+        Parameters
+        ----------
+        conductance, capacitance : ndarray
+            Columns of the input [S], [F], shape [..., n].
+
+        Returns
+        -------
+        tuple of ndarray
+            Both of shape [..., n].
+        """
+        columns = np.linalg.solve(self.linear.capacitance, np.stack([conductance, capacitance], axis=-1))
+        parts = np.linalg.solve(self.vectors, columns.astype(np.complex128))
+        return np.asarray(self.rates * parts[..., 1] - parts[..., 0]), np.asarray(-columns[..., 1])
+
+    def transfer(self, conductance: Array, capacitance: Array, output: int) -> TransferFunction:
+        """Return the transfer function from an input to a node; unchecked.
+
+        Parameters
+        ----------
+        conductance, capacitance : ndarray
+            Columns of the input [S], [F], shape [..., n].
+        output : int
+            Index of the node.
+
+        Returns
+        -------
+        TransferFunction
+            Its poles and residues.
+        """
+        residues, direct = self.driven(conductance, capacitance)
+        return TransferFunction(
+            direct[..., output].astype(np.complex128), self.vectors[..., output, :] * residues, self.rates
+        )
+
+
 def transfer_function(linear: Matrices, output: int) -> TransferFunction:
     """Return the transfer function from the input to a node; unchecked.
 
@@ -88,35 +148,96 @@ def transfer_function(linear: Matrices, output: int) -> TransferFunction:
     TransferFunction
         Its poles and residues.
     """
-    inputs = np.stack([linear.input_conductance, linear.input_capacitance], axis=-1)
-    solved = np.linalg.solve(linear.capacitance, np.concatenate([linear.conductance, inputs], axis=-1))
-    n = linear.conductance.shape[-1]
-    rates, vectors = np.linalg.eig(solved[..., :n])
-    drive = np.linalg.solve(vectors, solved[..., n:].astype(np.complex128))
-    seen = vectors[..., output, :]
-    residues = -seen * (drive[..., 0] - rates * drive[..., 1])
-    order = np.argsort(np.abs(rates), axis=-1)
-    return TransferFunction(
-        direct=np.asarray(-solved[..., output, n + 1], np.complex128),
-        residues=np.take_along_axis(residues, order, -1).astype(np.complex128),
-        rates=np.take_along_axis(rates, order, -1).astype(np.complex128),
+    return Modes.of(linear).transfer(linear.input_conductance, linear.input_capacitance, output)
+
+
+@dataclass(frozen=True, eq=False)
+class LoopGain:
+    """Loop gain T of a follower, as ``1/(1 + T)``: the share of a disturbance in the loop that remains.
+
+    The loop is cut between the output and the inverting input without a change of either's load, with the voltage and
+    the current there in turn: R. D. Middlebrook, Int. J. Electronics 38 (1975) 485, doi:10.1080/00207217508920421,
+    ``1/(1 + T) = 1/(1 + Tv) + 1/(1 + Ti)``. Both terms are responses of the closed loop, and so is their sum.
+    """
+
+    remainder: TransferFunction
+    """1/(1 + T)."""
+
+    def at(self, frequency: Array) -> NDArray[np.complex128]:
+        """Return T(j*2*pi*f) at frequencies [Hz] that broadcast with the circuits' shape; unchecked."""
+        return np.asarray(1 / self.remainder.at(frequency) - 1)
+
+
+def loop_gain(modes: Modes, held: Matrices, output: int) -> LoopGain:
+    """Return the loop gain of a follower; unchecked.
+
+    Parameters
+    ----------
+    modes : Modes
+        Those of the follower.
+    held : Matrices
+        The circuit with its inverting input held.
+    output : int
+        Index of the output, to which nothing but the follower's connection couples the inverting input.
+
+    Returns
+    -------
+    LoopGain
+        The loop gain.
+    """
+    whole = modes.linear
+    # In the closed loop, row and column of the output are its own plus those of the inverting input.
+    columns = (whole.conductance - held.conductance)[..., output], (whole.capacitance - held.capacitance)[..., output]
+    voltage = modes.transfer(*columns, output)
+    row = (whole.capacitance - held.capacitance)[..., output, :]
+    unit = np.broadcast_to(np.arange(row.shape[-1]) == output, row.shape).astype(np.float64)
+    injected, _ = modes.driven(-unit, np.zeros_like(unit))
+    current = (row[..., None, :] @ modes.vectors)[..., 0, :] * injected  # times s: the gate takes no current at rest
+    return LoopGain(
+        TransferFunction(
+            1 + voltage.direct + current.sum(axis=-1), voltage.residues - modes.rates * current, modes.rates
+        )
     )
+
+
+def unloaded_response(circuit: AmplifierCircuit) -> TransferFunction:
+    """Return the open-loop gain from the input to the output with the inverting input held; unchecked.
+
+    The output then lacks the load of the inverting input, as where a large inductor closes the loop in a simulator.
+
+    Parameters
+    ----------
+    circuit : AmplifierCircuit
+        One circuit, or arrays of them, with an operating point at 0 V.
+
+    Returns
+    -------
+    TransferFunction
+        The gain.
+    """
+    nodes = circuit.operating_point()
+    linear = circuit.evaluate(nodes, np.zeros(nodes.shape[:-1]), "ground")[1]
+    return transfer_function(linear, UNKNOWNS[circuit.stages].index("out"))
 
 
 @dataclass(frozen=True, eq=False)
 class CircuitFigures:
     """Figures of merit of op-amp circuits as followers, all of the circuits' shape; NaN where there is no value."""
 
-    open_loop_response: TransferFunction
-    """From the input to the output with the inverting input held."""
+    loop_gain: LoopGain
+    """Loop gain, with the load of the inverting input."""
+    open_loop_poles: Array
+    """Magnitudes of the poles of the open loop [Hz], shape [..., n], lowest first."""
     closed_loop_response: TransferFunction
     """From the input to the output of the follower."""
     gain: Array
-    """Open-loop gain A0 [V/V]."""
+    """Open-loop gain A0, from the input to the output with the inverting input held [V/V]."""
+    common_mode_rejection: Array
+    """Difference gain over common-mode gain at frequency 0, without mismatch [V/V]."""
     closed_loop_gain: Array
     """Gain of the follower at frequency 0 [V/V], with the common-mode gain, which A0/(1 + A0) lacks."""
     gain_bandwidth: Array
-    """Unity crossing of the open-loop gain [Hz]."""
+    """Unity crossing of the loop gain [Hz]."""
     phase_margin: Array
     """180 degrees plus the phase there [degrees]."""
     overshoot: Array
@@ -187,9 +308,14 @@ def circuit_figures(circuit: AmplifierCircuit, v_in: float | Array = 0.0) -> Cir
     v_in = np.broadcast_to(np.asarray(v_in, np.float64), found.shape)
     safe = np.where(found[..., None], nodes, circuit.start(v_in))
     output = UNKNOWNS[circuit.stages].index("out")
-    closed = transfer_function(circuit.evaluate(safe, v_in)[1], output)
-    opened = transfer_function(circuit.evaluate(safe, v_in, "ground")[1], output)
-    crossing, margin = _unity_crossing(opened)
+    linear, held = circuit.evaluate(safe, v_in)[1], circuit.evaluate(safe, v_in, "ground")[1]
+    modes = Modes.of(linear)
+    closed = modes.transfer(linear.input_conductance, linear.input_capacitance, output)
+    loop = loop_gain(modes, held, output)
+    crossing, margin = _unity_crossing(loop)
+    noninverting = _gain(held.conductance, held.input_conductance, output)
+    inverting = _gain(held.conductance, (held.conductance - linear.conductance)[..., output], output)
+    poles = np.abs(np.linalg.eigvals(np.linalg.solve(held.capacitance, held.conductance))) / (2 * math.pi)
     stable = closed.stable & found
     overshoot, settling = _step_figures(closed)
     currents = circuit.transistors(safe, v_in)[2]
@@ -200,9 +326,11 @@ def circuit_figures(circuit: AmplifierCircuit, v_in: float | Array = 0.0) -> Cir
     nothing = np.where(found, 1.0, np.nan)
     overshoot = np.where(stable & np.isfinite(crossing), overshoot, np.nan)
     return CircuitFigures(
-        open_loop_response=opened,
+        loop_gain=loop,
+        open_loop_poles=np.sort(poles, axis=-1) * nothing[..., None],
         closed_loop_response=closed,
-        gain=opened.gain * nothing,
+        gain=noninverting * nothing,
+        common_mode_rejection=_rejection(noninverting, inverting) * nothing,
         closed_loop_gain=closed.gain * nothing,
         gain_bandwidth=crossing * nothing,
         phase_margin=margin * nothing,
@@ -226,9 +354,20 @@ def circuit_figures(circuit: AmplifierCircuit, v_in: float | Array = 0.0) -> Cir
     )
 
 
-def _unity_crossing(response: TransferFunction) -> tuple[Array, Array]:
+def _gain(conductance: Array, column: Array, output: int) -> Array:
+    """Return the gain at frequency 0 [V/V] from an input with this column of conductances."""
+    return np.asarray(-np.linalg.solve(conductance, column[..., None])[..., output, 0])
+
+
+def _rejection(noninverting: Array, inverting: Array) -> Array:
+    """Return difference over common-mode gain [V/V], of the magnitudes of the gains from either input."""
+    with np.errstate(divide="ignore", invalid="ignore"):  # of a pair that is cut off
+        return np.asarray(np.abs(0.5 * (noninverting + inverting) / (noninverting - inverting)))
+
+
+def _unity_crossing(response: LoopGain) -> tuple[Array, Array]:
     """Return the first frequency [Hz] at which the gain falls through 1, and the phase margin there [degrees]."""
-    shape = response.direct.shape
+    shape = response.remainder.direct.shape
     grid = _FREQUENCIES.reshape(-1, *(1,) * len(shape))
     values = response.at(np.broadcast_to(grid, (len(grid), *shape)))
     loud = np.abs(values) > 1

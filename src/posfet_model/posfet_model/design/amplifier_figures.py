@@ -74,7 +74,7 @@ class AmplifierFigures:
     offset: FloatArray
     """Systematic offset: output with the input at 0 V [V]."""
     common_mode_rejection: FloatArray
-    """CMRR without mismatch: difference gain over common-mode gain of the first stage, 2*gm3/gds5 [V/V]."""
+    """CMRR without mismatch: difference gain over common-mode gain at frequency 0 [V/V]."""
     lowest_input: FloatArray
     """Lowest input with all transistors saturated [V]; NaN where they are not at 0 V."""
     highest_input: FloatArray
@@ -141,9 +141,7 @@ def _block_figures(circuit: AmplifierCircuit, figures: CircuitFigures) -> Amplif
     rest = np.zeros(nodes.shape[:-1])
     found = np.asarray(np.isfinite(nodes).all(axis=-1))
     gate, _, point = circuit.transistors(nodes, rest)
-    gm, gds = np.abs(point.transconductance), np.abs(point.output_conductance)
-    first_gain = gm[..., 1] / (gds[..., 1] + gds[..., 3])
-    poles = np.where(found[..., None], np.abs(figures.open_loop_response.rates) / (2 * math.pi), math.nan)
+    gm = np.abs(point.transconductance)
     lowest, highest = _input_range(circuit)
     return AmplifierFigures(
         found=found,
@@ -154,8 +152,8 @@ def _block_figures(circuit: AmplifierCircuit, figures: CircuitFigures) -> Amplif
         input_transconductance=gm[..., 1],
         load_transconductance=gm[..., 2],
         open_loop_gain=np.abs(figures.gain),
-        dominant_pole=poles[..., 0],
-        second_pole=poles[..., 1],
+        dominant_pole=figures.open_loop_poles[..., 0],
+        second_pole=figures.open_loop_poles[..., 1],
         gain_bandwidth=figures.gain_bandwidth,
         phase_margin=figures.phase_margin,
         stable=figures.stable & found,
@@ -166,7 +164,7 @@ def _block_figures(circuit: AmplifierCircuit, figures: CircuitFigures) -> Amplif
         slew_rate=figures.slew_rate,
         falling_slew_rate=figures.falling_slew_rate,
         offset=figures.offset,
-        common_mode_rejection=first_gain * 2 * gm[..., 2] / gds[..., 4],
+        common_mode_rejection=figures.common_mode_rejection,
         lowest_input=lowest,
         highest_input=highest,
         validity=figures.validity,

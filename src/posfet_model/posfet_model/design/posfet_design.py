@@ -258,7 +258,7 @@ class PosfetDesign(DesignFields):
         --------
         >>> design = PosfetDesign().with_measured(400.0, 5e6, 60.0)
         >>> print(f"{design.amplifier.phase_margin:.2f} degrees with {design.load_capacitance * 1e12:.1f} pF")
-        60.00 degrees with 24.7 pF
+        60.00 degrees with 18.8 pF
         """
         self._require_single()
         found = calibrate_circuit(self.op_amp, gain, gain_bandwidth, phase_margin)

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from posfet_model._lib.types import Array, Mask
+from posfet_model.amplifier.circuit_figures import unloaded_response
 from posfet_model.amplifier.closed_loop import close_loop
 from posfet_model.amplifier.follower import Follower, OnePoleFollower
 from posfet_model.amplifier.open_loop import OpenLoop
@@ -220,10 +221,10 @@ def responses(name: str) -> dict[str, Callable[[Array], NDArray[np.complex128]]]
     """
     gain = paper.AMPLIFIER_GAIN.value
     published = OpenLoop(gain, (paper.GAIN_BANDWIDTH.value / gain, math.inf))
-    figures = _CIRCUIT.figures
     if name == "open_loop":
-        return {"42.3 dB, 1.5 MHz": published.response, "sizes and bias": figures.open_loop_response.at}
-    return {"42.3 dB, 1.5 MHz": published.closed_loop_response, "sizes and bias": figures.closed_loop_response.at}
+        return {"42.3 dB, 1.5 MHz": published.response, "sizes and bias": unloaded_response(_CIRCUIT.circuit).at}
+    follower = _CIRCUIT.figures.closed_loop_response
+    return {"42.3 dB, 1.5 MHz": published.closed_loop_response, "sizes and bias": follower.at}
 
 
 def _high_pass(name: str, frequency: Array) -> NDArray[np.complexfloating[Any, Any]]:

@@ -217,7 +217,7 @@ def _run_error(record: Record, way: str, name: str, stimulus: Stimulus, found: _
 
 def _loop_error(record: Record, way: str, model: CircuitModel, found: Mapping[str, _ModelRun]) -> LoopError:
     """Return loop gain and step response by ngspice and by a model."""
-    measured = record.loop
+    measured = record.exact_loop
     stable = measured.stable, model.stable
     gains = measured.gain / (1 + measured.gain), model.closed_loop_gain
     peaks = slopes = (math.nan, math.nan)

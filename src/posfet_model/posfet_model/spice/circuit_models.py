@@ -68,7 +68,7 @@ def from_figures(circuit: Circuit, record: Record) -> CircuitModel:
         What ngspice says about it.
     """
     del circuit
-    loop, gain = record.loop, record.follower_gain / (1 - record.follower_gain)
+    loop, gain = record.exact_loop, record.follower_gain / (1 - record.follower_gain)
     open_loop = OpenLoop.from_phase_margin(gain, loop.unity_crossing, max(loop.phase_margin, LEAST_MARGIN))
     rise = record.slew_rates[0]
     follower = SlewingFollower(open_loop=open_loop, slew_rate=rise if math.isfinite(rise) else _unlimited(open_loop))
@@ -168,10 +168,9 @@ def from_calibration(circuit: Circuit, record: Record) -> CircuitModel:
     start = CIRCUIT_B if circuit.stages == 2 else CIRCUIT_C
     names = ("compensation", "load_capacitance", "load_resistance" if circuit.stages == 2 else "modulation")
     bias = replace(circuit.bias, **{name: getattr(start, name) for name in names})
-    design, measured = AmplifierCircuit.from_design(bias, circuit.design, circuit.stages), record.open_loop
-    return _of_circuit(
-        calibrate_circuit(design, measured.gain, measured.unity_crossing, max(measured.phase_margin, LEAST_MARGIN))
-    )
+    design, loop = AmplifierCircuit.from_design(bias, circuit.design, circuit.stages), record.exact_loop
+    margin = max(loop.phase_margin, LEAST_MARGIN)
+    return _of_circuit(calibrate_circuit(design, record.open_loop.gain, loop.unity_crossing, margin))
 
 
 WAYS: Final[Mapping[str, Callable[[Circuit, Record], CircuitModel]]] = {

@@ -144,7 +144,7 @@ def judge(circuit: Circuit) -> Verdict | None:
     point = measure_bias_point(circuit)
     if not all(transistor.saturated for transistor in point.transistors.values()):
         return None
-    loop = measure_loop(ngspice.run_loop_gain(text, highest=1e10))
+    loop = measure_loop(ngspice.run_double_injection(text, highest=1e10))
     if loop.gain < 10:
         return None
     what = step(0.0, STEP, loop.unity_crossing, 3 * slewing_time(circuit, STEP))

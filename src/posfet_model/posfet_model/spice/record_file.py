@@ -41,7 +41,9 @@ class Record:
     deck_hash: str
     """Of netlist, options and inputs: `deck_hash` of the circuit now."""
     loop: LoopMeasurement
-    """Loop gain in numbers."""
+    """Loop gain in numbers, with a voltage source in the loop."""
+    exact_loop: LoopMeasurement
+    """Loop gain in numbers, with a voltage and a current in the loop, exact for any load by the inverting input."""
     open_loop: LoopMeasurement
     """Gain of the op-amp in numbers, without the inverting input as a load of the output."""
     bias_point: BiasPoint
@@ -78,7 +80,7 @@ def save(path: Path, recorded: Record) -> None:
     about: dict[str, Any] = {
         name: getattr(recorded, name) for name in ("circuit", "simulator", "deck_hash", "follower_gain", "unstable")
     }
-    about |= {name: asdict(getattr(recorded, name)) for name in ("loop", "open_loop", "bias_point")}
+    about |= {name: asdict(getattr(recorded, name)) for name in ("loop", "exact_loop", "open_loop", "bias_point")}
     about["slew_rates"] = [None if math.isnan(rate) else rate for rate in recorded.slew_rates]
     about["runs"] = {
         name: {
@@ -132,6 +134,7 @@ def load(path: Path) -> Record:
             simulator=about["simulator"],
             deck_hash=about["deck_hash"],
             loop=LoopMeasurement(**about["loop"]),
+            exact_loop=LoopMeasurement(**about["exact_loop"]),
             open_loop=LoopMeasurement(**about["open_loop"]),
             bias_point=BiasPoint(about["bias_point"]["v_out"], points),
             frequency=frequency,

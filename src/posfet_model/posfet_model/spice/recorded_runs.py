@@ -91,6 +91,7 @@ def record(circuit: Circuit, names: Sequence[str] | None = None) -> Record:
         simulator=version(),
         deck_hash=deck_hash(circuit, inputs),
         loop=loop,
+        exact_loop=measure_loop(ngspice.run_double_injection(text, highest=_HIGHEST_FREQUENCY, per_decade=100)),
         open_loop=_open_loop(text),
         bias_point=measure_bias_point(circuit),
         frequency=response.frequency,

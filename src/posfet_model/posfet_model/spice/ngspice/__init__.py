@@ -5,6 +5,7 @@ from posfet_model.spice.ngspice.program import PROGRAM, SpiceError, available, r
 from posfet_model.spice.ngspice.small_signal import (
     SmallSignal,
     closed_loop,
+    run_double_injection,
     run_follower_ac,
     run_loop_gain,
     run_open_loop_ac,
@@ -25,6 +26,7 @@ __all__ = [
     "netlist",
     "piecewise_linear",
     "read_raw",
+    "run_double_injection",
     "run_follower",
     "run_follower_ac",
     "run_loop_gain",

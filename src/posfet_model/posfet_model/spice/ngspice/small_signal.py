@@ -88,7 +88,8 @@ def run_loop_gain(
     """Return the loop gain of the follower, with a voltage source in the closed loop at the inverting input.
 
     The output keeps its load by the inverting input, and the operating point is the follower's, in contrast to
-    `run_open_loop_ac`. Exact but for the ratio of the impedances of output and inverting input.
+    `run_open_loop_ac`. Exact but for the ratio of the impedances of output and inverting input, in contrast to
+    `run_double_injection`.
 
     Parameters
     ----------
@@ -115,8 +116,49 @@ def run_loop_gain(
     """
     loop = "vloop out feedback dc 0 ac -1\nxdut in feedback out opamp"
     volts = f"{real_number('v_in', v_in, -1e3, 1e3):.12g}"
-    frequency, (feedback, out) = _ac(circuit, loop, volts, ("feedback", "out"), lowest, highest, per_decade)
+    frequency, (feedback, out) = _ac(circuit, loop, volts, ("v(feedback)", "v(out)"), lowest, highest, per_decade)
     return SmallSignal(frequency=frequency, transfer=-out / feedback)
+
+
+def run_double_injection(
+    circuit: str, lowest: float = 1.0, highest: float = 1e8, per_decade: int = 50, v_in: float = 0.0
+) -> SmallSignal:
+    """Return the loop gain of the follower, with a voltage and a current in the closed loop at the inverting input.
+
+    ``1/(1 + T) = 1/(1 + Tv) + 1/(1 + Ti)``, exact for any impedances of output and inverting input: R. D. Middlebrook,
+    Int. J. Electronics 38 (1975) 485, doi:10.1080/00207217508920421.
+
+    Parameters
+    ----------
+    circuit : str
+        Text of a netlist, as in `run_follower`.
+    lowest, highest : float
+        Ends of the frequency range [Hz], from 1e-3 to 1e13, at least a decade apart.
+    per_decade : int, default 50
+        Frequencies per decade, in [1, 10000].
+    v_in : float, default 0.0
+        Input at rest [V], within +-1e3.
+
+    Returns
+    -------
+    SmallSignal
+        Loop gain, positive at low frequency.
+
+    Raises
+    ------
+    ValueError
+        A frequency, `per_decade` or `v_in` is out of range.
+    SpiceError
+        ngspice failed or the run is incomplete.
+    """
+    loops = (
+        "vloop out feedback dc 0 ac -1\nxdut in feedback out opamp\n"
+        "vgate middle gate dc 0\nvend end middle dc 0\niloop 0 middle dc 0 ac 1\nxsecond in gate end opamp"
+    )
+    volts = f"{real_number('v_in', v_in, -1e3, 1e3):.12g}"
+    saved = ("v(feedback)", "i(vgate)")
+    frequency, remaining = _ac(circuit, loops, volts, saved, lowest, highest, per_decade)
+    return SmallSignal(frequency=frequency, transfer=1 / remaining.sum(axis=0) - 1)
 
 
 def run_operating_point(circuit: str, quantities: Sequence[str]) -> NDArray[np.float64]:
@@ -175,19 +217,18 @@ def closed_loop(response: SmallSignal) -> ClosedLoop:
 
 
 def _run_ac(circuit: str, instance: str, lowest: float, highest: float, per_decade: int) -> SmallSignal:
-    frequency, (v_in, v_out) = _ac(circuit, instance, "0 ac 1", ("in", "out"), lowest, highest, per_decade)
+    frequency, (v_in, v_out) = _ac(circuit, instance, "0 ac 1", ("v(in)", "v(out)"), lowest, highest, per_decade)
     return SmallSignal(frequency=frequency, transfer=v_out / v_in)
 
 
 def _ac(
-    circuit: str, instance: str, source: str, nodes: tuple[str, str], lowest: float, highest: float, per_decade: int
+    circuit: str, instance: str, source: str, saved: tuple[str, str], lowest: float, highest: float, per_decade: int
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-    """Return the frequencies and the voltages of two nodes."""
+    """Return the frequencies, and two voltages or currents."""
     lowest = real_number("lowest", lowest, 1e-3, 1e12)
     highest = real_number("highest", highest, 10 * lowest, 1e13)
     per_decade = whole_number("per_decade", per_decade, 1, 10_000)
     analysis = f".ac dec {per_decade} {lowest:.12g} {highest:.12g}"
-    saved = [f"v({node})" for node in nodes]
     values = simulate(deck_text(circuit, f"vin in 0 dc {source}", instance, analysis, saved), complex_values=True)
     frequency = values[0].real
     if abs(frequency[-1] / highest - 1) > 0.1:
