@@ -21,6 +21,7 @@ SPICE_COMPARISON = {
     "circuit_command",
     "circuit_comparison",
     "circuit_models",
+    "model_validity",
     "comparison_table",
     "random_designs",
     "record_file",

@@ -5,18 +5,19 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from posfet_model.amplifier.closed_loop import ClosedLoop
+from posfet_model.amplifier.closed_loop import ClosedLoop, close_loop
 from posfet_model.amplifier.follower import SquareLawFollower
+from posfet_model.amplifier.follower_base import Follower
 from posfet_model.amplifier.slew_identification import OVERDRIVE, SlewModel, slew_model
 from posfet_model.command_line import ignoring_broken_pipe
-from posfet_model.device.paper import GAIN_BANDWIDTH
+from posfet_model.device.paper import AMPLIFIER_GAIN, GAIN_BANDWIDTH
 from posfet_model.spice import circuit_command
 from posfet_model.spice.model_comparison import (
     SECOND_POLE_QUALITY,
@@ -26,6 +27,7 @@ from posfet_model.spice.model_comparison import (
     fit_overdrive,
     slews,
 )
+from posfet_model.spice.model_validity import reasons
 from posfet_model.spice.run_file import FollowerRun, RunFileError, read_run
 
 CLOSED_LOOP_GAIN: Final = (0.5, 1.5)
@@ -52,6 +54,8 @@ Every model starts in the steady state of the first v_in.
 determine slewing: with the circuit of the op-amp (--stages 2: Miller; 1: one stage and an output follower) the
 overdrive of the square-law model follows from hand formulas with the sizes of Table II, unless it is given
 (--overdrive) or measured on another run of the same circuit (--overdrive-from). Without --stages it is assumed.
+--validity adds "valid" and "reasons" to each result: whether what the model leaves out matters on this run, by gain and
+bandwidth. They do not tell whether the follower rings.
 In place of FILE.csv, "circuits" compares the models of the set of circuits with ngspice and says which are valid on
 which run, "random" compares verdicts about stability, "netlist NAME" prints a circuit for SPICE (each with --help).
 Standard output has the JSON only; standard error reports how --gain was interpreted where it may be in dB, the assumed
@@ -77,6 +81,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             stages=options.stages,
             overdrive=options.overdrive,
             overdrive_from=options.overdrive_from,
+            validity=options.validity,
             report=_note,
         )
         text = json.dumps(result, indent=2, allow_nan=False)
@@ -99,8 +104,9 @@ def compare(
     stages: int | None = None,
     overdrive: float | None = None,
     overdrive_from: Path | None = None,
+    validity: bool = False,
     report: Callable[[str], None] = lambda text: None,
-) -> dict[str, dict[str, dict[str, float]]]:
+) -> dict[str, dict[str, dict[str, Any]]]:
     """Return the deviations in percent, by model and by "blind" or "calibrated".
 
     Parameters
@@ -119,13 +125,15 @@ def compare(
         Overdrive of the differential pair [V].
     overdrive_from : Path, optional
         Another run of the same circuit, to measure the overdrive on.
+    validity : bool, default False
+        Whether to say which models are valid on the run.
     report : callable
         Called with each remark on the interpretation of the options, one line of text.
 
     Returns
     -------
     dict
-        ``{model: {"blind" | "calibrated": {"max_pct", "rms_pct"}}}``.
+        ``{model: {"blind" | "calibrated": {"max_pct", "rms_pct"}}}``; with `validity` also "valid" and "reasons".
 
     Raises
     ------
@@ -138,7 +146,8 @@ def compare(
     if loop is None and any(option is not None for option in (gain_bandwidth, stages, overdrive, overdrive_from)):
         raise UsageError("--gain-bandwidth, --stages, --overdrive and --overdrive-from need --gain and --bandwidth")
     run = read_run(file)
-    results = {"blind": deviations(run, blind_models())}
+    blind = close_loop(AMPLIFIER_GAIN.value, GAIN_BANDWIDTH.value)
+    results = {"blind": _judged(run, blind_models(), blind, validity)}
     if loop is not None:
         if gain is not None and LIKE_DECIBELS[0] <= gain <= LIKE_DECIBELS[1]:
             report(f"--gain {gain:g} is read as an open-loop gain in V/V, not dB: a follower of {loop.gain:.6g} V/V")
@@ -146,14 +155,21 @@ def compare(
             _require("--gain-bandwidth", gain_bandwidth, BANDWIDTH)
         model = slew_model(loop, gain_bandwidth, stages)
         slewing = _slewing(loop, model, _Overdrive(overdrive, overdrive_from), run, report)
-        results["calibrated"] = deviations(run, calibrated_models(loop, slewing))
-    return {
-        name: {
-            knowledge: {key: _rounded(value) for key, value in asdict(by_model[name]).items()}
-            for knowledge, by_model in results.items()
-        }
-        for name in results["blind"]
-    }
+        results["calibrated"] = _judged(run, calibrated_models(loop, slewing), loop, validity)
+    return {name: {knowledge: by_model[name] for knowledge, by_model in results.items()} for name in results["blind"]}
+
+
+def _judged(
+    run: FollowerRun, models: Mapping[str, Follower], loop: ClosedLoop, validity: bool
+) -> dict[str, dict[str, Any]]:
+    """Return the deviations of models and, if wanted, whether and why not they are valid on the run."""
+    judged: dict[str, dict[str, Any]] = {}
+    for name, found in deviations(run, models).items():
+        judged[name] = {key: _rounded(value) for key, value in asdict(found).items()}
+        if validity:
+            why = reasons(run, models[name], loop)
+            judged[name] |= {"valid": not why, "reasons": why}
+    return judged
 
 
 @dataclass(frozen=True)
@@ -271,6 +287,7 @@ def _parser() -> argparse.ArgumentParser:
         metavar="OTHER.csv",
         help="measure the overdrive on this run of the same circuit, which must differ from FILE.csv and must slew",
     )
+    parser.add_argument("--validity", action="store_true", help="say which models are valid on this run, and why not")
     return parser
 
 
