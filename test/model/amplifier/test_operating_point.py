@@ -212,5 +212,8 @@ def test_a_poled_film_moves_the_input_range_by_the_shift_of_the_threshold(formul
 
 def test_a_pair_that_cannot_saturate_is_rejected() -> None:
     assert_refused(figures_of_merit, {"design": AmplifierDesign(pair_threshold_shift=-6.0)}, "supply")
+    sizes = tuple(dataclasses.replace(size, width=1e-6) if size.name == "M7" else size for size in SIZES)
+    with pytest.raises(ValueError, match=r"^design must keep every transistor saturated at some input, got none: "):
+        figures_of_merit(AmplifierBias(supply=2.5), AmplifierDesign(sizes=sizes))
     for value in (*NOT_REAL_NUMBERS, 101.0):
         assert_refused(AmplifierDesign, {"pair_threshold_shift": value}, "pair_threshold_shift")

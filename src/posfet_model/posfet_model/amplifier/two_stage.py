@@ -80,7 +80,7 @@ def figures_of_merit(bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = 
     Raises
     ------
     ValueError
-        The supply is too low for the transistors to be saturated.
+        The supply is too low for the transistors to be saturated, or they are not at any input.
 
     Notes
     -----
@@ -102,6 +102,12 @@ def figures_of_merit(bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = 
     p1, p2 = _poles(bias, design, out1, out2, gm7)
     lead = bias.compensation * (bias.zero_resistor - 1 / gm7)
     slewing = _slewing(bias, design, point, second_gain)
+    lowest, highest = lowest_input(bias, point), _highest_input(bias, design, point)
+    if not lowest < highest:
+        raise ValueError(
+            "design must keep every transistor saturated at some input, got none: "
+            "it needs a wider M7, a larger load_resistance or a higher supply"
+        )
     return AmplifierFigures(
         tail_current=point.tail,
         output_current=point.output,
@@ -118,8 +124,8 @@ def figures_of_merit(bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = 
         bend=slewing.bend,
         systematic_offset=(point.load_overdrive - point.output_overdrive) / first_gain,
         limits=FollowerLimits(
-            v_low=lowest_input(bias, point),
-            v_high=_highest_input(bias, design, point),
+            v_low=lowest,
+            v_high=highest,
             slew_rate=slewing.rise,
             falling_slew_rate=slewing.fall,
             frequency=p2,
