@@ -95,7 +95,7 @@ UNTIMED: Final = 12 * SECOND
 LONGEST_READ: Final = 20_000_000
 """Time between two scans that counts as time of reading [ns]."""
 LATE_TICK: Final = max(PERIODS) * 1000
-"""Time by which a board may sample a tick late [ns]; classic scans without a header do not tell it."""
+"""Time by which a board may sample a tick late [ns]; scans without a time of their own do not tell it."""
 
 
 @dataclass
@@ -115,7 +115,8 @@ class Findings:
     wrapped: int = 0
     """Other scans with a false number, during a fault or shortly after."""
     late_ticks: int = 0
-    """Classic scans without a header that the board has sampled late, whose stamps are early by that."""
+    """Classic scans without a header, or FD scans without a time, that the board has sampled late: their stamps are
+    early by that."""
     unnoticed: int = 0
     """Scans with early stamps: a board was reset without another number and seemed to go on, or lied by a little."""
     untimed: int = 0
@@ -248,14 +249,15 @@ class Judge:
         if not self._fd and any(self._find(scan, scan.sequence + wrap) for wrap in wraps):
             self.findings.wrapped += 1
             return
-        for others in self._hardware.sampled.values():
-            same = [sampled for sampled in others if self._equal(scan, sampled)]
-            if same and self._is_in_lie(same[-1].time):
-                self.findings.false_numbers += 1
-                return
-            if same:
-                self.findings.wrapped += 1
-                return
+        same = [
+            sampled for others in self._hardware.sampled.values() for sampled in others if self._equal(scan, sampled)
+        ]  # several, as the noise of each power-on is the same
+        if any(self._is_in_lie(sampled.time) for sampled in same):
+            self.findings.false_numbers += 1
+            return
+        if same:
+            self.findings.wrapped += 1
+            return
         if not self._fd and self._is_in_lie(self._link.clock.now):
             self.findings.mixed += 1
             return
@@ -263,16 +265,18 @@ class Judge:
 
     def _judge_stamp(self, scan: Scan, sent: Sampled, calm: bool) -> None:
         found, now = self.findings, self._link.clock.now
+        untold = sent.late and (not self._fd or scan.status & ScanStatus.TIME_ESTIMATED)
         tenth = now // (SECOND // 10)
-        self._delays[tenth] = min(self._delays.get(tenth, now), now - sent.time)
-        while (oldest := next(iter(self._delays))) < tenth - 9:
+        if not untold or not self._delays:  # that it was delayed by less is not observable
+            self._delays[tenth] = min(self._delays.get(tenth, now), now - sent.time)
+        while len(self._delays) > 1 and (oldest := next(iter(self._delays))) < tenth - 9:
             del self._delays[oldest]
         uncertainty = self._board.stamp_uncertainty
         found.uncertain += uncertainty > MAX_CLOCK_UNCERTAINTY
         error = scan.stamp - sent.time
         latest = min(self._delays.values()) + round(uncertainty * 1e9)
         earliest = -round(self._board.decoder.clock_uncertainty * 1e9)
-        if sent.late and not self._fd and error < earliest - ROUNDING:
+        if untold and error < earliest - ROUNDING:
             found.late_ticks += 1
             earliest -= LATE_TICK
         passed, self._previous = min(now - self._previous, LONGEST_READ), now
@@ -380,8 +384,9 @@ class Adversary:
         self.read(round(noise.expovariate(6.0) * SECOND), calm=False)
         link.end()
         link.run(max(self.clock.now, self.hardware.host_time(self.hardware.now)))
-        end = judge.quiet_since = self.clock.now
-        judge.lies_end(max(end, self.hardware.host_time(self.hardware.now)))
+        end = self.clock.now
+        judge.quiet_since = max(end, self.hardware.host_time(self.hardware.now))  # its last frame under a fault
+        judge.lies_end(judge.quiet_since)
         if not ABOUT_TICKS.isdisjoint(names):
             judge.end_stretch()
         if UNKNOWABLE.issubset(names):

@@ -160,7 +160,7 @@ class Link:
         self._noise = noise
         self._queue: deque[tuple[int, Frame]] = deque()
         self._late: list[tuple[int, Frame]] = []
-        self._stalled: list[Frame] = []
+        self._stalled: list[tuple[int, Frame]] = []
         self._commands: list[Frame] = []
         self._frozen: dict[str, bytes] = {}
         self._swap: tuple[int, Frame] | None = None
@@ -197,8 +197,8 @@ class Link:
             self._take(self.board.command("B 0"))
         self.active.clear()
         stalled, self._stalled = self._stalled, []
-        for frame in stalled:
-            self._arrive(self.clock.now, frame)
+        for time, frame in stalled:
+            self._arrive(max(self.clock.now, time), frame)  # the board runs ahead of the host
         commands, self._commands = self._commands, []
         for frame in commands:
             self._take(self.board.send(frame))
@@ -314,7 +314,7 @@ class Link:
         identifier, kind, data = frame
         if "adapter stalls" in active:
             if len(self._stalled) < self.room:
-                self._stalled.append(frame)
+                self._stalled.append((time, frame))
             return
         if identifier == BASE + 1:
             if "answers lost" in active:

@@ -1,8 +1,9 @@
 """Scans of classic blocks: 4 bits of the sequence in each block, and headers that state it in full.
 
 Between two headers the sequence is counted on. That is certain while fewer than 16 scans can be missing, which the time
-tells: a scan whose number is 16 too low seems to be late by 16 scan periods. What may be so late is held until the next
-header confirms its number.
+tells: a block whose number is 16 too low seems to be late by 16 scan periods. A scan with a block that may be so late
+is held until the next header confirms its number. So is one whose time is not known, as the scan period may have
+changed.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ LATE_BLOCKS: Final = 3
 """A counter that is up to this far behind belongs to a late frame; further behind, scans were lost [1]."""
 CERTAIN: Final = HEADER_SCANS - LATE_BLOCKS - 1
 """Delay of a scan up to which its number is certain [scan periods]."""
+DISPUTE: Final = 2_000_000_000
+"""Time after another host has set the scan period in which an announced period may be an earlier one [ns]: as long as
+responses may be late; assumed."""
 MOST_HELD: Final = 2 * HEADER_SCANS
 """Scans that are held at most: by then two headers were lost, or the board sends none."""
 
@@ -30,12 +34,14 @@ _CONFLICT: Final = BlockOutcome.CONFLICT
 
 
 class Held(NamedTuple):
-    """A complete scan whose number is not confirmed yet."""
+    """A complete scan whose number or time is not confirmed yet."""
 
     scan: Scan
     """The scan; its stamp is of no use yet."""
     device_time: int
     """Its time on the board's clock, unwrapped [us], which the scan itself does not state while that is frozen."""
+    timed: bool
+    """Whether its time is certain: else the next header tells it."""
 
 
 class ClassicScans:
@@ -61,7 +67,10 @@ class ClassicScans:
         self._statistics = assembler.statistics
         self._blocks = assembler.codec.blocks
         self._sync = sync
-        self._earliest = self._latest = 0.0  # delays of a scan whose number is certain [ns]
+        self._period = 0.0  # by which the two limits are [us]
+        self._earliest = self._latest = 0.0  # delays of a block whose number is certain [ns]
+        self._deadline = 0.0  # arrival up to which the number of another block of the current scan is certain [ns]
+        self._disputed = -DISPUTE  # when another host has last set the period [ns]
         self._ticks = TickLine()
         self._header = -1  # sequence of the newest header
         self._confirmed = sync.save()  # at the newest header
@@ -75,8 +84,16 @@ class ClassicScans:
         """Take a scan period that the board announces [us]."""
         if self.numbering.announce(period):
             self._adrift = True  # the first scan at the new period has a header
-            self._earliest, self._latest = -TOLERANCE * period * 1000, CERTAIN * period * 1000
+            self._set_limits(period)
             self._ticks.restart(period)
+            self._held = [held for held in self._held if held.timed]
+            if self._sync.last - self._disputed < DISPUTE:
+                self._ticks.question()
+
+    def dispute_period(self, arrival: int) -> None:
+        """Note that another host sets the scan period; `arrival` is that of its command [ns]."""
+        self._disputed = arrival
+        self._ticks.question()
 
     def hold(self, scan: Scan) -> None:
         """Hold a complete scan until its number is confirmed; too many are dropped.
@@ -86,7 +103,7 @@ class ClassicScans:
         scan : Scan
             The scan, which stays as it is.
         """
-        self._held.append(Held(scan, self.time))
+        self._held.append(Held(scan, self.time, self._ticks.certain))
         if len(self._held) > MOST_HELD:
             self.lose_number()
 
@@ -134,17 +151,19 @@ class ClassicScans:
         complete = begun and self._assembler.complete
         if not begun:
             self._assembler.abandon()
-        released = self._end_group(missing, complete)
         if numbering.restarted:
             self._ticks.restart(self.numbering.announced)
         self._ticks.add(numbering.sequence, self.clock.time, self.clock.stalled)
+        numbering.period = self._ticks.nominal
+        self._set_limits(numbering.period)
+        released = self._end_group(missing, complete)
         self._confirmed = self._sync.save()
         self.sequence = self._header = numbering.sequence
         self.time = self.clock.time
         self._accounted = int(complete)
         if not begun:
             self._assembler.begin()
-        self.doubtful = self._adrift = False
+        self.doubtful, self._adrift = not self._ticks.certain, False
         self._fresh = not begun
         return released
 
@@ -173,19 +192,24 @@ class ClassicScans:
         if self._adrift:
             return False
         ahead = (data[0] - self.sequence) & CLASSIC_COUNTER
+        leaps = False
         if ahead > CERTAIN:
             self._statistics.late += 1
             return False
         if ahead or self._fresh:
+            leaps = ahead > 1 or (self._fresh and ahead > 0)
             time = self._ticks.time(self.sequence + ahead) if ahead else self.clock.time
             delay = self._sync.delay(time, arrival)
             early = delay < self._earliest
             if early and ahead > 1:
                 self._statistics.late += 1
                 return False
-            self.doubtful |= early or delay + self._sync.drift > self._latest or (self._fresh and ahead > 0)
+            self._deadline = arrival + self._latest - delay - self._sync.drift
+            self.doubtful |= early or (leaps and self._fresh) or not self._ticks.certain
             self._fresh = False
             self.time = time
+        if arrival > self._deadline:
+            self.doubtful = True
         if ahead:
             self._assembler.begin()
             self._count_lost(ahead - 1)
@@ -193,6 +217,8 @@ class ClassicScans:
         outcome = self._assembler.add(block, 0, data)
         if outcome is _CONFLICT:
             self.lose_number()
+        elif leaps and block > 0:  # its first blocks are lost, or it was overtaken and is of the scan 16 earlier
+            self._assembler.abandon()
         elif outcome is _COMPLETE:
             self._accounted += not self.doubtful
             return True
@@ -219,10 +245,24 @@ class ClassicScans:
             self._assembler.count_lost(len(held))
             return []
         right = 0 <= self.numbering.sequence - self.sequence < HEADER_SCANS  # else a block has overtaken its header
-        released = held if right else []
+        released = [self._timed(one) for one in held if right and (one.timed or self._ticks.certain)]
         accounted = self._accounted + self._incomplete - incomplete + len(released) - next_complete
         self._assembler.count_lost(max(missing + 1 - accounted, 0))
         return released
+
+    def _timed(self, held: Held) -> Held:
+        """Return a scan that was held with its time by the ticks up to the newest header."""
+        scan = held.scan
+        if held.timed or scan.sequence == self._header:
+            return held
+        time = self._ticks.time(scan.sequence)
+        scan.device_time = time if scan.device_time else 0
+        return Held(scan, time, True)
+
+    def _set_limits(self, period: float) -> None:
+        if period != self._period:
+            self._period = period
+            self._earliest, self._latest = -TOLERANCE * period * 1000, CERTAIN * period * 1000
 
     def _count_lost(self, scans: int) -> None:
         self._assembler.count_lost(scans)

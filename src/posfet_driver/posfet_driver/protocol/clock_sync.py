@@ -57,9 +57,11 @@ class ClockSync:
         self.offset = 0.0
         """This machine's time less the device time, after the newest frame [ns]."""
         self._known = False
-        self._last = 0  # arrival of the newest frame
+        self.last = 0
+        """Arrival of the newest frame [ns]."""
         self._undelayed = 0  # arrival of the frame that determined the offset
-        self._lowest = math.inf  # offset by frames whose device times may be wrong
+        self._lowest = math.inf  # to which the offset may be too high, as device times may be ahead of the clock
+        self._widened = 0  # when that was last noted
         self._windows: tuple[Window, ...] = ()
         self._window_end = 0
         self._window_offset = math.inf  # by the frames of the present window alone
@@ -73,7 +75,7 @@ class ClockSync:
         The offset is raised by `MAX_DRIFT` while the board's clock may be fast by as much. The minimum transit time
         adds to it: no mapping of this kind can observe it.
         """
-        return 2 * (self._last - self._undelayed) * MAX_DRIFT if self._known else math.nan
+        return 2 * (self.last - self._undelayed) * MAX_DRIFT if self._known else math.nan
 
     @property
     def lead(self) -> float:  # numpydoc ignore=RT01
@@ -86,7 +88,7 @@ class ClockSync:
         recent = self._window_offset
         if self._windows and not self._doubted:
             end, offset, _ = self._windows[-1]
-            recent = min(recent, offset + (self._last - end) * MAX_DRIFT)
+            recent = min(recent, offset + (self.last - end) * MAX_DRIFT)
         return max(recent - self.offset, 0.0)
 
     @property
@@ -106,14 +108,14 @@ class ClockSync:
         """
         if not self._known:
             return math.nan
-        return arrival - device_time * 1000 - self.offset + (arrival - self._last) * MAX_DRIFT
+        return arrival - device_time * 1000 - self.offset + (arrival - self.last) * MAX_DRIFT
 
     def reset(self) -> None:
         """Discard the offset: the board's clock has restarted."""
         self._set(SyncState())
         self._lowest = math.inf
 
-    def doubt(self, device_time: int, arrival: int, shift: int = 0) -> None:
+    def doubt(self, device_time: int, arrival: int, ahead: float = 0.0) -> None:
         """Note that the board's clock may have been set: within a window the offset is found by the frames from now on.
 
         Parameters
@@ -122,20 +124,33 @@ class ClockSync:
             Time of acquisition on the board's clock as of now, unwrapped [us].
         arrival : int
             Monotonic time at which the frame arrived [ns].
-        shift : int, default 0
-            Time by which it may have been set forward [us]: so much too high the offset may be.
+        ahead : float, default 0
+            Time by which `device_time` may be ahead of the clock [us].
         """
         if self._known:
+            self.widen(ahead, arrival)
             self._doubted, self._window_end = True, arrival + WINDOW
-            if shift > 0:
-                self._lowest = min(self._lowest, self.offset - shift * 1000)
             self._window_offset, self._window_undelayed = float(arrival - device_time * 1000), arrival
+
+    def widen(self, ahead: float, arrival: int) -> None:
+        """Note that device times from now on may be ahead of the clock: so much too high the offset may be.
+
+        Parameters
+        ----------
+        ahead : float
+            Longest time by which they may be [us].
+        arrival : int
+            Monotonic time at which the frame arrived [ns].
+        """
+        if ahead > 0.0:
+            drift = 2 * max(arrival - self._undelayed, 0) * MAX_DRIFT
+            self._lowest, self._widened = min(self._lowest, self.offset) - ahead * 1000 - drift, arrival
 
     def save(self) -> SyncState:
         """Return what is known, for `restore`."""
         return SyncState(
             self.offset,
-            self._last,
+            self.last,
             self._undelayed,
             self._known,
             self._windows,
@@ -149,7 +164,7 @@ class ClockSync:
         """Forget the frames since `save`, unless nothing was known then: their device times may have been wrong."""
         if not state.known:
             return
-        self._lowest = min(self._lowest, self.offset)
+        self._lowest, self._widened = min(self._lowest, self.offset), self.last
         self._set(state)
 
     def to_monotonic(self, device_time: int, arrival: int) -> int:
@@ -169,7 +184,7 @@ class ClockSync:
         """
         difference = float(arrival - device_time * 1000)
         if self._known:
-            rise = (arrival - self._last) * MAX_DRIFT if arrival > self._last else 0.0
+            rise = (arrival - self.last) * MAX_DRIFT if arrival > self.last else 0.0
             offset, recent = self.offset + rise, self._window_offset + rise
             if difference <= recent:
                 recent, self._window_undelayed = difference, arrival
@@ -180,7 +195,7 @@ class ClockSync:
             self.offset = self._window_offset = difference
             self._undelayed = self._window_undelayed = arrival
             self._known, self._window_end = True, arrival + WINDOW
-        self._last = arrival
+        self.last = arrival
         if arrival >= self._window_end:
             self._end_window(arrival)
         return device_time * 1000 + round(self.offset)
@@ -189,14 +204,16 @@ class ClockSync:
         """Find the offset anew, from the windows that are remembered."""
         window = Window(arrival, self._window_offset, self._window_undelayed)
         self._windows = (window,) if self._doubted else (*self._windows[1 - WINDOWS :], window)
-        self._doubted, self._lowest = False, math.inf
+        self._doubted = False
+        if arrival - self._widened >= WINDOW:
+            self._lowest = math.inf
         self.offset, self._undelayed = min(
             (offset + (arrival - end) * MAX_DRIFT, undelayed) for end, offset, undelayed in self._windows
         )
         self._window_offset, self._window_end = math.inf, arrival + WINDOW
 
     def _set(self, state: SyncState) -> None:
-        self.offset, self._last, self._undelayed = state.offset, state.last, state.undelayed
+        self.offset, self.last, self._undelayed = state.offset, state.last, state.undelayed
         self._known, self._doubted, self._windows = state.known, state.doubted, state.windows
         self._window_offset, self._window_undelayed = state.window_offset, state.window_undelayed
         self._window_end = state.window_end
@@ -212,9 +229,9 @@ class WallOffset:
     def __init__(self) -> None:
         self.value = 0
         """The offset to be used [ns]."""
-        self._last = 1 << 63  # more than any
+        self.last = 1 << 63  # more than any
 
     def read(self, offset: int) -> None:
         """Take a reading [ns]."""
-        self.value = offset if offset < self._last else self._last
-        self._last = offset
+        self.value = offset if offset < self.last else self.last
+        self.last = offset

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, TypeAlias
 
-from posfet_driver.bus.frame import ERROR, EXTENDED, Frame
+from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, Frame
 from posfet_driver.protocol.ascending_stamps import AscendingStamps
 from posfet_driver.protocol.classic_scans import ClassicScans, Held
 from posfet_driver.protocol.clock_sync import ClockSync, WallOffset
@@ -35,6 +35,7 @@ from posfet_model.sensor.scan import Scan, ScanStatus
 _TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)  # a flag is ten times as slow as a number
 _BOARD_RESET: Final = int(ScanStatus.BOARD_RESET)
 _NO_BLOCK: Final = EXTENDED | ERROR
+_SET_RATE: Final = bytes([Command.SET_RATE])
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,7 +281,7 @@ class Decoder:
 
     def _recall(self, held: Held) -> None:
         """Make a scan that was held the newest one."""
-        scan, (earlier, device_time) = self.scan, held
+        scan, earlier, device_time = self.scan, held.scan, held.device_time
         scan.sequence, scan.device_time, scan.status = earlier.sequence, earlier.device_time, earlier.status
         scan.counts[:] = earlier.counts
         scan.frames_lost = self.frames_lost
@@ -315,6 +316,8 @@ class Decoder:
             traffic.unrelated += 1
         elif offset == COMMAND_OFFSET:
             traffic.commands += 1
+            if kind == CLASSIC and data[:1] == _SET_RATE:
+                self._classic_scans.dispute_period(self._arrival)
         elif (message := parse_message(offset, kind, data)) is None:
             traffic.malformed += 1
         match message:

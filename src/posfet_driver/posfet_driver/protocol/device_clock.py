@@ -22,7 +22,11 @@ class DeviceClock:
     A reading that repeats the one before is no time of a later scan: the time is counted on by the sequence. Where
     reading and sequence contradict each other, one of them has jumped, and the arrival decides. The reading is right if
     the frame arrived after it, and not much later than by the sequence; else that of the two by which the frame is less
-    delayed. So the time goes on evenly, and the mapping of the clock with it.
+    delayed. So the time goes on evenly, and the mapping of the clock with it; by how much it may be ahead if the other
+    one was right, the mapping is told.
+
+    A scan is sampled at its tick or later, and never earlier. What is counted on by the sequence is therefore counted
+    from the tick of the newest reading, not from the reading.
 
     Parameters
     ----------
@@ -41,6 +45,7 @@ class DeviceClock:
         self._sync = sync
         self._reading = 0  # newest, as sent [us]
         self._read_time = 0  # `time` when the reading changed last [us]
+        self._late = 0.0  # of the newest reading against its tick [us]
         self._counted = 0.0  # time since then, by the sequence [us]
         self._in_a_row = 0
         self._known = False
@@ -78,7 +83,9 @@ class DeviceClock:
             elapsed += max(round((expected - elapsed) / self._modulus), 0) * self._modulus
         return elapsed
 
-    def advance(self, reading: int, expected: float, fits: bool, arrival: int) -> None:
+    def advance(
+        self, reading: int, expected: float, fits: bool, arrival: int, period: float, slack: float = 0.0
+    ) -> None:
         """Take a reading of a later scan.
 
         Parameters
@@ -91,26 +98,26 @@ class DeviceClock:
             Whether the two agree.
         arrival : int
             Monotonic time at which the scan arrived [ns].
+        period : float
+            Scan period [us]: a scan is sampled late by less.
+        slack : float, default 0
+            Time by which `expected` may be too long, as the scan period is not known [us].
         """
         counted = self._counted + expected
         elapsed = (reading - self._reading) % self._modulus
         if elapsed and fits and not self._in_a_row and expected < self._modulus // 2:  # as nearly always
+            late = self._late + elapsed - expected
+            self._late = late if 0.0 < late < period else 0.0
             self._reading = reading
             self.time = self._read_time = self._read_time + elapsed
             return
         elapsed = self.elapsed(reading, counted)
         if elapsed == 0:
-            self.repeated += 1
-            self._in_a_row += 1
-            if not fits and (early := self._sync.delay(self._read_time + round(counted), arrival)) < EARLIEST:
-                counted += early / 1000
-                self._sync.doubt(self._read_time + round(counted), arrival)
-            self._counted = counted
-            self.time = self._read_time + round(counted)
+            self._repeat(counted, fits, expected <= period, arrival)
             return
         time = self._read_time + elapsed
         if self._in_a_row or not fits:
-            time = self._decide(time, self._read_time + round(counted), arrival)
+            time = self._decide(time, self._count_on(counted), arrival, slack)
         self._take(reading, time)
 
     def restart(self, reading: int, same_boot: bool, arrival: int) -> None:
@@ -134,16 +141,31 @@ class DeviceClock:
         self._sync.reset()
         self._take(reading, reading)
 
-    def _decide(self, read: int, by_sequence: int, arrival: int) -> int:
+    def _repeat(self, counted: float, fits: bool, next_tick: bool, arrival: int) -> None:
+        """Count on by the sequence, as the reading repeats the one before."""
+        self.repeated += 1
+        self._in_a_row += 1
+        time = self._count_on(counted)
+        early = 0.0 if fits else self._sync.delay(time, arrival)
+        if early < EARLIEST:
+            counted += early / 1000
+            time += round(early / 1000)
+            self._sync.doubt(time, arrival, time - self.time)
+        elif self._in_a_row == 1 and next_tick:  # the clock stands still, or two scans were sampled at once
+            self._sync.widen(time - self.time, arrival)
+        self._counted, self.time = counted, time
+
+    def _count_on(self, counted: float) -> int:
+        """Return the time by the sequence: a tick, but a scan is never sampled before the one before it."""
+        return self._read_time + max(round(counted - self._late), 0)
+
+    def _decide(self, read: int, by_sequence: int, arrival: int, slack: float) -> int:
         """Return that of two times which the arrival speaks for; what it leaves open is uncertain for a while."""
         delay, other = self._sync.delay(read, arrival), abs(self._sync.delay(by_sequence, arrival))
-        if other < abs(delay) and not EARLIEST <= delay <= other + PROMPT:
-            self._sync.doubt(by_sequence, arrival)
-            return by_sequence
-        shift = read - by_sequence
-        self._sync.doubt(read, arrival, shift if shift * 1000 <= PROMPT else 0)
-        return read
+        time = by_sequence if other < abs(delay) and not EARLIEST <= delay <= other + PROMPT else read
+        self._sync.doubt(time, arrival, min(time - min(read, by_sequence - slack), time - self.time))
+        return time
 
     def _take(self, reading: int, time: int) -> None:
         self._reading, self._read_time, self.time = reading, time, time
-        self._counted, self._in_a_row = 0.0, 0
+        self._counted, self._late, self._in_a_row = 0.0, 0.0, 0

@@ -71,6 +71,7 @@ class ScanNumbering:
         self._open = True  # any sequence is possible
         self._gap_counts = True
         self._arrival = 0  # of the newest scan [ns]
+        self._step = 0.0  # period by the newest candidate and its successor [us]
         self._earlier: tuple[float, ...] = ()  # other periods that ticks since the newest scan may have had
 
     def announce(self, period: float) -> bool:
@@ -166,7 +167,7 @@ class ScanNumbering:
         return min(max(self._clock.elapsed(reading, (least + most) / 2), least), most)
 
     def _is_successor(self, number: Number) -> bool:
-        """Return whether a number counts on from the candidate, and measure the scan period if it does."""
+        """Return whether a number counts on from the candidate; two that do so alike measure the scan period."""
         candidate = self._candidate
         if candidate is None or candidate.boot != number.boot:
             return False
@@ -174,15 +175,19 @@ class ScanNumbering:
         if step == 0:
             self._statistics.frozen_counter += number.reading != candidate.reading
             return False
-        elapsed = self._clock.between(candidate.reading, number.reading)
         if step > UNTIMED:
             return False
-        if elapsed:
-            self.period = elapsed / step
+        measured, before = self._clock.between(candidate.reading, number.reading) / step, self._step
+        self._step = measured
+        for period in (self.announced, before):
+            if measured and abs(measured - period) <= RATE_TOLERANCE * period:
+                self.period = period
+                break
         return True
 
     def _advance(self, ahead: int, reading: int, expected: float, fits: bool, arrival: int) -> int:
-        self._clock.advance(reading, expected, fits, arrival)
+        slack = expected - ahead * min(self.period, *self._earlier) if self._earlier else 0.0
+        self._clock.advance(reading, expected, fits, arrival, self.period, slack)
         self._earlier = ()
         self._arrival = arrival
         self.sequence += ahead

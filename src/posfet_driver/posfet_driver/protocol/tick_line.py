@@ -12,6 +12,8 @@ STEPS: Final = 5
 """Newest steps from header to header of which the period is the median; assumed."""
 NOMINAL: Final = 2
 """Steps for which the nominal period counts [1]: it holds against that many others."""
+CONFIRMING: Final = 2
+"""Steps that confirm a period which another host may have set: the first may have begun before."""
 LATEST: Final = 0.95
 """Time by which a tick may be sampled late [scan periods]; later, and period or sequence have changed. Assumed."""
 
@@ -22,12 +24,17 @@ class TickLine:
     A header states when its scan was sampled. That is the time of its tick, or later when the board was busy, but by
     less than a period, and never earlier. The ticks are therefore a line with the headers on it or above: its slope is
     the median of the steps between the newest headers, and it runs through the earliest of them.
+
+    Where a header contradicts the line, or another host sets the period, the next headers decide on the period.
     """
 
     def __init__(self) -> None:
         self.period = 0.0
         """Scan period [us], as announced, or as measured when most of the newest headers contradict that."""
-        self._announced = self._nominal = 0.0  # the latter also measured, when two steps contradict the former
+        self.nominal = 0.0
+        """Scan period [us], as announced, or as measured when two steps contradict that alike."""
+        self._announced = 0.0
+        self._unconfirmed = 0  # steps that have to fit before the period is certain again
         self._contradiction = 0.0  # newest step that does [us]
         self._steps: deque[float] = deque(maxlen=STEPS)  # periods from one header to the next [us]
         self._headers: deque[tuple[int, int]] = deque(maxlen=STEPS + 1)  # sequence and time, on one line
@@ -36,9 +43,19 @@ class TickLine:
 
     def restart(self, period: float) -> None:
         """Forget all headers: the board announces a scan period [us], or has restarted."""
-        self._announced = self._nominal = self.period = period
+        self._announced = self.nominal = self.period = period
+        self._unconfirmed = 0
         self._steps.clear()
         self._headers.clear()
+
+    @property
+    def certain(self) -> bool:
+        """Whether the period is: the times of the ticks since the newest header are."""
+        return self._unconfirmed == 0
+
+    def question(self) -> None:
+        """Note that the period may be another one from one of the ticks to come on."""
+        self._unconfirmed = CONFIRMING
 
     def add(self, sequence: int, time: int, estimated: bool) -> None:
         """Take a header.
@@ -57,13 +74,17 @@ class TickLine:
             if abs(elapsed - scans * self.period) > LATEST * self.period:
                 step = elapsed / scans if 0 < scans <= HEADER_SCANS else 0.0
                 again = abs(step - self._contradiction) <= LATEST * step / HEADER_SCANS
-                self._nominal = self.period = step if again and step > 0 else self._announced
+                measured = again and step > 0
+                self.nominal = self.period = step if measured else self._announced
+                self._unconfirmed = 0 if measured else max(self._unconfirmed, 1)
                 self._contradiction = step
                 self._steps.clear()
                 self._headers.clear()
-            elif scans <= HEADER_SCANS and not estimated:
-                self._steps.append(elapsed / scans)
-                self.period = median([*[self._nominal] * NOMINAL, *self._steps])
+            else:
+                self._unconfirmed = max(self._unconfirmed - 1, 0)
+                if scans <= HEADER_SCANS and not estimated:
+                    self._steps.append(elapsed / scans)
+                    self.period = median([*[self.nominal] * NOMINAL, *self._steps])
         self._newest = sequence, time
         self._headers.append(self._newest)
         self._tick = min(earlier + (sequence - before) * self.period for before, earlier in self._headers)

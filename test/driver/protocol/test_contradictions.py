@@ -1,0 +1,244 @@
+"""Boards, links and other hosts that contradict themselves: each cause of a wrong scan or stamp that was found."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import pytest
+
+from posfet_driver.bus.frame import CLASSIC, Frame
+from posfet_driver.protocol.decoder import Decoder, ScanReady
+from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Command, Request, Response, Result
+from posfet_driver.protocol.scan_codec import make_codec
+from posfet_model.sensor.description import load_sensor
+from posfet_model.sensor.scan import ScanStatus
+from support.fake_board import make_scan, with_fd
+
+SENSOR = load_sensor()
+BASE = SENSOR.can.base_id
+MILLISECOND = 1_000_000
+ROUNDING = 20_000
+BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
+
+
+class Tick(NamedTuple):
+    """A tick of a board, and what the board states of it."""
+
+    sequence: int
+    time: float
+    """When it was sampled [ms]."""
+    number: int | None = None
+    stated: float | None = None
+    """Time that is stated [ms]."""
+    header: bool | None = None
+
+    def frames(self, fd: bool) -> list[Frame]:
+        """Return the frames of its scan."""
+        number = self.sequence if self.number is None else self.number
+        scan = make_scan(with_fd(SENSOR, fd), self.sequence)
+        scan.sequence = number
+        scan.device_time = round(1000 * (self.time if self.stated is None else self.stated))
+        header = number % 16 == 0 if self.header is None else self.header
+        return make_codec(with_fd(SENSOR, fd)).encode(scan, BASE, header=header)
+
+
+class Published(NamedTuple):
+    """A scan that was published."""
+
+    sequence: int
+    error: float
+    """Of its stamp [ms]."""
+    early: float
+    late: float
+    """Bounds of the error that the decoder states [ms]."""
+    status: int
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether the error is within the bounds."""
+        return -self.early - 0.02 <= self.error <= self.late + 0.02
+
+
+class Listener:
+    """A decoder, and what it publishes."""
+
+    def __init__(self, fd: bool, period: int = 1000) -> None:
+        self.decoder = Decoder(with_fd(SENSOR, fd))
+        self.decoder.set_period(period)
+        self.decoder.start()
+        self.scans: list[Published] = []
+        self._fd = fd
+        self._sampled: dict[bytes, float] = {}
+        self._shortest = 1e9
+
+    def batch(self, arrival: float, ticks: Iterable[Tick], *others: Frame) -> None:
+        """Receive the scans of some ticks at a time [ms], after other frames."""
+        frames = list(others)
+        for tick in ticks:
+            self._sampled[make_scan(SENSOR, tick.sequence).counts.tobytes()] = tick.time
+            frames += tick.frames(self._fd)
+        self.receive(arrival, frames)
+
+    def receive(self, arrival: float, frames: list[Frame]) -> None:
+        """Receive frames at a time [ms]."""
+        for decoded in self.decoder.decode(frames, round(arrival * MILLISECOND), 0):
+            if isinstance(decoded, ScanReady):
+                scan = decoded.scan
+                sampled = self._sampled[scan.counts.tobytes()]  # KeyError: made of two
+                self._shortest = min(self._shortest, arrival - sampled)
+                bound = 1e3 * self.decoder.clock_uncertainty
+                error = scan.stamp / MILLISECOND - sampled
+                self.scans.append(Published(scan.sequence, error, bound, bound + self._shortest, scan.status))
+
+    def one_by_one(self, ticks: Iterable[Tick], delay: float = 0.0) -> None:
+        """Receive each scan when it was sampled, or later [ms]."""
+        for tick in ticks:
+            self.batch(tick.time + delay, [tick])
+
+    @property
+    def unbounded(self) -> list[Published]:
+        """Scans whose error is not within the bounds that were stated with them."""
+        return [scan for scan in self.scans if not scan.is_bounded]
+
+    @property
+    def accounted(self) -> int:
+        """Scans that were published, counted as lost, or as incomplete."""
+        statistics = self.decoder.statistics
+        return len(self.scans) + statistics.lost_scans + statistics.incomplete_scans
+
+
+def test_blocks_of_two_classic_scans_that_are_16_apart_are_not_one_scan() -> None:
+    """Their counters are the same; scan 56 has no header, and all between was lost."""
+    heard = Listener(fd=False)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(40))
+    heard._sampled |= {make_scan(SENSOR, sequence).counts.tobytes(): sequence for sequence in (40, 56)}
+    heard.receive(40, Tick(40, 40).frames(False)[:3])
+    heard.receive(56, Tick(56, 56).frames(False)[3:])
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(57, 100))
+    assert [scan.sequence for scan in heard.scans] == [*range(40), *range(64, 100)]
+    assert heard.accounted == 100
+
+
+def test_a_block_that_others_have_overtaken_completes_no_scan_16_later() -> None:
+    """All frames are late, a burst is lost; the block before it arrives after the header behind it."""
+    heard = Listener(fd=False)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(64))
+    heard.one_by_one((Tick(sequence, sequence) for sequence in range(64, 86)), delay=7)
+    *first, last = Tick(86, 86).frames(False)
+    heard.receive(93, first)
+    header, *blocks = Tick(96, 96).frames(False)
+    heard.receive(103, [header, last, *blocks])
+    for sequence in range(96, 103):
+        heard._sampled[make_scan(SENSOR, sequence).counts.tobytes()] = sequence
+    heard.one_by_one((Tick(sequence, sequence) for sequence in range(97, 102)), delay=7)
+    heard.receive(109, Tick(102, 102).frames(False)[:4])
+    heard.one_by_one((Tick(sequence, sequence) for sequence in range(103, 140)), delay=7)
+    assert [scan.sequence for scan in heard.scans[-37:]] == list(range(103, 140))
+    assert not {86, 102} & {scan.sequence for scan in heard.scans}
+    assert heard.accounted == 140
+
+
+def test_a_block_that_a_stalled_adapter_holds_back_belongs_to_its_scan() -> None:
+    heard = Listener(fd=False)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(40))
+    heard._sampled[make_scan(SENSOR, 40).counts.tobytes()] = 40
+    frames = Tick(40, 40).frames(False)
+    heard.receive(40, frames[:3])
+    heard.receive(60, frames[3:])
+    heard.batch(60, [Tick(sequence, sequence) for sequence in range(41, 61)])
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(61, 80))
+    assert [scan.sequence for scan in heard.scans] == list(range(80))
+
+
+@BOTH
+def test_the_time_by_the_sequence_is_counted_from_the_tick_not_from_a_late_sample(fd: bool) -> None:
+    """The board samples scan 64 late, and then lies about its time."""
+    heard = Listener(fd)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(64))
+    heard.batch(65.5, [Tick(64, 64.8)])
+    lie = [Tick(sequence, sequence, stated=sequence + 90_000) for sequence in range(65, 200)]
+    heard.one_by_one(lie, delay=1.5)
+    late = [scan for scan in heard.scans if scan.sequence > 64]
+    assert len(late) > 100
+    assert max(abs(scan.error) for scan in late) < 0.05
+    assert not heard.unbounded
+
+
+@BOTH
+def test_the_bound_covers_the_time_of_a_sequence_that_jumps_while_all_frames_are_late(fd: bool) -> None:
+    """The adapter stalls: the arrival does not tell whether sequence or time has jumped; later frames are 1 ms late."""
+    heard = Listener(fd)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(1000))
+    stalled = [Tick(sequence, sequence) for sequence in range(1000, 1320)]
+    jumped = [Tick(sequence, sequence, number=sequence + 20) for sequence in range(1320, 1700)]
+    heard.batch(1700, stalled + jumped)
+    heard.one_by_one((Tick(sequence, sequence) for sequence in range(1700, 2400)), delay=1.0)
+    assert len(heard.scans) > 1900
+    assert not heard.unbounded
+
+
+def test_a_step_from_a_repeated_time_measures_no_period() -> None:
+    """The board stands still, repeats its time once, and then its clock is behind."""
+    heard = Listener(fd=True)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(100))
+    heard.batch(241, [Tick(241, 241, stated=99)])
+    heard.one_by_one(Tick(sequence, sequence, stated=sequence - 18) for sequence in range(251, 400))
+    assert [scan.sequence for scan in heard.scans] == [*range(100), *range(251, 400)]
+    assert not any(scan.status & ScanStatus.BOARD_RESET for scan in heard.scans)
+    assert max(abs(scan.error) for scan in heard.scans) < 0.05
+
+
+@BOTH
+def test_a_frozen_clock_is_counted_on_by_the_period_that_was_measured(fd: bool) -> None:
+    """The board sends every 2 ms, 4 ms are announced; after 200 scans its clock stands still."""
+    heard = Listener(fd, period=4000)
+    heard.one_by_one(Tick(sequence, 2 * sequence) for sequence in range(200))
+    measured = len(heard.scans)
+    heard.one_by_one(Tick(sequence, 2 * sequence, stated=398) for sequence in range(200, 400))
+    assert len(heard.scans) > measured + 150
+    assert max(abs(scan.error) for scan in heard.scans[measured:]) < 0.1
+
+
+@pytest.mark.parametrize("period", [2, 5])
+def test_a_period_that_another_host_sets_unanswered_spoils_no_classic_stamp(period: int) -> None:
+    """Its command is heard, the board's response and the first headers are lost; frames arrive up to 3 ms late."""
+    heard = Listener(fd=False)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(200))
+    heard.receive(199, [(BASE + COMMAND_OFFSET, CLASSIC, Request(Command.SET_RATE, 9, 1000 * period).pack())])
+    for sequence in range(200, 400):
+        time = 200 + period * (sequence - 200)
+        lost = {"header": False} if sequence < 212 else {}
+        heard.batch(time + (1, 3, 2)[sequence % 3], [Tick(sequence, time, **lost)])
+    assert heard.scans[-1].sequence >= 384
+    assert not heard.unbounded
+    assert heard.accounted + 16 >= 400
+
+
+def test_a_late_response_to_an_earlier_command_spoils_no_classic_stamp() -> None:
+    """Another host has set 5 ms; then comes the response to the driver's own command, which announces 1 ms."""
+    heard = Listener(fd=False)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(64))
+    command = BASE + COMMAND_OFFSET, CLASSIC, Request(Command.SET_RATE, 9, 5000).pack()
+    responses = [
+        (BASE + RESPONSE_OFFSET, CLASSIC, Response(Command.SET_RATE, tag, Result.OK, period).pack())
+        for tag, period in ((9, 5000), (4, 1000))
+    ]
+    heard.receive(63, [command, responses[0]])
+    changed = [Tick(sequence, 64 + 5 * (sequence - 64)) for sequence in range(64, 300)]
+    heard.one_by_one(changed[:40])
+    heard.receive(260, [responses[1]])
+    heard.one_by_one(changed[40:])
+    assert heard.scans[-1].sequence >= 284
+    assert not heard.unbounded
+    assert max(abs(scan.error) for scan in heard.scans) < 0.05
+
+
+def test_two_scans_at_the_same_time_are_within_the_bound() -> None:
+    """A shorter period than the time since the last tick: the next scan is sampled at once."""
+    heard = Listener(fd=True, period=2000)
+    heard.one_by_one(Tick(sequence, 2 * sequence) for sequence in range(50))
+    heard.batch(104, [Tick(50, 100.8), Tick(51, 100.8)])
+    heard.one_by_one(Tick(sequence, 100.8 + 2 * (sequence - 51)) for sequence in range(52, 100))
+    assert [scan.sequence for scan in heard.scans] == list(range(100))
+    assert not heard.unbounded
