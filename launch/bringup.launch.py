@@ -12,6 +12,7 @@ from launch.actions import DeclareLaunchArgument, ExecuteProcess, LogInfo, Opaqu
 from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 from posfet.arguments import ARGUMENTS, LAUNCH_ARGUMENTS, check, choices, description
 from posfet.bringup import default_params_file
@@ -82,7 +83,10 @@ def processes(context: LaunchContext, arguments: dict[str, str], ended: Callable
             executable=spec.executable,
             name=spec.name,
             namespace=f"/{spec.namespace}",
-            parameters=[spec.params_file, dict(spec.parameters)],
+            parameters=[
+                spec.params_file,  # without a type, launch_ros reads the text 4711 as a number
+                {key: ParameterValue(value, value_type=type(value)) for key, value in spec.parameters.items()},
+            ],
             ros_arguments=["--log-level", spec.log_level],
             **common,
         )

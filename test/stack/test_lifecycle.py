@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import subprocess
-import sys
 from importlib.util import find_spec
 
 import pytest
@@ -20,22 +17,11 @@ from rcl_interfaces.srv import SetParametersAtomically
 
 from posfet_msgs.msg import TactileContacts, TactileInfo
 from support.bringup_process import needs_installation, running
-from support.expectations import TIMEOUT, Listener
+from support.expectations import Listener
+from support.launched import launching
 from support.paths import ROOT
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
-
-LAUNCH = """
-import sys
-from launch import LaunchDescription, LaunchService
-from launch.actions import IncludeLaunchDescription
-from launch.launch_description_sources import PythonLaunchDescriptionSource
-
-service = LaunchService(noninteractive=True)
-source = PythonLaunchDescriptionSource(sys.argv[1])
-service.include_launch_description(LaunchDescription([IncludeLaunchDescription(source)]))
-sys.exit(service.run())
-"""
 
 
 def state(listener: Listener, node: str) -> str:
@@ -96,16 +82,7 @@ def test_a_stack_waits_for_transitions_and_is_tuned_while_it_runs(composed: str)
 
 @pytest.mark.skipif(find_spec("launch_ros") is None, reason="needs launch_ros; the test above makes the transitions")
 def test_the_example_of_a_launch_file_brings_the_nodes_up_step_by_step() -> None:
-    command = [sys.executable, "-c", LAUNCH, str(ROOT / "examples" / "lifecycle.launch.py")]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
-    try:
-        with Listener() as listener:
-            contacts = listener.collect(TactileContacts, "contacts")
-            listener.wait(lambda: any(message.contacts for message in contacts), "a contact")
-            assert {state(listener, node) for node in ("model_node", "sim_board_node")} == {"active"}
-        process.send_signal(signal.SIGINT)
-        output, _ = process.communicate(timeout=TIMEOUT)
-    finally:
-        process.kill()
-        process.communicate()
-    assert process.returncode == 0, output
+    with launching(ROOT / "examples" / "lifecycle.launch.py"), Listener() as listener:
+        contacts = listener.collect(TactileContacts, "contacts")
+        listener.wait(lambda: any(message.contacts for message in contacts), "a contact")
+        assert {state(listener, node) for node in ("model_node", "sim_board_node")} == {"active"}

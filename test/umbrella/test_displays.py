@@ -8,7 +8,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pytest
 import yaml
+
+pytest.importorskip("ament_index_python", reason="needs ROS 2")
+
+from posfet.displays import main
+from posfet.hand import read_hand
 
 REPOSITORY = Path(__file__).parents[2]
 UMBRELLA = REPOSITORY / "src" / "posfet"
@@ -62,3 +68,37 @@ def test_foxglove_shows_published_topics_on_panels_of_the_layout() -> None:
 def test_the_readme_names_both_files() -> None:
     assert "rviz/tactile.rviz" in README
     assert "foxglove/tactile.json" in README
+
+
+def shown_topics(document: Any) -> set[str]:
+    return {re.split(r"[.\[]", text)[0] for text in texts(document) if text.startswith("/")}
+
+
+def test_displays_of_a_hand_show_every_sensor_in_its_frame(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    hand = UMBRELLA / "config/hand.yaml"
+    assert main(["--hand", str(hand), "--fixed-frame", "wrist", "--out", str(tmp_path / "hand")]) == 0
+    assert capsys.readouterr().out.splitlines() == [f"{tmp_path}/hand.{end}: written" for end in ("rviz", "json")]
+    manager = yaml.safe_load((tmp_path / "hand.rviz").read_text(encoding="utf-8"))["Visualization Manager"]
+    assert manager["Global Options"]["Fixed Frame"] == "wrist"
+    names = [sensor["namespace"] for sensor in read_hand(hand)]
+    grids = [each["Reference Frame"] for each in manager["Displays"] if each["Class"].endswith("Grid")]
+    assert grids == [f"{name.replace('/', '_')}_array" for name in names]
+    labels = [each["Name"] for each in manager["Displays"]]
+    assert len(labels) == len(set(labels)) == 5 * len(names)
+    of_one = shown_topics(yaml.safe_load((UMBRELLA / "rviz/tactile.rviz").read_text(encoding="utf-8")))
+    assert shown_topics(manager) == {topic.replace("/tactile", f"/{name}") for topic in of_one for name in names}
+
+    layout = json.loads((tmp_path / "hand.json").read_text(encoding="utf-8"))
+    of_one = shown_topics(json.loads((UMBRELLA / "foxglove/tactile.json").read_text(encoding="utf-8"))["configById"])
+    expected = {topic.replace("/tactile", f"/{name}") for topic in of_one for name in names}
+    assert shown_topics(layout["configById"]) == expected
+    tabs = layout["configById"]["Tab!sensors"]["tabs"]
+    assert [tab["title"] for tab in tabs] == names
+    used = [text for text in texts([layout["layout"], tabs]) if "!" in text]
+    assert sorted(used) == sorted(layout["configById"])
+
+
+def test_displays_need_a_namespace_that_is_valid(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["hand/9", "--out", str(tmp_path / "hand")]) == 1
+    assert capsys.readouterr().err.startswith("namespace: must be names of")
+    assert not list(tmp_path.iterdir())

@@ -20,6 +20,7 @@ from posfet_model.parameters import (
     MOUNT_POSE,
     PARENT_FRAME,
     SENSOR_FILE,
+    SERIAL,
     Parameter,
     Scalar,
 )
@@ -59,6 +60,7 @@ ARGUMENTS: Final = (
     CAN_FD,
     NAMESPACE,
     SENSOR_FILE,
+    SERIAL,
     _optional(CALIBRATION_FILE),
     _optional(CALIBRATION_FOLDER),
     _optional(ESTIMATOR),

@@ -25,6 +25,7 @@ COMMANDS: Final = {
         "posfet_model.design_command",
         "design a sensor element: report, netlist, simulation of the follower, sweep, tolerances",
     ),
+    "displays": ("posfet.displays", "write RViz and Foxglove files for the sensors of any namespaces"),
     "score": ("posfet_sim.commands.score", "score the reconstruction against the ground truth of a simulated scene"),
     "view": ("posfet.view_node", "show the live force map and the contacts of a running stack"),
 }

@@ -31,7 +31,7 @@ from posfet_model.parameters import (
     default_frame,
 )
 from posfet_model.ros.mount import parse_mount
-from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_model.sensor.description import Sensor, load_sensor, with_serial
 from posfet_sim.device.error_model import load_error_model
 from posfet_sim.emulation.adapter_lock import is_served
 from posfet_sim.parameters import ADAPTER_LINK, BUS_CHANNEL, BUS_INTERFACE, IMPERFECTIONS, SCENE, SIM_BOARD_NODE
@@ -188,7 +188,7 @@ def graph(arguments: Mapping[str, str], params_file: str, ros: RosArguments | No
     namespace = ros.within(arguments["namespace"])
     check_params_file(params_file, ros)
     source = arguments["source"]
-    sensor = load_sensor(arguments["sensor_file"])
+    sensor = with_serial(load_sensor(arguments["sensor_file"]), arguments["serial"])
     if source != "can":
         load_scene(arguments[SCENE.name], sensor)
         load_error_model(arguments[IMPERFECTIONS.name])

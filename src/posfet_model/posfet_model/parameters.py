@@ -180,7 +180,14 @@ CAN_FD: Final = Parameter(
     choices=FRAME_CHOICES,
     fixed="board and driver agree on it when they start",
 )
-SENSOR: Final = (SENSOR_FILE, CAN_FD)
+SERIAL: Final = Parameter(
+    "serial",
+    "",
+    "Serial number of this sensor, which its calibration file must have, too",
+    empty="as in the sensor file",
+    fixed="`info`, diagnostics and calibration carry it",
+)
+SENSOR: Final = (SENSOR_FILE, CAN_FD, SERIAL)
 """The parameters that describe the sensor to a node."""
 FRAME_ID: Final = Parameter(
     "frame_id",

@@ -13,7 +13,7 @@ from rclpy.node import Node
 from posfet_model.config import ConfigError
 from posfet_model.parameters import STANDARD, Parameter, default_frame
 from posfet_model.ros.supervision import SupervisedNode
-from posfet_model.sensor.description import Sensor, load_sensor, with_frames
+from posfet_model.sensor.description import Sensor, load_sensor, with_frames, with_serial
 
 
 def descriptor(parameter: Parameter) -> ParameterDescriptor:
@@ -132,7 +132,7 @@ def _given(node: Node) -> Mapping[str, Any]:
 
 def declared_sensor(values: Mapping[str, Any]) -> Sensor:
     """Return the sensor that the declared parameters of SENSOR name. Raises ConfigError, one line, for a bad file."""
-    return with_frames(load_sensor(values["sensor_file"]), values["can_fd"])
+    return with_serial(with_frames(load_sensor(values["sensor_file"]), values["can_fd"]), values["serial"])
 
 
 def declared_frame(node: Node, values: Mapping[str, Any]) -> str:

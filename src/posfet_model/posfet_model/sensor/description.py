@@ -255,6 +255,19 @@ def with_frames(sensor: Sensor, fd: str) -> Sensor:
     return replace(sensor, can=replace(sensor.can, fd=fd == "true"))
 
 
+def with_serial(sensor: Sensor, serial: str) -> Sensor:
+    """Return `sensor` as the individual with a serial number: sensors of one kind share a sensor file.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The sensor file.
+    serial : str
+        Serial number; '': that of the sensor file.
+    """
+    return replace(sensor, serial=serial) if serial else sensor
+
+
 def _check_rest(sensor: Sensor, top: Section) -> None:
     """Raise ConfigError unless the signal at rest is inside the range of amplifier and ADC, unclipped."""
     amplifier, adc = sensor.amplifier, sensor.adc

@@ -18,11 +18,11 @@ from posfet_model.calibration.least_squares_fit import fit
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.command_line import positive
 from posfet_model.config import ConfigError
-from posfet_model.sensor.description import Sensor, load_sensor
+from posfet_model.sensor.description import Sensor, load_sensor, with_serial
 from posfet_sim.calibration.bench_recording import COLUMNS, combine, read_reference, read_scans
 from posfet_sim.calibration.report import summary, write_report
 from posfet_sim.calibration.simulated_bench import calibrate, timestamp
-from posfet_sim.commands.options import add_error_model, add_seed, add_sensor
+from posfet_sim.commands.options import add_error_model, add_seed, add_sensor, add_serial
 from posfet_sim.contact.indenters import Sphere
 from posfet_sim.device.error_model import load_error_model
 
@@ -42,7 +42,7 @@ def main(words: Sequence[str] | None = None) -> int:
     """Write a calibration file; return 0, or 1 with one line on stderr for bad input."""
     options = make_parser().parse_args(words)
     try:
-        sensor = load_sensor(options.sensor)
+        sensor = with_serial(load_sensor(options.sensor), options.serial)
         for path in (options.out, options.report):
             if path is not None:
                 check_writable(path)
@@ -95,6 +95,7 @@ def make_parser() -> argparse.ArgumentParser:
         "--report", metavar="FILE", type=Path, help="also write a report: numbers, maps and residuals, one HTML file"
     )
     add_sensor(parser)
+    add_serial(parser)
     add_error_model(parser)
     add_seed(parser, default=1)
     return parser

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Final
 
-from posfet_model.parameters import SENSOR_FILE
+from posfet_model.parameters import SENSOR_FILE, SERIAL
 from posfet_sim.device.simulated_board import SEED_MAX
 from posfet_sim.parameters import IMPERFECTIONS, SCENE, SEED
 
@@ -32,6 +32,11 @@ def add_scene(parser: argparse.ArgumentParser, default: str | None = None) -> No
 def add_sensor(parser: argparse.ArgumentParser) -> None:
     """Add `--sensor`, the sensor description."""
     parser.add_argument("--sensor", metavar="SENSOR", default=SENSOR_FILE.default, help=SENSOR_FILE.help)
+
+
+def add_serial(parser: argparse.ArgumentParser) -> None:
+    """Add `--serial`, the serial number of the sensor."""
+    parser.add_argument("--serial", metavar="SERIAL", default=SERIAL.default, help=SERIAL.help)
 
 
 def add_error_model(parser: argparse.ArgumentParser) -> None:

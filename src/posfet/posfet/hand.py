@@ -1,0 +1,78 @@
+"""A hand of several sensors, as one YAML file: the arguments of a bring-up for each of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import Final
+
+from posfet.arguments import ARGUMENTS, NAMESPACE, check, defaults
+from posfet_model._lib.shown import shown
+from posfet_model.command_line import checked_namespace
+from posfet_model.config import ConfigError, Section, is_there, read_yaml
+
+_FILES: Final = ("sensor_file", "calibration_file", "params_file", "scene", "imperfections")
+"""Arguments that may be paths, relative to the folder of the hand file."""
+_OWN: Final = ("namespace", "serial", "calibration_file", "frame_id")
+"""Arguments that no two sensors may share."""
+
+
+def read_hand(path: str | Path) -> list[dict[str, str]]:
+    """Return the arguments of each sensor of a hand, as `posfet.arguments.check` returns them.
+
+    Parameters
+    ----------
+    path : str or Path
+        YAML file: `name`, the namespace of the hand; `common`, arguments of all sensors; `sensors`, a list with the
+        `name` of each, which is its namespace below that of the hand, and with arguments of its own.
+
+    Returns
+    -------
+    list of dict
+        Arguments by name for each sensor, complete with defaults; paths of files are absolute.
+
+    Raises
+    ------
+    ConfigError
+        One line, if the file cannot be used, an argument is not allowed, or two sensors share a namespace, frame,
+        serial number or calibration.
+    """
+    top = read_yaml(path)
+    hand = top.text("name", default="")
+    folder = Path(path).absolute().parent
+    common = _arguments(top.section("common"), folder) if "common" in top else {}
+    sensors = []
+    for section in top.sections("sensors"):
+        name = section.text("name")
+        own = _arguments(section, folder)
+        try:
+            namespace = checked_namespace("/".join(filter(None, (hand, name))))
+            sensors.append(check({**defaults(), **common, **own, NAMESPACE.name: namespace}))
+        except ConfigError as error:
+            raise section.error("", f"'{name}': {error}") from error
+    top.end()
+    if not sensors:
+        raise top.error("sensors", "must be a list of at least one sensor")
+    for argument in _OWN:
+        counts = Counter(values[argument] for values in sensors if values[argument])
+        for value, count in counts.items():
+            if count > 1:
+                raise top.error("sensors", f"{count} of them have the {argument} '{value}': each needs its own")
+    return sensors
+
+
+def _arguments(section: Section, folder: Path) -> dict[str, str]:
+    """Return the arguments in a section as texts, those of files beside the hand file as absolute paths."""
+    found = {}
+    for argument in ARGUMENTS:
+        if argument is NAMESPACE or argument.name not in section:
+            continue
+        value = section.value(argument.name, argument.allowed)
+        kinds = (str, bool) if isinstance(argument.default, str) else (str, bool, int, float)
+        if not isinstance(value, kinds):  # a serial number 0712 without quotes is 458 in YAML
+            raise section.error(argument.name, f"must be {argument.allowed}, got {shown(value)} without quotes")
+        text = str(value).lower() if isinstance(value, bool) else str(value)
+        beside = folder / text
+        found[argument.name] = str(beside) if argument.name in _FILES and text and is_there(beside) else text
+    section.end()
+    return found

@@ -1,0 +1,78 @@
+"""The file of a hand: which arguments each sensor gets, and what is refused in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from posfet.arguments import check, defaults
+from posfet.graph import graph
+from posfet.hand import read_hand
+from posfet_model.config import ConfigError
+from support.paths import SOURCES
+
+SHIPPED = SOURCES / "posfet/config/hand.yaml"
+PARAMETERS = str(SOURCES / "posfet/config/parameters.yaml")
+
+
+def hand(folder: Path, text: str) -> list[dict[str, str]]:
+    path = folder / "hand.yaml"
+    path.write_text(text, encoding="utf-8")
+    return read_hand(path)
+
+
+def test_the_shipped_hand_has_five_fingers_and_a_palm_each_with_a_graph_of_its_own() -> None:
+    sensors = read_hand(SHIPPED)
+    fingers = ["thumb", "index", "middle", "ring", "little"]
+    assert [sensor["namespace"] for sensor in sensors] == [f"hand/{name}" for name in (*fingers, "palm")]
+    assert len({sensor["serial"] for sensor in sensors}) == 6
+    assert [sensor["sensor_file"] for sensor in sensors] == [*["posfet_5x5"] * 5, "posfet_16x16"]
+    for sensor in sensors:
+        model, board = graph(check(sensor), PARAMETERS)
+        assert model.namespace == sensor["namespace"]
+        assert model.parameters["serial"] == board.parameters["serial"] == sensor["serial"]
+
+
+def test_a_sensor_overrides_what_is_common_and_names_files_beside_the_list(tmp_path: Path) -> None:
+    (tmp_path / "thumb.yaml").write_text("", encoding="utf-8")
+    thumb, palm = hand(
+        tmp_path,
+        "common: {scene: hold, can_bitrate: 500000, can_fd: true}\n"
+        "sensors:\n- {name: a/thumb, scene: idle, calibration_file: thumb.yaml, serial: '0712'}\n- {name: palm}\n",
+    )
+    changed = {"namespace": "palm", "scene": "hold", "can_bitrate": "500000", "can_fd": "true"}
+    assert palm == {**defaults(), **changed}
+    assert thumb == {
+        **palm,
+        "namespace": "a/thumb",
+        "scene": "idle",
+        "serial": "0712",
+        "calibration_file": str(tmp_path / "thumb.yaml"),
+    }
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("sensors: []", "sensors: must be a list of at least one sensor"),
+        ("sensors: [{serial: A}]", "sensors[0].name: missing, must be text"),
+        ("sensors: [{name: 9}]", "sensors[0].name: must be text, got 9"),
+        ("sensors: [{name: a__b}]", "sensors[0]: 'a__b': namespace: must be names of"),
+        ("sensors: [{name: a, scenes: hold}]", "sensors[0].scenes: unknown key, did you mean scene?"),
+        ("sensors: [{name: a, namespace: b}]", "sensors[0].namespace: unknown key"),
+        ("sensors: [{name: a, source: usb}]", "sensors[0]: 'a': source: must be one of sim, can, emulator"),
+        ("sensors: [{name: a, mount: [1, 2]}]", "sensors[0].mount: must be text, got [1, 2] without quotes"),
+        ("sensors: [{name: a, serial: 0712}]", "sensors[0].serial: must be text, got 458 without quotes"),
+        ("common: {can_bitrate: fast}\nsensors: [{name: a}]", "'a': can_bitrate: must be a whole number"),
+        ("sensors: [{name: a}, {name: a}]", "sensors: 2 of them have the namespace 'a': each needs its own"),
+        ("common: {serial: S}\nsensors: [{name: a}, {name: b}]", "sensors: 2 of them have the serial 'S'"),
+        ("sensors: [{name: a}]\nfingers: 5", "fingers: unknown key"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_one_line(tmp_path: Path, text: str, reason: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        hand(tmp_path, text)
+    assert str(caught.value).startswith(f"{tmp_path / 'hand.yaml'}: ")
+    assert reason in str(caught.value)
+    assert "\n" not in str(caught.value)
