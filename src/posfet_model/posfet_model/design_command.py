@@ -228,9 +228,9 @@ def _tolerance_document(result: ToleranceResult) -> dict[str, Any]:
 def _tolerance_text(result: ToleranceResult) -> str:
     lines = [f"{result.valid.size} samples, {int(result.valid.sum())} valid, yield {100 * result.yielded:.1f} %"]
     lines += [f"  {key}: {100 * mask.mean():.1f} % within the limit" for key, mask in result.passed.items()]
-    lines.append(f"{'quantiles':24}" + "".join(f"{100 * q:>11g} %" for q in QUANTILES))
+    lines.append(f"{'quantiles':27}" + "".join(f"{100 * q:>11g} %" for q in QUANTILES))
     for key in result.figures:
-        lines.append(f"{key:24}" + "".join(f"{value:>13.5g}" for value in result.quantiles(key)))
+        lines.append(f"{key:27}" + "".join(f"{value:>13.5g}" for value in result.quantiles(key)))
     return "\n".join(lines)
 
 

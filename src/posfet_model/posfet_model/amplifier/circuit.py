@@ -79,6 +79,8 @@ _MOST_CHANGE: Final = 0.5
 
 _ITERATIONS: Final = 200
 _TOLERANCE: Final = 1e-13
+_LAST_CHANGE: Final = 1e-8
+"""Largest last change of Newton's method, of the supply; the error that it leaves is of its square."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -287,20 +289,23 @@ class AmplifierCircuit:
             Currents of shape [..., n], and matrices.
         """
         gate, drain, parts = self.transistors(nodes, v_in)
-        matrix = _assemble(_CONDUCTANCE_MAP[self.stages, inverting], parts.transconductance, parts.output_conductance)
-        n = matrix.shape[-2]
-        linear = Matrices(
-            matrix[..., :n] + self._linear[0], matrix[..., n], *self._capacitances(gate, drain, inverting)
-        )
+        linear = Matrices(*self._conductance(parts, inverting), *self._capacitances(gate, drain, inverting))
         return self._sum(nodes, parts.current), linear
 
-    def operating_point(self, v_in: Array | float = 0.0) -> Array:
+    def _conductance(self, parts: Linearised, inverting: str = "out") -> tuple[Array, Array]:
+        matrix = _assemble(_CONDUCTANCE_MAP[self.stages, inverting], parts.transconductance, parts.output_conductance)
+        n = matrix.shape[-2]
+        return matrix[..., :n] + self._linear[0], matrix[..., n]
+
+    def operating_point(self, v_in: Array | float = 0.0, guess: Array | None = None) -> Array:
         """Return the voltages of the unknown nodes at rest, by Newton's method with limited changes; unchecked.
 
         Parameters
         ----------
         v_in : ndarray or float, default 0.0
             Input voltage [V]; broadcasts with the circuits.
+        guess : ndarray, optional
+            Voltages to start from [V], shape [..., n]; where they are NaN, and without them, those of `start`.
 
         Returns
         -------
@@ -310,15 +315,17 @@ class AmplifierCircuit:
         shape = np.broadcast_shapes(np.shape(v_in), self.shape)
         v_in = np.broadcast_to(np.asarray(v_in, np.float64), shape)
         nodes = self.start(v_in)
+        if guess is not None:
+            nodes = np.where(np.isfinite(guess).all(axis=-1, keepdims=True), guess, nodes)
         limit = np.broadcast_to(self.supply, shape)[..., None]
         for _ in range(_ITERATIONS):
-            current, linear = self.evaluate(nodes, v_in)
-            change = np.linalg.solve(linear.conductance, current[..., None])[..., 0]
+            parts = self.transistors(nodes, v_in)[2]
+            change = np.linalg.solve(self._conductance(parts)[0], self._sum(nodes, parts.current)[..., None])[..., 0]
             largest = np.max(np.abs(change), axis=-1, keepdims=True)
             nodes = np.clip(nodes - change * np.minimum(1, _MOST_CHANGE / np.maximum(largest, 1e-300)), -limit, limit)
-            if np.all(largest <= _TOLERANCE * limit):
+            if np.all(largest <= _LAST_CHANGE * limit):
                 break
-        return np.where(largest <= 1e-9 * limit, nodes, np.nan)
+        return np.where(largest <= _LAST_CHANGE * limit, nodes, np.nan)
 
     def start(self, v_in: Array) -> Array:
         """Return a guess of the operating point, for `operating_point` to start from; unchecked.

@@ -16,16 +16,15 @@ import numpy as np
 from posfet_model._lib.types import Array, FloatArray, Mask
 from posfet_model.amplifier.circuit import AmplifierCircuit
 from posfet_model.amplifier.circuit_figures import CircuitFigures, TransferFunction, circuit_figures
-from posfet_model.amplifier.operating_point import MIN_OUTPUT_CURRENT
+from posfet_model.amplifier.input_range import input_range
 from posfet_model.amplifier.validity import Validity
 
 BLOCK: Final = 250
 """Circuits that are computed at once, which bounds the memory."""
 
 _OF_EACH_TRANSISTOR: Final = ("beta", "gate_area", "threshold")
-_RANGE_HALVINGS: Final = 15
 _FREQUENCIES: Final = np.geomspace(1.0, 1e11, 56)
-_FREQUENCY_HALVINGS: Final = 40
+_FREQUENCY_HALVINGS: Final = 32
 _HALF_POWER: Final = math.sqrt(0.5)
 
 
@@ -76,9 +75,13 @@ class AmplifierFigures:
     common_mode_rejection: FloatArray
     """CMRR without mismatch: difference gain over common-mode gain at frequency 0 [V/V]."""
     lowest_input: FloatArray
-    """Lowest input with all transistors saturated [V]; NaN where they are not at 0 V."""
+    """Lowest input with all transistors saturated and the follower stable [V]; NaN where it is not so at 0 V."""
     highest_input: FloatArray
-    """Highest input with all transistors saturated [V]; NaN where they are not at 0 V."""
+    """Highest input with all transistors saturated and the follower stable [V]; NaN where it is not so at 0 V."""
+    lowest_saturated_input: FloatArray
+    """Lowest input with all transistors saturated [V], stable or not; NaN where they are not at 0 V."""
+    highest_saturated_input: FloatArray
+    """Highest input with all transistors saturated [V], stable or not; NaN where they are not at 0 V."""
     validity: Validity
     """Where the follower is usable, and why not."""
 
@@ -142,7 +145,7 @@ def _block_figures(circuit: AmplifierCircuit, figures: CircuitFigures) -> Amplif
     found = np.asarray(np.isfinite(nodes).all(axis=-1))
     gate, _, point = circuit.transistors(nodes, rest)
     gm = np.abs(point.transconductance)
-    lowest, highest = _input_range(circuit)
+    inputs = input_range(circuit, nodes)
     return AmplifierFigures(
         found=found,
         tail_current=figures.tail_current,
@@ -165,8 +168,10 @@ def _block_figures(circuit: AmplifierCircuit, figures: CircuitFigures) -> Amplif
         falling_slew_rate=figures.falling_slew_rate,
         offset=figures.offset,
         common_mode_rejection=figures.common_mode_rejection,
-        lowest_input=lowest,
-        highest_input=highest,
+        lowest_input=inputs.lowest,
+        highest_input=inputs.highest,
+        lowest_saturated_input=inputs.lowest_saturated,
+        highest_saturated_input=inputs.highest_saturated,
         validity=figures.validity,
     )
 
@@ -185,25 +190,3 @@ def _bandwidth(response: TransferFunction, stable: Mask) -> Array:
         loud = np.abs(response.at(middle)) > wanted
         low, high = np.where(loud, middle, low), np.where(loud, high, middle)
     return np.where(crossed, low, math.nan)
-
-
-def _input_range(circuit: AmplifierCircuit) -> tuple[Array, Array]:
-    """Return the lowest and highest input [V] that keep the circuit in its range at rest, by bisection from 0 V."""
-    supply = np.broadcast_to(circuit.supply, circuit.shape)
-
-    def within(v_in: Array) -> Mask:
-        nodes = circuit.operating_point(v_in)
-        current = np.abs(circuit.transistors(nodes, v_in)[2].current)
-        driven = current[..., 6] >= MIN_OUTPUT_CURRENT * current[..., 7]
-        return np.asarray(circuit.saturated(nodes, v_in).all(axis=-1) & driven)
-
-    usable = within(np.zeros(circuit.shape))
-    ends = []
-    for sign in (-1, 1):
-        inside, outside = np.zeros(circuit.shape), sign * supply
-        for _ in range(_RANGE_HALVINGS):
-            middle = 0.5 * (inside + outside)
-            good = within(middle)
-            inside, outside = np.where(good, middle, inside), np.where(good, outside, middle)
-        ends.append(np.where(usable, inside, math.nan))
-    return ends[0], ends[1]

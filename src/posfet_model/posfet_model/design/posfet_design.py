@@ -214,15 +214,18 @@ class PosfetDesign(DesignFields):
         """
         self._require_single()
         amplifier = self.amplifier
-        if not np.isfinite(amplifier.lowest_input):
+        ends = amplifier.lowest_input, amplifier.highest_input
+        if not amplifier.stable:
+            ends = amplifier.lowest_saturated_input, amplifier.highest_saturated_input
+        if not np.isfinite(ends).all():
             raise ValueError(f"the design has no linear follower: {'; '.join(amplifier.validity.reasons)}")
         loop = circuit_figures(self.op_amp).open_loop
         return RingingFollower(
             open_loop=loop,
             offset=float(amplifier.offset / loop.closed_loop_gain),
             limits=FollowerLimits(
-                v_low=float(amplifier.lowest_input),
-                v_high=float(amplifier.highest_input),
+                v_low=float(ends[0]),
+                v_high=float(ends[1]),
                 slew_rate=float(amplifier.slew_rate),
                 falling_slew_rate=float(amplifier.falling_slew_rate),
             ),

@@ -14,12 +14,13 @@ from posfet_model.design.design_fields import DesignFields
 
 NOT_POLED: Final = "the film is not poled: a force gives no signal"
 BEYOND_INPUT: Final = "the force to be measured drives the input out of the amplifier's range"
+OSCILLATES: Final = "the force to be measured drives the input to where the follower is unstable"
 BEYOND_ADC: Final = "the force to be measured drives the ADC out of its range"
 TOO_STEEP: Final = "the force to be measured, at the upper end of the band, is steeper than the slew rate"
 
 
 def largest_force(design: DesignFields, amplifier: AmplifierFigures) -> FloatArray:
-    """Return the largest compressive force within the ranges of amplifier and ADC [N]; unchecked.
+    """Return the largest compressive force within the ranges of amplifier and ADC, the former stable [N]; unchecked.
 
     Parameters
     ----------
@@ -28,7 +29,7 @@ def largest_force(design: DesignFields, amplifier: AmplifierFigures) -> FloatArr
     amplifier : AmplifierFigures
         Figures of its op-amp.
     """
-    return np.minimum(_reach(design, amplifier, "amplifier"), _reach(design, amplifier, "adc"))[()]
+    return np.minimum(_reach(design, amplifier, "stable"), _reach(design, amplifier, "adc"))[()]
 
 
 def validity(design: DesignFields, amplifier: AmplifierFigures) -> Validity:
@@ -41,12 +42,14 @@ def validity(design: DesignFields, amplifier: AmplifierFigures) -> Validity:
     amplifier : AmplifierFigures
         Figures of its op-amp.
     """
+    saturated, stable = _reach(design, amplifier, "saturated"), _reach(design, amplifier, "stable")
     volts = np.abs(design.volts_per_newton() * design.signal_force)
     with np.errstate(invalid="ignore"):
         return amplifier.validity.also(
             {
                 NOT_POLED: np.equal(volts, 0),
-                BEYOND_INPUT: np.greater(design.signal_force, _reach(design, amplifier, "amplifier")),
+                BEYOND_INPUT: np.greater(design.signal_force, saturated),
+                OSCILLATES: np.greater(design.signal_force, stable) & (stable < saturated),
                 BEYOND_ADC: np.greater(design.signal_force, _reach(design, amplifier, "adc")),
                 TOO_STEEP: 2 * math.pi * design.high_frequency * volts
                 > np.minimum(amplifier.slew_rate, amplifier.falling_slew_rate),
@@ -55,12 +58,13 @@ def validity(design: DesignFields, amplifier: AmplifierFigures) -> Validity:
 
 
 def _reach(design: DesignFields, amplifier: AmplifierFigures, of: str) -> FloatArray:
-    """Return the force [N] that reaches the end of the input range of the amplifier or of the ADC behind it."""
+    """Return the force [N] that reaches the end of a range of the amplifier's input, or that of the ADC behind it."""
     gain = amplifier.follower_gain
     per_newton = design.volts_per_newton()
     with np.errstate(divide="ignore", invalid="ignore"):  # of a follower without gain, a film without signal
         low, high = {
-            "amplifier": (amplifier.lowest_input, amplifier.highest_input),
+            "stable": (amplifier.lowest_input, amplifier.highest_input),
+            "saturated": (amplifier.lowest_saturated_input, amplifier.highest_saturated_input),
             "adc": (design.adc_low / gain, design.adc_high / gain),
         }[of]
         force = np.where(per_newton > 0, high, low) / per_newton

@@ -59,9 +59,9 @@ FIGURES: Final = (
     Figure("second_pole_hz", "Hz", "magnitude of the next pole", lambda d: d.amplifier.second_pole),
     Figure("phase_margin_deg", "degrees", "phase margin", lambda d: d.amplifier.phase_margin),
     Figure(
-        "overshoot_pct",
+        "overshoot_small_signal_pct",
         "%",
-        "overshoot of a step: in the report of 50 mV, in sweeps of a small one",
+        "overshoot of a step so small that the circuit is linear",
         lambda d: 100 * d.amplifier.overshoot,
     ),
     Figure("settling_time_s", "s", "time to 1 % of a small step", lambda d: d.amplifier.settling_time),
@@ -83,8 +83,25 @@ FIGURES: Final = (
         "common-mode rejection of the circuit without mismatch",
         lambda d: _decibels(d.amplifier.common_mode_rejection),
     ),
-    Figure("lowest_input_v", "V", "lowest input with all transistors saturated", lambda d: d.amplifier.lowest_input),
-    Figure("highest_input_v", "V", "highest input with all transistors saturated", lambda d: d.amplifier.highest_input),
+    Figure(
+        "lowest_input_v",
+        "V",
+        "lowest input, with all transistors saturated and the follower stable",
+        lambda d: d.amplifier.lowest_input,
+    ),
+    Figure("highest_input_v", "V", "highest input, as the lowest", lambda d: d.amplifier.highest_input),
+    Figure(
+        "lowest_saturated_input_v",
+        "V",
+        "lowest input with all transistors saturated, stable or not",
+        lambda d: d.amplifier.lowest_saturated_input,
+    ),
+    Figure(
+        "highest_saturated_input_v",
+        "V",
+        "highest input with all transistors saturated, stable or not",
+        lambda d: d.amplifier.highest_saturated_input,
+    ),
     Figure("largest_force_n", "N", "largest force within the ranges of amplifier and ADC", lambda d: d.largest_force),
     Figure("power_w", "W", "power at rest", lambda d: d.power),
     Figure("area_m2", "m2", "area of film and gates", lambda d: d.area),
@@ -97,9 +114,19 @@ FIGURES: Final = (
     Figure("snr_db", "dB", "signal of signal_force to noise", lambda d: d.signal_to_noise),
     Figure("smallest_force_n", "N", "smallest detectable force", lambda d: d.smallest_force),
 )
-"""All figures, in the order in which they are printed."""
+"""Figures of arrays of designs, in the order in which they are printed."""
 
 KEYS: Final = tuple(figure.key for figure in FIGURES)
+
+OVERSHOOT: Final = Figure(
+    "overshoot_pct", "%", "overshoot of a step of 50 mV", lambda d: 100 * step_test(d.follower()).overshoot
+)
+"""Of single designs only, since the circuit is integrated over the step."""
+
+_BEFORE_OVERSHOOT: Final = KEYS.index("overshoot_small_signal_pct")
+
+REPORT: Final = (*FIGURES[:_BEFORE_OVERSHOOT], OVERSHOOT, *FIGURES[_BEFORE_OVERSHOOT:])
+"""Figures of the report of a single design, in the order in which they are printed."""
 
 _PREFIXES: Final = {-15: "f", -12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
 _PLAIN: Final = {"1", "%", "dB", "degrees", "V/V", "m2"}
@@ -136,10 +163,11 @@ def values(design: PosfetDesign, keys: Iterable[str] = KEYS) -> dict[str, FloatA
 
 def _of_single(design: PosfetDesign) -> dict[str, float]:
     """Return the figures of a single design; overshoot and slew rates are those of steps, by integration."""
-    numbers = {key: float(value) for key, value in values(design).items()}
+    known = {key: float(value) for key, value in values(design).items()}
+    numbers = {figure.key: known.get(figure.key, math.nan) for figure in REPORT}
     with np.errstate(divide="ignore", invalid="ignore"):  # transistors in cut-off
-        if not math.isnan(numbers["overshoot_pct"]):
-            numbers["overshoot_pct"] = 100 * step_test(design.follower()).overshoot
+        if not math.isnan(numbers["overshoot_small_signal_pct"]):
+            numbers[OVERSHOOT.key] = float(OVERSHOOT.value(design))
         numbers["slew_v_per_s"], numbers["falling_slew_v_per_s"] = _slew_rates(design, numbers)
     return numbers
 
@@ -202,8 +230,8 @@ def as_text(design: PosfetDesign) -> str:
     """
     _require_single(design)
     numbers = _of_single(design)
-    shown = [(figure, readable(numbers[figure.key], figure.unit)) for figure in FIGURES]
-    lines = [f"{figure.key:24}{text:>18}  {figure.meaning}" for figure, text in shown]
+    shown = [(figure, readable(numbers[figure.key], figure.unit)) for figure in REPORT]
+    lines = [f"{figure.key:27}{text:>18}  {figure.meaning}" for figure, text in shown]
     verdict = "valid" if design.valid else f"not valid: {'; '.join(design.reasons)}"
     return "\n".join([*lines, verdict])
 
