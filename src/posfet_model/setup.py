@@ -9,7 +9,7 @@ setup(
     package_data={
         package_name: [
             "py.typed",
-            "ros/middleware.xml",
+            "ros/*.xml",
             "spice/netlists/*",
             "sensor/sensors/*.yaml",
             "design/designs/*.yaml",

@@ -17,8 +17,10 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from posfet_model.ros.middleware import LOCALHOST, NETWORK, PROFILES, settings
 from posfet_msgs.msg import TactileContacts
 
+RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 pytestmark = pytest.mark.ros
 
 DEADLINE = 120.0
@@ -86,7 +88,7 @@ def test_settings_of_the_user_are_kept(own: str) -> None:
     environment = {name: value for name, value in os.environ.items() if name != "FASTRTPS_DEFAULT_PROFILES_FILE"}
     if own:
         environment["FASTRTPS_DEFAULT_PROFILES_FILE"] = own
-    code = "import os; from posfet_model.ros.run_node import *\nwith ros([]): print(os.environ[PROFILES])"
+    code = "import os; from posfet_model.ros.run_node import *\nwith ros([]): print(os.environ[middleware.PROFILES])"
     done = subprocess.run(
         [sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=DEADLINE, check=True
     )
@@ -94,4 +96,58 @@ def test_settings_of_the_user_are_kept(own: str) -> None:
     if own:
         assert used == own
     else:
-        assert Path(used).is_file() and Path(used).name == "middleware.xml"
+        assert Path(used) in (NETWORK, LOCALHOST)
+
+
+SYSTEM_DEFAULT = {PROFILES: str(LOCALHOST), RANGE: "SYSTEM_DEFAULT"}
+
+
+@pytest.mark.parametrize(
+    ("environment", "fast_dds_2", "expected"),
+    [
+        ({}, True, {PROFILES: str(NETWORK)}),
+        ({RANGE: "SUBNET"}, True, {PROFILES: str(NETWORK)}),
+        ({RANGE: "LOCALHOST"}, True, SYSTEM_DEFAULT),
+        ({RANGE: "LOCALHOST", PROFILES: str(NETWORK)}, True, SYSTEM_DEFAULT),  # of a parent process
+        ({RANGE: "LOCALHOST", PROFILES: "own.xml"}, True, {}),
+        # With another middleware the range must stay: it does not read the settings that replace it.
+        ({RANGE: "LOCALHOST"}, False, {PROFILES: str(NETWORK)}),
+        ({RANGE: "LOCALHOST", "ROS_STATIC_PEERS": "192.0.2.1"}, True, {PROFILES: str(NETWORK)}),
+        ({RANGE: "LOCALHOST", "ROS_LOCALHOST_ONLY": "0"}, True, {PROFILES: str(NETWORK)}),
+        ({RANGE: "OFF"}, True, {PROFILES: str(NETWORK)}),
+    ],
+)
+def test_the_range_is_left_to_the_middleware_only_with_settings_for_this_machine(
+    environment: dict[str, str], fast_dds_2: bool, expected: dict[str, str]
+) -> None:
+    assert settings(environment, fast_dds_2) == expected
+
+
+SOCKETS = """
+import os
+from pathlib import Path
+from rclpy.node import Node
+from posfet_model.ros.run_node import ros
+
+with ros([]) as stack:
+    node = Node("node")
+    stack.callback(node.destroy_node)
+    links = [os.path.realpath(path) for path in Path("/proc/self/fd").iterdir()]
+    lines = [line.split() for line in Path("/proc/self/net/udp").read_text().splitlines()[1:]]
+    print(*(words[1].split(":")[0] for words in lines if any(f"socket:[{words[9]}]" in link for link in links)))
+    print("/dev/shm/fastrtps_" in Path("/proc/self/maps").read_text())
+    print(os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE"))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads the sockets of the process")
+@pytest.mark.parametrize("given", ["LOCALHOST", "SUBNET"])
+def test_nodes_use_no_shared_memory_and_with_localhost_only_the_loopback_interface(given: str) -> None:
+    environment = {name: value for name, value in os.environ.items() if name != PROFILES} | {RANGE: given}
+    done = subprocess.run(
+        [sys.executable, "-c", SOCKETS], env=environment, capture_output=True, text=True, timeout=DEADLINE, check=True
+    )
+    sockets, shared_memory, after = done.stdout.strip().split("\n")[-3:]
+    assert (shared_memory, after) == ("False", given)
+    assert len(sockets.split()) >= 3
+    assert (set(sockets.split()) == {"0100007F"}) == (given == "LOCALHOST"), "127.0.0.1, in the order of this machine"

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import gc
-import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
-from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -21,6 +19,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from posfet_model.config import ConfigError
+from posfet_model.ros import middleware
 from posfet_model.ros.exit_codes import INTERRUPTED, InternalError, exit_code
 from posfet_model.ros.supervision import RestartPolicy, SupervisedNode, described
 
@@ -28,10 +27,6 @@ try:
     from rclpy.experimental import EventsExecutor as NodeExecutor
 except ImportError:  # rclpy before Jazzy's
     from rclpy.executors import SingleThreadedExecutor as NodeExecutor
-
-PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
-"""Environment variable with the path of the Fast DDS settings; a value set by the user is kept."""
-MIDDLEWARE = Path(__file__).with_name("middleware.xml")
 
 POLL = 0.1
 """Longest delay between a stop requested by a signal or by `until` and the end of spinning [s]."""
@@ -136,10 +131,10 @@ def ros(arguments: Sequence[str] | None = None) -> Iterator[ExitStack]:
     SystemExit
         With `INTERRUPTED`, after the clean-up, if the start-up was interrupted twice.
     """
-    os.environ.setdefault(PROFILES, str(MIDDLEWARE))
     try:
         given = None if arguments is None else list(arguments)
-        rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
+        with middleware.applied():
+            rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
     except rclpy_implementation.UnknownROSArgsError as error:
         raise ConfigError(f"unknown ROS arguments: {error}") from error
     except rclpy_implementation.RCLError as error:

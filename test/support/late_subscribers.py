@@ -1,0 +1,171 @@
+"""Starts subscribers on a running stack, kills them with SIGKILL, and measures how long each waits for a message.
+
+In the folder test:
+
+python -m support.late_subscribers --kills 200 --busy 2
+
+Subscribers are what a user would start: processes of their own, without settings of the middleware. Several live at a
+time; all are killed at a random moment after their first messages, in the middle of the traffic.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import math
+import multiprocessing
+import os
+import random
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext
+from pathlib import Path
+from typing import NamedTuple
+
+from support.shared_memory import names, remove_abandoned
+
+PATIENCE = 30.0
+"""Time after which a subscriber counts as one that gets nothing [s]."""
+LONGEST_LIFE = 0.3
+"""Longest time between the first messages and the kill [s]."""
+TOGETHER = 3
+"""Number of subscribers that live at a time."""
+TARGET = 0.5
+"""Wanted longest time to the first message [s]."""
+PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
+
+
+class Wait(NamedTuple):
+    """How long a subscriber waited."""
+
+    seconds: float
+    """Time between subscription and first message [s]; inf: none within PATIENCE."""
+    processor: float
+    """Part of it in which one of its threads could have run, but had no processor [s]."""
+
+
+def queued() -> float:
+    """Return the longest time that a thread of this process has waited for a processor [s]; 0 where that is unknown."""
+    try:
+        tasks = [(task / "schedstat").read_text().split() for task in Path("/proc/self/task").iterdir()]
+    except OSError:
+        return 0.0
+    return max(int(words[1]) for words in tasks) * 1e-9
+
+
+def subscribe(topic: str, results: Connection) -> None:
+    """Subscribe to contacts, send how long the first message took, and go on until killed."""
+    rclpy = importlib.import_module("rclpy")
+    message_type = importlib.import_module("posfet_msgs.msg").TactileContacts
+    rclpy.init()
+    node = rclpy.create_node(f"late_{os.getpid()}")
+    received: list[float] = []
+
+    def first(_: object) -> None:
+        if not received:
+            received.append(time.monotonic() - begin)
+            results.send(Wait(received[0], queued() - before))
+
+    before, begin = queued(), time.monotonic()
+    node.create_subscription(message_type, topic, first, 10)
+    rclpy.spin(node)
+
+
+@contextmanager
+def subscriber(context: ForkServerContext, topic: str) -> Iterator[Connection]:
+    """Run a subscriber during the block, and kill it at its end."""
+    receiver, sender = context.Pipe(duplex=False)
+    process = context.Process(target=subscribe, args=(topic, sender), daemon=True)
+    process.start()
+    sender.close()
+    try:
+        yield receiver
+    finally:
+        process.kill()  # SIGKILL
+        process.join()
+
+
+def waits(kills: int, seed: int = 0, topic: str = "/tactile/contacts", together: int = TOGETHER) -> list[Wait]:
+    """Return how long each of `kills` subscribers waited for its first message, and kill them in groups."""
+    noise, measured = random.Random(seed), []
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["rclpy", "posfet_msgs.msg", __name__])
+    while len(measured) < kills:
+        with ExitStack() as group:
+            number = min(together, kills - len(measured))
+            receivers = [group.enter_context(subscriber(context, topic)) for _ in range(number)]
+            for receiver in receivers:
+                measured.append(receiver.recv() if receiver.poll(PATIENCE) else Wait(math.inf, 0.0))
+            time.sleep(noise.random() * LONGEST_LIFE)
+    return measured
+
+
+@contextmanager
+def running(command: Sequence[str], signal_at_end: str = "terminate") -> Iterator[subprocess.Popen[str]]:
+    """Run a process during the block; its output is dropped."""
+    with tempfile.TemporaryFile("w+") as log, subprocess.Popen(command, stdout=log, stderr=log, text=True) as process:
+        try:
+            yield process
+        finally:
+            getattr(process, signal_at_end)()
+
+
+@contextmanager
+def clean_shared_memory() -> Iterator[None]:
+    """Remove what processes that were killed in the block leave in shared memory."""
+    before = names()
+    try:
+        yield
+    finally:
+        remove_abandoned(names() - before)
+
+
+def summary(measured: Sequence[Wait]) -> str:
+    """Return the distribution in a few lines."""
+    times = sorted(wait.seconds for wait in measured)
+    late = [wait for wait in measured if wait.seconds > TARGET]
+    starved = sum(wait.seconds - wait.processor <= TARGET for wait in late)
+    return (
+        f"{len(times)} subscribers: first message after {statistics.median(times):.3f} s (median), "
+        f"{times[int(0.9 * len(times))]:.3f} s (90 %), {times[-1]:.3f} s (all)\n"
+        f"above {TARGET} s: {len(late)}, of which {starved} only for lack of a processor\n"
+        f"slowest: {' '.join(f'{each:.2f}' for each in times[-12:])}"
+    )
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--kills", type=int, default=200)
+    parser.add_argument("--busy", type=int, default=2, help="processes that load the machine")
+    parser.add_argument("--together", type=int, default=TOGETHER, help="subscribers at a time")
+    parser.add_argument("--stack-profile", default="", help="settings of the stack instead of its own, for comparison")
+    parser.add_argument("arguments", nargs="*", metavar="name:=value", help="of the bring-up")
+    options = parser.parse_args(words)
+    with ExitStack() as stack:
+        domains = importlib.import_module("domain_coordinator")
+        os.environ["ROS_DOMAIN_ID"] = str(stack.enter_context(domains.domain_id()))
+        stack.enter_context(clean_shared_memory())
+        before = names()
+        if options.stack_profile:
+            os.environ[PROFILES] = options.stack_profile
+        bringup = stack.enter_context(running(["posfet", "bringup", *options.arguments]))
+        os.environ.pop(PROFILES, None)
+        waits(1)  # until the stack is up
+        print(f"files in shared memory of the running stack: {len(names() - before)}", flush=True)
+        for _ in range(options.busy):
+            stack.enter_context(running([sys.executable, "-c", "while True: pass"], "kill"))
+        measured: list[Wait] = []
+        while len(measured) < options.kills:
+            measured += waits(min(20, options.kills - len(measured)), len(measured), together=options.together)
+            print(summary(measured), flush=True)
+        assert bringup.poll() is None, "the stack has ended"
+
+
+if __name__ == "__main__":
+    main()
