@@ -40,7 +40,7 @@ class SlowLink:
         due = self.board.next_due()
         return min(due, self._queue[0][0]) if self._queue else due
 
-    def due(self, now: int) -> list[Frame]:
+    def due(self, now: int, until: int | None = None) -> list[Frame]:
         self._queue.extend((now + self.delay, frame) for frame in self.board.due(now))
         arrived = []
         while self._queue and self._queue[0][0] <= now:

@@ -151,9 +151,10 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
             self._frames.clear()
         return frames
 
-    def write_frame(self, frame: Frame) -> None:
+    def write_frame(self, frame: Frame) -> bool:
         """Send one frame. Raises can.CanOperationError when the adapter is disconnected or blocks for 0.1 s."""
         self._write(encode_line(frame), REPLY_TIMEOUT)
+        return True
 
     def ask_state(self) -> None:
         """Request the adapter's status flags, which are read as an error frame; adapters without flags refuse."""
