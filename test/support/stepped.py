@@ -8,7 +8,6 @@ from posfet_driver.bus.frame import Frame
 from posfet_sim.emulation.bus_node import Node
 from support.clocks import SteppedClock
 
-
 STEP = 50_000_000
 """Time between two looks at a board that sends while nobody reads [ns]."""
 
