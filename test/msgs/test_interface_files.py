@@ -14,6 +14,8 @@ PACKAGE = next(
     if (folder / "msg").is_dir()
 )
 FILES = sorted([*PACKAGE.glob("msg/*.msg"), *PACKAGE.glob("srv/*.srv")])
+CONVENTIONAL = {"bool success", "string message"}
+"""Fields of responses that mean what they mean in std_srvs."""
 FIELD = re.compile(r"[A-Za-z_/0-9]+(\[[<=0-9]*\])? +[A-Za-z_0-9]+( *= *\S+)?(?P<comment> *#.*)?")
 
 
@@ -22,7 +24,8 @@ def test_every_field_is_commented(path: Path) -> None:
     above = ""
     for line in path.read_text(encoding="utf-8").splitlines():
         match = FIELD.fullmatch(line.strip())
-        if match and not match["comment"] and not above:
+        clear = match and (match["comment"] or above or "=" in line or line.strip() in CONVENTIONAL)
+        if match and not clear:
             pytest.fail(f"{path.name}: no comment beside or above: {line}")
         above = line.strip() if line.strip().startswith("#") or (match and above) else ""
 
