@@ -9,6 +9,8 @@ import pytest
 _TEST = Path(__file__).resolve().parents[1]
 DATA = _TEST / "data"
 LAUNCH = _TEST.parent / "launch"
+PACKAGE = next(folder for folder in (_TEST.parent / "src/posfet", _TEST.parent) if (folder / "package.xml").is_file())
+"""The package `posfet`, or that of which a release is tested."""
 EXAMPLES = _TEST.parent / "examples"
 _REPOSITORY = {"ROOT": _TEST.parent, "DOCS": _TEST.parent / "docs", "SOURCES": _TEST.parent / "src"}
 
