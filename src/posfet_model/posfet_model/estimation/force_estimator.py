@@ -478,7 +478,9 @@ class ForceEstimator:
         # Noise is no motion: without this play its path would count, which is long after a minute.
         play = PLAY * np.sqrt(self._noise_variance / self._scans)
         self._steady = np.clip(self._steady, mean - play, mean + play)
-        force = np.where(self._surroundings.dilated(listed), np.maximum(self._steady, 0.0), 0.0) if listed.any() else self._nothing
+        force = self._nothing
+        if listed.any():
+            force = np.where(self._surroundings.dilated(listed), np.maximum(self._steady, 0.0), 0.0)
         self._touch.advance(force, self._elapsed)
         response = self._touch.matrix()
         neighbour = tail = self._nothing
