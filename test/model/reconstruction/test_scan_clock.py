@@ -192,3 +192,16 @@ def test_arrival_times_are_averaged() -> None:
     assert clock.counts.time_jumps == 0
     assert max(abs(step - 1e-3) for step in steps[200:]) < 5e-5
     assert sum(steps) == pytest.approx(20.0, abs=0.01)
+
+
+def test_a_board_that_begins_with_a_new_film_interrupts_the_force_however_soon_it_is_back() -> None:
+    clock = clock_after(10)
+    remembers = scan(0, stamp=START + 20_000_000, status=ScanStatus.BOARD_RESET)
+    assert accept(clock, remembers)
+    assert (clock.interrupted, clock.suspect) == (False, True)
+    new = scan(0, stamp=START + 40_000_000, status=ScanStatus.BOARD_RESET | ScanStatus.CHARGE_RESET)
+    assert accept(clock, new)
+    assert (clock.interrupted, clock.suspect) == (True, True)
+    assert counted(clock) == {"resets": 2}
+    assert accept(clock, scan(1, stamp=START + 41_000_000))
+    assert (clock.interrupted, clock.suspect) == (False, False)

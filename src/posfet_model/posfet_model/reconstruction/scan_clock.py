@@ -35,6 +35,7 @@ MOST_LATE: Final = 10
 # Plain integers: each `&` with a flag of an enumeration costs as much as a call into NumPy.
 _ADC_FAULT: Final = int(ScanStatus.ADC_FAULT)
 _BOARD_RESET: Final = int(ScanStatus.BOARD_RESET)
+_CHARGE_RESET: Final = int(ScanStatus.CHARGE_RESET)
 _TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)
 
 
@@ -151,10 +152,10 @@ class ScanClock:
         self.counts.accepted += 1
 
     def _reset(self, scan: Scan) -> None:
-        """Bridge a restart of the board by the stamps, which continue."""
+        """Bridge a restart of the board by the stamps, which continue, if the charge does, too."""
         self.counts.resets += 1
         self.suspect = True
-        self._bridge((scan.stamp - self._stamp) * 1e-9)
+        self._bridge(math.inf if scan.status & _CHARGE_RESET else (scan.stamp - self._stamp) * 1e-9)
 
     def _bridge(self, interval: float) -> None:
         """Set the interval [s]; one out of range interrupts the force."""

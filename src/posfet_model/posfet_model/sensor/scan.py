@@ -26,6 +26,7 @@ class ScanStatus(IntFlag):
     BOARD_RESET = 16
     TIME_ESTIMATED = 32
     SEQUENCE_ESTIMATED = 64
+    CHARGE_RESET = 128
 
 
 @dataclass(slots=True)
