@@ -123,7 +123,8 @@ def clean_shared_memory() -> Iterator[None]:
     try:
         yield
     finally:
-        remove_abandoned(names() - before)
+        removed = remove_abandoned(names() - before)
+        print(f"removed from shared memory: {len(removed)}, left: {len(names() - before)}")
 
 
 def summary(measured: Sequence[Wait]) -> str:
@@ -151,13 +152,11 @@ def main(words: Sequence[str] | None = None) -> None:
         domains = importlib.import_module("domain_coordinator")
         os.environ["ROS_DOMAIN_ID"] = str(stack.enter_context(domains.domain_id()))
         stack.enter_context(clean_shared_memory())
-        before = names()
         if options.stack_profile:
             os.environ[PROFILES] = options.stack_profile
         bringup = stack.enter_context(running(["posfet", "bringup", *options.arguments]))
         os.environ.pop(PROFILES, None)
         waits(1)  # until the stack is up
-        print(f"files in shared memory of the running stack: {len(names() - before)}", flush=True)
         for _ in range(options.busy):
             stack.enter_context(running([sys.executable, "-c", "while True: pass"], "kill"))
         measured: list[Wait] = []
