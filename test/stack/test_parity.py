@@ -19,7 +19,19 @@ DIFFERENT = {("/tactile/model_node", "direct")}
 """Expected differences: in one process the model is called directly, and the display needs no node."""
 
 
-OWN = ("raw", "truth", "contacts", "image", "wrench", "force_image", "points", "vibration", "markers", "info")
+OWN = (
+    "raw",
+    "truth",
+    "contacts",
+    "image",
+    "wrench",
+    "wrench_estimate",
+    "force_image",
+    "points",
+    "vibration",
+    "markers",
+    "info",
+)
 SHARED = ("/diagnostics", "/rosout", "/parameter_events")
 
 

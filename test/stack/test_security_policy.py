@@ -12,6 +12,7 @@ rclpy = pytest.importorskip("rclpy", reason="needs ROS 2")
 pytest.importorskip("posfet_msgs", reason="needs the built posfet_msgs")
 
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from posfet.view_node import ViewNode
 from posfet_driver.ros.driver_node import DriverNode
@@ -53,7 +54,8 @@ def make_view() -> Node:
 
 
 def make_others(kind: Any) -> Any:
-    return lambda: kind(namespace="/tactile")
+    simulated_time = Parameter("use_sim_time", value=True)  # subscribes to /clock
+    return lambda: kind(namespace="/tactile", parameter_overrides=[simulated_time])
 
 
 def test_the_policy_has_the_form_that_sros2_expects() -> None:

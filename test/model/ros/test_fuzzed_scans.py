@@ -21,9 +21,9 @@ from posfet_model.ros.conversions import (
     PointsMessage,
     ScanReader,
     VibrationMessage,
-    WrenchMessage,
     contacts_writer,
 )
+from posfet_model.ros.wrench_messages import WrenchMessage
 from posfet_model.sensor.description import load_sensor
 from posfet_msgs.msg import TactileRaw
 from support.fuzzing import COUNTS, examples

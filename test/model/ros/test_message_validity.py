@@ -16,10 +16,11 @@ from rclpy.serialization import deserialize_message
 
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.ros.contacts_cdr import ContactsBytes
-from posfet_model.ros.conversions import ContactsMessage, ImageMessage, VibrationMessage, WrenchMessage
+from posfet_model.ros.conversions import ContactsMessage, ImageMessage, VibrationMessage
+from posfet_model.ros.wrench_messages import WrenchEstimateMessage, WrenchMessage
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
-from posfet_msgs.msg import TactileContacts
+from posfet_msgs.msg import TactileContacts, TactileWrench
 from reference.dense_pressure import sphere_forces
 from support.scan_player import press, scans
 
@@ -58,14 +59,24 @@ def well(index: int, scan: Scan) -> None:
     """No fault: forces are unknown at the start."""
 
 
+REASONS = {
+    lost: TactileWrench.REASON_UNCERTAIN,
+    adc_fault: TactileWrench.REASON_SCAN_UNUSABLE,
+    clock_jump: TactileWrench.REASON_TIME_UNCERTAIN,
+    overload: TactileWrench.REASON_SCAN_UNUSABLE,  # taken for interference at first
+}
+"""Reasons for which the wrench is not valid, besides the start."""
+
+
 @pytest.mark.parametrize("edit", [well, lost, adc_fault, clock_jump, stuck, overload])
 def test_the_messages_of_a_scan_agree(edit: Edit) -> None:
     reconstructor = Reconstructor(SENSOR)
     reconstructor.vibration_wanted = True
     image_message, wrench_message = ImageMessage(LAYOUT, "finger"), WrenchMessage(LAYOUT, "finger")
+    estimate_message = WrenchEstimateMessage(LAYOUT, "finger")
     contacts_message, contacts_bytes = ContactsMessage(SENSOR, "finger"), ContactsBytes(SENSOR, "finger")
     vibration_message = VibrationMessage(LAYOUT, "finger")
-    valid = []
+    valid, reasons = [], 0
     for index, (_, original) in enumerate(scans(SENSOR, 1.7, force=press(1.5, 0.5, 9.0), shape=FINGER)):
         scan = copy.deepcopy(original)
         if edit(index, scan) is False:
@@ -75,16 +86,38 @@ def test_the_messages_of_a_scan_agree(edit: Edit) -> None:
             continue
         picture = reconstructor.image()
         image, wrench = image_message.fill(result, picture), wrench_message.fill(result, picture)
+        estimate = estimate_message.fill(result, picture, reconstructor)
         contacts = contacts_message.fill(result)
         serialised = deserialize_message(contacts_bytes.fill(result), TactileContacts)
         vibration = vibration_message.fill(result, reconstructor.vibration())
         stamps = {
             (message.header.stamp.sec, message.header.stamp.nanosec)
-            for message in (image, wrench, contacts, serialised, vibration)
+            for message in (image, wrench, estimate, contacts, serialised, vibration)
         }
         assert len(stamps) == 1
-        assert image.sequence == contacts.sequence == serialised.sequence == vibration.sequence == scan.sequence
-        assert image.data_valid == contacts.data_valid == serialised.data_valid == vibration.data_valid
+        assert (
+            image.sequence
+            == estimate.sequence
+            == contacts.sequence
+            == serialised.sequence
+            == vibration.sequence
+            == scan.sequence
+        )
+        assert (
+            image.data_valid
+            == estimate.data_valid
+            == (not estimate.reasons)
+            == contacts.data_valid
+            == serialised.data_valid
+            == vibration.data_valid
+        )
+        assert str(estimate.wrench) == str(wrench.wrench)  # NaN included
+        if math.isfinite(image.total_force_standard_deviation) and image.data_valid:
+            deviation = math.sqrt(estimate.covariance[14])  # of the force along z
+            assert deviation == pytest.approx(image.total_force_standard_deviation, rel=1e-6)
+        else:
+            assert not any(estimate.covariance), "unknown"
+        reasons |= estimate.reasons
         axes = [getattr(vector, axis) for vector in (wrench.wrench.force, wrench.wrench.torque) for axis in "xyz"]
         assert np.isfinite(axes).all() == image.data_valid
         assert np.isnan(axes).all() != image.data_valid
@@ -95,4 +128,5 @@ def test_the_messages_of_a_scan_agree(edit: Edit) -> None:
             assert math.isfinite(image.total_force)
         valid.append(image.data_valid)
     assert not all(valid)
+    assert reasons == TactileWrench.REASON_BASELINE_UNKNOWN | REASONS.get(edit, 0)
     assert valid[-1] or edit is lost, "a force held through an interruption is a lower bound"

@@ -86,9 +86,9 @@ def test_transitions_start_and_stop_the_processing_of_scans(bench: Bench) -> Non
     node.start()
     bench.play(node, 10)
     assert node.latest() is None
-    answer = node._tare(Tare.Request(), Tare.Response())
+    answer = node._served._set_to_zero(Tare.Request(), Tare.Response())
     assert (answer.success, answer.message) == (False, "refused: the model is not active")
-    for service in (node._load, node._save):
+    for service in (node._served._load, node._served._save):
         assert service(CalibrationFile.Request(), CalibrationFile.Response()).message == "the model is not configured"
     node.trigger_configure()
     bench.play(node, 10)
@@ -172,8 +172,8 @@ def test_settings_outlive_another_calibration(bench: Bench, tmp_path: Any) -> No
     node = bench.model(calibration_folder=str(tmp_path))
     node.start()
     assert change(node, contact_threshold=0.5, release_threshold=0.2) == (True, "")
-    assert node._save(CalibrationFile.Request(path="a.yaml"), CalibrationFile.Response()).success
-    assert node._load(CalibrationFile.Request(path="a.yaml"), CalibrationFile.Response()).success
+    assert node._served._save(CalibrationFile.Request(path="a.yaml"), CalibrationFile.Response()).success
+    assert node._served._load(CalibrationFile.Request(path="a.yaml"), CalibrationFile.Response()).success
     bench.play(node, 400)
     assert bench.play(node, 20, LIGHT) == 0
 

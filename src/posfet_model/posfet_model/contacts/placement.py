@@ -1,8 +1,8 @@
 """Contacts in space, as the numbers of the fields of posfet_msgs/TactileContact in sequence.
 
 Only the normal force is measured. `force` is the normal force alone, which stays complete when the vector is
-transformed into another frame; unknown components as NaN would spread to all of them. The covariance states what is
-unknown: every entry to which the tangential force contributes is NaN.
+transformed into another frame; unknown components as NaN would spread to all of them. The covariance is that of this
+vector, and all zeros where it is unknown, as in sensor_msgs/Imu.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from posfet_model.sensor.surface import FLAT_NORMAL, Surface
 Placed: TypeAlias = "tuple[tuple[float, ...], tuple[float, ...]]"
 """Centre of pressure, geometric centre, normal, force and covariance; then major axis, minor axis and velocity."""
 
-_UNKNOWN: Final = (math.nan,) * 8
+_ZEROS: Final = (0.0,) * 8
 
 
 def placement_on(surface: Surface) -> Callable[[Contact], Placed]:
@@ -38,9 +38,10 @@ def placement_on(surface: Surface) -> Callable[[Contact], Placed]:
 
 def _place_flat(contact: Contact) -> Placed:
     region, (speed_x, speed_y) = contact.region, contact.velocity
+    variance = region.force_variance
     head = (
         *region.centre_of_pressure, 0.0, *region.geometric_centre, 0.0, *FLAT_NORMAL,
-        0.0, 0.0, -region.force, *_UNKNOWN, region.force_variance,
+        0.0, 0.0, -region.force, *_ZEROS, 0.0 if math.isnan(variance) else variance,
     )  # fmt: skip
     rest = math.nan if math.isnan(speed_x) else 0.0
     return head, (*region.major_axis, 0.0, *region.minor_axis, 0.0, speed_x, speed_y, rest)
@@ -50,11 +51,11 @@ def _place_bent(surface: Surface, contact: Contact) -> Placed:
     region = contact.region
     x, y = region.centre_of_pressure
     normal = surface.normal(x, y)
-    upright = normal[2] == 1.0
+    variance = 0.0 if math.isnan(region.force_variance) else region.force_variance
     head = (
         *surface.point(x, y), *surface.point(*region.geometric_centre), *normal,
         *(-region.force * part for part in normal),
-        *_UNKNOWN, region.force_variance if upright else math.nan,
+        *(variance * row * column for row in normal for column in normal),
     )  # fmt: skip
     in_surface = (region.major_axis, region.minor_axis, contact.velocity)
     return head, tuple(part for vector in in_surface for part in surface.along(x, y, vector))

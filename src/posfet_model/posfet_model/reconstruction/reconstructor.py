@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from enum import IntFlag
 from typing import Final
 
 import numpy as np
@@ -33,6 +34,22 @@ MOST_IMPLAUSIBLE: Final = 10
 """Number of consecutive scans with most taxels saturated after which such a scan is accepted."""
 
 
+class InvalidReason(IntFlag):
+    """Why a result is not fit for control; values of posfet_msgs/TactileWrench."""
+
+    NONE = 0
+    BASELINE_UNKNOWN = 1
+    """The offset of a taxel is not known."""
+    UNCERTAIN = 2
+    """Forces recover from an interruption, or their uncertainty is above its limit."""
+    TIME_UNCERTAIN = 4
+    """The time since the scan before was derived for lack of a valid device time."""
+    SCAN_UNUSABLE = 8
+    """The scan was refused for its content."""
+    NO_TAXEL = 16
+    """None of these, but every taxel is faulty."""
+
+
 @dataclass(slots=True)
 class Reconstruction:
     """Result of the last scan.
@@ -57,6 +74,8 @@ class Reconstruction:
     """Vibration and slip of each contact that is not released, by its id."""
     saturated: int
     """Number of taxels at the end of their range."""
+    reasons: InvalidReason = InvalidReason.NONE
+    """Why it is not valid; NONE if it is."""
 
     def snapshot(self) -> Reconstruction:
         """Return an independent copy, which the next scan does not overwrite."""
@@ -248,7 +267,16 @@ class Reconstructor:
         result.stamp = scan.stamp
         result.sequence = scan.sequence
         result.valid = observer.valid and not clock.suspect
+        result.reasons = InvalidReason.NONE if result.valid else self._reasons()
         return result
+
+    def _reasons(self) -> InvalidReason:
+        """Return why the result of an accepted scan is not valid."""
+        reasons = InvalidReason.TIME_UNCERTAIN if self._clock.suspect else InvalidReason.NONE
+        if not self._observer.valid:
+            settled = bool(self._observer.offset_known.all())
+            reasons |= InvalidReason.UNCERTAIN if settled else InvalidReason.BASELINE_UNKNOWN
+        return reasons
 
     def run_maintenance(self) -> None:
         """Run the block maintenance now, after the results of a scan were published, instead of in the next `process`.
@@ -366,6 +394,28 @@ class Reconstructor:
             image.total_standard_deviation = math.nan
         return image
 
+    def covariance(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the covariance of weighted sums of the forces of the last `image`, such as a wrench.
+
+        Parameters
+        ----------
+        weights : ndarray of float64, shape [sums, rows * cols]
+            Weights of the forces in each sum; those without a force are left out.
+
+        Returns
+        -------
+        ndarray of float64, shape [sums, sums]
+            Covariance [N2] times the units of the weights; NaN while a taxel is saturated or none has a force.
+        """
+        observer, image = self._observer, self._image
+        if math.isnan(image.total_standard_deviation):
+            return np.full((len(weights), len(weights)), math.nan)
+        weights = np.where(np.isnan(image.force), 0.0, weights)
+        common = math.sqrt(observer.common_variance) * weights.sum(axis=1)
+        shared = np.column_stack([weights @ observer.correlated_error, common])
+        covariance: NDArray[np.float64] = (weights * self._variance) @ weights.T + shared @ shared.T
+        return covariance
+
     def vibration(self) -> NDArray[np.float32]:
         """Return the RMS of each taxel's force above the corner frequency of the dynamic channel.
 
@@ -384,6 +434,7 @@ class Reconstructor:
         """Return the result of an unusable scan: the contacts stay as they were, and nothing is valid."""
         result = self._result
         result.stamp, result.sequence, result.valid = scan.stamp, scan.sequence, False
+        result.reasons = InvalidReason.SCAN_UNUSABLE
         result.contacts = tuple(contact for contact in result.contacts if contact.state is not ContactState.RELEASED)
         return result
 

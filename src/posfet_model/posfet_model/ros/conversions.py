@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Pose, WrenchStamped
+from geometry_msgs.msg import Pose
 from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import Image, PointCloud2, PointField
@@ -26,7 +26,7 @@ from posfet_model.ros.contacts_cdr import AT_REST, ContactsBytes
 from posfet_model.sensor.description import Layout, Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import InverseSignalChain, charge_per_newton, volts_per_count
-from posfet_model.sensor.surface import Surface, taxel_normals, taxel_points
+from posfet_model.sensor.surface import Surface, taxel_points
 from posfet_msgs.msg import (
     TactileContact,
     TactileContacts,
@@ -40,9 +40,6 @@ FOREIGN_LAYOUT = 0
 """Layout id that no sensor has: theirs begin at 1."""
 
 LARGEST_INT32 = 0x7FFF_FFFF
-
-UNKNOWN_WRENCH = [math.nan] * 6
-"""Force and torque of a scan whose forces are not fit for control."""
 
 
 def set_stamp(stamp: Time, nanoseconds: int) -> None:
@@ -159,25 +156,33 @@ def _fill_contact(message: TactileContact, contact: Contact, placed: Placed, mot
     message.state = int(contact.state)
     message.merged_ids = array("I", contact.merged_ids)
     message.split_from = contact.split_from
-    _set(message.centre_of_pressure, head[:3])
-    _set(message.geometric_centre, head[3:6])
-    _set(message.normal, head[6:9])
-    _set(message.force, head[9:12])
+    set_vector(message.centre_of_pressure, head[:3])
+    set_vector(message.geometric_centre, head[3:6])
+    set_vector(message.normal, head[6:9])
+    set_vector(message.force, head[9:12])
     message.force_covariance[:] = head[12:]
     message.normal_force_deviation = math.sqrt(region.force_variance)
     message.area = region.area
     message.peak_pressure = region.peak_pressure
-    _set(message.major_axis, tail[:3])
-    _set(message.minor_axis, tail[3:6])
-    _set(message.velocity, tail[6:])
+    set_vector(message.major_axis, tail[:3])
+    set_vector(message.minor_axis, tail[3:6])
+    set_vector(message.velocity, tail[6:])
     message.slipping = motion.slipping
     message.vibration = motion.vibration
     message.age.sec, message.age.nanosec = divmod(round(contact.age * NANOSECONDS), NANOSECONDS)
     message.taxels = array("H", region.taxels.tolist())
 
 
-def _set(vector: Any, values: Sequence[float]) -> None:
-    """Set x, y and z of a Point or Vector3."""
+def set_vector(vector: Any, values: Sequence[float]) -> None:
+    """Set x, y and z.
+
+    Parameters
+    ----------
+    vector : Point or Vector3
+        Field to set.
+    values : sequence of float
+        The three values.
+    """
     vector.x, vector.y, vector.z = values
 
 
@@ -215,46 +220,6 @@ def contacts_writer(sensor: Sensor, frame_id: str) -> ContactsMessage | Contacts
 def _read(data: bytes) -> str:
     """Return serialised contacts as text, so that NaN compares equal to NaN."""
     return str(deserialize_message(data, TactileContacts))
-
-
-class WrenchMessage:
-    """The total force on the sensor and its torque about the origin of the frame of the array.
-
-    Each taxel measures the force along its normal only: tangential forces are not included, which does not mean that
-    they are zero.
-
-    Parameters
-    ----------
-    layout : Layout
-        Layout of the array.
-    frame_id : str
-        Frame of the array.
-    """
-
-    def __init__(self, layout: Layout, frame_id: str) -> None:
-        self._message = WrenchStamped()
-        self._message.header.frame_id = frame_id
-        normals = taxel_normals(layout)
-        # Columns: force (rows 0 to 2) and torque r x F (rows 3 to 5) for 1 N on each taxel.
-        self._per_newton = np.hstack([-normals, -np.cross(taxel_points(layout), normals)]).T.copy()
-
-    def fill(self, result: Reconstruction, image: ForceImage) -> WrenchStamped:
-        """Return the message; the next call overwrites it. All NaN if the result is not valid: it has no other flag.
-
-        Parameters
-        ----------
-        result : Reconstruction
-            Result of the scan.
-        image : ForceImage
-            Force image of the scan.
-        """
-        message = self._message
-        set_stamp(message.header.stamp, result.stamp)
-        usable = result.valid and math.isfinite(image.total)
-        whole = (self._per_newton @ np.nan_to_num(image.force)).tolist() if usable else UNKNOWN_WRENCH
-        _set(message.wrench.force, whole[:3])
-        _set(message.wrench.torque, whole[3:])
-        return message
 
 
 class VibrationMessage:
@@ -385,7 +350,7 @@ class MarkersMessage:
     def _sphere(self, result: Reconstruction, contact: Contact) -> Marker:
         marker = self._marker(result, "contact", contact.id, type=Marker.SPHERE)
         x, y = contact.region.centre_of_pressure
-        _set(marker.pose.position, self._surface.point(x, y))
+        set_vector(marker.pose.position, self._surface.point(x, y))
         turned = marker.pose.orientation
         turned.x, turned.y, turned.z, turned.w = self._surface.orientation(x, y)
         marker.scale.x = marker.scale.y = 2.0 * math.sqrt(contact.region.area / math.pi)
@@ -398,7 +363,9 @@ class MarkersMessage:
         x, y = contact.region.centre_of_pressure
         length = self.ARROW_PER_NEWTON * contact.region.force
         point, normal = self._surface.point(x, y), self._surface.normal(x, y)
-        _set(marker.pose.position, tuple(place + length * part for place, part in zip(point, normal, strict=True)))
+        set_vector(
+            marker.pose.position, tuple(place + length * part for place, part in zip(point, normal, strict=True))
+        )
         # Turn the x axis of the arrow to the inward normal: half a turn about the bisector of the two.
         turned, side = marker.pose.orientation, math.sqrt(2.0 * max(1.0 - normal[0], 1e-12))
         turned.x, turned.y = (1.0 - normal[0]) / side, -normal[1] / side
@@ -446,7 +413,7 @@ def info_message(sensor: Sensor, frame_id: str, simulated: bool, stamp: int) -> 
 
 def _taxel_pose(surface: Surface, x: float, y: float) -> Pose:
     pose = Pose()
-    _set(pose.position, surface.point(x, y))
+    set_vector(pose.position, surface.point(x, y))
     turned = pose.orientation
     turned.x, turned.y, turned.z, turned.w = surface.orientation(x, y)
     return pose

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import threading
 import time
-from array import array
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from numpy.typing import NDArray
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from posfet_model._lib.units import NANOSECONDS
@@ -19,26 +16,25 @@ from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.calibration.calibration_folder import CalibrationFolder
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
-from posfet_model.contacts.tracker import Contact
 from posfet_model.estimation.choice import Estimator
 from posfet_model.parameters import MODEL_NODE, default_frame
-from posfet_model.reconstruction.diagnostics import Period, judge
-from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
+from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor, Tare
 from posfet_model.reconstruction.scan_clock import ScanCounts
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.ros.conversions import ScanReader
 from posfet_model.ros.diagnostic_array import diagnostic_array, hardware_id
 from posfet_model.ros.lifecycle import SupervisedLifecycleNode
 from posfet_model.ros.model_outputs import OUTPUT_DEPTH, ModelOutputs
+from posfet_model.ros.model_report import ModelReport
+from posfet_model.ros.model_services import ModelServices
+from posfet_model.ros.model_settings import reconstruction_settings
+from posfet_model.ros.model_snapshot import Snapshot, snapshot
 from posfet_model.ros.mount import parse_mount
 from posfet_model.ros.mount_node import broadcast_mount
 from posfet_model.ros.ros_parameters import declare, declared_sensor
 from posfet_model.ros.run_node import run_node
-from posfet_model.sensor.description import ContactThresholds, Sensor
 from posfet_model.sensor.scan import Scan
 from posfet_msgs.msg import TactileRaw
-from posfet_msgs.srv import CalibrationFile
-from posfet_msgs.srv import Tare as TareService
 
 RAW_DEPTH = 1000
 """Depth of the scan queue: one second at 1 kHz, for a process that is delayed."""
@@ -46,54 +42,6 @@ REPORT_PERIOD = 1.0
 """Period of the diagnostics [s]."""
 READER_GRACE_PERIOD = 1e-4
 """Pause before block maintenance [s], so that the subscribers of a message run first."""
-NOT_CONFIGURED = "the model is not configured"
-"""Answer of services that need the transition configure first."""
-
-
-@dataclass(frozen=True)
-class Snapshot:
-    """Copy of the newest reconstruction, for a display."""
-
-    stamp: int
-    """Acquisition time [ns] since the Unix epoch."""
-    sequence: int
-    valid: bool
-    force: NDArray[np.float32]
-    """[N], shape [rows, cols]; NaN: unknown."""
-    status: NDArray[np.uint8]
-    """Values of TaxelStatus, shape [rows, cols]."""
-    total: float
-    """Total force [N]; NaN: unknown."""
-    contacts: tuple[Contact, ...]
-    scans: int
-    """Scans accepted since the start."""
-    missed: int
-    """Scans that were never received."""
-    calibration: str
-    """Date of the calibration, or what its absence costs, in one line."""
-
-
-def contact_thresholds(sensor: Sensor, parameters: Mapping[str, Any]) -> ContactThresholds:
-    """Return the thresholds that parameters give, where they are not 0, and else the sensor.
-
-    Raises ConfigError, one line, if contacts would end above the force at which they begin.
-
-    Parameters
-    ----------
-    sensor : Sensor
-        Sensor description.
-    parameters : mapping
-        Values of `posfet_model.parameters.TUNING` by name.
-    """
-    own = sensor.contact
-    threshold = parameters["contact_threshold"] or own.threshold
-    release = parameters["release_threshold"] or threshold * (1.0 - own.deadband / own.threshold)
-    if release > threshold:
-        raise ConfigError(
-            f"release_threshold: must be at most contact_threshold, {threshold:g} N, got {release:g} N; "
-            "set both at once"
-        )
-    return ContactThresholds(threshold, threshold - release)
 
 
 class ModelNode(SupervisedLifecycleNode):
@@ -121,8 +69,8 @@ class ModelNode(SupervisedLifecycleNode):
         try:
             self.parameters = declare(self, MODEL_NODE, self._prepare)
             self.sensor = declared_sensor(self.parameters)
-            settings = self._made_settings(self.parameters)
-            self._calibrations = CalibrationFolder(self.parameters["calibration_folder"], self.sensor)
+            settings = reconstruction_settings(self.sensor, self.parameters)
+            calibrations = CalibrationFolder(self.parameters["calibration_folder"], self.sensor)
             parse_mount(self.parameters["mount"])
         except ConfigError:
             self.destroy_node()
@@ -138,9 +86,7 @@ class ModelNode(SupervisedLifecycleNode):
         self._use_settings(settings)
         self._reported = ScanCounts()
         self._report_timer = self.create_timer(REPORT_PERIOD, self._report, autostart=False)
-        self.create_service(TareService, "tare", self._tare)
-        self.create_service(CalibrationFile, "calibration/load", self._load)
-        self.create_service(CalibrationFile, "calibration/save", self._save)
+        self._served = ModelServices(self, calibrations, lambda: self._reconstructor, self._use_calibration, self._tare)
         if self.parameters["direct"]:
             self.use_frame(default_frame(self.get_namespace()))
 
@@ -200,15 +146,8 @@ class ModelNode(SupervisedLifecycleNode):
 
     def _prepare(self, parameters: Mapping[str, Any]) -> Callable[[], object]:
         """Return what applies changed parameters between two scans; raise ConfigError if they do not fit."""
-        settings = self._made_settings(parameters)
+        settings = reconstruction_settings(self.sensor, parameters)
         return lambda: self._use_settings(settings)
-
-    def _made_settings(self, parameters: Mapping[str, Any]) -> ReconstructionSettings:
-        return ReconstructionSettings(
-            max_relative_uncertainty=parameters["max_relative_uncertainty"],
-            hum_removal=parameters["hum_removal"],
-            contact=contact_thresholds(self.sensor, parameters),
-        )
 
     def _use_settings(self, settings: ReconstructionSettings) -> None:
         with self._lock:
@@ -276,20 +215,7 @@ class ModelNode(SupervisedLifecycleNode):
         with self._lock:
             if self._result is None or self._reconstructor is None:
                 return None
-            image, counts = self._reconstructor.image(), self._reconstructor.counts
-            shape = self.sensor.layout.rows, self.sensor.layout.cols
-            return Snapshot(
-                stamp=self._result.stamp,
-                sequence=self._result.sequence,
-                valid=self._result.valid,
-                force=image.force.reshape(shape).copy(),
-                status=image.status.reshape(shape).copy(),
-                total=image.total,
-                contacts=self._result.contacts,
-                scans=counts.accepted,
-                missed=counts.missed,
-                calibration=self._reconstructor.calibration.summary,
-            )
+            return snapshot(self._reconstructor, self._result, self.sensor.layout)
 
     def _receive(self, message: TactileRaw) -> None:
         frame_id = message.header.frame_id or default_frame(self.get_namespace())
@@ -300,73 +226,21 @@ class ModelNode(SupervisedLifecycleNode):
                 self.get_logger().error(str(error))
         self.process(self._reader.read(message))
 
-    def _tare(self, request: Any, response: Any) -> Any:
+    def _tare(self, force: bool) -> Tare | None:
         with self._lock:
-            if not self._active or self._reconstructor is None:
-                response.message = "refused: the model is not active"
-                return response
-            tare = self._reconstructor.tare(request.force)
-        response.success, response.message = tare.done, tare.message
-        response.force_change = array("f", tare.force_change.tolist())
-        return response
-
-    def _load(self, request: Any, response: Any) -> Any:
-        if self._reconstructor is None:
-            response.message = NOT_CONFIGURED
-            return response
-        try:
-            calibration = self._calibrations.load(request.path)
-        except ConfigError as error:
-            response.success, response.message = False, str(error)
-            return response
-        reconstructor = self._use_calibration(calibration)
-        response.success = True
-        date = reconstructor.calibration.date or "no date"
-        response.message = f"calibration of {date} in use; baselines are estimated again"
-        return response
-
-    def _save(self, request: Any, response: Any) -> Any:
-        reconstructor = self._reconstructor
-        if reconstructor is None:
-            response.message = NOT_CONFIGURED
-            return response
-        try:
-            path = self._calibrations.save(request.path, reconstructor.calibration)
-        except ConfigError as error:
-            response.success, response.message = False, str(error)
-            return response
-        response.success, response.message = True, f"{path}: written"
-        return response
+            return self._reconstructor.tare(force) if self._active and self._reconstructor else None
 
     def _report(self) -> None:
         with self._lock:
             active, model = self._active, self._reconstructor
             if model is None:
                 return
-            counts = model.counts.snapshot()
-            saturated = self._result.saturated if self._result else 0
-            unsettled, restarts = model.unsettled, model.restarts
-            bad = model.faulty
-            temperature_known, rate = model.temperature_known, model.rate
-            hum_frequency, hum_amplitude = model.hum_frequency, model.hum_amplitude
-            calibration = model.calibration
-        before, self._reported = self._reported, counts
-        verdict = judge(
-            Period.between(before, counts, unsettled, saturated, bad, temperature_known, calibration.calibrated)
-        )
-        values = {name.replace("_", " "): str(count) for name, count in asdict(counts).items()}
-        values["calibration"] = calibration.summary
-        values["scan rate received [Hz]"] = f"{(counts.accepted - before.accepted) / REPORT_PERIOD:.0f}"
-        values["scan rate by the board's clock [Hz]"] = f"{rate:.1f}"
-        values["taxels without a baseline"] = str(unsettled)
-        values["taxels saturated"] = str(saturated)
-        values["taxels dead, stuck or noisy"] = str(bad)
-        values["baseline restarts"] = str(restarts)
-        values["mains hum removed, RMS [mN]"] = f"{hum_amplitude * 1e3:.2f}"
-        values["mains hum frequency [Hz]"] = f"{hum_frequency:.2f}"
-        values |= self.internal_errors.values()
-        name = f"{self.get_fully_qualified_name()}: reconstruction"
+            report = ModelReport(model, self._result)
+        before, self._reported = self._reported, report.counts
+        verdict = report.verdict(before)
         level, text = (verdict.level, verdict.text) if active else (0, "inactive: scans are ignored")
+        values = report.values(before, REPORT_PERIOD) | self.internal_errors.values()
+        name = f"{self.get_fully_qualified_name()}: reconstruction"
         board = hardware_id(self.sensor, self.get_namespace())
         self._diagnostics.publish(diagnostic_array(level, name, text, board, values, time.time_ns()))
 

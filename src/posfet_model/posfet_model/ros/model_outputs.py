@@ -23,13 +23,13 @@ from posfet_model.ros.conversions import (
     MarkersMessage,
     PointsMessage,
     VibrationMessage,
-    WrenchMessage,
     contacts_writer,
     info_message,
 )
 from posfet_model.ros.subscriptions import SubscriptionCache
+from posfet_model.ros.wrench_messages import WrenchEstimateMessage, WrenchMessage
 from posfet_model.sensor.description import Sensor
-from posfet_msgs.msg import TactileContacts, TactileImage, TactileInfo, TactileVibration
+from posfet_msgs.msg import TactileContacts, TactileImage, TactileInfo, TactileVibration, TactileWrench
 
 OUTPUT_DEPTH = 10
 
@@ -62,8 +62,11 @@ class ModelOutputs:
             node.create_publisher(PointCloud2, "points", OUTPUT_DEPTH),
         ]
         self._maps: tuple[tuple[Publisher, Callable[[Reconstruction, ForceImage], Any]], ...] = ()
+        self._wrench_estimate = node.create_publisher(TactileWrench, "wrench_estimate", OUTPUT_DEPTH)
         self._vibration = node.create_publisher(TactileVibration, "vibration", OUTPUT_DEPTH)
-        self._subscriptions = SubscriptionCache(self._contacts, self._markers, self._vibration, *self._map_publishers)
+        self._subscriptions = SubscriptionCache(
+            self._contacts, self._markers, self._vibration, self._wrench_estimate, *self._map_publishers
+        )
         self._only_contacts = {self._contacts}
         self._next_markers = 0
         transient_local = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -93,6 +96,7 @@ class ModelOutputs:
         )
         self._maps = tuple(zip(self._map_publishers, fills, strict=True))
         self._markers_message = MarkersMessage(layout, frame_id)
+        self._wrench_estimate_message = WrenchEstimateMessage(layout, frame_id)
         self._vibration_message = VibrationMessage(layout, frame_id)
         self._info.publish(info_message(sensor, frame_id, self._simulated, time.time_ns()))
 
@@ -123,10 +127,13 @@ class ModelOutputs:
         if subscribed == self._only_contacts:
             return
         maps = [entry for entry in self._maps if entry[0] in subscribed]
-        if maps:
+        estimate_wanted = self._wrench_estimate in subscribed
+        if maps or estimate_wanted:
             image = reconstructor.image()
             for publisher, fill in maps:
                 publisher.publish(fill(result, image))
+            if estimate_wanted:
+                self._wrench_estimate.publish(self._wrench_estimate_message.fill(result, image, reconstructor))
         if self._vibration in subscribed:
             self._vibration.publish(self._vibration_message.fill(result, reconstructor.vibration()))
         if now >= self._next_markers and self._markers in subscribed:

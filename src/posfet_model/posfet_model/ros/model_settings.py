@@ -1,0 +1,50 @@
+"""Settings of the reconstruction from the parameters of the model node."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from posfet_model.config import ConfigError
+from posfet_model.reconstruction.settings import ReconstructionSettings
+from posfet_model.sensor.description import ContactThresholds, Sensor
+
+
+def contact_thresholds(sensor: Sensor, parameters: Mapping[str, Any]) -> ContactThresholds:
+    """Return the thresholds that parameters give, where they are not 0, and else the sensor.
+
+    Raises ConfigError, one line, if contacts would end above the force at which they begin.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    parameters : mapping
+        Values of `posfet_model.parameters.TUNING` by name.
+    """
+    own = sensor.contact
+    threshold = parameters["contact_threshold"] or own.threshold
+    release = parameters["release_threshold"] or threshold * (1.0 - own.deadband / own.threshold)
+    if release > threshold:
+        raise ConfigError(
+            f"release_threshold: must be at most contact_threshold, {threshold:g} N, got {release:g} N; "
+            "set both at once"
+        )
+    return ContactThresholds(threshold, threshold - release)
+
+
+def reconstruction_settings(sensor: Sensor, parameters: Mapping[str, Any]) -> ReconstructionSettings:
+    """Return the settings that parameters give; raise ConfigError, one line, if they do not fit each other.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Sensor description.
+    parameters : mapping
+        Values of `posfet_model.parameters.TUNING` by name.
+    """
+    return ReconstructionSettings(
+        max_relative_uncertainty=parameters["max_relative_uncertainty"],
+        hum_removal=parameters["hum_removal"],
+        contact=contact_thresholds(sensor, parameters),
+    )

@@ -1,0 +1,63 @@
+"""Copies of the newest reconstruction, for a display in the same process."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from posfet_model.contacts.tracker import Contact
+from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
+from posfet_model.sensor.description import Layout
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Copy of the newest reconstruction, for a display."""
+
+    stamp: int
+    """Acquisition time [ns] since the Unix epoch."""
+    sequence: int
+    valid: bool
+    force: NDArray[np.float32]
+    """[N], shape [rows, cols]; NaN: unknown."""
+    status: NDArray[np.uint8]
+    """Values of TaxelStatus, shape [rows, cols]."""
+    total: float
+    """Total force [N]; NaN: unknown."""
+    contacts: tuple[Contact, ...]
+    scans: int
+    """Scans accepted since the start."""
+    missed: int
+    """Scans that were never received."""
+    calibration: str
+    """Date of the calibration, or what its absence costs, in one line."""
+
+
+def snapshot(reconstructor: Reconstructor, result: Reconstruction, layout: Layout) -> Snapshot:
+    """Return a copy of a result and of the force image of its scan.
+
+    Parameters
+    ----------
+    reconstructor : Reconstructor
+        Source of the image.
+    result : Reconstruction
+        Its newest result.
+    layout : Layout
+        Layout of the array.
+    """
+    image, counts = reconstructor.image(), reconstructor.counts
+    shape = layout.rows, layout.cols
+    return Snapshot(
+        stamp=result.stamp,
+        sequence=result.sequence,
+        valid=result.valid,
+        force=image.force.reshape(shape).copy(),
+        status=image.status.reshape(shape).copy(),
+        total=image.total,
+        contacts=result.contacts,
+        scans=counts.accepted,
+        missed=counts.missed,
+        calibration=reconstructor.calibration.summary,
+    )
