@@ -74,7 +74,7 @@ test-vm: $(BUILT) test-cortex-m
 
 check: $(BUILT) $(CHECK_READY)
 	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy && \
-	numpydoc lint --config . $$(find src -name '*.py' -not -name setup.py) && PYTHONPATH="$(PACKAGES):$$PYTHONPATH" lint-imports
+	numpydoc lint --config . $$(find src -type f -name '*.py' -not -name setup.py) && PYTHONPATH="$(PACKAGES):$$PYTHONPATH" lint-imports
 
 soak: $(BUILT)
 	@$(IN_ENVIRONMENT) python3 -m pytest -m slow && cd test && python3 -m support.adversary --scans $(or $(SCANS),10000000) && exec python3 -m support.soak --for $(or $(FOR),1800) $(ARGS)

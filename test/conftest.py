@@ -3,40 +3,37 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from importlib.abc import MetaPathFinder
 from importlib.util import find_spec
+from pkgutil import resolve_name
 from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
 
-from posfet_driver.bus.frame import Frame
-from posfet_driver.bus.python_can_bus import PythonCanFrameBus
-from posfet_driver.bus.slcan_bus import SlcanBus
-from posfet_driver.bus.socketcan_bus import SocketcanFrameBus
 from posfet_model.sensor.description import Sensor, load_sensor
 from support.clocks import POLL
 from support.expected_time import expected, keep
 from support.worker_scope import scope
 
-OPTIONAL = {
-    "cantools": [
-        "driver/protocol/test_scan_codec.py",
-        "driver/protocol/test_protocol_document.py",
-        "driver/protocol/test_mapped_decoder.py",
-        "driver/protocol/test_frame_tables.py",
-        "driver/protocol/test_own_frames_document.py",
-        "driver/board/test_listening_board.py",
-        "driver/tools/test_own_frames_tools.py",
-        "driver/ros/test_own_frames_node.py",
-    ],
-    "matplotlib": ["model/figures/test_figures.py", "model/figures/test_stability.py"],
-}
-"""Tests that are skipped where a module is missing; stated in the header of the report."""
-MISSING = [module for module in OPTIONAL if find_spec(module) is None]
-collect_ignore = [name for module in MISSING for name in OPTIONAL[module]]
+OPTIONAL = ("cantools", "matplotlib", "posfet_driver", "posfet_sim", "posfet")
+"""Without one of these, the tests that import it are skipped; a released package is tested without those above it."""
+MISSING = {name for name in OPTIONAL if find_spec(name) is None}
+
+
+class SkipWithout(MetaPathFinder):
+    """Skips what imports a missing module."""
+
+    def find_spec(self, fullname: str, path: object, target: object = None) -> None:
+        if fullname in MISSING:
+            pytest.skip(f"needs {fullname}", allow_module_level=True)
+
+
+sys.meta_path.append(SkipWithout())
 
 _isolation = ExitStack()
 _begin = time.monotonic()
@@ -46,11 +43,29 @@ settings.register_profile("posfet", deadline=None, derandomize=True, suppress_he
 settings.load_profile("posfet")
 
 
-def pytest_configure() -> None:
+MARKERS = (
+    "ros: needs rclpy and the built posfet_msgs",
+    "process: starts real processes and waits for their topics",
+    "spice: needs ngspice on PATH",
+    "slow: measures against the wall clock, on a machine with nothing else to do; run by make soak",
+    "vm: needs the CAN interfaces of the virtual machine, or the emulated Cortex-M board; run by make test-vm",
+)
+WARNINGS = (
+    "error",
+    # launch leaves the socket pair of its event loop to the garbage collector.
+    "ignore:Exception ignored in. <socket.socket:pytest.PytestUnraisableExceptionWarning",
+)
+
+
+def pytest_configure(config: pytest.Config) -> None:
     """Reserve a ROS domain that no other test process on this machine uses, for this process and its children.
 
     Each worker of pytest-xdist is such a process and reserves its own domain.
     """
+    for marker in MARKERS:
+        config.addinivalue_line("markers", marker)
+    for warning in WARNINGS:
+        config.addinivalue_line("filterwarnings", warning)
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     try:
         import domain_coordinator  # noqa: PLC0415  # only where there is ROS
@@ -78,7 +93,7 @@ def _is_worker(config: pytest.Config) -> bool:
 
 
 def pytest_report_header(config: pytest.Config) -> list[str]:
-    left_out = [f"left out, because {module} is not installed: {', '.join(OPTIONAL[module])}" for module in MISSING]
+    left_out = [f"not installed, tests that need them are skipped: {', '.join(sorted(MISSING))}"] if MISSING else []
     return [*left_out, *filter(None, [expected(config)])]
 
 
@@ -94,13 +109,16 @@ def pytest_unconfigure() -> None:
 @pytest.fixture(autouse=True)
 def waits_are_short(monkeypatch: pytest.MonkeyPatch) -> None:
     """Boards and readers look at their clock often: time that waits for them passes also when nothing is due."""
-    monkeypatch.setattr("posfet_sim.emulation.slcan_adapter.IDLE", POLL)
-    monkeypatch.setattr("posfet_sim.emulation.bus_server.IDLE", POLL)
-    for bus in (PythonCanFrameBus, SlcanBus, SocketcanFrameBus):
-        monkeypatch.setattr(bus, "read_frames", _shortly(bus.read_frames))
+    if "posfet_sim" not in MISSING:
+        monkeypatch.setattr("posfet_sim.emulation.slcan_adapter.IDLE", POLL)
+        monkeypatch.setattr("posfet_sim.emulation.bus_server.IDLE", POLL)
+    if "posfet_driver" not in MISSING:
+        for name in ("python_can_bus:PythonCanFrameBus", "slcan_bus:SlcanBus", "socketcan_bus:SocketcanFrameBus"):
+            bus = resolve_name(f"posfet_driver.bus.{name}")
+            monkeypatch.setattr(bus, "read_frames", _shortly(bus.read_frames))
 
 
-def _shortly(read_frames: Callable[[Any, float], list[Frame]]) -> Callable[[Any, float], list[Frame]]:
+def _shortly(read_frames: Callable[[Any, float], list[Any]]) -> Callable[[Any, float], list[Any]]:
     return lambda bus, timeout: read_frames(bus, min(timeout, POLL))
 
 

@@ -4,8 +4,8 @@ package_name = "posfet_model"
 
 setup(
     name=package_name,
-    version="0.1.0",
-    packages=find_packages(exclude=["test"]),
+    version="0.2.0",
+    packages=find_packages(exclude=["test", "test.*"]),
     package_data={
         package_name: [
             "py.typed",
@@ -23,6 +23,9 @@ setup(
     install_requires=["setuptools", "numpy>=1.26", "PyYAML"],
     extras_require={"figures": ["matplotlib"], "test": ["pytest"]},
     zip_safe=False,
+    author="posfet maintainers",
+    author_email="maintainers@posfet.invalid",
+    url="https://posfet.invalid",
     maintainer="posfet maintainers",
     maintainer_email="maintainers@posfet.invalid",
     description="Device physics, force reconstruction and contacts of POSFET tactile arrays.",

@@ -4,8 +4,8 @@ package_name = "posfet_sim"
 
 setup(
     name=package_name,
-    version="0.1.0",
-    packages=find_packages(exclude=["test"]),
+    version="0.2.0",
+    packages=find_packages(exclude=["test", "test.*"]),
     package_data={package_name: ["py.typed", "scene/scenes/*.yaml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
@@ -14,6 +14,9 @@ setup(
     install_requires=["setuptools"],
     extras_require={"test": ["pytest"]},
     zip_safe=False,
+    author="posfet maintainers",
+    author_email="maintainers@posfet.invalid",
+    url="https://posfet.invalid",
     maintainer="posfet maintainers",
     maintainer_email="maintainers@posfet.invalid",
     description="Simulated readout board of POSFET tactile arrays: scenes, emulation, recording, scores.",

@@ -34,7 +34,7 @@ class FirmwareNode:
     def next_due(self) -> int:
         return max(self._read + STEP, self._on)
 
-    def due(self, now: int) -> list[Frame]:
+    def due(self, now: int, until: int | None = None) -> list[Frame]:
         if now < self._on:
             return []
         self._read = now

@@ -56,6 +56,19 @@ class Bench:
         first = min(sampled)
         return sampled[first][0] + (sequence - first) * PERIOD
 
+    def missed(self, boot: int) -> int:
+        """Return how many ticks the board has missed or was stopped at: it misses some on a busy machine."""
+        sampled = self.sampled(boot)
+        return max(sampled) - min(sampled) + 1 - len(sampled)
+
+    def assert_all_published(self, scans: list[Scan], boot: int) -> None:
+        """Assert that consecutive scans are all that the board has sampled meanwhile."""
+        first, last = scans[0].sequence, scans[-1].sequence
+        assert [scan.sequence for scan in scans] == [each for each in self.sampled(boot) if first <= each <= last]
+        losses = self.board.decoder.statistics
+        assert losses.lost_scans <= self.missed(boot)
+        assert (losses.incomplete_scans, losses.malformed, losses.checksum, losses.late) == (0, 0, 0, 0)
+
     def read(self, count: int) -> list[Scan]:
         return [replace(scan, counts=scan.counts.copy()) for scan in read_scans(self.board, count)]
 
@@ -81,13 +94,12 @@ def bench(request: pytest.FixtureRequest, program: Path, tmp_path: Path) -> Iter
 
 def test_scans_are_received_as_they_were_sampled(bench: Bench) -> None:
     scans = bench.read(100)
-    sequences = [scan.sequence for scan in scans]
-    assert sequences == [*range(sequences[0], sequences[0] + 100)]
+    bench.assert_all_published(scans, boot=14)
     bench.assert_as_sampled(scans, boot=14)
-    assert {scan.status for scan in scans} == {ScanStatus.OK}
+    flags = {scan.status for scan in scans}
+    assert flags <= ({ScanStatus.OK, ScanStatus.SCAN_OVERRUN} if bench.missed(14) else {ScanStatus.OK})
     assert scans[-1].temperatures.tolist() == [25.0, 25.0]
     read_until(bench.board, lambda: bench.board.report().health == Health.OK)
-    assert bench.board.report().frames_lost == 0
 
 
 def test_it_stops_and_goes_on_with_the_sequence_of_its_timer(bench: Bench) -> None:
@@ -98,10 +110,9 @@ def test_it_stops_and_goes_on_with_the_sequence_of_its_timer(bench: Bench) -> No
     started = bench.request(Command.START)
     after = bench.read(20)
     assert started >= stopped
-    assert [scan.sequence for scan in after] == [*range(after[0].sequence, after[0].sequence + 20)]
     assert after[0].sequence >= started
+    bench.assert_all_published(after, boot=14)
     bench.assert_as_sampled(before + after, boot=14)
-    assert bench.board.report().frames_lost == 0
 
 
 def test_it_answers_what_it_is_and_tests_itself(bench: Bench) -> None:

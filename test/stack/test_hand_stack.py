@@ -22,7 +22,7 @@ from posfet_msgs.msg import TactileContacts, TactileInfo
 from support.bringup_process import needs_installation
 from support.expectations import Listener
 from support.launched import launching
-from support.paths import ROOT, SOURCES
+from support.paths import LAUNCH, SOURCES
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
@@ -72,5 +72,5 @@ def test_six_sensors_in_one_process(calibrated_hand: Path) -> None:
 
 @pytest.mark.skipif(find_spec("launch_ros") is None, reason="needs launch_ros; the same sensors run in one process")
 def test_the_launch_file_starts_every_sensor(calibrated_hand: Path) -> None:
-    with launching(ROOT / "launch/hand.launch.py", f"hand:={calibrated_hand}"):
+    with launching(LAUNCH / "hand.launch.py", f"hand:={calibrated_hand}"):
         expect_every_sensor(calibrated_hand)

@@ -27,11 +27,11 @@ from posfet_model.ros.exit_codes import PROCESS_FAILED
 from posfet_msgs.msg import TactileContacts
 from support.bringup_process import needs_installation
 from support.expectations import TIMEOUT, Listener
-from support.paths import ROOT
+from support.paths import LAUNCH
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
-LAUNCH_FILE = str(ROOT / "launch" / "bringup.launch.py")
+LAUNCH_FILE = str(LAUNCH / "bringup.launch.py")
 ROBOT = """
 import sys
 from launch import LaunchDescription, LaunchService

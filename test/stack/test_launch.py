@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import unittest
-from pathlib import Path
 
 import pytest
 
@@ -20,8 +19,9 @@ from launch_testing.actions import ReadyToTest
 from launch_testing.asserts import assertExitCodes
 
 from support.expectations import Listener, expect_stack
+from support.paths import LAUNCH
 
-LAUNCH_FILE = Path(__file__).parents[2] / "launch" / "bringup.launch.py"
+LAUNCH_FILE = LAUNCH / "bringup.launch.py"
 IDEAL = {"imperfections": "none"}
 VARIANTS = [
     {"source": "sim", **IDEAL},

@@ -18,10 +18,11 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource, loa
 from posfet.arguments import ARGUMENTS, LAUNCH_ARGUMENTS, choices
 from posfet_model.ros.exit_codes import INTERRUPTED, PROCESS_FAILED
 from support.bringup_process import needs_installation
+from support.paths import LAUNCH
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
-LAUNCH_FILE = str(Path(__file__).parents[2] / "launch" / "bringup.launch.py")
+LAUNCH_FILE = str(LAUNCH / "bringup.launch.py")
 
 
 def launched(**arguments: str) -> int:

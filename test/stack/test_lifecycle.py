@@ -19,7 +19,7 @@ from posfet_msgs.msg import TactileContacts, TactileInfo
 from support.bringup_process import needs_installation, running
 from support.expectations import Listener
 from support.launched import launching
-from support.paths import ROOT
+from support.paths import EXAMPLES
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
@@ -82,7 +82,7 @@ def test_a_stack_waits_for_transitions_and_is_tuned_while_it_runs(composed: str)
 
 @pytest.mark.skipif(find_spec("launch_ros") is None, reason="needs launch_ros; the test above makes the transitions")
 def test_the_example_of_a_launch_file_brings_the_nodes_up_step_by_step() -> None:
-    with launching(ROOT / "examples" / "lifecycle.launch.py"), Listener() as listener:
+    with launching(EXAMPLES / "lifecycle.launch.py"), Listener() as listener:
         contacts = listener.collect(TactileContacts, "contacts")
         listener.wait(lambda: any(message.contacts for message in contacts), "a contact")
         assert {state(listener, node) for node in ("model_node", "sim_board_node")} == {"active"}

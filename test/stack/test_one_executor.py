@@ -20,13 +20,13 @@ import posfet.bringup
 from posfet_model.config import ConfigError
 from support.bringup_process import needs_installation
 from support.expectations import TIMEOUT
-from support.paths import ROOT
+from support.paths import EXAMPLES
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
 
 def test_the_example_with_a_controller_on_the_same_executor_prints_the_force() -> None:
-    command = [sys.executable, str(ROOT / "examples" / "one_executor.py")]
+    command = [sys.executable, str(EXAMPLES / "one_executor.py")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         shown: list[str] = []
         while not shown or shown[-1].endswith(" 0.00 N\n"):

@@ -8,7 +8,6 @@ import select
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
@@ -17,10 +16,11 @@ pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 
 from support.bringup_process import needs_installation, running
 from support.expectations import TIMEOUT
+from support.paths import ROOT
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
-README = Path(__file__).parents[2] / "README.md"
+README = ROOT / "README.md"
 
 
 def test_the_readme_subscriber_prints_contacts() -> None:

@@ -16,10 +16,11 @@ pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 
 from support.bringup_process import needs_installation
 from support.expectations import TIMEOUT
+from support.paths import DATA
 
 pytestmark = [pytest.mark.process, needs_installation]
 
-RUN = Path(__file__).parents[1] / "data" / "spice" / "opamp_b_tap.csv"
+RUN = DATA / "spice" / "opamp_b_tap.csv"
 SIGNALS = [signal.SIGINT, signal.SIGTERM]
 
 

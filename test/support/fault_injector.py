@@ -96,10 +96,10 @@ class FaultInjector:
         due = self.firmware.next_due()
         return min(due, self._next_unrelated) if self._busy else due
 
-    def due(self, now: int) -> list[Frame]:
-        """Return the frames that are due at `now` [ns]."""
+    def due(self, now: int, until: int | None = None) -> list[Frame]:
+        """Return the frames that are due at `now` [ns], or `until` then."""
         self._apply(now)
-        frames = self._with_fault(self.firmware.due(now))
+        frames = self._with_fault(self.firmware.due(now, until))
         if self._busy:
             while self._next_unrelated <= now:
                 self._next_unrelated += UNRELATED_PERIOD

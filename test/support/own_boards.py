@@ -160,7 +160,7 @@ class Transmitter:
     def next_due(self) -> int:
         return self._start + self._next * self._period
 
-    def due(self, now: int) -> list[Frame]:
+    def due(self, now: int, until: int | None = None) -> list[Frame]:
         frames = []
         while self.next_due() <= now:
             frames += [] if self.silent else self._scan(self._next)

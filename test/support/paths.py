@@ -1,10 +1,24 @@
-"""Folders of the repository that tests read."""
+"""Folders that tests read: of the repository, or of the release of one package with its tests."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[2]
-DOCS = ROOT / "docs"
-SOURCES = ROOT / "src"
-DATA = ROOT / "test" / "data"
+import pytest
+
+_TEST = Path(__file__).resolve().parents[1]
+DATA = _TEST / "data"
+LAUNCH = _TEST.parent / "launch"
+PACKAGE = next(folder for folder in (_TEST.parent / "src/posfet", _TEST.parent) if (folder / "package.xml").is_file())
+"""The package `posfet`, or that of which a release is tested."""
+EXAMPLES = _TEST.parent / "examples"
+_REPOSITORY = {"ROOT": _TEST.parent, "DOCS": _TEST.parent / "docs", "SOURCES": _TEST.parent / "src"}
+
+
+def __getattr__(name: str) -> Path:
+    """Return a folder that only the repository has; the release of a package skips tests of it."""
+    if name not in _REPOSITORY:
+        raise AttributeError(name)
+    if not _REPOSITORY["SOURCES"].is_dir():
+        pytest.skip("needs the whole repository", allow_module_level=True)
+    return _REPOSITORY[name]

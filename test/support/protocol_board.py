@@ -81,7 +81,7 @@ class ProtocolBoard:
     def next_due(self) -> int:
         return min([self.on + 1000 * self.next_event(), *(time for time, _ in self.waiting[:1])])
 
-    def due(self, now: int) -> list[Frame]:
+    def due(self, now: int, until: int | None = None) -> list[Frame]:
         frames: list[Frame] = []
         while self.next_due() <= now:
             next_time = self.next_event()

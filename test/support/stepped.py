@@ -8,6 +8,9 @@ from posfet_driver.bus.frame import Frame
 from posfet_sim.emulation.bus_node import Node
 from support.clocks import SteppedClock
 
+STEP = 50_000_000
+"""Time between two looks at a board that sends while nobody reads [ns]."""
+
 
 class SteppedBus:
     """A bus in stepped time with a board on it, which can fail and hold back the frames of the board.
@@ -59,6 +62,13 @@ class SteppedBus:
 
     def _due(self) -> list[Frame]:
         frames, self._answers = self._answers, []
+        return frames + self._sent()
+
+    def _sent(self) -> list[Frame]:
+        """Return what the board has sent by now, in its time: it is not late when the reader is."""
+        frames: list[Frame] = []
+        while (end := self.firmware.next_due() + STEP) < self.clock.now:
+            frames += self.firmware.due(end)
         return frames + self.firmware.due(self.clock.now)
 
     def write_frame(self, frame: Frame) -> None:
@@ -68,7 +78,7 @@ class SteppedBus:
             self._orders.append(frame)
             return
         if not self.held_back:  # a board has sent all due frames before it receives a command
-            self._answers += self.firmware.due(self.clock.now)
+            self._answers += self._sent()
         self._answers += self.firmware.receive(frame, self.clock.now)
 
     def ask_state(self) -> None:

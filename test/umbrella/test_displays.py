@@ -15,8 +15,9 @@ pytest.importorskip("ament_index_python", reason="needs ROS 2")
 
 from posfet.displays import main
 from posfet.hand import read_hand
+from support.paths import ROOT
 
-REPOSITORY = Path(__file__).parents[2]
+REPOSITORY = ROOT
 UMBRELLA = REPOSITORY / "src" / "posfet"
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
 MODEL_NODE = "".join(

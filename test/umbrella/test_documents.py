@@ -13,8 +13,9 @@ from posfet.arguments import parse
 from posfet.cli import COMMANDS
 from posfet_driver.tools.can_cli import make_parser
 from posfet_sim.commands import calibrate, score, simulate
+from support.paths import ROOT
 
-REPOSITORY = Path(__file__).parents[2]
+REPOSITORY = ROOT
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
 DOCUMENTS = sorted([*REPOSITORY.glob("*.md"), *REPOSITORY.glob("docs/*.md"), *REPOSITORY.glob("benchmarks/*.md")])
 

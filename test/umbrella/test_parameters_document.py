@@ -7,8 +7,9 @@ import pytest
 from posfet.arguments import ARGUMENTS, LAUNCH_ARGUMENTS
 from posfet.graph import NODES
 from posfet.parameters_document import document, main
+from support.paths import DOCS
 
-DOCUMENT = Path(__file__).parents[2] / "docs" / "parameters.md"
+DOCUMENT = DOCS / "parameters.md"
 
 
 def test_the_document_is_up_to_date() -> None:

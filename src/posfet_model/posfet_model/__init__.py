@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from posfet_model.sensor.description import load_sensor
     from posfet_model.sensor.scan import Scan
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = [
     "Calibration",

@@ -15,14 +15,13 @@ from typing import Any, Final
 import numpy as np
 
 from posfet_model._lib.shown import one_line
-from posfet_model._lib.types import Array, Mask
-from posfet_model.amplifier.follower_base import Follower
 from posfet_model.command_line import ignoring_broken_pipe, positive
 from posfet_model.config import ConfigError, write_text
 from posfet_model.design import report
 from posfet_model.design.design_file import DesignFile, load_design, shipped
 from posfet_model.design.posfet_design import PosfetDesign
-from posfet_model.design.signal_file import Signal, read_signal, signal_csv
+from posfet_model.design.signal_file import read_signal, signal_csv
+from posfet_model.design.simulation import simulate
 from posfet_model.design.sweep import OBJECTIVES, SweepResult, joblib_is_there, run_sweep
 from posfet_model.design.tolerance import QUANTILES, Tolerance, ToleranceResult, run_tolerance
 from posfet_model.device.taxel_fields import plausible_fields
@@ -34,7 +33,6 @@ FRONT_ROWS: Final = 20
 """Most designs of a Pareto front that are printed; all are in the CSV file."""
 
 _BAR: Final = 30
-_PIECE: Final = 1000
 _REDRAW: Final = 0.1
 
 _DESCRIPTION: Final = """\
@@ -129,28 +127,14 @@ def _simulate(design: PosfetDesign, options: argparse.Namespace) -> tuple[dict[s
     if options.dt is not None:
         signal, wanted = signal.with_even_times(options.dt)
     follower = design.linear_follower() if options.linear else design.follower()
-    v_out, good = _followed(follower, signal)
-    write_text(options.out, signal_csv(signal, v_out, wanted))
-    valid, total = int(np.count_nonzero(good[wanted])), int(np.count_nonzero(wanted))
-    remark = f"{options.out}: {total} samples, the model is valid for {valid} of them"
-    return {"samples": total, "valid_samples": valid}, remark
-
-
-def _followed(follower: Follower, signal: Signal) -> tuple[Array, Mask]:
-    """Return the output [V] of a follower and where it is valid, starting at rest, in pieces for the progress bar."""
-    steps = np.diff(signal.time)
-    progress = _progress(signal.time.size, "samples")
-    state = follower.start(signal.v_in[0])
-    first = follower.output(state)
-    v_out, good = [np.atleast_1d(first.v_out)], [np.atleast_1d(first.valid)]
-    for begin in range(0, steps.size, _PIECE):
-        piece = slice(begin, begin + _PIECE)
-        series = follower.advance_series(state, signal.v_in[1:][piece], steps[piece])
-        state = series.end
-        v_out.append(series.output.v_out)
-        good.append(series.output.valid)
-        progress(min(begin + _PIECE, steps.size) + 1)
-    return np.concatenate(v_out), np.concatenate(good)
+    run = simulate(follower, signal, _progress(signal.time.size, "samples"))
+    write_text(options.out, signal_csv(signal, run.v_out, wanted))
+    valid, total = int(np.count_nonzero(run.valid[wanted])), int(np.count_nonzero(wanted))
+    lines = [f"{options.out}: {total} samples, the model is valid for {valid} of them"]
+    found = run.findings(signal.time, wanted)
+    lines += [f"  not valid for {one.samples}, first at {one.first_time:.9g} s: {one.reason}" for one in found]
+    reasons = [{"reason": one.reason, "samples": one.samples, "first_time_s": one.first_time} for one in found]
+    return {"samples": total, "valid_samples": valid, "reasons": reasons}, "\n".join(lines)
 
 
 def _sweep(loaded: DesignFile, options: argparse.Namespace) -> tuple[dict[str, Any], str]:

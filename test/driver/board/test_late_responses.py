@@ -40,7 +40,7 @@ class SlowLink:
         due = self.board.next_due()
         return min(due, self._queue[0][0]) if self._queue else due
 
-    def due(self, now: int) -> list[Frame]:
+    def due(self, now: int, until: int | None = None) -> list[Frame]:
         self._queue.extend((now + self.delay, frame) for frame in self.board.due(now))
         arrived = []
         while self._queue and self._queue[0][0] <= now:
@@ -188,3 +188,16 @@ def test_a_rate_that_another_host_sets_is_followed(fd: bool) -> None:
     assert bench.board.decoder.scan_period == 2_000_000
     assert bench.board.restarted == 0  # a scan in two seconds is no silence
     assert bench.board.report().values["scan period [ms]"] == "2000"
+
+
+@BOTH
+@pytest.mark.parametrize("delay", [0.3, 0.9, 1.5, 2.5])
+def test_an_adapter_that_is_slow_but_alive_is_not_reopened_for_ever(fd: bool, delay: float) -> None:
+    """Reopening drops what is under way, so it comes ever less often."""
+    bench = Bench(fd)
+    bench.link.delay = round(delay * 1e9)
+    assert bench.run(12.0) > 1000
+    opened = bench.board.bus.opened
+    assert opened <= 3
+    bench.run(10.0)
+    assert (bench.board.bus.opened, bench.board.report().health) == (opened, Health.OK)

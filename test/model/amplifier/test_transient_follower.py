@@ -3,16 +3,19 @@
 import math
 import shutil
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from posfet_model.amplifier import transient_follower
 from posfet_model.amplifier.circuit import CUT_OFF, INPUT_RANGE, OUTPUT_RANGE, UNSTABLE_HERE, AmplifierCircuit
 from posfet_model.amplifier.follower import OnePoleFollower, SquareLawFollower
 from posfet_model.amplifier.one_stage import CIRCUIT_C
 from posfet_model.amplifier.open_loop import RINGS, UNSTABLE, OpenLoop
 from posfet_model.amplifier.operating_point import CIRCUIT_B
-from posfet_model.amplifier.transient_follower import CircuitFollower, SlewingFollower
+from posfet_model.amplifier.transient import TOLERANCE, advance_through
+from posfet_model.amplifier.transient_follower import CircuitFollower, SlewingFollower, _straight
 from posfet_model.spice import ngspice
 from posfet_model.spice.circuits import CIRCUITS
 from posfet_model.spice.netlist import subcircuit
@@ -197,3 +200,47 @@ def test_what_is_refused() -> None:
     assert_refused(SLEWING.advance, {"state": state, "v_in": np.zeros(3), "step": np.full(3, 1e-6)}, "step")
     many = SlewingFollower(open_loop=OpenLoop(np.array([100.0, 200.0]), (1e4, 1e7)), slew_rate=1e6)
     assert_refused(many.start, {"v_in": np.zeros(3)}, "v_in")
+
+
+@pytest.mark.parametrize("name", ["two_stage", "one_stage_100pf"])
+def test_a_straight_run_of_samples_is_integrated_as_one(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The output at each sample is that of the samples one by one, in far fewer steps."""
+    follower, time = of_circuit(name), np.arange(160) * 12.5e-9
+    inputs = {
+        "ramp": np.interp(time, [0, 2e-7, 8e-7, 1.2e-6, 2e-6], [0, 0, 0.2, 0.2, 0]),
+        "step": np.where((time > 3e-7) & (time < 1.2e-6), 0.05, 0.0),
+        "sine": 1e-5 * np.sin(2 * np.pi * time / 2e-6),
+        "jumps": np.repeat([0.0, 0.02, 0.01, 0.04], 40),
+    }
+    calls: list[int] = []
+
+    def counted(*words: Any) -> Any:
+        calls.append(1)
+        return advance_through(*words)
+
+    monkeypatch.setattr(transient_follower, "advance_through", counted)
+    for shape, v_in in inputs.items():
+        calls.clear()
+        merged = follower.run(time, v_in)
+        assert 3 <= len(calls) < 60, shape
+        with monkeypatch.context() as one_by_one:
+            one_by_one.setattr(transient_follower, "_straight", lambda start, held, step, begin, deviation: begin + 1)
+            apart = follower.run(time, v_in)
+        assert np.abs(merged.v_out - apart.v_out).max() < TOLERANCE, shape
+        assert (merged.valid == apart.valid).all()
+
+
+def test_straight_runs_end_at_corners_and_jumps() -> None:
+    def runs(time: list[float], *v_in: list[float]) -> list[int]:
+        held, step = np.array(v_in).T.squeeze(), np.diff(time)
+        ends = [0]
+        while ends[-1] < step.size:
+            ends.append(_straight(held[ends[-1]], held[1:], step, ends[-1], 1e-6))
+        return ends
+
+    even = list(range(7))
+    assert runs(even, [0, 1, 2, 3, 3, 3, 3]) == [0, 3, 6]
+    assert runs(even, [0, 1, 2, 3, 4, 5, 6.00001]) == [0, 5, 6]
+    assert runs([0, 1, 2, 2, 3, 4, 5], [0, 1, 2, 2, 3, 4, 5]) == [0, 2, 3, 6]  # a jump, even if of 0 V
+    assert runs([0, 0.1, 0.5, 2, 2.5, 4, 6], [0, 0.1, 0.5, 2, 2.5, 4, 6]) == [0, 6]
+    assert runs(even, [0, 1, 2, 3, 4, 5, 6], [0, 0, 0, 0, 1, 2, 3]) == [0, 3, 6]  # of both columns

@@ -106,7 +106,7 @@ def test_a_simulation_has_the_inputs_own_times_or_even_ones(run: Any, tmp_path: 
     assert own[-1, 2] - own[0, 2] == pytest.approx(0.05 * gain, rel=1e-4)
     assert json.loads(run("two_stage", "--simulate", source, "--out", out, "--dt", "1e-7", "--json")[1])[
         "simulation"
-    ] == {"samples": 31, "valid_samples": 31}
+    ] == {"samples": 31, "valid_samples": 31, "reasons": []}
     even = np.loadtxt(out, delimiter=",", skiprows=1)
     np.testing.assert_allclose(even[:, 0], np.arange(31) * 1e-7, rtol=1e-12)
     np.testing.assert_array_equal(even[:, 1], np.where(np.arange(31) >= 10, 0.05, 0.0))
@@ -115,6 +115,28 @@ def test_a_simulation_has_the_inputs_own_times_or_even_ones(run: Any, tmp_path: 
     fine = np.loadtxt(out, delimiter=",", skiprows=1)
     np.testing.assert_allclose(fine[::10, 2], even[:, 2], atol=1e-5)  # the error bound of the integration
     assert 0.01 < even[11, 2] < 0.04
+
+
+def test_a_simulation_says_which_samples_are_not_valid_and_why(run: Any, tmp_path: Path) -> None:
+    source, out = tmp_path / "in.csv", tmp_path / "out.csv"
+    source.write_text("t,vin\n0,0\n1e-5,-1\n1.5e-5,-1.28\n1.6e-5,-1.28\n4e-5,0.5\n6e-5,0.5\n", encoding="utf-8")
+    code, text, _ = run("square_millimetre", "--simulate", source, "--out", out)
+    assert code == 0
+    lines = text.splitlines()
+    place = lines.index(f"{out}: 6 samples, the model is valid for 4 of them")
+    assert lines[place + 1] == "  not valid for 2, first at 1.5e-05 s: unstable at this input: the follower oscillates"
+    reasons = json.loads(run("square_millimetre", "--simulate", source, "--out", out, "--json")[1])["simulation"]
+    assert reasons["reasons"][0] == {
+        "reason": "unstable at this input: the follower oscillates",
+        "samples": 2,
+        "first_time_s": 1.5e-5,
+    }
+    # Samples between the wanted ones do not count.
+    even = json.loads(run("square_millimetre", "--simulate", source, "--out", out, "--dt", "6e-5", "--json")[1])
+    assert even["simulation"] == {"samples": 2, "valid_samples": 2, "reasons": []}
+    linear = json.loads(run("square_millimetre", "--simulate", source, "--out", out, "--linear", "--json")[1])
+    assert [one["reason"] for one in linear["simulation"]["reasons"]] == ["the input is beyond the limits of the model"]
+    assert linear["simulation"]["reasons"][0]["samples"] == 2
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared
-from posfet_model.estimation.touch_response import FULLY_WARM, TouchResponse
+from posfet_model.estimation.touch_response import WARMTH_FORCE, TouchResponse
 from posfet_model.sensor.description import load_sensor
 
 Array = NDArray[np.float64]
@@ -84,32 +84,45 @@ def test_creep_follows_the_force_with_each_time_constant() -> None:
         np.testing.assert_allclose(matrix[:, Shared.CREEP + index], expected, rtol=0, atol=1e-8)
 
 
-def test_warmth_follows_the_greatest_force_of_the_touch_and_saturates_with_it() -> None:
+def test_warmth_follows_the_force_and_saturates_with_it() -> None:
     means = blocks(1.2)
-    greatest = np.maximum.accumulate(means)
-    warm = follow(list(np.minimum(greatest / FULLY_WARM, 1.0)), WARMTH_TIME)
+    warm = follow([-np.expm1(-mean / WARMTH_FORCE) for mean in means], WARMTH_TIME)
     each = advance(response(), means)
     np.testing.assert_allclose(each.warm, warm, rtol=0, atol=1e-8)
     np.testing.assert_allclose(each.matrix()[:, Shared.WARMTH], PER_KELVIN * warm, rtol=0, atol=1e-8)
-    assert each.warm[1] == each.warm[2] > each.warm[5] > 0.0
+    assert each.warm[1] > each.warm[2] - 1e-3 > each.warm[5] > 0.0
     assert (each.warm <= 1.0).all()
 
 
-def test_warmth_of_a_force_that_seems_to_fall_does_not() -> None:
+def test_a_strong_force_that_seems_to_fall_hardly_changes_its_warmth() -> None:
     # Otherwise a temperature rise that reads as less force would make a smaller rise, and so on.
     strong = np.zeros(TAXELS)
-    strong[3] = FULLY_WARM
+    strong[3] = 10.0 * WARMTH_FORCE
     falling, steady = (advance(response(), [strong] * 5) for _ in range(2))
-    advance(falling, [0.2 * strong] * 20)
+    advance(falling, [0.8 * strong] * 20)
     advance(steady, [strong] * 20)
-    assert falling.warm[3] == steady.warm[3]
+    assert falling.warm[3] == pytest.approx(steady.warm[3], rel=1e-3)
+
+
+@pytest.mark.parametrize("share", [0.9, 0.3])
+def test_warmth_that_explains_a_whole_force_decays_with_it(share: float) -> None:
+    # An object has left a warm taxel, and all that its force seems to be is the warmth that is still subtracted. Where
+    # a kelvin reads as less force than `WARMTH_FORCE`, no force may keep itself up in this way, however weak the touch
+    # was: measured in a scene where a finger rolls to and fro, 30 mN stayed on every taxel that it had left.
+    each, force = response(), np.zeros(TAXELS)
+    force[2] = 1.2 * WARMTH_FORCE
+    advance(each, [force] * 100)
+    level = share * WARMTH_FORCE
+    for _ in range(round(20.0 * WARMTH_TIME / (1.0 - share) / BLOCK)):
+        each.advance(level * each.warm, BLOCK)
+    assert each.warm[2] < 0.01
 
 
 def test_each_touch_warms_by_its_own_force() -> None:
     strong, weak = np.zeros((2, TAXELS))
-    strong[3], weak[3] = FULLY_WARM, 0.1 * FULLY_WARM
+    strong[3], weak[3] = WARMTH_FORCE, 0.1 * WARMTH_FORCE
     each = advance(response(), [strong] * 100 + [np.zeros(TAXELS)] * 1000 + [weak] * 1000)
-    assert each.warm[3] == pytest.approx(0.1, rel=1e-12)
+    assert each.warm[3] == pytest.approx(-math.expm1(-0.1), rel=1e-12)
 
 
 def test_a_reset_forgets_all_touches() -> None:
@@ -183,12 +196,3 @@ def test_a_taxel_responds_to_its_own_force_only_but_for_bending() -> None:
     assert np.flatnonzero(matrix.any(axis=1)).tolist() == [4]
     # The small force of a taxel beside a contact is not a response to its own.
     assert not matrix[:, Shared.TAIL].any()
-
-
-def test_a_rest_of_a_touch_is_not_warmed_as_the_touch_was() -> None:
-    each, force = response(), np.zeros(TAXELS)
-    force[2] = 1.0
-    advance(each, [force] * 100)
-    assert each.warm[2] > 0.99
-    advance(each, [0.02 * force] * 200)
-    assert each.warm[2] == pytest.approx(0.02 / FULLY_WARM, rel=0.01)

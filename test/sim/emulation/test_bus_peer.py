@@ -83,7 +83,7 @@ def test_an_error_of_the_emulation_is_reported_and_gone_after_reopening(
 ) -> None:
     ended = threading.Event()
 
-    def fail(board: BusBoard, now: int) -> list[Frame]:
+    def fail(board: BusBoard, now: int, until: int | None = None) -> list[Frame]:
         ended.set()
         raise ValueError("odd\ntime")
 

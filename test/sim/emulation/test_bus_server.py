@@ -34,7 +34,7 @@ class CountingNode:
     def next_due(self) -> int:
         return self._next
 
-    def due(self, now: int) -> list[Frame]:
+    def due(self, now: int, until: int | None = None) -> list[Frame]:
         frames: list[Frame] = []
         while self._next <= now:
             if self._number < self._limit:
@@ -146,11 +146,15 @@ class FailingBus:
         frames, self.incoming = self.incoming, []
         return frames
 
-    def write_frame(self, frame: Frame) -> None:
-        self._room -= 1
-        if self._room < 0:
+    def refill(self, room: int) -> None:
+        self._room = room
+
+    def write_frame(self, frame: Frame) -> bool:
+        if self._room == 0:
             raise can.CanOperationError("no room")
+        self._room -= 1
         self.written.append(frame)
+        return True
 
     def ask_state(self) -> None: ...
 
@@ -180,11 +184,38 @@ def serve(
     return server, made
 
 
-def test_frames_that_the_bus_does_not_accept_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_bus_has_no_room_for_waits_and_what_follows_is_dropped_and_counted(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     server, made = serve(monkeypatch, CountingNode(limit=10), room=4, reads=10)
-    # One frame is due in each of the ten rounds.
+    # One frame is due in each of the ten rounds; the fifth waits until the bus is closed.
     assert (server.frames_sent, server.frames_dropped) == (4, 6)
     assert made.closed
+
+
+def test_answers_wait_for_room_while_scans_fill_the_bus(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slow process sends the scans of 40 ms at once: more than the send queue of an interface holds."""
+    commands: list[Frame] = [(0x101, CLASSIC, bytes([number])) for number in range(3)]
+    clock = SteppedClock(now=1_000_000_000)
+    made = FailingBus(clock, room=0, reads=40)
+    read = made.read_frames
+
+    def read_slowly(timeout: float) -> list[Frame]:
+        made.refill(10)
+        if len(made.timeouts) % 10 == 5 and commands:
+            made.incoming.append(commands.pop())
+        frames = read(timeout)
+        clock.now += 40 * MILLISECOND
+        return frames
+
+    monkeypatch.setattr(made, "read_frames", read_slowly)
+    monkeypatch.setattr(bus_server, "open_bus", lambda _: made)
+    server = BusServer(settings(), CountingNode(), clock)
+    server.open()
+    assert made.failed.wait(DEADLINE)
+    server.close()
+    assert [data for identifier, _, data in made.written if identifier == 0x200] == [b"\x02", b"\x01", b"\x00"]
+    assert server.frames_dropped > 500
 
 
 def test_what_was_due_before_a_command_is_sent_before_its_answer(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -227,7 +258,7 @@ def test_an_error_of_the_node_ends_the_service_with_its_reason_in_one_line(monke
     node = CountingNode()
     ended = threading.Event()
 
-    def fail(now: int) -> list[Frame]:
+    def fail(now: int, until: int | None = None) -> list[Frame]:
         ended.set()
         raise ZeroDivisionError("no\nsuch number")
 

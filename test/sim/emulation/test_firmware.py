@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from posfet_driver.bus.frame import CLASSIC
+import pytest
+
+from posfet_driver.bus.frame import CLASSIC, Frame
+from posfet_driver.protocol.decoder import Decoder, ScanReady, StatusReceived
 from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Request
 from posfet_model.sensor.description import load_sensor
-from posfet_model.sensor.scan import Scan
+from posfet_model.sensor.scan import Scan, ScanStatus
+from posfet_sim.emulation.backlog import first_due
 from posfet_sim.emulation.firmware import BoardFirmware
+from support.fake_board import with_fd
 
 SENSOR = load_sensor()
 SECOND = 1_000_000_000
+MILLISECOND = 1_000_000
+BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 
 
 class Counter:
@@ -45,3 +52,85 @@ def test_scan_numbers_follow_the_time_since_power_on_also_while_stopped() -> Non
     start(firmware, 7 * SECOND)
     firmware.due(7 * SECOND + SECOND // 100)
     assert board.indices[101:] == list(range(7000, 7011))
+
+
+def received(decoder: Decoder, frames: list[Frame], now: int) -> tuple[list[tuple[int, int]], list[int]]:
+    """Return sequence and status of the scans in a batch of frames, and the flags of the status frames."""
+    scans: list[tuple[int, int]] = []
+    flags: list[int] = []
+    for found in decoder.decode(frames, now, 0):
+        if isinstance(found, ScanReady):
+            scans.append((found.scan.sequence, found.scan.status))
+        elif isinstance(found, StatusReceived):
+            flags.append(found.status.flags)
+    return scans, flags
+
+
+@BOTH
+@pytest.mark.parametrize("stop", [60, 36_000])
+def test_after_a_stop_of_the_emulation_whole_scans_are_missed_counted_and_flagged(fd: bool, stop: int) -> None:
+    board = Counter()
+    firmware, decoder = BoardFirmware(with_fd(SENSOR, fd), board, 0), Decoder(with_fd(SENSOR, fd))
+    decoder.start()
+    start(firmware, 0)
+    for now in range(0, SECOND, MILLISECOND):
+        received(decoder, firmware.due(now), now)
+    back = (1 + stop) * SECOND
+    assert firmware.next_due() == SECOND
+    scans, flags = received(decoder, first_due(firmware, back), back)
+    assert board.indices[1000:] == [1000 * (1 + stop)]
+    assert firmware.missed == 1000 * stop
+    assert flags == [ScanStatus.SCAN_OVERRUN]
+    assert firmware.next_due() == back + MILLISECOND
+    for now in range(back + MILLISECOND, back + SECOND, MILLISECOND):
+        more, flags = received(decoder, first_due(firmware, now), now)
+        scans += more
+        assert not any(flags)
+    sequences = [sequence for sequence, _ in scans]
+    assert sequences == list(range(1000 * (1 + stop) + 1000 - len(scans), 1000 * (1 + stop) + 1000))
+    assert len(scans) > 980  # classic ones wait for a header
+    if fd:
+        assert [status for _, status in scans] == [ScanStatus.SCAN_OVERRUN] + [0] * 999
+    assert decoder.statistics.lost_scans == 1000 * (1 + stop) - 1000 + 1000 - len(scans)
+
+
+@BOTH
+def test_a_short_delay_of_the_emulation_loses_no_scan_and_flags_those_that_are_late(fd: bool) -> None:
+    board = Counter()
+    firmware, decoder = BoardFirmware(with_fd(SENSOR, fd), board, 0), Decoder(with_fd(SENSOR, fd))
+    decoder.start()
+    start(firmware, 0)
+    received(decoder, firmware.due(0), 0)
+    now, parts, scans, flags = 400 * MILLISECOND, 0, [], []
+    while firmware.next_due() <= now:
+        more, states = received(decoder, first_due(firmware, now), now)
+        scans, flags, parts = scans + more, flags + states, parts + 1
+        assert len(more) <= (51 if fd else 51 + 32)  # a command is looked for between two parts
+    assert board.indices == list(range(401))
+    assert (firmware.missed, decoder.statistics.lost_scans) == (0, 0)
+    assert parts == 8
+    assert flags == [ScanStatus.SCAN_OVERRUN] * 3 + [0]
+    if fd:
+        assert [bool(status) for _, status in scans] == [sequence < 300 for sequence, _ in scans]
+
+
+def test_an_overrun_of_the_emulation_is_no_finding_of_the_self_test() -> None:
+    firmware = BoardFirmware(SENSOR, Counter(), 0)
+    start(firmware, 0)
+    firmware.due(10 * SECOND)
+    stop(firmware, 10 * SECOND)
+    request = Request(Command.SELF_TEST, 3, 0)
+    [frame] = firmware.receive((SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()), 10 * SECOND)
+    assert frame[2][2:4] == bytes(2)
+
+
+def test_a_new_scan_period_counts_the_ticks_that_a_late_emulation_has_not_sent() -> None:
+    board = Counter()
+    firmware = BoardFirmware(SENSOR, board, 0)
+    start(firmware, 0)
+    firmware.due(0)
+    request = Request(Command.SET_RATE, 2, 2000)
+    firmware.receive((SENSOR.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()), 300 * MILLISECOND)
+    firmware.due(310 * MILLISECOND)
+    assert board.indices[:3] == [0, 301, 303]
+    assert firmware.missed == 299

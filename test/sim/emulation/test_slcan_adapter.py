@@ -17,17 +17,18 @@ from posfet_driver.board.board_client import Board
 from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.board.scan_source import SourceError
-from posfet_driver.bus.frame import Frame
+from posfet_driver.bus.frame import CLASSIC, ERROR, Frame
 from posfet_driver.bus.message_conversion import frame_of, message_of
 from posfet_driver.bus.open_bus import bus_settings, open_bus
 from posfet_driver.bus.reconnecting_bus import ReconnectingBus
 from posfet_driver.bus.slcan_bus import SlcanBus
 from posfet_driver.clock import Clock, SystemClock
-from posfet_driver.protocol.messages import STATUS_PERIOD, Command, Result
+from posfet_driver.protocol.decoder import Decoder
+from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Request, Result
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import ScanStatus
 from posfet_sim.emulation.firmware import BoardFirmware
-from posfet_sim.emulation.slcan_adapter import OUTPUT_LIMIT, EmulatedAdapter
+from posfet_sim.emulation.slcan_adapter import EmulatedAdapter
 from support.clocks import PacedClock
 from support.fake_board import (
     PATIENCE,
@@ -48,7 +49,7 @@ class Echo:
     def next_due(self) -> int:
         return 1 << 62
 
-    def due(self, now: int) -> list[Frame]:
+    def due(self, now: int, until: int | None = None) -> list[Frame]:
         return []
 
     def receive(self, frame: Frame, now: int) -> list[Frame]:
@@ -324,25 +325,60 @@ def test_the_adapter_replies_as_documented(echo: EmulatedAdapter) -> None:
         serial_exchange(echo.link, line, reply)
 
 
-def test_a_stalled_reader_loses_frames_and_uses_bounded_memory(sensor: Sensor, link: Path, clock: PacedClock) -> None:
-    """The output buffer of the adapter is bounded; dropped frames are counted on both sides."""
-    adapter = EmulatedAdapter(link, firmware_for(sensor, True, clock), clock)
+def test_after_a_stop_the_newest_scans_come_and_the_missed_ones_are_counted(
+    sensor: Sensor, link: Path, clock: PacedClock
+) -> None:
+    """Board, adapter and driver stand still for a minute, as one suspended process."""
+    firmware = firmware_for(sensor, True, clock)
+    adapter = EmulatedAdapter(link, firmware, clock)
     adapter.open()
     board = Board(sensor, slcan_opener(link), clock)
     board.open()
     try:
         first = next(read_scans(board, 1)).sequence
-        clock.jump(10.0)  # 10 s of scans at once: more than the buffer holds
-        read_until(board, lambda: adapter.frames_dropped > 0 and board.decoder.statistics.lost_scans > 0)
-        last = next(read_scans(board, 1)).sequence
+        clock.jump(60.0)
+        scan = next(read_scans(board, 1))
+        while not scan.status & ScanStatus.SCAN_OVERRUN:  # sent before the stop
+            assert scan.sequence < 1_000
+            scan = next(read_scans(board, 1))
+        assert clock.wall() - scan.stamp < 1e9
         losses = board.decoder.statistics
-        assert board.decoder.scans + losses.lost_scans == last - first + 1
-        assert OUTPUT_LIMIT / 200 < board.decoder.scans < 10_000
-        statuses = 10.0 / STATUS_PERIOD
-        assert adapter.frames_dropped - statuses <= losses.lost_scans <= adapter.frames_dropped
+        assert firmware.missed == losses.lost_scans == scan.sequence - first + 1 - board.decoder.scans > 59_000
+        assert all(not scan.status for scan in read_scans(board, 100))
+        assert (losses.lost_scans, losses.incomplete_scans, adapter.frames_dropped) == (firmware.missed, 0, 0)
         assert board.report().fault_counts[FaultKind.LOST_SCANS] == losses.lost_scans
     finally:
         board.close()
+        adapter.close()
+
+
+def test_a_terminal_that_is_not_read_loses_whole_scans_beyond_half_a_second(sensor: Sensor, link: Path) -> None:
+    clock = PacedClock(main=False)
+    firmware = firmware_for(sensor, False, clock)
+    adapter = EmulatedAdapter(link, firmware, clock)
+    adapter.open()
+    try:
+        with slcan_opener(link, False)() as bus:
+            base = sensor.can.base_id
+            bus.write_frame((base + COMMAND_OFFSET, CLASSIC, Request(Command.START, 1).pack()))
+            end = SystemClock().monotonic() + PATIENCE * 1e9
+            while adapter.frames_dropped < 1000:
+                assert SystemClock().monotonic() < end
+                clock.jump(0.01)
+            waiting = adapter.frames_sent
+            decoder = Decoder(with_fd(sensor, False))
+            decoder.start()
+            while decoder.statistics.lost_scans == 0:
+                assert SystemClock().monotonic() < end
+                list(decoder.decode(bus.read_frames(0.1), 0, 0))
+            assert decoder.statistics.incomplete_scans == 0
+            assert waiting < 6 * 1.2 * sensor.can.scan_rate
+            bus.ask_state()
+            flags = 0
+            while not flags & 1:
+                assert SystemClock().monotonic() < end
+                flags = next((frame[2][1] for frame in bus.read_frames(0.1) if frame[1] & ERROR), 0)
+    finally:
         adapter.close()
 
 
@@ -353,8 +389,8 @@ def test_a_delayed_adapter_loses_no_frames(sensor: Sensor, link: Path, clock: Pa
     board.open()
     try:
         list(read_scans(board, 10))
-        clock.jump(2.0)
-        for scan in read_scans(board, 2500):
+        clock.jump(0.4)
+        for scan in read_scans(board, 600):
             assert_marked(scan)
         assert scan.frames_lost == 0
         assert adapter.frames_dropped == 0
@@ -369,7 +405,7 @@ class Recorder(Echo):
     def __init__(self) -> None:
         self.asked: list[tuple[str, int]] = []
 
-    def due(self, now: int) -> list[Frame]:
+    def due(self, now: int, until: int | None = None) -> list[Frame]:
         self.asked.append(("due", now))
         return []
 

@@ -8,47 +8,24 @@ from typing import Final
 
 from posfet_driver.board.board_connection import BoardConnection
 from posfet_driver.board.board_report import board_report
-from posfet_driver.board.command_queue import CommandQueue, CommandTags
+from posfet_driver.board.board_starter import RESPONSE_TIMEOUT, BoardStarter
+from posfet_driver.board.command_queue import CommandQueue
+from posfet_driver.board.command_sender import CommandSender
 from posfet_driver.board.connection_state import ConnectionState
 from posfet_driver.board.faults import FaultKind
+from posfet_driver.board.power_watch import PowerWatch
 from posfet_driver.board.scan_source import SourceReport
 from posfet_driver.board.suitability import unsuitable
 from posfet_driver.board.transit_time import scan_transit_time
-from posfet_driver.bus.frame import CLASSIC
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.reconnecting_bus import PRESENCE_PERIOD
 from posfet_driver.clock import Clock, SystemClock
 from posfet_driver.protocol.decoder import Decoder, ResponseReceived, ScanReady, StatusReceived
-from posfet_driver.protocol.messages import (
-    COMMAND_OFFSET,
-    LONGEST_PERIOD,
-    Command,
-    Identification,
-    Identity,
-    Request,
-    Response,
-    Result,
-    Status,
-)
+from posfet_driver.protocol.messages import Command, Identity, Response, Result, Status
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.scan import Scan, ScanStatus
+from posfet_model.sensor.scan import Scan
 
-RESPONSE_TIMEOUT: Final = 0.2
-"""Time within which a board has to respond [s]; then the command is repeated."""
-REPETITIONS: Final = 12
-"""Number of times that SET_RATE or START is repeated before the board is identified again."""
-REFUSED_PERIOD: Final = 1.0
-"""Period at which an unsuitable board is identified again [s]."""
-LOW_SUPPLY_MEMORY: Final = 2.0
-"""Time after a low supply was reported [s] within which a reset counts as a brown-out."""
-
-_COMMANDS: Final = {
-    ConnectionState.IDENTITY: Command.IDENTIFY,
-    ConnectionState.RATE: Command.SET_RATE,
-    ConnectionState.START: Command.START,
-}
-"""Command whose response is awaited in a state."""
 _STARTING: Final = {ConnectionState.START, ConnectionState.SCANS}
 _READY: Final = {ConnectionState.SCANS, ConnectionState.STOPPED, ConnectionState.REFUSED}
 """States in which the board accepts a command of the user."""
@@ -90,8 +67,6 @@ class Board:
         self.decoder = Decoder(sensor)
         self.restarted = 0
         """Number of times a silent board was restarted."""
-        self.brown_outs = 0
-        """Resets around which the supply voltage was low."""
         self._sensor = sensor
         self._clock = clock or SystemClock()
         self._connection = BoardConnection(
@@ -100,13 +75,15 @@ class Board:
         self.bus = self._connection.bus
         self._transit_time = scan_transit_time(sensor.can, self.decoder.blocks)
         self._commands = CommandQueue()
-        self._tags = CommandTags()
-        self._repetitions = 0  # of the command of the present state
-        self._boot: int | None = None
-        self._low_supply = -round(LOW_SUPPLY_MEMORY * NANOSECONDS)  # time of the newest report
-        self._flowing = False  # a scan arrived since the board was started
-        self._period = round(1e6 / sensor.can.scan_rate)  # to be set at each start [us]
-        self._scan_period = self._period  # in force [us]
+        self._sender = CommandSender(self._connection, sensor.can.base_id)
+        self._starter = BoardStarter(sensor, self._connection, self.decoder, self._sender, self._clock)
+        self._power = PowerWatch()
+        self._scan_period = self.decoder.scan_period  # in force [us]
+
+    @property
+    def brown_outs(self) -> int:
+        """Resets around which the supply voltage was low."""
+        return self._power.brown_outs
 
     @property
     def stamp_uncertainty(self) -> float:
@@ -122,13 +99,13 @@ class Board:
             When the bus can never be opened with these arguments.
         """
         if self._connection.state == ConnectionState.CLOSED and self._connection.open():
-            self._identify()
+            self._starter.identify()
 
     def close(self) -> None:
         """Stop the board and close the bus; may be called twice."""
         connection = self._connection
         if connection.state in _STARTING:
-            self._send(Command.STOP)
+            self._sender.send(Command.STOP)
             self.decoder.forget_gap()
         connection.close()
         self._commands.fail(connection.reason)
@@ -212,19 +189,17 @@ class Board:
 
     def report(self) -> SourceReport:
         """Return the state for diagnostics; may be called from any thread."""
-        return board_report(
-            self._connection, self.decoder, self._flowing, self.stamp_uncertainty, self.restarted, self.brown_outs
-        )
+        return board_report(self._connection, self.decoder, self.stamp_uncertainty, self.restarted, self.brown_outs)
 
     def _next_scan(self) -> bool:
         """Process the frames at hand up to the next complete scan; return whether there is one."""
         connection = self._connection
         for decoded in connection.decoded:
             if isinstance(decoded, ScanReady):
-                if self._flowing:
+                if connection.flowing:
                     connection.deadline = connection.arrival + connection.scan_timeout
                 else:  # started, or sending again before it was restarted
-                    self._flowing = True
+                    connection.flowing = True
                     connection.fault = None
                     connection.enter(ConnectionState.SCANS, "receiving scans", connection.scan_timeout / NANOSECONDS)
                 return True
@@ -241,22 +216,29 @@ class Board:
         return False
 
     def _handle_status(self, status: Status) -> None:
-        now = self._clock.monotonic()
-        if status.flags & ScanStatus.SUPPLY_LOW:
-            self._low_supply = now
-        reset = self._boot is not None and status.boot != self._boot
-        self._boot = status.boot
-        if reset:
-            self.brown_outs += now - self._low_supply < LOW_SUPPLY_MEMORY * NANOSECONDS
+        reset = self._power.was_reset(status, self._clock.monotonic())
         if self._connection.state == ConnectionState.SCANS and (reset or not status.scanning):
             self._connection.reason = f"the board {'was reset' if reset else 'does not scan'}: restarting it"
             self.restarted += not reset
-            self._flowing = False
-            self._identify()
+            self._connection.flowing = False
+            self._starter.identify()
 
     def _handle_identity(self, identity: Identity) -> None:
         if self._connection.state == ConnectionState.SCANS and unsuitable(self._sensor, identity.board):
-            self._identify()
+            self._starter.identify()
+
+    def _handle_response(self, response: Response) -> None:
+        """Act on the response to one of the newest commands, however late it is: the board has done as it says."""
+        if not self._sender.is_own(response):
+            return
+        asked = self._commands.complete(response) is not None
+        stopped = response.command == Command.STOP and response.result == Result.OK
+        if stopped and self._connection.state != ConnectionState.CLOSED:
+            self._connection.flowing, self._connection.fault = False, None
+            self.decoder.forget_gap()
+            self._connection.enter(ConnectionState.STOPPED, "stopped on request", 0.0)
+        else:
+            self._starter.handle_response(response, asked)
 
     def _wait(self, now: int, end: int) -> None:
         """Read frames, or do what is due when there are none."""
@@ -271,94 +253,15 @@ class Board:
         connection = self._connection
         if connection.state == ConnectionState.BUS:
             if connection.reopen():
-                self._identify()
+                self._starter.identify()
             return
         if connection.state == ConnectionState.SCANS:
             self.restarted += 1
-            self._flowing = False
+            connection.flowing = False
             connection.reason = "the board sends no complete scans: restarting it"
             connection.fault = FaultKind.NO_SCANS
             connection.ask_adapter()
-        elif connection.state == ConnectionState.IDENTITY:
-            self._diagnose_no_response()
-        elif connection.state in {ConnectionState.RATE, ConnectionState.START}:
-            if self._repetitions < REPETITIONS:
-                self._repetitions += 1
-                self._request_state(connection.state)
-                return
-            connection.reason = "the board responds, but does not start"
-            connection.fault = FaultKind.START_FAILED
-        if connection.bus.is_open:
-            self._identify()
-
-    def _diagnose_no_response(self) -> None:
-        """Find out why the board does not respond; reopen the bus from time to time."""
-        connection, base = self._connection, self._sensor.can.base_id
-        connection.reason = f"no board responds at base identifier 0x{base:X}: check power, cable, bit rate and base_id"
-        connection.fault = connection.no_response.cause()
-        connection.ask_adapter()
-        connection.reopen_when_silent()
-
-    def _identify(self) -> None:
-        if self._connection.state != ConnectionState.IDENTITY:
-            self._connection.no_response.begin(self._clock.monotonic())
-        self._request_state(ConnectionState.IDENTITY)
-
-    def _request_state(self, state: ConnectionState) -> None:
-        """Enter a state in which the response to a command is awaited, and send the command."""
-        if state != self._connection.state:
-            self._repetitions = 0
-        self._connection.enter(state, self._connection.reason, RESPONSE_TIMEOUT)
-        command = _COMMANDS[state]
-        self._send(command, self._period if command == Command.SET_RATE else 0)
-
-    def _handle_response(self, response: Response) -> None:
-        """Act on the response to one of the newest commands, however late it is: the board has done as it says."""
-        if not self._tags.is_own(response):
-            return
-        state = self._connection.state
-        asked = self._commands.complete(response) is not None
-        match response.command:
-            case Command.IDENTIFY if state == ConnectionState.IDENTITY and response.result == Result.OK:
-                self._check_identity(Identification.unpack(response.value))
-            case Command.SET_RATE:
-                self._rate_answered(response, asked)
-            case Command.STOP if response.result == Result.OK and state != ConnectionState.CLOSED:
-                self._flowing, self._connection.fault = False, None
-                self.decoder.forget_gap()
-                self._connection.enter(ConnectionState.STOPPED, "stopped on request", 0.0)
-            case Command.START if response.result == Result.OK:
-                self._started()
-
-    def _check_identity(self, board: Identification) -> None:
-        if cause := unsuitable(self._sensor, board):
-            self._refuse(*cause)
-        else:
-            self._request_state(ConnectionState.RATE)
-
-    def _rate_answered(self, response: Response, asked: bool) -> None:
-        """Act on the response to SET_RATE; the decoder has the new period from it."""
-        if response.result == Result.OK and 1 <= response.value <= LONGEST_PERIOD:
-            self._period = response.value
-        elif not asked and self._connection.state == ConnectionState.RATE:
-            reason = f"the board answers a scan period of {self._period} us with: {response.reason}"
-            self._refuse(FaultKind.RATE_REFUSED, reason)
-        if self._connection.state == ConnectionState.RATE:
-            self._request_state(ConnectionState.START)
-
-    def _refuse(self, fault: FaultKind, reason: str) -> None:
-        self._connection.fault, self._flowing = fault, False
-        self._connection.enter(ConnectionState.REFUSED, reason, REFUSED_PERIOD)
-
-    def _started(self) -> None:
-        connection = self._connection
-        if connection.state not in {ConnectionState.START, ConnectionState.STOPPED}:
-            return
-        self.decoder.start()
-        self._flowing = False
-        self.bus.reset_backoff()
-        connection.no_response.board_responded()
-        connection.enter(ConnectionState.SCANS, connection.reason, connection.scan_timeout / NANOSECONDS)
+        self._starter.handle_timeout()
 
     def _process_commands(self, now: int) -> None:
         """Send the next command when the board is ready for it, and fail those that have expired."""
@@ -366,11 +269,4 @@ class Board:
         if not self.bus.is_open:
             self._commands.fail(self._connection.reason)
         elif self._connection.state in _READY and (pending := self._commands.next()):
-            pending.tag = self._send(pending.command, pending.argument)
-
-    def _send(self, command: Command, argument: int = 0) -> int:
-        """Send a command and return its tag."""
-        tag = self._tags.next(command)
-        request = Request(command, tag, argument)
-        self._connection.write((self._sensor.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()))
-        return tag
+            pending.tag = self._sender.send(pending.command, pending.argument)

@@ -67,6 +67,8 @@ class BoardConnection:
         self.state = ConnectionState.CLOSED
         self.reason = "closed"
         """One line: the state and its reason."""
+        self.flowing = False
+        """Whether a scan has arrived since the board was started, or listened to."""
         self.fault: FaultKind | None = None
         """The fault that prevents scans; None when there is none."""
         self.deadline = NEVER

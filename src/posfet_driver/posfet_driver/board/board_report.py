@@ -29,7 +29,6 @@ _FLAGS: Final = {
 def board_report(
     connection: BoardConnection,
     decoder: Decoder | MappedDecoder,
-    flowing: bool,
     stamp_uncertainty: float,
     restarts: int = 0,
     brown_outs: int = 0,
@@ -42,8 +41,6 @@ def board_report(
         State of the connection, counters of failures and error frames, bus load.
     decoder : Decoder or MappedDecoder
         Source of the counters of scans and frames, and of the board's status.
-    flowing : bool
-        Whether scans arrive.
     stamp_uncertainty : float
         Largest delay of a stamp after the acquisition [s].
     restarts : int, default 0
@@ -57,7 +54,7 @@ def board_report(
         The state of now.
     """
     bus, load = connection.bus, connection.load
-    waiting = connection.state == ConnectionState.SCANS and not flowing
+    waiting = connection.state == ConnectionState.SCANS and not connection.flowing
     status, identity = decoder.status, decoder.identity
     conditions = [connection.fault] if connection.fault else []
     conditions += [fault for flag, fault in _FLAGS.items() if status.flags & flag]

@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections import deque
 from concurrent.futures import Future
 from dataclasses import dataclass, field
-from typing import Final
 
 from posfet_driver.protocol.messages import Command, Response, Result
 from posfet_model._lib.units import NANOSECONDS
-
-TAGS_KEPT: Final = 16
-"""Number of the newest commands whose responses are accepted: a link may delay a response by some repetitions."""
 
 
 class CommandError(Exception):
@@ -31,26 +27,6 @@ class PendingCommand:
     tag: int | None = None
     """Tag with which it was sent; None: not sent yet."""
     response: Future[Response] = field(default_factory=Future)
-
-
-class CommandTags:
-    """Tags of the newest commands: a response is accepted however late it is, for the board has done as it says."""
-
-    def __init__(self) -> None:
-        self._tag = 0
-        self._sent: dict[int, Command] = {}  # in the order of sending
-
-    def next(self, command: Command) -> int:
-        """Return the tag with which `command` is sent now."""
-        self._tag = (self._tag + 1) & 0xFF
-        self._sent[self._tag] = command
-        if len(self._sent) > TAGS_KEPT:
-            del self._sent[next(iter(self._sent))]
-        return self._tag
-
-    def is_own(self, response: Response) -> bool:
-        """Return whether `response` belongs to one of the newest commands."""
-        return self._sent.get(response.tag) == response.command
 
 
 class CommandQueue:

@@ -64,7 +64,6 @@ class ListeningBoard:
         self.bus = self._connection.bus
         self._transit_time = mapped_transit_time(sensor.can, self.decoder.tables)
         self._dbc = sensor.mapping.dbc.name if sensor.mapping else ""
-        self._flowing = False
 
     @property
     def stamp_uncertainty(self) -> float:
@@ -119,15 +118,15 @@ class ListeningBoard:
 
     def report(self) -> SourceReport:
         """Return the state for diagnostics; may be called from any thread."""
-        return board_report(self._connection, self.decoder, self._flowing, self.stamp_uncertainty)
+        return board_report(self._connection, self.decoder, self.stamp_uncertainty)
 
     def _next_scan(self) -> bool:
         """Process the frames at hand up to the next complete scan; return whether there is one."""
         connection = self._connection
         for _ in connection.decoded:
             connection.deadline = connection.arrival + connection.scan_timeout
-            if not self._flowing:
-                self._flowing = True
+            if not connection.flowing:
+                connection.flowing = True
                 connection.fault, connection.reason = None, "receiving scans"
                 self.bus.reset_backoff()
                 connection.no_response.board_responded()
@@ -137,7 +136,7 @@ class ListeningBoard:
 
     def _listen(self) -> None:
         """Receive scans: the bus was opened."""
-        self._flowing = False
+        self._connection.flowing = False
         self._connection.enter(
             ConnectionState.SCANS, self._connection.reason, self._connection.scan_timeout / NANOSECONDS
         )
@@ -150,8 +149,8 @@ class ListeningBoard:
             if connection.reopen():
                 self._listen()
             return
-        if self._flowing:
-            self._flowing = False
+        if connection.flowing:
+            connection.flowing = False
             connection.no_response.begin(now)
             connection.reason = "waiting for scans"
         else:

@@ -35,8 +35,8 @@ class FrameBus(Protocol):
         """
         ...
 
-    def write_frame(self, frame: Frame) -> None:
-        """Send one frame."""
+    def write_frame(self, frame: Frame) -> bool:
+        """Send one frame; return whether there was room for it, else it is dropped."""
         ...
 
     def ask_state(self) -> None:

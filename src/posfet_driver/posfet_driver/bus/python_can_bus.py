@@ -54,12 +54,13 @@ class PythonCanFrameBus:
         except ValueError:
             self.unreadable += 1
 
-    def write_frame(self, frame: Frame) -> None:
+    def write_frame(self, frame: Frame) -> bool:
         """Send one frame."""
         try:
             self._bus.send(message_of(frame), timeout=0.1)
         except Exception as error:
             raise bus_failure(error) from error
+        return True
 
     def ask_state(self) -> None:
         """Queue the state of the controller as an error frame, where the adapter reports it."""

@@ -49,6 +49,8 @@ READ_SIZE: Final = 1 << 16
 """Largest number of bytes read at once."""
 REPLY_TIMEOUT: Final = 0.1
 """Time within which an adapter replies [s]; some never do."""
+SILENT: Final = 2
+"""Commands in a row without a reply after which none is waited for: an adapter is then one that never replies."""
 
 
 class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked here
@@ -110,8 +112,10 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
         self._poll.register(self._fd, select.POLLIN)
         self._open = True
         try:
+            silent = 0
             for command in commands:
-                self._configure(command)
+                replied = self._configure(command, REPLY_TIMEOUT if silent < SILENT else 0.0)
+                silent = 0 if replied else silent + 1
         except BaseException:
             self._release()
             raise
@@ -151,9 +155,10 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
             self._frames.clear()
         return frames
 
-    def write_frame(self, frame: Frame) -> None:
+    def write_frame(self, frame: Frame) -> bool:
         """Send one frame. Raises can.CanOperationError when the adapter is disconnected or blocks for 0.1 s."""
         self._write(encode_line(frame), REPLY_TIMEOUT)
+        return True
 
     def ask_state(self) -> None:
         """Request the adapter's status flags, which are read as an error frame; adapters without flags refuse."""
@@ -192,16 +197,17 @@ class SlcanBus(can.BusABC):  # type: ignore[misc]  # python-can is not checked h
         self._open = False
         os.close(self._fd)
 
-    def _configure(self, command: bytes) -> None:
-        """Send a command and wait for the reply. No reply counts as success, and so does any reply to closing."""
+    def _configure(self, command: bytes, timeout: float) -> bool:
+        """Send a command and wait for the reply; return whether it came. Any reply to closing counts as success."""
         self._write(command + END, REPLY_TIMEOUT)
-        end = time.monotonic() + REPLY_TIMEOUT
+        end = time.monotonic() + timeout
         while (left := end - time.monotonic()) > 0:
             for line in self._reader.lines(self._read(left)):
                 if line == REFUSED and command != b"C":
                     raise can.CanInitializationError(f"the adapter refuses the command {command.decode()}")
                 if line in {b"", REFUSED}:
-                    return
+                    return True
+        return False
 
     def _read(self, timeout: float | None) -> bytes:
         """Return the waiting bytes; wait up to `timeout` [s] for the first."""

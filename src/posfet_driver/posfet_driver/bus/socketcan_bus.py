@@ -135,14 +135,32 @@ class SocketcanFrameBus:
             self._receive_board_only(frames)
         return frames
 
-    def write_frame(self, frame: Frame) -> None:
-        """Send one frame. Raises can.CanOperationError when the network device is down or has been removed."""
+    def write_frame(self, frame: Frame) -> bool:
+        """Send one frame; return whether there was room for it.
+
+        Parameters
+        ----------
+        frame : Frame
+            Frame to send.
+
+        Returns
+        -------
+        bool
+            False when the send queue is full: then the frame is dropped, and reported as unacknowledged.
+
+        Raises
+        ------
+        can.CanOperationError
+            When the network device is down or has been removed.
+        """
         try:
             self._bus.send(message_of(frame), timeout=SEND_TIMEOUT)
         except can.CanOperationError as error:
             if error.error_code not in {errno.ENOBUFS, None}:  # None: python-can found no room in the socket itself
                 raise
             self._waiting.append(error_frame(NO_ACKNOWLEDGE))
+            return False
+        return True
 
     def ask_state(self) -> None:
         """Queue an error frame when the controller is bus-off: the kernel reports that only once.

@@ -11,11 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 
 from posfet_model._lib.types import Array, Mask
 from posfet_model._lib.validation import instance
-from posfet_model.amplifier.follower_base import Follower, FollowerOutput, FrequencyResponse, check_shape
+from posfet_model.amplifier.follower_base import (
+    Follower,
+    FollowerOutput,
+    FollowerSeries,
+    FollowerState,
+    FrequencyResponse,
+    check_shape,
+)
 from posfet_model.amplifier.open_loop import OpenLoop
 from posfet_model.amplifier.two_pole_chain import TwoPoleChain
 from posfet_model.amplifier.validity import Validity
 
+BEYOND_LIMITS: Final = "the input is beyond the limits of the model"
 SLEWS: Final = "the output would have to be steeper than the slew rate"
 
 
@@ -78,9 +86,20 @@ class RingingFollower(Follower):
 
     def _run(self, held: Array, valid: Mask, step: Array) -> FollowerOutput:
         check_shape(self._usable.shape, held[0])
-        output = super()._run(held, valid, step)
-        findings = {**self.validity.findings, SLEWS: valid & ~output.valid}
-        shown = {reason: np.broadcast_to(mask, held.shape) for reason, mask in findings.items() if np.any(mask)}
+        return self._explained(super()._run(held, valid, step), valid)
+
+    def _follow(self, state: FollowerState, held: Array, valid: Mask, step: Array) -> FollowerSeries:
+        series = super()._follow(state, held, valid, step)
+        return replace(series, output=self._explained(series.output, valid))
+
+    def _explained(self, output: FollowerOutput, held_valid: Mask) -> FollowerOutput:
+        """Return the output with the reasons against it; `held_valid` is False beyond the limits of the input, too."""
+        findings = {
+            **self.validity.findings,
+            BEYOND_LIMITS: ~held_valid & self._usable,
+            SLEWS: held_valid & ~output.valid,
+        }
+        shown = {reason: np.broadcast_to(mask, output.valid.shape) for reason, mask in findings.items() if mask.any()}
         return replace(output, findings=shown)
 
     def response(self, frequency: ArrayLike) -> FrequencyResponse:

@@ -41,6 +41,11 @@ _GAMMA: Final = np.array(
 _WEIGHTS: Final = np.array([0.24212380706095346, -1.2232505839045147, 1.5452602553351020, 0.435866521508459])
 _ERROR: Final = _WEIGHTS - np.array([0.37810903145819369, -0.096042292212423178, 0.5, 0.21793326075422950])
 
+# Within a step: the weights at a share x of it are a cubic of x that meets the conditions of order 3, an identity at 1.
+_FULL: Final = np.column_stack([_ALPHA + _GAMMA, np.zeros(4)]) + _DIAGONAL * np.eye(4)
+_CONDITIONS: Final = np.stack([np.ones(4), _FULL.sum(axis=1), _ALPHA.sum(axis=1) ** 2, _FULL @ _FULL.sum(axis=1)])
+_WITHIN: Final = np.linalg.solve(_CONDITIONS, np.array([[1, 0, 0], [0, 1 / 2, 0], [0, 0, 1 / 3], [0, 0, 1 / 6]]))
+
 _GROWTH: Final = (0.2, 6.0)
 """Least and most change of the length from step to step [1]."""
 
@@ -120,28 +125,61 @@ def advance(system: System, state: SystemState, v_in: Array, duration: float, to
     """
     if duration == 0:
         return SystemState(v_in, _jump(system, state, v_in), state.step)
+    return advance_through(system, state, v_in, np.array([duration]), tolerance)[0]
+
+
+def advance_through(
+    system: System, state: SystemState, v_in: Array, times: Array, tolerance: float
+) -> tuple[SystemState, Array]:
+    """Return the state after an interval in which the input changed linearly, and the nodes within it. Unchecked.
+
+    Parameters
+    ----------
+    system : System
+        The systems.
+    state : SystemState
+        State at the start.
+    v_in : ndarray
+        Input at the end [V], shape [...].
+    times : ndarray
+        Instants within the interval [s] from its start, shape [t], increasing from above 0; the last one is its end.
+    tolerance : float
+        Largest difference of the two orders in a step [V].
+
+    Returns
+    -------
+    tuple
+        State at the end, and voltages of the nodes at the instants [V], shape [t, ..., n].
+    """
+    duration = float(times[-1])
     slope = (v_in - state.v_in) / duration
     nodes, done, step = state.nodes, 0.0, state.step
+    found = np.full((times.size, *nodes.shape), np.nan)
     for _ in range(MOST_STEPS):
         left = duration - done
         length = left if step >= left * (1 - 1e-9) else min(step, 0.5 * left) if step > 0.5 * left else step
         start = state.v_in + slope * done
-        moved, error = _step(system, nodes, start, slope, length)
+        moved, error, rates = _step(system, nodes, start, slope, length)
         ratio = error / tolerance
         factor = float(np.clip(0.9 / max(ratio, 1e-9) ** (1 / 3), *_GROWTH)) if np.isfinite(ratio) else _GROWTH[0]
         if ratio <= 1:
+            inside = slice(*np.searchsorted(times, [done, done + length], side="right"))
+            share = (times[inside] - done) / length
+            found[inside] = nodes + length * np.tensordot(share[:, None] ** (1, 2, 3) @ _WITHIN.T, rates, 1)
             nodes, done = moved, done + length
             # A step cut short by the end of the interval says nothing against the longer one before it.
             step = max(length * factor, step) if length < step else length * factor
             if length == left:
-                return SystemState(v_in, nodes, step)
+                found[-1] = nodes
+                return SystemState(v_in, nodes, step), found
         else:
             step = length * min(factor, 0.9)
-    return SystemState(v_in, np.full_like(nodes, np.nan), step)
+    found[-1] = np.nan
+    return SystemState(v_in, found[-1], step), found
 
 
-def _step(system: System, nodes: Array, v_in: Array, slope: Array, length: float) -> tuple[Array, float]:
-    """Return the voltages after one step, and the largest difference of the two orders [V]."""
+def _step(system: System, nodes: Array, v_in: Array, slope: Array, length: float) -> tuple[Array, float, Array]:
+    """Return the voltages after one step, the largest difference of the two orders [V], and the rates [V/s]."""
     current, linear = system.evaluate(nodes, v_in)
     capacitance, column = linear.capacitance, linear.input_capacitance
     matrix = np.linalg.inv(capacitance + length * _DIAGONAL * linear.conductance)
@@ -163,7 +201,7 @@ def _step(system: System, nodes: Array, v_in: Array, slope: Array, length: float
         rates.append((matrix @ right[..., None])[..., 0])
     stacked = np.stack(rates)
     moved = nodes + length * np.tensordot(_WEIGHTS, stacked, 1)
-    return moved, float(np.max(np.abs(length * np.tensordot(_ERROR, stacked, 1))))
+    return moved, float(np.max(np.abs(length * np.tensordot(_ERROR, stacked, 1)))), stacked
 
 
 def _jump(system: System, state: SystemState, v_in: Array) -> Array:

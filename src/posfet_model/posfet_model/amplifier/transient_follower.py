@@ -11,6 +11,7 @@ import math
 from abc import abstractmethod
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,8 +32,35 @@ from posfet_model.amplifier.follower_base import (
 from posfet_model.amplifier.open_loop import OpenLoop
 from posfet_model.amplifier.operating_point import CIRCUIT_B, TABLE_II, AmplifierBias, AmplifierDesign
 from posfet_model.amplifier.pair_loop import PairLoop
-from posfet_model.amplifier.transient import TOLERANCE, System, SystemState, advance
+from posfet_model.amplifier.transient import TOLERANCE, System, SystemState, advance, advance_through
 from posfet_model.amplifier.validity import Validity
+
+LOST: Final = "no output: the circuit does not settle, or did not before"
+
+STRAIGHTNESS: Final = 0.01
+"""Largest deviation of samples of the input from a straight line that is integrated as one [tolerance]."""
+
+LONG_RUN: Final = 0.1
+"""Error bound of a step that passes samples [tolerance]: ends at each sample would have made steps shorter."""
+
+
+def _straight(start: Array, held: Array, step: Array, begin: int, deviation: float) -> int:
+    """Return the end of a run of steps in which the input [V] deviates so little from a straight line: one at least."""
+
+    def fits(count: int) -> bool:
+        steps, volts = step[begin : begin + count], held[begin : begin + count]
+        if steps.size < count or not steps.all():
+            return False
+        share = np.cumsum(steps).reshape(-1, *(1,) * start.ndim)
+        return bool(np.abs(volts - start - (volts[-1] - start) * (share / share[-1])).max() <= deviation)
+
+    good, bad = 1, 2
+    while fits(bad):
+        good, bad = bad, 2 * bad
+    while bad - good > 1:
+        middle = (good + bad) // 2
+        good, bad = (middle, bad) if fits(middle) else (good, middle)
+    return begin + good
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,14 +191,22 @@ class TransientFollower(Follower):
 
     def _integrate(self, now: SystemState, held: Array, step: Array) -> tuple[Array, SystemState]:
         nodes = np.empty((*held.shape, now.nodes.shape[-1]))
-        for k, duration in enumerate(step.tolist()):
-            now = advance(self.system, now, held[k], duration, self.tolerance)
-            nodes[k] = now.nodes
+        begin = 0
+        while begin < step.size:
+            end = _straight(now.v_in, held, step, begin, STRAIGHTNESS * self.tolerance)
+            if step[begin] == 0:
+                now = advance(self.system, now, held[begin], 0.0, self.tolerance)
+                nodes[begin] = now.nodes
+            else:
+                times = np.cumsum(step[begin:end])
+                bound = self.tolerance * (LONG_RUN if times.size > 1 else 1.0)
+                now, nodes[begin:end] = advance_through(self.system, now, held[end - 1], times, bound)
+            begin = end
         return nodes, now
 
     def _judged(self, held: Array, valid: Mask, nodes: Array) -> FollowerOutput:
         out = self.system.output(nodes)
-        findings = {**self.validity.findings, **self.system.findings(nodes, held)}
+        findings = {**self.validity.findings, **self.system.findings(nodes, held), LOST: ~np.isfinite(out)}
         shown = {reason: np.broadcast_to(mask, held.shape) for reason, mask in findings.items() if np.any(mask)}
         for mask in shown.values():
             valid = valid & ~mask

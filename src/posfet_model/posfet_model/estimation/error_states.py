@@ -93,9 +93,9 @@ class ErrorPriors:
     """Leak rates that all taxels have in common [1]."""
     leak_calibrated: float = 0.03
     """The same with calibration: the effect of temperature and ageing [1]."""
-    tail: float = 0.08
+    tail: float = 0.1
     """Force of a taxel beside a contact, relative to that of a geometric decline, expected under a fingertip [1]."""
-    tail_spread: float = 0.15
+    tail_spread: float = 0.08
     """Standard deviation of what these forces have in common [1]: beside a pad they do not decline geometrically."""
     tail_least: float = 0.005
     """The same as a share of its neighbours' force [1]."""

@@ -25,8 +25,10 @@ from numpy.typing import NDArray
 from posfet_model._lib.types import Array, Mask
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.estimation.choice import MAX_RELATIVE_UNCERTAINTY
+from posfet_model.estimation.contact_surroundings import ContactSurroundings
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared, SharedDynamics
 from posfet_model.estimation.force_error_filter import Belief, ForceErrorFilter, start_belief
+from posfet_model.estimation.jump_noise import QUIET, JumpNoise
 from posfet_model.estimation.known_forces import (
     GATE,
     NEGATIVE_TIME,
@@ -43,7 +45,6 @@ from posfet_model.estimation.thermometers import Thermometers
 from posfet_model.estimation.touch_response import TouchResponse
 from posfet_model.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.grid import CORNER_NEIGHBOURS, EDGE_NEIGHBOURS, neighbour_table
 from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 
 BLOCK: Final = 0.02
@@ -79,10 +80,6 @@ SAME_ERROR: Final = 1.0
 
 CORRELATED: Final = 50.0
 """Blocks over which the error of a taxel beside a contact, or that is still warm, stays the same [1]: one second."""
-
-DIAGONAL: Final = 0.3
-"""Weight of the force of a taxel at a corner against that of one at an edge, for what a taxel beside them feels [1],
-assumed."""
 
 LEAST_TAIL: Final = 1e-4
 """Deviation of the force of a taxel beside a contact, in addition to shares of its neighbours' [N]."""
@@ -197,12 +194,11 @@ class ForceEstimator:
         self._uniform = UniformChange(self._per_kelvin, p.pyroelectric)
         self._unexplained = UnexplainedResiduals(taxels, self._threshold)
         self._release = ReleaseDetector(taxels)
+        self._jumps = JumpNoise(self._tau)
         self._rest = RestDetector(taxels, noise, OFFSET_SPREAD * self._threshold, SETTLE_TIME, float(self._tau.max()))
         self._negative = NegativeForceMonitor(taxels, NEGATIVE_TIME)
         self._lower_bound = LowerBoundMonitor(taxels, self._threshold, LOST_FORCE_TIME)
-        self._at_edge = neighbour_table(sensor.layout, EDGE_NEIGHBOURS)
-        self._at_corner = neighbour_table(sensor.layout, CORNER_NEIGHBOURS)
-        self._neighbours = np.hstack((self._at_edge, self._at_corner))
+        self._surroundings = ContactSurroundings(sensor.layout)
         self._left = p.left_charge / sensor.volts_per_newton
         self._left_deviation = np.full(taxels, self._left)
         self.film = Thermometers()
@@ -227,6 +223,7 @@ class ForceEstimator:
         self._recent_force: deque[float] = deque(maxlen=STILL_BLOCKS + RELEASED_BLOCKS)
         self._unheated: ForceErrorFilter | None = None  # the belief while the hypothesis is open, without it
         self._expected_film = self._expected_rate = 0.0  # without any change of the rate [K], [K/s]
+        self._rested = 0.0  # time since a contact was listed [s]
         self._doubt = 0.0  # temperature that this hypothesis claims beyond what the sensors show [K]
         self._raw, self._change, self._correction, self._rate, self._work = np.zeros((5, taxels))
         self._sum, self._raw_sum, self._jumped, self._mean, self._last_mean, self._nothing = np.zeros((6, taxels))
@@ -432,9 +429,10 @@ class ForceEstimator:
         touched = listed | (self._unexplained.rising & self.offset_known)
         if self._lower_bound.mask.any():
             # Touched since before an interruption, with a force that is unknown: not none, whatever the signal says.
-            touched |= self._adjacent(self._lower_bound.mask) & self.offset_known
+            touched |= self._surroundings.dilated(self._lower_bound.mask) & self.offset_known
         block, beside = self._measure(touched, listed)
         begun = touched & ~self._touched & ~self._beside
+        self._observe_jumps(bool(listed.any()))
         self._blocks.append(block)
         if self._unheated is not None:
             self._predict(self._unheated, block)
@@ -453,6 +451,20 @@ class ForceEstimator:
         self._touched, self._beside = touched, beside
         self._finish(block)
 
+    def _observe_jumps(self, listed: bool) -> None:
+        """Observe the oldest blocks, unless a touch may have begun in them, or has just ended."""
+        self._rested = 0.0 if listed else self._rested + self._elapsed
+        if len(self._blocks) < LAG or self._rested < LAG * BLOCK + QUIET:
+            return
+        usable = ~self.ignored
+        if np.count_nonzero(usable) < UniformChange.FEWEST or not self._uniform.observable:
+            return
+        before, after = self._blocks[0], self._blocks[1]
+        change = after.mean - before.mean - self._offset() * (after.span / self._tau)
+        # What all have in common is the film's temperature.
+        change -= self._per_kelvin * np.median((change / self._per_kelvin)[usable])
+        self._jumps.observe(usable, change, self._noise_variance / after.scans, after.span)
+
     def _measure(self, touched: Mask, listed: Mask) -> tuple[Block, Mask]:
         """Return the block that is due, and the taxels beside a touched one."""
         mean = self._sum / self._scans
@@ -462,16 +474,20 @@ class ForceEstimator:
         if repeated:
             self._reading = self._sensors
         any_touched = bool(touched.any())
-        near = self._adjacent(touched) if any_touched else touched
+        near = self._surroundings.dilated(touched) if any_touched else touched
         # Noise is no motion: without this play its path would count, which is long after a minute.
         play = PLAY * np.sqrt(self._noise_variance / self._scans)
         self._steady = np.clip(self._steady, mean - play, mean + play)
-        force = np.where(self._adjacent(listed), np.maximum(self._steady, 0.0), 0.0) if listed.any() else self._nothing
+        force = self._nothing
+        if listed.any():
+            force = np.where(self._surroundings.dilated(listed), np.maximum(self._steady, 0.0), 0.0)
         self._touch.advance(force, self._elapsed)
         response = self._touch.matrix()
         neighbour = tail = self._nothing
         if any_touched:
-            neighbour, tail = self._beside_contact()
+            felt = np.where(self.ignored, math.nan, np.abs(self._steady))
+            neighbour = self._surroundings.greatest_neighbour(felt)
+            tail = self._surroundings.geometric_decline(felt, 0.1 * self._threshold)
         p = self._priors
         held = np.where(touched, np.maximum(self._steady, 0.0), 0.0)
         warm = self._touch.warm
@@ -506,25 +522,6 @@ class ForceEstimator:
         if not math.isnan(self._reading):
             self._reading, self._unread = math.nan, 0.0
         return block, near
-
-    def _adjacent(self, mask: Mask) -> Mask:
-        """Return a mask with the neighbours of its taxels."""
-        adjacent: Mask = np.append(mask, False)[self._neighbours].any(axis=-1) | mask
-        return adjacent
-
-    def _beside_contact(self) -> tuple[Array, Array]:
-        """Return the greatest force of each taxel's neighbours, and its own by a geometric decline [N]."""
-        felt = np.where(self.ignored, 0.0, np.abs(self._steady))
-        greatest = max(float(felt.max()), 0.1 * self._threshold)
-        neighbour = self._greatest_neighbour(felt)
-        return neighbour, neighbour * neighbour / greatest
-
-    def _greatest_neighbour(self, values: Array) -> Array:
-        """Return the greatest of the neighbours' values, which are >= 0; those at a corner count less."""
-        padded = np.append(values, 0.0)
-        at_edge, at_corner = padded[self._at_edge].max(axis=-1), padded[self._at_corner].max(axis=-1)
-        greatest: Array = np.maximum(at_edge, DIAGONAL * at_corner)
-        return greatest
 
     def _tail_spread(self) -> float:
         """Return by how much forces beside a contact differ from what they have in common, relative to the decline.
@@ -591,6 +588,7 @@ class ForceEstimator:
         own_noise = np.zeros((len(beside), 3, 3))
         own_noise[:, :2, :2] = p.offset_walk**2 * block.span
         own_noise[:, 0, 0] += self._noise_variance * block.square / self._tau**2 + block.own_noise[0] + block.jumped
+        own_noise[:, 0, 0] += self._jumps.variance(block.span)
         own_noise[:, 2, 2] = block.own_noise[1]
         fresh = beside & (belief.own[:, 2, 2] == 0.0)
         own_noise[fresh, 2, 2] = (self._tail_spread() * block.tail[fresh] + p.tail_least * block.neighbour[fresh]) ** 2
@@ -611,11 +609,13 @@ class ForceEstimator:
         response = block.response.copy()
         response[np.ix_(beside, OF_TOUCH)] = 0.0
         response[:, Shared.TAIL] = np.where(beside, block.tail, 0.0)
+        # What the shared states predict of it stays subtracted, as it is from the force.
+        measured = block.mean - np.where(beside, block.response[:, OF_TOUCH] @ f.belief.shared[list(OF_TOUCH)], 0.0)
         noise = self._noise_variance / block.scans + CORRELATED * self._warmth_variance(block)
         if beside.any():
             noise += np.where(block.neighbour > 0.0, CORRELATED * LEAST_TAIL**2, 0.0)
             noise += (p.tail_change * block.neighbour) ** 2
-        residual, sensitivity, deviation = f.innovation(block.mean, response, noise)
+        residual, sensitivity, deviation = f.innovation(measured, response, noise)
         odd = np.abs(residual) > GATE * deviation
         if (odd & where).any():
             own = f.own_deviation(deviation, sensitivity, noise)
@@ -626,7 +626,7 @@ class ForceEstimator:
                 direction = self._dynamics.maneuver(f.belief.shared, block.duration)
                 f.admit(direction, (kelvin / direction[Shared.FILM]) ** 2)
                 noise = noise + (p.pyroelectric * kelvin * self._per_kelvin) ** 2
-                residual, sensitivity, deviation = f.innovation(block.mean, response, noise)
+                residual, sensitivity, deviation = f.innovation(measured, response, noise)
                 own = f.own_deviation(deviation, sensitivity, noise)
                 odd = np.abs(residual - kelvin * self._per_kelvin) > GATE * own
         f.update(where & ~odd, residual, sensitivity, noise)

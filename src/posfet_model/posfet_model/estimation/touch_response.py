@@ -14,12 +14,8 @@ from posfet_model._lib.types import Array
 from posfet_model.estimation.error_states import COUNT, CREEPS, ErrorPriors, Shared
 from posfet_model.sensor.description import Layout
 
-FULLY_WARM: Final = 0.05
-"""Force from which on the object warms the film of a taxel fully [N], assumed."""
-
-
-LEFT_SHARE: Final = 0.15
-"""Share of the greatest force of a touch below which the object no longer warms a taxel as it did [1], assumed."""
+WARMTH_FORCE: Final = 0.05
+"""Force of a taxel at which the object has 1 - 1/e of the thermal contact that it can have [N], assumed."""
 
 
 class TouchResponse:
@@ -51,7 +47,7 @@ class TouchResponse:
         self._creep_times = np.array(priors.creep_times)
         self._followed = np.zeros((CREEPS, taxels))
         self._charge = np.zeros(taxels)
-        self._force, self._greatest = np.zeros((2, taxels))
+        self._force = np.zeros(taxels)
         self.warm = np.zeros(taxels)
         """Warmth of each taxel relative to the steady one [1], shape [taxels]."""
         self._responding = False
@@ -61,7 +57,6 @@ class TouchResponse:
         self._followed[:] = 0.0
         self._charge = np.zeros_like(self._charge)
         self._force = np.zeros_like(self._force)
-        self._greatest = np.zeros_like(self._greatest)
         self.warm[:] = 0.0
         self._responding = False
 
@@ -82,11 +77,9 @@ class TouchResponse:
         left = np.exp(-ratio)
         self._charge = self._charge * left + (force - self._force) * (1.0 - left) / ratio
         self._force = force
-        # Driven by the greatest force of the touch: a force that seems to fall because the film warms would feed back.
-        # Far below that the object is gone: a rest that only its warmth explains would feed back as well.
-        held = force > LEFT_SHARE * self._greatest
-        self._greatest = np.where(held, np.maximum(self._greatest, force), force)
-        driven = np.minimum(self._greatest / FULLY_WARM, 1.0)
+        # Saturates, and so hardly changes with a strong force. A weak one must drive it as it is: held at the greatest
+        # force of the touch, warmth that is left would explain the rest of a force that is gone, and keep itself up.
+        driven = -np.expm1(-force / WARMTH_FORCE)
         self.warm += -np.expm1(-duration / self._warmth_time) * (driven - self.warm)
 
     def matrix(self) -> Array:

@@ -33,6 +33,9 @@ MIN_FORCE: Final = 1e-9
 MAX_BATCH: Final = 32
 """Maximum number of scans computed at once while something touches."""
 
+SKIP_STEPS: Final = 64
+"""Maximum number of steps in which `SimulatedBoard.skip_to` advances."""
+
 _SKIPPED_BATCH: Final = 16_384  # taxels times scans computed at once for scans that are not read
 _MEMORY: Final = 30.0  # time constants after which the initial state has decayed: exp(-30) = 1e-13
 _NEGLIGIBLE_LAG: Final = 1e-12  # lag of the film temperature [K] that counts as none: 1e-12 N on a taxel
@@ -250,6 +253,24 @@ class SimulatedBoard:
             self._next = self._compute(index)
             self._counts = self._readout.counts(index, self._next.outputs)
             self._charge.deactivate_discharged()
+
+    def skip_to(self, index: int) -> None:
+        """Let the time pass until the scan before `index`, in `SKIP_STEPS` steps at most.
+
+        After a long gap loads are piecewise linear between these steps, not between scans: for a board in real time,
+        which is late already. `scan` alone computes a gap of any length as `scan` describes, whatever time that takes.
+
+        Parameters
+        ----------
+        index : int
+            Index of the scan that is computed next.
+        """
+        if index - 1 - self._end <= SKIP_STEPS:
+            return
+        for left in range(SKIP_STEPS, 0, -1):
+            target = self._end + math.ceil((index - 1 - self._end) / left)
+            if target > self._end:
+                self._hold(target, target) if target <= self._constant_end else self._advance(target, target)
 
     def truth(self) -> Truth:
         """Return the ground truth of the last scan. Thread-safe."""

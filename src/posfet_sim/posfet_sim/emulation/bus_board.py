@@ -61,6 +61,7 @@ class BusBoard:
         self._board = board
         self._slow = 1 + board.error_model.clock_drift
         self._period = round(NANOSECONDS / board.sensor.can.scan_rate)
+        self._missed = 0  # by firmware before the newest power-on
         self._offset = 0  # ticks from the first power-on to the newest
         self._scene_begin: int | None = None  # ticks from the first power-on to the beginning of the scene
         self._faults = LinkFaults(board.error_model, seed, counters)
@@ -71,6 +72,11 @@ class BusBoard:
     def counters(self) -> dict[str, int]:
         """Frames of scans by outcome other than delivered, and resets."""
         return self._faults.counters
+
+    @property
+    def missed(self) -> int:
+        """Scans that were not made since the emulation was late."""
+        return self._missed + (self._firmware.missed if self._firmware else 0)
 
     @property
     def running(self) -> bool:
@@ -95,12 +101,26 @@ class BusBoard:
         reset = self._faults.next_reset
         return min(due, self._at(reset)) if math.isfinite(reset) else due
 
-    def due(self, now: int) -> list[Frame]:
-        """Return the frames that are due at `now` [ns]."""
+    def due(self, now: int, until: int | None = None) -> list[Frame]:
+        """Return the frames that are due at `now` [ns].
+
+        Parameters
+        ----------
+        now : int
+            Monotonic time [ns].
+        until : int, optional
+            Time before `now` [ns]: what is due later is not returned yet, unless what is due by then was missed.
+
+        Returns
+        -------
+        list of Frame
+            Frames in the order in which they are sent.
+        """
         self._update(now)
         if self._firmware is None:
             return []
-        return [sent for frame in self._firmware.due(self._own_time(now)) for sent in self._send(frame)]
+        end = None if until is None else self._own_time(until)
+        return [sent for frame in self._firmware.due(self._own_time(now), end) for sent in self._send(frame)]
 
     def receive(self, frame: Frame, now: int) -> list[Frame]:
         """Process a frame from the bus at `now` [ns] and return the frames that answer it."""
@@ -116,6 +136,7 @@ class BusBoard:
         """Reset when it is time, and restart after the silence."""
         time = (now - self.switched_on) / NANOSECONDS
         if self._faults.reset_due(time):
+            self._missed = self.missed
             self._firmware = None
         if self._firmware is None and time >= self._faults.running_since:
             self.boot += 1
@@ -139,7 +160,9 @@ class BusBoard:
         out : Scan
             Scan to fill in.
         """
-        self._board.scan(index + self._offset - (self._scene_begin or 0), out)
+        of_scene = index + self._offset - (self._scene_begin or 0)
+        self._board.skip_to(of_scene)
+        self._board.scan(of_scene, out)
 
     def _sent(self, scan: Scan) -> None:
         if self.on_scan:

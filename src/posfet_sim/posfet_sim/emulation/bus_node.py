@@ -14,8 +14,16 @@ class Node(Protocol):
         """Return when the next frame is due [ns]."""
         ...
 
-    def due(self, now: int) -> list[Frame]:
-        """Return the frames that are due at `now` [ns]."""
+    def due(self, now: int, until: int | None = None) -> list[Frame]:
+        """Return the frames that are due at `now` [ns].
+
+        Parameters
+        ----------
+        now : int
+            Monotonic time [ns].
+        until : int, optional
+            Time before `now` [ns]: what is due later is not returned yet, unless what is due by then is missed.
+        """
         ...
 
     def receive(self, frame: Frame, now: int) -> list[Frame]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from posfet_driver.board.faults import Health
+from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.board.scan_source import SourceReport
 from posfet_driver.bus.open_bus import BusSettings
 from posfet_driver.clock import Clock, SystemClock
@@ -72,6 +72,7 @@ class SimulatedBusPeer:
         self._faults: dict[str, int] | None = None
         self._boot = 0  # number of the next power-on
         self._dropped = 0  # by adapters that are closed
+        self._missed = 0  # by boards that are switched off
 
     def open(self) -> None:
         """Switch a fresh board on, at the beginning of `scene`, and connect it.
@@ -104,6 +105,7 @@ class SimulatedBusPeer:
             self._dropped += self._server.frames_dropped
         if self._node:
             self._boot = self._node.boot + 1
+            self._missed += self._node.missed
         self._node = self._server = None
 
     def report(self) -> SourceReport:
@@ -129,6 +131,7 @@ class SimulatedBusPeer:
             state=state,
             scans=self._scans,
             frames_lost=dropped,
+            fault_counts={FaultKind.SCAN_OVERRUN: self._missed + (node.missed if node else 0)},
             counters={"frames not read": dropped, **faults},
             values={"scene": self.board.loads.name},
             failure=failure,

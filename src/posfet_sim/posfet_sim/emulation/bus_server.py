@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from typing import Final
 
 import can
@@ -14,19 +15,25 @@ from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.open_bus import BusSettings, open_bus
 from posfet_driver.clock import Clock, SystemClock
 from posfet_model._lib.units import NANOSECONDS
+from posfet_sim.emulation.backlog import first_due
 from posfet_sim.emulation.bus_node import Node
 
 IDLE: Final = 0.1
 """Maximum wait for frames [s]."""
 REOPEN_PERIOD: Final = 0.1
 """Time between two attempts to open a bus that has failed [s]."""
+RETRY_PERIOD: Final = 0.002
+"""Time after which a frame that the bus had no room for is offered again [s]."""
+MOST_ANSWERS: Final = 16
+"""Answers that wait for room at most; older ones are dropped."""
 
 
 class BusServer:
     """Connects a node to any python-can bus, in a thread of its own, from `open` to `close`.
 
     A bus that fails is opened again as soon as that is possible. The node goes on meanwhile, as a board does whose
-    adapter is disconnected; what it sends is lost.
+    adapter is disconnected; what it sends is lost. While frames wait for room on the bus, the node's next ones are
+    dropped, those of a scan all together; answers wait.
 
     Parameters
     ----------
@@ -47,6 +54,8 @@ class BusServer:
         self._node = node
         self._clock = clock or SystemClock()
         self._bus: FrameBus | None = None
+        self._waiting: deque[Frame] = deque()
+        self._answers: deque[Frame] = deque()  # behind `_waiting`
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
         self.disconnected = ""
@@ -102,22 +111,40 @@ class BusServer:
 
     def _close_bus(self) -> None:
         bus, self._bus = self._bus, None
+        self.frames_dropped += len(self._waiting) + len(self._answers)
+        self._waiting.clear()
+        self._answers.clear()
         if bus:
             bus.shutdown()
 
     def _serve(self, bus: FrameBus) -> None:
         """Send what is due, and answer the frames that arrive until then."""
         wait = (self._node.next_due() - self._clock.monotonic()) / NANOSECONDS
+        if self._waiting or self._answers:
+            self._clock.sleep(RETRY_PERIOD)
+            wait = 0.0
+            self._write(bus)
         received = bus.read_frames(min(max(wait, 0.0), IDLE))
         now = self._clock.monotonic()
-        due = self._node.due(now)  # a board has sent it when a command comes that it answers
-        answers = [answer for frame in received for answer in self._node.receive(frame, now)]
-        for frame in due + answers:
-            self._write(bus, frame)
-
-    def _write(self, bus: FrameBus, frame: Frame) -> None:
-        try:
-            bus.write_frame(frame)
-            self.frames_sent += 1
-        except can.CanError:
+        due = first_due(self._node, now)  # a board has sent it when a command comes that it answers
+        if self._waiting or self._answers:
+            self.frames_dropped += len(due)
+        else:
+            self._waiting.extend(due)
+        self._answers.extend(answer for frame in received for answer in self._node.receive(frame, now))
+        while len(self._answers) > MOST_ANSWERS:
+            self._answers.popleft()
             self.frames_dropped += 1
+        self._write(bus)
+
+    def _write(self, bus: FrameBus) -> None:
+        """Send what waits, up to the first frame that the bus has no room for."""
+        for frames in (self._waiting, self._answers):
+            while frames:
+                try:
+                    if not bus.write_frame(frames[0]):
+                        return
+                except can.CanError:  # no room, or else reading fails, too
+                    return
+                frames.popleft()
+                self.frames_sent += 1

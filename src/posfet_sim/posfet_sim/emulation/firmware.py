@@ -30,6 +30,7 @@ from posfet_driver.protocol.scan_codec import HEADER_SCANS, SEQUENCE, make_codec
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
+from posfet_sim.emulation.backlog import LATE, LONGEST_BACKLOG
 
 FIRMWARE_VERSION: Final = (1, 0)
 """Version of the simulated firmware: major, minor."""
@@ -40,6 +41,9 @@ SUPPLY_LIMIT: Final = 4.5
 MICROSECOND: Final = 1000
 """[ns]"""
 _STATUS_PER_IDENTITY: Final = round(IDENTITY_PERIOD / STATUS_PERIOD)
+_STATUS_INTERVAL: Final = round(STATUS_PERIOD * NANOSECONDS)
+_LATE: Final = round(LATE * NANOSECONDS)
+_LONGEST_BACKLOG: Final = round(LONGEST_BACKLOG * NANOSECONDS)
 
 
 def with_whole_period(sensor: Sensor) -> Sensor:
@@ -103,6 +107,8 @@ class BoardFirmware:
         """Called with each scan that is sent."""
         self.running = False
         """Whether the board sends scans."""
+        self.missed = 0
+        """Ticks of the scan timer without a scan, since the emulation was late."""
         self.supply = SUPPLY
         """Supply voltage of the board [V]."""
         self.version = FIRMWARE_VERSION
@@ -126,6 +132,7 @@ class BoardFirmware:
         self._position = 0  # index of the next tick
         self._sequence = 0  # of the next tick
         self._header_due = True
+        self._late_scan = self._late_status = False  # whether the next one states an overrun
 
     @property
     def blocks(self) -> int:
@@ -139,15 +146,34 @@ class BoardFirmware:
 
     def next_due(self) -> int:
         """Return when the next frame is due [ns]."""
-        status = self.switched_on + round(self._status_sent * STATUS_PERIOD * NANOSECONDS)
-        return min(status, self._tick()) if self.running else status
+        return min(self._status_due(), self._tick()) if self.running else self._status_due()
 
-    def due(self, now: int) -> list[Frame]:
-        """Return the frames that are due at `now` [ns], in the order in which they are sent."""
+    def due(self, now: int, until: int | None = None) -> list[Frame]:
+        """Return the frames that are due at `now` [ns], in the order in which they are sent.
+
+        When the first scan is later than LONGEST_BACKLOG, all but the newest are missed, and so are status frames.
+
+        Parameters
+        ----------
+        now : int
+            Monotonic time [ns].
+        until : int, optional
+            Time before `now` [ns]: what is due later is not returned yet, unless what is due by then was missed.
+
+        Returns
+        -------
+        list of Frame
+            Frames of whole scans, and others.
+        """
+        if now - self._status_due() > _LONGEST_BACKLOG:
+            self._status_sent = (now - self.switched_on) // _STATUS_INTERVAL
+        if self.running and now - self._tick() > _LONGEST_BACKLOG:
+            self._miss(now)
+        end = now if until is None else max(until, min(self.next_due(), now))
         frames: list[Frame] = []
-        while self.next_due() <= now:
+        while self.next_due() <= end:
             if self.running and self._tick() == self.next_due():
-                frames += self._scan_frames()
+                frames += self._scan_frames(now)
             else:
                 frames += self._periodic_frames()
         return frames
@@ -204,18 +230,35 @@ class BoardFirmware:
         if rest or not self._shortest_period <= period <= LONGEST_PERIOD:
             return Result.BAD_ARGUMENT, 0
         if step != self._step and self._sequence:
+            if self.running:
+                self._miss(now)
             overdue = -((self.switched_on - now) // (self._shortest_period * MICROSECOND))
             self._position = max(self._position - self._step + step, overdue)
         self._header_due |= step != self._step
         self._step = step
         return Result.OK, period
 
+    def _status_due(self) -> int:
+        """Return the time of the next status [ns]."""
+        return self.switched_on + self._status_sent * _STATUS_INTERVAL
+
     def _tick(self) -> int:
         """Return the time of the next tick of the scan timer [ns]."""
         return self.switched_on + self._position * self._shortest_period * MICROSECOND
 
-    def _scan_frames(self) -> list[Frame]:
+    def _miss(self, now: int) -> None:
+        """Miss the scans that are due at `now` [ns], but for the newest."""
+        ticks = (now - self._tick()) // (self._step * self._shortest_period * MICROSECOND)
+        if ticks > 0:
+            self._position += ticks * self._step
+            self._sequence += ticks
+            self.missed += ticks
+            self._late_scan = self._late_status = True
+
+    def _scan_frames(self, now: int) -> list[Frame]:
         scan = self._scan
+        if now - self._tick() > _LATE:
+            self._late_scan = self._late_status = True
         self._board.scan(self._position, scan)
         scan.sequence = self._sequence
         scan.device_time = self._position * self._shortest_period
@@ -223,13 +266,21 @@ class BoardFirmware:
         self._header_due = False
         self._position += self._step
         self._sequence += 1
+        own_status = scan.status
+        if self._late_scan:
+            scan.status |= ScanStatus.SCAN_OVERRUN
+            self._late_scan = False
         if self.on_scan:
             self.on_scan(scan)
-        return self._codec.encode(scan, self._base, self.boot, header)
+        frames = self._codec.encode(scan, self._base, self.boot, header)
+        scan.status = own_status  # the self test finds no overrun
+        return frames
 
     def _periodic_frames(self) -> list[Frame]:
         first, second = (float(temperature) for temperature in self._scan.temperatures)
-        status = Status((first, second), self.supply, self._flags(), self.running, self.boot, self._heartbeat)
+        flags = self._flags() | ScanStatus.SCAN_OVERRUN * self._late_status
+        self._late_status = False
+        status = Status((first, second), self.supply, flags, self.running, self.boot, self._heartbeat)
         frames = [(self._base + STATUS_OFFSET, CLASSIC, status.pack())]
         if self._status_sent % _STATUS_PER_IDENTITY == 0:
             frames.append(self._identity_frame())

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Final
-
-from posfet_driver.board.faults import Health
+from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.board.scan_source import SourceReport
 from posfet_driver.clock import Clock, SystemClock
 from posfet_model._lib.units import NANOSECONDS
@@ -12,21 +10,20 @@ from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_sim.device.error_model import ErrorModel
 from posfet_sim.device.simulated_board import SimulatedBoard
+from posfet_sim.emulation.backlog import LATE, LONGEST_BACKLOG
 from posfet_sim.emulation.faulty_scans import FaultyScans
 from posfet_sim.scene import Scene, SceneLoads
 
 _BEGIN: Final = int(ScanStatus.BOARD_RESET | ScanStatus.CHARGE_RESET)
-LATE: Final = 0.1
-"""Delay [s] from which the report says that the machine is too slow."""
-
 
 class SimulationSource:
     """Delivers each scan of a board at its sampling time.
 
-    The next scan is computed while the reader waits for it. A late reader gets every scan that is due, one after the
-    other: none is skipped, and the stamps are the sampling times. Scans that the board's link loses are missing,
-    duplicates come twice (`FaultyScans`). Each `open` starts a fresh board, whose film does not remember the loads
-    before; the first scan says so.
+    The next scan is computed while the reader waits for it. A late reader gets the scans that are due one after the
+    other, with STATUS_SCAN_OVERRUN from a delay of LATE on; by LONGEST_BACKLOG, all but the newest are missed, which is
+    counted. The stamps are the sampling times. Scans that the board's link loses are missing,
+    duplicates come twice (`FaultyScans`). Each `open` starts a fresh board, whose film does
+    not remember the loads before; the first scan says so.
 
     Parameters
     ----------
@@ -70,6 +67,8 @@ class SimulationSource:
         self._epoch = 0
         self._next = 0
         self._delivered = 0
+        self._missed = 0
+        self._overrun = False  # scans were missed since the newest one
         self._delay = 0.0
 
     @property
@@ -82,7 +81,7 @@ class SimulationSource:
         board = self.board
         self.board = SimulatedBoard(board.sensor, SceneLoads(self.scene, board.sensor), self._seed, board.error_model)
         self._scans = FaultyScans(self.board, self._seed, self._scans.counters)
-        self._repeat = False
+        self._repeat = self._overrun = False
         self._next = 0
         self._delay = 0.0
         self._running = self._begins = True
@@ -115,16 +114,31 @@ class SimulationSource:
                 if due > end:
                     return None
             self._delay = max(now - due, 0) / NANOSECONDS
+            if self._delay > LONGEST_BACKLOG:
+                self._miss(now)
             times = self._scans.scan(self._next, self._scan)
             self._next += 1
             if times:
                 self._scan.stamp += self._epoch
+                if self._overrun or self._delay > LATE:
+                    self._scan.status |= ScanStatus.SCAN_OVERRUN
+                self._overrun = False
                 if self._begins:
                     self._begins = False
                     self._scan.status |= _BEGIN
                 self._repeat = times > 1
                 self._delivered += 1
                 return self._scan
+
+    def _miss(self, now: int) -> None:
+        """Miss the scans that are due at `now` [ns], but for the newest."""
+        since = (now - self._start) / NANOSECONDS
+        missed = max(self.board.clock.last_by(since) - self._next, 0)
+        self._next += missed
+        self._missed += missed
+        self._overrun |= missed > 0
+        self._delay = max(since - self.board.clock.time(self._next), 0.0)
+        self.board.skip_to(self._next)
 
     def close(self) -> None:
         """Stop the scene."""
@@ -145,6 +159,8 @@ class SimulationSource:
             state=state,
             scans=self._delivered,
             frames_lost=0,
+            fault_counts={FaultKind.SCAN_OVERRUN: self._missed},
+            conditions=(FaultKind.SCAN_OVERRUN,) if self._running and self._delay > LATE else (),
             counters={f"simulated: {name}": count for name, count in self._scans.counters.items() if count},
             values={"scene": self.board.loads.name, "delay [ms]": f"{self._delay * 1e3:.1f}"},
         )

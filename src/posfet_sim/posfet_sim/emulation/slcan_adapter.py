@@ -16,6 +16,7 @@ from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.slcan_codec import (
     END,
     FLAG_BUS_ERROR,
+    FLAG_OVERFLOW,
     FLAG_WARNING,
     REFUSED,
     LineReader,
@@ -23,15 +24,11 @@ from posfet_driver.bus.slcan_codec import (
     parse_line,
 )
 from posfet_driver.clock import Clock, SystemClock
+from posfet_model._lib.units import NANOSECONDS
 from posfet_sim.emulation.adapter_lock import lock
+from posfet_sim.emulation.backlog import LONGEST_BACKLOG, first_due
 from posfet_sim.emulation.bus_node import Node
 
-OUTPUT_LIMIT: Final = 1 << 20
-"""Size of the output buffer [byte]; frames and replies that exceed it are lost, as on a bus that nobody reads.
-
-8 s of a 5 x 5 array at 1 kHz: after a delay of this thread by a second, a thousand scans are sent at once, and a real
-board would not lose them.
-"""
 READ_SIZE: Final = 4096
 IDLE: Final = 0.5
 """Maximum wait for commands [s]."""
@@ -42,8 +39,9 @@ class EmulatedAdapter:
 
     Commands as in LAWICEL's manual and CANable's firmware: O L C (open, listen only, close), S Y (bitrates), V N F
     (version, serial number, status), and frames t T r R d D b B. Settings without a meaning for an emulation are
-    accepted. Not emulated: transmission time on the bus, arbitration, bus errors, other nodes, and the time stamps of
-    command Z, which is refused.
+    accepted. While the terminal is not read for LONGEST_BACKLOG, frames are lost, those of a scan all together; F then
+    states an overflow, once. Not emulated: transmission time on the bus, arbitration, bus errors, other nodes, and the
+    time stamps of command Z, which is refused.
 
     Parameters
     ----------
@@ -72,6 +70,9 @@ class EmulatedAdapter:
         self._clock = clock or SystemClock()
         self._reader = LineReader()
         self._output = bytearray()
+        self._emptied = 0  # time at which all output was last read [ns]
+        self._read = True  # whether the terminal is read, so that output is accepted
+        self._overflowed = False  # since the last answer to F
         self._channel_open = False
         self._listen_only = False
         self._thread: threading.Thread | None = None
@@ -156,7 +157,10 @@ class EmulatedAdapter:
             if wake in readable:
                 return
             now = self._clock.monotonic()
-            for frame in self._node.due(now):  # a board has sent it when a command comes that it answers
+            if not self._output:
+                self._emptied = now
+            self._read = now - self._emptied <= LONGEST_BACKLOG * NANOSECONDS
+            for frame in first_due(self._node, now):  # a board has sent it when a command comes that it answers
                 self._send(frame)
             if master in readable:
                 for line in self._reader.lines(os.read(master, READ_SIZE)):
@@ -180,7 +184,8 @@ class EmulatedAdapter:
             self._reply(REFUSED if self._channel_open and letter else END)
         elif line == b"F":
             flags = self.flags if self._readable else self.flags | FLAG_BUS_ERROR | FLAG_WARNING
-            self._reply(b"F%02X\r" % flags)
+            self._reply(b"F%02X\r" % (flags | FLAG_OVERFLOW * self._overflowed))
+            self._overflowed = False
         elif line in _ANSWERS:
             self._reply(_ANSWERS[line])
         else:
@@ -201,14 +206,15 @@ class EmulatedAdapter:
                 self._send(answer)
 
     def _reply(self, reply: bytes) -> None:
-        if len(self._output) <= OUTPUT_LIMIT:
+        if self._read:
             self._output += reply
 
     def _send(self, frame: Frame) -> None:
         if not self._channel_open or not self._readable:
             return
-        if len(self._output) > OUTPUT_LIMIT:
+        if not self._read:
             self.frames_dropped += 1
+            self._overflowed = True
             return
         self._output += encode_line(frame)
         self.frames_sent += 1

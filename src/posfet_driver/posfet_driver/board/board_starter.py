@@ -1,0 +1,137 @@
+"""Brings a board to send scans: it is identified, set to its rate, and started; each command is repeated if need be."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from posfet_driver.board.board_connection import BoardConnection
+from posfet_driver.board.command_sender import CommandSender
+from posfet_driver.board.connection_state import ConnectionState
+from posfet_driver.board.faults import FaultKind
+from posfet_driver.board.suitability import unsuitable
+from posfet_driver.clock import Clock
+from posfet_driver.protocol.decoder import Decoder
+from posfet_driver.protocol.messages import LONGEST_PERIOD, Command, Identification, Response, Result
+from posfet_model._lib.units import NANOSECONDS
+from posfet_model.sensor.description import Sensor
+
+RESPONSE_TIMEOUT: Final = 0.2
+"""Time within which a board has to respond [s]; then the command is repeated."""
+REPETITIONS: Final = 12
+"""Number of times that SET_RATE or START is repeated before the board is identified again."""
+REFUSED_PERIOD: Final = 1.0
+"""Period at which an unsuitable board is identified again [s]."""
+
+_COMMANDS: Final = {
+    ConnectionState.IDENTITY: Command.IDENTIFY,
+    ConnectionState.RATE: Command.SET_RATE,
+    ConnectionState.START: Command.START,
+}
+"""Command whose response is awaited in a state."""
+
+
+class BoardStarter:
+    """Owner of the commands that start a board.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The array and its frames.
+    connection : BoardConnection
+        Connection to the board, whose state it leads to SCANS.
+    decoder : Decoder
+        Receives the scans from then on.
+    sender : CommandSender
+        Sends the commands.
+    clock : Clock
+        Source of time.
+    """
+
+    def __init__(
+        self, sensor: Sensor, connection: BoardConnection, decoder: Decoder, sender: CommandSender, clock: Clock
+    ) -> None:
+        self._sensor, self._connection, self._decoder, self._sender = sensor, connection, decoder, sender
+        self._clock = clock
+        self._repetitions = 0  # of the command of the present state
+        self._period = round(1e6 / sensor.can.scan_rate)  # to be set at each start [us]
+
+    def identify(self) -> None:
+        """Begin, or begin again."""
+        if self._connection.state != ConnectionState.IDENTITY:
+            self._connection.no_response.begin(self._clock.monotonic())
+        self._request(ConnectionState.IDENTITY)
+
+    def handle_timeout(self) -> None:
+        """Act when no response has arrived in time."""
+        connection = self._connection
+        if connection.state == ConnectionState.IDENTITY:
+            self._diagnose_no_response()
+        elif connection.state in {ConnectionState.RATE, ConnectionState.START}:
+            if self._repetitions < REPETITIONS:
+                self._repetitions += 1
+                self._request(connection.state)
+                return
+            connection.reason = "the board responds, but does not start"
+            connection.fault = FaultKind.START_FAILED
+        if connection.bus.is_open:
+            self.identify()
+
+    def handle_response(self, response: Response, asked: bool) -> None:
+        """Act on the response to IDENTIFY, SET_RATE or START.
+
+        Parameters
+        ----------
+        response : Response
+            The response.
+        asked : bool
+            Whether a user has sent the command.
+        """
+        state, accepted = self._connection.state, response.result == Result.OK
+        match response.command:
+            case Command.IDENTIFY if state == ConnectionState.IDENTITY and accepted:
+                if cause := unsuitable(self._sensor, Identification.unpack(response.value)):
+                    self._refuse(*cause)
+                else:
+                    self._request(ConnectionState.RATE)
+            case Command.SET_RATE:
+                self._rate_answered(response, asked)
+            case Command.START if accepted and state in {ConnectionState.START, ConnectionState.STOPPED}:
+                self._started()
+
+    def _request(self, state: ConnectionState) -> None:
+        """Enter a state in which the response to a command is awaited, and send the command."""
+        if state != self._connection.state:
+            self._repetitions = 0
+        self._connection.enter(state, self._connection.reason, RESPONSE_TIMEOUT)
+        command = _COMMANDS[state]
+        self._sender.send(command, self._period if command == Command.SET_RATE else 0)
+
+    def _rate_answered(self, response: Response, asked: bool) -> None:
+        """Act on the response to SET_RATE; the decoder has the new period from it."""
+        if response.result == Result.OK and 1 <= response.value <= LONGEST_PERIOD:
+            self._period = response.value
+        elif not asked and self._connection.state == ConnectionState.RATE:
+            reason = f"the board answers a scan period of {self._period} us with: {response.reason}"
+            self._refuse(FaultKind.RATE_REFUSED, reason)
+        if self._connection.state == ConnectionState.RATE:
+            self._request(ConnectionState.START)
+
+    def _refuse(self, fault: FaultKind, reason: str) -> None:
+        self._connection.fault, self._connection.flowing = fault, False
+        self._connection.enter(ConnectionState.REFUSED, reason, REFUSED_PERIOD)
+
+    def _started(self) -> None:
+        connection = self._connection
+        self._decoder.start()
+        connection.flowing = False
+        connection.bus.reset_backoff()
+        connection.no_response.board_responded()
+        connection.enter(ConnectionState.SCANS, connection.reason, connection.scan_timeout / NANOSECONDS)
+
+    def _diagnose_no_response(self) -> None:
+        """Find out why the board does not respond; reopen the bus from time to time."""
+        connection, base = self._connection, self._sensor.can.base_id
+        connection.reason = f"no board responds at base identifier 0x{base:X}: check power, cable, bit rate and base_id"
+        connection.fault = connection.no_response.cause()
+        connection.ask_adapter()
+        connection.reopen_when_silent()

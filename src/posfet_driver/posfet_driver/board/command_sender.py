@@ -1,0 +1,56 @@
+"""Sends commands to a board and recognises the responses to them."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from posfet_driver.board.board_connection import BoardConnection
+from posfet_driver.bus.frame import CLASSIC
+from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Request, Response
+
+TAGS_KEPT: Final = 16
+"""Number of the newest commands whose responses are accepted: a link may delay a response by some repetitions."""
+
+
+class CommandSender:
+    """Sends commands with tags: a response is accepted however late it is, for the board has done as it says.
+
+    Parameters
+    ----------
+    connection : BoardConnection
+        Connection to the board.
+    base_id : int
+        Base identifier of the board.
+    """
+
+    def __init__(self, connection: BoardConnection, base_id: int) -> None:
+        self._connection = connection
+        self._identifier = base_id + COMMAND_OFFSET
+        self._tag = 0
+        self._sent: dict[int, Command] = {}  # in the order of sending
+
+    def send(self, command: Command, argument: int = 0) -> int:
+        """Send a command, or nothing when the bus is not open.
+
+        Parameters
+        ----------
+        command : Command
+            The command.
+        argument : int, default 0
+            Its argument.
+
+        Returns
+        -------
+        int
+            Its tag.
+        """
+        self._tag = (self._tag + 1) & 0xFF
+        self._sent[self._tag] = command
+        if len(self._sent) > TAGS_KEPT:
+            del self._sent[next(iter(self._sent))]
+        self._connection.write((self._identifier, CLASSIC, Request(command, self._tag, argument).pack()))
+        return self._tag
+
+    def is_own(self, response: Response) -> bool:
+        """Return whether `response` belongs to one of the newest commands."""
+        return self._sent.get(response.tag) == response.command

@@ -1,0 +1,75 @@
+"""Noise that single taxels have beyond their description: steps of the signal while nothing touches."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from posfet_model._lib.types import Array, Mask
+
+STEP: Final = 5.0
+"""Deviations of the difference of two blocks' means from which on it is a step [1]."""
+
+QUIET: Final = 0.3
+"""Time for which no contact must have been listed [s]: the end of a release is no step."""
+
+DWELL: Final = 1.0
+"""Mean time between two steps, for which an offset by one lasts [s], assumed."""
+
+MEMORY: Final = 30.0
+"""Time over which the steps of a taxel are averaged [s], and"""
+
+LEAST_MEMORY: Final = 2.0
+"""the least one after the start [s]: a single step in it counts for no more."""
+
+
+class JumpNoise:
+    """Random walk of each force error due to steps of its signal, observed while nothing touches.
+
+    A signal that switches between two levels (random telegraph noise) has an offset that lasts for a while, in which
+    the integration adds up its charge. Over longer times that is a random walk of the force error, of the variance
+    J*(1 + (D/(2*tau))^2) in each second, with the mean square of the steps in a second J and the time between them D.
+
+    State variables, shapes [taxels]: J [N2/s], and the time of observation [s].
+
+    Parameters
+    ----------
+    time_constant : ndarray of float64, shape [taxels]
+        Leakage time constants tau [s]; not copied.
+    """
+
+    def __init__(self, time_constant: Array) -> None:
+        self._tau = time_constant
+        self._squares, self._time = np.zeros((2, len(time_constant)))
+        self._any = False
+
+    def observe(self, where: Mask, change: Array, noise: Array, duration: float) -> None:
+        """Process the change of the mean force from one block to the next, while nothing touches.
+
+        Parameters
+        ----------
+        where : ndarray of bool, shape [taxels]
+            Taxels whose signals count.
+        change : ndarray of float64, shape [taxels]
+            Changes [N].
+        noise : ndarray of float64, shape [taxels]
+            Variance of a mean [N2].
+        duration : float
+            Time between the middles of the blocks [s].
+        """
+        self._time += np.where(where, duration, 0.0)
+        square = change * change
+        step = where & (square > 2.0 * STEP * STEP * noise)
+        if not (self._any or step.any()):
+            return
+        self._any = True
+        rate = np.where(step, square / duration, 0.0) - self._squares
+        self._squares += np.where(where, duration / np.clip(self._time, LEAST_MEMORY, MEMORY), 0.0) * rate
+
+    def variance(self, duration: float) -> Array | float:
+        """Return the variance by which each force error grows in a time [s], shape [taxels] [N2]; 0.0: none."""
+        if not self._any:
+            return 0.0
+        variance: Array = self._squares * (1.0 + (0.5 * DWELL / self._tau) ** 2) * duration
+        return variance

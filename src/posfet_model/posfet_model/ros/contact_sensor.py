@@ -1,0 +1,65 @@
+"""Contacts for a controller that asks for them in its own loop, like a semantic component of ros2_control."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from posfet_msgs.msg import TactileContact, TactileContacts
+
+
+class ContactSensor:
+    """Holds the newest contacts of one sensor; they are unknown unless they are valid and fresh.
+
+    Parameters
+    ----------
+    node : Node
+        Node of the controller, whose executor receives the messages.
+    namespace : str
+        Namespace of the sensor, relative to that of the node unless it begins with a slash.
+    max_age : float
+        Time after its arrival for which a message counts [s].
+    clock : callable
+        Steady clock [s].
+    """
+
+    def __init__(
+        self, node: Node, namespace: str, max_age: float = 0.05, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        if not 0.0 < max_age < math.inf:
+            raise ValueError(f"max_age must be in (0, inf), got {max_age}")
+        self._newest = TactileContacts()  # not valid
+        self._arrival = -math.inf
+        self._max_age, self._clock = max_age, clock
+        node.create_subscription(TactileContacts, f"{namespace}/contacts", self._take, QoSProfile(depth=1))
+
+    @property
+    def known(self) -> bool:
+        """Whether the contacts are known: a valid message arrived not longer ago than `max_age`."""
+        return bool(self._newest.data_valid) and self._clock() - self._arrival <= self._max_age
+
+    @property
+    def frame_id(self) -> str:
+        """Frame of the array; '' before the first message."""
+        return str(self._newest.header.frame_id)
+
+    def contacts(self) -> tuple[TactileContact, ...] | None:
+        """Return what touches now, without released contacts; None if that is unknown, which is not the empty tuple."""
+        if not self.known:
+            return None
+        return tuple(each for each in self._newest.contacts if each.state != TactileContact.STATE_RELEASED)
+
+    def force(self) -> tuple[float, float, float]:
+        """Return the sum of the forces of all contacts on the sensor [N], in the frame of the array; NaN if unknown."""
+        contacts = self.contacts()
+        if contacts is None:
+            return math.nan, math.nan, math.nan
+        x, y, z = (sum(getattr(each.force, axis) for each in contacts) for axis in "xyz")
+        return float(x), float(y), float(z)
+
+    def _take(self, message: TactileContacts) -> None:
+        self._newest, self._arrival = message, self._clock()

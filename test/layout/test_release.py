@@ -1,0 +1,64 @@
+"""What a release needs: versions in step, changelogs, dependencies that rosdep resolves, links that lead somewhere."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+
+import posfet_model
+from support.paths import DATA, ROOT, SOURCES
+
+PACKAGES = sorted(path.parent for path in SOURCES.glob("*/package.xml"))
+VERSION = posfet_model.__version__
+each_package = pytest.mark.parametrize("package", PACKAGES, ids=lambda path: path.name)
+
+
+def manifest(package: Path) -> ElementTree.Element:
+    return ElementTree.parse(package / "package.xml").getroot()
+
+
+@each_package
+def test_versions_are_in_step(package: Path) -> None:
+    assert manifest(package).findtext("version") == VERSION
+    setup = package / "setup.py"
+    if setup.exists():
+        assert re.findall(r'version="(.*?)"', setup.read_text(encoding="utf-8")) == [VERSION]
+    sections = re.findall(
+        r"^(\S+) \(\d{4}-\d\d-\d\d\)\n-+$", (package / "CHANGELOG.rst").read_text("utf-8"), re.MULTILINE
+    )
+    assert sections[0] == VERSION
+
+
+def test_the_release_notes_and_the_citation_are_of_this_version() -> None:
+    headings = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert VERSION in headings[0]
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["version"] == VERSION
+
+
+@each_package
+def test_every_dependency_is_resolvable(package: Path) -> None:
+    known = yaml.safe_load((DATA / "release/rosdep_keys.yaml").read_text(encoding="utf-8"))
+    keys = {element.text for element in manifest(package) if element.tag.endswith("depend")}
+    assert keys - known.keys() - {other.name for other in PACKAGES} == set()
+
+
+@each_package
+def test_a_manifest_names_who_and_where(package: Path) -> None:
+    root = manifest(package)
+    assert {url.get("type") for url in root.findall("url")} == {"website", "repository", "bugtracker"}
+    assert root.find("author") is not None
+    assert root.findtext("license") == "Apache-2.0"
+
+
+@each_package
+def test_links_of_a_package_lead_to_what_its_release_holds(package: Path) -> None:
+    links = [path for path in package.rglob("*") if path.is_symlink()]
+    assert {"LICENSE"} <= {link.name for link in links}
+    for link in links:
+        assert link.exists(), f"{link}: leads nowhere"
+        assert link.resolve().is_relative_to(ROOT)
+    assert list((package / "test").rglob("*")), "no tests"

@@ -1,0 +1,73 @@
+"""Steps of single signals at rest, and the random walk of the force errors that they make."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from posfet_model.estimation.jump_noise import DWELL, MEMORY, JumpNoise
+
+Array = NDArray[np.float64]
+BLOCK = 0.02
+TAU = np.array([0.27, 0.27, 0.5])
+NOISE = np.full(3, 1e-4**2)
+ALL = np.ones(3, np.bool_)
+LEAK = 1.0 + (0.5 * DWELL / TAU) ** 2
+
+
+def rest(each: JumpNoise, seconds: float, change: Array | None = None, where: NDArray[np.bool_] = ALL) -> JumpNoise:
+    for _ in range(round(seconds / BLOCK)):
+        each.observe(where, np.zeros(3) if change is None else change, NOISE, BLOCK)
+    return each
+
+
+def test_steps_of_a_taxel_are_its_noise_and_no_other_ones() -> None:
+    each, random = JumpNoise(TAU), np.random.default_rng(1)
+    step = np.array([0.0, 1e-3, 0.0])
+    for _ in range(60):
+        rest(each, random.exponential(1.0))
+        each.observe(ALL, step, NOISE, BLOCK)
+    variance = np.asarray(each.variance(2.0))
+    # Sixty steps, of which the last MEMORY seconds count: a standard error of a fifth.
+    assert variance[1] == pytest.approx(2.0 * 1e-6 * LEAK[1], rel=0.6)
+    assert variance[0] == variance[2] == 0.0
+
+
+def test_the_random_walk_covers_that_of_a_signal_with_two_levels() -> None:
+    # 400 signals that switch at random every `DWELL` on average, and the sum of what their offsets leak.
+    random, tau, count = np.random.default_rng(2), 0.27, 400
+    level = np.where(random.random(count) < 0.5, 1.0, -1.0) * 0.5e-3
+    squares, leaked = 0.0, np.zeros(count)
+    seconds = 100.0
+    for _ in range(round(seconds / BLOCK)):
+        flipped = np.where(random.random(count) < BLOCK / DWELL, -level, level)
+        squares += float(np.square(flipped - level).mean())
+        level = flipped
+        leaked += level * (BLOCK / tau)
+    each = JumpNoise(np.full(1, tau))
+    each._squares[:], each._any = squares / seconds, True
+    # The steps themselves are in the variance as if they did not return. 400 values: a standard error of 7 %.
+    ratio = float(np.asarray(each.variance(seconds))[0] / np.var(leaked + level))
+    assert 0.9 < ratio < 1.2 * LEAK[0] / (LEAK[0] - 1.0)
+
+
+def test_noise_is_no_step() -> None:
+    each, random = JumpNoise(TAU), np.random.default_rng(3)
+    for _ in range(3000):
+        each.observe(ALL, random.normal(0.0, np.sqrt(2.0 * NOISE)), NOISE, BLOCK)
+    assert each.variance(1.0) == 0.0
+
+
+def test_taxels_that_do_not_count_keep_what_was_observed() -> None:
+    each, some = rest(JumpNoise(TAU), 5.0), np.array([False, True, True])
+    each.observe(some, np.full(3, 1e-3), NOISE, BLOCK)
+    assert (np.asarray(each.variance(1.0)) > 0.0).tolist() == some.tolist()
+
+
+def test_a_taxel_that_no_longer_steps_is_trusted_again() -> None:
+    each = rest(JumpNoise(TAU), 5.0)
+    each.observe(ALL, np.full(3, 1e-3), NOISE, BLOCK)
+    before = np.asarray(each.variance(1.0)).copy()
+    after = np.asarray(rest(each, 3.0 * MEMORY).variance(1.0))
+    assert (after < 0.1 * before).all()

@@ -1,0 +1,84 @@
+"""The contacts that a controller reads in its own loop: known only while they are valid and fresh."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="needs ROS 2")
+pytest.importorskip("posfet_msgs", reason="needs the built workspace")
+
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from posfet_model.ros.contact_sensor import ContactSensor
+from posfet_msgs.msg import TactileContact, TactileContacts
+
+pytestmark = pytest.mark.ros
+TIMEOUT = 60.0
+
+
+@pytest.fixture
+def node() -> Iterator[Node]:
+    context = Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node("controller", context=context, namespace="robot")
+    yield node
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+
+
+def touched(*forces: float, valid: bool = True) -> TactileContacts:
+    """Return a message with contacts of these forces on the sensor, the last of them released."""
+    message = TactileContacts(data_valid=valid)
+    message.header.frame_id = "thumb_array"
+    for force in forces:
+        contact = TactileContact(state=TactileContact.STATE_HELD)
+        contact.force.z = -force
+        message.contacts.append(contact)
+    message.contacts[-1].state = TactileContact.STATE_RELEASED
+    return message
+
+
+def test_published_contacts_are_known_until_they_are_old_or_not_valid(node: Node) -> None:
+    now = [0.0]
+    sensor = ContactSensor(node, "thumb", max_age=0.01, clock=lambda: now[0])
+    assert (sensor.known, sensor.contacts(), sensor.frame_id) == (False, None, "")
+    assert all(map(math.isnan, sensor.force()))
+    publisher = node.create_publisher(TactileContacts, "/robot/thumb/contacts", 1)
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+
+    def receive(message: TactileContacts) -> None:
+        end, before = time.monotonic() + TIMEOUT, sensor._newest
+        while sensor._newest is before:
+            publisher.publish(message)
+            executor.spin_once(timeout_sec=0.05)
+            assert time.monotonic() < end
+
+    receive(touched(0.5, 0.25, 0.1))
+    assert sensor.known
+    assert sensor.frame_id == "thumb_array"
+    assert [contact.force.z for contact in sensor.contacts()] == [-0.5, -0.25]
+    assert sensor.force() == pytest.approx((0.0, 0.0, -0.75))
+    now[0] = 0.011
+    assert sensor.contacts() is None
+    receive(touched(0.5, valid=False))
+    assert sensor.contacts() is None
+    assert math.isnan(sensor.force()[2])
+    receive(touched(0.5))
+    while not sensor.known:
+        receive(touched(0.5))
+    assert sensor.contacts() == ()
+    assert sensor.force() == (0.0, 0.0, 0.0)
+    executor.shutdown()
+
+
+@pytest.mark.parametrize("age", [0.0, -1.0, math.nan, math.inf])
+def test_an_age_that_is_none_is_refused(node: Node, age: float) -> None:
+    with pytest.raises(ValueError, match=r"max_age must be in \(0, inf\)"):
+        ContactSensor(node, "thumb", max_age=age)

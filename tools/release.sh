@@ -1,0 +1,34 @@
+#!/usr/bin/env bash
+# Releases of the packages: tools/release.sh FOLDER writes a tarball for each, tools/release.sh FOLDER --check builds each
+# alone, in a workspace of its own, on those of its dependencies. As bloom does, a tarball holds files in place of links.
+set -eo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+[[ $# -ge 1 ]] || { echo "usage: tools/release.sh FOLDER [--check]" >&2; exit 1; }
+mkdir -p "$1"
+folder=$(cd "$1" && pwd)
+version=$(sed -n 's:.*<version>\(.*\)</version>.*:\1:p' src/posfet/package.xml)
+packages=(posfet_msgs posfet_model posfet_driver posfet_sim posfet) # each may depend on those before it
+
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+git archive HEAD | tar -x -C "$work"
+for package in "${packages[@]}"; do
+    tar --dereference --owner=0 --group=0 -czf "$folder/$package-$version.tar.gz" -C "$work/src" "$package"
+    echo "$folder/$package-$version.tar.gz: written"
+done
+[[ "${2:-}" == --check ]] || exit 0
+
+# shellcheck source=tools/venv_setup.bash
+[[ -n "${ROS_DISTRO:-}" ]] || source .venv/local_setup.bash
+for package in "${packages[@]}"; do
+    mkdir -p "$work/$package/src"
+    tar -xzf "$folder/$package-$version.tar.gz" -C "$work/$package/src"
+    cd "$work/$package"
+    colcon build --event-handlers status- --cmake-args "-DPython3_EXECUTABLE=$(command -v python3)" -DBUILD_TESTING=ON --no-warn-unused-cli
+    # shellcheck disable=SC1091
+    source install/setup.bash
+    if [[ -n "${TEST:-}" ]]; then
+        colcon test --return-code-on-test-failure --event-handlers console_direct+ --pytest-args -q --maxfail=5
+    fi
+    echo "posfet: $package-$version.tar.gz is whole"
+done
