@@ -139,6 +139,15 @@ def test_a_block_that_others_have_overtaken_completes_no_scan_16_later() -> None
     assert heard.accounted == 140
 
 
+def test_scans_that_waited_since_a_reset_are_stamped_by_the_least_delayed_header() -> None:
+    """The host stood still for a second; of scans without a header the times are not certain."""
+    heard = Listener(fd=False)
+    heard.batch(1000, [Tick(sequence, sequence) for sequence in range(700)])
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(1001, 1100))
+    assert len(heard.scans) > 690
+    assert not heard.unbounded
+
+
 def test_a_block_that_a_stalled_adapter_holds_back_belongs_to_its_scan() -> None:
     heard = Listener(fd=False)
     heard.one_by_one(Tick(sequence, sequence) for sequence in range(40))
@@ -149,6 +158,19 @@ def test_a_block_that_a_stalled_adapter_holds_back_belongs_to_its_scan() -> None
     heard.batch(60, [Tick(sequence, sequence) for sequence in range(41, 61)])
     heard.one_by_one(Tick(sequence, sequence) for sequence in range(61, 80))
     assert [scan.sequence for scan in heard.scans] == list(range(80))
+
+
+def test_counters_that_are_one_too_high_put_no_later_stamp_out_of_its_bound() -> None:
+    """Their times are a period too late; frames arrive up to 4 ms late, and a second ends before the lie does."""
+    heard = Listener(fd=False, period=5000)
+    for sequence in range(32, 400):
+        false = sequence + 177 if 204 <= sequence < 240 else None
+        heard.batch(4 * (5 * sequence // 4 + 1), [Tick(sequence, 5 * sequence, false, header=sequence % 16 == 0)])
+        if sequence == 240:
+            heard.scans.clear()  # until here numbers may be false
+    assert heard.scans[-1].sequence == 399
+    assert len(heard.scans) > 140
+    assert not heard.unbounded
 
 
 @BOTH

@@ -80,6 +80,11 @@ class ClassicScans:
         self._accounted = 0  # scans since the newest header that were delivered or counted as lost
         self._incomplete = 0  # incomplete scans up to the newest header
 
+    @property
+    def dated(self) -> bool:
+        """Whether the time of the current scan is that of its header, or its number is certain; the first one's is."""
+        return not self.doubtful or self.sequence == self._header or not self._sync.known
+
     def announce(self, period: float) -> None:
         """Take a scan period that the board announces [us]."""
         if self.numbering.announce(period):
@@ -156,6 +161,8 @@ class ClassicScans:
         self._ticks.add(numbering.sequence, self.clock.time, self.clock.stalled)
         numbering.period = self._ticks.nominal
         self._set_limits(numbering.period)
+        if self._held:  # their times tell nothing, but may have to be stamped by this one
+            self._sync.to_monotonic(self.clock.time, arrival)
         released = self._end_group(missing, complete)
         self._confirmed = self._sync.save()
         self.sequence = self._header = numbering.sequence

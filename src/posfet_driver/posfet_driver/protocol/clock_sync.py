@@ -56,7 +56,8 @@ class ClockSync:
     def __init__(self) -> None:
         self.offset = 0.0
         """This machine's time less the device time, after the newest frame [ns]."""
-        self._known = False
+        self.known = False
+        """Whether there was a frame."""
         self.last = 0
         """Arrival of the newest frame [ns]."""
         self._undelayed = 0  # arrival of the frame that determined the offset
@@ -75,7 +76,7 @@ class ClockSync:
         The offset is raised by `MAX_DRIFT` while the board's clock may be fast by as much. The minimum transit time
         adds to it: no mapping of this kind can observe it.
         """
-        return 2 * (self.last - self._undelayed) * MAX_DRIFT if self._known else math.nan
+        return 2 * (self.last - self._undelayed) * MAX_DRIFT if self.known else math.nan
 
     @property
     def lead(self) -> float:  # numpydoc ignore=RT01
@@ -83,7 +84,7 @@ class ClockSync:
 
         After `doubt` it is that of the frames since then.
         """
-        if not self._known:
+        if not self.known:
             return math.nan
         recent = self._window_offset
         if self._windows and not self._doubted:
@@ -106,7 +107,7 @@ class ClockSync:
         arrival : int
             Monotonic time at which the frame arrived [ns].
         """
-        if not self._known:
+        if not self.known:
             return math.nan
         return arrival - device_time * 1000 - self.offset + (arrival - self.last) * MAX_DRIFT
 
@@ -127,7 +128,7 @@ class ClockSync:
         ahead : float, default 0
             Time by which `device_time` may be ahead of the clock [us].
         """
-        if self._known:
+        if self.known:
             self.widen(ahead, arrival)
             self._doubted, self._window_end = True, arrival + WINDOW
             self._window_offset, self._window_undelayed = float(arrival - device_time * 1000), arrival
@@ -152,7 +153,7 @@ class ClockSync:
             self.offset,
             self.last,
             self._undelayed,
-            self._known,
+            self.known,
             self._windows,
             self._window_end,
             self._window_offset,
@@ -183,7 +184,7 @@ class ClockSync:
             Monotonic time of acquisition [ns]; never after `arrival`.
         """
         difference = float(arrival - device_time * 1000)
-        if self._known:
+        if self.known:
             rise = (arrival - self.last) * MAX_DRIFT if arrival > self.last else 0.0
             offset, recent = self.offset + rise, self._window_offset + rise
             if difference <= recent:
@@ -194,7 +195,7 @@ class ClockSync:
         else:
             self.offset = self._window_offset = difference
             self._undelayed = self._window_undelayed = arrival
-            self._known, self._window_end = True, arrival + WINDOW
+            self.known, self._window_end = True, arrival + WINDOW
         self.last = arrival
         if arrival >= self._window_end:
             self._end_window(arrival)
@@ -214,7 +215,7 @@ class ClockSync:
 
     def _set(self, state: SyncState) -> None:
         self.offset, self.last, self._undelayed = state.offset, state.last, state.undelayed
-        self._known, self._doubted, self._windows = state.known, state.doubted, state.windows
+        self.known, self._doubted, self._windows = state.known, state.doubted, state.windows
         self._window_offset, self._window_undelayed = state.window_offset, state.window_undelayed
         self._window_end = state.window_end
 

@@ -253,15 +253,15 @@ class Decoder:
                     self._recall(held)
                     yield ready
             elif scans.feed(identifier - first, kind, data, arrival):
-                self._complete()
+                self._complete(scans.dated)
                 if scans.doubtful:
                     scans.hold(self.scan.snapshot())
                 else:
                     self._publish(scans.time)
                     yield ready
 
-    def _complete(self) -> None:
-        """Complete the scan: sequence, time and status."""
+    def _complete(self, dated: bool = True) -> None:
+        """Complete the scan: sequence, time and status; one that is not `dated` tells nothing of the board's clock."""
         scan, scans = self.scan, self._scans
         scan.sequence = scans.sequence
         scan.frames_lost = self.frames_lost
@@ -270,7 +270,8 @@ class Decoder:
         if scans.clock.frozen:
             scan.device_time = 0
             scan.status |= _TIME_ESTIMATED
-        scan.stamp = self._sync.to_monotonic(time, self._arrival)
+        if dated:
+            scan.stamp = self._sync.to_monotonic(time, self._arrival)
         if scans.numbering.restarted:
             scans.numbering.restarted = False
             scan.status |= _BOARD_RESET
