@@ -8,6 +8,7 @@ from typing import NamedTuple
 import pytest
 
 from posfet_driver.bus.frame import CLASSIC, Frame
+from posfet_driver.protocol.ascending_stamps import AscendingStamps
 from posfet_driver.protocol.decoder import Decoder, ScanReady
 from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Command, Request, Response, Result
 from posfet_driver.protocol.scan_codec import make_codec
@@ -264,3 +265,11 @@ def test_two_scans_at_the_same_time_are_within_the_bound() -> None:
     heard.one_by_one(Tick(sequence, 100.8 + 2 * (sequence - 51)) for sequence in range(52, 100))
     assert [scan.sequence for scan in heard.scans] == list(range(100))
     assert not heard.unbounded
+
+
+def test_a_time_after_its_arrival_holds_back_no_later_stamp() -> None:
+    """As that of a scan which waited on a clock that was set back meanwhile."""
+    stamps = AscendingStamps()
+    assert stamps.stamp(time=5_000 * MILLISECOND, device_time=1000, arrival=1 * MILLISECOND) == 1 * MILLISECOND
+    assert stamps.stamp(time=2 * MILLISECOND, device_time=2000, arrival=3 * MILLISECOND) == 2 * MILLISECOND
+    assert stamps.excess == 0

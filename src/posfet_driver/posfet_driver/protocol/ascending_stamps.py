@@ -35,6 +35,7 @@ class AscendingStamps:
         int
             Monotonic time [ns], from the stamp of the previous scan to `arrival`.
         """
+        time = min(time, arrival)  # else all that follow would wait for a clock that was in error
         step = (device_time - self._device_time) * 500  # half of it [ns]
         least = self._stamp + (step if step > 0 else 0)
         stamp = time if time >= least else max(min(least, arrival), self._stamp)
