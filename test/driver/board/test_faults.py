@@ -209,6 +209,16 @@ def test_status_flags_of_the_board_are_reported(flag: ScanStatus, fault: FaultKi
 
 
 @BOTH
+def test_a_board_that_does_not_scan_has_no_overrun_and_no_uncertain_stamps(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.device.status = ScanStatus.SCAN_OVERRUN
+    bench.run(2)
+    bench.injector.fault = InjectedFault.CABLE_UNPLUGGED
+    bench.run(60)
+    assert bench.board.report().conditions == (FaultKind.NO_TRAFFIC,)
+
+
+@BOTH
 def test_wrong_version_of_the_protocol_and_layout_are_rejected_and_reported(fd: bool) -> None:
     bench = Bench(fd)
     bench.run(1)

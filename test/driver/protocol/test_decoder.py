@@ -560,3 +560,24 @@ def test_a_period_that_another_host_sets_spoils_no_stamp(fd: bool, transit: int,
             errors[scan.sequence] = scan.stamp - WALL_OFFSET - times[scan.sequence] * 1000
     assert len(errors) == 120
     assert max(map(abs, errors.values())) < 50_000
+
+
+@BOTH
+@pytest.mark.parametrize("late", [0.3, 0.6, 0.98])
+def test_a_scan_that_a_busy_board_has_sampled_late_is_used_with_its_flag(fd: bool, late: float) -> None:
+    """It missed three ticks, sampled the fourth late, and flags that."""
+    codec, decoder = make_codec(with_fd(SENSOR, fd)), Decoder(with_fd(SENSOR, fd))
+    decoder.start()
+    published: list[tuple[int, int]] = []
+    for sequence in [*range(48), *range(51, 67), *range(70, 100)]:
+        scan = make_scan(SENSOR, sequence)
+        sampled = sequence * PERIOD + round(late * PERIOD) * (sequence in (51, 70))
+        scan.device_time, scan.status = sampled // 1000, ScanStatus.SCAN_OVERRUN * (sequence in (51, 70))
+        frames = codec.encode(scan, BASE, 0, header=sequence % 16 == 0)
+        for found in decoder.decode(frames, sampled, 0):
+            if isinstance(found, ScanReady):
+                published.append((found.scan.sequence, found.scan.status))
+    assert [sequence for sequence, _ in published] == [*range(48), *range(51, 67), *range(70, 100)]
+    assert decoder.statistics.lost_scans == 6
+    if fd:  # classic scans have no flags of their own
+        assert [sequence for sequence, status in published if status] == [51, 70]

@@ -54,15 +54,17 @@ def board_report(
         The state of now.
     """
     bus, load = connection.bus, connection.load
-    waiting = connection.state == ConnectionState.SCANS and not connection.flowing
+    scanning = connection.state == ConnectionState.SCANS
+    waiting = scanning and not connection.flowing
     status, identity = decoder.status, decoder.identity
     conditions = [connection.fault] if connection.fault else []
-    conditions += [fault for flag, fault in _FLAGS.items() if status.flags & flag]
+    flags = status.flags if scanning else status.flags & ~ScanStatus.SCAN_OVERRUN  # of a board that does not scan
+    conditions += [fault for flag, fault in _FLAGS.items() if flags & flag]
     if bus.is_bus_off and connection.fault is not FaultKind.BUS_OFF:
         conditions.append(FaultKind.BUS_OFF)
     if load.load > HIGH_LOAD:
         conditions.append(FaultKind.HIGH_BUS_LOAD)
-    if decoder.clock_uncertainty > MAX_CLOCK_UNCERTAINTY:
+    if scanning and decoder.clock_uncertainty > MAX_CLOCK_UNCERTAINTY:
         conditions.append(FaultKind.CLOCK_SYNC_DEGRADED)
     return SourceReport(
         health=Health.WARN if waiting else HEALTH[connection.state],

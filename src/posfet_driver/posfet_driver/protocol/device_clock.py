@@ -51,6 +51,11 @@ class DeviceClock:
         self._known = False
 
     @property
+    def late(self) -> float:
+        """Time by which the newest reading was taken late, as far as is known [us]."""
+        return self._late
+
+    @property
     def stalled(self) -> bool:
         """Whether the newest reading repeats the one before: `time` is computed from the sequence."""
         return self._in_a_row > 0

@@ -15,7 +15,9 @@ from posfet_driver.protocol.scan_codec import SEQUENCE
 LATE: Final = 64
 """Scans by which a frame may be late [1]; one that is further behind belongs to another boot. Assumed."""
 TOLERANCE: Final = 0.5
-"""Difference of sequence and time that fits [scan periods]: half of what one missing scan makes."""
+"""Difference of sequence and time that fits after a long gap [scan periods]: half of what one missing scan makes."""
+LATEST: Final = 0.99
+"""The same after a short one [scan periods]: a busy board samples late, by less than a period. Assumed."""
 RATE_TOLERANCE: Final = 0.02
 """The same for long gaps [1]; assumed."""
 UNTIMED: Final = 16
@@ -156,8 +158,9 @@ class ScanNumbering:
         clock = self._clock
         if clock.stalled or clock.ahead(reading) == 0:
             return ahead <= UNTIMED
-        difference = abs(clock.elapsed(reading, expected) - expected)
-        return ahead < _HALF and difference <= TOLERANCE * self.period + RATE_TOLERANCE * expected
+        late = clock.late + clock.elapsed(reading, expected) - expected  # against its tick, if the newest one is known
+        most = max(LATEST * self.period, TOLERANCE * self.period + RATE_TOLERANCE * expected)
+        return ahead < _HALF and abs(late) <= most
 
     def _expected(self, ahead: int, reading: int) -> float:
         """Return the time of a step of the sequence [us]; where the period has changed, the nearest to the reading."""
