@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.board.scan_source import SourceReport
 from posfet_driver.clock import Clock, SystemClock
@@ -15,6 +17,7 @@ from posfet_sim.emulation.faulty_scans import FaultyScans
 from posfet_sim.scene import Scene, SceneLoads
 
 _BEGIN: Final = int(ScanStatus.BOARD_RESET | ScanStatus.CHARGE_RESET)
+
 
 class SimulationSource:
     """Delivers each scan of a board at its sampling time.
