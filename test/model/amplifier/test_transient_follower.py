@@ -15,7 +15,7 @@ from posfet_model.amplifier.one_stage import CIRCUIT_C
 from posfet_model.amplifier.open_loop import RINGS, UNSTABLE, OpenLoop
 from posfet_model.amplifier.operating_point import CIRCUIT_B
 from posfet_model.amplifier.transient import TOLERANCE, advance_through
-from posfet_model.amplifier.transient_follower import CircuitFollower, SlewingFollower, _straight
+from posfet_model.amplifier.transient_follower import CircuitFollower, SlewingFollower, TransientFollower, _straight
 from posfet_model.spice import ngspice
 from posfet_model.spice.circuits import CIRCUITS
 from posfet_model.spice.netlist import subcircuit
@@ -244,3 +244,21 @@ def test_straight_runs_end_at_corners_and_jumps() -> None:
     assert runs([0, 1, 2, 2, 3, 4, 5], [0, 1, 2, 2, 3, 4, 5]) == [0, 2, 3, 6]  # a jump, even if of 0 V
     assert runs([0, 0.1, 0.5, 2, 2.5, 4, 6], [0, 0.1, 0.5, 2, 2.5, 4, 6]) == [0, 6]
     assert runs(even, [0, 1, 2, 3, 4, 5, 6], [0, 0, 0, 0, 1, 2, 3]) == [0, 3, 6]  # of both columns
+
+
+@pytest.mark.parametrize("name", ["two_stage", "one_stage_100pf"])
+def test_behind_a_slow_input_the_output_is_known_without_integration(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A noisy sine of half a volt, sampled far more slowly than the follower settles."""
+    follower, time = of_circuit(name), np.arange(60) * 1e-4
+    v_in = 0.5 * np.sin(300 * time) + np.random.default_rng(1).normal(0, 0.01, time.size)
+    calls: list[int] = []
+    monkeypatch.setattr(transient_follower, "advance_through", lambda *words: calls.append(1))
+    found = follower.run(time, v_in)
+    assert not calls
+    monkeypatch.undo()
+    monkeypatch.setattr(CircuitFollower, "_following", TransientFollower._following)
+    integrated = follower.run(time, v_in)
+    assert np.abs(found.v_out - integrated.v_out).max() < 1e-7
+    assert (found.valid == integrated.valid).all()

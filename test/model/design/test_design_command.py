@@ -12,7 +12,7 @@ import pytest
 
 from posfet.cli import COMMANDS
 from posfet_model import design_command
-from posfet_model.design import report
+from posfet_model.design import report, simulation
 from posfet_model.design.design_file import shipped
 from posfet_model.design.posfet_design import PosfetDesign
 
@@ -306,7 +306,7 @@ def test_a_long_signal_is_followed_in_pieces_without_a_seam(
     source.write_text(STEP, encoding="utf-8")
     results = []
     for piece in (1000, 7):
-        monkeypatch.setattr(design_command, "_PIECE", piece)
+        monkeypatch.setattr(simulation, "PIECE", piece)
         run("two_stage", "--simulate", source, "--out", out, "--dt", "1e-7", "--linear")
         results.append(np.loadtxt(out, delimiter=",", skiprows=1))
     np.testing.assert_allclose(results[0], results[1], rtol=0, atol=1e-12)

@@ -77,6 +77,12 @@ _LEAST_CAPACITANCE: Final = 1e-18
 _MOST_CHANGE: Final = 0.5
 """Largest change of a node in an iteration of the operating point [V]."""
 
+_DECAYED: Final = 30.0
+"""Duration, in the slowest time constant, after which a transient of a volt is no longer seen."""
+
+_LEAST_LAG: Final = 1e-3
+"""Lag of a node [V] below which the square of it, in volts, does not matter."""
+
 _ITERATIONS: Final = 200
 _TOLERANCE: Final = 1e-13
 _LAST_CHANGE: Final = 1e-8
@@ -389,6 +395,37 @@ class AmplifierCircuit:
         linear = self.evaluate(np.where(found[..., None], nodes, self.start(v_in)), v_in)[1]
         rates = np.linalg.eigvals(np.linalg.solve(linear.capacitance, linear.conductance))
         return np.asarray((rates.real > 0).all(axis=-1) & found)
+
+    def following(self, v_in: Array, slope: Array, duration: Array) -> tuple[Array, Mask]:
+        """Return the nodes behind an input that changes slowly, and where they are that; unchecked.
+
+        They lag by ``-G^-1*(C*dr/du + c_in)*du/dt`` behind those at rest, r(u), but for the square of it.
+
+        Parameters
+        ----------
+        v_in : ndarray
+            Input voltage [V], shape [...].
+        slope : ndarray
+            Its slope up to here [V/s], shape [...].
+        duration : ndarray
+            For how long it has had that slope [s]; broadcasts.
+
+        Returns
+        -------
+        tuple
+            Voltages [V], shape [..., n], and mask of the shape [...]: stable, the transient of whatever came before is
+            over, and the lag is small.
+        """
+        rest = self.operating_point(v_in)
+        found: Mask = np.asarray(np.isfinite(rest).all(axis=-1))
+        safe = np.where(found[..., None], rest, self.start(v_in))
+        linear = self.evaluate(safe, v_in)[1]
+        moved = -np.linalg.solve(linear.conductance, linear.input_conductance[..., None])
+        charge = (linear.capacitance @ moved)[..., 0] + linear.input_capacitance
+        lag = -np.linalg.solve(linear.conductance, charge[..., None])[..., 0] * slope[..., None]
+        rates = np.linalg.eigvals(np.linalg.solve(linear.capacitance, linear.conductance)).real.min(axis=-1)
+        slow = (rates * duration >= _DECAYED) & (np.abs(lag).max(axis=-1) <= _LEAST_LAG)
+        return rest + lag, np.asarray(found & slow)
 
     def findings(self, nodes: Array, v_in: Array) -> dict[str, Mask]:
         """Return why the circuit is not in its range: at rest at the input, or in the moment; unchecked.

@@ -40,6 +40,9 @@ LOST: Final = "no output: the circuit does not settle, or did not before"
 STRAIGHTNESS: Final = 0.01
 """Largest deviation of samples of the input from a straight line that is integrated as one [tolerance]."""
 
+SHORTEST_HOLD: Final = 3.0
+"""Least duration of a step, in periods of the unity crossing, at whose end no transient is left."""
+
 LONG_RUN: Final = 0.1
 """Error bound of a step that passes samples [tolerance]: ends at each sample would have made steps shorter."""
 
@@ -190,9 +193,13 @@ class TransientFollower(Follower):
         return self._judged(held, valid, np.concatenate([rest[None], nodes]))
 
     def _integrate(self, now: SystemState, held: Array, step: Array) -> tuple[Array, SystemState]:
-        nodes = np.empty((*held.shape, now.nodes.shape[-1]))
+        nodes, following = self._following(now, held, step)
         begin = 0
         while begin < step.size:
+            if following[begin]:
+                now = SystemState(held[begin], nodes[begin], now.step)
+                begin += 1
+                continue
             end = _straight(now.v_in, held, step, begin, STRAIGHTNESS * self.tolerance)
             if step[begin] == 0:
                 now = advance(self.system, now, held[begin], 0.0, self.tolerance)
@@ -203,6 +210,11 @@ class TransientFollower(Follower):
                 now, nodes[begin:end] = advance_through(self.system, now, held[end - 1], times, bound)
             begin = end
         return nodes, now
+
+    def _following(self, now: SystemState, held: Array, step: Array) -> tuple[Array, Mask]:
+        """Return nodes [t, ..., n], and at which samples [t] they are those of an input that changes slowly."""
+        del step
+        return np.empty((*held.shape, now.nodes.shape[-1])), np.zeros(len(held), np.bool_)
 
     def _judged(self, held: Array, valid: Mask, nodes: Array) -> FollowerOutput:
         out = self.system.output(nodes)
@@ -278,6 +290,17 @@ class CircuitFollower(TransientFollower):
     def validity(self) -> Validity:
         """Whether the follower is usable at all, and why not."""
         return self.figures.validity
+
+    def _following(self, now: SystemState, held: Array, step: Array) -> tuple[Array, Mask]:
+        nodes, following = super()._following(now, held, step)
+        crossing = np.max(np.nan_to_num(self.figures.gain_bandwidth), initial=0.0)
+        chosen = np.flatnonzero(step * crossing > SHORTEST_HOLD)
+        if chosen.size:
+            before = np.concatenate([now.v_in[None], held[:-1]])[chosen]
+            duration = step[chosen].reshape(-1, *(1,) * now.v_in.ndim)
+            nodes[chosen], good = self.circuit.following(held[chosen], (held[chosen] - before) / duration, duration)
+            following[chosen] = good.reshape(chosen.size, -1).all(axis=1)
+        return nodes, following
 
     @property
     def static_gain(self) -> float:
