@@ -19,7 +19,7 @@ STAMP = 1_700_000_000_123_456_789
 
 def sent(level: int, values: dict[str, str], stamp: int = STAMP) -> DiagnosticArray:
     """Return the message as a subscriber receives it."""
-    message = diagnostic_array(level, "board: can", "no traffic", "posfet 0x123", values, stamp)
+    message = diagnostic_array(level, "/hand/driver_node: board", "no traffic", "posfet 0x123", values, stamp)
     return deserialize_message(serialize_message(message), DiagnosticArray)
 
 
@@ -35,7 +35,7 @@ def sent(level: int, values: dict[str, str], stamp: int = STAMP) -> DiagnosticAr
 def test_the_message_has_one_status_with_the_level_of_ros(level: int, constant: bytes) -> None:
     (status,) = sent(level, {}).status
     assert status.level == constant
-    assert (status.name, status.message, status.hardware_id) == ("board: can", "no traffic", "posfet 0x123")
+    assert (status.name, status.message, status.hardware_id) == ("hand/driver_node: board", "no traffic", "posfet 0x123")
     assert list(status.values) == []
 
 
