@@ -35,7 +35,11 @@ def sent(level: int, values: dict[str, str], stamp: int = STAMP) -> DiagnosticAr
 def test_the_message_has_one_status_with_the_level_of_ros(level: int, constant: bytes) -> None:
     (status,) = sent(level, {}).status
     assert status.level == constant
-    assert (status.name, status.message, status.hardware_id) == ("hand/driver_node: board", "no traffic", "posfet 0x123")
+    assert (status.name, status.message, status.hardware_id) == (
+        "hand/driver_node: board",
+        "no traffic",
+        "posfet 0x123",
+    )
     assert list(status.values) == []
 
 
