@@ -135,6 +135,15 @@ def test_chip_and_film_wander_together() -> None:
     np.testing.assert_allclose(noise[np.ix_(both, both)], ErrorPriors().film_walk ** 2 * BLOCK, rtol=1e-12)
 
 
+def test_a_chip_that_warms_fast_may_soon_warm_less() -> None:
+    # A warm finger: its heat flow decays within a second. Without this, the film would go on warming for the filter.
+    fast, steady = state(), state()
+    fast[Shared.RATE], steady[Shared.RATE] = -2.0, 0.0
+    rates = [dynamics().transition(each, BLOCK)[2][Shared.RATE, Shared.RATE] for each in (fast, steady)]
+    assert rates[0] - rates[1] == pytest.approx((2.0 * ErrorPriors().rate_change) ** 2 * BLOCK, rel=1e-12)
+    assert ErrorPriors().rate_change >= 1.0
+
+
 def test_in_ten_minutes_a_constant_state_forgets_as_much_as_was_unknown_at_the_start() -> None:
     priors = ErrorPriors()
     gained = np.diag(dynamics().transition(state(), SharedDynamics.FORGET)[2])

@@ -424,3 +424,15 @@ def test_a_film_that_warms_is_no_noise_of_single_taxels() -> None:
 
     # After two seconds at rest nothing of the warming is left.
     np.testing.assert_allclose(variance(1.0), variance(0.0), rtol=0.1)
+
+
+@pytest.mark.parametrize("rate", [-0.02, 0.02, 0.03])
+def test_a_chip_that_warms_from_the_start_has_no_offset_for_that(rate: float) -> None:
+    # Its film charges the gates. Taken for an offset, the charge would hide the warming from the force, and the sensors
+    # would seem to be wrong: measured a scale of 1.33, and a film at a third of its temperature.
+    watch = Watch()
+    history(watch, SENSOR, 6.0, temperature=lambda time: 25.0 + rate * time)
+    belief = watch.estimator.belief
+    deviation = np.sqrt(np.diag(belief.covariance))
+    assert abs(belief.shared[Shared.SCALE]) < 2.0 * deviation[Shared.SCALE]
+    assert abs(belief.shared[Shared.FILM] - 6.0 * rate) < 2.0 * deviation[Shared.FILM]

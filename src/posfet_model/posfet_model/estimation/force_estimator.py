@@ -223,6 +223,7 @@ class ForceEstimator:
         self._recent_force: deque[float] = deque(maxlen=STILL_BLOCKS + RELEASED_BLOCKS)
         self._unheated: ForceErrorFilter | None = None  # the belief while the hypothesis is open, without it
         self._expected_film = self._expected_rate = 0.0  # without any change of the rate [K], [K/s]
+        self._age = 0.0
         self._rested = 0.0  # time since a contact was listed [s]
         self._doubt = 0.0  # temperature that this hypothesis claims beyond what the sensors show [K]
         self._raw, self._change, self._correction, self._rate, self._work = np.zeros((5, taxels))
@@ -338,6 +339,7 @@ class ForceEstimator:
         self._sum += self.force
         self._scans += 1
         self._elapsed += step
+        self._age += step
         self._square += step * step
         if step > self._long_step:
             # The charge of a jump within the step leaked by a share of h/tau that is unknown, uniformly distributed.
@@ -833,7 +835,11 @@ class ForceEstimator:
         belief.error[where, 2] = 0.0
         belief.own[where] = 0.0
         # The offset has the noise of the signal that it is set to; so has the force.
-        belief.error[new, 1] = (self._inverse.signal - self._tau * belief.shared[Shared.DRIFT])[new]
+        # A film that warms generates charge, which is no offset: that of the present rate, as far as it has lasted.
+        charge = self._tau * self._per_kelvin * -np.expm1(-self._age / self._tau)
+        drift, rate = belief.shared[[Shared.DRIFT, Shared.RATE]]
+        belief.error[new, 1] = (self._inverse.signal - self._tau * drift - charge * rate)[new]
+        belief.slope[new, 1, Shared.RATE] = -charge[new]
         belief.own[new, 0, 0] = belief.own[new, 0, 1] = belief.own[new, 1, 0] = noise[new]
         belief.own[new, 1, 1] = noise[new] + self._left_deviation[new] ** 2
         self._left_deviation[known] = self._left
