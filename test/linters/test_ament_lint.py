@@ -1,0 +1,32 @@
+"""The linters of ROS, configured for what ruff formats and sorts; `make check` runs stricter ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+CONFIGURATION = Path(__file__).resolve().with_name("flake8.ini")
+NOT_CHECKED = ("D100", "D105", "D107", "D401")
+"""Rules besides those that numpydoc leaves out: docstrings of setup.py and of special methods; the mood, which ruff checks
+and here would count for properties, too."""
+
+
+@pytest.fixture
+def folders(request: pytest.FixtureRequest) -> list[Path]:
+    """Return the package that is tested alone, otherwise all sources."""
+    root = request.config.rootpath
+    return [root] if (root / "package.xml").is_file() else [root / name for name in ("src", "launch", "examples")]
+
+
+def test_flake8(folders: list[Path]) -> None:
+    main = pytest.importorskip("ament_flake8.main", reason="needs ament_flake8").main_with_errors
+    code, errors = main(argv=["--config", str(CONFIGURATION), *map(str, folders)])
+    assert code == 0, "\n".join(errors)
+
+
+def test_pep257(folders: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
+    main = pytest.importorskip("ament_pep257.main", reason="needs ament_pep257").main
+    tests = [str(path) for folder in folders for path in folder.glob("**/test/conftest.py")]
+    words = ["--convention", "numpy", "--add-ignore", *NOT_CHECKED, "--exclude", *tests, "--", *map(str, folders)]
+    assert main(argv=words) == 0, capsys.readouterr().err
