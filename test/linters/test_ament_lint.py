@@ -8,8 +8,8 @@ import pytest
 
 CONFIGURATION = Path(__file__).resolve().with_name("flake8.ini")
 NOT_CHECKED = ("D100", "D105", "D107", "D401")
-"""Rules besides those that numpydoc leaves out: docstrings of setup.py and of special methods; the mood, which ruff checks
-and here would count for properties, too."""
+"""Rules besides those that numpydoc leaves out: docstrings of setup.py and of special methods; the mood, which ruff
+checks and here would count for properties, too."""
 
 
 @pytest.fixture
