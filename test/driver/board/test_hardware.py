@@ -16,7 +16,7 @@ import os
 import socket
 import uuid
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -82,11 +82,14 @@ class Bench:
             yield scan
 
 
-def free_port() -> int:
-    """Return an unused UDP port."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+@contextmanager
+def reserved_port() -> Iterator[int]:
+    """Yield a UDP port that the kernel gives to nobody else meanwhile; sockets that share ports can be bound to it."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as holder:
+        holder.bind(("", 0))  # not shared yet, so that it is nobody's
+        holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        holder.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+        yield int(holder.getsockname()[1])
 
 
 @pytest.fixture(params=[True, False], ids=["fd", "classic"])
@@ -129,7 +132,7 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path, fd: bool, monkeypatch:
                 kernel.add("can0")
                 channel = "can0"
             elif bus_kind == "udp_multicast":
-                channel, options = "239.74.163.2", ["hop_limit=0", f"port={free_port()}"]
+                channel, options = "239.74.163.2", ["hop_limit=0", f"port={stack.enter_context(reserved_port())}"]
             else:
                 interface, channel = "socketcan", REAL_BUS
             settings = bus_settings(interface, channel, with_fd(sensor, fd).can, options=options)
