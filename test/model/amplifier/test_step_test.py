@@ -3,11 +3,12 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from posfet_model.amplifier.circuit import AmplifierCircuit
 from posfet_model.amplifier.operating_point import CIRCUIT_B, TABLE_II
-from posfet_model.amplifier.step_test import slew_rates, step_test
+from posfet_model.amplifier.step_test import slew_rates, steepest_slope, step_test
 from posfet_model.amplifier.transient_follower import CircuitFollower
 from posfet_model.spice.circuits import CIRCUITS
 from support.sweep import assert_refused
@@ -63,6 +64,14 @@ def test_a_large_step_slews() -> None:
 )
 def test_the_slew_rates_are_those_of_ngspice(name: str, rise: float, fall: float) -> None:
     assert slew_rates(of_circuit(name)) == pytest.approx((rise * 1e6, fall * 1e6), rel=1e-3)
+
+
+def test_the_steepest_slope_is_that_of_the_ramp_between_round_corners() -> None:
+    time = np.linspace(0, 10, 501)
+    corners = np.interp(time, [0, 2, 3, 6, 7, 10], [0, 0, 0.2, 3.2, 3.4, 3.4])
+    assert steepest_slope(time, corners, 3.4) == pytest.approx(1)
+    assert steepest_slope(time, -2 * corners, -6.8) == pytest.approx(2)
+    assert math.isnan(steepest_slope(time, corners, 5.0))
 
 
 def test_an_unstable_follower_has_none() -> None:

@@ -142,6 +142,14 @@ def test_numbers_are_in_si_or_have_a_unit(tmp_path: Path) -> None:
             "measured.phase_margin_deg: must be a number in [-85, 179], got 180",
         ),
         (
+            "measured: {gain_db: 42, gbw_hz: 1 MHz, phase_margin_deg: 60, bandwidth_hz: 1 V}",
+            "measured.bandwidth_hz: must be a number, alone or with a unit of Hz, got '1 V'",
+        ),
+        (
+            "measured: {gain_db: 42, gbw_hz: 1 MHz, phase_margin_deg: 60, falling_slew_v_per_s: 1e6}",
+            "measured: slew_rate must be given where falling_slew_rate is",
+        ),
+        (
             "measured: {gain_db: 42, gbw_hz: 1 MHz, phase_margin_deg: 60, slew: 1}",
             "measured.slew: unknown key",
         ),

@@ -1,9 +1,12 @@
 """Designs adjusted to the figures that ngspice measured on another circuit: the follower is that circuit's."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from posfet_model.design.design_file import load_design
+from posfet_model import design_command
+from posfet_model.design.design_file import FOLDER, load_design
 from posfet_model.design.posfet_design import PosfetDesign
 from posfet_model.spice.circuits import CIRCUITS
 from posfet_model.spice.recorded_runs import time_scale
@@ -36,11 +39,78 @@ def test_the_adjusted_follower_is_the_measured_circuit_in_ngspice(nominal: str, 
         assert 100 * np.sqrt(np.mean(error**2)) / 0.05 <= 0.05
 
 
+def simulated(design: str, circuit: str, run: str, folder: Path) -> float:
+    """Return the rms error of `posfet design --simulate` against ngspice [% of full scale], of a text of a design."""
+    record = recorded(circuit)
+    time, v_in = stimuli(CIRCUITS[circuit], time_scale(record.loop))[run].resolved(80)
+    rows = np.stack([time, v_in], axis=-1)
+    (folder / "design.yaml").write_text(design, encoding="utf-8")
+    np.savetxt(folder / "in.csv", rows, fmt="%.17g", delimiter=",", header="t,vin", comments="")
+    words = [folder / "design.yaml", "--simulate", folder / "in.csv", "--out", folder / "out.csv"]
+    assert design_command.main([str(word) for word in words]) == 0
+    found = np.loadtxt(folder / "out.csv", delimiter=",", skiprows=1)
+    wanted = np.interp(found[:, 0], record.runs[run].time, record.runs[run].v_out)
+    error = (found[:, 2] - found[0, 2] - wanted + wanted[0]) / np.ptp(wanted)
+    square = 0.5 * (error[1:] ** 2 + error[:-1] ** 2) * np.diff(found[:, 0])
+    return 100 * float(np.sqrt(square.sum() / found[-1, 0]))
+
+
+def measured_text(circuit: str, *more: str) -> str:
+    """Return the key `measured` with what ngspice shows of a circuit."""
+    record = recorded(circuit)
+    seen = record.exact_loop
+    values = {
+        "gain_db": record.open_loop.gain_db,
+        "gbw_hz": seen.unity_crossing,
+        "phase_margin_deg": seen.phase_margin,
+        "bandwidth_hz": record.bandwidth,
+        "slew_v_per_s": record.slew_rates[0],
+        "falling_slew_v_per_s": record.slew_rates[1],
+    }
+    kept = ("gain_db", "gbw_hz", "phase_margin_deg", *more)
+    return f"measured: {{{', '.join(f'{key}: {values[key]}' for key in kept)}}}\n"
+
+
+@pytest.mark.parametrize(
+    ("nominal", "real", "run"),
+    [
+        ("two_stage", "two_stage_100pf", "down_1000_mv"),
+        ("two_stage", "two_stage_half_cc", "up_1000_mv"),
+        ("one_stage", "one_stage_100pf", "down_1000_mv"),
+        ("one_stage", "one_stage_36db", "up_1000_mv"),
+    ],
+)
+def test_a_file_of_sizes_and_three_figures_slews_as_ngspice_does(
+    nominal: str, real: str, run: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sizes = (FOLDER / f"{nominal}.yaml").read_text(encoding="utf-8")
+    assert simulated(sizes + measured_text(real), real, run, tmp_path) <= 0.05
+    assert "adjusted to the measured figures" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("nominal", "real", "more"),
+    [
+        ("two_stage", "two_stage_small_rz_30pf", ("bandwidth_hz",)),
+        ("one_stage", "one_stage_60db_1pf", ("slew_v_per_s", "falling_slew_v_per_s")),
+    ],
+)
+def test_more_figures_make_up_for_a_bias_that_is_not_known(
+    nominal: str, real: str, more: tuple[str, ...], tmp_path: Path
+) -> None:
+    sizes = (FOLDER / f"{nominal}.yaml").read_text(encoding="utf-8")
+    assert simulated(sizes + measured_text(real, *more), real, "down_1000_mv", tmp_path) <= 0.05
+
+
 def test_what_is_refused() -> None:
     good = {"gain": 400.0, "gain_bandwidth": 5e6, "phase_margin": 60.0}
     design = PosfetDesign()
     assert_refused(design.with_measured, {**good, "gain": 1e6}, "gain")
     assert_refused(design.with_measured, {**good, "gain_bandwidth": 0.0}, "gain_bandwidth")
     assert_refused(design.with_measured, {**good, "phase_margin": 180.0}, "phase_margin")
+    assert_refused(design.with_measured, {**good, "bandwidth": 0.0}, "bandwidth")
+    assert_refused(design.with_measured, {**good, "slew_rate": -1.0}, "slew_rate")
+    assert_refused(design.with_measured, {**good, "falling_slew_rate": 1e6}, "slew_rate")
+    assert_refused(PosfetDesign(stages=1).with_measured, {**good, "bandwidth": 5e6}, "bandwidth")
     with pytest.raises(ValueError, match=r"must be a single one, got arrays of shape \(2,\)"):
         PosfetDesign(supply=np.array([4.0, 5.0])).with_measured(**good)

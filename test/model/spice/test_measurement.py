@@ -15,7 +15,6 @@ from posfet_model.spice.measurement import (
     oscillates,
     overshoot,
     slew_rate,
-    steepest_slope,
 )
 from posfet_model.spice.netlist import subcircuit
 from support.spice_data import recorded
@@ -64,13 +63,6 @@ def test_overshoot_and_slope_of_either_direction() -> None:
     assert slew_rate(time, ramp, 2.0) == pytest.approx(1, rel=1e-9)
     assert slew_rate(time, -2 * ramp, -4.0) == pytest.approx(2, rel=1e-9)
     assert math.isnan(slew_rate(time, ramp, 4.0))
-
-
-def test_the_steepest_slope_is_that_of_the_ramp_between_round_corners() -> None:
-    time = np.linspace(0, 10, 5001)
-    corners = np.interp(time, [0, 2, 3, 6, 7, 10], [0, 0, 0.2, 3.2, 3.4, 3.4])
-    assert steepest_slope(time, corners, 0.0) == pytest.approx(1, rel=1e-2)
-    assert steepest_slope(time, -2 * corners, 0.0) == pytest.approx(2, rel=1e-2)
 
 
 def test_what_oscillates() -> None:

@@ -59,6 +59,22 @@ class TransferFunction:
         """Whether all poles are in the left half-plane."""
         return np.asarray((self.rates.real > 0).all(axis=-1))
 
+    @property
+    def bandwidth(self) -> Array:
+        """First frequency at which the gain has fallen by 3 dB from that at frequency 0 [Hz]; NaN where it never is."""
+        wanted = math.sqrt(0.5) * np.abs(self.gain)
+        coarse = _FREQUENCIES[::5]
+        grid = coarse.reshape(-1, *(1,) * wanted.ndim)
+        above = np.abs(self.at(np.broadcast_to(grid, (grid.size, *wanted.shape)))) > wanted
+        last = np.argmin(above, axis=0) - 1  # before the first below
+        at = np.maximum(last, 0)
+        low, high = coarse[at], coarse[np.minimum(at + 1, coarse.size - 1)]
+        for _ in range(_HALVINGS):
+            middle = np.sqrt(low * high)
+            loud = np.abs(self.at(middle)) > wanted
+            low, high = np.where(loud, middle, low), np.where(loud, high, middle)
+        return np.where(last >= 0, low, np.nan)
+
     def at(self, frequency: Array) -> NDArray[np.complex128]:
         """Return H(j*2*pi*f) at frequencies [Hz] that broadcast with the circuits' shape; unchecked."""
         s = 2j * math.pi * np.asarray(frequency)[..., None]

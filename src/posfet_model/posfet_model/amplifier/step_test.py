@@ -131,17 +131,33 @@ def slew_rates(
     up = low + (high - low) * np.minimum(time / edge, 1.0)
     coarse = replace(follower, tolerance=max(follower.tolerance, _SLEWING_TOLERANCE * (high - low)))
     out = coarse.run(time, np.stack([up, low + high - up], axis=-1)).v_out
-    swing = out[0, ::-1] - out[0]
-    rise, fall = (out - out[0]).T / swing[:, None] if np.isfinite(swing).all() else np.zeros((2, time.size))
-    return _steepest(time, rise) * abs(float(swing[0])), _steepest(time, fall) * abs(float(swing[1]))
+    if not np.isfinite(out).all():
+        return np.nan, np.nan
+    return steepest_slope(time, out[:, 0], float(out[0, 1])), steepest_slope(time, out[:, 1], float(out[0, 0]))
 
 
-def _steepest(time: Array, rise: Array) -> float:
-    """Return the steepest mean slope over a fifth of a step, between 20 and 80 % of it, as shares of it [1/s]."""
+def steepest_slope(time: Array, v_out: Array, final: float) -> float:
+    """Return the steepest mean slope over a fifth of a step, between 20 and 80 % of it; unchecked.
+
+    Parameters
+    ----------
+    time : ndarray
+        Instants [s], increasing.
+    v_out : ndarray
+        Output of a large step [V], at rest first.
+    final : float
+        Final value [V].
+
+    Returns
+    -------
+    float
+        Slope [V/s], positive for either direction; NaN where the step does not reach 80 %.
+    """
+    rise = (v_out - v_out[0]) / (final - v_out[0])
     if not rise.max() >= _SHARES[-1]:
         return np.nan
     instants = np.array([_first(time, rise, share) for share in _SHARES])
-    return float(_BAND / (instants[_PER_BAND:] - instants[:-_PER_BAND]).min())
+    return float(_BAND * abs(final - v_out[0]) / (instants[_PER_BAND:] - instants[:-_PER_BAND]).min())
 
 
 def _first(time: Array, rise: Array, share: float) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 
 from posfet_model._lib.types import Array, FloatArray, Mask
 from posfet_model.amplifier.circuit import AmplifierCircuit
-from posfet_model.amplifier.circuit_figures import CircuitFigures, TransferFunction, circuit_figures
+from posfet_model.amplifier.circuit_figures import CircuitFigures, circuit_figures
 from posfet_model.amplifier.input_range import input_range
 from posfet_model.amplifier.validity import Validity
 
@@ -23,9 +23,6 @@ BLOCK: Final = 250
 """Circuits that are computed at once, which bounds the memory."""
 
 _OF_EACH_TRANSISTOR: Final = ("beta", "gate_area", "threshold")
-_FREQUENCIES: Final = np.geomspace(1.0, 1e11, 56)
-_FREQUENCY_HALVINGS: Final = 32
-_HALF_POWER: Final = math.sqrt(0.5)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -163,7 +160,7 @@ def _block_figures(circuit: AmplifierCircuit, figures: CircuitFigures) -> Amplif
         overshoot=figures.overshoot,
         settling_time=np.where(found, figures.settling_time, math.nan),
         follower_gain=figures.closed_loop_gain,
-        bandwidth=_bandwidth(figures.closed_loop_response, figures.stable & found),
+        bandwidth=np.where(figures.stable & found, figures.closed_loop_response.bandwidth, math.nan),
         slew_rate=figures.slew_rate,
         falling_slew_rate=figures.falling_slew_rate,
         offset=figures.offset,
@@ -174,19 +171,3 @@ def _block_figures(circuit: AmplifierCircuit, figures: CircuitFigures) -> Amplif
         highest_saturated_input=inputs.highest_saturated,
         validity=figures.validity,
     )
-
-
-def _bandwidth(response: TransferFunction, stable: Mask) -> Array:
-    """Return the first frequency [Hz] at which the gain falls below its value at 0 by 3 dB."""
-    wanted = _HALF_POWER * np.abs(response.gain)
-    grid = _FREQUENCIES[:, None]
-    above = np.abs(response.at(np.broadcast_to(grid, (grid.size, wanted.size)))) > wanted
-    last = np.argmin(above, axis=0) - 1  # before the first below
-    crossed = stable & (last >= 0)
-    at = np.maximum(last, 0)
-    low, high = _FREQUENCIES[at], _FREQUENCIES[at + 1]
-    for _ in range(_FREQUENCY_HALVINGS):
-        middle = np.sqrt(low * high)
-        loud = np.abs(response.at(middle)) > wanted
-        low, high = np.where(loud, middle, low), np.where(loud, high, middle)
-    return np.where(crossed, low, math.nan)

@@ -28,6 +28,13 @@ _FIELDS: Final = plausible_fields(PosfetDesign)
 
 _MEASURED: Final = {"gain_db": Plausible("dB", 0.1, 180), "gbw_hz": Plausible("Hz", 1, 1e12)}
 
+_ALSO_MEASURED: Final = {
+    "bandwidth_hz": ("bandwidth", Plausible("Hz", 1, 1e12)),
+    "slew_v_per_s": ("slew_rate", Plausible("V/s", 1, 1e15)),
+    "falling_slew_v_per_s": ("falling_slew_rate", Plausible("V/s", 1, 1e15)),
+}
+"""Argument of `PosfetDesign.with_measured` and range of what may be given besides, by key."""
+
 
 @dataclass(frozen=True)
 class DesignFile:
@@ -92,7 +99,7 @@ def load_design(name: str) -> DesignFile:
     adjusted = {}
     if measured is not None:
         try:
-            changed = design.with_measured(*measured)
+            changed = design.with_measured(**measured)
         except ValueError as error:
             raise section.error("measured", str(error)) from None
         fields = ((key, float(getattr(changed, key))) for key in _FIELDS)
@@ -148,15 +155,23 @@ def fields_table() -> list[tuple[str, str, str, str, str]]:
     return rows
 
 
-def _measured(section: Section) -> tuple[float, float, float]:
-    """Return gain [V/V], unity crossing [Hz] and phase margin [degrees]."""
+def _measured(section: Section) -> dict[str, float]:
+    """Return the arguments of `PosfetDesign.with_measured`."""
     decibels, hertz = (
         read_number(section, key, plausible, section.value(key, f"a number in {plausible.unit}"))
         for key, plausible in _MEASURED.items()
     )
-    margin = section.number("phase_margin_deg", -85, 179)
+    found = {
+        "gain": 10 ** (decibels / 20),
+        "gain_bandwidth": hertz,
+        "phase_margin": section.number("phase_margin_deg", -85, 179),
+    }
+    for key, (name, plausible) in _ALSO_MEASURED.items():
+        value = section.value(key, f"a number in {plausible.unit}", default=None)
+        if value is not None:
+            found[name] = read_number(section, key, plausible, value)
     section.end()
-    return 10 ** (decibels / 20), hertz, margin
+    return found
 
 
 def _example(plausible: Plausible) -> str:

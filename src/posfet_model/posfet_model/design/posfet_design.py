@@ -231,11 +231,21 @@ class PosfetDesign(DesignFields):
             ),
         )
 
-    def with_measured(self, gain: float, gain_bandwidth: float, phase_margin: float) -> PosfetDesign:
-        """Return a single design whose op-amp has measured figures, sizes and bias being known.
+    def with_measured(
+        self,
+        gain: float,
+        gain_bandwidth: float,
+        phase_margin: float,
+        *,
+        bandwidth: float | None = None,
+        slew_rate: float | None = None,
+        falling_slew_rate: float | None = None,
+    ) -> PosfetDesign:
+        """Return a single design whose op-amp has measured figures; what was not measured stays as it is.
 
         With two stages `load_resistance` is adjusted to the gain, with one stage `channel_length_modulation`;
-        `compensation` and `load_capacitance` to unity crossing and phase margin (`calibrate_circuit`).
+        `compensation` and `load_capacitance` to unity crossing and phase margin, `zero_resistor` to the bandwidth,
+        `reference_current` and `sink_width` to the slew rates (`calibrate_circuit`).
 
         Parameters
         ----------
@@ -245,6 +255,12 @@ class PosfetDesign(DesignFields):
             Measured unity crossing [Hz], in [1, 1e12].
         phase_margin : float
             Measured phase margin [degrees], in [-85, 179].
+        bandwidth : float, optional
+            Measured -3 dB frequency of the follower [Hz], in [1, 1e12]; two stages only.
+        slew_rate : float, optional
+            Measured slew rate of a rise, as in the report [V/s], in [1, 1e15].
+        falling_slew_rate : float, optional
+            The same of a fall [V/s]; needs `slew_rate`.
 
         Returns
         -------
@@ -254,8 +270,8 @@ class PosfetDesign(DesignFields):
         Raises
         ------
         ValueError
-            The design has arrays (use `at`), an argument is not real, not finite or out of range, or no plausible load
-            and compensation give these figures.
+            The design has arrays (use `at`), an argument is not real, not finite or out of range, or no plausible values
+            of these fields give these figures.
 
         Examples
         --------
@@ -264,9 +280,20 @@ class PosfetDesign(DesignFields):
         60.00 degrees with 18.8 pF
         """
         self._require_single()
-        found = calibrate_circuit(self.op_amp, gain, gain_bandwidth, phase_margin)
+        found = calibrate_circuit(
+            self.op_amp,
+            gain,
+            gain_bandwidth,
+            phase_margin,
+            bandwidth=bandwidth,
+            slew_rate=slew_rate,
+            falling_slew_rate=falling_slew_rate,
+        )
         return dataclasses.replace(
             self,
+            reference_current=float(found.reference_current),
+            sink_width=float(self.sink_width * (found.beta[..., 7] / self.op_amp.beta[..., 7])),
+            zero_resistor=float(found.zero_resistor),
             load_resistance=float(found.load_resistance),
             channel_length_modulation=float(found.modulation),
             compensation=float(found.compensation),

@@ -173,9 +173,37 @@ def from_calibration(circuit: Circuit, record: Record) -> CircuitModel:
     return _of_circuit(calibrate_circuit(design, record.open_loop.gain, loop.unity_crossing, margin))
 
 
+def from_measured_figures(circuit: Circuit, record: Record) -> CircuitModel:
+    """Return the op-amp of the paper, adjusted to figures as ngspice shows them, and to nothing of the circuit itself.
+
+    Gain, unity crossing and phase margin of the op-amp, bandwidth of the follower and slew rates, as of a design file
+    that has nothing but ``stages`` and ``measured``. Where no such op-amp has them, the slew rates are left out, and
+    where that does not help either, it is the model `from_figures`. Unchecked.
+
+    Parameters
+    ----------
+    circuit : Circuit
+        The circuit, for its number of stages.
+    record : Record
+        What ngspice says about it.
+    """
+    start = AmplifierCircuit.from_design(CIRCUIT_B if circuit.stages == 2 else CIRCUIT_C, stages=circuit.stages)
+    seen, (rise, fall) = record.exact_loop, record.slew_rates
+    loop = record.open_loop.gain, seen.unity_crossing, max(seen.phase_margin, LEAST_MARGIN)
+    given = {"slew_rate": rise, "falling_slew_rate": fall} | ({"bandwidth": record.bandwidth} if circuit.stages == 2 else {})
+    for left_out in (set(), {"falling_slew_rate"}, {"falling_slew_rate", "slew_rate"}):
+        kept = {name: value for name, value in given.items() if name not in left_out and record.loop.stable}
+        try:
+            return _of_circuit(calibrate_circuit(start, *loop, **kept))
+        except ValueError:
+            continue
+    return from_figures(circuit, record)
+
+
 WAYS: Final[Mapping[str, Callable[[Circuit, Record], CircuitModel]]] = {
     "sizes": from_sizes,
     "given": from_figures,
+    "measured": from_measured_figures,
     "calibrated": from_calibration,
     "operating_point": from_operating_point,
 }

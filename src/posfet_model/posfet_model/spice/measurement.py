@@ -167,32 +167,6 @@ def slew_rate(time: NDArray[np.float64], v_out: NDArray[np.float64], final: floa
     return abs(0.6 * (final - float(v_out[0]))) / (instants[1] - instants[0])
 
 
-def steepest_slope(time: NDArray[np.float64], v_out: NDArray[np.float64], start: float) -> float:
-    """Return the steepest mean slope over a tenth of the swing: the slew rate, on a step that is large enough.
-
-    Parameters
-    ----------
-    time : ndarray
-        Instants [s], increasing.
-    v_out : ndarray
-        Output of a large step [V].
-    start : float
-        End of the input's edge, before which capacitances pass it on [s].
-
-    Returns
-    -------
-    float
-        Slope [V/s], positive for either direction.
-    """
-    even = np.linspace(start, time[-1], 5001)
-    volts = np.interp(even, time, v_out)
-    tenth = 0.1 * float(np.ptp(volts))
-    rising = np.maximum.accumulate(volts if volts[-1] > volts[0] else -volts)
-    ends = np.searchsorted(rising, rising + tenth)
-    reached = ends < even.size
-    return float(np.max(tenth / (even[ends[reached]] - even[reached])))
-
-
 def oscillates(v_out: NDArray[np.float64]) -> bool:
     """Return whether a step's output, evenly sampled, still swings at the end and no less than before.
 

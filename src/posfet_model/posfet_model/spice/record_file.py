@@ -54,8 +54,10 @@ class Record:
     """[V/V]."""
     follower_gain: float
     """Gain of the follower at low frequency [V/V]."""
+    bandwidth: float
+    """Frequency at which the gain of the follower has fallen by 3 dB [Hz]; NaN where unstable."""
     slew_rates: tuple[float, float]
-    """Steepest rise and fall, on a step of `SLEWING_STEP` that no model is compared on [V/s]; NaN where unstable."""
+    """Rise and fall as of `step_test.slew_rates`, on a step that no model is compared on [V/s]; NaN where unstable."""
     runs: Mapping[str, RecordedRun]
     """By name of the stimulus."""
     unstable: tuple[str, ...] = ()
@@ -81,6 +83,7 @@ def save(path: Path, recorded: Record) -> None:
         name: getattr(recorded, name) for name in ("circuit", "simulator", "deck_hash", "follower_gain", "unstable")
     }
     about |= {name: asdict(getattr(recorded, name)) for name in ("loop", "exact_loop", "open_loop", "bias_point")}
+    about["bandwidth"] = None if math.isnan(recorded.bandwidth) else recorded.bandwidth
     about["slew_rates"] = [None if math.isnan(rate) else rate for rate in recorded.slew_rates]
     about["runs"] = {
         name: {
@@ -140,6 +143,7 @@ def load(path: Path) -> Record:
             frequency=frequency,
             loop_gain=loop_gain,
             follower_gain=about["follower_gain"],
+            bandwidth=math.nan if about["bandwidth"] is None else about["bandwidth"],
             unstable=tuple(about["unstable"]),
             slew_rates=tuple(math.nan if rate is None else rate for rate in about["slew_rates"]),  # type: ignore[arg-type]
             runs={

@@ -19,9 +19,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model.amplifier.step_test import SLEWING_STEP, steepest_slope
 from posfet_model.spice import ngspice
 from posfet_model.spice.circuits import CIRCUITS, Circuit
-from posfet_model.spice.measurement import LoopMeasurement, measure_bias_point, measure_loop, steepest_slope
+from posfet_model.spice.measurement import LoopMeasurement, measure_bias_point, measure_loop
 from posfet_model.spice.netlist import subcircuit
 from posfet_model.spice.record_file import Record, RecordedRun, save
 from posfet_model.spice.reference_runs import version
@@ -32,9 +33,6 @@ THINNING: Final = 1e-4
 
 BEYOND_UNITY: Final = 10.0
 """End of the AC analysis, in unity crossings."""
-
-SLEWING_STEP: Final = (-0.5, 1.0)
-"""Step on which the slew rates are measured [V]."""
 
 _HIGHEST_FREQUENCY: Final = 1e10
 _PER_DECADE: Final = 10
@@ -86,6 +84,7 @@ def record(circuit: Circuit, names: Sequence[str] | None = None) -> Record:
     kept = list(inputs) if names is None else list(names)
     unstable = _unstable(text, {name: inputs[name] for name in kept})
     response = ngspice.run_loop_gain(text, highest=BEYOND_UNITY * loop.unity_crossing, per_decade=_PER_DECADE)
+    follower = ngspice.closed_loop(ngspice.run_follower_ac(text, highest=_HIGHEST_FREQUENCY, per_decade=100))
     return Record(
         circuit=circuit.name,
         simulator=version(),
@@ -96,7 +95,8 @@ def record(circuit: Circuit, names: Sequence[str] | None = None) -> Record:
         bias_point=measure_bias_point(circuit),
         frequency=response.frequency,
         loop_gain=response.transfer,
-        follower_gain=float(np.abs(ngspice.run_follower_ac(text, highest=10.0, per_decade=1).transfer[0])),
+        follower_gain=follower.gain,
+        bandwidth=follower.bandwidth if loop.stable else math.nan,
         slew_rates=_slew_rates(circuit, loop) if loop.stable else (math.nan, math.nan),
         runs={name: _run(text, inputs[name]) for name in kept if name not in unstable},
         unstable=unstable,
@@ -124,7 +124,7 @@ def _slew_rates(circuit: Circuit, loop: LoopMeasurement) -> tuple[float, float]:
     for ends in ((low, high), (high, low)):
         what = step(*ends, loop.unity_crossing, slewing)
         run = ngspice.run_follower(subcircuit(circuit), what.source, what.stop, what.largest_step)
-        slopes.append(steepest_slope(run.time, run.v_out, float(what.time[2])))
+        slopes.append(steepest_slope(run.time, run.v_out, float(run.v_out[-1])))
     return slopes[0], slopes[1]
 
 
