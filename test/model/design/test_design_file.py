@@ -143,7 +143,7 @@ def test_numbers_are_in_si_or_have_a_unit(tmp_path: Path) -> None:
         ),
         (
             "measured: {gain_db: 42, gbw_hz: 1 MHz, phase_margin_deg: 60, bandwidth_hz: 1 V}",
-            "measured.bandwidth_hz: must be a number, alone or with a unit of Hz, got '1 V'",
+            "measured.bandwidth_hz: must be a number, alone or with a unit of Hz, kHz, MHz, GHz, mHz, got '1 V'",
         ),
         (
             "measured: {gain_db: 42, gbw_hz: 1 MHz, phase_margin_deg: 60, falling_slew_v_per_s: 1e6}",

@@ -199,11 +199,20 @@ def test_the_circuit_from_sizes_runs_as_ngspice_does(name: str, run: str) -> Non
     assert found.rms_pct <= 0.02
 
 
+@pytest.mark.parametrize("name", ["one_stage_60db_1pf", "two_stage_small_rz_30pf"])
+def test_measured_figures_and_the_papers_sizes_run_as_ngspice_does(name: str) -> None:
+    """Bias and Rz of these circuits are not the paper's; the figures give them."""
+    (found,) = compare(CIRCUITS[name], brief(name, "down_1000_mv"), "measured").runs
+    assert found.rms_pct <= 0.1
+    assert found.target_pct == 0.5
+
+
 def test_no_run_of_an_unstable_circuit_is_valid() -> None:
     for name in ("two_stage_thin_film_unstable", "two_stage_no_zero_resistor"):
         record = replace(recorded(name), runs={})
         assert record.unstable
-        assert [compare(CIRCUITS[name], record, way).wrongly_valid for way in WAYS] == [()] * len(WAYS)
+        for way in set(WAYS) - {"measured"}:  # which takes seconds to find the op-amp
+            assert compare(CIRCUITS[name], record, way).wrongly_valid == ()
 
 
 def test_transistors_extracted_from_an_operating_point_are_those_of_the_sizes() -> None:

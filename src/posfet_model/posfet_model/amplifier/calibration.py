@@ -143,11 +143,11 @@ def _slewing_from(measured: _Measured, circuit: AmplifierCircuit, current: float
     wanted = np.array(measured.slews)
     scales = np.r_[current, 0.0][: wanted.size]
 
-    resistor = circuit.zero_resistor
+    resistor: Array | None = None
 
     def missing(at: Array) -> tuple[Array, AmplifierCircuit]:
         nonlocal resistor
-        found = _small_signals(measured, replace(_with_currents(circuit, at), zero_resistor=resistor))
+        found = _small_signals(measured, _with_currents(circuit, at), near=resistor)
         resistor = found.zero_resistor
         with np.errstate(divide="ignore", invalid="ignore"):
             return wanted - np.log(slew_rates(CircuitFollower(circuit=found)))[: wanted.size], found
@@ -185,11 +185,13 @@ def _with_currents(circuit: AmplifierCircuit, scales: Array) -> AmplifierCircuit
     )
 
 
-def _small_signals(measured: _Measured, circuit: AmplifierCircuit) -> AmplifierCircuit:
-    """Return the circuit of the measured loop, with the resistor that gives the measured bandwidth."""
+def _small_signals(measured: _Measured, circuit: AmplifierCircuit, near: Array | None = None) -> AmplifierCircuit:
+    """Return the circuit of the measured loop, with a resistor of the measured bandwidth, near a known one if any."""
     wanted = measured.bandwidth
     if wanted is None:
         return _newton(circuit, measured.loop)
+    if near is not None:
+        circuit = replace(circuit, zero_resistor=near)
     best, miss = None, math.inf
     # The bandwidth has an extremum over the resistor: the root next to the design's own resistor is preferred.
     for ratio in (None, *_RESISTORS):
@@ -197,12 +199,12 @@ def _small_signals(measured: _Measured, circuit: AmplifierCircuit) -> AmplifierC
         found, missing = _with_bandwidth(measured.loop, wanted, start)
         if missing < miss:
             best, miss = found, missing
-        if miss <= _BANDWIDTH_TOLERANCE:
+        if miss <= (_BANDWIDTH_TOLERANCE if near is None else _BANDWIDTH_REACHED):
             break
     if best is None or miss > _BANDWIDTH_REACHED:
         raise ValueError(
-            "bandwidth must be reachable by the zero resistor of this circuit, with gain, gain_bandwidth and phase_margin "
-            f"as given, got {math.exp(wanted):g} Hz"
+            "bandwidth must be reachable by the zero resistor of this circuit, with the other figures as given, "
+            f"got {math.exp(wanted):g} Hz"
         )
     return best
 
@@ -210,7 +212,7 @@ def _small_signals(measured: _Measured, circuit: AmplifierCircuit) -> AmplifierC
 def _with_bandwidth(
     loop: tuple[float, float, float], wanted: float, circuit: AmplifierCircuit
 ) -> tuple[AmplifierCircuit | None, float]:
-    """Return the circuit of a loop whose bandwidth is nearest to a wanted one near its resistor, and what is missing."""
+    """Return the circuit of a loop whose bandwidth is nearest to a wanted one near its resistor, and what it misses."""
     best, miss, step = None, math.inf, _RESISTOR_DIFFERENCE * _unit(circuit)
     resistor, last = float(circuit.zero_resistor), None
     for _ in range(_RESISTOR_ITERATIONS):

@@ -270,8 +270,8 @@ class PosfetDesign(DesignFields):
         Raises
         ------
         ValueError
-            The design has arrays (use `at`), an argument is not real, not finite or out of range, or no plausible values
-            of these fields give these figures.
+            The design has arrays (use `at`), an argument is not real, not finite or out of range, or no plausible
+            values of these fields give these figures.
 
         Examples
         --------

@@ -25,7 +25,7 @@ from posfet_model.spice.stimuli import Stimulus, stimuli
 SMALL_STEP: Final = 0.05
 """Largest step [V] that counts as small."""
 
-STEP_TARGETS: Final = {"given": (0.5, 0.5), "calibrated": (0.5, 0.5)}
+STEP_TARGETS: Final = {"given": (0.5, 0.5), "measured": (0.5, 0.5), "calibrated": (0.5, 0.5)}
 """Largest rms error of small and of other steps by the way to obtain the model [% of full scale]."""
 
 OTHER_STEP_TARGETS: Final = (1.0, 1.5)

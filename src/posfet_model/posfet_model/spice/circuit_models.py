@@ -190,11 +190,13 @@ def from_measured_figures(circuit: Circuit, record: Record) -> CircuitModel:
     start = AmplifierCircuit.from_design(CIRCUIT_B if circuit.stages == 2 else CIRCUIT_C, stages=circuit.stages)
     seen, (rise, fall) = record.exact_loop, record.slew_rates
     loop = record.open_loop.gain, seen.unity_crossing, max(seen.phase_margin, LEAST_MARGIN)
-    given = {"slew_rate": rise, "falling_slew_rate": fall} | ({"bandwidth": record.bandwidth} if circuit.stages == 2 else {})
-    for left_out in (set(), {"falling_slew_rate"}, {"falling_slew_rate", "slew_rate"}):
-        kept = {name: value for name, value in given.items() if name not in left_out and record.loop.stable}
+    bandwidth = record.bandwidth if circuit.stages == 2 and seen.stable else None
+    for slews in ((rise, fall), (rise, None), (None, None)):
+        up, down = slews if seen.stable else (None, None)
         try:
-            return _of_circuit(calibrate_circuit(start, *loop, **kept))
+            return _of_circuit(
+                calibrate_circuit(start, *loop, bandwidth=bandwidth, slew_rate=up, falling_slew_rate=down)
+            )
         except ValueError:
             continue
     return from_figures(circuit, record)
