@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from posfet_model import design_command
+from posfet_model.amplifier.step_test import slew_rates
 from posfet_model.design.design_file import FOLDER, load_design
 from posfet_model.design.posfet_design import PosfetDesign
 from posfet_model.spice.circuits import CIRCUITS
@@ -100,6 +101,19 @@ def test_more_figures_make_up_for_a_bias_that_is_not_known(
 ) -> None:
     sizes = (FOLDER / f"{nominal}.yaml").read_text(encoding="utf-8")
     assert simulated(sizes + measured_text(real, *more), real, "down_1000_mv", tmp_path) <= 0.05
+
+
+def test_a_slew_rate_may_have_its_usual_unit(tmp_path: Path) -> None:
+    path = tmp_path / "design.yaml"
+    path.write_text(
+        (FOLDER / "one_stage.yaml").read_text(encoding="utf-8")
+        + "measured: {gain_db: 42.3, gbw_hz: 1.544 MHz, phase_margin_deg: 75.8, slew_v_per_s: 3 V/us}\n",
+        encoding="utf-8",
+    )
+    loaded = load_design(str(path))
+    rise, _ = slew_rates(loaded.design.follower())
+    assert rise == pytest.approx(3e6, rel=2e-3)
+    assert loaded.adjusted["reference_current"] < 100e-6
 
 
 def test_what_is_refused() -> None:

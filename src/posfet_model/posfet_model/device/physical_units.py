@@ -39,6 +39,7 @@ UNITS: Final[dict[str, dict[str, float]]] = {
     "W": {"mW": 1e-3, "uW": 1e-6},
     "dB": {},
     "V/N": {"mV/N": 1e-3},
+    "V/s": {"V/us": 1e6, "V/ms": 1e3},
     "1": {"%": 1e-2},
 }
 """Units of each SI unit that are understood, the likeliest first, with their size in SI."""
