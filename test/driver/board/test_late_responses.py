@@ -33,6 +33,8 @@ class SlowLink:
         self.delay = 0
         self.change: dict[int, int | None] = {}
         """Value of the response by command; None: the response is lost."""
+        self.hands_back = False
+        """Whether the driver receives its own commands."""
         self.commands: list[Request] = []
         self._queue: deque[tuple[int, Frame]] = deque()
 
@@ -51,6 +53,8 @@ class SlowLink:
         request = Request.unpack(frame[2])
         assert request is not None
         self.commands.append(request)
+        if self.hands_back:
+            self._queue.append((now + self.delay, frame))
         for sent in self.board.receive(frame, now):
             response = Response.unpack(sent[2]) if sent[0] == BASE + RESPONSE_OFFSET else None
             if response and response.command in self.change:
@@ -201,3 +205,13 @@ def test_an_adapter_that_is_slow_but_alive_is_not_reopened_for_ever(fd: bool, de
     assert opened <= 3
     bench.run(10.0)
     assert (bench.board.bus.opened, bench.board.report().health) == (opened, Health.OK)
+
+
+@BOTH
+def test_own_commands_that_the_bus_hands_back_are_no_other_hosts(fd: bool) -> None:
+    """As udp_multicast does: the first scans wait for no header that confirms a period which nobody disputes."""
+    plain, echoing = Bench(fd), Bench(fd)
+    echoing.link.hands_back = True
+    assert echoing.run(1.0) == plain.run(1.0) > 900
+    assert echoing.board.decoder.traffic.commands == 0
+    assert echoing.board.decoder.frames_lost == 0

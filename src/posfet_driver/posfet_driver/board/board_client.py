@@ -75,7 +75,7 @@ class Board:
         self.bus = self._connection.bus
         self._transit_time = scan_transit_time(sensor.can, self.decoder.blocks)
         self._commands = CommandQueue()
-        self._sender = CommandSender(self._connection, sensor.can.base_id)
+        self._sender = CommandSender(self._connection, self.decoder, sensor.can.base_id)
         self._starter = BoardStarter(sensor, self._connection, self.decoder, self._sender, self._clock)
         self._power = PowerWatch()
         self._scan_period = self.decoder.scan_period  # in force [us]

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 from posfet_driver.board.board_connection import BoardConnection
 from posfet_driver.bus.frame import CLASSIC
+from posfet_driver.protocol.decoder import COMMANDS_KEPT, Decoder
 from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Request, Response
-
-TAGS_KEPT: Final = 16
-"""Number of the newest commands whose responses are accepted: a link may delay a response by some repetitions."""
 
 
 class CommandSender:
@@ -19,12 +15,15 @@ class CommandSender:
     ----------
     connection : BoardConnection
         Connection to the board.
+    decoder : Decoder
+        Decodes the frames of the board; passes over own commands.
     base_id : int
         Base identifier of the board.
     """
 
-    def __init__(self, connection: BoardConnection, base_id: int) -> None:
+    def __init__(self, connection: BoardConnection, decoder: Decoder, base_id: int) -> None:
         self._connection = connection
+        self._decoder = decoder
         self._identifier = base_id + COMMAND_OFFSET
         self._tag = 0
         self._sent: dict[int, Command] = {}  # in the order of sending
@@ -46,9 +45,11 @@ class CommandSender:
         """
         self._tag = (self._tag + 1) & 0xFF
         self._sent[self._tag] = command
-        if len(self._sent) > TAGS_KEPT:
+        if len(self._sent) > COMMANDS_KEPT:
             del self._sent[next(iter(self._sent))]
-        self._connection.write((self._identifier, CLASSIC, Request(command, self._tag, argument).pack()))
+        data = Request(command, self._tag, argument).pack()
+        self._decoder.sent(data)
+        self._connection.write((self._identifier, CLASSIC, data))
         return self._tag
 
     def is_own(self, response: Response) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final, TypeAlias
@@ -32,6 +33,8 @@ from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 
+COMMANDS_KEPT: Final = 16
+"""Number of the newest own commands that are remembered: a link may delay their responses by some repetitions."""
 _TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)  # a flag is ten times as slow as a number
 _BOARD_RESET: Final = int(ScanStatus.BOARD_RESET)
 _NO_BLOCK: Final = EXTENDED | ERROR
@@ -145,6 +148,7 @@ class Decoder:
         self._arrival = 0
         self._wall_offset = WallOffset()
         self._status_data = b""
+        self._own_commands: deque[bytes] = deque(maxlen=COMMANDS_KEPT)
         self._first_block = FD_BLOCK_OFFSET if self._fd else CLASSIC_BLOCK_OFFSET
         self._last_block = codec.offset(codec.blocks - 1)
         self._fd_scans = FdScans(self.assembler, self._sync)
@@ -188,6 +192,16 @@ class Decoder:
     def set_period(self, period: int) -> None:
         """Set the scan period that the board keeps [us]."""
         self._scans.announce(float(period))
+
+    def sent(self, command: bytes) -> None:
+        """Note a command that this driver sends: of the newest ones, the same frame is no other host's.
+
+        Parameters
+        ----------
+        command : bytes
+            Data of the frame.
+        """
+        self._own_commands.append(command)
 
     def start(self) -> None:
         """Receive scans from now on, whatever their sequence: the board was started."""
@@ -315,6 +329,8 @@ class Decoder:
             pass  # error frames are counted by the bus
         elif kind & EXTENDED or not (is_message(offset) or offset == COMMAND_OFFSET):
             traffic.unrelated += 1
+        elif offset == COMMAND_OFFSET and kind == CLASSIC and data in self._own_commands:
+            pass  # some buses hand back what was written
         elif offset == COMMAND_OFFSET:
             traffic.commands += 1
             if kind == CLASSIC and data[:1] == _SET_RATE:
