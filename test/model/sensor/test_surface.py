@@ -95,11 +95,14 @@ def test_contacts_on_a_bent_chip_have_the_true_normals(tmp_path: Path, axis: str
 def test_unknown_values_stay_unknown_and_transforms_stay_valid() -> None:
     region = Region(1, np.arange(1), (0.0, 1e-3), (0.0, 0.0), 2.0, 0.01, 1e-6, 1.0, (1e-3, 0.0), (0.0, 1e-3))
     contact = Contact(1, ContactState.HELD, region, (0.0, 0.0), 1.0)
-    for surface, known in ((Surface(math.inf, True), 1), (Surface(5e-3, True), 0)):
+    uncertain = contact._replace(region=region._replace(force_variance=math.nan))
+    for surface in (Surface(math.inf, True), Surface(5e-3, True)):
         head, tail = placement_on(surface)(contact)
+        normal = np.array(surface.normal(0.0, 1e-3))
         assert np.isfinite(head[:12]).all()
-        assert np.count_nonzero(np.isfinite(head[12:])) == known
+        np.testing.assert_allclose(head[12:], 0.01 * np.outer(normal, normal).ravel(), rtol=1e-12, atol=0)
         assert np.isfinite(tail).all()
+        assert not any(placement_on(surface)(uncertain)[0][12:]), "unknown as in sensor_msgs"
     fresh = contact._replace(velocity=(math.nan, math.nan))
     for surface in (Surface(math.inf, True), Surface(5e-3, False)):
         assert np.isnan(placement_on(surface)(fresh)[1][6:]).all()
