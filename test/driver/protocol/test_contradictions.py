@@ -149,6 +149,18 @@ def test_scans_that_waited_since_a_reset_are_stamped_by_the_least_delayed_header
     assert not heard.unbounded
 
 
+def test_a_header_that_was_sampled_late_delays_no_stamp_of_the_scans_that_wait_for_the_next() -> None:
+    """They wait as the blocks of its own scan were lost."""
+    heard = Listener(fd=False)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(40))
+    heard.decoder.set_period(1500)
+    heard.receive(49, Tick(48, 49).frames(False)[:1])
+    heard.one_by_one(Tick(sequence, 48 + 1.5 * (sequence - 48)) for sequence in range(49, 80))
+    assert [scan.sequence for scan in heard.scans] == [*range(40), *range(49, 80)]
+    assert max(abs(scan.error) for scan in heard.scans) < 0.01
+    assert not heard.unbounded
+
+
 def test_a_block_that_a_stalled_adapter_holds_back_belongs_to_its_scan() -> None:
     heard = Listener(fd=False)
     heard.one_by_one(Tick(sequence, sequence) for sequence in range(40))

@@ -258,11 +258,16 @@ class ClassicScans:
         return released
 
     def _timed(self, held: Held) -> Held:
-        """Return a scan that was held with its time by the ticks up to the newest header."""
+        """Return a scan that was held with its time by the ticks up to the newest header.
+
+        That may show that the headers before were sampled late, and so the times that were counted from them too high.
+        """
         scan = held.scan
-        if held.timed or scan.sequence == self._header:
+        if scan.sequence == self._header or (held.timed and not self._ticks.continued):
             return held
         time = self._ticks.time(scan.sequence)
+        if held.timed and time >= held.device_time:
+            return held
         scan.device_time = time if scan.device_time else 0
         return Held(scan, time, True)
 

@@ -53,6 +53,11 @@ class TickLine:
         """Whether the period is: the times of the ticks since the newest header are."""
         return self._unconfirmed == 0
 
+    @property
+    def continued(self) -> bool:
+        """Whether the newest header is on one line with the one before."""
+        return len(self._headers) > 1
+
     def question(self) -> None:
         """Note that the period may be another one from one of the ticks to come on."""
         self._unconfirmed = CONFIRMING
