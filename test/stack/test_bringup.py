@@ -27,7 +27,7 @@ from support.expectations import TIMEOUT, Listener, expect_info, expect_stack
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
 TOUCHED = 1000
-"""Number of scans with a contact after which the summary includes it several times."""
+"""Number of valid scans with a contact after which the summary includes it several times."""
 VARIANTS = {
     "composed, simulated board": ["source:=sim"],
     "composed, emulated adapter, CAN FD": ["source:=emulator"],
@@ -51,7 +51,7 @@ def run_until_touched(*arguments: str) -> str:
     """Run `posfet bringup` until a touch has been reported and included in the summary; return its output."""
     with running(*arguments) as process, Listener() as listener:
         contacts: list[TactileContacts] = listener.collect(TactileContacts, "contacts")
-        listener.wait(lambda: sum(bool(found.contacts) for found in contacts) > TOUCHED, "a touch")
+        listener.wait(lambda: sum(found.data_valid and bool(found.contacts) for found in contacts) > TOUCHED, "a touch")
         return finish(process)
 
 
