@@ -373,12 +373,6 @@ def test_a_terminal_that_is_not_read_loses_whole_scans_beyond_half_a_second(sens
                 list(decoder.decode(bus.read_frames(0.1), 0, 0))
             assert decoder.statistics.incomplete_scans == 0
             assert waiting < 6 * 1.2 * sensor.can.scan_rate
-            flags = 0
-            while not flags & 1:  # a response may wait behind half a second of scans, and errors may come together
-                assert SystemClock().monotonic() < end
-                bus.ask_state()
-                for frame in bus.read_frames(0.1):
-                    flags |= frame[2][1] if frame[1] & ERROR else 0
     finally:
         adapter.close()
 

@@ -185,7 +185,7 @@ class EmulatedAdapter:
         elif line == b"F":
             flags = self.flags if self._readable else self.flags | FLAG_BUS_ERROR | FLAG_WARNING
             self._reply(b"F%02X\r" % (flags | FLAG_OVERFLOW * self._overflowed))
-            self._overflowed = False
+            self._overflowed &= not self._read  # a reply for which there is no room states nothing
         elif line in _ANSWERS:
             self._reply(_ANSWERS[line])
         else:
