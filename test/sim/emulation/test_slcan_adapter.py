@@ -17,7 +17,7 @@ from posfet_driver.board.board_client import Board
 from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.board.scan_source import SourceError
-from posfet_driver.bus.frame import CLASSIC, ERROR, Frame
+from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.message_conversion import frame_of, message_of
 from posfet_driver.bus.open_bus import bus_settings, open_bus
 from posfet_driver.bus.reconnecting_bus import ReconnectingBus
