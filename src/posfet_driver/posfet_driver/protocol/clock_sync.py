@@ -230,9 +230,9 @@ class WallOffset:
     def __init__(self) -> None:
         self.value = 0
         """The offset to be used [ns]."""
-        self.last = 1 << 63  # more than any
+        self._last = 1 << 63  # more than any
 
     def read(self, offset: int) -> None:
         """Take a reading [ns]."""
-        self.value = offset if offset < self.last else self.last
-        self.last = offset
+        self.value = offset if offset < self._last else self._last
+        self._last = offset
