@@ -17,7 +17,7 @@ from posfet_driver.board.board_client import Board
 from posfet_driver.board.command_queue import CommandError
 from posfet_driver.board.faults import FaultKind, Health
 from posfet_driver.board.scan_source import SourceError
-from posfet_driver.bus.frame import CLASSIC, Frame
+from posfet_driver.bus.frame import CLASSIC, ERROR, Frame
 from posfet_driver.bus.message_conversion import frame_of, message_of
 from posfet_driver.bus.open_bus import bus_settings, open_bus
 from posfet_driver.bus.reconnecting_bus import ReconnectingBus
@@ -373,6 +373,11 @@ def test_a_terminal_that_is_not_read_loses_whole_scans_beyond_half_a_second(sens
                 list(decoder.decode(bus.read_frames(0.1), 0, 0))
             assert decoder.statistics.incomplete_scans == 0
             assert waiting < 6 * 1.2 * sensor.can.scan_rate
+            flags = 0
+            while not flags & 1:  # a reply for which there is no room is lost
+                assert SystemClock().monotonic() < end
+                bus.ask_state()
+                flags = next((frame[2][1] for frame in bus.read_frames(0.1) if frame[1] & ERROR), 0)
     finally:
         adapter.close()
 

@@ -60,7 +60,7 @@ class LineReader:
         self.refusals = 0
         """Number of lines that the adapter rejected."""
         self.flags: int | None = None
-        """Newest reply to the command F, bits of FLAG_*; the reader sets it back to None."""
+        """Replies to the command F together, bits of FLAG_*; the reader sets it back to None."""
         self._rest = b""
         self._headers: dict[bytes, tuple[int, int, int]] = {}
 
@@ -124,7 +124,7 @@ class LineReader:
 
     def _parse_flags(self, line: bytes) -> None:
         try:
-            self.flags = unhexlify(line[1:])[0]
+            self.flags = (self.flags or 0) | unhexlify(line[1:])[0]
         except HexError:
             self.malformed += 1
 
