@@ -1,8 +1,16 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
 """The linters of ROS, configured for what ruff formats and sorts; `make check` runs stricter ones."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from shutil import which
 
 import pytest
 
@@ -30,3 +38,15 @@ def test_pep257(folders: list[Path], capsys: pytest.CaptureFixture[str]) -> None
     tests = [str(path) for folder in folders for path in folder.glob("**/test/conftest.py")]
     words = ["--convention", "numpy", "--add-ignore", *NOT_CHECKED, "--exclude", *tests, "--", *map(str, folders)]
     assert main(argv=words) == 0, capsys.readouterr().err
+
+
+def test_copyright(folders: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
+    main = pytest.importorskip("ament_copyright.main", reason="needs ament_copyright").main
+    assert main(argv=[*map(str, folders)]) == 0, capsys.readouterr().err
+
+
+def test_xmllint(folders: list[Path], capsys: pytest.CaptureFixture[str]) -> None:
+    main = pytest.importorskip("ament_xmllint.main", reason="needs ament_xmllint").main
+    if which("xmllint") is None:
+        pytest.skip("needs xmllint (apt install libxml2-utils)")
+    assert main(argv=[*map(str, folders)]) == 0, capsys.readouterr().out

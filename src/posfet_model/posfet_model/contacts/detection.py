@@ -1,3 +1,10 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
 """Contact detection: regions of the force map above a threshold, with centre of pressure, force and shape.
 
 A taxel enters a contact at the enter threshold and stays in it until its force falls below the release threshold
@@ -333,7 +340,7 @@ class ContactFinder:
     def _is_unresolvable(self, known: Sequence[Region], patch: _Patch) -> bool:
         """Return whether contacts that were separate regions may have a saddle, though none is observable."""
         interpolated, taxels = patch.taxels.interpolated, patch.footprint.region.taxels
-        weakest = min([contact.peak_pressure for contact in known]) * self._taxel_area
+        weakest = min(contact.peak_pressure for contact in known) * self._taxel_area
         return weakest < self._separator.resolvable_force or (
             interpolated is not None and bool(interpolated[taxels].any())
         )

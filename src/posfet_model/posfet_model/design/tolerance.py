@@ -1,3 +1,10 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
 """Tolerance analysis of a design: Monte Carlo over spreads of its fields and mismatch of its transistors, in arrays.
 
 A field with a spread is log-normal, with the nominal value as its median, so that it never changes its sign. Mismatch

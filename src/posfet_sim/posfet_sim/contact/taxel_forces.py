@@ -1,3 +1,10 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
 """Forces on the taxels from a contact pressure: spread by the elastomer skin, and integrated over the cells.
 
 **Force on a taxel.** The area of a taxel (1 mm2 on the shipped chip) is smaller than its cell (pitch times pitch,
@@ -179,8 +186,8 @@ class Cells:
             Forces on the taxels within reach (the footprints and 6.5 standard deviations) of one of the samples; None
             when there are none.
         """
-        half_length = np.array([max([part.half_length for part in parts]) for parts in footprints])
-        half_width = np.array([max([part.half_width for part in parts]) for parts in footprints])
+        half_length = np.array([max(part.half_length for part in parts) for parts in footprints])
+        half_width = np.array([max(part.half_width for part in parts) for parts in footprints])
         smallest = max(self.spread, _MIN_SPREAD_PER_PITCH * min(self._pitch))
         spread = np.maximum(MIN_RELATIVE_SPREAD * np.maximum(half_length, half_width), smallest)
         cos, sin = np.cos(angle), np.sin(angle)
@@ -244,7 +251,7 @@ def _batches(
     for (width, orientation, *_), samples in groups.items():
         parts = footprints[samples[0]]
         rotated = orientation == _Orientation.ROTATED
-        points = max([part.u.size * part.v_weight.size if rotated else part.v.size for part in parts])
+        points = max(part.u.size * part.v_weight.size if rotated else part.v.size for part in parts)
         count = max(_BATCH_SIZE // (points * cells), 1)
         for begin in range(0, len(samples), count):
             yield width, orientation, samples[begin : begin + count]
