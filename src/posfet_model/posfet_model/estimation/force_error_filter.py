@@ -103,13 +103,15 @@ NEGLIGIBLE: Final = 1e-14
 """Added to the correlation of each shared state with itself [1]: correlations are positive within rounding, then."""
 
 
-def _correlation(covariance: Array) -> tuple[Array, Array, Array]:
-    """Return deviations, scales (1 for a state that is known exactly), and a positive definite correlation matrix."""
-    deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    scale = np.where(deviation > 0.0, deviation, 1.0)
-    correlation: Array = covariance / (scale[:, None] * scale)
-    correlation.flat[:: len(scale) + 1] = 1.0 + NEGLIGIBLE
-    return deviation, scale, correlation
+def _roots(covariance: Array) -> tuple[Array, Array]:
+    """Return a root L of a covariance LL', and L^-1, but for states that are known exactly: zero there."""
+    deviation = np.sqrt(np.maximum(covariance.diagonal(), 0.0))
+    weight = 1.0 / np.where(deviation > 0.0, deviation, np.inf)
+    correlation = covariance * weight
+    correlation *= weight[:, None]
+    correlation.flat[:: len(weight) + 1] = 1.0 + NEGLIGIBLE
+    root = np.linalg.cholesky(correlation)
+    return deviation[:, None] * root, np.linalg.inv(root) * weight
 
 
 class ForceErrorFilter:
@@ -124,6 +126,14 @@ class ForceErrorFilter:
     def __init__(self, belief: Belief) -> None:
         self.belief = belief
         """The belief."""
+        self._root, self._rooted = belief.covariance, np.zeros(0)  # a root, and the covariance that it belongs to
+
+    def _covariance_root(self) -> Array:
+        """Return a root of the shared states' covariance, which is known from the step before if there was one."""
+        covariance = self.belief.covariance
+        if self._rooted is not covariance:
+            self._root, self._rooted = _roots(covariance)[0], covariance
+        return self._root
 
     def predict(
         self, after: Array, matrix: Array, noise: Array, leaked: Array, driven: Array, own_noise: Array
@@ -146,10 +156,9 @@ class ForceErrorFilter:
             Covariance of the process noise of each taxel [N2].
         """
         b = self.belief
-        before, slope = b.covariance, b.slope
         b.integrate(leaked, driven)
         b.own += own_noise
-        self._become(before, slope @ (before @ matrix.T), matrix @ before @ matrix.T + noise)
+        self._become(matrix, noise)
         b.shared = after
 
     def admit(self, direction: Array, variance: float) -> None:
@@ -162,30 +171,31 @@ class ForceErrorFilter:
         variance : float
             Variance of the size of that change [1].
         """
-        b = self.belief
-        added = np.outer(direction, direction) * variance
-        self._become(b.covariance, b.slope @ b.covariance, b.covariance + added)
+        self._become(np.eye(len(direction)), np.outer(direction, direction) * variance)
 
-    def _become(self, before: Array, cross: Array, after: Array) -> None:
+    def _become(self, matrix: Array, noise: Array) -> None:
         """Replace the covariance of the shared states, and regress the taxels' errors on the new one.
 
         Parameters
         ----------
-        before : ndarray of float64, shape [shared, shared]
-            Covariance that the slopes belong to.
-        cross : ndarray of float64, shape [taxels, 3, shared]
-            Covariance of the taxels' errors with the new shared states.
-        after : ndarray of float64, shape [shared, shared]
-            New covariance.
+        matrix : ndarray of float64, shape [shared, shared]
+            Jacobian F of the transition of the shared states.
+        noise : ndarray of float64, shape [shared, shared]
+            Covariance Q of the noise that they gain.
         """
-        b, slope = self.belief, self.belief.slope
-        _, scale, correlation = _correlation(after)
-        fresh = np.linalg.solve(correlation, (cross / scale).reshape(-1, len(after)).T).T.reshape(slope.shape) / scale
+        b = self.belief
+        before, slope = b.covariance, b.slope
+        flat = slope.reshape(-1, len(matrix))
+        spread = flat @ before
+        b.covariance = matrix @ before @ matrix.T + noise
+        self._root, inverse = _roots(b.covariance)
+        self._rooted = b.covariance
+        white = spread @ matrix.T @ inverse.T
+        b.slope = (white @ inverse).reshape(slope.shape)
         # What the noise takes from the regression stays as the taxel's own.
-        spread = slope @ before @ slope.transpose(0, 2, 1) - fresh @ after @ fresh.transpose(0, 2, 1)
-        b.own += 0.5 * (spread + spread.transpose(0, 2, 1))
-        b.slope = fresh
-        b.covariance = after
+        white, spread = white.reshape(slope.shape), spread.reshape(slope.shape)
+        lost = spread @ slope.transpose(0, 2, 1) - white @ white.transpose(0, 2, 1)
+        b.own += 0.5 * (lost + lost.transpose(0, 2, 1))
 
     def innovation(self, measured: Array, response: Array, noise: Array) -> tuple[Array, Array, Array]:
         """Return the residuals [N], their sensitivity g to the shared states, and their expected deviation [N].
@@ -251,11 +261,12 @@ class ForceErrorFilter:
         weight = where / total
         weighted = sensitivity * weight[:, None]
         # S+ = L (I + L'JL)^-1 L' with S = LL' and the information J: stays positive.
-        deviation, _, correlation = _correlation(b.covariance)
-        root = deviation[:, None] * np.linalg.cholesky(correlation)
-        seen = weight[:, None] ** 0.5 * (sensitivity @ root)
-        updated = root @ np.linalg.solve(np.eye(len(root)) + seen.T @ seen, root.T)
-        b.covariance = 0.5 * (updated + updated.T)
+        root = self._covariance_root()
+        seen = np.sqrt(weight)[:, None] * (sensitivity @ root)
+        information = seen.T @ seen
+        information.flat[:: len(root) + 1] += 1.0
+        self._root = root @ np.linalg.inv(np.linalg.cholesky(information)).T
+        b.covariance = self._rooted = self._root @ self._root.T
         change = b.covariance @ (weighted.T @ residual)
         b.shared = b.shared + change
         gain = own * weight[:, None]
@@ -322,6 +333,7 @@ class ForceErrorFilter:
         b.slope[:] = 0.0
         again = [Shared.CHIP, Shared.RATE, Shared.FILM, Shared.SENSOR, Shared.LAG, Shared.SCALE]
         b.shared[again] = shared[again]
+        b.covariance = b.covariance.copy()
         b.covariance[again] = b.covariance[:, again] = 0.0
         b.covariance[np.ix_(again, again)] = covariance[np.ix_(again, again)]
         b.shared[[Shared.CHIP, Shared.FILM, Shared.SENSOR]] = reading
@@ -337,6 +349,5 @@ class ForceErrorFilter:
             Responses h of the force errors to the shared states.
         """
         b = self.belief
-        values, vectors = np.linalg.eigh(b.covariance)
-        factor = (response + b.slope[:, 0]) @ (vectors * np.sqrt(np.maximum(values, 0.0)))
+        factor = (response + b.slope[:, 0]) @ self._covariance_root()
         return np.maximum(b.own[:, 0, 0], 0.0), factor
