@@ -25,6 +25,7 @@ from typing import Final
 
 import numpy as np
 
+from posfet_model._lib.reductions import any_true
 from posfet_model._lib.types import Array, Mask
 from posfet_model.estimation.error_states import Shared
 
@@ -65,8 +66,10 @@ class Belief:
 
     def forget_small_forces(self, where: Mask) -> None:
         """Set the small forces r of the masked taxels to zero, as they are not beside a contact."""
-        self.error[where, 2] = 0.0
-        self.forget(where, 2)
+        where = where & (self.own[:, 2, 2] > 0.0)
+        if any_true(where):
+            self.error[where, 2] = 0.0
+            self.forget(where, 2)
 
     def forget(self, where: Mask | slice, state: int) -> None:
         """Make one state of the masked taxels exactly known and independent of all others.

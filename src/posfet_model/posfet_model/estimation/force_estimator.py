@@ -29,6 +29,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model._lib.reductions import any_true, upper_median
 from posfet_model._lib.types import Array, Mask
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.estimation.choice import MAX_RELATIVE_UNCERTAINTY
@@ -94,8 +95,8 @@ LEAST_TAIL: Final = 1e-4
 NOTICEABLE: Final = 0.3
 """Share of the contact threshold that a taxel must read before a scan is tested for a uniform change [1]."""
 
-OF_TOUCH: Final = (Shared.LEAK, Shared.WARMTH, *range(Shared.CREEP, COUNT))
-"""Responses of a taxel to its own force. Those of a taxel beside a contact are part of its small force, and tell
+OF_TOUCH: Final = np.isin(np.arange(COUNT), (Shared.LEAK, Shared.WARMTH, *range(Shared.CREEP, COUNT)))
+"""Mask of the responses of a taxel to its own force. Those of a taxel beside a contact are part of its small force, and tell
 nothing of the shared states."""
 
 LEAST_DEVIATION: Final = 1.0
@@ -117,15 +118,12 @@ class Block:
 
     mean: Array
     """Mean of the uncorrected forces F^ [N]."""
-    scans: int
+    noise: Array
+    """Variance of its noise [N2]."""
     duration: float
     """Its duration [s]."""
     span: float
     """Time from the middle of the block before to its own [s]."""
-    square: float
-    """Sum of the squares of its steps [s2]."""
-    jumped: Array
-    """Variance due to long steps [N2]."""
     reading: float
     """New mean reading of the temperature sensors [K]; NaN: none."""
     reading_variance: float
@@ -145,7 +143,7 @@ class Block:
     tail_moved: float
     """Share of that force that is new [1]."""
     own_noise: Array
-    """Variance that the force errors gain by motion, and the force of a taxel beside a contact, shape [2, taxels]."""
+    """Covariance of the process noise of each taxel, as for `ForceErrorFilter.predict` [N2], shape [taxels, 3, 3]."""
     before: Belief
     """Belief before this block."""
 
@@ -181,6 +179,7 @@ class ForceEstimator:
         self._priors = p = (priors or ErrorPriors()).with_calibration(calibration)
         gain, noise = calibration.usable_gain, force_noise_rms(sensor)
         self._tau = calibration.leak_time_constant.copy()
+        self._per_second = 1.0 / self._tau
         newton_per_kelvin = device.pyroelectric_coefficient / charge_per_newton(sensor)
         self._per_kelvin = newton_per_kelvin * calibration.pyroelectric_gain / gain
         self._inverse = LeakageInverse(self._tau, 1.0 / (charge_per_newton(sensor) * gain))
@@ -238,6 +237,8 @@ class ForceEstimator:
         self._usual, self._touch_force, self._tail, self._warmth, self._film_before = np.zeros((5, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
         self._factor = np.zeros((taxels, COUNT + 2))
+        self._drift_response = np.zeros((taxels, COUNT))
+        self._drift_response[:, Shared.DRIFT] = 1.0
         self._touched, self._beside = np.zeros((2, taxels), np.bool_)
 
     @property
@@ -436,26 +437,27 @@ class ForceEstimator:
         """
         listed = touched & self.offset_known
         touched = listed | (self._unexplained.rising & self.offset_known)
-        if self._lower_bound.mask.any():
+        if any_true(self._lower_bound.mask):
             # Touched since before an interruption, with a force that is unknown: not none, whatever the signal says.
             touched |= self._surroundings.dilated(self._lower_bound.mask) & self.offset_known
         block, beside = self._measure(touched, listed)
         begun = touched & ~self._touched & ~self._beside
-        self._observe_jumps(bool(listed.any()))
+        self._observe_jumps(any_true(listed))
         self._blocks.append(block)
         if self._unheated is not None:
             self._predict(self._unheated, block)
             self._measure_temperature(self._unheated, block, zeros=False)
-        if begun.any():
+        if any_true(begun):
             self._process_again(touched)
         else:
             self._step(block)
+        variance = self._own + self._shared_variance() if contacts else self._own
         released = self._release.update(
-            contacts, self._mean, self._touched, self._own + self._shared_variance(), self._block_noise(block).max()
+            contacts, self._mean, self._touched, variance, math.sqrt(float(block.noise.max()))
         )
         if released is not None:
             self._set_zero(released, block)
-        if self._lower_bound.mask.any():
+        if any_true(self._lower_bound.mask):
             self._end_unknown_touch(block)
         self._touched, self._beside = touched, beside
         self._finish(block)
@@ -471,8 +473,8 @@ class ForceEstimator:
         before, after = self._blocks[0], self._blocks[1]
         change = after.mean - before.mean - self._offset() * (after.span / self._tau)
         # What all have in common is the film's temperature.
-        change -= self._per_kelvin * np.median((change / self._per_kelvin)[usable])
-        self._jumps.observe(usable, change, self._noise_variance / after.scans, after.span)
+        change -= self._per_kelvin * upper_median((change / self._per_kelvin)[usable])
+        self._jumps.observe(usable, change, after.noise, after.span)
 
     def _measure(self, touched: Mask, listed: Mask) -> tuple[Block, Mask]:
         """Return the block that is due, and the taxels beside a touched one."""
@@ -482,13 +484,13 @@ class ForceEstimator:
         repeated = math.isnan(self._reading) and self._unread >= REPEATED and self.film.known
         if repeated:
             self._reading = self._sensors
-        any_touched = bool(touched.any())
+        any_touched = any_true(touched)
         near = self._surroundings.dilated(touched) if any_touched else touched
         # Noise is no motion: without this play its path would count, which is long after a minute.
         play = PLAY * np.sqrt(self._noise_variance / self._scans)
-        self._steady = np.clip(self._steady, mean - play, mean + play)
+        self._steady = np.minimum(np.maximum(self._steady, mean - play), mean + play)
         force = self._nothing
-        if listed.any():
+        if any_true(listed):
             force = np.where(self._surroundings.dilated(listed), np.maximum(self._steady, 0.0), 0.0)
         self._touch.advance(force, self._elapsed)
         response = self._touch.matrix()
@@ -500,21 +502,27 @@ class ForceEstimator:
         p = self._priors
         held = np.where(touched, np.maximum(self._steady, 0.0), 0.0)
         warm = self._touch.warm
-        own_noise = np.empty((2, len(mean)))
-        own_noise[0] = p.motion**2 * np.abs(held - self._touch_force) * np.maximum(held, self._touch_force)
-        spread = self._tail_spread()
-        own_noise[1] = spread**2 * np.abs(tail - self._tail) * np.maximum(tail, self._tail)
-        own_noise[1] += (p.warmth_beside * self._per_kelvin) ** 2 * np.abs(warm * warm - self._warmth)
-        whole = float(np.maximum(tail, self._tail).sum())
-        tail_moved = float(np.abs(tail - self._tail).sum()) / whole if whole else 0.0
+        span = 0.5 * (self._last_duration + self._elapsed)
+        own_noise = np.zeros((len(mean), 3, 3))
+        own_noise[:, :2, :2] = p.offset_walk**2 * span
+        grown = own_noise[:, 0, 0]
+        grown += self._noise_variance * (self._square * self._per_second**2)
+        grown += self._jumped
+        grown += self._jumps.variance(span)
+        tail_moved = 0.0
+        if any_touched or self._touch.responding or any_true(self._touched):
+            spread = self._tail_spread()
+            grown += p.motion**2 * np.abs(held - self._touch_force) * np.maximum(held, self._touch_force)
+            own_noise[:, 2, 2] = spread**2 * np.abs(tail - self._tail) * np.maximum(tail, self._tail)
+            own_noise[:, 2, 2] += (p.warmth_beside * self._per_kelvin) ** 2 * np.abs(warm * warm - self._warmth)
+            whole = float(np.maximum(tail, self._tail).sum())
+            tail_moved = float(np.abs(tail - self._tail).sum()) / whole if whole else 0.0
         self._touch_force, self._tail, self._warmth = held, tail, warm * warm
         block = Block(
             self._raw_sum / self._scans,
-            self._scans,
+            self._noise_variance / self._scans,
             self._elapsed,
-            0.5 * (self._last_duration + self._elapsed),
-            self._square,
-            self._jumped.copy(),
+            span,
             self._reading,
             self._priors.reading**2 * (SAME_ERROR / REPEATED if repeated else 1.0),
             min(self._unread, LONGEST_INTERVAL),
@@ -546,9 +554,7 @@ class ForceEstimator:
 
     def _integrated(self, time: float | Array) -> tuple[Array, Array]:
         """Return what the offsets and the common drift add to the force errors in a time [s], as for `integrate`."""
-        driven = np.zeros((len(self._tau), COUNT))
-        driven[:, Shared.DRIFT] = time
-        return time / self._tau, driven
+        return time * self._per_second, np.multiply(self._drift_response.T, time).T
 
     def _process_again(self, touched: Mask) -> None:
         """Process the stored blocks again without the taxels that a touch, it turned out, had begun on."""
@@ -565,7 +571,7 @@ class ForceEstimator:
         """Propagate the belief over a block, and update it by the temperature and by the forces that are known."""
         beside = self._predict(self._filter, block)
         zeros = ~block.touched & ~self.ignored & (self._unexplained.below == 0.0)
-        self._measure_temperature(self._filter, block, bool(zeros.any()))
+        self._measure_temperature(self._filter, block, any_true(zeros))
         self._measure_zeros(block, beside)
 
     def _measure_temperature(self, f: ForceErrorFilter, block: Block, zeros: bool) -> None:
@@ -594,13 +600,11 @@ class ForceEstimator:
         p, belief = self._priors, errors.belief
         beside: Mask = ~block.touched & (block.neighbour > 0.0)
         belief.forget_small_forces(~beside)
-        own_noise = np.zeros((len(beside), 3, 3))
-        own_noise[:, :2, :2] = p.offset_walk**2 * block.span
-        own_noise[:, 0, 0] += self._noise_variance * block.square / self._tau**2 + block.own_noise[0] + block.jumped
-        own_noise[:, 0, 0] += self._jumps.variance(block.span)
-        own_noise[:, 2, 2] = block.own_noise[1]
+        own_noise = block.own_noise.copy()
         fresh = beside & (belief.own[:, 2, 2] == 0.0)
-        own_noise[fresh, 2, 2] = (self._tail_spread() * block.tail[fresh] + p.tail_least * block.neighbour[fresh]) ** 2
+        if any_true(fresh):
+            small = self._tail_spread() * block.tail + p.tail_least * block.neighbour
+            own_noise[fresh, 2, 2] = (small * small)[fresh]
         after, matrix, noise = self._dynamics.transition(belief.shared, block.span)
         noise[Shared.TAIL, Shared.TAIL] = p.tail_spread**2 * block.tail_moved
         warmed = float(after[Shared.FILM] - belief.shared[Shared.FILM])
@@ -612,21 +616,21 @@ class ForceEstimator:
         """Update by the forces that are known to be zero or small."""
         judged = (~block.listed | ~self.offset_known) & ~self.ignored
         where = (~block.touched | ~self.offset_known) & ~self.ignored
-        if not judged.any():
+        if not any_true(judged):
             return
         p, f = self._priors, self._filter
-        response = block.response.copy()
-        response[np.ix_(beside, OF_TOUCH)] = 0.0
-        response[:, Shared.TAIL] = np.where(beside, block.tail, 0.0)
-        # What the shared states predict of it stays subtracted, as it is from the force.
-        measured = block.mean - np.where(beside, block.response[:, OF_TOUCH] @ f.belief.shared[list(OF_TOUCH)], 0.0)
-        noise = self._noise_variance / block.scans + CORRELATED * self._warmth_variance(block)
-        if beside.any():
+        response, measured, some_beside = block.response, block.mean, any_true(beside)
+        noise = block.noise + CORRELATED * self._warmth_variance(block)
+        if some_beside:
+            # What the shared states predict of the small force stays subtracted, as it is from the force.
+            measured = measured - np.where(beside, (response * OF_TOUCH) @ f.belief.shared, 0.0)
+            response = np.where(beside[:, None], response * ~OF_TOUCH, response)
+            response[:, Shared.TAIL] = np.where(beside, block.tail, 0.0)
             noise += np.where(block.neighbour > 0.0, CORRELATED * LEAST_TAIL**2, 0.0)
             noise += (p.tail_change * block.neighbour) ** 2
         residual, sensitivity, deviation = f.innovation(measured, response, noise)
         odd = np.abs(residual) > GATE * deviation
-        if (odd & where).any():
+        if any_true(odd & where):
             own = f.own_deviation(deviation, sensitivity, noise)
             kelvin = self._uniform.temperature(residual, judged, deviation, own, block.duration)
             if kelvin:
@@ -678,25 +682,25 @@ class ForceEstimator:
             self._unheated = None
         self._doubt = claimed - shown if self._unheated is not None else 0.0
         unknown = odd & ~self.offset_known
-        if unknown.any():
+        if any_true(unknown):
             self._left_deviation[unknown] = np.minimum(REJECTED * self._left_deviation[unknown], self._runaway)
             self.restarts += int(np.count_nonzero(unknown))
             self._restart(unknown)
         errors = self._unexplained.update(
-            odd & self.offset_known, residual, block.mean, self._block_noise(block), block.duration
+            odd & self.offset_known, residual, block.mean, np.sqrt(block.noise), block.duration
         )
         if errors is not None and errors.any():
             self.belief.own[errors, 0, 0] += residual[errors] ** 2
 
     def _set_zero(self, where: Mask, block: Block) -> None:
         """Update by the zero forces of released taxels."""
-        noise = self._noise_variance / block.scans + CORRELATED * (self._warmth_variance(block) + LEAST_TAIL**2)
+        noise = block.noise + CORRELATED * (self._warmth_variance(block) + LEAST_TAIL**2)
         residual, sensitivity, _ = self._filter.innovation(block.mean, block.response, noise)
         self._filter.update(where, residual, sensitivity, noise)
 
     def _end_unknown_touch(self, block: Block) -> None:
         """End the touches since before an interruption: where forces stay below zero, they are zero."""
-        noise, mean = self._block_noise(block), self._mean
+        noise, mean = np.sqrt(block.noise), self._mean
         still = np.abs(mean - self._last_mean) <= GATE * math.sqrt(2.0) * noise
         limit = np.full(len(mean), self._threshold)
         ended = self._negative.update(self._lower_bound.mask, mean, limit, still, block.duration)
@@ -707,10 +711,6 @@ class ForceEstimator:
             belief.error[ended, 0] += mean[ended]
             belief.forget(ended, 0)
             belief.own[ended, 0, 0] = noise[ended] ** 2
-
-    def _block_noise(self, block: Block) -> Array:
-        deviation: Array = np.sqrt(self._noise_variance / block.scans)
-        return deviation
 
     def _warmth_variance(self, block: Block) -> Array:
         """Return the variance of the warmth of each taxel about the common one, as a force [N2]."""
@@ -741,7 +741,7 @@ class ForceEstimator:
         self._agreed += block.duration
         self._recovering = max(0.0, self._recovering - block.duration)
         failed = np.abs(self.force) > self._runaway
-        if failed.any():
+        if any_true(failed):
             self.restarts += int(np.count_nonzero(failed & ~self.ignored))
             self._restart(failed)
         self._confirm_offsets(block.duration)
@@ -761,9 +761,7 @@ class ForceEstimator:
         self._film_before = np.where(self._touched, self._film_before, film)
         own, self._factor[:, :COUNT] = self._filter.covariance_root(block.response)
         # The covariance without the responses to the touch itself.
-        response = block.response.copy()
-        response[:, OF_TOUCH] = 0.0
-        sensitivity = response + belief.slope[:, 0]
+        sensitivity = block.response * ~OF_TOUCH + belief.slope[:, 0]
         self._untouched_variance = own + self._filter.shared_variance(sensitivity)
         self._factor[:, COUNT] = self._gain_common * held
         self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt

@@ -57,7 +57,8 @@ class TouchResponse:
         self._force = np.zeros(taxels)
         self.warm = np.zeros(taxels)
         """Warmth of each taxel relative to the steady one [1], shape [taxels]."""
-        self._responding = False
+        self.responding = False
+        """Whether anything has touched."""
 
     def reset(self) -> None:
         """Forget all touches."""
@@ -65,7 +66,7 @@ class TouchResponse:
         self._charge = np.zeros_like(self._charge)
         self._force = np.zeros_like(self._force)
         self.warm[:] = 0.0
-        self._responding = False
+        self.responding = False
 
     @property
     def leaked(self) -> Array:
@@ -75,8 +76,8 @@ class TouchResponse:
 
     def advance(self, force: Array, duration: float) -> None:
         """Advance by a block of `duration` [s] with a mean touched force [N], shape [taxels], 0 where untouched."""
-        self._responding |= bool(force.any())
-        if not self._responding:
+        self.responding |= bool(force.any())
+        if not self.responding:
             return
         share = -np.expm1(-duration / self._creep_times)[:, None]
         self._followed += share * (force - self._followed)
@@ -93,7 +94,7 @@ class TouchResponse:
         """Return the responses h of the force errors to the shared states, shape [taxels, COUNT]."""
         response = np.zeros((len(self._tau), COUNT))
         response[:, Shared.FILM] = self._per_kelvin
-        if self._responding:
+        if self.responding:
             total = float(self._force.sum())
             response[:, Shared.BEND] = total
             response[:, Shared.BEND_X] = total * self._x
