@@ -230,6 +230,7 @@ class SharedDynamics:
         rates[[Shared.SENSOR, Shared.DRIFT]] = 0.0
         rates[Shared.TAIL] = 0.0
         self._noise = np.diag(rates)
+        self._duration, self._matrix = math.nan, np.eye(COUNT)
         both = [Shared.CHIP, Shared.FILM]
         self._noise[np.ix_(both, both)] = priors.film_walk**2
 
@@ -243,9 +244,12 @@ class SharedDynamics:
         duration : float
             Duration of the block [s].
         """
-        matrix = np.eye(COUNT)
-        matrix[Shared.CHIP, Shared.RATE] = duration
-        self._follow(matrix, Shared.FILM, self._film_lag, duration)
+        if duration != self._duration:  # nearly all blocks have the same
+            self._duration = duration
+            self._matrix = np.eye(COUNT)
+            self._matrix[Shared.CHIP, Shared.RATE] = duration
+            self._follow(self._matrix, Shared.FILM, self._film_lag, duration)
+        matrix = self._matrix.copy()
         lag, time = float(state[Shared.LAG]), self.sensor_lag(state)
         self._follow(matrix, Shared.SENSOR, time, duration)
         after = matrix @ state

@@ -112,9 +112,13 @@ def _roots(covariance: Array) -> tuple[Array, Array]:
     weight = 1.0 / np.where(deviation > 0.0, deviation, np.inf)
     correlation = covariance * weight
     correlation *= weight[:, None]
-    correlation.flat[:: len(weight) + 1] = 1.0 + NEGLIGIBLE
+    correlation.reshape(-1)[:: len(weight) + 1] = 1.0 + NEGLIGIBLE
     root = np.linalg.cholesky(correlation)
     return deviation[:, None] * root, np.linalg.inv(root) * weight
+
+
+PAIRS: Final = ((0, 1), (0, 2), (1, 2))
+"""Pairs of different states of a taxel; only the first without small forces r, which are exactly known then."""
 
 
 class ForceErrorFilter:
@@ -195,10 +199,14 @@ class ForceErrorFilter:
         self._rooted = b.covariance
         white = spread @ matrix.T @ inverse.T
         b.slope = (white @ inverse).reshape(slope.shape)
-        # What the noise takes from the regression stays as the taxel's own.
+        # What the noise takes from the regression stays as the taxel's own: each pair of its states.
         white, spread = white.reshape(slope.shape), spread.reshape(slope.shape)
-        lost = spread @ slope.transpose(0, 2, 1) - white @ white.transpose(0, 2, 1)
-        b.own += 0.5 * (lost + lost.transpose(0, 2, 1))
+        lost = np.einsum("tij,tij->ti", spread, slope) - np.einsum("tij,tij->ti", white, white)
+        b.own.reshape(-1, 9)[:, ::4] += lost
+        for i, j in PAIRS if any_true(b.own[:, 2, 2] > 0.0) else PAIRS[:1]:
+            both = np.einsum("tj,tj->t", spread[:, i], slope[:, j]) - np.einsum("tj,tj->t", white[:, i], white[:, j])
+            b.own[:, i, j] += both
+            b.own[:, j, i] += both
 
     def innovation(self, measured: Array, response: Array, noise: Array) -> tuple[Array, Array, Array]:
         """Return the residuals [N], their sensitivity g to the shared states, and their expected deviation [N].
@@ -267,7 +275,7 @@ class ForceErrorFilter:
         root = self._covariance_root()
         seen = np.sqrt(weight)[:, None] * (sensitivity @ root)
         information = seen.T @ seen
-        information.flat[:: len(root) + 1] += 1.0
+        information.reshape(-1)[:: len(root) + 1] += 1.0
         self._root = root @ np.linalg.inv(np.linalg.cholesky(information)).T
         b.covariance = self._rooted = self._root @ self._root.T
         change = b.covariance @ (weighted.T @ residual)

@@ -451,7 +451,7 @@ class ForceEstimator:
             self._process_again(touched)
         else:
             self._step(block)
-        variance = self._own + self._shared_variance() if contacts else self._own
+        variance = self._own + self._shared_variance() if contacts else self._own  # of no contact: not used
         released = self._release.update(
             contacts, self._mean, self._touched, variance, math.sqrt(float(block.noise.max()))
         )
@@ -726,18 +726,16 @@ class ForceEstimator:
     def _finish(self, block: Block) -> None:
         """Set the correction of the next scans, covariance and validity."""
         belief = self.belief
-        film_rate = self._film_rate()
-        self._rate = self._offset() / self._tau + self._per_kelvin * film_rate
+        leaking = self._offset() * self._per_second
+        self._rate = leaking + self._per_kelvin * self._film_rate()
         self._correction = self._filter.predicted(block.response) + 0.5 * block.duration * self._rate
-        old = self.force.copy()
+        self._mean = self._mean - self.force
         np.subtract(self._raw, self._correction, out=self.force)
-        self._mean = self._mean + (self.force - old)
+        self._mean += self.force
         self._set_covariance(block)
-        rested = ~self._touched
         share = min(block.duration / ABSORBED_TIME, 1.0)
-        drift = self._offset() * (block.duration / self._tau)
-        self._usual += drift
-        self._usual += np.where(rested, share * (belief.error[:, 0] - self._usual), 0.0)
+        self._usual += block.duration * leaking
+        self._usual += np.where(self._touched, 0.0, share * (belief.error[:, 0] - self._usual))
         self._agreed += block.duration
         self._recovering = max(0.0, self._recovering - block.duration)
         failed = np.abs(self.force) > self._runaway
@@ -756,7 +754,7 @@ class ForceEstimator:
         return float(shared[Shared.RATE])
 
     def _set_covariance(self, block: Block) -> None:
-        p, held, belief = self._priors, np.where(self._touched, np.maximum(self.force, 0.0), 0.0), self.belief
+        p, held, belief = self._priors, np.maximum(self.force * self._touched, 0.0), self.belief
         film = float(belief.shared[Shared.FILM])
         self._film_before = np.where(self._touched, self._film_before, film)
         own, self._factor[:, :COUNT] = self._filter.covariance_root(block.response)
@@ -774,11 +772,12 @@ class ForceEstimator:
     def _is_valid(self) -> bool:
         sound = self.offset_known & (self._unexplained.below == 0.0) & ~self._lower_bound.mask | self.ignored
         touched = self._touched & ~self.ignored
-        self._recent_force.append(abs(float(self.force[touched].sum())))
+        any_touched = any_true(touched)
+        self._recent_force.append(abs(float(self.force[touched].sum())) if any_touched else 0.0)
         doubted = LEAST_DEVIATION * self._threshold < abs(self._doubt) * float(np.abs(self._per_kelvin).max())
         if self._recovering > 0.0 or not sound.all() or doubted:
             return False
-        if not touched.any():
+        if not any_touched:
             return True
         if abs(float(self.belief.shared[Shared.WARMTH])) > GREATEST_WARMTH:
             return False

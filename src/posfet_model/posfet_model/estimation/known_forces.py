@@ -168,6 +168,9 @@ class ReleaseDetector:
         self._peak *= PEAK_DECAY
         np.maximum(self._peak, np.where(touched, mean, 0.0), out=self._peak)
         self._means.append(mean)
+        if not contacts:
+            self._blocks[:] = 0
+            return None
         looks = np.zeros(len(mean), np.bool_)
         if len(self._means) > STILL_BLOCKS:
             before = self._means[0]
