@@ -626,8 +626,7 @@ class ForceEstimator:
             measured = measured - np.where(beside, (response * OF_TOUCH) @ f.belief.shared, 0.0)
             response = np.where(beside[:, None], response * ~OF_TOUCH, response)
             response[:, Shared.TAIL] = np.where(beside, block.tail, 0.0)
-            noise += np.where(block.neighbour > 0.0, CORRELATED * LEAST_TAIL**2, 0.0)
-            noise += (p.tail_change * block.neighbour) ** 2
+            noise += np.where(beside, CORRELATED * LEAST_TAIL**2 + (p.tail_change * block.neighbour) ** 2, 0.0)
         residual, sensitivity, deviation = f.innovation(measured, response, noise)
         odd = np.abs(residual) > GATE * deviation
         if any_true(odd & where):
