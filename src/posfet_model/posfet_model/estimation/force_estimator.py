@@ -96,8 +96,8 @@ NOTICEABLE: Final = 0.3
 """Share of the contact threshold that a taxel must read before a scan is tested for a uniform change [1]."""
 
 OF_TOUCH: Final = np.isin(np.arange(COUNT), (Shared.LEAK, Shared.WARMTH, *range(Shared.CREEP, COUNT)))
-"""Mask of the responses of a taxel to its own force. Those of a taxel beside a contact are part of its small force, and tell
-nothing of the shared states."""
+"""Mask of the responses of a taxel to its own force. Those of a taxel beside a contact are part of its small force, and
+tell nothing of the shared states."""
 
 LEAST_DEVIATION: Final = 1.0
 """Deviation of the total force that is always accepted [contact threshold]."""
