@@ -28,5 +28,10 @@ setup(
     maintainer_email="maintainers@posfet.invalid",
     description="Simulated readout board of POSFET tactile arrays: scenes, emulation, recording, scores.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["sim_board_node = posfet_sim.ros.start:sim_board_node"]},
+    entry_points={
+        "console_scripts": [
+            "sim_board_node = posfet_sim.ros.start:sim_board_node",
+            "replay_node = posfet_sim.ros.start:replay_node",
+        ]
+    },
 )

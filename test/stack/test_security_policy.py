@@ -24,8 +24,9 @@ from rclpy.parameter import Parameter
 from posfet.view_node import ViewNode
 from posfet_driver.ros.driver_node import DriverNode
 from posfet_model.ros.model_node import ModelNode
+from posfet_sim.ros.replay_node import ReplayNode
 from posfet_sim.ros.sim_board_node import SimBoardNode
-from support.paths import DOCS, ROOT
+from support.paths import DATA, DOCS, ROOT
 
 pytestmark = pytest.mark.ros
 POLICY = ROOT / "src" / "posfet" / "config" / "sros2_policy.xml"
@@ -60,6 +61,11 @@ def make_view() -> Node:
     return ViewNode("tactile")
 
 
+def make_replay(parameter_overrides: list[Parameter], **arguments: Any) -> Node:
+    recording = Parameter("replay_file", value=str(DATA / "recording" / "posfet_0.2.0.mcap"))
+    return ReplayNode(parameter_overrides=[*parameter_overrides, recording], **arguments)
+
+
 def make_others(kind: Any) -> Any:
     simulated_time = Parameter("use_sim_time", value=True)  # subscribes to /clock
     return lambda: kind(namespace="/tactile", parameter_overrides=[simulated_time])
@@ -83,7 +89,9 @@ def test_the_policy_has_the_form_that_sros2_expects() -> None:
 
 
 @pytest.mark.parametrize(
-    "node", [*(make_others(kind) for kind in (ModelNode, DriverNode, SimBoardNode)), make_view], indirect=True
+    "node",
+    [*(make_others(kind) for kind in (ModelNode, DriverNode, SimBoardNode, make_replay)), make_view],
+    indirect=True,
 )
 def test_the_stack_may_do_all_that_its_nodes_do(node: Node) -> None:
     name, space = node.get_name(), node.get_namespace()

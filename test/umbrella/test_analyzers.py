@@ -27,6 +27,7 @@ GROUP: dict[str, Any] = yaml.safe_load(CONFIGURATION.read_text(encoding="utf-8")
         ("robot/hand/thumb/model_node: reconstruction", "Models"),
         ("tactile/driver_node: board", "Boards"),
         ("hand/palm/sim_board_node: board", "Boards"),
+        ("tactile/replay_node: board", "Boards"),
         ("arm/driver_node: joints", None),
     ],
 )

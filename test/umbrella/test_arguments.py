@@ -29,7 +29,7 @@ def test_given_values_override_defaults() -> None:
     [
         ("sourse:=sim", "sourse: unknown argument, known are source, can_interface"),
         ("source=sim", "source=sim: must be an argument name:=value"),
-        ("source:=usb", "source: must be one of sim, can, emulator, got 'usb'"),
+        ("source:=usb", "source: must be one of sim, can, emulator, replay, got 'usb'"),
         ("composed:=yes", "composed: must be true or false, got 'yes'"),
         ("can_bitrate:=1000001", "can_bitrate: must be a whole number in [0, 1000000] bit/s, got '1000001'"),
         ("can_bitrate:=1e6", "can_bitrate: must be a whole number in [0, 1000000] bit/s, got '1e6'"),

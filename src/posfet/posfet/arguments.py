@@ -31,7 +31,15 @@ from posfet_model.parameters import (
     Parameter,
     Scalar,
 )
-from posfet_sim.parameters import BUS_CHANNEL, BUS_INTERFACE, IMPERFECTIONS, SCENE
+from posfet_sim.parameters import (
+    BUS_CHANNEL,
+    BUS_INTERFACE,
+    IMPERFECTIONS,
+    REPLAY_FILE,
+    REPLAY_RATE,
+    REPLAY_TOPIC,
+    SCENE,
+)
 
 
 def _for(source: str, parameter: Parameter) -> Parameter:
@@ -58,8 +66,8 @@ ARGUMENTS: Final = (
         "source",
         "sim",
         "Source of scans: sim (simulated board), can (board on a CAN bus), emulator (simulated board behind an "
-        "emulated slcan adapter, so that the whole communication link is used)",
-        choices=("sim", "can", "emulator"),
+        "emulated slcan adapter, so that the whole communication link is used), replay (a recording)",
+        choices=("sim", "can", "emulator", "replay"),
     ),
     _for("can", CAN_INTERFACE),
     _for("can", CAN_CHANNEL),
@@ -80,6 +88,9 @@ ARGUMENTS: Final = (
     IMPERFECTIONS,
     _for("emulator", BUS_INTERFACE),
     _for("emulator", BUS_CHANNEL),
+    _for("replay", REPLAY_FILE),
+    _for("replay", REPLAY_RATE),
+    _for("replay", REPLAY_TOPIC),
     _optional(AUTOSTART),
     Parameter("composed", True, "Run all nodes in one process, which is fastest; false: one process for each node"),
     Parameter("log_level", "info", "Lowest severity of the log messages shown", choices=LOG_LEVELS),

@@ -33,11 +33,14 @@ COMMANDS: Final = {
         "design a sensor element: report, netlist, simulation of the follower, sweep, tolerances",
     ),
     "displays": ("posfet.displays", "write RViz and Foxglove files for the sensors of any namespaces"),
+    "export": ("posfet_sim.commands.export", "write a recording as arrays or tables: NumPy, HDF5, Parquet"),
+    "record": ("posfet.record", "record topics of a running stack to an MCAP file"),
+    "replay": ("posfet.replay", "run the scans of a recording through the model again, live or into a file"),
     "score": ("posfet_sim.commands.score", "score the reconstruction against the ground truth of a simulated scene"),
     "view": ("posfet.view_node", "show the live force map and the contacts of a running stack"),
 }
 """Subcommands: the module whose `main` takes the remaining arguments and returns the exit code, and the purpose."""
-NODES: Final = {"bringup", "view"}
+NODES: Final = {"bringup", "record", "replay", "view"}
 """Subcommands with signal handling of their own."""
 INTERRUPTED: Final = 130
 """Exit code after Ctrl-C or SIGTERM, by the convention of shells."""

@@ -27,7 +27,12 @@ from posfet_model.contacts.tracker import Contact, ContactState
 from posfet_model.ros.model_node import ModelNode
 from posfet_model.ros.run_node import ros
 
-CLASSES: Final = {"model_node": "ModelNode", "sim_board_node": "SimBoardNode", "driver_node": "DriverNode"}
+CLASSES: Final = {
+    "model_node": "ModelNode",
+    "sim_board_node": "SimBoardNode",
+    "driver_node": "DriverNode",
+    "replay_node": "ReplayNode",
+}
 """Class of each node, in the module with the name of its executable; only the nodes of the graph are imported."""
 
 
@@ -82,6 +87,11 @@ class Graph:
     def failure(self) -> str:
         """Why a node cannot go on after internal errors, in one line; '' while all can."""
         return next((node.failure for node in self.nodes.values() if node.failure), "")
+
+    @property
+    def finished(self) -> bool:
+        """Whether the source has no more scans: a recording is over."""
+        return bool(getattr(self._source.source, "finished", False))
 
     def start(self) -> None:
         """Start the source of scans; raise ConfigError if it cannot be opened and a retry would not help."""
@@ -161,5 +171,5 @@ def run(specs: Sequence[NodeSpec], seconds: float) -> int:
         stack.callback(graph.destroy)
         with Screen(graph) as screen:
             graph.start()
-            return show(screen, list(graph.nodes.values()), seconds, graph.state)
+            return show(screen, list(graph.nodes.values()), seconds, graph.state, lambda: graph.finished)
     return 0

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -55,6 +56,7 @@ def show(
         return time.monotonic() >= end or stop()
 
     spin(nodes, until=over)
+    screen.update(math.inf)
     screen.close()
     print(screen.record.summary())
     if screen.record.last is None and time.monotonic() >= end:

@@ -41,10 +41,31 @@ from posfet_model.ros.mount import parse_mount
 from posfet_model.sensor.description import Sensor, load_sensor, with_serial
 from posfet_sim.device.error_model import load_error_model
 from posfet_sim.emulation.adapter_lock import is_served
-from posfet_sim.parameters import ADAPTER_LINK, BUS_CHANNEL, BUS_INTERFACE, IMPERFECTIONS, SCENE, SIM_BOARD_NODE
+from posfet_sim.parameters import (
+    ADAPTER_LINK,
+    BUS_CHANNEL,
+    BUS_INTERFACE,
+    IMPERFECTIONS,
+    REPLAY_FILE,
+    REPLAY_NODE,
+    REPLAY_RATE,
+    REPLAY_TOPIC,
+    SCENE,
+    SIM_BOARD_NODE,
+)
+from posfet_sim.recording.recorded_scans import RecordedScans
 from posfet_sim.scene import load_scene
 
-NODES: Final = {"model_node": MODEL_NODE, "sim_board_node": SIM_BOARD_NODE, "driver_node": DRIVER_NODE}
+NODES: Final = {
+    "model_node": MODEL_NODE,
+    "sim_board_node": SIM_BOARD_NODE,
+    "driver_node": DRIVER_NODE,
+    "replay_node": REPLAY_NODE,
+}
+SIMULATED: Final = ("sim", "emulator")
+"""Sources with the simulated board."""
+DRIVEN: Final = ("can", "emulator")
+"""Sources with the driver."""
 """Parameters of each node, by the name of the node."""
 
 
@@ -172,6 +193,14 @@ def _bus(arguments: Mapping[str, str], namespace: str) -> tuple[dict[str, Scalar
     return {CAN_INTERFACE.name: "slcan", CAN_CHANNEL.name: adapter}, {ADAPTER_LINK.name: adapter}
 
 
+def _replayed(arguments: Mapping[str, str], sensor: Sensor) -> bool:
+    """Return whether the recording is that of a simulated board; raise ConfigError if it has no scans of the sensor."""
+    path = arguments[REPLAY_FILE.name]
+    if not path:
+        raise ConfigError("replay_file: is missing; source:=replay needs replay_file:=<file.mcap>")
+    return RecordedScans(Path(path), sensor, arguments[REPLAY_TOPIC.name]).simulated()
+
+
 def graph(arguments: Mapping[str, str], params_file: str, ros: RosArguments | None = None) -> list[NodeSpec]:
     """Return the nodes for checked bring-up arguments.
 
@@ -196,11 +225,12 @@ def graph(arguments: Mapping[str, str], params_file: str, ros: RosArguments | No
     check_params_file(params_file, ros)
     source = arguments["source"]
     sensor = with_serial(load_sensor(arguments["sensor_file"]), arguments["serial"])
-    if source != "can":
+    if source in SIMULATED:
         load_scene(arguments[SCENE.name], sensor)
         load_error_model(arguments[IMPERFECTIONS.name])
     shared = node_parameters(arguments, *SENSOR) | given_parameters(arguments, AUTOSTART)
     frame: dict[str, Scalar] = {FRAME_ID.name: arguments[FRAME_ID.name] or default_frame(namespace)}
+    simulated = _replayed(arguments, sensor) if source == "replay" else source in SIMULATED
     driver_bus, board_bus = _bus(arguments, namespace)
 
     def node(package: str, executable: str, parameters: Mapping[str, Scalar]) -> NodeSpec:
@@ -210,15 +240,18 @@ def graph(arguments: Mapping[str, str], params_file: str, ros: RosArguments | No
             package, executable, namespace, params_file, arguments["log_level"], values, ros.words, given_name=name
         )
 
-    model: dict[str, Scalar] = {"simulated": source != "can", **_mount(arguments), **_calibration(arguments, sensor)}
+    model: dict[str, Scalar] = {"simulated": simulated, **_mount(arguments), **_calibration(arguments, sensor)}
     if model.get("parent_frame") == frame[FRAME_ID.name]:
         raise ConfigError(f"parent_frame: must not be the frame of the array itself, got '{model['parent_frame']}'")
     model |= given_parameters(arguments, CALIBRATION_FOLDER, *ESTIMATION)
     nodes = [node("posfet_model", "model_node", model)]
-    if source != "can":
+    if source in SIMULATED:
         board = node_parameters(arguments, SCENE, IMPERFECTIONS)
         nodes.append(node("posfet_sim", "sim_board_node", {**frame, **board, **board_bus}))
-    if source != "sim":
+    if source == "replay":
+        recording = node_parameters(arguments, REPLAY_FILE, REPLAY_RATE, REPLAY_TOPIC)
+        nodes.append(node("posfet_sim", "replay_node", {**frame, **recording}))
+    if source in DRIVEN:
         bus = {**driver_bus, **node_parameters(arguments, CAN_BITRATE)}
         nodes.append(node("posfet_driver", "driver_node", {**frame, **bus}))
     return nodes

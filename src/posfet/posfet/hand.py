@@ -18,7 +18,7 @@ from posfet_model._lib.shown import shown
 from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError, Section, is_there, read_yaml
 
-_FILES: Final = ("sensor_file", "calibration_file", "params_file", "scene", "imperfections")
+_FILES: Final = ("sensor_file", "calibration_file", "params_file", "scene", "imperfections", "replay_file")
 """Arguments that may be paths, relative to the folder of the hand file."""
 _OWN: Final = ("namespace", "serial", "calibration_file", "frame_id")
 """Arguments that no two sensors may share."""

@@ -47,6 +47,18 @@ IMPERFECTIONS: Final = Parameter(
     "Sensor error model of the simulated board (non-idealities): none, default, moderate, hard, or path of a YAML file",
 )
 
+REPLAY_FILE: Final = Parameter(
+    "replay_file", "", "Recording of scans, an MCAP file of posfet record, posfet sim or ros2 bag record", empty="none"
+)
+REPLAY_RATE: Final = Parameter(
+    "replay_rate", 1.0, "Playback speed factor; 0: as fast as scans are read", low=0.0, high=1000.0
+)
+REPLAY_TOPIC: Final = Parameter(
+    "replay_topic", "", "Topic of the scans in the recording", empty="the only one with scans"
+)
+
+REPLAY_NODE: Final = (*SCAN_SOURCE_NODE, REPLAY_FILE, REPLAY_RATE, REPLAY_TOPIC)
+
 SIM_BOARD_NODE: Final = (
     *SCAN_SOURCE_NODE,
     SCENE,

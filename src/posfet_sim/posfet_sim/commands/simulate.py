@@ -13,17 +13,17 @@ import argparse
 import math
 import sys
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Protocol
+from typing import Final
 
 from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_sim.commands.options import add_duration, add_error_model, add_scene, add_seed, add_sensor
+from posfet_sim.commands.progress import progress
 from posfet_sim.device.error_model import load_error_model
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.emulation.faulty_scans import FaultyScans
@@ -32,20 +32,10 @@ from posfet_sim.scene import DEFAULT_SCENE, SceneLoads, load_scene
 
 STATIC_DURATION: Final = 10.0
 """Default duration of a scene that never changes [s]."""
-PROGRESS_INTERVAL: Final = 250
-"""Number of scans between two updates of the progress bar."""
 BAD_INPUT: Final = 1
 """Exit code for bad input."""
 INTERRUPTED: Final = 130
 """Exit code when interrupted."""
-
-
-class Progress(Protocol):
-    """Callback for the progress of a run."""
-
-    def __call__(self, done: int) -> None:
-        """Report the number of scans done."""
-        ...
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -131,33 +121,17 @@ def _run(options: argparse.Namespace) -> _Outcome:
     done = 0
     begin = time.perf_counter()
     try:
-        with _progress(scene.name, requested) as progress:
+        with progress(scene.name, requested) as at:
             for done in range(requested):
                 for _ in range(scans.scan(done, scan)):
                     recorder.write(scan, board.truth())
-                if done % PROGRESS_INTERVAL == 0:
-                    progress(done)
+                at(done)
             done = requested
     except KeyboardInterrupt:
         pass
     finally:
         recorder.close()
     return _Outcome(scans, done, requested, time.perf_counter() - begin)
-
-
-@contextmanager
-def _progress(title: str, total: int) -> Iterator[Progress]:
-    """Show a progress bar on a terminal only."""
-    if not sys.stderr.isatty():
-        yield lambda done: None
-        return
-    from rich.console import Console  # noqa: PLC0415  only a terminal needs it
-    from rich.markup import escape  # noqa: PLC0415
-    from rich.progress import Progress as Bar  # noqa: PLC0415
-
-    with Bar(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(escape(title), total=total)
-        yield lambda done: bar.update(task, completed=done)
 
 
 def _line(error: Exception, out: Path) -> str:

@@ -20,7 +20,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from posfet_sim.recording.message_definitions import Field, message_fields
+from posfet_sim.recording.message_definitions import message_fields
+from posfet_sim.recording.ros2msg import Field
 
 ENCODING: Final = b"\x00\x01\x00\x00"
 """Header of every message: plain CDR, little-endian."""
@@ -29,8 +30,9 @@ _TYPES: Final = {
     "bool": "?", "byte": "B", "char": "B", "int8": "b", "uint8": "B", "int16": "<i2", "uint16": "<u2", "int32": "<i4",
     "uint32": "<u4", "int64": "<i8", "uint64": "<u8", "float32": "<f4", "float64": "<f8",
 }  # fmt: skip
-_DTYPES: Final = {name: np.dtype(code) for name, code in _TYPES.items()}
-_STRUCTS: Final = {name: struct.Struct(f"<{dtype.char}") for name, dtype in _DTYPES.items()} | {
+DTYPES: Final = {name: np.dtype(code) for name, code in _TYPES.items()}
+"""Little-endian types of numbers by name."""
+_STRUCTS: Final = {name: struct.Struct(f"<{dtype.char}") for name, dtype in DTYPES.items()} | {
     "int64": struct.Struct("<q"),
     "uint64": struct.Struct("<Q"),
 }
@@ -83,16 +85,19 @@ def _names(name: str) -> frozenset[str]:
 
 
 def _write_sequence(buffer: bytearray, field: Field, values: Any) -> None:
-    _align(buffer, 4)
-    dtype = _DTYPES.get(field.type)
-    if dtype is not None:
-        array = np.asarray(values, dtype)
-        buffer += _LENGTH.pack(array.size)
+    dtype = DTYPES.get(field.type)
+    array = None if dtype is None else np.asarray(values, dtype)
+    size = len(values) if array is None else array.size
+    if field.length is None:
+        _align(buffer, 4)
+        buffer += _LENGTH.pack(size)
+    elif size != field.length:
+        raise ValueError(f"{field.name}: must have {field.length} elements, got {size}")
+    if array is not None:
         if array.size:
-            _align(buffer, dtype.itemsize)
+            _align(buffer, array.itemsize)
         buffer += array.tobytes()
         return
-    buffer += _LENGTH.pack(len(values))
     for value in values:
         _write_one(buffer, field.type, value)
 

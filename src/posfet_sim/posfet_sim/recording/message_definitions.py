@@ -5,51 +5,33 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Definitions of the ROS messages that are written to files without ROS: their text and their fields."""
+"""Definitions of the ROS messages that are written to files, as installed or in the source tree."""
 
 from __future__ import annotations
 
 import os
-import re
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Final
 
 from posfet_model.config import ConfigError
+from posfet_sim.recording.ros2msg import PRIMITIVES, RULE, Field, fields
 
 OWN_PACKAGE: Final = "posfet_msgs"
 """Package whose definitions are also found in the source tree."""
 _SOURCE_TREE: Final = Path(__file__).parents[3] / OWN_PACKAGE / "msg"
-_RULE: Final = "=" * 80
 
 STANDARD: Final = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
+    "builtin_interfaces/Duration": "int32 sec\nuint32 nanosec",
     "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
     "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
     "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
     "geometry_msgs/Quaternion": "float64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1",
     "geometry_msgs/Pose": "Point position\nQuaternion orientation",
+    "geometry_msgs/Wrench": "Vector3 force\nVector3 torque",
 }
 """Definitions of the common ROS 2 interfaces in the messages of `OWN_PACKAGE`, without their comments."""
-
-_FIELD: Final = re.compile(r"^([\w/]+)(\[\])?\s+(\w+)(?:\s+[^=\s].*)?$")
-_PRIMITIVES: Final = frozenset({
-    "bool", "byte", "char", "string", "float32", "float64",
-    *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
-})  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Field:
-    """One field of a message."""
-
-    name: str
-    """Name of the field."""
-    type: str
-    """Primitive type, or package/Name."""
-    many: bool
-    """Whether it is an unbounded sequence."""
 
 
 @lru_cache
@@ -93,19 +75,10 @@ def message_fields(name: str) -> tuple[Field, ...]:
     ConfigError
         There is no such definition, or a field has an unsupported type.
     """
-    result = []
-    for line in definition(name).splitlines():
-        text = line.partition("#")[0].strip()
-        if not text or "=" in text:
-            continue
-        match = _FIELD.match(text)
-        if not match:
-            raise ConfigError(f"{name}: field '{text}' has an unsupported type")
-        kind, many, field = match.groups()
-        if kind not in _PRIMITIVES and "/" not in kind:
-            kind = f"{name.partition('/')[0]}/{kind}"
-        result.append(Field(field, kind, bool(many)))
-    return tuple(result)
+    try:
+        return fields(name, definition(name))
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
 
 
 def schema_text(name: str) -> str:
@@ -113,6 +86,6 @@ def schema_text(name: str) -> str:
     names = [name]
     for known in names:
         for field in message_fields(known):
-            if field.type not in _PRIMITIVES and field.type not in names:
+            if field.type not in PRIMITIVES and field.type not in names:
                 names.append(field.type)  # the loop reaches it, too
-    return f"\n{_RULE}\n".join([definition(name), *(f"MSG: {other}\n{definition(other)}" for other in names[1:])])
+    return f"\n{RULE}\n".join([definition(name), *(f"MSG: {other}\n{definition(other)}" for other in names[1:])])

@@ -20,6 +20,7 @@ from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import TEMPERATURE_SENSORS, Scan
 from posfet_sim.device.ground_truth import Truth, truth_columns, truth_row
 from posfet_sim.recording.cdr import serialise
+from posfet_sim.recording.mcap_file import MessageFile
 from posfet_sim.recording.message_definitions import schema_text
 
 FRAME_ID: Final = "posfet_array"
@@ -73,44 +74,24 @@ class McapRecorder:
     """
 
     def __init__(self, path: Path, sensor: Sensor, namespace: str) -> None:
-        try:
-            from mcap.writer import Writer  # noqa: PLC0415  # only MCAP files need the package
-        except ImportError as error:
-            raise ConfigError(f"{path}: needs the package mcap (pip install mcap), unlike a .csv file") from error
-        schemas = {name: schema_text(name).encode() for name in (RAW, TRUTH)}
+        schemas = {name: schema_text(name) for name in (RAW, TRUTH)}
         self._layout = sensor.layout
-        self._stream = path.open("wb")
-        self._writer = Writer(self._stream)
-        self._writer.start(profile="ros2", library="posfet sim")
-        self._channels = {
-            name: self._register(topic, name, schemas[name])
-            for topic, name in ((f"/{namespace}/raw", RAW), (f"/{namespace}/truth", TRUTH))
+        self._file = MessageFile(path, "posfet sim", overwrite=True)
+        self._topics = {
+            name: self._file.add_topic(f"/{namespace}/{topic}", name, schemas[name])
+            for topic, name in (("raw", RAW), ("truth", TRUTH))
         }
-
-    def _register(self, topic: str, name: str, schema: bytes) -> int:
-        kind = name.replace("/", "/msg/")
-        schema_id = self._writer.register_schema(name=kind, encoding="ros2msg", data=schema)
-        return int(self._writer.register_channel(topic=topic, message_encoding="cdr", schema_id=schema_id))
 
     def write(self, scan: Scan, truth: Truth) -> None:
         """Write one scan and its ground truth."""
         messages = {RAW: raw_values(scan, self._layout.rows, self._layout.cols)}
         messages[TRUTH] = truth_values(truth, scan, self._layout.rows, self._layout.cols)
         for name, values in messages.items():
-            self._writer.add_message(
-                channel_id=self._channels[name],
-                log_time=scan.stamp,
-                publish_time=scan.stamp,
-                data=serialise(name, values),
-                sequence=scan.sequence & 0xFFFF_FFFF,
-            )
+            self._file.add(self._topics[name], scan.stamp, serialise(name, values), scan.sequence)
 
     def close(self) -> None:
         """Finish the file."""
-        try:
-            self._writer.finish()  # type: ignore[no-untyped-call]
-        finally:
-            self._stream.close()
+        self._file.close()
 
 
 class CsvRecorder:

@@ -15,3 +15,8 @@ from posfet_model.ros.start import run
 def sim_board_node() -> None:
     """Run the simulated board's node."""
     run("posfet_sim.ros.sim_board_node")
+
+
+def replay_node() -> None:
+    """Run the node that replays a recording."""
+    run("posfet_sim.ros.replay_node")

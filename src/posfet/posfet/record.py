@@ -1,0 +1,312 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""`posfet record`: topics of a running stack into an MCAP file; `Recorder` starts and stops one from a program."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from posfet_model.command_line import checked_namespace, positive
+from posfet_model.config import ConfigError
+from posfet_model.ros.exit_codes import exit_code
+from posfet_model.ros.run_node import ros, spin
+from posfet_sim.recording.mcap_file import DiskFull, MessageFile
+from posfet_sim.recording.message_definitions import schema_text
+from posfet_sim.recording.ros2msg import short_name
+
+COMMON: Final = ("/diagnostics", "/tf", "/tf_static")
+"""Topics of all sensors that are recorded with all topics of a sensor."""
+DEPTH: Final = 1000
+"""Depth of the queue of a topic: one second at 1 kHz."""
+DISCOVERY_PERIOD: Final = 0.25
+"""Period at which new topics are looked for [s]."""
+SHOW_PERIOD: Final = 0.25
+"""Period at which the progress is shown [s]."""
+STOP_TIMEOUT: Final = 20.0
+"""Time for a recording process to end [s]."""
+NOTHING: Final = 1
+"""Exit code of a recording without messages."""
+
+
+class RecorderNode(Node):  # type: ignore[misc]  # rclpy has no types
+    """Writes the messages of topics to a file as they arrive, without reading them.
+
+    Topics that appear later are recorded from then on.
+
+    Parameters
+    ----------
+    file : MessageFile
+        Where to.
+    namespaces : sequence of str
+        Namespaces of the sensors, without slashes around them.
+    topics : sequence of str
+        Topics within each namespace, or full names with a slash at the front; none: all, and those of `COMMON`.
+    **node_arguments : object
+        Arguments of the node, as for `rclpy.node.Node`.
+    """
+
+    def __init__(
+        self, file: MessageFile, namespaces: Sequence[str], topics: Sequence[str] = (), **node_arguments: Any
+    ) -> None:
+        super().__init__(f"posfet_record_{os.getpid()}", cli_args=[], use_global_arguments=False, **node_arguments)
+        self.file = file
+        self.failure = ""
+        """Why the recording ended, in one line; '' while it goes on."""
+        self._prefixes = tuple(f"/{namespace}/" for namespace in namespaces)
+        self._wanted = {
+            name if name.startswith("/") else f"{prefix}{name}" for name in topics for prefix in self._prefixes
+        }
+        self._known: set[str] = set()
+        self.recorded: list[str] = []
+        """Names of the topics that are recorded."""
+        self._discover()
+        self.create_timer(DISCOVERY_PERIOD, self._discover)
+
+    @property
+    def missing(self) -> list[str]:
+        """Chosen topics that nobody publishes."""
+        return sorted(self._wanted - set(self.recorded))
+
+    def _discover(self) -> None:
+        for name, kinds in self.get_topic_names_and_types():
+            wanted = name in self._wanted if self._wanted else name.startswith(self._prefixes) or name in COMMON
+            if wanted and name not in self._known and self.get_publishers_info_by_topic(name):
+                self._known.add(name)
+                try:
+                    self._subscribe(name, kinds[0])
+                except (ConfigError, ImportError, AttributeError) as error:
+                    self.get_logger().warning(f"{name}: not recorded: {' '.join(str(error).split())}")
+
+    def _subscribe(self, name: str, kind: str) -> None:
+        package, _, message = kind.replace("/msg/", "/").partition("/")
+        schema = schema_text(short_name(kind))
+        offered = [publisher.qos_profile for publisher in self.get_publishers_info_by_topic(name)]
+        qos = QoSProfile(
+            depth=DEPTH,
+            reliability=_common(offered, "reliability", ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT),
+            durability=_common(offered, "durability", DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE),
+        )
+        topic = self.file.add_topic(name, short_name(kind), schema, _offered_text(offered))
+        self.create_subscription(
+            getattr(import_module(f"{package}.msg"), message), name, partial(self._write, topic), qos, raw=True
+        )
+        self.recorded.append(name)
+
+    def _write(self, topic: int, data: bytes) -> None:
+        if self.failure:
+            return
+        try:
+            self.file.add(topic, time.time_ns(), data)
+        except DiskFull as error:
+            self.failure = str(error)
+
+
+def _common(offered: Sequence[Any], policy: str, best: Any, other: Any) -> Any:
+    """Return the best policy if all publishers offer it, so that the subscription fits all of them."""
+    return best if all(getattr(profile, policy) == best for profile in offered) else other
+
+
+def _offered_text(offered: Sequence[Any]) -> str:
+    """Return the offered profiles in the YAML of rosbag2 without its index, in which policies are numbers."""
+    forever = "{sec: 9223372036, nsec: 854775807}"
+    return "\n".join(
+        f"- {{history: {int(each.history)}, depth: {each.depth}, reliability: {int(each.reliability)}, "
+        f"durability: {int(each.durability)}, deadline: {forever}, lifespan: {forever}, "
+        f"liveliness: {int(each.liveliness)}, liveliness_lease_duration: {forever}, "
+        "avoid_ros_namespace_conventions: false}"
+        for each in offered
+    )
+
+
+class Recorder:
+    """A recording that a program starts and stops, in a process of its own: it takes no time from the caller's threads.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write; it must not exist.
+    namespaces : sequence of str, optional
+        Namespaces of the sensors; default: tactile.
+    topics : sequence of str, optional
+        Topics, as for `RecorderNode`; default: all.
+
+    Examples
+    --------
+    >>> recorder = Recorder("grasp.mcap", topics=["raw", "info"])
+    >>> recorder.start()  # doctest: +SKIP
+    >>> recorder.stop()  # doctest: +SKIP
+    'grasp.mcap: 12.0 s, 12034 messages of 2 topics, 1.4 MB'
+    """
+
+    def __init__(self, path: str | Path, namespaces: Sequence[str] = ("tactile",), topics: Sequence[str] = ()) -> None:
+        self.path = Path(path)
+        self._words = [str(self.path), "--namespace", *namespaces, *(["--topics", *topics] if topics else [])]
+        self._process: subprocess.Popen[str] | None = None
+
+    def start(self) -> None:
+        """Begin to record; ConfigError, one line, if the file exists or a recording is running already."""
+        if self.running:
+            raise ConfigError(f"{self.path}: is being recorded already")
+        if self.path.exists():
+            raise ConfigError(f"{self.path}: cannot be written: File exists; choose another name, or remove it")
+        command = [sys.executable, "-m", "posfet.record", *self._words]
+        pipe = subprocess.PIPE
+        self._process = subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, start_new_session=True)
+
+    @property
+    def running(self) -> bool:
+        """Whether the recording goes on; false also after it has ended by itself, as on a full disk."""
+        return self._process is not None and self._process.poll() is None
+
+    def stop(self) -> str:
+        """End the recording and return its summary in one line; ConfigError, one line, if it failed or never began."""
+        process, self._process = self._process, None
+        if process is None:
+            raise ConfigError(f"{self.path}: is not being recorded")
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        try:
+            output, errors = process.communicate(timeout=STOP_TIMEOUT)
+        except subprocess.TimeoutExpired as error:
+            process.kill()
+            process.communicate()
+            raise ConfigError(
+                f"{self.path}: the recorder did not end; posfet replay reads what the file has"
+            ) from error
+        if process.returncode:
+            raise ConfigError(errors.strip().splitlines()[-1] if errors.strip() else f"{self.path}: recording failed")
+        return output.strip()
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Record until Ctrl-C or for the time given.
+
+    Parameters
+    ----------
+    words : sequence of str, optional
+        Command line; default: that of the process.
+
+    Returns
+    -------
+    int
+        0; 1, with one line on stderr, for bad input, on a full disk, or if no message arrived.
+    """
+    options = make_parser().parse_args(words)
+    path = options.file or Path(time.strftime("posfet_%Y-%m-%d_%H-%M-%S.mcap"))
+    return exit_code(lambda: _record(path, options))
+
+
+def _record(path: Path, options: argparse.Namespace) -> int:
+    if path.suffix != ".mcap":
+        raise ConfigError(f"{path}: must end in .mcap")
+    namespaces = [checked_namespace(name) for name in options.namespace]
+    file = MessageFile(path, "posfet record")
+    try:
+        with ros([]) as stack:
+            node = RecorderNode(file, namespaces, options.topics)
+            stack.callback(node.destroy_node)
+            begin = time.monotonic()
+            end = begin + options.seconds
+            with _Display(path, begin, node) as display:
+
+                def over() -> bool:
+                    now = time.monotonic()
+                    display.update(now)
+                    return now >= end or bool(node.failure) or file.size >= options.max_size * 1e6
+
+                spin([node], until=over)
+            spent = time.monotonic() - begin
+            if node.failure:
+                raise ConfigError(node.failure)
+    finally:
+        file.close()
+    if not file.messages or set(node.recorded) <= set(COMMON) - set(options.topics):
+        path.unlink()
+        wanted = ", ".join(node.missing) or ", ".join(f"/{name}/..." for name in namespaces)
+        raise ConfigError(f"no message on {wanted}: start the stack with posfet bringup, or give its --namespace")
+    for name in node.missing:
+        print(f"{name}: nobody published it", file=sys.stderr)
+    topics = f"{len(node.recorded)} topic{'s' * (len(node.recorded) != 1)}"
+    print(f"{path}: {spent:.1f} s, {file.messages} messages of {topics}, {file.size / 1e6:.1f} MB")
+    return 0
+
+
+class _Display:
+    """One line with the progress, on a terminal only."""
+
+    def __init__(self, path: Path, begin: float, node: RecorderNode) -> None:
+        self._path, self._begin, self._node = path, begin, node
+        self._status: Any = None
+        self._next = 0.0
+
+    def __enter__(self) -> _Display:
+        if sys.stderr.isatty():
+            from rich.console import Console  # noqa: PLC0415  only a terminal needs it
+
+            self._status = Console(stderr=True).status("").__enter__()
+        return self
+
+    def __exit__(self, *error: Any) -> None:
+        if self._status:
+            self._status.__exit__(*error)
+
+    def update(self, now: float) -> None:
+        """Show the progress if it is due."""
+        if self._status and now >= self._next:
+            from rich.markup import escape  # noqa: PLC0415
+
+            self._next = now + SHOW_PERIOD
+            file, node = self._node.file, self._node
+            self._status.update(
+                f"{escape(str(self._path))}: {now - self._begin:.0f} s, {file.messages} messages of "
+                f"{len(node.recorded)} topics, {file.size / 1e6:.1f} MB; Ctrl-C ends it"
+            )
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of `posfet record`."""
+    parser = argparse.ArgumentParser(
+        prog="posfet record",
+        description="Record topics of a running stack to an MCAP file, which posfet replay, posfet export, rosbag2, "
+        "Foxglove and PlotJuggler read.",
+    )
+    parser.add_argument(
+        "file", metavar="FILE", nargs="?", type=Path, help="file to write (default: posfet_<date and time>.mcap)"
+    )
+    parser.add_argument(
+        "--namespace", nargs="+", default=["tactile"], help="namespaces of the sensors (default: tactile)"
+    )
+    parser.add_argument(
+        "--topics",
+        nargs="+",
+        default=(),
+        metavar="TOPIC",
+        help="topics of each sensor, such as raw info, or full names (default: all, /diagnostics and /tf; raw and info "
+        "are enough to replay)",
+    )
+    parser.add_argument("--for", dest="seconds", type=positive, default=math.inf, help="stop after this many seconds")
+    parser.add_argument("--max-size", type=positive, default=math.inf, metavar="MB", help="stop at this size [MB]")
+    return parser
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,159 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""Recording of a live graph, and the node that replays recordings."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+rclpy = pytest.importorskip("rclpy", reason="needs ROS 2")
+pytest.importorskip("posfet_msgs", reason="needs the built workspace")
+pytest.importorskip("mcap", reason="recordings need the package mcap")
+
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+
+from posfet.record import Recorder, RecorderNode
+from posfet_model.config import ConfigError
+from posfet_msgs.msg import TactileInfo, TactileRaw
+from posfet_sim.recording.mcap_file import DiskFull, MessageFile
+from posfet_sim.recording.mcap_reader import Recording
+from posfet_sim.ros.replay_node import ReplayNode
+from support.bringup_process import needs_installation, running
+from support.expectations import TIMEOUT
+from support.paths import DATA
+
+pytestmark = pytest.mark.ros
+STORED = DATA / "recording" / "posfet_0.2.0.mcap"
+
+
+@pytest.fixture
+def context() -> Iterator[Context]:
+    context = Context()
+    rclpy.init(context=context)
+    yield context
+    context.try_shutdown()
+
+
+@pytest.fixture
+def executor(context: Context) -> Iterator[SingleThreadedExecutor]:
+    executor = SingleThreadedExecutor(context=context)
+    yield executor
+    for node in executor.get_nodes():
+        node.destroy_node()
+    executor.shutdown()
+
+
+def spin_until(executor: SingleThreadedExecutor, condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + TIMEOUT
+    while not condition():
+        assert time.monotonic() < end
+        executor.spin_once(0.01)
+
+
+def test_chosen_topics_are_recorded_with_their_schemas(
+    tmp_path: Path, context: Context, executor: SingleThreadedExecutor
+) -> None:
+    path = tmp_path / "x.mcap"
+    talker = rclpy.create_node("talker", context=context)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    info = talker.create_publisher(TactileInfo, "/hand/thumb/info", latched)
+    raw = talker.create_publisher(TactileRaw, "/hand/thumb/raw", 10)
+    other = talker.create_publisher(TactileRaw, "/hand/index/raw", 10)
+    info.publish(TactileInfo(name="thumb", pitch=[1.0, 2.0]))
+    file = MessageFile(path, "test")
+    recorder = RecorderNode(file, ["hand/thumb"], ["info", "raw", "absent"], context=context)
+    for node in (talker, recorder):
+        executor.add_node(node)
+    spin_until(executor, lambda: len(recorder.recorded) == 2 and raw.get_subscription_count() == 1)
+    raw.publish(TactileRaw(sequence=7, counts=[1, 2, 3]))
+    other.publish(TactileRaw(sequence=8))
+    spin_until(executor, lambda: file.messages == 2)
+    assert recorder.missing == ["/hand/thumb/absent"]
+    file.close()
+    found = {each.topic.name: each.topic.reader.read(each.data) for each in Recording(path).messages()}
+    assert found["/hand/thumb/info"]["name"] == "thumb"
+    assert found["/hand/thumb/info"]["pitch"].tolist() == [1.0, 2.0]
+    assert found["/hand/thumb/raw"]["sequence"] == 7
+    assert found["/hand/thumb/raw"]["counts"].tolist() == [1, 2, 3]
+    assert len(found) == 2
+
+
+def test_a_full_disk_ends_a_recording_with_its_reason(
+    tmp_path: Path, context: Context, executor: SingleThreadedExecutor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = MessageFile(tmp_path / "x.mcap", "test")
+    recorder = RecorderNode(file, ["tactile"], context=context)
+    executor.add_node(recorder)
+
+    def full(*_: object) -> None:
+        raise DiskFull("x.mcap: no space")
+
+    monkeypatch.setattr(file, "add", full)
+    recorder._write(1, b"")
+    recorder._write(1, b"")
+    assert recorder.failure == "x.mcap: no space"
+    file.close()
+
+
+def test_a_recording_is_replayed_with_its_time(context: Context, executor: SingleThreadedExecutor) -> None:
+    listener = rclpy.create_node("listener", context=context)
+    scans, times = [], []
+    listener.create_subscription(TactileRaw, "/tactile/raw", scans.append, 100)
+    listener.create_subscription(Clock, "/clock", times.append, 100)
+    overrides = [Parameter("replay_file", value=str(STORED)), Parameter("replay_rate", value=0.0)]
+    node = ReplayNode(context=context, namespace="/tactile", parameter_overrides=overrides)
+    for each in (listener, node):
+        executor.add_node(each)
+    spin_until(executor, lambda: listener.count_publishers("/clock") == 1 and node.count_subscribers("/clock") == 1)
+    node.start()
+    spin_until(executor, lambda: len(scans) == 40 and len(times) == 4)
+    assert [scan.sequence for scan in scans] == list(range(40))
+    assert {scan.header.frame_id for scan in scans} == {"tactile_array"}
+    assert [each.clock for each in times] == [scan.header.stamp for scan in scans[::10]]
+    spin_until(executor, lambda: node.source.finished)
+
+
+@pytest.mark.parametrize(
+    ("path", "reason"), [("", "replay_file: is missing; name a recording"), ("none.mcap", "none.mcap: no such file")]
+)
+def test_a_recording_that_cannot_be_replayed_is_refused(context: Context, path: str, reason: str) -> None:
+    with pytest.raises(ConfigError, match=reason):
+        ReplayNode(context=context, parameter_overrides=[Parameter("replay_file", value=path)])
+
+
+@pytest.mark.process
+@needs_installation
+def test_a_program_records_a_stack_and_the_recording_runs_through_the_model_again(tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    recorder = Recorder(path, topics=["raw", "info"])
+    with pytest.raises(ConfigError, match="is not being recorded"):
+        recorder.stop()
+    with running("source:=sim"):
+        recorder.start()
+        end = time.monotonic() + TIMEOUT
+        while not (path.exists() and path.stat().st_size > 20_000):
+            assert time.monotonic() < end
+            assert recorder.running
+            time.sleep(0.05)
+        assert f"{path}: " in recorder.stop()
+    assert not recorder.running
+    counts = Recording(path).overview().counts
+    assert counts["/tactile/info"] == 1
+    assert counts["/tactile/raw"] > 50
+    with pytest.raises(ConfigError, match="File exists"):
+        recorder.start()
+    with running("source:=replay", f"replay_file:={path}", "replay_rate:=0.0") as stack:
+        assert stack is not None
