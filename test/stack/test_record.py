@@ -31,7 +31,7 @@ from posfet_msgs.msg import TactileInfo, TactileRaw
 from posfet_sim.recording.mcap_file import DiskFull, MessageFile
 from posfet_sim.recording.mcap_reader import Recording
 from posfet_sim.ros.replay_node import ReplayNode
-from support.bringup_process import needs_installation, running
+from support.bringup_process import bringup, needs_installation, running
 from support.expectations import TIMEOUT
 from support.paths import DATA
 
@@ -155,5 +155,6 @@ def test_a_program_records_a_stack_and_the_recording_runs_through_the_model_agai
     assert counts["/tactile/raw"] > 50
     with pytest.raises(ConfigError, match="File exists"):
         recorder.start()
-    with running("source:=replay", f"replay_file:={path}", "replay_rate:=0.0") as stack:
-        assert stack is not None
+    result = bringup("source:=replay", f"replay_file:={path}", "replay_rate:=0.0")
+    assert result.returncode == 0, result.stderr
+    assert f", {counts['/tactile/raw']} scans, " in result.stdout

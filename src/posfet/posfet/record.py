@@ -16,7 +16,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -39,6 +39,8 @@ DEPTH: Final = 1000
 """Depth of the queue of a topic: one second at 1 kHz."""
 DISCOVERY_PERIOD: Final = 0.25
 """Period at which new topics are looked for [s]."""
+FLUSH_PERIOD: Final = 1.0
+"""Period at which messages are written [s]: what the end of the process by force, or of the power, can take."""
 SHOW_PERIOD: Final = 0.25
 """Period at which the progress is shown [s]."""
 STOP_TIMEOUT: Final = 20.0
@@ -80,6 +82,7 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy has no types
         """Names of the topics that are recorded."""
         self._discover()
         self.create_timer(DISCOVERY_PERIOD, self._discover)
+        self.create_timer(FLUSH_PERIOD, self._flush)
 
     @property
     def missing(self) -> list[str]:
@@ -112,10 +115,16 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy has no types
         self.recorded.append(name)
 
     def _write(self, topic: int, data: bytes) -> None:
+        self._end_when_full(lambda: self.file.add(topic, time.time_ns(), data))
+
+    def _flush(self) -> None:
+        self._end_when_full(self.file.flush)
+
+    def _end_when_full(self, write: Callable[[], object]) -> None:
         if self.failure:
             return
         try:
-            self.file.add(topic, time.time_ns(), data)
+            write()
         except DiskFull as error:
             self.failure = str(error)
 

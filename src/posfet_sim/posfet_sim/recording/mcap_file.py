@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
@@ -117,13 +118,15 @@ class MessageFile:
             The disk is full; the file was closed.
         """
         before = self._stream.size
-        try:
-            self._writer.add_message(topic, time, data, time, sequence & 0xFFFF_FFFF)
-        except OSError as error:
-            self.close()
-            raise self._full(error) from error
+        self._written(lambda: self._writer.add_message(topic, time, data, time, sequence & 0xFFFF_FFFF))
         self.messages += 1
         if self._stream.size != before:
+            self._keep_reserve()
+
+    def flush(self) -> None:
+        """Write the messages so far, so that the end of the process cannot take them. Raises DiskFull as `add` does."""
+        if not self._closed:
+            self._written(self._writer.flush)
             self._keep_reserve()
 
     def close(self) -> None:
@@ -139,6 +142,13 @@ class MessageFile:
             raise self._full(error) from error
         finally:
             self._stream.close()
+
+    def _written(self, write: Callable[[], object]) -> None:
+        try:
+            write()
+        except OSError as error:
+            self.close()
+            raise self._full(error) from error
 
     def _keep_reserve(self) -> None:
         failure = self._stream.failure

@@ -127,6 +127,9 @@ class WholeWrites:
         """Return the size of the file [byte]."""
         return self.size
 
+    def flush(self) -> None:
+        """Do nothing: writes are not buffered."""
+
     def close(self) -> None:
         """Close the file."""
         self._file.close()
