@@ -10,8 +10,12 @@
 Other launch files may include it, under PushRosNamespace, SetRemap and SetParameter as well.
 """
 
+import atexit
 import os
+import shutil
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from launch import Action, LaunchContext, LaunchDescription, LaunchDescriptionEntity
@@ -19,11 +23,10 @@ from launch.actions import DeclareLaunchArgument, ExecuteProcess, LogInfo, Opaqu
 from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
-from launch_ros.parameter_descriptions import ParameterValue
 
 from posfet.arguments import ARGUMENTS, LAUNCH_ARGUMENTS, check, choices, description
 from posfet.bringup import default_params_file
-from posfet.graph import graph
+from posfet.graph import NodeSpec, graph
 from posfet.ros_arguments import RosArguments
 from posfet_model.config import ConfigError
 from posfet_model.ros.exit_codes import PROCESS_FAILED
@@ -90,15 +93,25 @@ def processes(context: LaunchContext, arguments: dict[str, str], ended: Callable
             executable=spec.executable,
             name=spec.name,
             namespace=f"/{spec.namespace}",
-            parameters=[
-                spec.params_file,  # without a type, launch_ros reads the text 4711 as a number
-                {key: ParameterValue(value, value_type=type(value)) for key, value in spec.parameters.items()},
-            ],
+            parameters=[spec.params_file, parameter_file(spec)],
             ros_arguments=["--log-level", spec.log_level],
             **common,
         )
         for spec in graph(arguments, arguments["params_file"] or default_params_file(), around)
     ]
+
+
+def parameter_file(spec: NodeSpec) -> str:
+    """Return the path of a file with the node's parameters, removed when the launch ends.
+
+    A dictionary would not do: launch_ros writes texts without quotes where PyYAML needs none, and ROS reads 0815, 1e5
+    and y as numbers and a boolean.
+    """
+    folder = tempfile.mkdtemp(prefix="posfet-")
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    path = Path(folder, f"{spec.executable}.yaml")
+    path.write_text(spec.parameter_file(), encoding="utf-8")
+    return str(path)
 
 
 def generate_launch_description() -> LaunchDescription:

@@ -101,14 +101,18 @@ def ours(process: int) -> dict[int, str]:
 
 @pytest.mark.parametrize(("composed", "number"), [("true", signal.SIGTERM), ("false", signal.SIGTERM)])
 def test_an_included_stack_is_moved_remapped_and_ends_with_the_launch(composed: str, number: signal.Signals) -> None:
-    with robot(f"composed:={composed}") as process, Listener("robot/tactile") as listener:
+    # Texts that a parameter file without quotes would turn into a number.
+    texts = {"serial": "0815", "frame_id": "1e5"}
+    words = [f"composed:={composed}", *(f"{name}:={text}" for name, text in texts.items())]
+    with robot(*words) as process, Listener("robot/tactile") as listener:
         contacts = listener.collect(TactileContacts, "touch")
         listener.wait(lambda: any(message.contacts for message in contacts), "a contact")
-        assert contacts[-1].header.frame_id == "robot_tactile_array"
+        assert contacts[-1].header.frame_id == texts["frame_id"]
         for name in ("model_node", "sim_board_node"):
-            request = GetParameters.Request(names=["use_sim_time"])
-            values = listener.call(GetParameters, f"{name}/get_parameters", request).values
-            assert values[0].bool_value
+            request = GetParameters.Request(names=["use_sim_time", "serial"])
+            simulated, serial = listener.call(GetParameters, f"{name}/get_parameters", request).values
+            assert simulated.bool_value
+            assert serial.string_value == texts["serial"]
         nodes = ours(process.pid)
         assert len(nodes) == (1 if composed == "true" else 2)
         process.send_signal(number)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import stat
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -227,3 +228,42 @@ def test_a_parameter_file_that_is_none_is_rejected_in_one_line(tmp_path: Path) -
     for path, reason in (("x" * 300, "params_file: no such file"), (str(tmp_path / "pipe"), "not a regular file")):
         with pytest.raises(ConfigError, match=reason):
             nodes(path)
+
+
+def test_ros_reads_every_text_of_a_parameter_file_as_the_text_that_it_is(tmp_path: Path, params_file: str) -> None:
+    rclpy = pytest.importorskip("rclpy", reason="needs ROS 2")
+    texts = [
+        "0815",
+        "007",
+        "1e5",
+        "1_000",
+        "0x1F",
+        ".5",
+        ".inf",
+        "1:30",
+        "y",
+        "no",
+        "on",
+        "~",
+        "null",
+        "",
+        "a: b",
+        "#",
+        "'",
+        '"',
+        "ö😀",
+    ]
+    model = nodes(params_file)["model_node"]
+    spec = replace(model, parameters={f"p{index}": text for index, text in enumerate(texts)})
+    path = tmp_path / "values.yaml"
+    path.write_text(spec.parameter_file(), encoding="utf-8")
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    try:
+        words = ["--ros-args", "--params-file", str(path)]
+        options = {"allow_undeclared_parameters": True, "automatically_declare_parameters_from_overrides": True}
+        node = rclpy.create_node(spec.name, namespace=spec.namespace, context=context, cli_args=words, **options)
+        assert [node.get_parameter(name).value for name in spec.parameters] == texts
+        node.destroy_node()
+    finally:
+        context.try_shutdown()

@@ -45,10 +45,11 @@ def test_a_sensor_overrides_what_is_common_and_names_files_beside_the_list(tmp_p
     (tmp_path / "thumb.yaml").write_text("", encoding="utf-8")
     thumb, palm = hand(
         tmp_path,
-        "common: {scene: hold, can_bitrate: 500000, can_fd: true}\n"
+        "common: {scene: hold, can_bitrate: 500000, can_fd: true, autostart: false, max_relative_uncertainty: 0.5}\n"
         "sensors:\n- {name: a/thumb, scene: idle, calibration_file: thumb.yaml, serial: '0712'}\n- {name: palm}\n",
     )
     changed = {"namespace": "palm", "scene": "hold", "can_bitrate": "500000", "can_fd": "true"}
+    changed |= {"autostart": "false", "max_relative_uncertainty": "0.5"}
     assert palm == {**defaults(), **changed}
     assert thumb == {
         **palm,
@@ -71,6 +72,9 @@ def test_a_sensor_overrides_what_is_common_and_names_files_beside_the_list(tmp_p
         ("sensors: [{name: a, source: usb}]", "sensors[0]: 'a': source: must be one of sim, can, emulator"),
         ("sensors: [{name: a, mount: [1, 2]}]", "sensors[0].mount: must be text, got [1, 2] without quotes"),
         ("sensors: [{name: a, serial: 0712}]", "sensors[0].serial: must be text, got 458 without quotes"),
+        ("sensors: [{name: a, scene: on}]", "sensors[0].scene: must be text, got True without quotes"),
+        ("sensors: [{name: a, frame_id: no}]", "sensors[0].frame_id: must be text, got False without quotes"),
+        ("sensors: [{name: a, can_bitrate: yes}]", "sensors[0].can_bitrate: must be a whole number"),
         ("common: {can_bitrate: fast}\nsensors: [{name: a}]", "'a': can_bitrate: must be a whole number"),
         ("sensors: [{name: a}, {name: a}]", "sensors: 2 of them have the namespace 'a': each needs its own"),
         ("common: {serial: S}\nsensors: [{name: a}, {name: b}]", "sensors: 2 of them have the serial 'S'"),

@@ -58,6 +58,8 @@ def _optional(parameter: Parameter) -> Parameter:
     )
 
 
+_OPTIONAL: Final = (CALIBRATION_FILE, CALIBRATION_FOLDER, ESTIMATOR, MAX_RELATIVE, PARENT_FRAME, AUTOSTART)
+"""Parameters whose arguments are texts, since they may be left to the parameter file."""
 NAMESPACE: Final = Parameter("namespace", "tactile", "Namespace of nodes and topics, one for each sensor")
 LOG_LEVELS: Final = ("debug", "info", "warn", "error", "fatal")
 
@@ -112,6 +114,14 @@ LAUNCH_ARGUMENTS: Final = (
     ),
 )
 """Arguments that only the launch file has."""
+
+
+def written_as(argument: Parameter) -> tuple[type, ...]:
+    """Return the types that an argument may have in a YAML file; a text needs quotes where YAML reads another type."""
+    values = (argument.default, *(each.default for each in _OPTIONAL if each.name == argument.name))
+    if any(isinstance(value, bool) for value in values) or "true" in argument.choices:
+        return str, bool
+    return (str, int, float) if any(isinstance(value, (int, float)) for value in values) else (str,)
 
 
 def choices(argument: Parameter) -> tuple[str, ...]:

@@ -100,8 +100,9 @@ class NodeSpec:
 
     def parameter_file(self) -> str:
         """Return `parameters` as the text of a parameter file: one for this node overrides one for all, and `-p`."""
-        # JSON is YAML, and keeps the types.
-        return json.dumps({f"/{self.namespace}/{self.name}": {"ros__parameters": dict(self.parameters)}})
+        # JSON is YAML, and keeps the types; YAML has no escape for half of a character.
+        values = {f"/{self.namespace}/{self.name}": {"ros__parameters": dict(self.parameters)}}
+        return json.dumps(values, ensure_ascii=False)
 
 
 def check_params_file(path: str, ros: RosArguments) -> None:

@@ -13,7 +13,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Final
 
-from posfet.arguments import ARGUMENTS, NAMESPACE, check, defaults
+from posfet.arguments import ARGUMENTS, NAMESPACE, check, defaults, written_as
 from posfet_model._lib.shown import shown
 from posfet_model.command_line import checked_namespace
 from posfet_model.config import ConfigError, Section, is_there, read_yaml
@@ -75,8 +75,7 @@ def _arguments(section: Section, folder: Path) -> dict[str, str]:
         if argument is NAMESPACE or argument.name not in section:
             continue
         value = section.value(argument.name, argument.allowed)
-        kinds = (str, bool) if isinstance(argument.default, str) else (str, bool, int, float)
-        if not isinstance(value, kinds):  # a serial number 0712 without quotes is 458 in YAML
+        if type(value) not in written_as(argument):  # without quotes 0712 is 458 in YAML, and on is true
             raise section.error(argument.name, f"must be {argument.allowed}, got {shown(value)} without quotes")
         text = str(value).lower() if isinstance(value, bool) else str(value)
         beside = folder / text
