@@ -328,6 +328,12 @@ class HasOneBootForEver(ProtocolBoard):
         self.boot = 6
 
 
+@breaks("I6")
+class ForgetsThatItResetTheCharge(ProtocolBoard):
+    def status(self) -> list[Frame]:
+        return [with_bits(frame, 1 << 53) if self.heartbeat < 5 else frame for frame in super().status()]
+
+
 @breaks("identity")
 class StatesAnotherLayout(ProtocolBoard):
     def identity_values(self) -> dict[str, int]:

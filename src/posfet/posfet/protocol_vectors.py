@@ -151,8 +151,9 @@ def _statuses() -> _Rows:
     yield "ADC fault", "Status", typical | {"AdcFault": 1}
     yield "overtemperature", "Status", typical | {"Temperature1": 0x7FFF, "Overtemperature": 1}
     yield "scan overrun", "Status", typical | {"ScanOverrun": 1}
+    yield "charge reset", "Status", typical | {"ChargeReset": 1}
     yield "lowest values", "Status", {"Temperature1": -0x7FFF, "Temperature2": -0x7FFF}
-    flags = dict.fromkeys(("SupplyLow", "AdcFault", "Overtemperature", "ScanOverrun", "Scanning"), 1)
+    flags = dict.fromkeys(("SupplyLow", "AdcFault", "Overtemperature", "ScanOverrun", "Scanning", "ChargeReset"), 1)
     limits = {"Temperature1": 0x7FFF, "Temperature2": 0x7FFF, "Supply": 65534, "Boot": 15, "Heartbeat": 15}
     yield "highest values", "Status", flags | limits
 

@@ -355,6 +355,44 @@ def test_sequence_and_stamps_restart_after_a_reset(fd: bool, first: str) -> None
 
 
 @BOTH
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [({}, 0), ({"charge_reset": True}, 1), ({"boot": 4}, 1)],
+    ids=["charge continues", "charge reset", "not said"],
+)
+def test_a_reset_leaves_the_charge_known_only_where_the_board_says_so(
+    fd: bool, said: dict[str, object], expected: int
+) -> None:
+    firmware, decoder = started(fd)
+    for index in range(20):
+        receive(decoder, firmware.due(index * PERIOD), index * PERIOD)
+    reset = 200 * PERIOD
+    again = BoardFirmware(with_fd(SENSOR, fd), FakeBoard(SENSOR), reset, boot=5)
+    again.receive((BASE + COMMAND_OFFSET, CLASSIC, Request(Command.START, 2).pack()), reset)
+    stated = status(**{"boot": 5, **said}).pack()
+    list(decoder.decode([(BASE + STATUS_OFFSET, CLASSIC, stated)], reset, WALL_OFFSET))
+    scans = []
+    for index in range(4):
+        frames = [frame for frame in again.due(reset + index * PERIOD) if frame[0] - BASE != STATUS_OFFSET]
+        scans += receive(decoder, frames, reset + index * PERIOD)
+    flags = [
+        (bool(scan.status & ScanStatus.BOARD_RESET), bool(scan.status & ScanStatus.CHARGE_RESET)) for scan in scans
+    ]
+    assert flags == [(True, bool(expected))] + [(False, False)] * (len(scans) - 1)
+
+
+@pytest.mark.parametrize("charge_reset", [True, False])
+def test_a_new_driver_does_not_vouch_for_the_charge_that_an_earlier_one_has_seen(charge_reset: bool) -> None:
+    firmware = BoardFirmware(SENSOR, FakeBoard(SENSOR), 0, boot=3, charge_reset=charge_reset)
+    decoder = Decoder(SENSOR)
+    decoder.start()
+    firmware.receive((BASE + COMMAND_OFFSET, CLASSIC, Request(Command.START, 2).pack()), 0)
+    scans = [scan for index in range(3) for scan in receive(decoder, firmware.due(index * PERIOD), index * PERIOD)]
+    # In the first batch the scan precedes the status.
+    assert [scan.status for scan in scans] == [0, int(ScanStatus.CHARGE_RESET) * charge_reset, 0]
+
+
+@BOTH
 @pytest.mark.parametrize("pause", [65.536, 65.536 * 3 + 31, 300.0, 4295.0, 10_000.0])
 def test_a_host_that_was_stopped_numbers_and_stamps_right(fd: bool, pause: float) -> None:
     """What waited in the kernel is read at once, the newest frames are missing, then the scans of now arrive."""

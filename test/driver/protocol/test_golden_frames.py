@@ -49,6 +49,7 @@ def message_of(name: str, values: dict[str, int]) -> Any:
                 supply=physical(values["Supply"], 0xFFFF, 1000),
                 flags=sum(values[name] << bit for bit, name in enumerate(names)),
                 scanning=bool(values["Scanning"]),
+                charge_reset=bool(values["ChargeReset"]),
                 boot=values["Boot"],
                 heartbeat=values["Heartbeat"],
             )

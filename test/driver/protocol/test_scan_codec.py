@@ -148,14 +148,16 @@ def test_response_messages_agree_with_cantools(code: int, tag: int, result: int,
     scanning=st.booleans(),
     boot=BOOTS,
     heartbeat=BOOTS,
+    charge_reset=st.booleans(),
 )
 def test_status_messages_agree_with_cantools(
-    raw: tuple[int, int], supply: int, flags: int, scanning: bool, boot: int, heartbeat: int
+    raw: tuple[int, int], supply: int, flags: int, scanning: bool, boot: int, heartbeat: int, charge_reset: bool
 ) -> None:
-    status = Status((raw[0] / 256, raw[1] / 256), supply / 1000, flags, scanning, boot, heartbeat)
+    temperatures = raw[0] / 256, raw[1] / 256
+    status = Status(temperatures, supply / 1000, flags, scanning, boot, heartbeat, charge_reset)
     signals = {"Temperature1": raw[0] / 256, "Temperature2": raw[1] / 256, "Supply": supply / 1000}
     signals |= {name: flags >> bit & 1 for bit, name in enumerate(FLAGS)}
-    signals |= {"Scanning": int(scanning), "Boot": boot, "Heartbeat": heartbeat}
+    signals |= {"Scanning": int(scanning), "ChargeReset": int(charge_reset), "Boot": boot, "Heartbeat": heartbeat}
     assert decode("Status", status.pack()) == pytest.approx(signals, abs=1e-9)
     assert encode("Status", **signals) == status.pack()
     assert Status.unpack(status.pack()) == status

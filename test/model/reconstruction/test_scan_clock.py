@@ -212,3 +212,19 @@ def test_a_board_that_begins_with_a_new_film_interrupts_the_force_however_soon_i
     assert counted(clock) == {"resets": 2}
     assert accept(clock, scan(1, stamp=START + 41_000_000))
     assert (clock.interrupted, clock.suspect) == (False, False)
+
+
+def test_a_charge_that_is_not_known_to_continue_interrupts_the_force_also_while_the_sequence_goes_on() -> None:
+    clock = clock_after(10)
+    assert accept(clock, scan(20, status=ScanStatus.CHARGE_RESET))
+    assert clock.interrupted
+    assert counted(clock) == {"missed": 10, "gaps": 1}
+
+
+def test_a_restart_is_not_forgotten_when_its_first_scan_cannot_be_used() -> None:
+    clock = clock_after(10)
+    status = ScanStatus.BOARD_RESET | ScanStatus.CHARGE_RESET | ScanStatus.ADC_FAULT
+    assert not accept(clock, scan(0, stamp=START + 20_000_000, status=status))
+    assert accept(clock, scan(1, stamp=START + 21_000_000))
+    assert (clock.interrupted, clock.suspect) == (True, True)
+    assert counted(clock) == {"adc_fault": 1, "resets": 1}

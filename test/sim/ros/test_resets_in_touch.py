@@ -25,25 +25,12 @@ from posfet_model.ros.model_node import ModelNode
 from posfet_msgs.srv import LoadScene
 from posfet_sim.ros.sim_board_node import SimBoardNode
 from support.clocks import EPOCH, SteppedClock
+from support.touch_scene import TOUCH
 
 pytestmark = pytest.mark.ros
 
 SETTLING = 0.05
 """Time after the end of a touch in which its contact may still be reported [s]."""
-TOUCH = """
-name: touch
-description: a fingertip presses at once and holds
-temperature_degC: 25.0
-objects:
-  - name: fingertip
-    kind: sphere
-    radius_mm: 5.0
-    effective_modulus_MPa: 2.0
-    keyframes:
-      - {time_s: 0.05, x_mm: 0.2, y_mm: -0.1, force_N: 0.0}
-      - {time_s: 0.1, x_mm: 0.2, y_mm: -0.1, force_N: 2.0}
-      - {time_s: 3.0, x_mm: 0.2, y_mm: -0.1, force_N: 2.0}
-"""
 ACTIONS = ("scene", "source", "model", "both", "reopen", "cleanup")
 
 

@@ -145,6 +145,16 @@ def boot_changes(session: Session) -> str:
     return f"{power.boot_before} before power-on, {boot} after"
 
 
+@check("I6", Phase.REVIEW)
+def charge_reset_is_constant(session: Session) -> str:
+    """Check that ChargeReset is the same in all status frames."""
+    first = session.power_on.first if session.power_on else 0
+    stated = {status.values["ChargeReset"] for status in session.named("Status", first)}
+    if len(stated) > 1:
+        raise BrokenRuleError("ChargeReset is 0 and 1 without a power-on in between")
+    return f"ChargeReset {min(stated)} in all status frames"
+
+
 @check("I1", Phase.REVIEW)
 def first_status(session: Session) -> str:
     """Check that the first status follows power-on within 100 ms."""

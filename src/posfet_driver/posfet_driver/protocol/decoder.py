@@ -44,6 +44,7 @@ COMMANDS_KEPT: Final = 16
 """Number of the newest own commands that are remembered: a link may delay their responses by some repetitions."""
 _TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)  # a flag is ten times as slow as a number
 _BOARD_RESET: Final = int(ScanStatus.BOARD_RESET)
+_CHARGE_RESET: Final = int(ScanStatus.CHARGE_RESET)
 _NO_BLOCK: Final = EXTENDED | ERROR
 _SET_RATE: Final = bytes([Command.SET_RATE])
 
@@ -155,6 +156,7 @@ class Decoder:
         self._arrival = 0
         self._wall_offset = WallOffset()
         self._status_data = b""
+        self._charge_reset = False  # the first status says so, of a board that an earlier driver may have received
         self._own_commands: deque[bytes] = deque(maxlen=COMMANDS_KEPT)
         self._first_block = FD_BLOCK_OFFSET if self._fd else CLASSIC_BLOCK_OFFSET
         self._last_block = codec.offset(codec.blocks - 1)
@@ -295,11 +297,19 @@ class Decoder:
             scan.stamp = self._sync.to_monotonic(time, self._arrival)
         if scans.numbering.restarted:
             scans.numbering.restarted = False
-            scan.status |= _BOARD_RESET
+            scan.status |= _BOARD_RESET | (0 if self._keeps_charge() else _CHARGE_RESET)
             self.resets += scans.numbering.boot == self._scan_boot  # else the new number tells
+        if self._charge_reset:
+            self._charge_reset = False
+            scan.status |= _CHARGE_RESET
         if scans.numbering.boot != self._scan_boot:
             self._scan_boot = scans.numbering.boot
             self._note_boot(scans.numbering.boot)
+
+    def _keeps_charge(self) -> bool:
+        """Return whether the board, since its newest power-on, has said that charges continue those from before."""
+        status = self.status
+        return bool(self._status_data) and status.boot == self._scans.numbering.boot and not status.charge_reset
 
     def _recall(self, held: Held) -> None:
         """Make a scan that was held the newest one."""
@@ -373,6 +383,7 @@ class Decoder:
             return None
         if self._status_data and status.boot == self.status.boot:
             traffic.status_lost += (status.heartbeat - self.status.heartbeat - 1) & 0xF
+        self._charge_reset |= not self._status_data and status.charge_reset
         self._status_data = data
         self.status = status
         self._note_boot(status.boot)

@@ -52,6 +52,7 @@ _TEMPERATURE_UNKNOWN: Final = -0x8000
 _MILLIVOLTS: Final = 1000
 _SUPPLY_UNKNOWN: Final = 0xFFFF
 _SCANNING: Final = 0x10
+_CHARGE_RESET: Final = 0x20
 BOARD_FLAGS: Final = int(
     ScanStatus.SUPPLY_LOW | ScanStatus.ADC_FAULT | ScanStatus.OVERTEMPERATURE | ScanStatus.SCAN_OVERRUN
 )
@@ -149,6 +150,8 @@ class Status:
     """Number of the power-on, modulo 16."""
     heartbeat: int
     """Number of the status frame, modulo 16."""
+    charge_reset: bool = False
+    """Whether the charge at the gates was reset at this power-on: it does not continue that from before."""
 
     def pack(self) -> bytes:
         """Return the data of the frame; a temperature or a supply voltage out of range is clipped."""
@@ -156,7 +159,7 @@ class Status:
         supply = _SUPPLY_UNKNOWN
         if not math.isnan(self.supply):
             supply = round(min(max(self.supply, 0.0) * _MILLIVOLTS, _SUPPLY_UNKNOWN - 1))
-        state = self.flags & BOARD_FLAGS | self.scanning * _SCANNING
+        state = self.flags & BOARD_FLAGS | self.scanning * _SCANNING | self.charge_reset * _CHARGE_RESET
         return _STATUS.pack(first, second, supply, state, self.boot & 0xF | (self.heartbeat & 0xF) << 4)
 
     @classmethod
@@ -172,6 +175,7 @@ class Status:
             scanning=bool(state & _SCANNING),
             boot=counters & 0xF,
             heartbeat=counters >> 4,
+            charge_reset=bool(state & _CHARGE_RESET),
         )
 
 

@@ -43,6 +43,7 @@ MOST_LATE: Final = 10
 _ADC_FAULT: Final = int(ScanStatus.ADC_FAULT)
 _BOARD_RESET: Final = int(ScanStatus.BOARD_RESET)
 _CHARGE_RESET: Final = int(ScanStatus.CHARGE_RESET)
+_RESTART: Final = _BOARD_RESET | _CHARGE_RESET
 _TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)
 
 
@@ -96,6 +97,7 @@ class ScanClock:
         self._period = 1.0 / sensor.can.scan_rate
         self._periods = self._period / JUMP_FACTOR, self._period * JUMP_FACTOR
         self._late_in_a_row = 0
+        self._restart = 0  # flags of restarts since the last admitted scan, also of scans that were refused
         self._sequence = -1
         self._device_time = 0
         self._stamp = 0
@@ -114,6 +116,7 @@ class ScanClock:
 
     def fits(self, scan: Scan) -> bool:
         """Return whether a scan has the layout of this sensor; count it otherwise."""
+        self._restart |= scan.status & _RESTART
         if scan.layout_id == self._layout_id and scan.counts.shape == self._shape:
             return True
         self.counts.layout_mismatch += 1
@@ -122,7 +125,7 @@ class ScanClock:
     def is_new(self, scan: Scan) -> bool:
         """Return whether a scan that fits is neither duplicate nor late; count it otherwise."""
         ahead = scan.sequence - self._sequence
-        if ahead > 0 or self._sequence < 0 or scan.status & _BOARD_RESET:
+        if ahead > 0 or self._sequence < 0 or self._restart:
             return True
         if ahead == 0:
             self.counts.repeated += 1
@@ -144,10 +147,10 @@ class ScanClock:
         """Accept a scan that fits, is new and sound; set the interval before it."""
         self.interrupted = self.suspect = False
         ahead = scan.sequence - self._sequence
-        self.close = 0 < ahead <= CLOSE and self._sequence >= 0 and not scan.status & _BOARD_RESET
+        self.close = 0 < ahead <= CLOSE and self._sequence >= 0 and not self._restart
         if self._sequence < 0:
             self.step = self._period
-        elif scan.status & _BOARD_RESET or ahead < 0:
+        elif self._restart & _BOARD_RESET or ahead <= 0:
             self._reset(scan)
         else:
             self._measure(scan, ahead)
@@ -155,18 +158,18 @@ class ScanClock:
         self._device_time = scan.device_time
         self._stamp = scan.stamp
         self._estimated = bool(scan.status & _TIME_ESTIMATED)
-        self._late_in_a_row = 0
+        self._late_in_a_row = self._restart = 0
         self.counts.accepted += 1
 
     def _reset(self, scan: Scan) -> None:
-        """Bridge a restart of the board by the stamps, which continue, if the charge does, too."""
+        """Bridge a restart of the board by the stamps, which continue."""
         self.counts.resets += 1
         self.suspect = True
-        self._bridge(math.inf if scan.status & _CHARGE_RESET else (scan.stamp - self._stamp) * 1e-9)
+        self._bridge((scan.stamp - self._stamp) * 1e-9)
 
     def _bridge(self, interval: float) -> None:
-        """Set the interval [s]; one out of range interrupts the force."""
-        self.interrupted = not 0.0 < interval <= self._longest
+        """Set the interval [s]; one out of range interrupts the force, and so does a charge that began anew."""
+        self.interrupted = bool(self._restart & _CHARGE_RESET) or not 0.0 < interval <= self._longest
         self.step = self._period if self.interrupted else interval
 
     def _measure(self, scan: Scan, ahead: int) -> None:

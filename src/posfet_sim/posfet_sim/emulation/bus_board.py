@@ -30,6 +30,7 @@ class BusBoard:
 
     Frames that carry scans are dropped, truncated to half their data (a length that CAN FD and classic CAN can carry),
     or duplicated. A reset stops the scans: after its silence a fresh firmware runs and waits for the start command.
+    The film remembers, and only the first power-on says that its charge begins anew.
     The scene of `board` begins with the scan that follows the first start command, so that no part of it passes before.
 
     Parameters
@@ -73,7 +74,7 @@ class BusBoard:
         self._scene_begin: int | None = None  # ticks from the first power-on to the beginning of the scene
         self._faults = LinkFaults(board.error_model, seed, counters)
         self._frames = 0
-        self._firmware: BoardFirmware | None = self._switch_on(0.0)
+        self._firmware: BoardFirmware | None = self._switch_on(0.0, charge_reset=True)
 
     @property
     def counters(self) -> dict[str, int]:
@@ -149,11 +150,11 @@ class BusBoard:
             self.boot += 1
             self._firmware = self._switch_on(self._faults.running_since)
 
-    def _switch_on(self, time: float) -> BoardFirmware:
+    def _switch_on(self, time: float, charge_reset: bool = False) -> BoardFirmware:
         """Return fresh firmware of a board that starts `time` [s] after the first."""
         self._offset = math.ceil(time / self._slow * NANOSECONDS / self._period)
         start = self.switched_on + self._offset * self._period
-        firmware = BoardFirmware(self._board.sensor, self, start, self.boot)
+        firmware = BoardFirmware(self._board.sensor, self, start, self.boot, charge_reset)
         firmware.on_scan = self._sent
         return firmware
 

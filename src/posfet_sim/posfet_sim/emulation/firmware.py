@@ -102,6 +102,8 @@ class BoardFirmware:
         Monotonic time [ns].
     boot : int, default 0
         Number of the power-on.
+    charge_reset : bool, default False
+        Whether the charge at the gates does not continue that before the power-on.
 
     Raises
     ------
@@ -109,7 +111,7 @@ class BoardFirmware:
         The layout does not fit the frames.
     """
 
-    def __init__(self, sensor: Sensor, board: ScanMaker, now: int, boot: int = 0) -> None:
+    def __init__(self, sensor: Sensor, board: ScanMaker, now: int, boot: int = 0, charge_reset: bool = False) -> None:
         self.on_scan: Callable[[Scan], None] | None = None
         """Called with each scan that is sent."""
         self.running = False
@@ -127,6 +129,7 @@ class BoardFirmware:
         self.boot = boot & BOOT_COUNTER
         """Number of the power-on, modulo 16."""
         self._board = board
+        self._charge_reset = charge_reset
         self._codec = make_codec(sensor)
         self._base = sensor.can.base_id
         self._shortest_period = round(1e6 / sensor.can.scan_rate)  # [us]
@@ -287,7 +290,8 @@ class BoardFirmware:
         first, second = (float(temperature) for temperature in self._scan.temperatures)
         flags = self._flags() | ScanStatus.SCAN_OVERRUN * self._late_status
         self._late_status = False
-        status = Status((first, second), self.supply, flags, self.running, self.boot, self._heartbeat)
+        counters = self.boot, self._heartbeat
+        status = Status((first, second), self.supply, flags, self.running, *counters, self._charge_reset)
         frames = [(self._base + STATUS_OFFSET, CLASSIC, status.pack())]
         if self._status_sent % _STATUS_PER_IDENTITY == 0:
             frames.append(self._identity_frame())
