@@ -1,6 +1,6 @@
 # Set-up, build, and shortcuts to the commands of the packages. Uses a sourced ROS 2 if there is one, .venv otherwise.
 #
-#   make bringup            run the stack with the simulated board     FOR=5  SOURCE=sim|emulator|can  SCENE=name|file  ARGS=...
+#   make bringup            run the stack with the simulated board     WEB=1  FOR=5  SOURCE=sim|emulator|can  SCENE=name|file  ARGS=...
 #   make test               run all tests but the slow ones (against the wall clock)     ARGS="-k name" goes to pytest
 #   make test-cortex-m      run the reference firmware's image on an emulated Cortex-M3, driver and model on it; part of test-vm
 #   make test-vm            run the driver on SocketCAN in a virtual machine with Debian's kernel     ARGS="-k netem"
@@ -48,7 +48,7 @@ $(BUILT): .venv/.ready
 endif
 
 bringup: $(BUILT)
-	@$(IN_ENVIRONMENT) exec posfet bringup $(if $(FOR),--for $(FOR)) $(if $(SOURCE),source:=$(SOURCE)) $(if $(SCENE),scene:=$(SCENE)) $(ARGS)
+	@$(IN_ENVIRONMENT) exec posfet bringup $(if $(WEB),--web) $(if $(FOR),--for $(FOR)) $(if $(SOURCE),source:=$(SOURCE)) $(if $(SCENE),scene:=$(SCENE)) $(ARGS)
 
 # Where pytest-xdist is, four processes run tests, on few processors, too: those that run nodes mostly wait.
 test: $(BUILT)

@@ -21,6 +21,7 @@ pytest.importorskip("posfet_msgs", reason="needs the built posfet_msgs")
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from posfet.stack_client import StackClient
 from posfet.view_node import ViewNode
 from posfet_driver.ros.driver_node import DriverNode
 from posfet_model.ros.model_node import ModelNode
@@ -49,16 +50,18 @@ def allowed(enclave: str, rule: str) -> set[str]:
 
 
 @pytest.fixture
-def node(request: pytest.FixtureRequest) -> Iterator[Node]:
+def nodes(request: pytest.FixtureRequest) -> Iterator[list[Node]]:
     rclpy.init()
     made = request.param()
     yield made
-    made.destroy_node()
+    for node in made:
+        node.destroy_node()
     rclpy.shutdown()
 
 
-def make_view() -> Node:
-    return ViewNode("tactile")
+def make_view() -> list[Node]:
+    client = StackClient("tactile")
+    return [client, ViewNode(client)]
 
 
 def make_replay(parameter_overrides: list[Parameter], **arguments: Any) -> Node:
@@ -68,7 +71,7 @@ def make_replay(parameter_overrides: list[Parameter], **arguments: Any) -> Node:
 
 def make_others(kind: Any) -> Any:
     simulated_time = Parameter("use_sim_time", value=True)  # subscribes to /clock
-    return lambda: kind(namespace="/tactile", parameter_overrides=[simulated_time])
+    return lambda: [kind(namespace="/tactile", parameter_overrides=[simulated_time])]
 
 
 def test_the_policy_has_the_form_that_sros2_expects() -> None:
@@ -89,20 +92,25 @@ def test_the_policy_has_the_form_that_sros2_expects() -> None:
 
 
 @pytest.mark.parametrize(
-    "node",
+    "nodes",
     [*(make_others(kind) for kind in (ModelNode, DriverNode, SimBoardNode, make_replay)), make_view],
     indirect=True,
 )
-def test_the_stack_may_do_all_that_its_nodes_do(node: Node) -> None:
-    name, space = node.get_name(), node.get_namespace()
-    published = {topic for topic, _ in node.get_publisher_names_and_types_by_node(name, space)}
-    subscribed = {topic for topic, _ in node.get_subscriber_names_and_types_by_node(name, space)}
-    served = {service for service, _ in node.get_service_names_and_types_by_node(name, space)}
-    assert "/rosout" in published
-    assert len(served) > 5
-    assert published <= allowed("/tactile", "publish")
-    assert subscribed <= allowed("/tactile", "subscribe")
-    assert served <= allowed("/tactile", "reply")
+def test_the_stack_may_do_all_that_its_nodes_do(nodes: list[Node]) -> None:
+    services: set[str] = set()
+    for node in nodes:
+        name, space = node.get_name(), node.get_namespace()
+        published = {topic for topic, _ in node.get_publisher_names_and_types_by_node(name, space)}
+        subscribed = {topic for topic, _ in node.get_subscriber_names_and_types_by_node(name, space)}
+        served = {service for service, _ in node.get_service_names_and_types_by_node(name, space)}
+        called = {service for service, _ in node.get_client_names_and_types_by_node(name, space)}
+        services |= served
+        assert "/rosout" in published
+        assert published <= allowed("/tactile", "publish")
+        assert subscribed <= allowed("/tactile", "subscribe")
+        assert served <= allowed("/tactile", "reply")
+        assert called <= allowed("/tactile", "request")
+    assert len(services) > 5
 
 
 def test_a_controller_can_only_read_and_an_operator_also_calibrates() -> None:

@@ -108,7 +108,7 @@ class Replay:
 def test_without_a_terminal_one_line_per_second_is_printed() -> None:
     console = Console(file=io.StringIO(), width=200)
     later = [replace(SNAPSHOT, time=10.0 + step / 4, scans=1000 + 250 * step) for step in range(13)]
-    with Screen(Replay(None, *later), console) as screen:
+    with Screen(Replay(None, *later), console=console) as screen:
         for step in range(14):
             screen.update(100.0 + step / 4)
     lines = console.file.getvalue().splitlines()

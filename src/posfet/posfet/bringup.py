@@ -22,6 +22,7 @@ from ament_index_python.packages import get_package_share_directory
 from posfet.arguments import check, defaults, describe, parse
 from posfet.graph import graph
 from posfet.ros_arguments import split
+from posfet.web.options import add_web_arguments, chosen_port
 from posfet_model.command_line import positive
 from posfet_model.ros.exit_codes import exit_code
 
@@ -102,6 +103,7 @@ def main(words: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("arguments", nargs="*", metavar="name:=value", help="see --show-args")
     parser.add_argument("--for", dest="seconds", type=positive, default=math.inf, help="stop after this many seconds")
+    add_web_arguments(parser)
     parser.add_argument("-s", "--show-args", action="store_true", help="print every argument and exit")
 
     def run() -> int:
@@ -112,6 +114,6 @@ def main(words: Sequence[str] | None = None) -> int:
             return 0
         arguments = parse(options.arguments)
         specs = graph(arguments, arguments["params_file"] or default_params_file(), ros_arguments)
-        return int(import_module(RUNNERS[arguments["composed"]]).run(specs, options.seconds))
+        return int(import_module(RUNNERS[arguments["composed"]]).run(specs, options.seconds, chosen_port(options)))
 
     return exit_code(run)

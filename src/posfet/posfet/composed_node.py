@@ -22,6 +22,9 @@ from posfet.display_loop import show
 from posfet.graph import NodeSpec
 from posfet.screen import Screen
 from posfet.snapshot import ContactView, Snapshot, TrueContact
+from posfet.stack_client import StackClient
+from posfet.web.link import served_link
+from posfet.web.viewed import Viewed
 from posfet_driver.ros.scan_source_node import ScanSourceNode
 from posfet_model.contacts.tracker import Contact, ContactState
 from posfet_model.ros.model_node import ModelNode
@@ -124,6 +127,11 @@ class Graph:
             truth=self._truth(latest.sequence),
             state=report.state,
             calibration=latest.calibration,
+            standard_deviation=latest.standard_deviation.ravel(),
+            status=latest.status.ravel(),
+            total_standard_deviation=latest.total_standard_deviation,
+            sequence=latest.sequence,
+            stamp=latest.stamp,
         )
 
     def state(self) -> str:
@@ -151,10 +159,13 @@ def _view(contact: Contact) -> ContactView:
         standard_deviation=region.force_variance**0.5,
         area=region.area,
         age=contact.age,
+        major_axis=region.major_axis,
+        minor_axis=region.minor_axis,
+        velocity=contact.velocity,
     )
 
 
-def run(specs: Sequence[NodeSpec], seconds: float) -> int:
+def run(specs: Sequence[NodeSpec], seconds: float, web_port: int | None = None) -> int:
     """Run the graph and display it for `seconds` [s] or until Ctrl-C, and return the exit code.
 
     Raises ConfigError, one line, if a parameter or file cannot be used.
@@ -165,11 +176,16 @@ def run(specs: Sequence[NodeSpec], seconds: float) -> int:
         Nodes; the source of scans is last.
     seconds : float
         Duration [s].
+    web_port : int, optional
+        Port of the browser view, 0 for any; None: no browser view.
     """
     with ros(["--ros-args", "--log-level", specs[0].log_level, *specs[0].ros_words]) as stack:
         graph = Graph(specs)
         stack.callback(graph.destroy)
-        with Screen(graph) as screen:
+        client = StackClient(specs[0].namespace, specs[0].ros_words)
+        stack.callback(client.destroy_node)
+        link = served_link(stack, [Viewed(client, graph)], web_port)
+        with Screen(graph, client, link) as screen:
             graph.start()
-            return show(screen, list(graph.nodes.values()), seconds, graph.state, lambda: graph.finished)
+            return show(screen, [*graph, client], seconds, graph.state, lambda: graph.finished)
     return 0

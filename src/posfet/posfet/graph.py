@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import json
 import os
-import stat
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 from posfet.arguments import given_parameters, node_parameters
+from posfet.private_folder import private_folder
 from posfet.ros_arguments import RosArguments
 from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE, DRIVER_NODE
 from posfet_model.calibration.calibration_file import load_calibration
@@ -137,23 +136,7 @@ def check_params_file(path: str, ros: RosArguments) -> None:
 def emulated_adapter(namespace: str) -> Path:
     """Return the path at which the emulated adapter of a namespace appears, private to user and ROS domain."""
     domain = os.environ.get("ROS_DOMAIN_ID") or "0"
-    return _private_folder() / f"{domain}-{namespace.replace('/', '-')}"
-
-
-def _private_folder() -> Path:
-    """Return a folder in which no other user can make files; raise ConfigError if there is none."""
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    folder = Path(runtime, "posfet") if runtime else Path(tempfile.gettempdir(), f"posfet-{os.getuid()}")
-    try:
-        folder.mkdir(mode=0o700, exist_ok=True)
-        status = folder.lstat()
-    except OSError as error:
-        raise ConfigError(
-            f"{folder}: cannot be made: {error.strerror}; set XDG_RUNTIME_DIR to a folder of yours"
-        ) from error
-    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid() or status.st_mode & 0o022:
-        raise ConfigError(f"{folder}: must be a folder that only you can write to; set XDG_RUNTIME_DIR to another one")
-    return folder
+    return private_folder() / f"{domain}-{namespace.replace('/', '-')}"
 
 
 def _mount(arguments: Mapping[str, str]) -> dict[str, Scalar]:

@@ -15,11 +15,14 @@ from posfet.display_loop import show
 from posfet.graph import NodeSpec
 from posfet.processes import Processes
 from posfet.screen import Screen
+from posfet.stack_client import StackClient
 from posfet.view_node import ViewNode
+from posfet.web.link import served_link
+from posfet.web.viewed import Viewed
 from posfet_model.ros.run_node import ros
 
 
-def run(specs: Sequence[NodeSpec], seconds: float) -> int:
+def run(specs: Sequence[NodeSpec], seconds: float, web_port: int | None = None) -> int:
     """Run the nodes and display them for `seconds` [s], until Ctrl-C, or until one ends, and return the exit code.
 
     The exit code is that of a node that failed, which then has printed the reason. Raises ConfigError if an executable
@@ -31,11 +34,16 @@ def run(specs: Sequence[NodeSpec], seconds: float) -> int:
         Nodes; the source of scans is last.
     seconds : float
         Duration [s].
+    web_port : int, optional
+        Port of the browser view, 0 for any; None: no browser view.
     """
     with ros(specs[0].ros_words) as stack:
-        node = ViewNode(specs[0].namespace, specs[0].ros_words)
-        stack.callback(node.destroy_node)
-        with Processes(specs) as processes, Screen(node) as screen:
-            code = show(screen, [node], seconds, node.state, stop=processes.ended)
+        client = StackClient(specs[0].namespace, specs[0].ros_words)
+        stack.callback(client.destroy_node)
+        view = ViewNode(client, specs[0].ros_words)
+        stack.callback(view.destroy_node)
+        link = served_link(stack, [Viewed(client, view)], web_port)
+        with Processes(specs) as processes, Screen(view, client, link) as screen:
+            code = show(screen, [client], seconds, view.state, stop=processes.ended)
             return processes.exit_code() or code
     return 0

@@ -24,7 +24,7 @@ class ContactView:
     id: int
     state: str
     x: float
-    """Centre of pressure [m]."""
+    """Centre of pressure along the surface [m]."""
     y: float
     force: float
     """Normal force [N], positive for a push."""
@@ -34,6 +34,12 @@ class ContactView:
     """Contact area [m2]."""
     age: float
     """Time since the onset of the contact [s]."""
+    major_axis: tuple[float, float] = (math.nan, math.nan)
+    """Principal axis (x, y) of the force distribution, one standard deviation long [m]."""
+    minor_axis: tuple[float, float] = (math.nan, math.nan)
+    """Axis perpendicular to it, one standard deviation long [m]."""
+    velocity: tuple[float, float] = (math.nan, math.nan)
+    """Velocity (x, y) of the centre of pressure [m/s]; NaN: unknown."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +78,16 @@ class Snapshot:
     """State of the source of scans, in one line."""
     calibration: str = ""
     """Date of the calibration, or what its absence costs, in one line; empty: not reported."""
+    standard_deviation: NDArray[np.floating] | None = None
+    """Standard deviation of `force` [N], shape [rows * cols], NaN where unknown; None: not reported."""
+    status: NDArray[np.uint8] | None = None
+    """Values of TaxelStatus, shape [rows * cols]; None: not reported."""
+    total_standard_deviation: float = math.nan
+    """Standard deviation of `total_force` [N]; NaN: unknown."""
+    sequence: int = 0
+    """Sequence of the scan."""
+    stamp: int = 0
+    """Acquisition time of the scan [ns] since the Unix epoch."""
 
     @property
     def uncalibrated(self) -> bool:

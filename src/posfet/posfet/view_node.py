@@ -11,129 +11,155 @@ from __future__ import annotations
 
 import argparse
 import math
+import threading
 import time
+from collections import deque
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.node import Node
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from posfet.array_view import ArrayView
 from posfet.display_loop import show
+from posfet.hand import read_hand
 from posfet.screen import Screen
 from posfet.snapshot import ContactView, Snapshot, TrueContact
+from posfet.stack_client import StackClient
+from posfet.web.link import served_link
+from posfet.web.options import add_web_arguments, chosen_port
+from posfet.web.viewed import Viewed
+from posfet_model._lib.units import NANOSECONDS
 from posfet_model.command_line import checked_namespace, positive
+from posfet_model.config import ConfigError
 from posfet_model.contacts.tracker import ContactState
 from posfet_model.ros.exit_codes import exit_code
 from posfet_model.ros.run_node import ros
 from posfet_msgs.msg import TactileContacts, TactileImage, TactileTruth
 
-HISTORY = 100
-"""Messages kept per topic, until those of the same scan arrive on the other topics."""
+DEPTH: Final = 5
+"""Newest messages kept per topic, among which those of one scan are found on all topics."""
 
 
 class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
-    """Keeps the newest messages of one stack, and converts them only when a snapshot is requested.
+    """The newest messages of one stack, taken only when a snapshot is requested.
 
-    Losses are read from the diagnostics: a message that this node misses is not a loss of the stack.
+    It must not be added to an executor, which would run a callback for every message: at 1 kHz on three topics these cost
+    several times as much as all else. Losses are read from the diagnostics: a message that is not taken is no loss of
+    the stack.
 
     Parameters
     ----------
-    namespace : str
-        Namespace of the stack.
+    client : StackClient
+        Description and diagnostics of the stack.
     ros_words : sequence of str, optional
         ROS arguments of the stack, which may rename its topics.
     """
 
-    def __init__(self, namespace: str, ros_words: Sequence[str] = ()) -> None:
-        super().__init__("view_node", namespace=namespace, cli_args=[*ros_words], use_global_arguments=False)
-        self._image: TactileImage | None = None
-        self._contacts: dict[int, TactileContacts] = {}
-        self._truth: dict[int, TactileTruth] = {}
-        self._state = ""
-        self._calibration = ""
-        self._frames_lost = 0
-        self._scans_lost = 0
-        self._first_sequence: int | None = None
-        depth = 100
-        self.create_subscription(TactileImage, "image", self._take_image, depth)
-        self.create_subscription(TactileContacts, "contacts", self._take_contacts, depth)
-        self.create_subscription(TactileTruth, "truth", self._take_truth, depth)
-        self.create_subscription(DiagnosticArray, "/diagnostics", self._take_diagnostics, depth)
+    def __init__(self, client: StackClient, ros_words: Sequence[str] = ()) -> None:
+        super().__init__(
+            "view_topics_node",
+            namespace=client.namespace,
+            cli_args=[*ros_words],
+            use_global_arguments=False,
+            start_parameter_services=False,
+        )
+        self.client = client
+        self._lock = threading.Lock()
+        self._newest: dict[str, deque[Any]] = {}
+        self._topics = {}
+        self._first_sequence = 0
+        self._last_sequence = -1
+        profile = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+        for topic, kind in (("image", TactileImage), ("contacts", TactileContacts), ("truth", TactileTruth)):
+            self._newest[topic] = deque(maxlen=DEPTH)
+            self._topics[topic] = self.create_subscription(kind, topic, lambda _: None, profile)
 
     def snapshot(self) -> Snapshot | None:
-        """Return the newest snapshot, or None before the first image and contacts."""
-        image = self._image
-        common = self._contacts.keys() & self._truth.keys() or self._contacts.keys()
-        if image is None or not common:
+        """Return the newest snapshot, or None before the first image and contacts. For any thread."""
+        with self._lock:
+            for topic, subscription in self._topics.items():
+                self._take(topic, subscription)
+            return self._snapshot()
+
+    def state(self) -> str:
+        """Return the state of the source of scans, in one line."""
+        return self.client.state or f"nothing on {self.get_namespace()}/image and {self.get_namespace()}/contacts"
+
+    def _take(self, topic: str, subscription: Any) -> None:
+        """Take the messages that have arrived since the last time, the newest of which the middleware has kept."""
+        newest = self._newest[topic]
+        with subscription.handle:
+            while taken := subscription.handle.take_message(subscription.msg_type, False):
+                if newest and taken[0].sequence <= newest[-1].sequence:  # the board restarted
+                    newest.clear()
+                newest.append(taken[0])
+
+    def _snapshot(self) -> Snapshot | None:
+        images, found, truths = (
+            {message.sequence: message for message in self._newest[topic]} for topic in ("image", "contacts", "truth")
+        )
+        common = images.keys() & found.keys()
+        common = common & truths.keys() or common
+        if not common:
             return None
         sequence = max(common)
-        contacts = self._contacts[sequence]
+        image, contacts, client = images[sequence], found[sequence], self.client
+        if sequence < self._last_sequence or self._last_sequence < 0:
+            self._first_sequence = sequence
+        self._last_sequence = sequence
+        array = client.array
+        live = (contact for contact in contacts.contacts if contact.state != ContactState.RELEASED)
         return Snapshot(
             time=time.monotonic(),
-            scans=int(image.sequence) - (self._first_sequence or 0) + 1 - self._scans_lost,
-            frames_lost=self._frames_lost,
-            scans_lost=self._scans_lost,
+            scans=sequence - self._first_sequence + 1 - client.scans_lost,
+            frames_lost=client.frames_lost,
+            scans_lost=client.scans_lost,
             rows=image.rows,
             cols=image.cols,
             force=np.asarray(image.force),
             total_force=image.total_force,
             data_valid=contacts.data_valid,
-            contacts=tuple(_view(contact) for contact in contacts.contacts if contact.state != ContactState.RELEASED),
-            truth=_true_contacts(self._truth.get(sequence)),
-            state=self._state,
-            calibration=self._calibration,
+            contacts=tuple(_view(contact, array) for contact in live),
+            truth=_true_contacts(truths.get(sequence)),
+            state=client.state,
+            calibration=client.calibration,
+            standard_deviation=np.asarray(image.standard_deviation),
+            status=np.asarray(image.status, np.uint8),
+            total_standard_deviation=image.total_force_standard_deviation,
+            sequence=sequence,
+            stamp=image.header.stamp.sec * NANOSECONDS + image.header.stamp.nanosec,
         )
 
-    def state(self) -> str:
-        """Return the state of the source of scans, in one line."""
-        return self._state or f"nothing on {self.get_namespace()}/image and {self.get_namespace()}/contacts"
 
-    def _take_image(self, message: TactileImage) -> None:
-        if self._image is None or message.sequence <= self._image.sequence:  # the first image, or the board restarted
-            self._first_sequence = int(message.sequence)
-            self._contacts.clear()
-            self._truth.clear()
-        self._image = message
+def _view(contact: Any, array: ArrayView | None) -> ContactView:
+    centre, normal = contact.centre_of_pressure, contact.normal
+    # The surface's tangents at the contact: a chip is bent around one axis, so that x or y of the normal is 0.
+    along_x, along_y = (math.sqrt(1 - normal.x**2), 0.0, -normal.x), (0.0, math.sqrt(1 - normal.y**2), -normal.y)
 
-    def _take_contacts(self, message: TactileContacts) -> None:
-        _keep(self._contacts, message)
+    def tangential(vector: Any) -> tuple[float, float]:
+        given = vector.x, vector.y, vector.z
+        return _dot(along_x, given), _dot(along_y, given)
 
-    def _take_truth(self, message: TactileTruth) -> None:
-        _keep(self._truth, message)
-
-    def _take_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            values = {pair.key: pair.value for pair in status.values}
-            if not status.name.startswith(f"{self.get_namespace().strip('/')}/"):
-                continue
-            if "frames lost" in values:
-                self._state = status.message
-                # With an emulated adapter the simulated board reports 0 and the driver the losses: keep the larger.
-                self._frames_lost = max(self._frames_lost, int(values["frames lost"]))
-            self._calibration = values.get("calibration", self._calibration)
-            if "missed" in values:
-                self._scans_lost = int(values["missed"])
-
-
-def _keep(messages: dict[int, Any], message: Any) -> None:
-    """Keep the newest messages by sequence, to match those of one scan."""
-    messages[message.sequence] = message
-    if len(messages) > HISTORY:
-        del messages[next(iter(messages))]
-
-
-def _view(contact: Any) -> ContactView:
+    x, y = array.on_surface(centre.x, centre.y, centre.z) if array else (centre.x, centre.y)
     return ContactView(
         id=contact.id,
         state=ContactState(contact.state).name.lower(),
-        x=contact.centre_of_pressure.x,
-        y=contact.centre_of_pressure.y,
-        force=-contact.force.z,
+        x=x,
+        y=y,
+        force=-_dot((contact.force.x, contact.force.y, contact.force.z), (normal.x, normal.y, normal.z)),
         standard_deviation=contact.normal_force_deviation,
         area=contact.area,
         age=contact.age.sec + contact.age.nanosec * 1e-9,
+        major_axis=tangential(contact.major_axis),
+        minor_axis=tangential(contact.minor_axis),
+        velocity=tangential(contact.velocity),
     )
+
+
+def _dot(one: tuple[float, ...], other: tuple[float, ...]) -> float:
+    return sum(a * b for a, b in zip(one, other, strict=True))
 
 
 def _true_contacts(truth: TactileTruth | None) -> tuple[TrueContact, ...]:
@@ -146,17 +172,35 @@ def _true_contacts(truth: TactileTruth | None) -> tuple[TrueContact, ...]:
 def main(words: Sequence[str] | None = None) -> int:
     """Run `posfet view` and return the exit code."""
     parser = argparse.ArgumentParser(prog="posfet view", description="Show the live force map of a running stack.")
-    parser.add_argument("--namespace", default="tactile", help="namespace of the sensor (default: tactile)")
+    sensors = parser.add_mutually_exclusive_group()
+    sensors.add_argument("namespaces", nargs="*", default=[], metavar="NAMESPACE", help="sensors (default: tactile)")
+    sensors.add_argument("--namespace", help="namespace of the sensor")
+    sensors.add_argument("--hand", metavar="FILE", help="YAML file of hand.launch.py, for its sensors")
     parser.add_argument("--for", dest="seconds", type=positive, default=math.inf, help="stop after this many seconds")
+    add_web_arguments(parser)
     options = parser.parse_args(words)
 
     def run() -> int:
-        namespace = checked_namespace(options.namespace)
+        given = options.namespaces or [options.namespace or "tactile"]
+        namespaces = (
+            [sensor["namespace"] for sensor in read_hand(options.hand)]
+            if options.hand
+            else list(dict.fromkeys(checked_namespace(name) for name in given))
+        )
+        web_port = chosen_port(options)
+        if len(namespaces) > 1 and web_port is None:
+            raise ConfigError(f"{len(namespaces)} sensors: add --web, since a terminal shows one")
         with ros([]) as stack:
-            node = ViewNode(namespace)
-            stack.callback(node.destroy_node)
-            with Screen(node) as screen:
-                return show(screen, [node], options.seconds, node.state)
+            views = []
+            for namespace in namespaces:
+                client = StackClient(namespace)
+                stack.callback(client.destroy_node)
+                view = ViewNode(client)
+                stack.callback(view.destroy_node)
+                views.append(view)
+            link = served_link(stack, [Viewed(view.client, view) for view in views], web_port)
+            with Screen(views[0], views[0].client, link) as screen:
+                return show(screen, [view.client for view in views], options.seconds, views[0].state)
         return 0
 
     return exit_code(run)

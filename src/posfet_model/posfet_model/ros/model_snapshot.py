@@ -29,10 +29,14 @@ class Snapshot:
     valid: bool
     force: NDArray[np.float32]
     """[N], shape [rows, cols]; NaN: unknown."""
+    standard_deviation: NDArray[np.float32]
+    """Standard uncertainty of each force [N], shape [rows, cols]; NaN: unknown."""
     status: NDArray[np.uint8]
     """Values of TaxelStatus, shape [rows, cols]."""
     total: float
     """Total force [N]; NaN: unknown."""
+    total_standard_deviation: float
+    """Standard uncertainty of the total force [N]; NaN: unknown."""
     contacts: tuple[Contact, ...]
     scans: int
     """Scans accepted since the start."""
@@ -61,8 +65,10 @@ def snapshot(reconstructor: Reconstructor, result: Reconstruction, layout: Layou
         sequence=result.sequence,
         valid=result.valid,
         force=image.force.reshape(shape).copy(),
+        standard_deviation=image.standard_deviation.reshape(shape).copy(),
         status=image.status.reshape(shape).copy(),
         total=image.total,
+        total_standard_deviation=image.total_standard_deviation,
         contacts=result.contacts,
         scans=counts.accepted,
         missed=counts.missed,

@@ -1,0 +1,77 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""The browser view of a running stack, as users start it."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import time
+from http.client import HTTPConnection
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2")
+pytest.importorskip("posfet_msgs", reason="needs the built workspace")
+
+from support.bringup_process import finish, needs_installation, running
+from support.expectations import TIMEOUT
+
+pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
+
+
+def link_of(process: subprocess.Popen[str]) -> tuple[int, str]:
+    """Return port and token of the link that a process prints first."""
+    assert process.stdout is not None
+    found = re.search(r"http://127\.0\.0\.1:(\d+)/\?token=(\S+)", process.stdout.readline())
+    assert found
+    return int(found[1]), found[2]
+
+
+def frame_with_contacts(port: int, token: str) -> dict[str, Any]:
+    """Return the first frame of a stream with valid forces and a contact."""
+    connection = HTTPConnection("127.0.0.1", port, timeout=TIMEOUT)
+    connection.request("GET", f"/stream?token={token}")
+    response = connection.getresponse()
+    assert response.status == 200
+    kind = ""
+    while line := response.readline().decode():
+        name, _, value = line.partition(": ")
+        kind = value.strip() if name == "event" else kind
+        if name == "data" and kind == "frame":
+            (frame,) = json.loads(value)
+            if frame and frame["valid"] and frame["contacts"]:
+                return frame
+    raise AssertionError("the stream has ended")
+
+
+@pytest.mark.parametrize("composed", ["true", "false"])
+def test_a_stack_is_served_with_its_services(
+    composed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with running("--web", "scene:=hold", f"composed:={composed}") as process:
+        port, token = link_of(process)
+        frame = frame_with_contacts(port, token)
+        assert frame["truth"]
+        assert frame["total"] == pytest.approx(sum(each["force"] for each in frame["truth"]), abs=0.3)
+        assert frame["stamp"] == pytest.approx(time.time() * 1e3, abs=TIMEOUT * 1e3)
+        action = {"sensor": "tactile", "action": "tare", "argument": False}
+        end = time.monotonic() + TIMEOUT
+        while True:
+            connection = HTTPConnection("127.0.0.1", port, timeout=TIMEOUT)
+            connection.request("POST", "/action", json.dumps(action), {"X-Posfet-Token": token})
+            response = connection.getresponse()
+            if response.status != 404:  # the service is not discovered yet
+                break
+            assert time.monotonic() < end
+        assert (response.status, response.read()[:18]) == (409, b"refused under load")
+        assert re.search(r"posfet: .* scans/s", finish(process))
