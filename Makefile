@@ -10,6 +10,7 @@
 #   make stability          run every follower model for 1e8 steps, half an hour     STEPS=1e6
 #   make accuracy           measure the accuracy of forces and contacts; writes docs/accuracy.md    FULL=1  ONLY=effects (that section)
 #   make figures            draw the figures of docs/
+#   make screenshots        take the pictures of the browser view in docs/ with Chromium
 #   make parameters         write the tables of docs/parameters.md
 #   make protocol           write the tables of docs/protocol.md and the golden frames of the tests
 #   make clean              remove what was built; make distclean removes .venv and .vm as well
@@ -17,7 +18,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c
 .DEFAULT_GOAL := bringup
-.PHONY: bringup test test-cortex-m test-vm check soak bench accuracy stability figures parameters setup build clean distclean
+.PHONY: bringup test test-cortex-m test-vm check soak bench accuracy stability figures screenshots parameters setup build clean distclean
 
 PACKAGES := src/posfet_model:src/posfet_driver:src/posfet_sim:src/posfet
 IN_ENVIRONMENT := source tools/environment.sh;
@@ -97,6 +98,9 @@ accuracy: $(BUILT)
 
 figures: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet_model.figures $(ARGS)
+
+screenshots: $(BUILT)
+	@$(IN_ENVIRONMENT) cd test && exec python3 -m support.screenshots $(ARGS)
 
 parameters: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet.parameters_document $(ARGS)

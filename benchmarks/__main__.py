@@ -37,6 +37,7 @@ SUBJECTS = {
     "ordinary": ("latency.baseline", 120.0),
     "sustained": ("latency.sustained_rate", 240.0),
     "startup": ("latency.startup", 120.0),
+    "web": ("latency.web_view", 120.0),
     "slcan": ("micro.slcan_readers", 40.0),
     "decode": ("micro.frame_decoding", 20.0),
     "decode_mapped": ("micro.mapped_decoding", 30.0),

@@ -51,6 +51,8 @@ TARGETS = (
     Target("sim_5x5_cpu_pct", "simulated 5 x 5 board at 1 kHz, share of a core", (5, 2)),
     Target("sim_64x64_realtime_factor", "simulated 64 x 64 board, real-time factor", (5, 20), at_least=True),
     Target("startup_s", "process start to first contacts message", (1.0, 0.5)),
+    Target("web_cpu_pct", "browser view, share of a core above the bring-up", (10, 5)),
+    Target("web_behind_p99_ms", "browser view behind the sensor, 99th percentile [ms]", (100, 50)),
     Target(
         "ordinary_stack_latency_ratio",
         "latency of the baseline implementation over ours",

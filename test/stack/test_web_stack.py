@@ -54,9 +54,7 @@ def frame_with_contacts(port: int, token: str) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("composed", ["true", "false"])
-def test_a_stack_is_served_with_its_services(
-    composed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_stack_is_served_with_its_services(composed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     with running("--web", "scene:=hold", f"composed:={composed}") as process:
         port, token = link_of(process)

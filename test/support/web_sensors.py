@@ -22,9 +22,7 @@ from posfet.web.viewed import Viewed
 
 TOKEN = "t" * 43
 ARRAY = ArrayView("small", "S-1", True, 2, 3, (1.5e-3, 1.5e-3), math.inf, "x", 5.0, 0.02, 1000.0)
-TOUCH = ContactView(
-    7, "moving", 1e-3, -0.5e-3, 1.25, 0.004, 9e-6, 2.5, (0.6e-3, 0.0), (0.0, 0.5e-3), (0.02, 0.0)
-)
+TOUCH = ContactView(7, "moving", 1e-3, -0.5e-3, 1.25, 0.004, 9e-6, 2.5, (0.6e-3, 0.0), (0.0, 0.5e-3), (0.02, 0.0))
 SNAPSHOT = Snapshot(
     time=10.0,
     scans=1000,

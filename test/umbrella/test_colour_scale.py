@@ -36,6 +36,8 @@ def test_levels_outside_have_the_nearest_colour() -> None:
     assert len(hexadecimal()) == len(set(hexadecimal())) == STEPS
 
 
-@pytest.mark.parametrize(("force", "scale"), [(0.2, 0.2), (0.20001, 0.5), (1.0, 1.0), (0.6, 1.0), (4.9, 5.0), (5.1, 10.0)])
+@pytest.mark.parametrize(
+    ("force", "scale"), [(0.2, 0.2), (0.20001, 0.5), (1.0, 1.0), (0.6, 1.0), (4.9, 5.0), (5.1, 10.0)]
+)
 def test_the_full_scale_is_a_round_number(force: float, scale: float) -> None:
     assert nice_scale(force) == pytest.approx(scale)

@@ -72,7 +72,7 @@ def array_view(info: Any) -> ArrayView:
 
 
 def _bend(info: Any) -> tuple[str, float]:
-    """Return axis and radius of the cylinder: the tilt of the first taxel's normal belongs to half the array's width."""
+    """Return axis and radius of the cylinder: the first taxel's normal is tilted by half the array's width."""
     turned = info.taxel_poses[0].orientation
     half_width = 0.5 * (info.cols - 1) * float(info.pitch[0]), 0.5 * (info.rows - 1) * float(info.pitch[1])
     if turned.x:

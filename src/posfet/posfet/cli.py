@@ -37,7 +37,10 @@ COMMANDS: Final = {
     "record": ("posfet.record", "record topics of a running stack to an MCAP file"),
     "replay": ("posfet.replay", "run the scans of a recording through the model again, live or into a file"),
     "score": ("posfet_sim.commands.score", "score the reconstruction against the ground truth of a simulated scene"),
-    "view": ("posfet.view_node", "show the live force map and the contacts of a running stack, in the terminal or in a browser (--web)"),
+    "view": (
+        "posfet.view_node",
+        "show the force map and the contacts of a running stack here, or in a browser (--web)",
+    ),
 }
 """Subcommands: the module whose `main` takes the remaining arguments and returns the exit code, and the purpose."""
 NODES: Final = {"bringup", "record", "replay", "view"}

@@ -55,7 +55,8 @@ def colours() -> NDArray[np.uint8]:
     lab = np.stack([low + (high - low) * level, *(np.interp(level, knots, _PATH[:, i]) for i in (0, 1))], axis=1)
     linear = np.clip((lab @ _TO_CONES.T) ** 3 @ _TO_RGB.T, 0.0, 1.0)
     encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.round(255.0 * encoded).astype(np.uint8)
+    result: NDArray[np.uint8] = np.round(255.0 * encoded).astype(np.uint8)
+    return result
 
 
 def colour(level: float) -> tuple[int, int, int]:
@@ -76,7 +77,12 @@ def hexadecimal() -> list[str]:
 
 
 def nice_scale(force: float) -> float:
-    """Return the smallest of 1, 2 and 5 times a power of ten that is not below a force > 0 [N].
+    """Return the smallest of 1, 2 and 5 times a power of ten that is not below a force.
+
+    Parameters
+    ----------
+    force : float
+        Force [N], > 0.
 
     Examples
     --------

@@ -35,7 +35,9 @@ MIN_FULL_SCALE = 0.2
 class Screen:
     """Live display or lines; a context manager that restores the terminal."""
 
-    def __init__(self, source: SnapshotSource, client: Any = None, link: str = '', console: Console | None = None) -> None:
+    def __init__(
+        self, source: SnapshotSource, client: Any = None, link: str = "", console: Console | None = None
+    ) -> None:
         self._source = source
         self._console = console or Console()
         self._live: Live | None = None

@@ -74,7 +74,9 @@ class StackClient(Node):  # type: ignore[misc]  # rclpy has no types
     @property
     def calibration(self) -> str:
         """Date of the calibration, or what its absence costs; '': not reported."""
-        return next((each.values["calibration"] for each in self.diagnoses.values() if "calibration" in each.values), "")
+        return next(
+            (each.values["calibration"] for each in self.diagnoses.values() if "calibration" in each.values), ""
+        )
 
     def actions(self) -> tuple[str, ...]:
         """Return the names in `SERVICES` that somebody serves; for any thread."""

@@ -212,7 +212,7 @@ class Handler(BaseHTTPRequestHandler):
 
     def _refused(self, token: str, token_needed: bool) -> bool:
         """Answer a request that is refused; return whether it is."""
-        reason = self._web.guard.refusal(self.headers, token, token_needed)
+        reason = self._web.guard.refusal(dict(self.headers.items()), token, token_needed)
         if reason:
             self._answer(HTTPStatus.FORBIDDEN, reason)
         return bool(reason)

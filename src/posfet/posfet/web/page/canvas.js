@@ -35,15 +35,20 @@ export function forgetPalette() {
   palette = null;
 }
 
-/** Colour of the lines of a contact: told apart by colour-blind eyes (after Okabe and Ito), the same for its whole life. */
+const BRIGHT = ["#56b4e9", "#ff9f43", "#2bd4a4", "#ea9fcb", "#f0e442"];
+const DEEP = ["#0072b2", "#d55e00", "#007a5a", "#a8467f", "#8a6d00"];
+
+/** Colour of a contact on the force map, whose low end is dark in both themes. Told apart by colour-blind eyes. */
+export function markColour(id) {
+  return BRIGHT[(id - 1) % BRIGHT.length];
+}
+
+/** The same on the page. */
 export function contactColour(id) {
   const dark = matchMedia("(prefers-color-scheme: dark)").matches;
   const theme = document.documentElement.dataset.theme;
   const light = theme ? theme === "light" : !dark;
-  const colours = light
-    ? ["#0072b2", "#d55e00", "#007a5a", "#a8467f", "#8a6d00"]
-    : ["#56b4e9", "#ff9f43", "#2bd4a4", "#ea9fcb", "#f0e442"];
-  return colours[(id - 1) % colours.length];
+  return light ? DEEP[(id - 1) % DEEP.length] : markColour(id);
 }
 
 /** A hatched rectangle: unknown. */

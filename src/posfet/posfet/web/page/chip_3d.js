@@ -1,11 +1,10 @@
 // The flat or bent chip in space with WebGL: a bar on each taxel, as high as its force; contacts are drawn over it.
 
-import { fitted, themed } from "./canvas.js";
+import { fitted, markColour, themed } from "./canvas.js";
 import { fixed } from "./numbers.js";
+import { multiplied, perspective, turned } from "./matrices.js";
 import { arrow, drawContacts } from "./overlay.js";
 import { placed, taxelCentre } from "./surface.js";
-import { contactColour } from "./canvas.js";
-import { multiplied, perspective, turned } from "./matrices.js";
 
 const VERTEX = `#version 300 es
 uniform mat4 view;
@@ -150,7 +149,7 @@ export class Chip3d {
     const length = this.size * (0.12 + 0.1 * Math.min(contact.force / scale, 3));
     const far = at(point.map((each, i) => each + normal[i] * length)), near = at(point);
     const start = [tip[0] + far[0] - near[0], tip[1] + far[1] - near[1]];
-    arrow(context, start, tip, contactColour(contact.id));
+    arrow(context, start, tip, markColour(contact.id));
     context.textAlign = "center";
     context.textBaseline = "bottom";
     context.lineWidth = 4;

@@ -43,9 +43,11 @@ export class ForceMap {
       this.taxel(context, x, y, size[0] - gap, size[1] - gap, frame, index, scale, colours, statuses, theme);
     }
     if (chosen !== null) {
-      context.strokeStyle = theme.accent;
-      context.lineWidth = 3;
-      context.strokeRect(left + (chosen % array.cols) * size[0], bottom - (Math.floor(chosen / array.cols) + 1) * size[1], ...size);
+      const corner = [left + (chosen % array.cols) * size[0], bottom - (Math.floor(chosen / array.cols) + 1) * size[1]];
+      for (const [lineWidth, strokeStyle] of [[5, "#000"], [2.5, "#fff"]]) {
+        Object.assign(context, { lineWidth, strokeStyle });
+        context.strokeRect(...corner, ...size);
+      }
     }
     drawContacts(context, frame, () => at, theme);
     this.axes(context, at, wide, high, left, bottom, theme);

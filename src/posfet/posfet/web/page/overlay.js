@@ -1,6 +1,6 @@
 // Contacts and ground truth on top of a view of the array, which says where a point of the surface is on the canvas.
 
-import { contactColour } from "./canvas.js";
+import { markColour } from "./canvas.js";
 import { arrowEnd, ellipse } from "./surface.js";
 
 /** Draws with `around(x, y)`, which returns what maps points near this one to canvas coordinates. */
@@ -9,7 +9,7 @@ export function drawContacts(context, frame, around, colours) {
   for (const contact of frame.contacts) {
     const at = around(contact.x, contact.y);
     if (contact.x === null || contact.y === null) continue;
-    const colour = contactColour(contact.id);
+    const colour = markColour(contact.id);
     outlined(context, ellipse(contact).map(([x, y]) => at(x, y)), colour);
     const end = arrowEnd(contact);
     if (end) arrow(context, at(contact.x, contact.y), at(...end), colour);

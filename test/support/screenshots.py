@@ -1,0 +1,65 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""Pictures of the browser view of a running bring-up: `make screenshots`, which writes those of the documents."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from support.browser import CHROMIUM, browser
+from support.paths import DOCS
+
+PICTURES = {"browser": (1400, 850, True), "browser_light": (1400, 850, False), "browser_phone": (400, 1250, True)}
+"""Width, height [CSS pixels] and theme of each picture."""
+HISTORY = 12.0
+"""Time for the strip charts to fill [s]."""
+TWO_HELD = (
+    "[...document.querySelectorAll('.contacts td:nth-child(2)')].map((each) => each.textContent).join() == 'held,held'"
+)
+"""Both fingers of the scene touch."""
+
+
+def main() -> int:
+    """Write the pictures and return the exit code."""
+    parser = argparse.ArgumentParser(prog="make screenshots", description=__doc__)
+    parser.add_argument("--out", type=Path, default=DOCS / "figures", help="folder (default: docs/figures)")
+    parser.add_argument("--only", choices=PICTURES, help="one picture")
+    parser.add_argument("arguments", nargs="*", default=["scene:=two_fingers"], help="arguments of posfet bringup")
+    options = parser.parse_args()
+    if CHROMIUM is None:
+        print("chromium is missing. Install with: apt-get install chromium", file=sys.stderr)
+        return 1
+    command = ["posfet", "bringup", "--web", "log_level:=error", *options.arguments]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout
+        link = re.search(r"http://\S+", process.stdout.readline())
+        assert link, "posfet bringup printed no link"
+        for name, (width, height, dark) in PICTURES.items():
+            if options.only in {None, name}:
+                with browser() as page:
+                    page.open(link[0], width, height, dark)
+                    page.wait("document.querySelector('[data-field=validity]').textContent == 'forces valid'")
+                    time.sleep(HISTORY)
+                    page.wait(TWO_HELD)
+                    page.screenshot(options.out / f"{name}.png")
+                    print(f"{options.out / name}.png: written")
+                    assert not page.errors, page.errors
+    finally:
+        process.terminate()
+        process.communicate()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
