@@ -105,11 +105,11 @@ def cost(pid: int, port: int, token: str, pairs: int) -> tuple[float, float, lis
 def measure(full: bool) -> Outcome:
     """Measure bring-up with a page, and `posfet view --web` beside it."""
     pairs = 8 if full else 3
-    with tempfile.TemporaryDirectory() as folder:
-        with running(folder, "bringup", "--web", "scene:=hold", "log_level:=warn") as (pid, port, token):
-            without, with_page, read = cost(pid, port, token, pairs)
-            with running(folder, "view", "--web-port", str(_free_port())) as (viewer, viewer_port, viewer_token):
-                viewer_without, viewer_with, viewer_read = cost(viewer, viewer_port, viewer_token, 1)
+    stack = ("bringup", "--web", "scene:=hold", "log_level:=warn")
+    with tempfile.TemporaryDirectory() as folder, running(folder, *stack) as (pid, port, token):
+        without, with_page, read = cost(pid, port, token, pairs)
+        with running(folder, "view", "--web-port", str(_free_port())) as (viewer, viewer_port, viewer_token):
+            viewer_without, viewer_with, viewer_read = cost(viewer, viewer_port, viewer_token, 1)
     rows = []
     for name, low, high, found in (
         ("make bringup WEB=1", without, with_page, read),

@@ -27,8 +27,8 @@ from benchmarks.simulation import follower_against_ngspice
 from benchmarks.targets import TARGETS, Target
 from posfet_model.spice import ngspice
 
-NEED = {"latency": "rclpy", "ordinary": "rclpy", "sustained": "rclpy", "startup": "rclpy", "web": "rclpy", "skipped": "posfet_msgs",
-        "labelling": "scipy",
+NEED = {"latency": "rclpy", "ordinary": "rclpy", "sustained": "rclpy", "startup": "rclpy", "web": "rclpy",
+        "skipped": "posfet_msgs", "labelling": "scipy",
         "decode": "cantools", "decode_mapped": "cantools"}  # fmt: skip
 
 

@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""What a display takes from a running stack: description, diagnostics, services, and the newest messages of one scan."""
+"""What a display takes from a running stack: description, diagnostics, services, and the newest messages."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ def test_the_client_follows_description_and_diagnostics(stack: Stack, sensor: Se
     values = [KeyValue(key="frames lost", value="3"), KeyValue(key="calibration", value="of 2026-01-01")]
     ours = DiagnosticStatus(name="tactile/driver_node: board", message="scans arrive", values=values)
     theirs = DiagnosticStatus(name="hand/driver_node: board", message="no traffic", values=values)
-    stack.wait(lambda: stack.diagnostics.get_subscription_count())
+    stack.wait(stack.diagnostics.get_subscription_count)
     stack.diagnostics.publish(DiagnosticArray(status=[ours, theirs]))
     stack.wait(lambda: stack.client.array and stack.client.diagnoses)
     assert list(stack.client.diagnoses) == ["driver_node: board"]

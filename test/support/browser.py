@@ -146,7 +146,7 @@ def browser() -> Iterator[Page]:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
-            preexec_fn=pass_on,
+            preexec_fn=pass_on,  # noqa: PLW1509  # makes two system calls and nothing else
             pass_fds=(3, 4),
             start_new_session=True,
         )

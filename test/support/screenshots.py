@@ -24,7 +24,7 @@ PICTURES = {"browser": (1400, 850, True), "browser_light": (1400, 850, False), "
 HISTORY = 12.0
 """Time for the strip charts to fill [s]."""
 TWO_HELD = (
-    "[...document.querySelectorAll('.contacts td:nth-child(2)')].map((each) => each.textContent).join() == 'held,held'"
+    "[...document.querySelectorAll('.contacts td:nth-child(2)')].map((cell) => cell.textContent).join() == 'held,held'"
 )
 """Both fingers of the scene touch."""
 

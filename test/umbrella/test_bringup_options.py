@@ -19,21 +19,25 @@ from posfet import bringup
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("words", "web_port"),
     [
-        ["source:=can", "--for", "5", "namespace:=x"],
-        ["--for", "5", "source:=can", "namespace:=x"],
-        ["source:=can", "namespace:=x", "--for=5", "--ros-args"],
+        (["source:=can", "--for", "5", "namespace:=x"], None),
+        (["--for", "5", "source:=can", "namespace:=x"], None),
+        (["source:=can", "namespace:=x", "--for=5", "--ros-args"], None),
+        (["--web", "source:=can", "--for", "5", "namespace:=x"], 0),
+        (["--web-port", "8080", "source:=can", "--for", "5", "namespace:=x"], 8080),
     ],
 )
-def test_options_may_stand_between_arguments(words: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    runs: list[tuple[object, float]] = []
-    runner = SimpleNamespace(run=lambda specs, seconds: runs.append((specs, seconds)) or 7)
+def test_options_may_stand_between_arguments(
+    words: list[str], web_port: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs: list[tuple[object, ...]] = []
+    runner = SimpleNamespace(run=lambda *arguments: runs.append(arguments) or 7)
     monkeypatch.setattr(bringup, "default_params_file", lambda: "file")
     monkeypatch.setattr(bringup, "graph", lambda arguments, *_: (arguments["source"], arguments["namespace"]))
     monkeypatch.setattr(bringup, "import_module", lambda _: runner)
     assert bringup.main(words) == 7
-    assert runs == [(("can", "x"), 5.0)]
+    assert runs == [(("can", "x"), 5.0, web_port)]
 
 
 def test_an_unknown_option_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

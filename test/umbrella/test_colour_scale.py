@@ -12,7 +12,7 @@ import pytest
 
 from posfet.colour_scale import STEPS, colour, colours, hexadecimal, nice_scale
 
-# Linear sRGB as seen without the red, green or blue cones: H. Brettel et al., 1997, simplified by F. Vienot et al., 1999.
+# Linear sRGB as seen without one kind of cones: H. Brettel et al., 1997, simplified by F. Vienot et al., 1999.
 PROTANOPIA = np.array([[0.11238, 0.88762, 0.0], [0.11238, 0.88762, -0.0], [0.00401, -0.00401, 1.0]])
 DEUTERANOPIA = np.array([[0.29275, 0.70725, 0.0], [0.29275, 0.70725, -0.0], [-0.02234, 0.02234, 1.0]])
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])

@@ -45,9 +45,9 @@ DEPTH: Final = 5
 class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
     """The newest messages of one stack, taken only when a snapshot is requested.
 
-    It must not be added to an executor, which would run a callback for every message: at 1 kHz on three topics these cost
-    several times as much as all else. Losses are read from the diagnostics: a message that is not taken is no loss of
-    the stack.
+    It must not be added to an executor, which would run a callback for every message: at 1 kHz on three topics these
+    cost several times as much as all else. Losses are read from the diagnostics: a message that is not taken is no loss
+    of the stack.
 
     Parameters
     ----------

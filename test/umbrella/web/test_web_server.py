@@ -234,7 +234,7 @@ def test_a_service_that_does_not_answer_is_reported(
 
 
 def test_a_stalled_client_holds_up_nobody(sensor: FakeSensor, server: WebServer) -> None:
-    """One client reads nothing; another one goes on getting new frames, far more than the kernel keeps for the first."""
+    """One client reads nothing; another one gets new frames, far more than the kernel keeps for the first."""
     force = np.linspace(0, 1, 64 * 64, dtype=np.float32)
     sensor.shown = replace(SNAPSHOT, rows=64, cols=64, force=force, standard_deviation=force, status=None)
     stalled = socket.create_connection(("127.0.0.1", server.guard.port), timeout=TIMEOUT)

@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""JSON of what the browser view shows. Unknown numbers are null, arrays are base64 of their bytes, NaN where unknown."""
+"""JSON of what the browser view shows: unknown numbers are null, arrays base64 of their bytes, NaN where unknown."""
 
 from __future__ import annotations
 

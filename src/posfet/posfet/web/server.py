@@ -212,7 +212,8 @@ class Handler(BaseHTTPRequestHandler):
 
     def _refused(self, token: str, token_needed: bool) -> bool:
         """Answer a request that is refused; return whether it is."""
-        reason = self._web.guard.refusal(dict(self.headers.items()), token, token_needed)
+        headers = {name.title(): value for name, value in self.headers.items()}
+        reason = self._web.guard.refusal(headers, token, token_needed)
         if reason:
             self._answer(HTTPStatus.FORBIDDEN, reason)
         return bool(reason)

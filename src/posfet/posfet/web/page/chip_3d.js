@@ -196,7 +196,7 @@ export class Chip3d {
 
   view(aspect) {
     const { yaw, pitch, zoom } = this.camera;
-    const distance = (2.5 / zoom) * Math.max(1, 1.05 / aspect);
+    const distance = (2.35 / zoom) * Math.max(1, 1.05 / aspect);
     return multiplied(perspective(0.62, aspect, 0.05, 20), turned(yaw, pitch, distance, 1 / this.size, this.lift));
   }
 

@@ -58,7 +58,9 @@ export class SensorCard {
       ...nodes.map(({ name, level, text, remedies }) => {
         const [word, kind] = LEVELS[Math.min(level, 2)];
         const item = document.createElement("li");
-        item.append(made("b", word, kind), made("span", text, "", name));
+        const line = made("span", "", "", name);
+        line.append(made("span", `${name.split("_node")[0].replaceAll("_", " ")}: `, "quiet"), text);
+        item.append(made("b", word, kind), line);
         for (const [fault, remedy] of Object.entries(remedies)) item.append(made("span", `${fault}: ${remedy}`, "quiet"));
         return item;
       }),
