@@ -16,6 +16,7 @@ python -m support.adversary --scans 1000000 --seed 0
 from __future__ import annotations
 
 import argparse
+import math
 import random
 import sys
 import tempfile
@@ -26,7 +27,6 @@ from pathlib import Path
 from typing import Final
 
 from posfet_driver.board.board_client import Board
-from posfet_driver.board.board_report import MAX_CLOCK_UNCERTAINTY
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
 from support.adversary_link import Link, LoggedBoard, Sampled
@@ -70,19 +70,13 @@ LIES: Final = (
 )
 FAULTS: Final = LINK_FAULTS + BOARD_FAULTS + HOST_FAULTS + LIES
 ABOUT_SEQUENCE: Final = {"lie: sequence", "lie: frozen sequence"}
-ABOUT_TICKS: Final = {*ABOUT_SEQUENCE, "lie: time", "lie: frozen time", "reset, same number"}
+ABOUT_TICKS: Final = {*ABOUT_SEQUENCE, "reset, same number"}
 """Lies across which scans are not accounted for."""
-
-UNKNOWABLE: Final = {"lie: frozen time", "foreign commands"}
-"""Neither clock nor period are known when both are there."""
-
 PERIODS: Final = (1000, 1000, 2000, 5000)
 """Scan periods [us]; those that other hosts set are among them."""
 SECOND: Final = 1_000_000_000
 NUMBERED_AGAIN: Final = SECOND // 5
 """Time after the last fault or lie within which a scan may have a false number [ns]."""
-WRAPPED: Final = {True: 0.0, False: 1e-3}
-"""Share of the scans that may have a false number without a lie about it until then: FD, classic."""
 COUNTER: Final = 16
 """Scans by which the counter of classic blocks can mislead besides [1]."""
 REPLUGGED: Final = SECOND // 2
@@ -92,17 +86,11 @@ QUIET: Final = SECOND * 3 // 10
 """Time without faults after which scans are accounted for [ns]."""
 GROWTH_LIMIT: Final = 16 << 20
 """Maximum growth of resident memory [byte]: the log of the board and the frames that wait are part of it."""
-ROUNDING: Final = 20_000
-"""Error of a stamp by rounding to whole microseconds, with classic frames for each of 16 scans [ns]."""
-UNNOTICED: Final = 5 * SECOND // 2
-"""Time of reading after a reset without another number, or a lie about time, in which stamps may be early [ns], when
-all other evidence fits: then the bound covers it."""
-UNTIMED: Final = 12 * SECOND
-"""Time of reading after a board without a clock had an unknown period in which stamps may be wrong [ns]."""
-LONGEST_READ: Final = 20_000_000
-"""Time between two scans that counts as time of reading [ns]."""
-LATE_TICK: Final = max(PERIODS) * 1000
-"""Time by which a board may sample a tick late [ns]; scans without a time of their own do not tell it."""
+DRIFTED: Final = 5000
+"""Time in which two clocks that the mapping follows can differ by one unit more: a delay that grows more slowly is not
+distinguished from their drift."""
+WIDE: Final = 2e-3
+"""Bound of a stamp above which it is counted [s]."""
 
 
 @dataclass
@@ -119,17 +107,10 @@ class Findings:
     """Scans with the number of a lie about it, while it lasts or shortly after."""
     mixed: int = 0
     """Classic scans of blocks of two scans, to which a lie has given one number and of which frames were lost."""
-    wrapped: int = 0
-    """Other scans with a false number, during a fault or shortly after."""
-    late_ticks: int = 0
-    """Classic scans without a header, or FD scans without a time, that the board has sampled late: their stamps are
-    early by that."""
-    unnoticed: int = 0
-    """Scans with early stamps: a board was reset without another number and seemed to go on, or lied by a little."""
-    untimed: int = 0
-    """Scans with wrong stamps of a board without a clock whose period is unknown, and until that is forgotten."""
+    unbounded: int = 0
+    """Scans whose stamps had no bound: the board's clock stood still."""
     uncertain: int = 0
-    """Scans whose stamps had a bound of which the driver warns."""
+    """Scans whose stamps had a bound above `WIDE`."""
     largest_error: int = 0
     """Of a stamp that was judged [ns]."""
     slowest: Counter[str] = field(default_factory=Counter)
@@ -157,15 +138,12 @@ class Judge:
         self._last = -1
         self._lost = 0
         self._counters: dict[str, int] = {}
-        self._delays: dict[int, int] = {}  # shortest in each tenth of a second [ns]
+        self._delays: dict[int, tuple[int, int]] = {}  # shortest in each tenth of a second, and when that was [ns]
         self._number_lies: list[tuple[int, int, int]] = []  # begin and end [ns], and the jump
         self._base: tuple[int, int, int, int] | None = None  # of the stretch: sequence, published, lost, incomplete
         self.quiet_since = 0
-        self.unnoticed = 0
-        """Time of reading in which stamps may be early, as after an unnoticed step of the board's clock [ns]."""
-        self.untimed = 0
-        """Time of reading in which stamps may be wrong, as after `UNKNOWABLE` [ns]."""
-        self._previous = 0  # time of the previous scan [ns]
+        self._transit = round(board.decoder.transit_time * SECOND)
+        self._stamp = 0  # of the previous scan
 
     def lie_begins(self, begin: int, jump: int) -> None:
         """Note that the board lies about its sequence from a time [ns] on."""
@@ -224,10 +202,11 @@ class Judge:
 
     def _find(self, scan: Scan, sequence: int) -> Sampled | None:
         """Return what the board has sampled, of this sequence and with these counts, nearest to the stamp."""
+        now = self._link.clock.now
         same = [
             sampled
             for sampled in self._hardware.sampled.get(sequence, ())
-            if sampled.power_on >= self._power_on and self._equal(scan, sampled)
+            if sampled.power_on >= self._power_on and sampled.time <= now and self._equal(scan, sampled)
         ]
         return min(same, key=lambda sampled: abs(sampled.time - scan.stamp), default=None)
 
@@ -254,7 +233,7 @@ class Judge:
         """Count a scan whose number is false without a lie about it."""
         wraps = range(-64 * COUNTER, 64 * COUNTER + 1, COUNTER)
         if not self._fd and any(self._find(scan, scan.sequence + wrap) for wrap in wraps):
-            self.findings.wrapped += 1
+            self.findings.fail("misnumbered", self._at(scan, "by a wrap of its counter"))
             return
         same = [
             sampled for others in self._hardware.sampled.values() for sampled in others if self._equal(scan, sampled)
@@ -263,7 +242,7 @@ class Judge:
             self.findings.false_numbers += 1
             return
         if same:
-            self.findings.wrapped += 1
+            self.findings.fail("misnumbered", self._at(scan, f"{len(same)} others have its counts"))
             return
         if not self._fd and self._is_in_lie(self._link.clock.now):
             self.findings.mixed += 1
@@ -272,30 +251,25 @@ class Judge:
 
     def _judge_stamp(self, scan: Scan, sent: Sampled, calm: bool) -> None:
         found, now = self.findings, self._link.clock.now
-        untold = sent.late and (not self._fd or scan.status & ScanStatus.TIME_ESTIMATED)
-        tenth = now // (SECOND // 10)
-        if not untold or not self._delays:  # that it was delayed by less is not observable
-            self._delays[tenth] = min(self._delays.get(tenth, now), now - sent.time)
+        tenth, delay = now // (SECOND // 10), (now - sent.time, now)
+        self._delays[tenth] = min(self._delays.get(tenth, delay), delay)
         while len(self._delays) > 1 and (oldest := next(iter(self._delays))) < tenth - 9:
             del self._delays[oldest]
-        uncertainty = self._board.stamp_uncertainty
-        found.uncertain += uncertainty > MAX_CLOCK_UNCERTAINTY
+        if not self._stamp <= scan.stamp <= now:
+            found.fail("stamp fell or is of the future", self._at(scan, f"{self._stamp} -> {scan.stamp}, now {now}"))
+        self._stamp = scan.stamp
+        if math.isnan(scan.stamp_uncertainty):
+            found.unbounded += 1
+            return
+        bound = round(scan.stamp_uncertainty * SECOND)
+        found.uncertain += scan.stamp_uncertainty > WIDE
+        common = min(delay + (now - time) // DRIFTED for delay, time in self._delays.values())
+        common = max(common - self._transit, 0)
         error = scan.stamp - sent.time
-        latest = min(self._delays.values()) + round(uncertainty * 1e9)
-        earliest = -round(self._board.decoder.clock_uncertainty * 1e9)
-        if untold and error < earliest - ROUNDING:
-            found.late_ticks += 1
-            earliest -= LATE_TICK
-        passed, self._previous = min(now - self._previous, LONGEST_READ), now
-        self.unnoticed, self.untimed = self.unnoticed - passed, self.untimed - passed
-        if error < earliest - ROUNDING and self.unnoticed > 0:
-            found.unnoticed += 1
-        elif not earliest - ROUNDING <= error <= latest + ROUNDING and self.untimed > 0:
-            found.untimed += 1
-        elif not earliest - ROUNDING <= error <= latest + ROUNDING:
+        if not -bound <= error <= bound + common:
             found.fail(
                 "stamp",
-                self._at(scan, f"error {error / 1e6:.3f} ms, bounds {earliest / 1e6:.3f}, {latest / 1e6:.3f} ms"),
+                self._at(scan, f"error {error / 1e6:.3f} ms, bound {bound / 1e6:.3f} + {common / 1e6:.3f} ms"),
             )
         if calm:
             found.largest_error = max(found.largest_error, abs(error))
@@ -357,8 +331,6 @@ class Adversary:
         after = Usage.now()
         if before and (after.memory - before.memory > GROWTH_LIMIT or after.descriptors > before.descriptors):
             found.fail("growth", f"{before} -> {after}")
-        if found.wrapped > WRAPPED[self._fd] * found.published:
-            found.fail("misnumbered", f"{found.wrapped} of {found.published} during faults")
         self.board.close()
         code = self.hardware.close()
         if code:
@@ -382,8 +354,6 @@ class Adversary:
         begin = self.clock.now
         self.history = [*self.history[-5:], f"{begin / 1e9:.3f} s {names}"]
         examples = len(found.examples)
-        if UNKNOWABLE.issubset(names):
-            judge.untimed = 1 << 62
         for name in names:
             found.faults[name] += 1
             self._begin(name)
@@ -396,10 +366,6 @@ class Adversary:
         judge.lies_end(judge.quiet_since)
         if not ABOUT_TICKS.isdisjoint(names):
             judge.end_stretch()
-        if UNKNOWABLE.issubset(names):
-            judge.untimed = UNTIMED
-        if "lie: time" in names:
-            judge.unnoticed = UNNOTICED
         self._recover(names, end)
         self.read(round(noise.uniform(0.2, 0.8) * SECOND), calm=True)
         for index in range(examples, len(found.examples)):
@@ -427,8 +393,6 @@ class Adversary:
                 self._boot = (self._boot + noise.choice((1, 1, 1, 7))) % 16
             self.judge.end_stretch()
             link.power_cycle(self._boot)
-            if name == "reset, same number":
-                self.judge.unnoticed = UNNOTICED
             hardware.command("V 3300")
         elif name == "ADC fails":
             hardware.command("A 1")
@@ -451,8 +415,6 @@ class Adversary:
                 self.read(SECOND // 20, calm=False)
         else:
             link.begin(name)
-            if name == "lie: time":
-                self.judge.unnoticed = UNNOTICED
             if name in ABOUT_SEQUENCE:
                 self.judge.lie_begins(self.clock.now, link.jump)
                 self.judge.lie_begins(self.clock.now, 0)  # seen in classic counters, which have 4 bits
@@ -484,10 +446,8 @@ def describe(name: str, found: Findings, seconds: float) -> str:
         f"{name}: {found.published} scans published, {sum(found.faults.values())} faults, {seconds:.0f} s",
         f"  accounted for: {found.sampled} ticks in {found.stretches} stretches, {found.lost} lost, "
         f"{found.incomplete} incomplete",
-        f"  false numbers: of lies {found.false_numbers}, mixed by lies {found.mixed}, "
-        f"others during faults {found.wrapped}",
-        f"  stamps: of late ticks {found.late_ticks}, after unnoticed steps {found.unnoticed}, without clock and "
-        f"period {found.untimed}, with a bound above {1e3 * MAX_CLOCK_UNCERTAINTY:g} ms {found.uncertain}, "
+        f"  false numbers of lies {found.false_numbers}, mixed by lies {found.mixed}",
+        f"  stamps: without a bound {found.unbounded}, with one above {1e3 * WIDE:g} ms {found.uncertain}, "
         f"largest error after faults {found.largest_error / 1e6:.3f} ms",
         f"  longest time to the next scan [s]: {slowest}",
     ]

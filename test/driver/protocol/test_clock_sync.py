@@ -101,3 +101,16 @@ def test_a_clock_in_doubt_is_mapped_anew_within_a_window() -> None:
     assert clock.lead == pytest.approx(70 * MILLISECOND, abs=MILLISECOND)
     mapped = stamps(clock, behind, arrivals[4000:])
     assert np.abs(mapped[1010:] - device[5010:] * 1000).max() < 0.1 * MILLISECOND
+
+
+def test_after_an_interruption_only_the_frames_since_tell_whether_the_clock_was_set() -> None:
+    device, arrivals = delayed(8_000, 0.1 * MILLISECOND)
+    clock = ClockSync()
+    stamps(clock, device[:4500], arrivals[:4500])
+    behind = device[4500:] - 70_000
+    stamps(clock, behind[:1], arrivals[4500:4501])
+    assert clock.lead < MILLISECOND  # it may have been delayed
+    clock.interrupt(int(behind[0]), int(arrivals[4500]))
+    for step in range(500, 3000, 500):
+        stamps(clock, behind[step - 499 : step + 1], arrivals[4500 + step - 499 : 4501 + step])
+        assert clock.lead == pytest.approx(70 * MILLISECOND, abs=MILLISECOND)

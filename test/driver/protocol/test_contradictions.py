@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
@@ -57,15 +58,16 @@ class Published(NamedTuple):
     sequence: int
     error: float
     """Of its stamp [ms]."""
-    early: float
-    late: float
-    """Bounds of the error that the decoder states [ms]."""
+    bound: float
+    """Of the error, as the scan states it [ms]; NaN: unknown."""
+    common: float
+    """Shortest delay of all scans until then [ms], by which the stamp may be late besides."""
     status: int
 
     @property
     def is_bounded(self) -> bool:
-        """Whether the error is within the bounds."""
-        return -self.early - 0.02 <= self.error <= self.late + 0.02
+        """Whether the error is within the bound, or the scan states none."""
+        return not (self.error < -self.bound or self.error > self.bound + self.common)
 
 
 class Listener:
@@ -95,9 +97,8 @@ class Listener:
                 scan = decoded.scan
                 sampled = self._sampled[scan.counts.tobytes()]  # KeyError: made of two
                 self._shortest = min(self._shortest, arrival - sampled)
-                bound = 1e3 * self.decoder.clock_uncertainty
-                error = scan.stamp / MILLISECOND - sampled
-                self.scans.append(Published(scan.sequence, error, bound, bound + self._shortest, scan.status))
+                error, bound = scan.stamp / MILLISECOND - sampled, 1e3 * scan.stamp_uncertainty
+                self.scans.append(Published(scan.sequence, error, bound, self._shortest, scan.status))
 
     def one_by_one(self, ticks: Iterable[Tick], delay: float = 0.0) -> None:
         """Receive each scan when it was sampled, or later [ms]."""
@@ -292,3 +293,65 @@ def test_a_time_after_its_arrival_holds_back_no_later_stamp() -> None:
     assert stamps.stamp(time=5_000 * MILLISECOND, device_time=1000, arrival=1 * MILLISECOND) == 1 * MILLISECOND
     assert stamps.stamp(time=2 * MILLISECOND, device_time=2000, arrival=3 * MILLISECOND) == 2 * MILLISECOND
     assert stamps.excess == 0
+
+
+@pytest.mark.parametrize("lost", [0, 1, 40])
+def test_a_first_header_that_was_sampled_late_puts_no_stamp_out_of_its_bound(lost: int) -> None:
+    """Its blocks are lost: the scans that follow teach the mapping times that are ahead of the board's clock."""
+    heard = Listener(fd=False)
+    heard.receive(0.9, Tick(0, 0.9).frames(False)[:1])
+    heard.one_by_one(Tick(sequence, sequence + 0.3 * (sequence == 25)) for sequence in range(1 + lost, 3000))
+    assert heard.scans[-1].sequence == 2999
+    assert not heard.unbounded
+    assert max(scan.bound for scan in heard.scans) > 0.9
+    assert max(scan.bound for scan in heard.scans[-500:]) < 0.3
+
+
+def test_a_classic_scan_that_was_sampled_late_is_within_its_bound() -> None:
+    """No header tells it, but it arrives late by as much."""
+    heard = Listener(fd=False)
+    heard.one_by_one(Tick(sequence, sequence + 0.9 * (sequence % 16 == 9)) for sequence in range(200))
+    assert [scan.sequence for scan in heard.scans] == list(range(200))
+    assert min(scan.error for scan in heard.scans) < -0.8
+    assert not heard.unbounded
+    assert max(scan.bound for scan in heard.scans if scan.sequence % 16 != 9 and scan.sequence > 16) < 0.1
+
+
+@BOTH
+@pytest.mark.parametrize("opened", [True, False])
+def test_a_reset_that_all_else_hides_puts_no_stamp_out_of_its_bound(fd: bool, opened: bool) -> None:
+    """The number of the power-on repeats, and sequence and time are ahead of the last ones by the same."""
+    heard = Listener(fd)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(1600))
+    if opened:
+        heard.decoder.start()
+    heard.one_by_one(Tick(sequence, sequence + 700, stated=sequence) for sequence in range(1664, 2910))
+    assert heard.scans[-1].sequence >= 2890
+    assert min(scan.error for scan in heard.scans) < -690
+    assert not heard.unbounded
+
+
+@BOTH
+def test_a_clock_that_stands_still_leaves_a_stamp_without_a_bound(fd: bool) -> None:
+    heard = Listener(fd)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(96))
+    heard.one_by_one(Tick(sequence, sequence, stated=95) for sequence in range(96, 196))
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(196, 300))
+    unknown = [scan.sequence for scan in heard.scans if math.isnan(scan.bound)]
+    assert unknown[0] == 96
+    assert 195 <= unknown[-1] < 208
+    assert unknown == list(range(unknown[0], unknown[-1] + 1))
+    assert not heard.unbounded
+
+
+@BOTH
+def test_what_a_host_missed_that_stood_still_is_lost_though_the_clock_of_the_board_stands_still(fd: bool) -> None:
+    """The kernel has kept the oldest scans."""
+    heard = Listener(fd)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(100))
+    heard.batch(32_000, [Tick(sequence, sequence, stated=96) for sequence in range(100, 300)])
+    heard.one_by_one(Tick(sequence, sequence, stated=96) for sequence in range(32_000, 32_200))
+    assert heard.scans[-1].sequence >= 32_190
+    assert not any(scan.status & ScanStatus.BOARD_RESET for scan in heard.scans)
+    assert heard.accounted >= 32_190
+    assert heard.decoder.statistics.implausible == 0

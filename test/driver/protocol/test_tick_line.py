@@ -39,7 +39,10 @@ def test_two_late_headers_of_six_do_not_change_the_period() -> None:
 
 
 def test_a_first_header_that_was_late_is_replaced_by_the_next() -> None:
-    assert line((0, 800), (16, 16_000)).time(20) == 20_000
+    first, second, third = [line(*[(0, 800), (16, 16_000), (32, 32_000)][:count]) for count in (1, 2, 3)]
+    assert second.time(20) == 20_000
+    assert (first.agreed, second.agreed, third.agreed) == (False, False, True)
+    assert (first.lowered, second.lowered, third.lowered) == (False, True, False)
 
 
 @pytest.mark.parametrize("period", [500, 1100, 4000])

@@ -54,6 +54,7 @@ SCANS = st.fixed_dictionaries({
     "counts": st.one_of(
         st.lists(st.integers(0, 65535), min_size=TAXELS, max_size=TAXELS), st.lists(st.integers(0, 65535), max_size=30)
     ),
+    "stamp_uncertainty": st.floats(width=32),
     "temperatures": st.one_of(
         st.lists(st.floats(width=32), min_size=2, max_size=2), st.lists(st.floats(width=32), max_size=3)
     ),

@@ -80,7 +80,7 @@ class Board:
             sensor.can, self.decoder, open_bus, self._clock, presence, "looking for the board"
         )
         self.bus = self._connection.bus
-        self._transit_time = scan_transit_time(sensor.can, self.decoder.blocks)
+        self.decoder.transit_time = scan_transit_time(sensor.can, self.decoder.blocks)
         self._commands = CommandQueue()
         self._sender = CommandSender(self._connection, self.decoder, sensor.can.base_id)
         self._starter = BoardStarter(sensor, self._connection, self.decoder, self._sender, self._clock)
@@ -94,8 +94,8 @@ class Board:
 
     @property
     def stamp_uncertainty(self) -> float:
-        """Largest error of a stamp [s]: transit time of a scan plus `clock_uncertainty`."""
-        return self._transit_time + self.decoder.clock_uncertainty
+        """Largest error of the newest scan's stamp [s]; NaN before the first, and while the board's clock stands still."""
+        return self.decoder.scan.stamp_uncertainty
 
     def open(self) -> None:
         """Begin to look for the board; a bus that cannot be opened yet is retried by `read`.

@@ -69,13 +69,13 @@ class ListeningBoard:
             sensor.can, self.decoder, open_bus, self._clock, presence, "waiting for scans"
         )
         self.bus = self._connection.bus
-        self._transit_time = mapped_transit_time(sensor.can, self.decoder.tables)
+        self.decoder.transit_time = mapped_transit_time(sensor.can, self.decoder.tables)
         self._dbc = sensor.mapping.dbc.name if sensor.mapping else ""
 
     @property
     def stamp_uncertainty(self) -> float:
-        """Largest delay of a stamp after the acquisition [s]; NaN when the board sends no time."""
-        return self._transit_time + self.decoder.clock_uncertainty
+        """Largest error of the newest scan's stamp [s]; NaN before the first, and when the board sends no time."""
+        return self.decoder.scan.stamp_uncertainty
 
     def open(self) -> None:
         """Begin to listen; a bus that cannot be opened yet is retried by `read`.

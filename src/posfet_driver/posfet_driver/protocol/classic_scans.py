@@ -23,7 +23,7 @@ from posfet_driver.protocol.device_clock import DeviceClock
 from posfet_driver.protocol.scan_assembler import Assembler, BlockOutcome
 from posfet_driver.protocol.scan_codec import CLASSIC_COUNTER, CLASSIC_LENGTH, HEADER_SCANS, SEQUENCE, ScanHeader
 from posfet_driver.protocol.scan_numbering import TOLERANCE, Number, ScanNumbering
-from posfet_driver.protocol.tick_line import TickLine
+from posfet_driver.protocol.tick_line import AGREEMENT, TickLine
 from posfet_model.sensor.scan import Scan
 
 LATE_BLOCKS: Final = 3
@@ -91,6 +91,21 @@ class ClassicScans:
     def dated(self) -> bool:
         """Whether the time of the current scan is that of its header, or its number is certain; the first one's is."""
         return not self.doubtful or self.sequence == self._header or not self._sync.known
+
+    def early(self, sequence: int) -> float:
+        """Return the time by which a scan may have been sampled after its time [us]: one without a header, late.
+
+        Parameters
+        ----------
+        sequence : int
+            Sequence of the scan.
+        """
+        return AGREEMENT if sequence == self._header else self.numbering.period
+
+    @property
+    def late(self) -> float:
+        """Time by which a scan may have been sampled before its time [us]: the headers may all have been late."""
+        return AGREEMENT if self._ticks.agreed else self.numbering.period
 
     def announce(self, period: float) -> None:
         """Take a scan period that the board announces [us]."""
@@ -168,6 +183,8 @@ class ClassicScans:
         self._ticks.add(numbering.sequence, self.clock.time, self.clock.stalled)
         numbering.period = self._ticks.nominal
         self._set_limits(numbering.period)
+        if self._ticks.lowered:
+            self._sync.doubt(self.clock.time, arrival)  # the times of the scans since were ahead of the clock
         if self._held:  # their times tell nothing, but may have to be stamped by this one
             self._sync.to_monotonic(self.clock.time, arrival)
         released = self._end_group(missing, complete)

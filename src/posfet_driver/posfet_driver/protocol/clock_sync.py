@@ -45,6 +45,8 @@ class SyncState(NamedTuple):
     window_offset: float = math.inf
     window_undelayed: int = 0
     doubted: bool = False
+    recent: float = math.inf
+    recent_before: float = math.inf
 
 
 class ClockSync:
@@ -75,6 +77,8 @@ class ClockSync:
         self._window_offset = math.inf  # by the frames of the present window alone
         self._window_undelayed = 0
         self._doubted = False  # the windows before tell nothing
+        # Offset by the frames since the window began, or since the last interruption, and by those of the window before.
+        self._recent = self._recent_before = math.inf
 
     @property
     def drift(self) -> float:  # numpydoc ignore=RT01
@@ -89,20 +93,19 @@ class ClockSync:
     def lead(self) -> float:  # numpydoc ignore=RT01
         """Shortest delay of the frames of the last one or two seconds [ns]: stamps may be early by it.
 
-        After `doubt` it is that of the frames since then.
+        After `interrupt` and `doubt` it is that of the frames since then.
         """
-        if not self.known:
-            return math.nan
-        recent = self._window_offset
-        if self._windows and not self._doubted:
-            end, offset, _ = self._windows[-1]
-            recent = min(recent, offset + (self.last - end) * MAX_DRIFT)
-        return max(recent - self.offset, 0.0)
+        return max(min(self._recent, self._recent_before) - self.offset, 0.0) if self.known else math.nan
+
+    @property
+    def lag(self) -> float:
+        """Time by which device times may be ahead of the board's clock [ns]: stamps may be late by it."""
+        return max(self.offset - self._lowest, 0.0)
 
     @property
     def uncertainty(self) -> float:
         """Possible error of the offset [ns], by drift or a step of the board's clock; NaN before the first frame."""
-        return self.drift + self.lead + max(self.offset - self._lowest, 0.0)
+        return self.drift + self.lead + self.lag
 
     def delay(self, device_time: int, arrival: int) -> float:
         """Return how much later a frame arrived than an undelayed one [ns]; NaN before the first frame.
@@ -123,6 +126,19 @@ class ClockSync:
         self._set(SyncState())
         self._lowest = math.inf
 
+    def interrupt(self, device_time: int, arrival: int) -> None:
+        """Note that the board's clock may have been set unnoticed: the frames before no longer tell the `lead`.
+
+        Parameters
+        ----------
+        device_time : int
+            Time of acquisition on the board's clock as of now, unwrapped [us].
+        arrival : int
+            Monotonic time at which the frame arrived [ns].
+        """
+        if self.known:
+            self._recent, self._recent_before = float(arrival - device_time * 1000), math.inf
+
     def doubt(self, device_time: int, arrival: int, ahead: float = 0.0) -> None:
         """Note that the board's clock may have been set: within a window the offset is found by the frames from now on.
 
@@ -139,6 +155,7 @@ class ClockSync:
             self.widen(ahead, arrival)
             self._doubted, self._window_end = True, arrival + WINDOW
             self._window_offset, self._window_undelayed = float(arrival - device_time * 1000), arrival
+            self.interrupt(device_time, arrival)
 
     def widen(self, ahead: float, arrival: int) -> None:
         """Note that device times from now on may be ahead of the clock: so much too high the offset may be.
@@ -166,6 +183,8 @@ class ClockSync:
             self._window_offset,
             self._window_undelayed,
             self._doubted,
+            self._recent,
+            self._recent_before,
         )
 
     def restore(self, state: SyncState) -> None:
@@ -199,8 +218,11 @@ class ClockSync:
                 if difference <= offset:
                     offset, self._undelayed = difference, arrival
             self.offset, self._window_offset = offset, recent
+            since = self._recent + rise
+            self._recent = difference if difference < since else since
+            self._recent_before += rise
         else:
-            self.offset = self._window_offset = difference
+            self.offset = self._window_offset = self._recent = difference
             self._undelayed = self._window_undelayed = arrival
             self.known, self._window_end = True, arrival + WINDOW
         self.last = arrival
@@ -219,12 +241,13 @@ class ClockSync:
             (offset + (arrival - end) * MAX_DRIFT, undelayed) for end, offset, undelayed in self._windows
         )
         self._window_offset, self._window_end = math.inf, arrival + WINDOW
+        self._recent, self._recent_before = math.inf, self._recent
 
     def _set(self, state: SyncState) -> None:
         self.offset, self.last, self._undelayed = state.offset, state.last, state.undelayed
         self.known, self._doubted, self._windows = state.known, state.doubted, state.windows
         self._window_offset, self._window_undelayed = state.window_offset, state.window_undelayed
-        self._window_end = state.window_end
+        self._window_end, self._recent, self._recent_before = state.window_end, state.recent, state.recent_before
 
 
 class WallOffset:

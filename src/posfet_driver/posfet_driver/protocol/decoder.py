@@ -147,6 +147,8 @@ class Decoder:
         """Number of the board's power-on, modulo 16; None: unknown."""
         self.resets = 0
         """Number of times that the board was reset."""
+        self.transit_time = 0.0
+        """Longest time that the frames of a scan occupy the bus [s]."""
         self._base = sensor.can.base_id
         self._fd = sensor.can.fd
         self._sync = ClockSync()
@@ -190,7 +192,10 @@ class Decoder:
 
     @property
     def clock_uncertainty(self) -> float:
-        """Possible error of a stamp by drift and steps of the clock, or its order [s]; NaN before the first frame."""
+        """Possible error of a stamp by drift and steps of the clock, or its order [s]; NaN before the first frame.
+
+        What is known of the newest scan besides is in its `stamp_uncertainty`.
+        """
         return (self._sync.uncertainty + self._ascending.excess) / NANOSECONDS
 
     @property
@@ -322,9 +327,20 @@ class Decoder:
 
     def _publish(self, device_time: int) -> None:
         """Stamp the newest scan, which was acquired at `device_time` [us], in the order of publication."""
-        stamp = self._ascending.stamp(self.scan.stamp, device_time, self._arrival)
-        self.scan.stamp = stamp + self._wall_offset.value
+        scan = self.scan
+        stamp = self._ascending.stamp(scan.stamp, device_time, self._arrival)
+        scan.stamp = stamp + self._wall_offset.value
+        scan.stamp_uncertainty = self._uncertainty(stamp) / NANOSECONDS
         self.scans += 1
+
+    def _uncertainty(self, stamp: int) -> float:
+        """Return the largest error [ns] of the newest scan's stamp [ns]; NaN while the board's clock does not run."""
+        scans, sync = self._scans, self._sync
+        if scans.clock.stalled:
+            return math.nan
+        late = self.transit_time * NANOSECONDS + sync.lag + self._ascending.excess + scans.late * 1000
+        early = sync.lead + scans.early(self.scan.sequence) * 1000
+        return sync.drift + max(late, min(early, self._arrival - stamp))  # acquired before it arrived
 
     def _note_boot(self, boot: int) -> None:
         """Note the number of the power-on that a message or a scan states, and count a reset."""

@@ -80,6 +80,16 @@ class DeviceClock:
         """Return how far a reading is ahead of the newest one, modulo the range of readings [us]; 0 if unknown."""
         return (reading - self._reading) % self._modulus if self._known else 0
 
+    def age(self, arrival: int) -> float:
+        """Return the time since the newest scan was acquired [us]; NaN before the first.
+
+        Parameters
+        ----------
+        arrival : int
+            Present monotonic time [ns].
+        """
+        return self._sync.delay(self.time, arrival) / 1000
+
     def elapsed(self, reading: int, expected: float) -> int:
         """Return the time since the newest reading [us].
 
@@ -152,6 +162,16 @@ class DeviceClock:
         self._known = True
         self._sync.reset()
         self._take(reading, reading)
+
+    def interrupt(self, arrival: int) -> None:
+        """Note that the board may have been reset before the newest reading, whatever it states.
+
+        Parameters
+        ----------
+        arrival : int
+            Monotonic time at which the scan arrived [ns].
+        """
+        self._sync.interrupt(self.time, arrival)
 
     def _repeat(self, counted: float, fits: bool, next_tick: bool, arrival: int) -> None:
         """Count on by the sequence, as the reading repeats the one before."""

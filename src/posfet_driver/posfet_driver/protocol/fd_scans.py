@@ -18,6 +18,8 @@ from posfet_driver.protocol.scan_assembler import Assembler, BlockOutcome
 from posfet_driver.protocol.scan_codec import FD_LENGTH, SEQUENCE, FdCodec, checksum
 from posfet_driver.protocol.scan_numbering import Number, ScanNumbering
 
+ROUNDING: Final = 1.0
+"""Error of a device time [us]."""
 _COMPLETE: Final = BlockOutcome.COMPLETE
 _KINDS: Final = (FD | RATE_SWITCH, FD)
 
@@ -42,6 +44,19 @@ class FdScans:
         self._low = -1  # of the current scan: low bits of the sequence, boot, and time as sent
         self._boot = -1
         self._time = -1
+
+    def early(self, sequence: int) -> float:
+        """Return the time by which a scan may have been sampled after its time [us]: it is rounded.
+
+        Parameters
+        ----------
+        sequence : int
+            Sequence of the scan.
+        """
+        return ROUNDING
+
+    late: Final = ROUNDING
+    """Time by which a scan may have been sampled before its time [us]."""
 
     def announce(self, period: float) -> None:
         """Take a scan period that the board announces [us]."""

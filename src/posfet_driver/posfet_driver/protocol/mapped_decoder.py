@@ -68,6 +68,8 @@ class MappedDecoder:
         """Bits of ScanStatus that the newest frames set."""
         self.scan_period = round(period / 1e3)
         """Scan period of the sensor file [us]: the board does not tell."""
+        self.transit_time = 0.0
+        """Longest time that the frames of a scan occupy the bus [s]."""
         self._estimated = 0 if self.tables.sequence_bits else _SEQUENCE_ESTIMATED
         steps_tell = self.tables.timed and self.tables.tick <= period
         self._gaps_show = self.tables.sequenced or steps_tell or self.tables.blocks == 1
@@ -214,6 +216,11 @@ class MappedDecoder:
             scan.device_time = 0
             scan.status |= _TIME_ESTIMATED
         scan.stamp = numbering.stamp() + self._wall_offset.value
+        scan.stamp_uncertainty = (
+            math.nan
+            if scan.status & _TIME_ESTIMATED
+            else self.transit_time + self.clock_uncertainty + self.tables.tick / NANOSECONDS
+        )
         if numbering.was_reset:
             scan.status |= _BOARD_RESET
             self.resets += 1

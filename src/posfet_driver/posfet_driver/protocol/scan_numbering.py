@@ -152,7 +152,8 @@ class ScanNumbering:
     def _jump(self, number: Number, arrival: int) -> int | None:
         """Take a number that does not fit the time."""
         same_boot, ahead = number.boot == self.boot, (number.low - self.sequence) & SEQUENCE
-        elapsed = max((arrival - self._arrival) / 1000, self._clock.ahead(number.reading))
+        # The newest scan may have waited to be read for as long as the host stood still.
+        elapsed = max(self._clock.ahead(number.reading), (arrival - self._arrival) / 1000, self._clock.age(arrival))
         if same_boot and ahead * self.period <= FASTEST * elapsed + SLACK * self.period:
             return self._advance(ahead, number.reading, self._expected(ahead, number.reading), False, arrival)
         if same_boot and not self._cautious and not self._open:
@@ -198,6 +199,8 @@ class ScanNumbering:
     def _advance(self, ahead: int, reading: int, expected: float, fits: bool, arrival: int) -> int:
         slack = expected - ahead * min(self.period, *self._earlier) if self._earlier else 0.0
         self._clock.advance(reading, expected, fits, arrival, self.period, slack)
+        if self._open or ahead > UNTIMED:
+            self._clock.interrupt(arrival)
         self._earlier = ()
         self._arrival = arrival
         self.sequence += ahead

@@ -21,6 +21,8 @@ NOMINAL: Final = 2
 """Steps for which the nominal period counts [1]: it holds against that many others."""
 CONFIRMING: Final = 2
 """Steps that confirm a period which another host may have set: the first may have begun before."""
+AGREEMENT: Final = 20.0
+"""Difference of times that are rounded to microseconds, from header to header [us]."""
 LATEST: Final = 0.95
 """Time by which a tick may be sampled late [scan periods]; later, and period or sequence have changed. Assumed."""
 
@@ -47,6 +49,10 @@ class TickLine:
         self._headers: deque[tuple[int, int]] = deque(maxlen=STEPS + 1)  # sequence and time, on one line
         self._newest = 0, 0
         self._tick = 0.0
+        self.lowered = False
+        """Whether the newest header shows that those before were sampled late."""
+        self.agreed = False
+        """Whether two headers lie on the line: one alone may have been sampled late."""
 
     def restart(self, period: float) -> None:
         """Forget all headers: the board announces a scan period [us], or has restarted."""
@@ -97,9 +103,13 @@ class TickLine:
                 if scans <= HEADER_SCANS and not estimated:
                     self._steps.append(elapsed / scans)
                     self.period = median([*[self.nominal] * NOMINAL, *self._steps])
+        expected = self._tick + scans * self.period
         self._newest = sequence, time
         self._headers.append(self._newest)
-        self._tick = min(earlier + (sequence - before) * self.period for before, earlier in self._headers)
+        ticks = [earlier + (sequence - before) * self.period for before, earlier in self._headers]
+        self._tick = min(ticks)
+        self.agreed = sum(tick - self._tick <= AGREEMENT for tick in ticks) > 1
+        self.lowered = self.continued and expected - self._tick > AGREEMENT
 
     def time(self, sequence: int) -> int:
         """Return the time of the tick of a scan since the newest header [us]."""

@@ -55,6 +55,7 @@ class RawMessage:
         message.temperatures = self._temperatures
         message.status = int(scan.status)
         message.frames_lost = scan.frames_lost
+        message.stamp_uncertainty = scan.stamp_uncertainty
         return message
 
 

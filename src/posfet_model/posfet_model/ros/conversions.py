@@ -84,6 +84,7 @@ class ScanReader:
         scan.temperatures = np.asarray(message.temperatures)
         scan.status = message.status
         scan.frames_lost = message.frames_lost
+        scan.stamp_uncertainty = message.stamp_uncertainty
         return scan
 
 

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from enum import IntFlag
 
@@ -55,6 +56,8 @@ class Scan:
     """Bits of ScanStatus."""
     frames_lost: int
     """CAN frames of this board lost since the driver started, for any reason."""
+    stamp_uncertainty: float = math.nan
+    """Largest error of the stamp [s], besides the delay that all frames have in common; NaN: unknown."""
 
     @classmethod
     def empty(cls, layout_id: int, taxels: int) -> Scan:

@@ -234,6 +234,7 @@ class SimulatedBoard:
         row = index - batch.first
         out.counts[:] = self._counts[row]
         out.stamp = round(batch.times[row] * NANOSECONDS)
+        out.stamp_uncertainty = 0.0
         out.layout_id = self.sensor.layout.id
         out.sequence = index
         out.device_time = round(index / self.sensor.can.scan_rate * 1e6)

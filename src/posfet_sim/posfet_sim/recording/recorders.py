@@ -152,6 +152,7 @@ def raw_values(scan: Scan, rows: int, cols: int) -> dict[str, Any]:
         "temperatures": scan.temperatures,
         "status": int(scan.status),
         "frames_lost": scan.frames_lost,
+        "stamp_uncertainty": scan.stamp_uncertainty,
     }
 
 
