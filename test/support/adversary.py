@@ -17,13 +17,15 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import random
 import sys
 import tempfile
-import time
 from collections import Counter
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import median
 from typing import Final
 
 from posfet_driver.board.board_client import Board
@@ -77,6 +79,8 @@ PERIODS: Final = (1000, 1000, 2000, 5000)
 SECOND: Final = 1_000_000_000
 NUMBERED_AGAIN: Final = SECOND // 5
 """Time after the last fault or lie within which a scan may have a false number [ns]."""
+SENT_LATER: Final = SECOND
+"""Time for which a board keeps a scan while the bus is blocked [ns]: a lie is made of what is sent."""
 COUNTER: Final = 16
 """Scans by which the counter of classic blocks can mislead besides [1]."""
 REPLUGGED: Final = SECOND // 2
@@ -84,8 +88,12 @@ RECOVERED: Final = 2 * SECOND
 """Time from the end of a fault to the next scan [ns]."""
 QUIET: Final = SECOND * 3 // 10
 """Time without faults after which scans are accounted for [ns]."""
-GROWTH_LIMIT: Final = 16 << 20
-"""Maximum growth of resident memory [byte]: the log of the board and the frames that wait are part of it."""
+SAMPLES: Final = 24
+"""Times at which the memory is measured."""
+QUARTERS: Final = range(0, SAMPLES, SAMPLES // 4)
+GROWTH_LIMIT: Final = 2 << 20
+"""Maximum growth of resident memory from the third quarter of a run to the last [byte], by their medians: the log of
+the board, of which `KEPT` scans are kept, and the frames that wait have filled by then."""
 DRIFTED: Final = 5000
 """Time in which two clocks that the mapping follows can differ by one unit more: a delay that grows more slowly is not
 distinguished from their drift."""
@@ -115,6 +123,8 @@ class Findings:
     """Of a stamp that was judged [ns]."""
     slowest: Counter[str] = field(default_factory=Counter)
     """Longest time to the next scan after a fault [ns]."""
+    memory: list[int] = field(default_factory=list)
+    """Median of the resident memory in each quarter of the run [byte]."""
     faults: Counter[str] = field(default_factory=Counter)
     failures: Counter[str] = field(default_factory=Counter)
     examples: list[str] = field(default_factory=list)
@@ -131,6 +141,8 @@ class Judge:
 
     def __init__(self, board: Board, link: Link, hardware: LoggedBoard, fd: bool) -> None:
         self.findings = Findings()
+        self.boots = {0: 0}
+        """Number of each power-on that the board states."""
         self.newest = 0
         """Time at which the newest scan was acquired [ns]."""
         self._board, self._link, self._hardware, self._fd = board, link, hardware, fd
@@ -144,6 +156,7 @@ class Judge:
         self.quiet_since = 0
         self._transit = round(board.decoder.transit_time * SECOND)
         self._stamp = 0  # of the previous scan
+        self._flagged = False  # a reset, since the last scan that was found
 
     def lie_begins(self, begin: int, jump: int) -> None:
         """Note that the board lies about its sequence from a time [ns] on."""
@@ -164,6 +177,7 @@ class Judge:
         if scan.frames_lost < self._lost:
             found.fail("counter fell", self._at(scan, f"frames_lost {self._lost} -> {scan.frames_lost}"))
         self._lost = scan.frames_lost
+        self._flagged |= bool(scan.status & ScanStatus.BOARD_RESET)
         sent = self._find(scan, scan.sequence)
         if sent is None:
             self._last, self._base = -1, None
@@ -175,8 +189,11 @@ class Judge:
                 self._find_error(scan)
             return
         if sent.power_on != self._power_on:
+            if self.boots[sent.power_on] != self.boots[self._power_on] and not self._flagged:
+                found.fail("reset without a flag", self._at(scan, f"power-on {self._power_on} -> {sent.power_on}"))
             self._power_on, self._last, self._base = sent.power_on, -1, None
             self._delays.clear()
+        self._flagged = False
         if scan.status & ScanStatus.BOARD_RESET:
             self._delays.clear()  # the mapping of the clock begins anew
         self.newest = sent.time
@@ -217,7 +234,7 @@ class Judge:
         return bool(scan.counts.tolist() == sent)
 
     def _is_in_lie(self, time: int) -> bool:
-        return any(begin - SECOND <= time <= end + NUMBERED_AGAIN for begin, end, _ in self._number_lies)
+        return any(begin - SENT_LATER <= time <= end + NUMBERED_AGAIN for begin, end, _ in self._number_lies)
 
     def _is_false_number(self, scan: Scan) -> bool:
         """Return whether a scan has the number that the board has lied about, and no other error."""
@@ -238,11 +255,17 @@ class Judge:
         same = [
             sampled for others in self._hardware.sampled.values() for sampled in others if self._equal(scan, sampled)
         ]  # several, as the noise of each power-on is the same
-        if any(self._is_in_lie(sampled.time) for sampled in same):
+        if not self._fd and any(self._is_in_lie(sampled.time) for sampled in same):
             self.findings.false_numbers += 1
             return
         if same:
-            self.findings.fail("misnumbered", self._at(scan, f"{len(same)} others have its counts"))
+            where = [
+                (number, sampled.power_on - self._power_on, sampled.time)
+                for number, others in self._hardware.sampled.items()
+                for sampled in others
+                if sampled in same
+            ]
+            self.findings.fail("misnumbered", self._at(scan, f"its counts are those of {where}"))
             return
         if not self._fd and self._is_in_lie(self._link.clock.now):
             self.findings.mixed += 1
@@ -318,19 +341,20 @@ class Adversary:
         self.board.open()
         self.read(SECOND, calm=True)
         bag: list[str] = []
-        before: Usage | None = None
+        used: list[Usage] = []
         while found.published < scans:
             chosen = []
             for _ in range(self.noise.choice((1, 1, 2, 3))):
                 bag = bag or self.noise.sample(FAULTS, len(FAULTS))  # each once before any is repeated
                 chosen.append(bag.pop())
             self.fault(chosen)
-            if before is None and found.published > scans // 3:
-                before = Usage.now()
+            if found.published > len(used) * scans // SAMPLES:
+                used.append(Usage.now())
         self.judge.judge_counters()
-        after = Usage.now()
-        if before and (after.memory - before.memory > GROWTH_LIMIT or after.descriptors > before.descriptors):
-            found.fail("growth", f"{before} -> {after}")
+        used.append(Usage.now())
+        found.memory = [round(median(usage.memory for usage in used[part:][: SAMPLES // 4])) for part in QUARTERS]
+        if found.memory[-1] - found.memory[-2] > GROWTH_LIMIT or used[-1].descriptors > used[0].descriptors:
+            found.fail("growth", f"memory in the quarters of the run {found.memory}, {used[0]} -> {used[-1]}")
         self.board.close()
         code = self.hardware.close()
         if code:
@@ -393,6 +417,7 @@ class Adversary:
                 self._boot = (self._boot + noise.choice((1, 1, 1, 7))) % 16
             self.judge.end_stretch()
             link.power_cycle(self._boot)
+            self.judge.boots[hardware.power_on] = self._boot
             hardware.command("V 3300")
         elif name == "ADC fails":
             hardware.command("A 1")
@@ -439,16 +464,25 @@ def campaign(program: Path, name: str, scans: int, seed: int) -> Findings:
         return Adversary(program, Path(folder), variants()[name], seed).run(scans)
 
 
+def _timed(program: Path, name: str, scans: int, seed: int) -> tuple[str, Findings, float]:
+    """Run one variant; return its name, what was found, and the processor time of this process and the board's [s]."""
+    begin = os.times()
+    found = campaign(program, name, scans, seed)
+    return name, found, sum(os.times()[:4]) - sum(begin[:4])
+
+
 def describe(name: str, found: Findings, seconds: float) -> str:
     """Return the findings as text."""
     slowest = ", ".join(f"{fault} {took / 1e9:.3f}" for fault, took in sorted(found.slowest.items()))
     lines = [
-        f"{name}: {found.published} scans published, {sum(found.faults.values())} faults, {seconds:.0f} s",
+        f"{name}: {found.published} scans published, {sum(found.faults.values())} faults, "
+        f"{seconds:.0f} s of processor time",
         f"  accounted for: {found.sampled} ticks in {found.stretches} stretches, {found.lost} lost, "
         f"{found.incomplete} incomplete",
         f"  false numbers of lies {found.false_numbers}, mixed by lies {found.mixed}",
         f"  stamps: without a bound {found.unbounded}, with one above {1e3 * WIDE:g} ms {found.uncertain}, "
         f"largest error after faults {found.largest_error / 1e6:.3f} ms",
+        f"  memory in the quarters of the run [MB]: {', '.join(f'{memory / 1e6:.1f}' for memory in found.memory)}",
         f"  longest time to the next scan [s]: {slowest}",
     ]
     return "\n".join([*lines, *(f"BAD: {kind}: {count}" for kind, count in found.failures.items()), *found.examples])
@@ -459,16 +493,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="support.adversary", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--scans", type=int, default=1_000_000, help="scans of all variants (default: 1e6)")
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="variants at a time (default: one per core)")
     parser.add_argument("--only", choices=list(variants()), help="one variant")
     options = parser.parse_args()
     names = [options.only] if options.only else list(variants())
     bad = 0
-    with tempfile.TemporaryDirectory(prefix="posfet-firmware-") as folder:
-        make(Path(folder), f"{folder}/posfet_board")
-        for name in names:
-            begin = time.monotonic()
-            found = campaign(Path(folder) / "posfet_board", name, options.scans // len(names), options.seed)
-            print(describe(name, found, time.monotonic() - begin), flush=True)
+    with tempfile.TemporaryDirectory(prefix="posfet-firmware-") as folder, ProcessPoolExecutor(options.jobs) as pool:
+        program = Path(folder) / "posfet_board"
+        make(Path(folder), str(program))
+        runs = [pool.submit(_timed, program, name, options.scans // len(names), options.seed) for name in names]
+        for run in as_completed(runs):
+            name, found, seconds = run.result()
+            print(describe(name, found, seconds), flush=True)
             bad += len(found.failures)
     return 1 if bad else 0
 

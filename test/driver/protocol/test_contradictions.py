@@ -277,6 +277,40 @@ def test_a_late_response_to_an_earlier_command_spoils_no_classic_stamp() -> None
     assert max(abs(scan.error) for scan in heard.scans) < 0.05
 
 
+@pytest.mark.parametrize("phase", [0, 1, 8, 15])
+@pytest.mark.parametrize("lost", [0, 1, 100])
+def test_no_classic_scan_is_dropped_when_another_host_sets_the_period(phase: int, lost: int) -> None:
+    """The first scan at the new period has a header, and the next may be lost."""
+    heard, first = Listener(fd=False), 208 + phase
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(first))
+    command = BASE + COMMAND_OFFSET, CLASSIC, Request(Command.SET_RATE, 9, 2000).pack()
+    response = BASE + RESPONSE_OFFSET, CLASSIC, Response(Command.SET_RATE, 9, Result.OK, 2000).pack()
+    heard.receive(first - 0.5, [command, response])
+    changed = [
+        Tick(sequence, first - 1 + 2 * (sequence - first + 1), header=(sequence == first) or None)
+        for sequence in range(first, 600)
+    ]
+    heard.one_by_one(changed[:17])
+    for tick in changed[17 : 17 + lost]:  # or all that follow, for a while
+        heard._sampled[make_scan(SENSOR, tick.sequence).counts.tobytes()] = tick.time
+    heard.one_by_one(changed[17 + lost :])
+    missing = lost + (32 if lost else 0)
+    assert heard.scans[-1].sequence == 599
+    assert len(heard.scans) >= 600 - missing
+    assert heard.accounted == 600
+    assert not heard.unbounded
+
+
+def test_an_overflow_leaves_no_classic_scan_with_a_number_that_only_its_arrival_tells() -> None:
+    """The host stood still after a reset: what the kernel had kept arrives with the scans of two seconds later."""
+    heard = Listener(fd=False)
+    heard.decoder.note_overflow()
+    heard.batch(2000, [Tick(sequence, sequence) for sequence in range(99)])
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(2003, 2100))
+    assert {scan.sequence for scan in heard.scans} == {*range(96), *range(2016, 2100)}
+    assert heard.accounted == 2100
+
+
 def test_two_scans_at_the_same_time_are_within_the_bound() -> None:
     """A shorter period than the time since the last tick: the next scan is sampled at once."""
     heard = Listener(fd=True, period=2000)

@@ -21,15 +21,16 @@ from posfet_driver.bus import can_interface
 from posfet_driver.bus.error_frame import ErrorCounts
 from posfet_driver.bus.frame import CLASSIC
 from posfet_driver.bus.message_conversion import frame_of, message_of
-from posfet_driver.bus.recording import messages
+from posfet_driver.bus.recording import messages, recording
 from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import Identification, Identity, Status
+from posfet_driver.protocol.scan_codec import make_codec
 from posfet_driver.tools import list_boards, record_replay
 from posfet_driver.tools.record_replay import decode
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.clocks import PacedClock, SteppedClock
-from support.fake_board import FakeBoard, board_on_bus
+from support.fake_board import FakeBoard, board_on_bus, make_scan, with_fd
 from support.fake_socketcan import FakeSocketcan
 
 SENSOR = load_sensor()
@@ -181,6 +182,49 @@ def test_a_recording_can_be_decoded_and_replayed(
         assert main(["replay", str(file), "--speed", "100", "-i", "virtual", "-c", channel, "--fd", fd]) == 0
         received = [frame_of(bus.recv(0)) for _ in sent]
     assert received == sent
+
+
+@pytest.mark.parametrize("fd", ["true", "false"])
+def test_a_replay_that_stood_still_goes_on_in_time_with_whole_scans(
+    tmp_path: Path, fd: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The process is stopped for 2 s within a scan of a board at 1 kHz."""
+    clock, sensor = SteppedClock(), with_fd(SENSOR, fd == "true")
+    decoder, sent = Decoder(sensor), []
+    decoder.start()
+
+    class Stopped:
+        """A bus on which the frame after 0.7 s takes two seconds."""
+
+        def send(self, message: can.Message, timeout: float | None = None) -> None:
+            sent.append((clock.monotonic(), message))
+            if message.arbitration_id == within and message.timestamp == 0.7:
+                clock.sleep(2.0)
+            for _ in decoder.decode([frame_of(message)], clock.monotonic(), 0):
+                pass
+
+        def shutdown(self) -> None: ...
+
+    scan, file = make_scan(sensor, 0), tmp_path / "bus.log"
+    within = sensor.can.base_id + (3 if sensor.can.fd else 10)
+    with recording(file) as log:
+        for scan.sequence in range(4000):
+            scan.device_time = 1000 * scan.sequence
+            for frame in make_codec(sensor).encode(scan, sensor.can.base_id):
+                message = message_of(frame)
+                message.timestamp = scan.sequence / 1000
+                log(message)
+    monkeypatch.setattr(record_replay, "open_can_bus", lambda _: Stopped())
+    begin = clock.monotonic()
+    assert posfet_can.main(["replay", str(file), "-i", "virtual", "--fd", fd], clock) == 0
+    late = [(time - begin) / 1e9 - message.timestamp for time, message in sent]
+    assert max(late) < 0.01
+    total = len(list(messages(file)))
+    printed = f"{len(sent)} frames sent, {total - len(sent)} skipped: the replay was more than 0.5 s late"
+    assert capsys.readouterr().out.strip() == printed
+    assert decoder.scans + decoder.statistics.lost_scans + decoder.statistics.incomplete_scans == 4000
+    assert decoder.statistics.incomplete_scans == (0 if sensor.can.fd else 1)  # that in which it was stopped
+    assert 1990 <= decoder.statistics.lost_scans <= 2016
 
 
 def test_a_recording_decodes_to_complete_scans(tmp_path: Path) -> None:

@@ -94,7 +94,7 @@ class Board:
 
     @property
     def stamp_uncertainty(self) -> float:
-        """Largest error of the newest scan's stamp [s]; NaN before the first, and while the board's clock stands still."""
+        """Largest error of the newest scan's stamp [s]; NaN before it, and while the board's clock stands still."""
         return self.decoder.scan.stamp_uncertainty
 
     def open(self) -> None:

@@ -70,6 +70,8 @@ class ClassicScans:
         self.time = 0
         """Device time of the current scan, unwrapped [us]: that of its header, or of its tick when it has none."""
         self.doubtful = False
+        self.overflowed = False
+        """Whether frames were lost within the present batch, nobody knows where: no time tells the number of a block."""
         self._assembler = assembler
         self._statistics = assembler.statistics
         self._blocks = assembler.codec.blocks
@@ -84,6 +86,7 @@ class ClassicScans:
         self._fresh = False  # no block since the newest header
         self._adrift = True  # no number until the next header
         self._held: list[Held] = []
+        self._carried = 0  # of them, older than the newest header
         self._accounted = 0  # scans since the newest header that were delivered or counted as lost
         self._incomplete = 0  # incomplete scans up to the newest header
 
@@ -113,6 +116,7 @@ class ClassicScans:
             self._adrift = True  # the first scan at the new period has a header
             self._set_limits(period)
             self._ticks.restart(period)
+            self._drop_carried()
             self._held = [held for held in self._held if held.timed]
             if self._sync.last - self._disputed < DISPUTE:
                 self._ticks.question()
@@ -137,6 +141,7 @@ class ClassicScans:
     def lose_number(self) -> None:
         """Use no block until the next header; what is held is dropped, and counted then."""
         self._adrift = True
+        self._drop_carried()
         self._held = []
 
     def feed_header(self, kind: int, data: bytes, arrival: int) -> list[Held]:
@@ -194,7 +199,7 @@ class ClassicScans:
         self._accounted = int(complete)
         if not begun:
             self._assembler.begin()
-        self.doubtful, self._adrift = not self._ticks.certain, False
+        self.doubtful, self._adrift = self.overflowed or not self._ticks.certain, False
         self._fresh = not begun
         return released
 
@@ -236,7 +241,7 @@ class ClassicScans:
                 self._statistics.late += 1
                 return False
             self._deadline = arrival + self._latest - delay - self._sync.drift
-            self.doubtful |= early or (leaps and self._fresh) or not self._ticks.certain
+            self.doubtful |= early or (leaps and self._fresh) or self.overflowed or not self._ticks.certain
             self._fresh = False
             self.time = time
         if arrival > self._deadline:
@@ -269,17 +274,29 @@ class ClassicScans:
         return counted - self.clock.ahead(header.time) <= TOLERANCE * self.numbering.announced
 
     def _end_group(self, missing: int, next_complete: bool) -> list[Held]:
-        """Account for the scans since the newest header; return those that were held and have the right number."""
-        held, self._held = self._held, []
+        """Account for the scans since the newest header; return those that were held and have the right number.
+
+        Those whose time the next header may tell are held on.
+        """
+        held, self._held, carried, self._carried = self._held, [], self._carried, 0
         incomplete, self._incomplete = self._incomplete, self._statistics.incomplete_scans
         if self._header < 0 or self.numbering.restarted:
             self._assembler.count_lost(len(held))
             return []
         right = 0 <= self.numbering.sequence - self.sequence < HEADER_SCANS  # else a block has overtaken its header
         released = [self._timed(one) for one in held if right and (one.timed or self._ticks.certain)]
-        accounted = self._accounted + self._incomplete - incomplete + len(released) - next_complete
+        if right and not self._ticks.certain:
+            self._held = [one for one in held if not one.timed and self._ticks.spans(one.scan.sequence)]
+            self._carried = len(self._held)
+        settled = len(released) + self._carried - carried
+        accounted = self._accounted + self._incomplete - incomplete + settled - next_complete
         self._assembler.count_lost(max(missing + 1 - accounted, 0))
         return released
+
+    def _drop_carried(self) -> None:
+        """Drop the scans that are older than the newest header."""
+        self._assembler.count_lost(self._carried)
+        self._held, self._carried = self._held[self._carried :], 0
 
     def _timed(self, held: Held) -> Held:
         """Return a scan that was held with its time by the ticks up to the newest header.

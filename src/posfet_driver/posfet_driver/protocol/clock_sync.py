@@ -77,7 +77,7 @@ class ClockSync:
         self._window_offset = math.inf  # by the frames of the present window alone
         self._window_undelayed = 0
         self._doubted = False  # the windows before tell nothing
-        # Offset by the frames since the window began, or since the last interruption, and by those of the window before.
+        # Offset by the frames since the window began, or an interruption, and by those of the window before.
         self._recent = self._recent_before = math.inf
 
     @property

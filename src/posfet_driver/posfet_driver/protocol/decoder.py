@@ -191,7 +191,7 @@ class Decoder:
         return self._scans.clock.repeated
 
     @property
-    def clock_uncertainty(self) -> float:
+    def clock_uncertainty(self) -> float:  # numpydoc ignore=RT01
         """Possible error of a stamp by drift and steps of the clock, or its order [s]; NaN before the first frame.
 
         What is known of the newest scan besides is in its `stamp_uncertainty`.
@@ -227,7 +227,8 @@ class Decoder:
         self._scans.numbering.forget_gap()
 
     def note_overflow(self) -> None:
-        """Note that frames were lost within the next batch: the numbers of blocks and scans tell which."""
+        """Note that frames were lost within the next batch: numbers and headers tell which."""
+        self._classic_scans.overflowed = True
 
     def decode(self, frames: list[Frame], arrival: int, wall_offset: int) -> Iterator[Decoded]:
         """Decode a batch of frames, one step of the iterator at a time.
@@ -287,6 +288,8 @@ class Decoder:
                 else:
                     self._publish(scans.time)
                     yield ready
+        if scans.overflowed:
+            scans.overflowed, scans.doubtful = False, True
 
     def _complete(self, dated: bool = True) -> None:
         """Complete the scan: sequence, time and status; one that is not `dated` tells nothing of the board's clock."""

@@ -71,6 +71,16 @@ class TickLine:
         """Whether the newest header is on one line with the one before."""
         return len(self._headers) > 1
 
+    def spans(self, sequence: int) -> bool:
+        """Return whether a scan is between two headers of the line.
+
+        Parameters
+        ----------
+        sequence : int
+            Sequence of the scan.
+        """
+        return self.continued and self._headers[0][0] <= sequence
+
     def question(self) -> None:
         """Note that the period may be another one from one of the ticks to come on."""
         self._unconfirmed = CONFIRMING

@@ -28,12 +28,16 @@ from posfet_driver.bus.python_can_bus import PythonCanFrameBus
 from posfet_driver.bus.recording import check_name, messages, recording
 from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.mapped_decoder import MappedDecoder, make_decoder
+from posfet_driver.protocol.messages import FD_BLOCK_OFFSET, HEADER_OFFSET
 from posfet_driver.tools.bus_options import bus_of, sensor_of
 from posfet_driver.tools.one_shot import started
 from posfet_model.config import ConfigError
+from posfet_model.sensor.description import Sensor
 
 POLL: Final = 0.1
 """Longest wait for a frame [s]."""
+LONGEST_BACKLOG: Final = 0.5
+"""Delay of a recorded frame [s] from which all that are due are skipped: a process that was stopped, or a slow bus."""
 
 
 class _RecordedBus:
@@ -120,14 +124,19 @@ def run_replay(options: argparse.Namespace) -> int:
     first = next(recorded, None)
     if first is None:
         raise ConfigError(f"{options.file}: contains no frame")
-    frames = 0
-    with bus_of(options) as (_, settings):
+    frames = skipped = 0
+    with bus_of(options) as (sensor, settings):
         bus = open_can_bus(settings)
         try:
             clock = options.clock
-            begin = clock.monotonic()
+            begin, behind = clock.monotonic(), False
             for message in _all(first, recorded):
                 wait = (message.timestamp - first.timestamp) / options.speed - (clock.monotonic() - begin) / 1e9
+                behind |= wait < -LONGEST_BACKLOG
+                if behind and (wait < 0 or not _begins_scan(message, sensor)):
+                    skipped += not message.is_error_frame
+                    continue
+                behind = False
                 if wait > 0:
                     clock.sleep(wait)
                 if not message.is_error_frame:
@@ -135,8 +144,18 @@ def run_replay(options: argparse.Namespace) -> int:
                     frames += 1
         finally:
             bus.shutdown()
-    console.print(f"{frames} frames sent")
+    missed = f", {skipped} skipped: the replay was more than {LONGEST_BACKLOG:g} s late" if skipped else ""
+    console.print(f"{frames} frames sent{missed}", soft_wrap=True)
     return 0
+
+
+def _begins_scan(message: can.Message, sensor: Sensor) -> bool:
+    """Return whether the scans from this frame on are whole and can be numbered."""
+    if sensor.mapping:
+        return True
+    if sensor.can.fd:
+        return bool(message.arbitration_id == sensor.can.base_id + FD_BLOCK_OFFSET and message.data[8:9] == b"\0")
+    return bool(message.arbitration_id == sensor.can.base_id + HEADER_OFFSET)
 
 
 def _send(bus: can.BusABC, message: can.Message) -> None:
