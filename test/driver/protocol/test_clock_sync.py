@@ -111,6 +111,8 @@ def test_after_an_interruption_only_the_frames_since_tell_whether_the_clock_was_
     stamps(clock, behind[:1], arrivals[4500:4501])
     assert clock.lead < MILLISECOND  # it may have been delayed
     clock.interrupt(int(behind[0]), int(arrivals[4500]))
+    assert clock.uncertainty < MILLISECOND  # no reason for a warning yet
     for step in range(500, 3000, 500):
         stamps(clock, behind[step - 499 : step + 1], arrivals[4500 + step - 499 : 4501 + step])
         assert clock.lead == pytest.approx(70 * MILLISECOND, abs=MILLISECOND)
+    assert clock.uncertainty > 69 * MILLISECOND

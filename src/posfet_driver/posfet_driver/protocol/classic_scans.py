@@ -71,7 +71,7 @@ class ClassicScans:
         """Device time of the current scan, unwrapped [us]: that of its header, or of its tick when it has none."""
         self.doubtful = False
         self.overflowed = False
-        """Whether frames were lost within the present batch, nobody knows where: no time tells the number of a block."""
+        """Whether frames were lost within the present batch, nobody knows where: no time tells a block's number."""
         self._assembler = assembler
         self._statistics = assembler.statistics
         self._blocks = assembler.codec.blocks

@@ -79,6 +79,7 @@ class ClockSync:
         self._doubted = False  # the windows before tell nothing
         # Offset by the frames since the window began, or an interruption, and by those of the window before.
         self._recent = self._recent_before = math.inf
+        self._interrupted = -WINDOW  # when that was last noted
 
     @property
     def drift(self) -> float:  # numpydoc ignore=RT01
@@ -104,8 +105,12 @@ class ClockSync:
 
     @property
     def uncertainty(self) -> float:
-        """Possible error of the offset [ns], by drift or a step of the board's clock; NaN before the first frame."""
-        return self.drift + self.lead + self.lag
+        """Possible error of the offset [ns], by drift or a step of the board's clock; NaN before the first frame.
+
+        For a window after `interrupt` without the `lead`: the first frame may just have been delayed.
+        """
+        settled = self._doubted or self.last - self._interrupted >= WINDOW
+        return self.drift + (self.lead if settled else 0.0) + self.lag
 
     def delay(self, device_time: int, arrival: int) -> float:
         """Return how much later a frame arrived than an undelayed one [ns]; NaN before the first frame.
@@ -138,6 +143,7 @@ class ClockSync:
         """
         if self.known:
             self._recent, self._recent_before = float(arrival - device_time * 1000), math.inf
+            self._interrupted = arrival
 
     def doubt(self, device_time: int, arrival: int, ahead: float = 0.0) -> None:
         """Note that the board's clock may have been set: within a window the offset is found by the frames from now on.
