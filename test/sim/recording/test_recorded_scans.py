@@ -89,7 +89,7 @@ def test_a_recording_of_another_version_is_read_by_its_schema(tmp_path: Path) ->
         (5_000_000_000 + 1000 * n, n, 0, 0) for n in range(3)
     ]
     assert scans[0].counts.tolist() == list(range(25))
-    assert np.isnan(scans[0].temperatures).all()
+    assert np.isnan([*scans[0].temperatures, scans[0].stamp_uncertainty]).all()
 
 
 def test_a_scan_that_cannot_be_read_ends_the_replay_in_one_line(tmp_path: Path) -> None:

@@ -104,7 +104,7 @@ class ClockSync:
         return max(self.offset - self._lowest, 0.0)
 
     @property
-    def uncertainty(self) -> float:
+    def uncertainty(self) -> float:  # numpydoc ignore=RT01
         """Possible error of the offset [ns], by drift or a step of the board's clock; NaN before the first frame.
 
         For a window after `interrupt` without the `lead`: the first frame may just have been delayed.

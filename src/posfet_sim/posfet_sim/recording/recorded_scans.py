@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -68,6 +69,7 @@ class ScanMessages:
             scan.device_time = int(values.get("device_time", 0))
             scan.status = int(values.get("status", ScanStatus.OK))
             scan.frames_lost = int(values.get("frames_lost", 0))
+            scan.stamp_uncertainty = float(values.get("stamp_uncertainty", math.nan))
         except (KeyError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f"{RAW}: cannot be read as a scan: {error}") from error
         scan.counts = counts
