@@ -1,0 +1,13 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""What other tactile software does with a scan, from published descriptions; own code.
+
+All were made for sensors that measure a constant force, not for a film whose charge leaks away. Each gets what this
+stack gets: the gain of every taxel from the same calibration stand, the contact threshold of the sensor file, and an
+untouched start.
+"""
