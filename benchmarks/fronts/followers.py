@@ -236,11 +236,10 @@ def _order_checks(model: Follower, loop: ClosedLoop) -> tuple[Check, ...]:
 def _circuit_simulator(known: Reference, text: str, effort: Effort) -> list[Choice]:
     """Return ngspice at several tolerances."""
     found, stimulus = [], known.stimulus
+    largest = LOOSE * stimulus.largest_step
     for tolerance in TOLERANCES:
         runs = [
-            simulator.transient(
-                text, [stimulus.source], stimulus.stop, LOOSE * stimulus.largest_step, tolerance, IN_ONE
-            )
+            simulator.transient(text, [stimulus.source], stimulus.stop, largest, tolerance, IN_ONE)
             for _ in range(min(effort.repeats, MOST_SIMULATIONS))
         ]
         run = runs[0][0]

@@ -12,6 +12,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 
+from benchmarks.fronts.front import Choice
+
 BATCH = 1.5e-3
 """Duration of one batch [s]: many ticks of the timer, less than a time slice of the kernel."""
 
@@ -38,3 +40,9 @@ def interleaved(calls: Mapping[str, Callable[[], object]], repeats: int) -> dict
                 call()
             found[name].append(max(time.process_time() - begin, 1e-9) / number)
     return {name: tuple(each) for name, each in found.items()}
+
+
+def timed(methods: Mapping[tuple[str, str], tuple[Callable[[], object], float]], repeats: int) -> tuple[Choice, ...]:
+    """Return the choices of calls with known errors, by series and parameter."""
+    seconds = interleaved({"|".join(key): call for key, (call, _) in methods.items()}, repeats)
+    return tuple(Choice(*key, error, seconds["|".join(key)]) for key, (_, error) in methods.items())

@@ -35,8 +35,8 @@ contradicts the measurement; do not edit.
 in units of the shipped choice (the circled point), or of the fastest where a stage has no single shipped choice:
 medians of interleaved repetitions, so that other load disturbs all choices alike. The grey staircase is the Pareto set:
 no other choice is both faster and more accurate. Points of a series are joined only where one parameter changes on the
-same scene. Below the dotted line the reference itself is not known better, and errors are not told apart. A choice counts as faster
-where the quartiles of the repetitions do not overlap.
+same scene. Below the dotted line the reference itself is not known better, and errors are not told apart. A choice
+counts as faster where the quartiles of the repetitions do not overlap.
 
 **Raw data.** [fronts.json](../benchmarks/results/fronts.json) has every repetition, median, minimum and quartiles,
 [fronts.csv](../benchmarks/results/fronts.csv) one line for each repetition; times in both are absolute, for the machine
@@ -158,7 +158,7 @@ def _described(front: Front) -> dict[str, Any]:
         figures = {
             "median": choice.median, "minimum": min(choice.seconds), "first_quartile": low, "third_quartile": high,
             "pareto": choice in front.pareto, "shipped": choice is front.shipped_choice,
-            "more": dict(zip(front.columns, (None if math.isnan(value) else value for value in choice.more), strict=True)),
+            "more": {key: _finite(value) for key, value in zip(front.columns, choice.more, strict=True)},
         }  # fmt: skip
         kept = {name: value for name, value in asdict(choice).items() if name != "more"}
         choices.append(kept | figures)
