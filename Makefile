@@ -7,6 +7,7 @@
 #   make check              run ruff, mypy, numpydoc and import-linter
 #   make soak               run the tests against the wall clock, the adversary, then the driver under faults for half an hour     FOR=60  SCANS=100000
 #   make bench              measure speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
+#   make fronts             measure run time against error of every stage and of the pipeline beside peers; writes docs/runtime_accuracy.md
 #   make stability          run every follower model for 1e8 steps, half an hour     STEPS=1e6
 #   make accuracy           measure the accuracy of forces and contacts; writes docs/accuracy.md    FULL=1  ONLY=effects (that section)
 #   make figures            draw the figures of docs/
@@ -18,7 +19,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c
 .DEFAULT_GOAL := bringup
-.PHONY: bringup test test-cortex-m test-vm check soak bench accuracy stability figures screenshots parameters setup build clean distclean
+.PHONY: bringup test test-cortex-m test-vm check soak bench fronts accuracy stability figures screenshots parameters setup build clean distclean
 
 PACKAGES := src/posfet_model:src/posfet_driver:src/posfet_sim:src/posfet
 IN_ENVIRONMENT := source tools/environment.sh;
@@ -89,6 +90,10 @@ ifndef ROS_DISTRO
 	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement $<
 endif
 	@touch $@
+
+# One thread for BLAS, so that processor times compare.
+fronts: $(BUILT) benchmarks/.ready
+	@$(IN_ENVIRONMENT) PYTHONPATH="$$PWD/test:$$PYTHONPATH" OPENBLAS_NUM_THREADS=1 exec python3 -m benchmarks.fronts $(ARGS)
 
 stability: $(BUILT)
 	@$(IN_ENVIRONMENT) cd test && exec python3 -m support.drift $(if $(STEPS),--steps $(STEPS)) $(ARGS)

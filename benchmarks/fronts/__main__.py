@@ -12,26 +12,44 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Final
 
 from benchmarks import machine
 from benchmarks.fronts import chart, page
-from benchmarks.fronts.front import Effort, Front, FrontError, Measure
+from benchmarks.fronts.exhibit import Exhibit
+from benchmarks.fronts.front import Effort, Front, FrontError
 from posfet_model.figures import style
 from posfet_model.spice import ngspice
 
 ROOT: Final = Path(__file__).resolve().parents[2]
-STAGES: Final = ("pipeline", "followers")
+STAGES: Final = (
+    "pipeline",
+    "estimation",
+    "contacts",
+    "tracking",
+    "compensation",
+    "variants",
+    "inverse",
+    "crosstalk",
+    "stability",
+    "charge",
+    "followers",
+    "mechanics",
+    "hysteresis",
+    "laziness",
+    "noise",
+)
 """Stages in the order of the document: what a reader chooses first comes first."""
 
 NEEDS_NGSPICE: Final = ("followers",)
 
 
-def measure_all(names: list[str], effort: Effort) -> tuple[list[Front], dict[str, str]]:
+def measure_all(names: list[str], effort: Effort) -> tuple[list[Front | Exhibit], dict[str, str]]:
     """Return the verified fronts, and why a stage was not measured, by its name."""
-    fronts: list[Front] = []
+    fronts: list[Front | Exhibit] = []
     missing = {}
     for name in names:
         if name in NEEDS_NGSPICE and not ngspice.available():
@@ -40,25 +58,29 @@ def measure_all(names: list[str], effort: Effort) -> tuple[list[Front], dict[str
         begin, measure = time.monotonic(), stage(name)
         for front in measure(effort):
             front.verify()
-            with style.style():
-                page.check_figure(front, chart.draw(front))
+            if isinstance(front, Front):
+                with style.style():
+                    page.check_figure(front, chart.draw(front))
             fronts.append(front)
         print(f"{name}: {time.monotonic() - begin:.0f} s", flush=True)
     return fronts, missing
 
 
-def stage(name: str) -> Measure:
+def stage(name: str) -> Callable[[Effort], Sequence[Front | Exhibit]]:
     """Return the function that measures a stage."""
-    found: Measure = import_module(f"benchmarks.fronts.{name}").measure
+    found: Callable[[Effort], Sequence[Front | Exhibit]] = import_module(f"benchmarks.fronts.{name}").measure
     return found
 
 
-def publish(fronts: list[Front], missing: dict[str, str], folder: Path, command: str) -> None:
+def publish(fronts: list[Front | Exhibit], missing: dict[str, str], folder: Path, command: str) -> None:
     """Write the document, the figures and the results below a folder."""
     figures = folder / "docs" / "figures"
     figures.mkdir(parents=True, exist_ok=True)
     for front in fronts:
-        chart.save(front, figures)
+        if isinstance(front, Exhibit):
+            style.save(front.draw, figures / front.name)
+        else:
+            chart.save(front, figures)
     facts = machine.facts()
     page.write_results(fronts, facts, folder / "benchmarks" / "results")
     text = page.document(fronts, machine.text(), missing, command)

@@ -61,8 +61,8 @@ def measure(effort: Effort) -> list[Front]:
         rows = min(round(PRESS / step), 30)
         choices.append(Choice(*key, error, tuple(each / (rows * step) for each in seconds["|".join(key)])))
     checks = [
-        Check(f"order of {name}",
-              order(steps[:3], [errors[name, f"{step * 1e3:g} ms"] for step in steps[:3]]), wanted - 0.25, wanted + 0.25)
+        Check(f"order of {name}", order(steps[:3], [errors[name, f"{step * 1e3:g} ms"] for step in steps[:3]]),
+              wanted - 0.25, wanted + 0.25)
         for name, wanted in ORDERS.items()
     ]  # fmt: skip
     theory = 100 * (2 * np.pi / PRESS) ** 2 * steps[0] ** 2 / 24 * (PRESS / np.pi) / tau
@@ -81,7 +81,8 @@ def measure(effort: Effort) -> list[Front]:
             tuple(choices),
             f"first-order hold, {shipped * 1e3:g} ms",
             tuple(checks),
-            f"At the scan rate the first-order hold errs by {shown(own)} %, the zero-order hold, which costs the same, by "
+            f"At the scan rate the first-order hold errs by {shown(own)} %, the zero-order hold, which costs the "
+            "same, by "
             f"{shown(other / own)} times as much: choose the hold by the input, which is a ramp between scans, and no "
             "scheme that is only stable for short steps.",
             why_not="The step is that of the scans. In float32 the rounding of each step adds up, which the series in "

@@ -151,8 +151,10 @@ def _front(relaxing: bool, effort: Effort) -> Front:
         choices,
         own.name,
         tuple(checks),
-        f"On a film {where} one pole errs by {shown(own.error)} %, with the film's relaxation by {shown(more.error)} %, at "
-        f"{shown(more.median / own.median)} times the run time. What relaxes is not inverted scan by scan in the stack, but "
+        f"On a film {where} one pole errs by {shown(own.error)} %, with the film's relaxation by "
+        f"{shown(more.error)} %, at "
+        f"{shown(more.median / own.median)} times the run time. What relaxes is not inverted scan by scan in the "
+        "stack, but "
         "belongs to the states of the estimator of all errors, which knows its uncertainty.",
         why_not="Relaxation is left to the estimator, for which its sizes are states and not constants.",
     )

@@ -148,7 +148,7 @@ def methods() -> dict[tuple[str, str], Method]:
 
 
 def _judge(method: Method, images: Sequence[Image]) -> tuple[float, float, float]:
-    """Return the mean error of a true centre [mm], a missed one counting as the reach, and shares missed and false [%]."""
+    """Return the mean error of a centre [mm], a missed one counting as the reach, and what is missed and false [%]."""
     distances, missed, false, true, reported = [], 0, 0, 0, 0
     for image in images:
         free = list(method(image.force))

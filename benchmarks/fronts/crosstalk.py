@@ -91,7 +91,8 @@ def _front(size: int, effort: Effort) -> Front:
         choices,
         shipped,
         checks,
-        f"The exact inverse costs {shown(own.median / second.median)} of the run time of two rounds over the neighbours, "
+        f"The exact inverse costs {shown(own.median / second.median)} of the run time of two rounds over the "
+        "neighbours, "
         f"which leave {shown(second.error)} of the largest signal: at {size} x {size} choose the "
         f"{'dense matrix' if is_dense else 'sine transform'}.",
         why_not="The others are the same arithmetic without the choice between them.",

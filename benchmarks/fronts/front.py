@@ -10,7 +10,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -194,11 +194,3 @@ class Front:
 def order(steps: Sequence[float], errors: Sequence[float]) -> float:
     """Return the order of convergence: the slope of the line through the logarithms of errors over steps."""
     return float(np.polyfit(np.log(steps), np.log(errors), 1)[0])
-
-
-def times(ratio: float) -> str:
-    """Return how many times faster or slower, as text."""
-    return f"{shown(ratio)} times"
-
-
-Measure = Callable[[Effort], list[Front]]

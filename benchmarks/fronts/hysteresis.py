@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -70,7 +71,7 @@ def _branch(effort: Effort) -> Front:
         begin = -FILM.remnant_polarisation
         for name, method in (("Euler", _euler), ("midpoint rule", _midpoint)):
             error = abs(method(begin, fields) - exact) / scale
-            methods[name, f"{steps} steps"] = (lambda method=method, fields=fields: method(begin, fields), error)
+            methods[name, f"{steps} steps"] = (partial(method, begin, fields), error)
     choices = timed(methods, effort.repeats)
     fits = {
         name: -order([int(each.parameter.split()[0]) for each in choices if each.series == name],
@@ -93,7 +94,8 @@ def _branch(effort: Effort) -> Front:
         choices,
         "closed form",
         checks,
-        f"The closed form goes to any field in one step; the midpoint rule with {best.parameter} is {shown(best.error)} of "
+        f"The closed form goes to any field in one step; the midpoint rule with {best.parameter} is "
+        f"{shown(best.error)} of "
         f"saturation off and takes {shown(best.median / choices[0].median)} times as long: choose the closed form, and "
         "store turning points, not samples.",
         why_not="Its calls check their arguments; few coarse steps do not.",
@@ -155,8 +157,11 @@ def _minor_loops(effort: Effort) -> Front:
         choices,
         "",
         (Check("order of convergence in the number of operators", fit, 1.6, 2.4),),
-        f"{fine.parameter} operators are {shown(fine.error)} of the loop off, in {shown(fine.median / last.median)} of the "
-        "run time of the turning points: choose operators for arrays, where all taxels advance at once, and turning points "
-        "for the history of one film. The simulated board has a few operators of given widths: that is its definition of "
+        f"{fine.parameter} operators are {shown(fine.error)} of the loop off, in "
+        f"{shown(fine.median / last.median)} of the "
+        "run time of the turning points: choose operators for arrays, where all taxels advance at once, and "
+        "turning points "
+        "for the history of one film. The simulated board has a few operators of given widths: that is its "
+        "definition of "
         "the film, not an approximation.",
     )

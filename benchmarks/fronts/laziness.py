@@ -76,8 +76,10 @@ def _front(scene: str, scans: int, effort: Effort) -> Front:
         choices,
         "only what changes, float64",
         checks,
-        f"{shown(100 * share)} % of the updates of taxels are computed; that takes {shown(lazy.median / full.median)} of "
-        f"the run time of computing everything, and changes an output by {shown(lazy.error)} of full scale: nothing, to "
+        f"{shown(100 * share)} % of the updates of taxels are computed; that takes "
+        f"{shown(lazy.median / full.median)} of "
+        f"the run time of computing everything, and changes an output by {shown(lazy.error)} of full scale: "
+        "nothing, to "
         "rounding. There is no tolerance to choose: what is left out is known to be zero or a closed form.",
         why_not="Single precision is not shipped, as it is the only one of the four that changes an output.",
         swept=False,

@@ -123,7 +123,8 @@ def _front(name: str, effort: Effort) -> Front:
         choices,
         chosen.name,
         checks,
-        f"{shipped} x {shipped} points are chosen from size and skin; they err by {shown(chosen.error)} of the force. The "
+        f"{shipped} x {shipped} points are chosen from size and skin; they err by {shown(chosen.error)} of the "
+        "force. The "
         f"half-space, which assumes no shape, is still {shown(best.error)} off on its finest grid at "
         f"{shown(best.median / chosen.median)} times the run time: choose it only for shapes without a closed form.",
         why_not="Fewer points cost almost as much, as a call has a fixed cost.",

@@ -21,7 +21,7 @@ from posfet_model._lib.types import Array
 from posfet_sim.device.flicker_noise import FlickerNoise
 
 BLOCK = 64
-CHANNELS = 256
+CHANNELS = 64
 LENGTH = 4096
 BANDS = (4, 1024)
 """First and last bin of the spectrum that is compared, of a record of `LENGTH` samples."""
@@ -34,7 +34,7 @@ Generator = Callable[[int], Array]
 
 def measure(effort: Effort) -> list[Front]:
     """Return the front of the generators; the spectrum is that of 1/f, density 1/f at 1 Hz, in cycles per sample."""
-    records = 4 if effort.short else 24
+    records = 4 if effort.short else 32
     makers: dict[tuple[str, str], Generator] = {
         ("octaves, this stack", ""): _octaves,
         ("white noise alone", ""): lambda seed: np.random.default_rng(seed).standard_normal((LENGTH, CHANNELS)),
@@ -74,7 +74,8 @@ def measure(effort: Effort) -> list[Front]:
             choices,
             "octaves, this stack",
             checks,
-            f"The sum of octaves is within {shown(own.error)} dB of 1/f and takes {shown(own.median / fft.median)} of the "
+            f"The sum of octaves is within {shown(own.error)} dB of 1/f and takes "
+            f"{shown(own.median / fft.median)} of the "
             "run time of shaping a whole record by FFT, which has to know the length of the record and cannot begin "
             "anywhere else; first-order processes need every sample before.",
             why_not="It alone gives any scan without those before it, and the same bytes for the same seed whatever "

@@ -21,6 +21,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.fronts.chart import plotted
+from benchmarks.fronts.exhibit import Exhibit
 from benchmarks.fronts.front import Choice, Front, FrontError
 from benchmarks.outcome import shown
 
@@ -87,8 +88,10 @@ def check_figure(front: Front, figure: Figure) -> None:
                 )
 
 
-def section(front: Front) -> str:
-    """Return the section of a front."""
+def section(front: Front | Exhibit) -> str:
+    """Return the section of a front or an exhibit."""
+    if isinstance(front, Exhibit):
+        return front.section
     exact = "exact" if front.uncertainty == 0 else f"known to {shown(front.uncertainty)}"
     parts = [
         f"## {front.title}",
@@ -101,7 +104,7 @@ def section(front: Front) -> str:
     return "\n\n".join(parts)
 
 
-def document(fronts: Sequence[Front], machine: str, missing: Mapping[str, str], command: str) -> str:
+def document(fronts: Sequence[Front | Exhibit], machine: str, missing: Mapping[str, str], command: str) -> str:
     """Return docs/runtime_accuracy.md."""
     parts = [HEAD, f"Made by `{command}`. {machine}"]
     parts += ["## At a glance", glance(fronts)]
@@ -112,10 +115,12 @@ def document(fronts: Sequence[Front], machine: str, missing: Mapping[str, str], 
     return "\n\n".join(parts) + "\n"
 
 
-def glance(fronts: Sequence[Front]) -> str:
+def glance(fronts: Sequence[Front | Exhibit]) -> str:
     """Return one line for each front: what is shipped, and the extremes of the Pareto set."""
     lines = ["| stage | shipped | error | on the Pareto set | fastest there | most accurate there |", "|---" * 6 + "|"]
     for front in fronts:
+        if isinstance(front, Exhibit):
+            continue
         shipped = front.shipped_choice
         first, last = front.pareto[0], front.pareto[-1]
         cells = (
@@ -136,15 +141,17 @@ def _extreme(front: Front, choice: Choice) -> str:
     return f"{choice.name}: run time {shown(front.ratio(choice))}, error {_error(front, choice)}"
 
 
-def write_results(fronts: Sequence[Front], facts: Mapping[str, Any], folder: Path) -> None:
+def write_results(fronts: Sequence[Front | Exhibit], facts: Mapping[str, Any], folder: Path) -> None:
     """Write fronts.json and fronts.csv."""
     folder.mkdir(parents=True, exist_ok=True)
-    data = {"machine": dict(facts), "fronts": [_described(front) for front in fronts]}
+    measured = [front for front in fronts if isinstance(front, Front)]
+    exhibits = [{"name": each.name, "rows": each.rows} for each in fronts if isinstance(each, Exhibit)]
+    data = {"machine": dict(facts), "fronts": [_described(front) for front in measured], "exhibits": exhibits}
     (folder / "fronts.json").write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
     with (folder / "fronts.csv").open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(["front", "series", "parameter", "error", "error_unit", "repetition", "seconds"])
-        for front in fronts:
+        for front in measured:
             for choice in front.choices:
                 for number, seconds in enumerate(choice.seconds):
                     row = (front.name, choice.series, choice.parameter, f"{choice.error:.6g}", front.error_label)

@@ -26,8 +26,8 @@ FIELD = 6.0
 """Width of the array [mm]."""
 
 MOVE = 0.9
-"""Standard deviation of a move from scan to scan [mm]; the shipped tracker sees a thousandth of that at 1 kHz, so this is
-what a rate of some Hz, or lost scans, would ask of it."""
+"""Standard deviation of a move from scan to scan [mm]; at 1 kHz the tracker sees a thousandth of that: this is what a
+rate of some Hz, or lost scans, would ask of it."""
 
 GATE = 4.0
 """Largest distance of a contact and its successor [mm]."""
@@ -109,8 +109,8 @@ def _front(count: int, effort: Effort) -> Front:
     checks = (
         Check("cost of the exact assignment over that of the best of all permutations [1]",
               excess["exact assignment"] / excess["all permutations"], 1 - 1e-12, 1 + 1e-12),
-        Check("cost of the nearest in order over the least [1]", excess["in order, nearest"] / excess["all permutations"],
-              1.0, math.inf),
+        Check("cost of the nearest in order over the least [1]",
+              excess["in order, nearest"] / excess["all permutations"], 1.0, math.inf),
     )  # fmt: skip
     return Front(
         f"tracking_{count}",
@@ -122,8 +122,10 @@ def _front(count: int, effort: Effort) -> Front:
         choices,
         "exact assignment",
         checks,
-        f"With {count} contacts that move by {MOVE} mm, exact assignment confuses {shown(own.error)} % of them, taking each "
-        f"contact's nearest in order {shown(greedy.error)} %, in {shown(greedy.median / own.median)} of the run time. At "
+        f"With {count} contacts that move by {MOVE} mm, exact assignment confuses {shown(own.error)} % of them, "
+        "taking each "
+        f"contact's nearest in order {shown(greedy.error)} %, in {shown(greedy.median / own.median)} of the run "
+        "time. At "
         "1 kHz contacts move far less, and the tracker skips the assignment where one contact stays near.",
         why_not="All permutations give the same answer, but their number explodes with the contacts.",
         swept=False,

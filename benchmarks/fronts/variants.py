@@ -55,7 +55,7 @@ def _measured(
     """Return choices with the cost of a scan, and the number of scans recorded and expected."""
     recording = record(sensor, load_scene(SCENE, sensor), seconds, SEED, noisy())
     nominal = Calibration.nominal(sensor)
-    runs = [run(makers, [recording], nominal, sensor) for _ in range(min(effort.repeats, 3))]
+    runs = [run(makers, [recording], nominal, sensor, judged=k == 0) for k in range(min(effort.repeats, 2))]
     choices = [
         Choice(*key, runs[0][key][0].force_percent, tuple(each[key][1] for each in runs), runs[0][key][0].figures)
         for key in makers
@@ -75,7 +75,7 @@ def _rates(effort: Effort) -> Front:
             makers = {(title_, f"{rate} Hz"): _stack(sensor)}
             if bits == 16:
                 makers["Kalman filter per taxel", f"{rate} Hz"] = lambda known, s=sensor: Other(TaxelKalman(s, known))
-            span = min(SECONDS, 8000 / rate) if rate > 2000 else SECONDS
+            span = SECONDS / 2 if rate > 2000 else SECONDS
             choices, got, wanted = _measured(sensor, makers, 1.6 if effort.short else span, effort)
             counts.append(got / wanted)
             found += [replace(each, seconds=tuple(value * rate for value in each.seconds)) for each in choices]

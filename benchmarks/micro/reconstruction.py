@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 
-from benchmarks.outcome import Cell, Chart, Outcome, Point, Table
+from benchmarks.outcome import Cell, Outcome, Table
 from benchmarks.timing import scan_microseconds
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
@@ -28,7 +28,6 @@ def measure(full: bool) -> Outcome:
     """Reconstruct each scene, 5 x 5 board with the default error model."""
     sensor = load_sensor()
     rows: list[tuple[Cell, ...]] = []
-    points: list[Point] = []
     for name in sorted(path.stem for path in SCENE_FOLDER.glob("*.yaml")):
         scene = load_scene(name, sensor)
         duration = min(scene.duration or LONGEST, LONGEST_FULL if full else LONGEST)
@@ -44,10 +43,6 @@ def measure(full: bool) -> Outcome:
         centre = score.cop_error_mm["mean"]
         found = (score.total_force_error_pct, centre, score.contact_precision, score.contact_recall)
         rows.append((name, duration, micro, *("-" if each is None else each for each in found)))
-        if centre:
-            points.append((micro, centre, name))
     columns = ("scene", "s", "us per scan", "force error %", "CoP error mm", "precision", "recall")
-    chart = Chart("front_reconstruction", "Reconstruction of the shipped scenes, 5 x 5, default error model",
-                  "run time [us per scan]", "mean CoP error [mm]", {"scenes": points})  # fmt: skip
     cost = sum(row[2] for row in rows if isinstance(row[2], float)) / len(rows)
-    return Outcome({"reconstruction_5x5_us": cost}, [Table("Reconstruction", columns, rows)], [chart])
+    return Outcome({"reconstruction_5x5_us": cost}, [Table("Reconstruction", columns, rows)])

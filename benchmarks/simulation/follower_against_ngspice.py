@@ -29,7 +29,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.outcome import Chart, Outcome, Point, Table
+from benchmarks.outcome import Outcome, Table
 from posfet_model.amplifier.closed_loop import close_loop
 from posfet_model.amplifier.follower import OnePoleFollower
 from posfet_model.device.paper import AMPLIFIER_GAIN, GAIN_BANDWIDTH
@@ -41,8 +41,6 @@ ARRAYS = {64: 400, 4096: 24}
 """Number of taxels, and of the steps requested from ngspice."""
 MODEL_STEPS = 500
 REPEATS = 15
-FRONT_AMPLITUDE = 0.25
-"""Amplitude of the sine of the chart [V]."""
 SAME_INPUT = 1e-4
 """Largest difference of the inputs of ngspice and the model, relative to the amplitude; the netlist has six digits."""
 MISSING = f"{ngspice.PROGRAM} is not on PATH. Install with: sudo apt-get install ngspice"
@@ -58,9 +56,7 @@ def sine(instants: np.ndarray, volts: float | np.ndarray) -> np.ndarray:
     return volts * np.sin(2 * np.pi * FREQUENCY * instants)
 
 
-def ngspice_run(
-    inputs: Sequence[float], steps: int, step: float = STEP, stop: float = 0.0
-) -> tuple[float, ngspice.Transient]:
+def ngspice_run(inputs: Sequence[float], steps: int) -> tuple[float, ngspice.Transient]:
     """Run ngspice with one follower for each amplitude [V].
 
     Returns the processor time per time point [s], and input and output of the last follower.
@@ -69,11 +65,10 @@ def ngspice_run(
     lines = ["array", ngspice.netlist("opamp_b")]
     for k, volts in enumerate(inputs):
         lines += [f"vin{k} in{k} 0 sin(0 {volts:.6g} {FREQUENCY:g})", f"x{k} in{k} out{k} out{k} opamp"]
-    stop = stop or steps * step
     lines += [
         f".options acct method=gear reltol={ngspice.RELATIVE_TOLERANCE:g}",
         f".save v(in{taxels - 1}) v(out{taxels - 1})",
-        f".tran {step:g} {stop:g} 0 {step:g}",
+        f".tran {STEP:g} {steps * STEP:g} 0 {STEP:g}",
         ".end",
         "",
     ]
@@ -140,7 +135,7 @@ def array_error(reference: ngspice.Transient, volts: float) -> float:
 
 
 def measure(full: bool) -> Outcome:
-    """Time ngspice and the model; each point of the chart is one step size."""
+    """Time ngspice and the model."""
     if not ngspice.available():
         return Outcome(skipped=MISSING)
     values: dict[str, float] = {}
@@ -170,46 +165,7 @@ def measure(full: bool) -> Outcome:
         "model one pole. Error of the last taxel in percent of its full scale. The named ratio is that of the faster "
         "variant."
     )
-    return Outcome(values, [Table("Followers against ngspice at equal step", columns, rows, note)], [front()])
-
-
-def front() -> Chart:
-    """Return run time against error of the model and of ngspice, one taxel, for steps from 0.25 to 8 us."""
-    volts = FRONT_AMPLITUDE
-    finest, _ = ngspice_series(0.02e-6)
-    check_same_input(finest, volts)
-    stop = finest.time[-1]
-    series: dict[str, list[Point]] = {"ngspice": [], "one pole, first-order hold": []}
-    loop = close_loop(AMPLIFIER_GAIN.value, GAIN_BANDWIDTH.value)
-    follower = OnePoleFollower(gain=loop.gain, bandwidth=loop.bandwidth)
-    for step in (0.25e-6, 0.5e-6, 1e-6, 2e-6, 4e-6, 8e-6):
-        runs = [ngspice_series(step) for _ in range(REPEATS)]
-        coarse, seconds = runs[0][0], min(seconds for _, seconds in runs)
-        check_same_input(coarse, volts)
-        error = float(np.max(np.abs(coarse.v_out - np.interp(coarse.time, finest.time, finest.v_out))))
-        series["ngspice"].append((seconds, max(50 * error / volts, 1e-6), f"{step * 1e6:g} us"))
-        even = np.arange(0, stop, step)
-        v_in = sine(even, volts)
-        times = []
-        for _ in range(REPEATS):
-            begin = time.process_time()
-            answer = follower.run(even, v_in)
-            times.append(time.process_time() - begin)
-        error = error_percent(finest, volts, even, answer.v_out)
-        series["one pole, first-order hold"].append((min(times), error, f"{step * 1e6:g} us"))
-    return Chart(
-        "front_follower",
-        f"One follower, {stop * 1e6:.0f} us of a sine of 10 kHz and {volts:g} V; reference: ngspice at 0.02 us",
-        "run time [s]",
-        "maximum error [% of full scale]",
-        series,
-    )
-
-
-def ngspice_series(step: float) -> tuple[ngspice.Transient, float]:
-    """Return a run of a single follower with the front's amplitude, and the time of its transient analysis [s]."""
-    seconds, run = ngspice_run([FRONT_AMPLITUDE], 200, step, 200e-6)
-    return run, seconds * len(run.time)
+    return Outcome(values, [Table("Followers against ngspice at equal step", columns, rows, note)])
 
 
 def main() -> int:
