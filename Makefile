@@ -21,6 +21,14 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := bringup
 .PHONY: bringup test test-cortex-m test-vm check soak bench fronts accuracy stability figures screenshots parameters setup build clean distclean
 
+VARIABLES := ARGS FOR FULL ONLY SCANS SCENE SOURCE STEPS WEB
+given := $(foreach variable,$(.VARIABLES),$(if $(filter command,$(origin $(variable))),$(variable)))
+unknown := $(firstword $(filter-out $(VARIABLES),$(given)))
+ifneq ($(unknown),)
+meant := $(shell python3 -c 'import difflib, sys; print(*difflib.get_close_matches(sys.argv[1].upper(), sys.argv[2:], 1))' '$(unknown)' $(VARIABLES))
+$(error unknown variable $(unknown)$(if $(meant), (did you mean $(meant)?)); known are $(VARIABLES))
+endif
+
 PACKAGES := src/posfet_model:src/posfet_driver:src/posfet_sim:src/posfet
 IN_ENVIRONMENT := source tools/environment.sh;
 SOURCES := $(shell find src launch -type f -not -name '*.pyc' -not -path '*.egg-info*')

@@ -15,7 +15,7 @@ from typing import Final
 
 from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE
 from posfet_model.command_line import checked_namespace
-from posfet_model.config import ConfigError
+from posfet_model.config import ConfigError, did_you_mean
 from posfet_model.parameters import (
     AUTOSTART,
     CALIBRATION_FILE,
@@ -168,7 +168,7 @@ def check(values: dict[str, str]) -> dict[str, str]:
         if name not in known:
             if name in {argument.name for argument in LAUNCH_ARGUMENTS}:
                 raise ConfigError(f"{name}: is an argument of the launch file only")
-            raise ConfigError(f"{name}: unknown argument, known are {', '.join(known)}")
+            raise ConfigError(f"{name}: unknown argument, {did_you_mean(name, known)}known are {', '.join(known)}")
         if name == NAMESPACE.name:
             checked_namespace(value)
             continue

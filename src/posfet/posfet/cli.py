@@ -14,7 +14,9 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import Final
 
+import posfet_model
 from posfet_model.command_line import ignoring_broken_pipe
+from posfet_model.config import did_you_mean
 from posfet_model.ros.start import interrupt_on_signal
 
 COMMANDS: Final = {
@@ -32,27 +34,35 @@ COMMANDS: Final = {
         "posfet_model.design_command",
         "design a sensor element: report, netlist, simulation of the follower, sweep, tolerances",
     ),
+    "diagnostics": ("posfet.stack_commands:diagnostics", "show the state of running stacks, with what to do"),
     "displays": ("posfet.displays", "write RViz and Foxglove files for the sensors of any namespaces"),
+    "doctor": ("posfet.doctor", "check this machine: versions, adapters, permissions, ROS, and say what to do"),
     "export": ("posfet_sim.commands.export", "write a recording as arrays or tables: NumPy, HDF5, Parquet"),
     "record": ("posfet.record", "record topics of a running stack to an MCAP file"),
     "replay": ("posfet.replay", "run the scans of a recording through the model again, live or into a file"),
+    "scene": ("posfet.stack_commands:scene", "load a scene into the running simulated board, or list the scenes"),
     "score": ("posfet_sim.commands.score", "score the reconstruction against the ground truth of a simulated scene"),
+    "tare": ("posfet.stack_commands:tare", "set the forces of a running stack to zero"),
     "view": (
         "posfet.view_node",
         "show the force map and the contacts of a running stack here, or in a browser (--web)",
     ),
 }
-"""Subcommands: the module whose `main` takes the remaining arguments and returns the exit code, and the purpose."""
-NODES: Final = {"bringup", "record", "replay", "view"}
+"""Subcommands: the module whose `main`, or another function after a colon, takes the remaining arguments and returns
+the exit code, and the purpose."""
+NODES: Final = {"bringup", "diagnostics", "doctor", "record", "replay", "scene", "tare", "view"}
 """Subcommands with signal handling of their own."""
+OWN: Final = {"posfet", "posfet_model", "posfet_driver", "posfet_sim"}
+"""Packages that are here if this one is."""
 INTERRUPTED: Final = 130
 """Exit code after Ctrl-C or SIGTERM, by the convention of shells."""
 
 
 def usage() -> str:
     """Return the help text."""
-    rows = [f"  {name:10}{purpose}" for name, (_, purpose) in COMMANDS.items()]
-    return "\n".join(["usage: posfet COMMAND [...]", "", *rows, "", "posfet COMMAND --help prints its options."])
+    rows = [f"  {name:13}{purpose}" for name, (_, purpose) in COMMANDS.items()]
+    last = "posfet COMMAND --help prints its options; posfet --version the version."
+    return "\n".join(["usage: posfet COMMAND [...]", "", *rows, "", last])
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -61,14 +71,27 @@ def main(words: Sequence[str] | None = None) -> int:
     if not words or words[0] in {"-h", "--help"}:
         print(usage())
         return 0 if words else 2
+    if words[0] == "--version":
+        print(f"posfet {posfet_model.__version__}")
+        return 0
     if words[0] not in COMMANDS:
-        print(f"posfet: unknown command '{words[0]}', known are {', '.join(COMMANDS)}", file=sys.stderr)
+        meant = did_you_mean(words[0], COMMANDS)
+        print(f"posfet: unknown command '{words[0]}', {meant}known are {', '.join(COMMANDS)}", file=sys.stderr)
         return 2
-    module, _ = COMMANDS[words[0]]
+    module, _, function = COMMANDS[words[0]][0].partition(":")
     try:
-        run = import_module(module).main
+        run = getattr(import_module(module), function or "main")
         if words[0] not in NODES:
             interrupt_on_signal()
         return ignoring_broken_pipe(lambda: int(run(words[1:])))
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] in OWN:
+            raise
+        print(
+            f"posfet {words[0]}: needs the package {error.name}: source tools/environment.sh, or install/setup.bash of "
+            "your workspace; posfet doctor says what else is missing",
+            file=sys.stderr,
+        )
+        return 1
     except KeyboardInterrupt:
         return INTERRUPTED

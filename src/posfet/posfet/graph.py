@@ -21,7 +21,7 @@ from posfet.private_folder import private_folder
 from posfet.ros_arguments import RosArguments
 from posfet_driver.parameters import CAN_BITRATE, CAN_CHANNEL, CAN_INTERFACE, DRIVER_NODE
 from posfet_model.calibration.calibration_file import load_calibration
-from posfet_model.config import ConfigError, is_there, read_yaml
+from posfet_model.config import ConfigError, did_you_mean, is_there, read_yaml
 from posfet_model.parameters import (
     AUTOSTART,
     CALIBRATION_FILE,
@@ -129,7 +129,9 @@ def check_params_file(path: str, ros: RosArguments) -> None:
             if key == FRAME_ID.name:
                 raise values.error(key, "use the argument frame_id:=<name>: all nodes have the same frame")
             if key not in known and not f"{key}.".startswith(tuple(f"{each.rstrip('.')}." for each in STANDARD)):
-                raise values.error(key, f"unknown parameter, known are {', '.join(sorted(known))}")
+                raise values.error(
+                    key, f"unknown parameter, {did_you_mean(key, known)}known are {', '.join(sorted(known))}"
+                )
         section.end()
 
 

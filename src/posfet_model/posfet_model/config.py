@@ -281,6 +281,12 @@ class Section:
             raise self.error(name, f"unknown key, {known_instead(name, self._known)}")
 
 
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the question for the most similar of known names, with a space at the end; '' if none is similar."""
+    close = get_close_matches(name, list(known), n=1, cutoff=0.7)
+    return f"did you mean {close[0]}? " if close else ""
+
+
 def known_instead(name: str, known: Iterable[str]) -> str:
     """Return what an error says about a name that is not known: the most similar one, and a few of all.
 
@@ -292,8 +298,7 @@ def known_instead(name: str, known: Iterable[str]) -> str:
         Names that are known.
     """
     names = list(known)
-    close = get_close_matches(name, names, n=1, cutoff=0.7)
-    meant = f"did you mean {close[0]}? " if close else ""
+    meant = did_you_mean(name, names)
     others = len(names) - MAX_KNOWN
     return f"{meant}known here are {', '.join(names[:MAX_KNOWN])}" + (f" and {others} others" if others > 0 else "")
 
@@ -397,8 +402,11 @@ def find_file(name: str, folder: Path, kind: str) -> Path:
         return path
     shipped = folder / f"{name}.yaml"
     if not is_there(shipped):
-        names = ", ".join(sorted(entry.stem for entry in folder.glob("*.yaml")))
-        raise ConfigError(f"{one_line(name)}: no such {kind}; give the path of a YAML file or one of {names}")
+        names = sorted(entry.stem for entry in folder.glob("*.yaml"))
+        meant = did_you_mean(name, names)
+        raise ConfigError(
+            f"{one_line(name)}: no such {kind}; {meant}give the path of a YAML file or one of {', '.join(names)}"
+        )
     return shipped
 
 

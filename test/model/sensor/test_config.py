@@ -178,5 +178,7 @@ def test_a_shipped_file_is_found_by_name_and_any_file_by_path(tmp_path: Path) ->
     assert find_file(str(shipped), tmp_path / "elsewhere", "scene") == shipped
     with pytest.raises(ConfigError, match=r"^bad: no such scene; give the path of a YAML file or one of good$"):
         find_file("bad", tmp_path, "scene")
+    with pytest.raises(ConfigError, match=r"^goood: no such scene; did you mean good\? give the path of"):
+        find_file("goood", tmp_path, "scene")
     with pytest.raises(ConfigError, match=r"^x/bad: no such scene file$"):
         find_file("x/bad", tmp_path, "scene")
