@@ -69,7 +69,13 @@ class Finding:
 
 
 def versions() -> Iterator[Finding]:
-    """Check Python and its packages."""
+    """Check Python and its packages.
+
+    Yields
+    ------
+    Finding
+        A finding.
+    """
     yield Finding(OK, f"posfet {posfet_model.__version__}, {platform.system()} {platform.machine()}")
     version = sys.version_info[:2]
     tested = PYTHON[0] <= version <= PYTHON[1]
@@ -93,6 +99,11 @@ def ros_environment(environment: Mapping[str, str]) -> Iterator[Finding]:
     ----------
     environment : mapping of str to str
         Environment of the process.
+
+    Yields
+    ------
+    Finding
+        A finding.
     """
     missing = [name for name in ROS_PACKAGES if importlib.util.find_spec(name) is None]
     for name in missing:
@@ -122,6 +133,11 @@ def serial_adapters(patterns: Sequence[str] = SERIAL_PORTS) -> Iterator[Finding]
     ----------
     patterns : sequence of str, optional
         Patterns of their paths.
+
+    Yields
+    ------
+    Finding
+        A finding.
     """
     ports = sorted(port for pattern in patterns for port in glob.glob(pattern))
     if not ports:
@@ -145,7 +161,13 @@ def _permission(port: str) -> str:
 
 
 def can_interfaces() -> Iterator[Finding]:
-    """Check that CAN interfaces of the kernel are up."""
+    """Check that CAN interfaces of the kernel are up.
+
+    Yields
+    ------
+    Finding
+        A finding.
+    """
     names = can_interface.names()
     can = load_sensor().can
     if not names:
@@ -163,7 +185,13 @@ def can_interfaces() -> Iterator[Finding]:
 
 
 def folders() -> Iterator[Finding]:
-    """Check where calibrations and recordings go."""
+    """Check where calibrations and recordings go.
+
+    Yields
+    ------
+    Finding
+        A finding.
+    """
     folder = Path(str(CALIBRATION_FOLDER.default)).expanduser()
     existing = next(each for each in (folder, *folder.parents) if each.exists())
     if not os.access(existing, os.W_OK):
@@ -174,7 +202,13 @@ def folders() -> Iterator[Finding]:
 
 
 def network() -> Iterator[Finding]:
-    """Check that a UDP message reaches this machine's loopback interface."""
+    """Check that a UDP message reaches this machine's loopback interface.
+
+    Yields
+    ------
+    Finding
+        A finding.
+    """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as receiver:
         try:
             receiver.bind(("127.0.0.1", 0))
@@ -188,7 +222,13 @@ def network() -> Iterator[Finding]:
 
 
 def middleware() -> Iterator[Finding]:
-    """Check that a message of one participant reaches another one, and list the sensors that run."""
+    """Check that a message of one participant reaches another one, and list the sensors that run.
+
+    Yields
+    ------
+    Finding
+        A finding.
+    """
     if any(importlib.util.find_spec(name) is None for name in ROS_PACKAGES):
         return
     from posfet.middleware_check import exchange  # noqa: PLC0415  # needs ROS
@@ -208,7 +248,13 @@ def middleware() -> Iterator[Finding]:
 
 
 def checks() -> Iterator[tuple[str, Callable[[], Iterator[Finding]]]]:
-    """Iterate over the checks: their subjects, and what finds."""
+    """Iterate over the checks.
+
+    Yields
+    ------
+    tuple of str and callable
+        Subject, '' where it is that of the check before, and what finds.
+    """
     yield "versions", versions
     yield "adapters", serial_adapters
     yield "", can_interfaces

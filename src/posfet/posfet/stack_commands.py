@@ -32,6 +32,8 @@ RESPONSE_TIMEOUT: Final = 30.0
 """Time for the response of a service [s]; a board with a large array takes a while to begin again."""
 REPORT_WAIT: Final = 1.5
 """Time after the first report in which every node of a stack reports at least once [s]."""
+FAULT: Final = "fault: "
+"""Begin of the keys with meaning and remedy of a fault."""
 LEVELS: Final = {0: "OK", 1: "WARN", 2: "ERROR", 3: "STALE"}
 REFUSED: Final = 1
 """Exit code of a request that was refused, and of diagnostics with a warning or an error."""
@@ -157,7 +159,7 @@ def _diagnose(namespace: str, seconds: float, values: bool) -> int:
 
 
 def lines(statuses: Any, values: bool) -> list[str]:
-    """Return statuses as lines, the worst first.
+    """Return statuses as lines, the worst first, with the meaning and remedy of each fault.
 
     Parameters
     ----------
@@ -169,7 +171,8 @@ def lines(statuses: Any, values: bool) -> list[str]:
     result = []
     for status in sorted(statuses, key=lambda each: (-_level(each), each.name)):
         result.append(f"{LEVELS.get(_level(status), '?'):6}{status.name}: {status.message}")
-        result += [f"      {pair.key}: {pair.value}" for pair in status.values if values]
+        shown = [pair for pair in status.values if values or pair.key.startswith(FAULT)]
+        result += [f"      {pair.key}: {pair.value}" for pair in shown]
     return result
 
 
