@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posfet_model.amplifier.circuit import UNKNOWNS, AmplifierCircuit
+from posfet_model.amplifier.circuit import AmplifierCircuit
 from posfet_model.amplifier.circuit_figures import (
     NO_OPERATING_POINT,
     NOT_SATURATED,
@@ -23,6 +23,7 @@ from posfet_model.amplifier.circuit_figures import (
     circuit_figures,
     unloaded_response,
 )
+from posfet_model.amplifier.circuit_topology import UNKNOWNS
 from posfet_model.amplifier.one_stage import CIRCUIT_C, one_stage_figures
 from posfet_model.amplifier.open_loop import LOW_MARGIN, RINGS, UNSTABLE
 from posfet_model.amplifier.operating_point import CIRCUIT_B, operating_point

@@ -16,12 +16,22 @@ import numpy as np
 import pytest
 
 from posfet_model.amplifier import transient_follower
-from posfet_model.amplifier.circuit import CUT_OFF, INPUT_RANGE, OUTPUT_RANGE, UNSTABLE_HERE, AmplifierCircuit
+from posfet_model.amplifier.circuit import AmplifierCircuit
 from posfet_model.amplifier.follower import OnePoleFollower, SquareLawFollower
+from posfet_model.amplifier.input_findings import (
+    CUT_OFF,
+    INPUT_RANGE,
+    LOW_MARGIN_HERE,
+    OUTPUT_RANGE,
+    RINGS_HERE,
+    UNSTABLE_HERE,
+    input_findings,
+)
 from posfet_model.amplifier.one_stage import CIRCUIT_C
 from posfet_model.amplifier.open_loop import RINGS, UNSTABLE, OpenLoop
 from posfet_model.amplifier.operating_point import CIRCUIT_B
-from posfet_model.amplifier.transient import TOLERANCE, advance_through
+from posfet_model.amplifier.parallel_in_time import advance_stretches
+from posfet_model.amplifier.transient import TOLERANCE, SystemState, advance_through
 from posfet_model.amplifier.transient_follower import CircuitFollower, SlewingFollower, TransientFollower, _straight
 from posfet_model.spice import ngspice
 from posfet_model.spice.circuits import CIRCUITS
@@ -119,12 +129,13 @@ def test_an_unstable_circuit_oscillates_between_its_rails_and_is_never_valid(nam
 
 
 def test_an_input_at_which_the_output_stage_carries_too_little_is_named_where_it_oscillates() -> None:
-    """57 degrees at 0 V; at -2.5 V the load supplies most of the current of M8, and M7 is too weak for its load."""
+    """57 degrees at 0 V, 52 at -0.5 V; at -2.5 V the load supplies most of M8's current, and M7 is too weak for it."""
     bias = replace(CIRCUIT_B, reference_current=100e-6, load_resistance=40e3, modulation=0.02)
     follower = CircuitFollower.from_design(bias)
     assert follower.validity.valid
-    result = follower.run([0.0, 1e-3, 2e-3], [0.0, -0.5, -2.5])
-    assert result.valid.tolist() == [True, True, False] and UNSTABLE_HERE in result.reasons
+    result = follower.run([0.0, 1e-3, 2e-3, 3e-3], [0.0, 0.5, -0.5, -2.5])
+    assert result.valid.tolist() == [True, True, False, False]
+    assert set(result.reasons) == {RINGS_HERE, UNSTABLE_HERE}
     time = np.linspace(0, 10e-6, 101)
     swing = follower.run(time, np.where(time > 1e-6, -2.49, -2.5))
     assert not swing.valid.any() and np.ptp(swing.v_out[-30:]) > 0.1
@@ -269,3 +280,74 @@ def test_behind_a_slow_input_the_output_is_known_without_integration(
     integrated = follower.run(time, v_in)
     assert np.abs(found.v_out - integrated.v_out).max() < 1e-7
     assert (found.valid == integrated.valid).all()
+
+
+@pytest.mark.parametrize("samples", [9, 400])
+def test_a_run_that_reaches_a_low_phase_margin_is_not_valid_there(samples: int) -> None:
+    """Circuit B with Cc halved: 81 degrees at 0 V, 60 at -1 V, 30 at -1.5 V; ngspice says the same."""
+    follower = of_circuit("two_stage_half_cc")
+    assert follower.validity.valid
+    v_in = np.linspace(0.0, -1.5, samples)
+    result = follower.run(np.linspace(0.0, 1.0, samples), v_in)
+    low = v_in < -1.3225  # 45 degrees
+    assert result.reasons == [LOW_MARGIN_HERE, RINGS_HERE]
+    assert result.findings is not None and np.all(low == result.findings[LOW_MARGIN_HERE])
+    assert not result.valid[low].any() and result.valid[v_in > -1].all()
+
+
+def test_many_inputs_are_judged_as_each_of_them_is() -> None:
+    """Margins between the examined inputs are interpolated: wrong within some mV of where a finding begins."""
+    circuit = AmplifierCircuit.stack(
+        [AmplifierCircuit.from_design(CIRCUITS[name].bias) for name in ("two_stage", "two_stage_100pf")]
+    )
+    for one, v_in in (
+        (circuit, np.linspace([-4, -2], [4, 5], 301)),
+        (FOLLOWERS["opamp_b"].circuit, np.linspace(-4, 5, 301)),
+    ):
+        nodes = one.operating_point(v_in)
+        together = input_findings(one, nodes, v_in)
+        rows = [input_findings(one, nodes[i : i + 1], v_in[i : i + 1]) for i in range(0, 301, 10)]
+        for reason, mask in together.items():
+            alone = np.concatenate([row[reason] for row in rows])
+            near = np.abs(np.diff(np.pad(mask, [(1, 1)] + [(0, 0)] * (mask.ndim - 1), mode="edge").astype(int), axis=0))
+            edge = (near[1:] | near[:-1])[::10].astype(bool)
+            assert np.all((mask[::10] == alone) | edge), reason
+
+
+def test_a_curved_input_is_integrated_in_stretches_of_time_as_in_sequence(monkeypatch: pytest.MonkeyPatch) -> None:
+    time = np.arange(1500) * 1e-8
+    v_in = 0.1 * np.sin(2e6 * np.pi * time) + 0.2 * np.sin(0.34e6 * np.pi * time)
+    v_in[700:] += 0.3  # and a step within a stretch
+    follower, steps = FOLLOWERS["opamp_b"], []
+    real = advance_through
+    monkeypatch.setattr(transient_follower, "advance_through", lambda *given: steps.append(1) or real(*given))
+    found = follower.run(time, v_in)
+    assert len(steps) < 100
+    monkeypatch.setattr(transient_follower, "advance_stretches", lambda *given: None)
+    expected = follower.run(time, v_in)
+    assert len(steps) > 1000
+    assert np.abs(found.v_out - expected.v_out).max() < follower.tolerance
+    assert found.valid.tolist() == expected.valid.tolist()
+
+
+def test_stretches_of_time_take_jumps_and_uneven_steps() -> None:
+    rng = np.random.default_rng(3)
+    steps = np.where(rng.random(1200) < 0.1, 0.0, rng.uniform(0.5e-8, 2e-8, 1200))
+    v_in = 0.1 * np.sin(2e6 * np.pi * np.cumsum(steps)) + 0.02 * (rng.random(1200) < 0.5)
+    follower = FOLLOWERS["opamp_c"]
+    together = follower.advance_series(follower.start(0.0), v_in, steps)
+    state = follower.start(0.0)
+    for volts, step in zip(v_in[:300], steps[:300], strict=True):
+        state = follower.advance(state, volts, step)
+    assert np.abs(together.output.v_out[299] - follower.output(state).v_out) < 10 * follower.tolerance
+
+
+def test_a_follower_that_does_not_forget_is_integrated_in_sequence() -> None:
+    """16 degrees of margin: it rings for longer than a stretch of time lasts, so that none meets its first result."""
+    follower = of_circuit("two_stage_no_zero_resistor")
+    time = np.arange(600) * 1e-9
+    v_in = 0.01 * np.sin(2e7 * np.pi * time)
+    rest = follower.start(0.0)
+    state = SystemState(rest.v_in, rest.nodes, rest.step)
+    assert advance_stretches(follower.system, state, v_in, np.full(600, 1e-9), follower.tolerance) is None
+    assert np.isfinite(follower.run(time, v_in).v_out).all()

@@ -28,31 +28,22 @@ import numpy as np
 
 from posfet_model._lib.types import Array, Mask
 from posfet_model._lib.validation import instance, whole_number
-from posfet_model.amplifier.operating_point import (
-    CIRCUIT_B,
-    MIN_OUTPUT_CURRENT,
-    TABLE_II,
-    AmplifierBias,
-    AmplifierDesign,
+from posfet_model.amplifier.circuit_topology import (
+    CAPACITANCE_MAP,
+    CONDUCTANCE_MAP,
+    INCIDENCE,
+    NAMES,
+    POLARITY,
+    SIGNS,
+    TERMINALS,
+    UNKNOWNS,
+    assemble,
+    couple,
 )
+from posfet_model.amplifier.operating_point import CIRCUIT_B, TABLE_II, AmplifierBias, AmplifierDesign
 from posfet_model.amplifier.square_law import Linearised, gate_capacitances, linearise, saturated
 from posfet_model.amplifier.transient import Matrices
 from posfet_model.device.transistor import Plane
-
-NAMES: Final = ("M1", "M2", "M3", "M4", "M5", "M6", "M7", "M8")
-
-UNKNOWNS: Final = {2: ("mirror", "first", "tail", "out", "zero"), 1: ("mirror", "first", "tail", "out")}
-"""Nodes whose voltages are computed, by the number of stages."""
-
-_KNOWN: Final = ("in", "vdd", "vss", "bias", "ground")
-
-_SHARED: Final = ("mirror mirror vdd", "first mirror vdd", "tail bias vss", "bias bias vss")
-
-_TRANSISTORS: Final = {
-    2: ("mirror inverting tail", "first in tail", *_SHARED, "out first vdd", "out bias vss"),
-    1: ("mirror in tail", "first inverting tail", *_SHARED, "vdd first out", "out bias vss"),
-}
-"""Drain, gate and source of M1 to M8, by the number of stages."""
 
 _SCALARS: Final = (
     "modulation",
@@ -64,13 +55,6 @@ _SCALARS: Final = (
     "load_capacitance",
 )
 """Fields of a bias that a circuit takes over."""
-
-_POLARITY: Final = {2: (1, 1, -1, -1, 1, 1, -1, 1), 1: (1, 1, -1, -1, 1, 1, 1, 1)}
-
-INPUT_RANGE: Final = "input stage out of its common-mode range"
-OUTPUT_RANGE: Final = "output stage out of saturation: too near a rail, or too much load"
-CUT_OFF: Final = "output stage cut off: the step is steeper than M8 can sink"
-UNSTABLE_HERE: Final = "unstable at this input: the follower oscillates"
 
 _LEAST_RESISTANCE: Final = 0.1
 """Rz in place of none [ohm]: with any Cc far beyond all other poles, yet no stiffer than rounding bears."""
@@ -150,9 +134,7 @@ class AmplifierCircuit:
         """
         bias, design = instance("bias", bias, AmplifierBias), instance("design", design, AmplifierDesign)
         stages = whole_number("stages", stages, 1, 2)
-        mobility = [
-            design.electron_mobility if polarity > 0 else design.hole_mobility for polarity in _POLARITY[stages]
-        ]
+        mobility = [design.electron_mobility if polarity > 0 else design.hole_mobility for polarity in POLARITY[stages]]
         plane = [design.stack.drive(Plane.GATE) if name in ("M1", "M2") else design.stack.oxide for name in NAMES]
         shift = [design.pair_threshold_shift if name in ("M1", "M2") else 0.0 for name in NAMES]
         sizes = [design.size(name) for name in NAMES]
@@ -177,6 +159,11 @@ class AmplifierCircuit:
         scalars = (np.shape(getattr(self, name)) for name in _SCALARS)
         eights = (np.shape(part)[:-1] for part in (self.beta, self.gate_area, self.threshold))
         return np.broadcast_shapes(*scalars, *eights)
+
+    @property
+    def polarity(self) -> Array:
+        """1 for n-channel, -1 for p-channel transistors, of M1 to M8."""
+        return SIGNS[self.stages]
 
     @cached_property
     def _known(self) -> Array:
@@ -210,15 +197,15 @@ class AmplifierCircuit:
             capacitance[..., first, first] += self.compensation
             return conductance, capacitance
         zero = nodes.index("zero")
-        _couple(conductance, first, zero, 1 / np.maximum(self.zero_resistor, _LEAST_RESISTANCE))
-        _couple(capacitance, zero, out, self.compensation)
+        couple(conductance, first, zero, 1 / np.maximum(self.zero_resistor, _LEAST_RESISTANCE))
+        couple(capacitance, zero, out, self.compensation)
         return conductance, capacitance
 
     def _voltages(self, nodes: Array, v_in: Array) -> tuple[Array, Array]:
         """Return gate-source and drain-source voltages of M1 to M8 [V], shape [..., 8]."""
         known = np.broadcast_to(self._known, (*nodes.shape[:-1], 4))
         everything = np.concatenate([nodes, np.asarray(v_in)[..., None], known], axis=-1)
-        drain, gate, source = (everything[..., index] for index in _TERMINALS[self.stages])
+        drain, gate, source = (everything[..., index] for index in TERMINALS[self.stages])
         return gate - source, drain - source
 
     def transistors(self, nodes: Array, v_in: Array) -> tuple[Array, Array, Linearised]:
@@ -237,7 +224,7 @@ class AmplifierCircuit:
             Gate-source and drain-source voltages, and the transistors, each of shape [..., 8].
         """
         gate, drain = self._voltages(nodes, v_in)
-        polarity = _SIGNS[self.stages]
+        polarity = SIGNS[self.stages]
         lam = np.asarray(self.modulation)[..., None]
         return gate, drain, linearise(polarity, self.beta, self.threshold, lam, gate, drain)
 
@@ -259,7 +246,7 @@ class AmplifierCircuit:
         return self._sum(nodes, self.transistors(nodes, v_in)[2].current)
 
     def _sum(self, nodes: Array, current: Array) -> Array:
-        return np.asarray(current @ _INCIDENCE[self.stages] + (self._linear[0] @ nodes[..., None])[..., 0])
+        return np.asarray(current @ INCIDENCE[self.stages] + (self._linear[0] @ nodes[..., None])[..., 0])
 
     def capacitances(self, nodes: Array, v_in: Array) -> tuple[Array, Array]:
         """Return the capacitance matrix of the unknown nodes and its column of the input [F]; unchecked.
@@ -279,8 +266,8 @@ class AmplifierCircuit:
         return self._capacitances(*self._voltages(nodes, v_in))
 
     def _capacitances(self, gate: Array, drain: Array, inverting: str = "out") -> tuple[Array, Array]:
-        parts = gate_capacitances(_SIGNS[self.stages], self.gate_area, self.threshold, gate, drain)
-        matrix = _assemble(_CAPACITANCE_MAP[self.stages, inverting], *parts)
+        parts = gate_capacitances(SIGNS[self.stages], self.gate_area, self.threshold, gate, drain)
+        matrix = assemble(CAPACITANCE_MAP[self.stages, inverting], *parts)
         n = matrix.shape[-2]
         return matrix[..., :n] + self._linear[1], matrix[..., n]
 
@@ -306,7 +293,7 @@ class AmplifierCircuit:
         return self._sum(nodes, parts.current), linear
 
     def _conductance(self, parts: Linearised, inverting: str = "out") -> tuple[Array, Array]:
-        matrix = _assemble(_CONDUCTANCE_MAP[self.stages, inverting], parts.transconductance, parts.output_conductance)
+        matrix = assemble(CONDUCTANCE_MAP[self.stages, inverting], parts.transconductance, parts.output_conductance)
         n = matrix.shape[-2]
         return matrix[..., :n] + self._linear[0], matrix[..., n]
 
@@ -381,7 +368,7 @@ class AmplifierCircuit:
         ndarray
             Mask, shape [..., 8].
         """
-        return saturated(_SIGNS[self.stages], self.threshold, *self._voltages(nodes, v_in))
+        return saturated(SIGNS[self.stages], self.threshold, *self._voltages(nodes, v_in))
 
     def stable(self, nodes: Array, v_in: Array) -> Mask:
         """Return whether the follower is stable in small signals at these nodes; unchecked.
@@ -433,88 +420,3 @@ class AmplifierCircuit:
         rates = np.linalg.eigvals(np.linalg.solve(linear.capacitance, linear.conductance)).real.min(axis=-1)
         slow = (rates * duration >= _DECAYED) & (np.abs(lag).max(axis=-1) <= _LEAST_LAG)
         return rest + lag, np.asarray(found & slow)
-
-    def findings(self, nodes: Array, v_in: Array) -> dict[str, Mask]:
-        """Return why the circuit is not in its range: at rest at the input, or in the moment; unchecked.
-
-        Parameters
-        ----------
-        nodes : ndarray
-            Voltages of the unknown nodes [V], shape [..., n].
-        v_in : ndarray
-            Input voltage [V], shape [...].
-
-        Returns
-        -------
-        dict
-            Mask of the shape [...] by reason.
-        """
-        rest = self.operating_point(v_in)
-        each = self.saturated(rest, v_in)
-        currents = np.abs(self.transistors(rest, v_in)[2].current)
-        weak = ~(currents[..., 6] >= MIN_OUTPUT_CURRENT * currents[..., 7])
-        swings = np.isfinite(rest).all(axis=-1) & ~self.stable(rest, v_in)
-        gate = _SIGNS[self.stages][6] * self._voltages(nodes, v_in)[0][..., 6]
-        return {
-            INPUT_RANGE: ~each[..., :5].all(axis=-1),
-            OUTPUT_RANGE: ~each[..., 6:].all(axis=-1) | weak,
-            CUT_OFF: gate <= self.threshold[..., 6],
-            UNSTABLE_HERE: swings,
-        }
-
-
-def _couple(matrix: Array, one: int, other: int, value: Array) -> None:
-    matrix[..., one, one] += value
-    matrix[..., other, other] += value
-    matrix[..., one, other] -= value
-    matrix[..., other, one] -= value
-
-
-def _assemble(scatter: Array, first: Array, second: Array) -> Array:
-    """Return the matrix [..., n, n + 1] of unknown nodes and input, from two numbers for each transistor."""
-    flat = np.concatenate(np.broadcast_arrays(first, second), axis=-1) @ scatter.reshape(len(scatter), -1)
-    return np.asarray(flat.reshape(*flat.shape[:-1], *scatter.shape[1:]))
-
-
-def _index(stages: int, inverting: str = "out") -> list[list[int]]:
-    """Return drain, gate and source of M1 to M8 as indices of the nodes: the unknown, then the known ones."""
-    nodes = (*UNKNOWNS[stages], *_KNOWN)
-    names = [transistor.replace("inverting", inverting).split() for transistor in _TRANSISTORS[stages]]
-    return [list(column) for column in zip(*([nodes.index(name) for name in row] for row in names), strict=True)]
-
-
-def _scatter(stages: int, inverting: str, *pairs: tuple[tuple[int, int], tuple[int, int]]) -> Array:
-    """Return a map [8*len(pairs), n, n + 1] from the transistors' numbers to a matrix of node currents.
-
-    Each pair has the terminals between which a current flows, and those whose voltage controls it.
-    """
-    n = len(UNKNOWNS[stages])
-    scatter = np.zeros((8 * len(pairs), n, n + 1))
-    index = _index(stages, inverting)
-    for block, (ends, controls) in enumerate(pairs):
-        for m in range(8):
-            for end, sign in zip(ends, (1, -1), strict=True):
-                for terminal, weight in zip(controls, (1, -1), strict=True):
-                    row, column = index[end][m], index[terminal][m]
-                    if row < n and column <= n:
-                        scatter[8 * block + m, row, column] += sign * weight
-    return scatter
-
-
-_D, _G, _S = 0, 1, 2
-_SIGNS: Final = {stages: np.array(signs, np.float64) for stages, signs in _POLARITY.items()}
-_TERMINALS: Final = {stages: [np.array(part) for part in _index(stages)] for stages in UNKNOWNS}
-_CONDUCTANCE_MAP: Final = {
-    (stages, node): _scatter(stages, node, ((_D, _S), (_G, _S)), ((_D, _S), (_D, _S)))
-    for stages in UNKNOWNS
-    for node in ("out", "ground")
-}
-_CAPACITANCE_MAP: Final = {
-    (stages, node): _scatter(stages, node, ((_G, _S), (_G, _S)), ((_G, _D), (_G, _D)))
-    for stages in UNKNOWNS
-    for node in ("out", "ground")
-}
-_INCIDENCE: Final = {
-    stages: np.array([(drain == n) * 1.0 - (source == n) for n in range(len(UNKNOWNS[stages]))]).T
-    for stages, (drain, _, source) in _TERMINALS.items()
-}

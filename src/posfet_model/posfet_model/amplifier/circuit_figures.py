@@ -7,9 +7,8 @@
 
 """Figures of an op-amp circuit from its linearised node equations: gain, unity crossing, margin, ringing, slew rate.
 
-The transfer functions are exact for the circuit (`circuit`): with ``C*x' + G*x = -(c*u' + g*u)`` and the eigenvectors
-of ``C^-1*G`` they are sums of as many poles as there are nodes. `CircuitFigures.open_loop` is the equivalent of two
-poles and a zero: the same gain, unity crossing and phase margin.
+The transfer functions (`transfer_function`) are exact for the circuit (`circuit`). `CircuitFigures.open_loop` is the
+equivalent of two poles and a zero: the same gain, unity crossing and phase margin.
 """
 
 from __future__ import annotations
@@ -19,11 +18,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from posfet_model._lib.types import Array, Mask
 from posfet_model._lib.validation import instance
-from posfet_model.amplifier.circuit import UNKNOWNS, AmplifierCircuit
+from posfet_model.amplifier.circuit import AmplifierCircuit
+from posfet_model.amplifier.circuit_topology import UNKNOWNS
 from posfet_model.amplifier.open_loop import (
     GAIN_RANGE,
     LEAST_PHASE_MARGIN,
@@ -33,193 +32,20 @@ from posfet_model.amplifier.open_loop import (
     UNSTABLE,
     OpenLoop,
 )
+from posfet_model.amplifier.transfer_function import (
+    LoopGain,
+    Modes,
+    TransferFunction,
+    loop_gain,
+    step_figures,
+    transfer_function,
+    unity_crossing,
+)
 from posfet_model.amplifier.transient import Matrices
 from posfet_model.amplifier.validity import Validity
 
 NO_OPERATING_POINT: Final = "no operating point between the supplies"
 NOT_SATURATED: Final = "a transistor is out of saturation at rest"
-
-_FREQUENCIES: Final = np.geomspace(1e-2, 1e12, 281)
-_HALVINGS: Final = 30
-_STEP_TIMES: Final = np.r_[0.0, np.geomspace(1e-5, 12.0, 700)]
-"""Times at which a step is evaluated, in units of the slowest pole's time constant."""
-
-
-@dataclass(frozen=True, eq=False)
-class TransferFunction:
-    """``H(s) = direct + sum(residue/(s + rate))``; arrays of the circuits' shape, the last axis over the poles."""
-
-    direct: NDArray[np.complex128]
-    """Feed-through at infinite frequency [V/V], shape [...]."""
-    residues: NDArray[np.complex128]
-    """[V/V/s], shape [..., n]."""
-    rates: NDArray[np.complex128]
-    """Poles times -1 [1/s], shape [..., n], slowest first; unstable where a real part is not positive."""
-
-    @property
-    def gain(self) -> Array:
-        """Gain at frequency 0 [V/V]."""
-        return np.asarray((self.direct + (self.residues / self.rates).sum(axis=-1)).real)
-
-    @property
-    def stable(self) -> Mask:
-        """Whether all poles are in the left half-plane."""
-        return np.asarray((self.rates.real > 0).all(axis=-1))
-
-    @property
-    def bandwidth(self) -> Array:
-        """First frequency at which the gain has fallen by 3 dB from that at frequency 0 [Hz]; NaN where it never is."""
-        wanted = math.sqrt(0.5) * np.abs(self.gain)
-        coarse = _FREQUENCIES[::5]
-        grid = coarse.reshape(-1, *(1,) * wanted.ndim)
-        above = np.abs(self.at(np.broadcast_to(grid, (grid.size, *wanted.shape)))) > wanted
-        last = np.argmin(above, axis=0) - 1  # before the first below
-        at = np.maximum(last, 0)
-        low, high = coarse[at], coarse[np.minimum(at + 1, coarse.size - 1)]
-        for _ in range(_HALVINGS):
-            middle = np.sqrt(low * high)
-            loud = np.abs(self.at(middle)) > wanted
-            low, high = np.where(loud, middle, low), np.where(loud, high, middle)
-        return np.where(last >= 0, low, np.nan)
-
-    def at(self, frequency: Array) -> NDArray[np.complex128]:
-        """Return H(j*2*pi*f) at frequencies [Hz] that broadcast with the circuits' shape; unchecked."""
-        s = 2j * math.pi * np.asarray(frequency)[..., None]
-        return np.asarray(self.direct + (self.residues / (s + self.rates)).sum(axis=-1))
-
-    def step(self, time: Array) -> Array:
-        """Return the response [V/V] to a unit step at times [s] that broadcast with the circuits' shape; unchecked."""
-        exponent = -self.rates * np.asarray(time)[..., None]
-        np.minimum(exponent.real, 600.0, out=exponent.real)  # of an unstable circuit
-        parts = self.residues / self.rates
-        return np.asarray((self.direct + parts.sum(axis=-1)).real - (parts * np.exp(exponent)).sum(axis=-1).real)
-
-
-@dataclass(frozen=True, eq=False)
-class Modes:
-    """Eigenvectors of ``C^-1*G``, of which every transfer function of the circuit is made; unchecked."""
-
-    linear: Matrices
-    """The linearised circuit."""
-    rates: NDArray[np.complex128]
-    """Eigenvalues [1/s], shape [..., n], slowest first."""
-    vectors: NDArray[np.complex128]
-    """Eigenvectors as columns, shape [..., n, n]."""
-
-    @classmethod
-    def of(cls, linear: Matrices) -> Modes:
-        """Return the modes of a linearised circuit; unchecked."""
-        rates, vectors = np.linalg.eig(np.linalg.solve(linear.capacitance, linear.conductance))
-        order = np.argsort(np.abs(rates), axis=-1)
-        return cls(
-            linear,
-            np.take_along_axis(rates, order, -1).astype(np.complex128),
-            np.take_along_axis(vectors, order[..., None, :], -1).astype(np.complex128),
-        )
-
-    def driven(self, conductance: Array, capacitance: Array) -> tuple[NDArray[np.complex128], Array]:
-        """Return the residues of the modes [1/s], and the nodes at infinite frequency, per volt of an input; unchecked.
-
-        Parameters
-        ----------
-        conductance, capacitance : ndarray
-            Columns of the input [S], [F], shape [..., n].
-
-        Returns
-        -------
-        tuple of ndarray
-            Both of shape [..., n].
-        """
-        columns = np.linalg.solve(self.linear.capacitance, np.stack([conductance, capacitance], axis=-1))
-        parts = np.linalg.solve(self.vectors, columns.astype(np.complex128))
-        return np.asarray(self.rates * parts[..., 1] - parts[..., 0]), np.asarray(-columns[..., 1])
-
-    def transfer(self, conductance: Array, capacitance: Array, output: int) -> TransferFunction:
-        """Return the transfer function from an input to a node; unchecked.
-
-        Parameters
-        ----------
-        conductance, capacitance : ndarray
-            Columns of the input [S], [F], shape [..., n].
-        output : int
-            Index of the node.
-
-        Returns
-        -------
-        TransferFunction
-            Its poles and residues.
-        """
-        residues, direct = self.driven(conductance, capacitance)
-        return TransferFunction(
-            direct[..., output].astype(np.complex128), self.vectors[..., output, :] * residues, self.rates
-        )
-
-
-def transfer_function(linear: Matrices, output: int) -> TransferFunction:
-    """Return the transfer function from the input to a node; unchecked.
-
-    Parameters
-    ----------
-    linear : Matrices
-        The linearised circuit.
-    output : int
-        Index of the node.
-
-    Returns
-    -------
-    TransferFunction
-        Its poles and residues.
-    """
-    return Modes.of(linear).transfer(linear.input_conductance, linear.input_capacitance, output)
-
-
-@dataclass(frozen=True, eq=False)
-class LoopGain:
-    """Loop gain T of a follower, as ``1/(1 + T)``: the share of a disturbance in the loop that remains.
-
-    The loop is cut between the output and the inverting input without a change of either's load, with the voltage and
-    the current there in turn: R. D. Middlebrook, Int. J. Electronics 38 (1975) 485, doi:10.1080/00207217508920421,
-    ``1/(1 + T) = 1/(1 + Tv) + 1/(1 + Ti)``. Both terms are responses of the closed loop, and so is their sum.
-    """
-
-    remainder: TransferFunction
-    """1/(1 + T)."""
-
-    def at(self, frequency: Array) -> NDArray[np.complex128]:
-        """Return T(j*2*pi*f) at frequencies [Hz] that broadcast with the circuits' shape; unchecked."""
-        return np.asarray(1 / self.remainder.at(frequency) - 1)
-
-
-def loop_gain(modes: Modes, held: Matrices, output: int) -> LoopGain:
-    """Return the loop gain of a follower; unchecked.
-
-    Parameters
-    ----------
-    modes : Modes
-        Those of the follower.
-    held : Matrices
-        The circuit with its inverting input held.
-    output : int
-        Index of the output, to which nothing but the follower's connection couples the inverting input.
-
-    Returns
-    -------
-    LoopGain
-        The loop gain.
-    """
-    whole = modes.linear
-    # In the closed loop, row and column of the output are its own plus those of the inverting input.
-    columns = (whole.conductance - held.conductance)[..., output], (whole.capacitance - held.capacitance)[..., output]
-    voltage = modes.transfer(*columns, output)
-    row = (whole.capacitance - held.capacitance)[..., output, :]
-    unit = np.broadcast_to(np.arange(row.shape[-1]) == output, row.shape).astype(np.float64)
-    injected, _ = modes.driven(-unit, np.zeros_like(unit))
-    current = (row[..., None, :] @ modes.vectors)[..., 0, :] * injected  # times s: the gate takes no current at rest
-    return LoopGain(
-        TransferFunction(
-            1 + voltage.direct + current.sum(axis=-1), voltage.residues - modes.rates * current, modes.rates
-        )
-    )
 
 
 def unloaded_response(circuit: AmplifierCircuit) -> TransferFunction:
@@ -240,6 +66,52 @@ def unloaded_response(circuit: AmplifierCircuit) -> TransferFunction:
     nodes = circuit.operating_point()
     linear = circuit.evaluate(nodes, np.zeros(nodes.shape[:-1]), "ground")[1]
     return transfer_function(linear, UNKNOWNS[circuit.stages].index("out"))
+
+
+@dataclass(frozen=True, eq=False)
+class SmallSignals:
+    """A follower linearised at its nodes at rest."""
+
+    linear: Matrices
+    """The follower."""
+    held: Matrices
+    """The same with its inverting input held."""
+    closed: TransferFunction
+    """From its input to its output."""
+    loop: LoopGain
+    """Its loop gain."""
+
+    @classmethod
+    def at(cls, circuit: AmplifierCircuit, nodes: Array, v_in: Array) -> SmallSignals:
+        """Return a follower linearised at nodes [V], shape [..., n], and an input [V]; unchecked."""
+        output = UNKNOWNS[circuit.stages].index("out")
+        linear, held = circuit.evaluate(nodes, v_in)[1], circuit.evaluate(nodes, v_in, "ground")[1]
+        modes = Modes.of(linear)
+        closed = modes.transfer(linear.input_conductance, linear.input_capacitance, output)
+        return cls(linear, held, closed, loop_gain(modes, held, output))
+
+
+@dataclass(frozen=True, eq=False)
+class Margins:
+    """How far followers at rest are from ringing; NaN without an operating point."""
+
+    phase_margin: Array
+    """[degrees]; NaN where the loop gain never is 1."""
+    overshoot: Array
+    """Overshoot of a small step [1]; NaN where unstable."""
+    decay: Array
+    """Slowest rate at which a disturbance decays [1/s]; not positive where unstable."""
+
+    @classmethod
+    def at(cls, circuit: AmplifierCircuit, nodes: Array, v_in: Array) -> Margins:
+        """Return the margins of followers at their nodes at rest [V], shape [..., n], and an input [V]; unchecked."""
+        found: Mask = np.asarray(np.isfinite(nodes).all(axis=-1))
+        small = SmallSignals.at(circuit, np.where(found[..., None], nodes, circuit.start(v_in)), v_in)
+        crossing, margin = unity_crossing(small.loop)
+        excess, _ = step_figures(small.closed)
+        ringing = np.where(small.closed.stable & np.isfinite(crossing), excess, np.nan)
+        nothing = np.where(found, 1.0, np.nan)
+        return cls(margin * nothing, ringing * nothing, small.closed.rates.real.min(axis=-1) * nothing)
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,16 +202,14 @@ def circuit_figures(circuit: AmplifierCircuit, v_in: float | Array = 0.0) -> Cir
     v_in = np.broadcast_to(np.asarray(v_in, np.float64), found.shape)
     safe = np.where(found[..., None], nodes, circuit.start(v_in))
     output = UNKNOWNS[circuit.stages].index("out")
-    linear, held = circuit.evaluate(safe, v_in)[1], circuit.evaluate(safe, v_in, "ground")[1]
-    modes = Modes.of(linear)
-    closed = modes.transfer(linear.input_conductance, linear.input_capacitance, output)
-    loop = loop_gain(modes, held, output)
-    crossing, margin = _unity_crossing(loop)
+    small = SmallSignals.at(circuit, safe, v_in)
+    linear, held, closed = small.linear, small.held, small.closed
+    crossing, margin = unity_crossing(small.loop)
     noninverting = _gain(held.conductance, held.input_conductance, output)
     inverting = _gain(held.conductance, (held.conductance - linear.conductance)[..., output], output)
     poles = np.abs(np.linalg.eigvals(np.linalg.solve(held.capacitance, held.conductance))) / (2 * math.pi)
     stable = closed.stable & found
-    overshoot, settling = _step_figures(closed)
+    overshoot, settling = step_figures(closed)
     currents = circuit.transistors(safe, v_in)[2]
     tail, sunk = currents.current[..., 4], currents.current[..., 7]
     with np.errstate(divide="ignore", invalid="ignore"):  # of a pair or an output stage that is cut off
@@ -348,7 +218,7 @@ def circuit_figures(circuit: AmplifierCircuit, v_in: float | Array = 0.0) -> Cir
     nothing = np.where(found, 1.0, np.nan)
     overshoot = np.where(stable & np.isfinite(crossing), overshoot, np.nan)
     return CircuitFigures(
-        loop_gain=loop,
+        loop_gain=small.loop,
         open_loop_poles=np.sort(poles, axis=-1) * nothing[..., None],
         closed_loop_response=closed,
         gain=noninverting * nothing,
@@ -385,40 +255,6 @@ def _rejection(noninverting: Array, inverting: Array) -> Array:
     """Return difference over common-mode gain [V/V], of the magnitudes of the gains from either input."""
     with np.errstate(divide="ignore", invalid="ignore"):  # of a pair that is cut off
         return np.asarray(np.abs(0.5 * (noninverting + inverting) / (noninverting - inverting)))
-
-
-def _unity_crossing(response: LoopGain) -> tuple[Array, Array]:
-    """Return the first frequency [Hz] at which the gain falls through 1, and the phase margin there [degrees]."""
-    shape = response.remainder.direct.shape
-    grid = _FREQUENCIES.reshape(-1, *(1,) * len(shape))
-    values = response.at(np.broadcast_to(grid, (len(grid), *shape)))
-    loud = np.abs(values) > 1
-    last = np.argmin(loud, axis=0) - 1  # before the first quiet one
-    crossed = (last >= 0) & loud[0]
-    at = np.maximum(last, 0)
-    low, high = _FREQUENCIES[at], _FREQUENCIES[np.minimum(at + 1, len(_FREQUENCIES) - 1)]
-    for _ in range(_HALVINGS):
-        middle = np.sqrt(low * high)
-        above = np.abs(response.at(middle)) > 1
-        low, high = np.where(above, middle, low), np.where(above, high, middle)
-    phase = np.unwrap(np.angle(values), axis=0)
-    before = np.take_along_axis(phase, at[None], 0)[0] - phase[0] + np.angle(values[0])
-    phase_at = np.angle(response.at(low))
-    phase_at = before + (phase_at - before + math.pi) % (2 * math.pi) - math.pi
-    return np.where(crossed, low, np.nan), np.where(crossed, 180 + np.rad2deg(phase_at), np.nan)
-
-
-def _step_figures(response: TransferFunction) -> tuple[Array, Array]:
-    """Return overshoot [1] and settling time to 1 % [s] of a step."""
-    shape = response.direct.shape
-    slowest = 1 / np.maximum(response.rates.real.min(axis=-1), 1e-30)
-    time = _STEP_TIMES.reshape(-1, *(1,) * len(shape)) * slowest
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        value = response.step(time) / response.gain
-    outside = np.abs(value - 1) > 0.01
-    last = len(time) - 1 - np.argmax(outside[::-1], axis=0)
-    following = np.minimum(last + 1, len(time) - 1)
-    return np.maximum(np.nanmax(value, axis=0) - 1, 0.0), np.take_along_axis(time, following[None], 0)[0]
 
 
 def _slew_rates(circuit: AmplifierCircuit, gm: Array, gds: Array, tail: Array, sunk: Array) -> tuple[Array, Array]:

@@ -21,7 +21,8 @@ from typing import Final
 import numpy as np
 
 from posfet_model._lib.types import Array, Mask
-from posfet_model.amplifier.circuit import UNKNOWNS, AmplifierCircuit
+from posfet_model.amplifier.circuit import AmplifierCircuit
+from posfet_model.amplifier.circuit_topology import UNKNOWNS
 from posfet_model.amplifier.operating_point import MIN_OUTPUT_CURRENT
 
 _SATURATION_HALVINGS: Final = 15

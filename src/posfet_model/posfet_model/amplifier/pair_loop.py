@@ -23,7 +23,7 @@ from typing import Final
 
 import numpy as np
 
-from posfet_model._lib.types import Array, Mask
+from posfet_model._lib.types import Array
 from posfet_model.amplifier.differential_pair import EDGE
 from posfet_model.amplifier.open_loop import OpenLoop
 from posfet_model.amplifier.transient import Matrices
@@ -110,8 +110,3 @@ class PairLoop:
             short = gain * self.overdrive * x * np.sqrt(1 - x * x / 4) > middle
             low, high = np.where(short, middle, low), np.where(short, high, middle)
         return np.stack([high, high], axis=-1)
-
-    def findings(self, nodes: Array, v_in: Array) -> dict[str, Mask]:
-        """Return no reasons: what it models it models everywhere; unchecked."""
-        del nodes, v_in
-        return {}

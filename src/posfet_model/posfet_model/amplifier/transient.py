@@ -20,7 +20,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from posfet_model._lib.types import Array, Mask
+from posfet_model._lib.types import Array
 
 TOLERANCE: Final = 1e-5
 """Largest difference of the two orders in a step [V]; the error of the result is a small multiple of it."""
@@ -93,9 +93,6 @@ class System(Protocol):
     def output(self, nodes: Array) -> Array:
         """Return the output voltage [V], shape [...]."""
 
-    def findings(self, nodes: Array, v_in: Array) -> dict[str, Mask]:
-        """Return reasons why results at these nodes and inputs are not valid."""
-
 
 @dataclass(frozen=True, eq=False)
 class SystemState:
@@ -158,42 +155,86 @@ def advance_through(
     tuple
         State at the end, and voltages of the nodes at the instants [V], shape [t, ..., n].
     """
-    duration = float(times[-1])
-    slope = (v_in - state.v_in) / duration
-    nodes, done, step = state.nodes, 0.0, state.step
-    found = np.full((times.size, *nodes.shape), np.nan)
+    return _through(system, state, v_in, times[-1], times / times[-1], tolerance)
+
+
+def advance_together(
+    system: System, state: SystemState, v_in: Array, durations: Array, tolerance: float
+) -> tuple[SystemState, Array]:
+    """Return the state after an interval that is of another length for each system, and the nodes then. Unchecked.
+
+    Parameters
+    ----------
+    system : System
+        The systems.
+    state : SystemState
+        State at the start.
+    v_in : ndarray
+        Input at the end [V], shape [...].
+    durations : ndarray
+        Length of the interval [s], shape [...]; 0 is a jump.
+    tolerance : float
+        Largest difference of the two orders in a step [V].
+
+    Returns
+    -------
+    tuple
+        State at the end, and voltages of the nodes then [V], shape [..., n].
+    """
+    jumps = durations == 0
+    if jumps.any():
+        jumped = np.where(jumps, v_in, state.v_in)
+        state = SystemState(jumped, np.where(jumps[..., None], _jump(system, state, jumped), state.nodes), state.step)
+    if not jumps.all():
+        state, _ = _through(system, state, v_in, durations, np.ones(1), tolerance)
+    return state, state.nodes
+
+
+def _through(
+    system: System, state: SystemState, v_in: Array, duration: Array, shares: Array, tolerance: float
+) -> tuple[SystemState, Array]:
+    """Return the state after an interval of the durations [s], and the nodes at shares of it, the last of which is 1.
+
+    All systems take the same steps in units of their durations.
+    """
+    longest = float(np.max(duration))
+    slope = (v_in - state.v_in) / np.where(duration > 0, duration, 1.0)
+    nodes, done, step = state.nodes, 0.0, state.step / longest
+    found = np.full((shares.size, *nodes.shape), np.nan)
     for _ in range(MOST_STEPS):
-        left = duration - done
-        length = left if step >= left * (1 - 1e-9) else min(step, 0.5 * left) if step > 0.5 * left else step
-        start = state.v_in + slope * done
-        moved, error, rates = _step(system, nodes, start, slope, length)
+        left = 1.0 - done
+        share = left if step >= left * (1 - 1e-9) else min(step, 0.5 * left) if step > 0.5 * left else step
+        start = state.v_in + slope * (done * duration)
+        moved, error, changes = _step(system, nodes, start, slope, share * duration)
         ratio = error / tolerance
         factor = float(np.clip(0.9 / max(ratio, 1e-9) ** (1 / 3), *_GROWTH)) if np.isfinite(ratio) else _GROWTH[0]
         if ratio <= 1:
-            inside = slice(*np.searchsorted(times, [done, done + length], side="right"))
-            share = (times[inside] - done) / length
-            found[inside] = nodes + length * np.tensordot(share[:, None] ** (1, 2, 3) @ _WITHIN.T, rates, 1)
-            nodes, done = moved, done + length
+            inside = slice(*np.searchsorted(shares, [done, done + share], side="right"))
+            if inside.stop > inside.start:
+                within = (shares[inside] - done) / share
+                found[inside] = nodes + np.tensordot(within[:, None] ** (1, 2, 3) @ _WITHIN.T, changes, 1)
+            nodes, done = moved, done + share
             # A step cut short by the end of the interval says nothing against the longer one before it.
-            step = max(length * factor, step) if length < step else length * factor
-            if length == left:
+            step = max(share * factor, step) if share < step else share * factor
+            if share == left:
                 found[-1] = nodes
-                return SystemState(v_in, nodes, step), found
+                return SystemState(v_in, nodes, step * longest), found
         else:
-            step = length * min(factor, 0.9)
+            step = share * min(factor, 0.9)
     found[-1] = np.nan
-    return SystemState(v_in, found[-1], step), found
+    return SystemState(v_in, found[-1], step * longest), found
 
 
-def _step(system: System, nodes: Array, v_in: Array, slope: Array, length: float) -> tuple[Array, float, Array]:
-    """Return the voltages after one step, the largest difference of the two orders [V], and the rates [V/s]."""
+def _step(system: System, nodes: Array, v_in: Array, slope: Array, length: Array) -> tuple[Array, float, Array]:
+    """Return the voltages after one step, the largest difference of the two orders [V], and the stages' changes [V]."""
     current, linear = system.evaluate(nodes, v_in)
     capacitance, column = linear.capacitance, linear.input_capacitance
-    matrix = np.linalg.inv(capacitance + length * _DIAGONAL * linear.conductance)
-    rates: list[Array] = []
+    each = np.asarray(length)[..., None]
+    matrix = np.linalg.inv(capacitance + (_DIAGONAL * each[..., None]) * linear.conductance)
+    changes: list[Array] = []  # of each stage: rate times length
     for stage in range(4):
         if stage:
-            place = nodes + length * sum(a * rate for a, rate in zip(_ALPHA[stage], rates, strict=False) if a)
+            place = nodes + sum(a * change for a, change in zip(_ALPHA[stage], changes, strict=False) if a)
             at = v_in + length * slope * _ALPHA[stage].sum()
             here, here_column = system.capacitances(place, at)
             free = np.linalg.solve(here, -(system.currents(place, at) + here_column * slope[..., None])[..., None])
@@ -202,13 +243,13 @@ def _step(system: System, nodes: Array, v_in: Array, slope: Array, length: float
         right = (capacitance @ free)[..., 0]
         drift = length * slope * (_GAMMA[stage].sum() + _DIAGONAL)
         right = right - linear.input_conductance * drift[..., None]
-        held = sum(g * rate for g, rate in zip(_GAMMA[stage], rates, strict=False) if g)
         if stage:
-            right = right - length * (linear.conductance @ np.asarray(held)[..., None])[..., 0]
-        rates.append((matrix @ right[..., None])[..., 0])
-    stacked = np.stack(rates)
-    moved = nodes + length * np.tensordot(_WEIGHTS, stacked, 1)
-    return moved, float(np.max(np.abs(length * np.tensordot(_ERROR, stacked, 1)))), stacked
+            held = sum(g * change for g, change in zip(_GAMMA[stage], changes, strict=False) if g)
+            right = right - (linear.conductance @ np.asarray(held)[..., None])[..., 0]
+        changes.append(each * (matrix @ right[..., None])[..., 0])
+    stacked = np.stack(changes)
+    moved = nodes + np.tensordot(_WEIGHTS, stacked, 1)
+    return moved, float(np.max(np.abs(np.tensordot(_ERROR, stacked, 1)))), stacked
 
 
 def _jump(system: System, state: SystemState, v_in: Array) -> Array:

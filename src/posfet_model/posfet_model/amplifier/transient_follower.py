@@ -36,9 +36,11 @@ from posfet_model.amplifier.follower_base import (
     FrequencyResponse,
     check_shape,
 )
-from posfet_model.amplifier.open_loop import OpenLoop
+from posfet_model.amplifier.input_findings import LOW_MARGIN_HERE, RINGS_HERE, input_findings
+from posfet_model.amplifier.open_loop import LOW_MARGIN, RINGS, UNSTABLE, OpenLoop
 from posfet_model.amplifier.operating_point import CIRCUIT_B, TABLE_II, AmplifierBias, AmplifierDesign
 from posfet_model.amplifier.pair_loop import PairLoop
+from posfet_model.amplifier.parallel_in_time import LEAST_INTERVALS, advance_stretches
 from posfet_model.amplifier.transient import TOLERANCE, System, SystemState, advance, advance_through
 from posfet_model.amplifier.validity import Validity
 
@@ -49,6 +51,9 @@ STRAIGHTNESS: Final = 0.01
 
 SHORTEST_HOLD: Final = 3.0
 """Least duration of a step, in periods of the unity crossing, at whose end no transient is left."""
+
+ROWS_PER_INTERVAL: Final = 10
+"""Samples that are integrated in stretches of time in the duration of one interval in sequence."""
 
 LONG_RUN: Final = 0.1
 """Error bound of a step that passes samples [tolerance]: ends at each sample would have made steps shorter."""
@@ -201,12 +206,21 @@ class TransientFollower(Follower):
 
     def _integrate(self, now: SystemState, held: Array, step: Array) -> tuple[Array, SystemState]:
         nodes, following = self._following(now, held, step)
-        begin = 0
+        begin = together = 0
         while begin < step.size:
             if following[begin]:
                 now = SystemState(held[begin], nodes[begin], now.step)
                 begin += 1
                 continue
+            if begin >= together:
+                together = begin + int(np.argmax(np.append(following[begin:], True)))
+                part = slice(begin, together)
+                if held.ndim == 1 and self._steady and self._curved(now.v_in, held[part], step[part]):
+                    run = advance_stretches(self.system, now, held[part], step[part], self.tolerance)
+                    if run is not None:
+                        now, nodes[begin : begin + len(run[1])] = run
+                        begin += len(run[1])
+                        continue
             end = _straight(now.v_in, held, step, begin, STRAIGHTNESS * self.tolerance)
             if step[begin] == 0:
                 now = advance(self.system, now, held[begin], 0.0, self.tolerance)
@@ -218,14 +232,33 @@ class TransientFollower(Follower):
             begin = end
         return nodes, now
 
+    @property
+    def _steady(self) -> bool:
+        """Whether a follower of no shape forgets where it came from."""
+        return bool(np.all(self.validity.findings.get(UNSTABLE, False) == np.False_))
+
+    def _curved(self, start: Array, held: Array, step: Array) -> bool:
+        """Return whether the input [V] has corners at so many samples that stretches of time are worth it."""
+        if held.size < LEAST_INTERVALS:
+            return False
+        volts, time = np.concatenate([[start], held]), np.concatenate([[0.0], np.cumsum(step)])
+        share = step[:-1] / np.maximum(time[2:] - time[:-2], np.finfo(float).tiny)
+        bend = np.abs(volts[1:-1] - volts[:-2] - (volts[2:] - volts[:-2]) * share)
+        return bool(ROWS_PER_INTERVAL * np.count_nonzero(bend > STRAIGHTNESS * self.tolerance) >= held.size)
+
     def _following(self, now: SystemState, held: Array, step: Array) -> tuple[Array, Mask]:
         """Return nodes [t, ..., n], and at which samples [t] they are those of an input that changes slowly."""
         del step
         return np.empty((*held.shape, now.nodes.shape[-1])), np.zeros(len(held), np.bool_)
 
+    def _findings(self, nodes: Array, held: Array) -> dict[str, Mask]:
+        """Return why results at these nodes and inputs are not valid, beside what holds always."""
+        del nodes, held
+        return {}
+
     def _judged(self, held: Array, valid: Mask, nodes: Array) -> FollowerOutput:
         out = self.system.output(nodes)
-        findings = {**self.validity.findings, **self.system.findings(nodes, held), LOST: ~np.isfinite(out)}
+        findings = {**self.validity.findings, **self._findings(nodes, held), LOST: ~np.isfinite(out)}
         shown = {reason: np.broadcast_to(mask, held.shape) for reason, mask in findings.items() if np.any(mask)}
         for mask in shown.values():
             valid = valid & ~mask
@@ -290,7 +323,7 @@ class CircuitFollower(TransientFollower):
 
     @cached_property
     def system(self) -> System:
-        """The circuit with its findings."""
+        """The circuit."""
         return self.circuit
 
     @property
@@ -308,6 +341,12 @@ class CircuitFollower(TransientFollower):
             nodes[chosen], good = self.circuit.following(held[chosen], (held[chosen] - before) / duration, duration)
             following[chosen] = good.reshape(chosen.size, -1).all(axis=1)
         return nodes, following
+
+    def _findings(self, nodes: Array, held: Array) -> dict[str, Mask]:
+        found, at_rest = input_findings(self.circuit, nodes, held), self.validity.findings
+        for here, anywhere in ((LOW_MARGIN_HERE, LOW_MARGIN), (RINGS_HERE, RINGS)):
+            found[here] = found[here] & ~at_rest[anywhere]  # what is so at 0 V is said once
+        return found
 
     @property
     def static_gain(self) -> float:

@@ -19,7 +19,7 @@ from posfet_model._lib.types import Array, Mask
 from posfet_model.amplifier.follower_base import Follower
 from posfet_model.design.signal_file import Signal
 
-PIECE: Final = 1000
+PIECE: Final = 25_000
 """Samples that are computed at once, between two updates of the progress."""
 
 
