@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 
 from posfet_model.amplifier.closed_loop import FollowerLimits
 from posfet_model.amplifier.follower import OnePoleFollower
+from posfet_model.amplifier.input_findings import SLEW_RATE_NOT_GIVEN
 from posfet_model.amplifier.open_loop import LOW_MARGIN, RINGS, UNSTABLE, OpenLoop
 from posfet_model.amplifier.ringing_follower import SLEWS, RingingFollower
 from posfet_model.amplifier.two_pole_chain import TwoPoleChain
@@ -157,7 +158,7 @@ def test_arrays_of_designs_run_together() -> None:
     seconds = np.array([1e7, 1e5, 5e4])
     many = RingingFollower(open_loop=OpenLoop(100.0, (1e3, seconds)))
     time = np.linspace(0, 1e-4, 30)
-    v_in = np.tile(np.sin(time * 1e5)[:, None], 3)
+    v_in = 0.05 * np.tile(np.sin(time * 1e5)[:, None], 3)
     found = many.run(time, v_in)
     for k, second in enumerate(seconds):
         alone = RingingFollower(open_loop=OpenLoop(100.0, (1e3, float(second)))).run(time, v_in[:, k])
@@ -207,3 +208,19 @@ def test_the_chain_of_equal_poles_has_the_closed_form() -> None:
     assert coupling == pytest.approx(0.5 * math.exp(-0.5))
     assert weight == pytest.approx(2 * (1 - math.exp(-0.5)))
     assert both == pytest.approx(4 * (1 - math.exp(-0.5)) - math.exp(-0.5))
+
+
+def test_without_a_slew_rate_what_may_slew_is_not_valid() -> None:
+    """A step of 50 mV is linear, one of 1 V is not; a slow ramp of 1 V is. A slew rate that is given decides itself."""
+    loop = OpenLoop.from_phase_margin(130.0, 1.5e6, 65.0)
+    numbers = RingingFollower(open_loop=loop)
+    time = np.linspace(0, 2e-6, 201)
+    small, large = (numbers.run(time, np.where(time > 1e-7, volts, 0.0)) for volts in (0.05, 1.0))
+    assert small.valid.all() and small.reasons == []
+    assert not large.valid.all() and large.valid[[0, -1]].all() and large.reasons == [SLEW_RATE_NOT_GIVEN]
+    assert numbers.run(1e3 * time, time / time[-1]).valid.all()
+    series = numbers.advance_series(numbers.start(0.0), np.full(3, 1.0), np.full(3, 1e-8))
+    assert not series.output.valid.any() and series.output.reasons == [SLEW_RATE_NOT_GIVEN]
+    assert not numbers.advance(numbers.start(0.0), 1.0, 1e-8).valid
+    fast = RingingFollower(open_loop=loop, limits=FollowerLimits(slew_rate=1e9))
+    assert fast.run(time, np.where(time > 1e-7, 1.0, 0.0)).valid.all()

@@ -154,20 +154,28 @@ def test_numbers_are_in_si_or_have_a_unit(tmp_path: Path) -> None:
         ),
         (
             "measured: {gain_db: 42, gbw_hz: 1 MHz, phase_margin_deg: 60, falling_slew_v_per_s: 1e6}",
-            "measured: slew_rate must be given where falling_slew_rate is",
+            "measured: slew_v_per_s must be given where falling_slew_v_per_s is",
         ),
         (
             "measured: {gain_db: 42, gbw_hz: 1 MHz, phase_margin_deg: 60, slew: 1}",
             "measured.slew: unknown key",
         ),
         (
-            "measured: {gain_db: 120 dB, gbw_hz: 1 MHz, phase_margin_deg: 60}",
-            "measured: gain, gain_bandwidth and phase_margin must be reachable by load and compensation of this "
+            "output_width: 240 um\nmeasured: {gain_db: 120 dB, gbw_hz: 1 MHz, phase_margin_deg: 60}",
+            "measured: gain_db, gbw_hz and phase_margin_deg must be reachable by load and compensation of this "
             "circuit, got 1e+06 (120 dB), 1e+06 Hz and 60 degrees",
+        ),
+        (
+            "stages: 1\nmeasured: {gain_db: 42, gbw_hz: 1 MHz, phase_margin_deg: 60, bandwidth_hz: 1 MHz}",
+            "measured: bandwidth_hz must be left out with one stage",
         ),
         (
             "tolerance: {threshold_mismatch: 45}",
             "tolerance.threshold_mismatch: must be in [0, 1e-06] V m, got 45; meant in mV um?",
+        ),
+        (
+            "gain_mismatch: 0.02 um\ntolerance: {gain_mismatch: 0.02 um}",
+            "tolerance.gain_mismatch: must be given once: it is a key of the design, too",
         ),
     ],
 )
@@ -218,7 +226,7 @@ def test_sweep_and_tolerance_of_a_file(tmp_path: Path) -> None:
     tolerance = loaded.tolerance
     assert tolerance is not None
     assert (tolerance.samples, tolerance.seed, tolerance.spread) == (10, 7, (("film_area", 0.05),))
-    assert (tolerance.threshold_mismatch, tolerance.gain_mismatch) == pytest.approx((1e-8, 1e-8), rel=1e-15)
+    assert (loaded.design.threshold_mismatch, loaded.design.gain_mismatch) == pytest.approx((1e-8, 1e-8), rel=1e-15)
     assert [(limit.key, limit.low, limit.high) for limit in tolerance.limits] == [
         ("gain_db", 40, math.inf),
         ("offset_v", -math.inf, 0.001),

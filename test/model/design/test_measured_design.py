@@ -13,7 +13,10 @@ import numpy as np
 import pytest
 
 from posfet_model import design_command
+from posfet_model.amplifier.input_findings import SLEW_RATE_NOT_GIVEN
 from posfet_model.amplifier.step_test import slew_rates
+from posfet_model.config import ConfigError
+from posfet_model.design import report
 from posfet_model.design.design_file import FOLDER, load_design
 from posfet_model.design.posfet_design import PosfetDesign
 from posfet_model.spice.circuits import CIRCUITS
@@ -110,6 +113,33 @@ def test_more_figures_make_up_for_a_bias_that_is_not_known(
     assert simulated(sizes + measured_text(real, *more), real, "down_1000_mv", tmp_path) <= 0.05
 
 
+@pytest.mark.parametrize("real", ["two_stage_half_cc", "one_stage_60db_1pf"])
+def test_with_three_figures_alone_small_steps_are_right_and_slewing_ones_not_valid(
+    real: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = f"stages: {CIRCUITS[real].stages}\nfilm_geometry: as in paper\n" + measured_text(real)
+    assert simulated(text, real, "down_50_mv", tmp_path) <= 0.5
+    assert SLEW_RATE_NOT_GIVEN not in capsys.readouterr().out
+    simulated(text, real, "up_1000_mv", tmp_path)
+    assert SLEW_RATE_NOT_GIVEN in capsys.readouterr().out
+    design = load_design(str(tmp_path / "design.yaml")).design
+    document = report.as_json(design)
+    assert document["slew_v_per_s"] is document["slew_hand_v_per_s"] is document["falling_slew_v_per_s"] is None
+
+
+@pytest.mark.parametrize(
+    ("text", "known"), [("", False), ("reference_current: 200 uA\n", True), ("sink_width: 60 um\n", True)]
+)
+def test_sizes_and_bias_in_the_file_are_those_of_the_measured_op_amp(text: str, known: bool, tmp_path: Path) -> None:
+    path = tmp_path / "design.yaml"
+    path.write_text(text + "measured: {gain_db: 52, gbw_hz: 5 MHz, phase_margin_deg: 70}\n", encoding="utf-8")
+    design = load_design(str(path)).design
+    assert design.slew_rate_known is known
+    time = np.linspace(0, 1e-6, 51)
+    step = design.follower().run(time, np.where(time > 1e-7, 1.0, 0.0))
+    assert (SLEW_RATE_NOT_GIVEN in step.reasons) is not known
+
+
 def test_a_slew_rate_may_have_its_usual_unit(tmp_path: Path) -> None:
     path = tmp_path / "design.yaml"
     path.write_text(
@@ -121,6 +151,15 @@ def test_a_slew_rate_may_have_its_usual_unit(tmp_path: Path) -> None:
     rise, _ = slew_rates(loaded.design.follower())
     assert rise == pytest.approx(3e6, rel=2e-3)
     assert loaded.adjusted["reference_current"] < 100e-6
+
+
+def test_slew_rates_of_a_file_are_refused_by_their_keys(tmp_path: Path) -> None:
+    path = tmp_path / "design.yaml"
+    sizes = (FOLDER / "one_stage.yaml").read_text(encoding="utf-8")
+    text = sizes + "measured: {gain_db: 42.3, gbw_hz: 1.544 MHz, phase_margin_deg: 75.8, slew_v_per_s: 3.2 V/us"
+    path.write_text(text + ", falling_slew_v_per_s: 1 V/s}\n", encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"measured: slew_v_per_s and falling_slew_v_per_s must be reachable by the"):
+        load_design(str(path))
 
 
 def test_what_is_refused() -> None:

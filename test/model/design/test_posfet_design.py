@@ -21,7 +21,15 @@ from posfet_model.amplifier.step_test import step_test
 from posfet_model.amplifier.two_stage import figures_of_merit
 from posfet_model.design import report
 from posfet_model.design.posfet_design import PosfetDesign
-from posfet_model.design.ranges import BEYOND_ADC, BEYOND_INPUT, NOT_POLED, OSCILLATES, TOO_STEEP
+from posfet_model.design.ranges import (
+    BEYOND_ADC,
+    BEYOND_INPUT,
+    LOW_MARGIN_IN_USE,
+    NOT_POLED,
+    OSCILLATES,
+    RINGS_IN_USE,
+    TOO_STEEP,
+)
 from posfet_model.device.taxel_fields import FilmGeometry, plausible_fields
 from posfet_model.device.transistor import Plane
 from posfet_model.spice import ngspice
@@ -257,8 +265,13 @@ def test_the_input_range_ends_where_the_follower_oscillates() -> None:
     # The largest force, and validity, are those of the tighter range.
     pull = PosfetDesign(piezoelectric_coefficient=38e-12, signal_force=1.6)
     assert pull.largest_force == pytest.approx(-low / float(-pull.volts_per_newton()), rel=1e-6)
-    assert pull.reasons == [OSCILLATES]
-    assert replace(pull, signal_force=1.3).reasons == []
+    assert pull.reasons == [OSCILLATES, LOW_MARGIN_IN_USE, RINGS_IN_USE]
+    # 66 degrees at -0.5 V, 32 at -1 V: what the force reaches is judged, not only 0 V.
+    assert replace(pull, signal_force=1.1).reasons == [LOW_MARGIN_IN_USE, RINGS_IN_USE]
+    assert replace(pull, signal_force=0.5).reasons == []
+    least = report.values(replace(pull, signal_force=np.array([0.01, 0.5, 1.0 / float(-pull.volts_per_newton())])))
+    assert least["least_phase_margin_deg"] == pytest.approx([82.0, 68.7, 32.2], abs=0.5)
+    assert least["phase_margin_deg"] == pytest.approx(82.1, abs=0.1)
     assert BEYOND_INPUT in replace(pull, signal_force=2.2).reasons
     assert pull.linear_follower().limits.v_low == low
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import sys
 from collections import Counter
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,9 +20,10 @@ import numpy as np
 import pytest
 
 from posfet_model.design import report, sweep
+from posfet_model.design.design_file import load_design
 from posfet_model.design.posfet_design import PosfetDesign
 from posfet_model.design.sweep import Axis, Sweep, pareto_front, run_sweep
-from posfet_model.design.tolerance import OFFSET, QUANTILES, Limit, Tolerance, run_tolerance
+from posfet_model.design.tolerance import CMRR, KEYS, OFFSET, QUANTILES, Limit, Tolerance, run_tolerance
 
 DESIGN = PosfetDesign()
 RANGES = Sweep((Axis("film_thickness", 1e-6, 4e-6, 3, log=True), Axis("supply", 1.2, 5.0, 2)))
@@ -101,7 +103,8 @@ def test_spreads_pass_into_the_figures_by_their_formulas() -> None:
 
 
 def test_the_offset_has_the_standard_deviation_of_pelgroms_law() -> None:
-    result = run_tolerance(DESIGN, Tolerance(samples=500, threshold_mismatch=20e-9, gain_mismatch=0.03e-6))
+    design = replace(DESIGN, threshold_mismatch=20e-9, gain_mismatch=0.03e-6)
+    result = run_tolerance(design, Tolerance(samples=500))
     pair, load = math.sqrt(3276e-6 * 12e-6), math.sqrt(160e-6 * 12e-6)
     amplifier = DESIGN.amplifier
     ratio = float(amplifier.load_transconductance / amplifier.input_transconductance)
@@ -116,8 +119,29 @@ def test_the_offset_has_the_standard_deviation_of_pelgroms_law() -> None:
     m5 = math.sqrt(80e-6 * 12e-6)
     overdrive = math.sqrt(2 * 200e-6 / (0.085 * 7.67363e-4 * 80 / 12))
     relative = math.hypot(0.03e-6 / m5, 2 * 20e-9 / m5 / overdrive)
-    slew = result.figures["slew_v_per_s"]
+    slew = result.figures["slew_hand_v_per_s"]
     assert np.std(slew) / np.mean(slew) == pytest.approx(relative, rel=0.35)
+
+
+@pytest.mark.parametrize("name", ["two_stage_59db_300khz", "one_stage_60db_1pf"])
+def test_the_rms_of_the_common_mode_gain_is_that_of_the_hand_formula(name: str) -> None:
+    """With mismatch so large that it matters."""
+    design = replace(load_design(name).design, threshold_mismatch=500e-9, gain_mismatch=0.5e-6)
+    result = run_tolerance(design, Tolerance(samples=400))
+    hand = report.values(design, ["cmrr_systematic_db", "cmrr_hand_db"])
+    assert hand["cmrr_hand_db"] < hand["cmrr_systematic_db"] - 0.5
+    rms = -10 * math.log10(np.mean(10 ** (-result.figures[CMRR] / 10)))
+    assert rms == pytest.approx(float(hand["cmrr_hand_db"]), abs=0.7)
+    assert (np.diff(result.quantiles(CMRR)) > 0).all()
+
+
+def test_without_mismatch_the_rejection_is_the_systematic_one() -> None:
+    design = replace(DESIGN, threshold_mismatch=0.0, gain_mismatch=0.0)
+    known = report.values(design, ["cmrr_systematic_db", "cmrr_hand_db", "offset_v"])
+    result = run_tolerance(design, Tolerance(samples=3))
+    assert result.figures[CMRR] == pytest.approx(float(known["cmrr_systematic_db"]), rel=1e-9)
+    assert known["cmrr_hand_db"] == pytest.approx(float(known["cmrr_systematic_db"]), rel=1e-12)
+    assert result.figures[OFFSET] == pytest.approx(float(known["offset_v"]), rel=1e-9)
 
 
 def test_yield_and_quantiles_count_the_samples() -> None:
@@ -133,7 +157,7 @@ def test_yield_and_quantiles_count_the_samples() -> None:
         assert value == ordered[math.ceil(share * 200) - 1]
     lines = result.csv().splitlines()
     assert len(lines) == 201
-    assert lines[0].split(",") == [*report.KEYS, "valid", "pass"]
+    assert lines[0].split(",") == [*KEYS, "valid", "pass"]
     assert sum(int(line.rsplit(",", 1)[1]) for line in lines[1:]) == good.sum()
 
 

@@ -17,6 +17,7 @@ bias current from the slew rate of a rise, and the sink M8 from that of a fall, 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -28,6 +29,9 @@ from posfet_model.amplifier.circuit import AmplifierCircuit
 from posfet_model.amplifier.circuit_figures import circuit_figures
 from posfet_model.amplifier.step_test import slew_rates
 from posfet_model.amplifier.transient_follower import CircuitFollower
+
+FIGURES: Final = ("gain", "gain_bandwidth", "phase_margin", "bandwidth", "slew_rate", "falling_slew_rate")
+"""Arguments of `calibrate_circuit`."""
 
 _ITERATIONS: Final = 40
 _DIFFERENCE: Final = 1e-4
@@ -47,6 +51,33 @@ _SLEW_DIFFERENCE: Final = 0.02
 _SLEW_DAMPING: Final = 1e-2  # of a fall that does not depend on the sink
 _SLEW_TOLERANCE: Final = 1e-3
 _SLEW_REACHED: Final = 0.05
+
+
+class MeasuredFigureError(ValueError):
+    """Measured figures that contradict the circuit or each other, with the names of the arguments left open.
+
+    Parameters
+    ----------
+    template : str
+        What is wrong, with each name of an argument of `calibrate_circuit` in braces.
+    """
+
+    def __init__(self, template: str) -> None:
+        super().__init__(self.named(template, {}))
+        self.template = template
+
+    @staticmethod
+    def named(template: str, names: Mapping[str, str]) -> str:
+        """Return what is wrong in the words of a file: with other names of the arguments.
+
+        Parameters
+        ----------
+        template : str
+            As of the error.
+        names : mapping of str to str
+            Other name by argument; one that is missing stays.
+        """
+        return template.format_map({name: names.get(name, name) for name in FIGURES})
 
 
 @dataclass(frozen=True)
@@ -100,7 +131,7 @@ def calibrate_circuit(
     ------
     ValueError
         An argument is not real, not finite or out of range, or no values within a factor of 1000 give these figures:
-        then sizes or bias are others.
+        then sizes or bias are others (`MeasuredFigureError`).
 
     Examples
     --------
@@ -124,9 +155,9 @@ def calibrate_circuit(
     slews = {"slew_rate": slew_rate, "falling_slew_rate": falling_slew_rate}
     given = [math.log(real_number(name, rate, 1, 1e15)) for name, rate in slews.items() if rate is not None]
     if wide is not None and circuit.stages == 1:
-        raise ValueError("bandwidth must be left out with one stage, which has no zero resistor to adjust")
+        raise MeasuredFigureError("{bandwidth} must be left out with one stage, which has no zero resistor to adjust")
     if slew_rate is None and falling_slew_rate is not None:
-        raise ValueError("slew_rate must be given where falling_slew_rate is")
+        raise MeasuredFigureError("{slew_rate} must be given where {falling_slew_rate} is")
     return _slewing_as(_Measured(loop, wide, tuple(given)), circuit)
 
 
@@ -142,7 +173,20 @@ def _slewing_as(measured: _Measured, circuit: AmplifierCircuit) -> AmplifierCirc
         overdrive = measured.slews[0] - measured.loop[1] - math.log(before.slew_rate / before.gain_bandwidth)
         if not math.isfinite(overdrive):
             raise
+    try:
         return _slewing_from(measured, circuit, min(max(2 * overdrive, -_RANGE), _RANGE))
+    except MeasuredFigureError:
+        _small_signals(measured, circuit)  # raises where it is not the slew rates that cannot be reached
+        raise _unreachable(measured, "") from None
+
+
+def _unreachable(measured: _Measured, more: str) -> MeasuredFigureError:
+    names = "{slew_rate} and {falling_slew_rate}" if len(measured.slews) > 1 else "{slew_rate}"
+    rates = ", ".join(f"{math.exp(rate):g}" for rate in measured.slews)
+    return MeasuredFigureError(
+        f"{names} must be reachable by the bias current and M8 of this circuit, with the other figures as given, "
+        f"got {rates} V/s{more}"
+    )
 
 
 def _slewing_from(measured: _Measured, circuit: AmplifierCircuit, current: float) -> AmplifierCircuit:
@@ -173,10 +217,7 @@ def _slewing_from(measured: _Measured, circuit: AmplifierCircuit, current: float
         slopes = slopes + np.outer(last - error - slopes @ change, change) / (change @ change)  # Broyden's update
     if not np.abs(error).max() <= _SLEW_REACHED:
         reached = ", ".join(f"{math.exp(rate):g}" for rate in wanted - error)
-        raise ValueError(
-            f"slew_rate and falling_slew_rate must be reachable by the bias current and M8 of this circuit, got "
-            f"{', '.join(f'{math.exp(rate):g}' for rate in wanted)} V/s; reached are {reached} V/s"
-        )
+        raise _unreachable(measured, f"; reached are {reached} V/s")
     return found
 
 
@@ -209,8 +250,8 @@ def _small_signals(measured: _Measured, circuit: AmplifierCircuit, near: Array |
         if miss <= (_BANDWIDTH_TOLERANCE if near is None else _BANDWIDTH_REACHED):
             break
     if best is None or miss > _BANDWIDTH_REACHED:
-        raise ValueError(
-            "bandwidth must be reachable by the zero resistor of this circuit, with the other figures as given, "
+        raise MeasuredFigureError(
+            "{bandwidth} must be reachable by the zero resistor of this circuit, with the other figures as given, "
             f"got {math.exp(wanted):g} Hz"
         )
     return best
@@ -254,9 +295,9 @@ def _newton(circuit: AmplifierCircuit, loop: tuple[float, float, float]) -> Ampl
         adjusted = np.clip(adjusted + change, -_RANGE, _RANGE)
     if not np.abs(missing).max() <= 1e-6:
         gain, crossing, margin = math.exp(loop[0]), math.exp(loop[1]), math.degrees(loop[2])
-        raise ValueError(
-            f"gain, gain_bandwidth and phase_margin must be reachable by load and compensation of this circuit, got "
-            f"{gain:g} ({20 * math.log10(gain):.4g} dB), {crossing:g} Hz and {margin:g} degrees"
+        raise MeasuredFigureError(
+            "{gain}, {gain_bandwidth} and {phase_margin} must be reachable by load and compensation of this circuit, "
+            f"got {gain:g} ({20 * math.log10(gain):.4g} dB), {crossing:g} Hz and {margin:g} degrees"
         )
     return _with(circuit, adjusted)
 

@@ -31,12 +31,19 @@ CUT_OFF: Final = "output stage cut off: the step is steeper than M8 can sink"
 UNSTABLE_HERE: Final = "unstable at this input: the follower oscillates"
 LOW_MARGIN_HERE: Final = f"phase margin below {LEAST_PHASE_MARGIN:g} degrees at this input"
 RINGS_HERE: Final = f"a step at this input overshoots by more than {100 * MOST_OVERSHOOT:g} %"
+SLEW_RATE_NOT_GIVEN: Final = "slew rate not given, and the input pair is driven out of its linear range"
+
+LINEAR_INPUT: Final = 0.06
+"""Difference of the inputs [V] up to which an op-amp of unknown slew rate is taken for linear, assumed: a pair with an
+overdrive of 0.3 V is 0.5 % less steep there."""
 
 POINTS: Final = 65
 """Most inputs at which a circuit is examined; between them its margins are interpolated."""
 
 
-def input_findings(circuit: AmplifierCircuit, nodes: Array, v_in: Array) -> dict[str, Mask]:
+def input_findings(
+    circuit: AmplifierCircuit, nodes: Array, v_in: Array, *, slew_rate_known: bool = True
+) -> dict[str, Mask]:
     """Return why a circuit is not in its range: at rest at the input, or in the moment; unchecked.
 
     Parameters
@@ -47,6 +54,8 @@ def input_findings(circuit: AmplifierCircuit, nodes: Array, v_in: Array) -> dict
         Voltages of the unknown nodes [V], shape [..., n].
     v_in : ndarray
         Input voltage [V], shape [...].
+    slew_rate_known : bool, default True
+        Whether the circuit slews as the op-amp does that it stands for.
 
     Returns
     -------
@@ -65,9 +74,9 @@ def input_findings(circuit: AmplifierCircuit, nodes: Array, v_in: Array) -> dict
         place = (POINTS - 1) * (many - low) / np.where(high > low, high - low, 1.0)
         below = np.minimum(place.astype(np.intp), POINTS - 2)
         spread = [_between(part, below, place - below) for part in margins]
-    pair, output, current, decay, margin, calm = (part.reshape(v_in.shape) for part in spread)
+    pair, output, current, decay, margin, calm, rest = (part.reshape(v_in.shape) for part in spread)
     gate, _, _ = circuit.transistors(nodes, v_in)
-    return {
+    found: dict[str, Mask] = {
         INPUT_RANGE: ~(pair >= 0),
         OUTPUT_RANGE: ~((output >= 0) & (current >= 0)),
         CUT_OFF: circuit.polarity[6] * gate[..., 6] <= circuit.threshold[..., 6],
@@ -75,10 +84,13 @@ def input_findings(circuit: AmplifierCircuit, nodes: Array, v_in: Array) -> dict
         LOW_MARGIN_HERE: (margin < 0) & ~(decay <= 0),
         RINGS_HERE: calm < 0,
     }
+    if not slew_rate_known:
+        found[SLEW_RATE_NOT_GIVEN] = np.abs(circuit.output(nodes) - rest) > LINEAR_INPUT
+    return found
 
 
 def _margins(circuit: AmplifierCircuit, v_in: Array) -> list[Array]:
-    """Return by how much followers at rest are within each limit; NaN where unknown."""
+    """Return by how much followers at rest are within each limit, and their output [V]; NaN where unknown."""
     nodes = circuit.operating_point(v_in)
     gate, drain, point = circuit.transistors(nodes, v_in)
     overdrive = circuit.polarity * gate - circuit.threshold
@@ -93,6 +105,7 @@ def _margins(circuit: AmplifierCircuit, v_in: Array) -> list[Array]:
         margins.decay,
         margins.phase_margin - LEAST_PHASE_MARGIN,
         MOST_OVERSHOOT - margins.overshoot,
+        circuit.output(nodes),
     ]
 
 

@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
@@ -26,6 +27,7 @@ from posfet_model.amplifier.follower_base import (
     FrequencyResponse,
     check_shape,
 )
+from posfet_model.amplifier.input_findings import LINEAR_INPUT, SLEW_RATE_NOT_GIVEN
 from posfet_model.amplifier.open_loop import OpenLoop
 from posfet_model.amplifier.two_pole_chain import TwoPoleChain
 from posfet_model.amplifier.validity import Validity
@@ -42,7 +44,8 @@ class RingingFollower(Follower):
     -----
     A step of any length is the exact solution for an input that is linear in it; real, equal and complex poles are the
     same to it. Where an unstable follower's output would grow beyond 1e6 V, it stays there, never valid. The op-amp's
-    fields may be arrays, for inputs of a shape to which theirs broadcasts.
+    fields may be arrays, for inputs of a shape to which theirs broadcasts. Without a slew rate in `limits`, results are
+    not valid where the input pair sees more than `input_findings.LINEAR_INPUT`.
     """
 
     open_loop: OpenLoop
@@ -93,19 +96,48 @@ class RingingFollower(Follower):
 
     def _run(self, held: Array, valid: Mask, step: Array) -> FollowerOutput:
         check_shape(self._usable.shape, held[0])
-        return self._explained(super()._run(held, valid, step), valid)
+        return self._explained(super()._run(held, valid, step), held, valid)
 
     def _follow(self, state: FollowerState, held: Array, valid: Mask, step: Array) -> FollowerSeries:
         series = super()._follow(state, held, valid, step)
-        return replace(series, output=self._explained(series.output, valid))
+        return replace(series, output=self._explained(series.output, held, valid))
 
-    def _explained(self, output: FollowerOutput, held_valid: Mask) -> FollowerOutput:
+    def _steep(self, v_in: Array, v_out: Array) -> Mask:
+        """Return where the output may have to be steeper than a slew rate that was not given."""
+        if math.isfinite(self.limits.slew_rate):
+            return np.zeros((), np.bool_)
+        return np.asarray(np.abs(v_in - v_out / self.open_loop.closed_loop_gain) > LINEAR_INPUT)
+
+    def advance(self, state: FollowerState, v_in: ArrayLike, step: ArrayLike) -> FollowerState:
+        """Return the state after one step, as of every follower; not valid where it may slew at a rate not given.
+
+        Parameters
+        ----------
+        state : FollowerState
+            State at the start of the step.
+        v_in : array_like
+            Input voltage at the end of the step [V], of the state's shape.
+        step : array_like
+            Length of the step [s], in [0, 1e9], a number or of the state's shape.
+
+        Returns
+        -------
+        FollowerState
+            State at the end of the step.
+        """
+        after = super().advance(state, v_in, step)
+        return replace(after, valid=after.valid & ~self._steep(after.v_in, self._out(after.v_in, after.lags)))
+
+    def _explained(self, output: FollowerOutput, held: Array, held_valid: Mask) -> FollowerOutput:
         """Return the output with the reasons against it; `held_valid` is False beyond the limits of the input, too."""
+        steep = self._steep(held, output.v_out)
         findings = {
             **self.validity.findings,
             BEYOND_LIMITS: ~held_valid & self._usable,
-            SLEWS: held_valid & ~output.valid,
+            SLEWS: held_valid & ~output.valid & ~steep,
+            SLEW_RATE_NOT_GIVEN: held_valid & steep,
         }
+        output = replace(output, valid=output.valid & ~steep)
         shown = {reason: np.broadcast_to(mask, output.valid.shape) for reason, mask in findings.items() if mask.any()}
         return replace(output, findings=shown)
 

@@ -284,10 +284,13 @@ class CircuitFollower(TransientFollower):
 
     circuit: AmplifierCircuit = field(default_factory=AmplifierCircuit.from_design)
     """The op-amp; arrays of op-amps take inputs of a shape to which theirs broadcasts."""
+    slew_rate_known: bool = True
+    """Whether the circuit slews as the op-amp that it stands for; if not, results are not valid where it might."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         instance("circuit", self.circuit, AmplifierCircuit)
+        instance("slew_rate_known", self.slew_rate_known, bool)
 
     @classmethod
     def from_design(
@@ -343,7 +346,8 @@ class CircuitFollower(TransientFollower):
         return nodes, following
 
     def _findings(self, nodes: Array, held: Array) -> dict[str, Mask]:
-        found, at_rest = input_findings(self.circuit, nodes, held), self.validity.findings
+        at_rest = self.validity.findings
+        found = input_findings(self.circuit, nodes, held, slew_rate_known=self.slew_rate_known)
         for here, anywhere in ((LOW_MARGIN_HERE, LOW_MARGIN), (RINGS_HERE, RINGS)):
             found[here] = found[here] & ~at_rest[anywhere]  # what is so at 0 V is said once
         return found

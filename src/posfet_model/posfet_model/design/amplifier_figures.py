@@ -76,6 +76,10 @@ class AmplifierFigures:
     """Steepest fall of the output [V/s]."""
     offset: FloatArray
     """Systematic offset: output with the input at 0 V [V]."""
+    pair_modulation: FloatArray
+    """gds/I of M2 [1/V]."""
+    tail_modulation: FloatArray
+    """gds/I of M5 [1/V]."""
     common_mode_rejection: FloatArray
     """CMRR without mismatch: difference gain over common-mode gain at frequency 0 [V/V]."""
     lowest_input: FloatArray
@@ -113,7 +117,7 @@ def amplifier_figures(circuit: AmplifierCircuit) -> AmplifierFigures:
     AmplifierFigures
         Figures of merit, of the circuits' shape.
     """
-    blocks = [_block(block) for block in _blocks(circuit)]
+    blocks = [_block(block) for block in circuit_blocks(circuit, circuit.shape)]
     joined: dict[str, Any] = {}
     for item in dataclasses.fields(AmplifierFigures):
         parts = [getattr(block, item.name) for block in blocks]
@@ -125,15 +129,23 @@ def amplifier_figures(circuit: AmplifierCircuit) -> AmplifierFigures:
     return AmplifierFigures(**joined)
 
 
-def _blocks(circuit: AmplifierCircuit) -> Iterator[AmplifierCircuit]:
-    """Yield the circuits in blocks of shape [n], in C order; one empty block if there are none."""
+def circuit_blocks(circuit: AmplifierCircuit, shape: tuple[int, ...]) -> Iterator[AmplifierCircuit]:
+    """Yield circuits in blocks of shape [n], in C order; one empty block if there are none. Unchecked.
+
+    Parameters
+    ----------
+    circuit : AmplifierCircuit
+        One circuit, or arrays of them.
+    shape : tuple of int
+        Shape to which they are broadcast.
+    """
     flat: dict[str, Array] = {}
     for item in dataclasses.fields(circuit):
         if item.name != "stages":
             part = np.asarray(getattr(circuit, item.name), np.float64)
             rest = (8,) if item.name in _OF_EACH_TRANSISTOR else ()
-            flat[item.name] = np.broadcast_to(part, (*circuit.shape, *rest)).reshape(-1, *rest)
-    for begin in range(0, max(math.prod(circuit.shape), 1), BLOCK):
+            flat[item.name] = np.broadcast_to(part, (*shape, *rest)).reshape(-1, *rest)
+    for begin in range(0, max(math.prod(shape), 1), BLOCK):
         yield AmplifierCircuit(circuit.stages, **{name: part[begin : begin + BLOCK] for name, part in flat.items()})
 
 
@@ -171,6 +183,8 @@ def _block_figures(circuit: AmplifierCircuit, figures: CircuitFigures) -> Amplif
         slew_rate=figures.slew_rate,
         falling_slew_rate=figures.falling_slew_rate,
         offset=figures.offset,
+        pair_modulation=point.output_conductance[..., 1] / point.current[..., 1],
+        tail_modulation=point.output_conductance[..., 4] / point.current[..., 4],
         common_mode_rejection=figures.common_mode_rejection,
         lowest_input=inputs.lowest,
         highest_input=inputs.highest,

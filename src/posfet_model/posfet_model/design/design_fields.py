@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from posfet_model._lib.validation import whole_number
+from posfet_model._lib.validation import instance, whole_number
 from posfet_model.design import readout
 from posfet_model.device import paper
 from posfet_model.device.taxel import Taxel
@@ -36,6 +36,8 @@ class DesignFields(Taxel):
 
     stages: int = 2
     """2: Miller op-amp, two stages; 1: one stage and an n-channel output follower."""
+    slew_rate_known: bool = True
+    """Whether sizes and bias are those of the op-amp; if not, it slews otherwise, and its slew rates are unknown."""
     reference_current: Values = quantity(readout.REFERENCE_CURRENT, 1e-9, 0.1)
     """Current into M6 [A]."""
     supply: Values = quantity(readout.SUPPLY, 0.5, 100)
@@ -72,6 +74,10 @@ class DesignFields(Taxel):
     """Width of M8 [m]."""
     sink_length: Values = quantity(readout.SINK_LENGTH, 1e-8, 1e-2)
     """Length of M8 [m]."""
+    threshold_mismatch: Values = quantity(readout.THRESHOLD_MISMATCH, 0, 1e-6)
+    """Standard deviation of the difference of two thresholds, times sqrt(W*L) [V m]."""
+    gain_mismatch: Values = quantity(readout.GAIN_MISMATCH, 0, 1e-6)
+    """Standard deviation of the relative difference of two gain factors, times sqrt(W*L) [m]."""
     flicker_constant: Values = quantity(paper.FLICKER_CONSTANT, 0, 1e-15)
     """1/f noise of the process, K*W*L*Cox [V2 F]."""
     temperature: Values = quantity(paper.TEMPERATURE, 100, 600)
@@ -96,6 +102,7 @@ class DesignFields(Taxel):
     def __post_init__(self) -> None:
         super().__post_init__()
         whole_number("stages", self.stages, 1, 2)
+        instance("slew_rate_known", self.slew_rate_known, bool)
         for low, high in (("adc_low", "adc_high"), ("low_frequency", "high_frequency")):
             if np.any(np.less_equal(getattr(self, high), getattr(self, low))):
                 raise ValueError(f"{high} must be above {low}, got {_first(self, high)} and {_first(self, low)}")

@@ -17,11 +17,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from posfet_model._lib.shown import shown
+from posfet_model.amplifier.calibration import MeasuredFigureError
 from posfet_model.config import ConfigError, Section, find_file, known_instead, read_yaml
-from posfet_model.design import report
+from posfet_model.design.design_fields import PARTS
 from posfet_model.design.posfet_design import PosfetDesign
 from posfet_model.design.sweep import MAX_DESIGNS, MAX_POINTS, Axis, Sweep
-from posfet_model.design.tolerance import MAX_SAMPLES, Limit, Tolerance
+from posfet_model.design.tolerance import KEYS, MAX_SAMPLES, Limit, Tolerance
 from posfet_model.device.physical_units import Plausible
 from posfet_model.device.taxel_fields import POLING_VOLTAGE, FilmGeometry, plausible_fields
 
@@ -35,12 +36,22 @@ _FIELDS: Final = plausible_fields(PosfetDesign)
 
 _MEASURED: Final = {"gain_db": Plausible("dB", 0.1, 180), "gbw_hz": Plausible("Hz", 1, 1e12)}
 
+_DECIDES_SLEWING: Final = frozenset(
+    ["reference_current", *(f"{part}_{size}" for part in PARTS for size in ("width", "length"))]
+)
+"""Keys any of which says that sizes and bias are those of the measured op-amp."""
+
 _ALSO_MEASURED: Final = {
     "bandwidth_hz": ("bandwidth", Plausible("Hz", 1, 1e12)),
     "slew_v_per_s": ("slew_rate", Plausible("V/s", 1, 1e15)),
     "falling_slew_v_per_s": ("falling_slew_rate", Plausible("V/s", 1, 1e15)),
 }
 """Argument of `PosfetDesign.with_measured` and range of what may be given besides, by key."""
+
+_KEYS: Final = {"gain": "gain_db", "gain_bandwidth": "gbw_hz", "phase_margin": "phase_margin_deg"} | {
+    name: key for key, (name, _) in _ALSO_MEASURED.items()
+}
+"""Key by argument of `PosfetDesign.with_measured`."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +107,16 @@ def load_design(name: str) -> DesignFile:
     if "poling_voltages" in section:
         chosen["poling_voltages"] = _poling(section, section.value("poling_voltages", "a list of voltages"))
     measured = _measured(section.section("measured")) if "measured" in section else None
+    if measured is not None and "slew_rate" not in measured and _DECIDES_SLEWING.isdisjoint(chosen):
+        chosen["slew_rate_known"] = False
     sweep = _sweep(section) if "sweep" in section else None
-    tolerance = _tolerance(section.section("tolerance")) if "tolerance" in section else None
+    tolerance = None
+    if "tolerance" in section:
+        tolerance, mismatch = _tolerance(section.section("tolerance"))
+        twice = [key for key in mismatch if key in chosen]
+        if twice:
+            raise section.error(f"tolerance.{twice[0]}", "must be given once: it is a key of the design, too")
+        chosen |= mismatch
     section.end()
     try:
         design = PosfetDesign(**chosen)
@@ -107,6 +126,8 @@ def load_design(name: str) -> DesignFile:
     if measured is not None:
         try:
             changed = design.with_measured(**measured)
+        except MeasuredFigureError as error:
+            raise section.error("measured", error.named(error.template, _KEYS)) from None
         except ValueError as error:
             raise section.error("measured", str(error)) from None
         fields = ((key, float(getattr(changed, key))) for key in _FIELDS)
@@ -221,7 +242,8 @@ def _axis(section: Section) -> Axis:
     return Axis(field, ends[0], ends[1], points, log)
 
 
-def _tolerance(section: Section) -> Tolerance:
+def _tolerance(section: Section) -> tuple[Tolerance, dict[str, float]]:
+    """Return the spreads and limits, and the fields of the design about mismatch, which may be given here, too."""
     fields = {}
     if "spread" in section:
         spread = section.section("spread")
@@ -234,22 +256,23 @@ def _tolerance(section: Section) -> Tolerance:
     if "limits" in section:
         named = section.section("limits")
         for key in named.names():
-            if key not in report.KEYS:
-                raise unknown(named, key, key, report.KEYS)
+            if key not in KEYS:
+                raise unknown(named, key, key, KEYS)
             limits.append(_limit(named, key))
     usual = Tolerance()
     tolerance = Tolerance(
         samples=section.whole("samples", 1, MAX_SAMPLES, default=usual.samples),
         seed=section.whole("seed", 0, 2**32 - 1, default=usual.seed),
         spread=tuple(fields.items()),
-        threshold_mismatch=_mismatch(
-            section, "threshold_mismatch", Plausible("V m", 0, 1e-6), usual.threshold_mismatch
-        ),
-        gain_mismatch=_mismatch(section, "gain_mismatch", Plausible("m", 0, 1e-6), usual.gain_mismatch),
         limits=tuple(limits),
     )
+    mismatch = {
+        key: read_number(section, key, _FIELDS[key], section.value(key, "a number"))
+        for key in ("threshold_mismatch", "gain_mismatch")
+        if key in section
+    }
     section.end()
-    return tolerance
+    return tolerance, mismatch
 
 
 def _limit(section: Section, key: str) -> Limit:
@@ -263,10 +286,6 @@ def _limit(section: Section, key: str) -> Limit:
     if low > high:
         raise section.error(key, f"must have a max above its min, got {high:g} and {low:g}")
     return Limit(key, low, high)
-
-
-def _mismatch(section: Section, key: str, plausible: Plausible, default: float) -> float:
-    return read_number(section, key, plausible, section.value(key, "a number", default=default))
 
 
 def unknown(section: Section, key: str, name: str, known: Iterable[str]) -> ConfigError:

@@ -32,6 +32,8 @@ from posfet_model.amplifier.validity import Validity
 from posfet_model.design import ranges
 from posfet_model.design.amplifier_figures import AmplifierFigures, amplifier_figures
 from posfet_model.design.design_fields import PARTS, DesignFields
+from posfet_model.design.margins_in_use import MarginsInUse, margins_in_use
+from posfet_model.design.mismatch import hand_common_mode_rejection
 from posfet_model.design.noise_by_source import adc_step, noise_by_source
 from posfet_model.design.op_amp import named_circuit, op_amp_circuit
 from posfet_model.device.noise import NoiseBudget
@@ -65,12 +67,23 @@ class PosfetDesign(DesignFields):
     @cached_property
     def amplifier(self) -> AmplifierFigures:
         """Figures of merit of the op-amp and its follower; NaN where it has no operating point."""
-        return amplifier_figures(self.op_amp)
+        figures = amplifier_figures(self.op_amp)
+        if self.slew_rate_known:
+            return figures
+        unknown = np.full(self.op_amp.shape, math.nan)[()]
+        return dataclasses.replace(figures, slew_rate=unknown, falling_slew_rate=unknown)
 
     @cached_property
     def op_amp(self) -> AmplifierCircuit:
         """The op-amp as a circuit, of arrays where the design has them."""
         return op_amp_circuit(self)
+
+    @cached_property
+    def margins_in_use(self) -> MarginsInUse:
+        """The worst phase margin and overshoot at inputs from 0 V to that of `signal_force`, in the saturated range."""
+        amplifier, wanted = self.amplifier, self.volts_per_newton() * self.signal_force
+        within = np.fmax(np.fmin(wanted, amplifier.highest_saturated_input), amplifier.lowest_saturated_input)
+        return margins_in_use(self.op_amp, amplifier, within)
 
     @cached_property
     def noise(self) -> NoiseBudget:
@@ -103,6 +116,11 @@ class PosfetDesign(DesignFields):
         return self.amplifier.input_transconductance * self.volts_per_newton()
 
     @property
+    def common_mode_rejection(self) -> FloatArray:
+        """CMRR by a hand formula, with mismatch of one standard deviation of each pair [V/V] (`mismatch`)."""
+        return hand_common_mode_rejection(self, self.amplifier)
+
+    @property
     def low_corner(self) -> FloatArray:
         """Frequency below which the signal leaks away, 1/(2*pi*R*(Cf + Cg)) [Hz]."""
         return 1 / (2 * math.pi * self.leak_time_constant)
@@ -128,7 +146,7 @@ class PosfetDesign(DesignFields):
     @cached_property
     def validity(self) -> Validity:
         """Where the design is usable, and why not: ringing, transistors out of saturation, ranges, slew rate."""
-        return ranges.validity(self, self.amplifier)
+        return ranges.validity(self, self.amplifier, self.margins_in_use)
 
     @property
     def valid(self) -> Any:
@@ -201,7 +219,7 @@ class PosfetDesign(DesignFields):
             The design has arrays (use `at`).
         """
         self._require_single()
-        return CircuitFollower(circuit=self.op_amp)
+        return CircuitFollower(circuit=self.op_amp, slew_rate_known=self.slew_rate_known)
 
     def linear_follower(self) -> RingingFollower:
         """Return the follower of a single design for small signals, with gain, crossing and margin of the circuit.
@@ -233,8 +251,8 @@ class PosfetDesign(DesignFields):
             limits=FollowerLimits(
                 v_low=float(ends[0]),
                 v_high=float(ends[1]),
-                slew_rate=float(amplifier.slew_rate),
-                falling_slew_rate=float(amplifier.falling_slew_rate),
+                slew_rate=float(np.nan_to_num(amplifier.slew_rate, nan=math.inf)),
+                falling_slew_rate=float(np.nan_to_num(amplifier.falling_slew_rate, nan=math.inf)),
             ),
         )
 
@@ -252,7 +270,9 @@ class PosfetDesign(DesignFields):
 
         With two stages `load_resistance` is adjusted to the gain, with one stage `channel_length_modulation`;
         `compensation` and `load_capacitance` to unity crossing and phase margin, `zero_resistor` to the bandwidth,
-        `reference_current` and `sink_width` to the slew rates (`calibrate_circuit`).
+        `reference_current` and `sink_width` to the slew rates (`calibrate_circuit`). With sizes, bias and load of the
+        op-amp three figures suffice. Where these are not known, say so with `slew_rate_known=False`: then inputs that
+        may slew are not valid.
 
         Parameters
         ----------
@@ -298,6 +318,7 @@ class PosfetDesign(DesignFields):
         )
         return dataclasses.replace(
             self,
+            slew_rate_known=self.slew_rate_known or slew_rate is not None,
             reference_current=float(found.reference_current),
             sink_width=float(self.sink_width * (found.beta[..., 7] / self.op_amp.beta[..., 7])),
             zero_resistor=float(found.zero_resistor),

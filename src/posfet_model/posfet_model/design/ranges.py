@@ -15,13 +15,21 @@ from typing import Final
 import numpy as np
 
 from posfet_model._lib.types import FloatArray
+from posfet_model.amplifier.open_loop import LEAST_PHASE_MARGIN, LOW_MARGIN, MOST_OVERSHOOT, RINGS
 from posfet_model.amplifier.validity import Validity
 from posfet_model.design.amplifier_figures import AmplifierFigures
 from posfet_model.design.design_fields import DesignFields
+from posfet_model.design.margins_in_use import MarginsInUse
 
 NOT_POLED: Final = "the film is not poled: a force gives no signal"
 BEYOND_INPUT: Final = "the force to be measured drives the input out of the amplifier's range"
 OSCILLATES: Final = "the force to be measured drives the input to where the follower is unstable"
+LOW_MARGIN_IN_USE: Final = (
+    f"the force to be measured drives the input to where the phase margin is below {LEAST_PHASE_MARGIN:g} degrees"
+)
+RINGS_IN_USE: Final = (
+    f"the force to be measured drives the input to where a step overshoots by more than {100 * MOST_OVERSHOOT:g} %"
+)
 BEYOND_ADC: Final = "the force to be measured drives the ADC out of its range"
 TOO_STEEP: Final = "the force to be measured, at the upper end of the band, is steeper than the slew rate"
 
@@ -39,7 +47,7 @@ def largest_force(design: DesignFields, amplifier: AmplifierFigures) -> FloatArr
     return np.minimum(_reach(design, amplifier, "stable"), _reach(design, amplifier, "adc"))[()]
 
 
-def validity(design: DesignFields, amplifier: AmplifierFigures) -> Validity:
+def validity(design: DesignFields, amplifier: AmplifierFigures, margins: MarginsInUse) -> Validity:
     """Return where a design is usable, and why not; unchecked.
 
     Parameters
@@ -48,15 +56,20 @@ def validity(design: DesignFields, amplifier: AmplifierFigures) -> Validity:
         One design or arrays.
     amplifier : AmplifierFigures
         Figures of its op-amp.
+    margins : MarginsInUse
+        The worst at the inputs that the force to be measured reaches.
     """
     saturated, stable = _reach(design, amplifier, "saturated"), _reach(design, amplifier, "stable")
     volts = np.abs(design.volts_per_newton() * design.signal_force)
+    at_rest = amplifier.validity.findings
     with np.errstate(invalid="ignore"):
         return amplifier.validity.also(
             {
                 NOT_POLED: np.equal(volts, 0),
                 BEYOND_INPUT: np.greater(design.signal_force, saturated),
                 OSCILLATES: np.greater(design.signal_force, stable) & (stable < saturated),
+                LOW_MARGIN_IN_USE: (margins.phase_margin < LEAST_PHASE_MARGIN) & ~at_rest[LOW_MARGIN],
+                RINGS_IN_USE: (margins.overshoot > MOST_OVERSHOOT) & ~at_rest[RINGS] & amplifier.stable,
                 BEYOND_ADC: np.greater(design.signal_force, _reach(design, amplifier, "adc")),
                 TOO_STEEP: 2 * math.pi * design.high_frequency * volts
                 > np.minimum(amplifier.slew_rate, amplifier.falling_slew_rate),

@@ -68,3 +68,11 @@ SIGNAL_FORCE: Final = Quantity("force to which the signal-to-noise ratio refers"
 DETECTION_SIGMAS: Final = Quantity(
     "standard deviations of the noise in the smallest detectable force", 3.0, "1", "usual", True
 )
+THRESHOLD_MISMATCH: Final = Quantity(
+    "mismatch A of the threshold, of a pair A/sqrt(W*L)",
+    45e-9,
+    "V m",
+    "1 mV um for each nm of oxide, a usual rule",
+    True,
+)
+GAIN_MISMATCH: Final = Quantity("mismatch A of the relative gain factor", 0.02e-6, "m", "2 % um, usual", True)

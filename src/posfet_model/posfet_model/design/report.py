@@ -66,6 +66,12 @@ FIGURES: Final = (
     Figure("second_pole_hz", "Hz", "magnitude of the next pole", lambda d: d.amplifier.second_pole),
     Figure("phase_margin_deg", "degrees", "phase margin", lambda d: d.amplifier.phase_margin),
     Figure(
+        "least_phase_margin_deg",
+        "degrees",
+        "least phase margin at inputs from 0 V to that of signal_force",
+        lambda d: d.margins_in_use.phase_margin,
+    ),
+    Figure(
         "overshoot_small_signal_pct",
         "%",
         "overshoot of a step so small that the circuit is linear",
@@ -74,14 +80,12 @@ FIGURES: Final = (
     Figure("settling_time_s", "s", "time to 1 % of a small step", lambda d: d.amplifier.settling_time),
     Figure("follower_gain", "V/V", "gain of the follower", lambda d: d.amplifier.follower_gain),
     Figure("bandwidth_hz", "Hz", "-3 dB frequency of the follower", lambda d: d.amplifier.bandwidth),
+    Figure("slew_hand_v_per_s", "V/s", "slew rate of a rise by a hand formula", lambda d: d.amplifier.slew_rate),
     Figure(
-        "slew_v_per_s",
+        "falling_slew_hand_v_per_s",
         "V/s",
-        "slew rate of a rise: in the report of 2 V, in sweeps by a hand formula",
-        lambda d: d.amplifier.slew_rate,
-    ),
-    Figure(
-        "falling_slew_v_per_s", "V/s", "slew rate of a fall, as that of a rise", lambda d: d.amplifier.falling_slew_rate
+        "slew rate of a fall by a hand formula",
+        lambda d: d.amplifier.falling_slew_rate,
     ),
     Figure("offset_v", "V", "systematic offset, without mismatch", lambda d: d.amplifier.offset),
     Figure(
@@ -89,6 +93,12 @@ FIGURES: Final = (
         "dB",
         "common-mode rejection of the circuit without mismatch",
         lambda d: _decibels(d.amplifier.common_mode_rejection),
+    ),
+    Figure(
+        "cmrr_hand_db",
+        "dB",
+        "the same with mismatch of one standard deviation, by a hand formula",
+        lambda d: _decibels(d.common_mode_rejection),
     ),
     Figure(
         "lowest_input_v",
@@ -125,14 +135,27 @@ FIGURES: Final = (
 
 KEYS: Final = tuple(figure.key for figure in FIGURES)
 
-OVERSHOOT: Final = Figure(
-    "overshoot_pct", "%", "overshoot of a step of 50 mV", lambda d: 100 * step_test(d.follower()).overshoot
-)
-"""Of single designs only, since the circuit is integrated over the step."""
 
-_BEFORE_OVERSHOOT: Final = KEYS.index("overshoot_small_signal_pct")
+def _slew_rates(design: PosfetDesign) -> tuple[float, float]:
+    """Return rise and fall [V/s] of a step within the input's range; NaN where there is none, or they are unknown."""
+    low, high = float(design.amplifier.lowest_input), float(design.amplifier.highest_input)
+    if not low < 0 < high or not design.slew_rate_known:
+        return math.nan, math.nan
+    return slew_rates(design.follower(), max(SLEWING_STEP[0], low), min(SLEWING_STEP[1], high))
 
-REPORT: Final = (*FIGURES[:_BEFORE_OVERSHOOT], OVERSHOOT, *FIGURES[_BEFORE_OVERSHOOT:])
+
+INTEGRATED: Final = {
+    "overshoot_small_signal_pct": Figure(
+        "overshoot_pct", "%", "overshoot of a step of 50 mV", lambda d: 100 * step_test(d.follower()).overshoot
+    ),
+    "slew_hand_v_per_s": Figure("slew_v_per_s", "V/s", "slew rate of a rise, of a step", lambda d: _slew_rates(d)[0]),
+    "falling_slew_hand_v_per_s": Figure(
+        "falling_slew_v_per_s", "V/s", "slew rate of a fall, of a step", lambda d: _slew_rates(d)[1]
+    ),
+}
+"""Figures of single designs only, since the circuit is integrated, before those that take their place in arrays."""
+
+REPORT: Final = tuple(one for figure in FIGURES for one in (INTEGRATED.get(figure.key), figure) if one is not None)
 """Figures of the report of a single design, in the order in which they are printed."""
 
 _PREFIXES: Final = {-15: "f", -12: "p", -9: "n", -6: "u", -3: "m", 0: "", 3: "k", 6: "M", 9: "G", 12: "T"}
@@ -171,20 +194,11 @@ def values(design: PosfetDesign, keys: Iterable[str] = KEYS) -> dict[str, FloatA
 def _of_single(design: PosfetDesign) -> dict[str, float]:
     """Return the figures of a single design; overshoot and slew rates are those of steps, by integration."""
     known = {key: float(value) for key, value in values(design).items()}
-    numbers = {figure.key: known.get(figure.key, math.nan) for figure in REPORT}
     with np.errstate(divide="ignore", invalid="ignore"):  # transistors in cut-off
-        if not math.isnan(numbers["overshoot_small_signal_pct"]):
-            numbers[OVERSHOOT.key] = float(OVERSHOOT.value(design))
-        numbers["slew_v_per_s"], numbers["falling_slew_v_per_s"] = _slew_rates(design, numbers)
-    return numbers
-
-
-def _slew_rates(design: PosfetDesign, numbers: dict[str, float]) -> tuple[float, float]:
-    """Return rise and fall [V/s] of a step within the input's range; NaN where there is none."""
-    low, high = max(SLEWING_STEP[0], numbers["lowest_input_v"]), min(SLEWING_STEP[1], numbers["highest_input_v"])
-    if not (numbers["lowest_input_v"] < 0 < numbers["highest_input_v"]):
-        return math.nan, math.nan
-    return slew_rates(design.follower(), low, high)
+        overshoot = 100 * step_test(design.follower()).overshoot if design.amplifier.stable else math.nan
+        known["slew_v_per_s"], known["falling_slew_v_per_s"] = _slew_rates(design)
+    known["overshoot_pct"] = overshoot
+    return {figure.key: known[figure.key] for figure in REPORT}
 
 
 def as_json(design: PosfetDesign) -> dict[str, Any]:
@@ -212,6 +226,7 @@ def as_json(design: PosfetDesign) -> dict[str, Any]:
         "stable": bool(design.amplifier.stable),
         "reasons": design.reasons,
         "stages": design.stages,
+        "slew_rate_known": design.slew_rate_known,
         "film_geometry": design.film_geometry.value,
         **{key: value if math.isfinite(value) else None for key, value in numbers.items()},
     }

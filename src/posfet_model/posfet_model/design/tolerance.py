@@ -7,9 +7,8 @@
 
 """Tolerance analysis of a design: Monte Carlo over spreads of its fields and mismatch of its transistors, in arrays.
 
-A field with a spread is log-normal, with the nominal value as its median, so that it never changes its sign. Mismatch
-of a pair follows M. J. M. Pelgrom et al., IEEE J. Solid-State Circuits 24 (1989) 1433, doi:10.1109/JSSC.1989.572629:
-the standard deviation of the difference is A/sqrt(W*L), for the threshold and for the relative gain factor.
+A field with a spread is log-normal, with the nominal value as its median, so that it never changes its sign. Of each
+sample, offset and common-mode rejection are those of the circuit whose pairs differ (`mismatch`).
 """
 
 from __future__ import annotations
@@ -22,7 +21,10 @@ from typing import Final
 import numpy as np
 
 from posfet_model._lib.types import Array, FloatArray, Mask
+from posfet_model.amplifier.circuit_figures import circuit_figures
 from posfet_model.design import report
+from posfet_model.design.amplifier_figures import circuit_blocks
+from posfet_model.design.mismatch import deviations, mismatched
 from posfet_model.design.posfet_design import PosfetDesign
 
 QUANTILES: Final = (0.01, 0.05, 0.25, 0.5, 0.75, 0.95, 0.99)
@@ -34,11 +36,11 @@ OFFSET: Final = "offset_v"
 MAX_SAMPLES: Final = 1_000_000
 """Most samples."""
 
-THRESHOLD_MISMATCH: Final = 45e-9
-"""A of the threshold [V m], 45 mV um: 1 mV um for each nm of oxide, a usual rule; assumed."""
+CMRR: Final = "cmrr_db"
+"""Key of the common-mode rejection with mismatch [dB], of samples only."""
 
-GAIN_MISMATCH: Final = 0.02e-6
-"""A of the relative gain factor [m], 2 % um; assumed."""
+KEYS: Final = (*report.KEYS, CMRR)
+"""Keys of the figures of a sample."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ class Limit:
     """Allowed range of a figure of merit; unchecked."""
 
     key: str
-    """Key of the figure, of `report.KEYS`."""
+    """Key of the figure, of `KEYS`."""
     low: float = -math.inf
     """Smallest allowed value."""
     high: float = math.inf
@@ -55,7 +57,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class Tolerance:
-    """Spreads, mismatch and limits; unchecked."""
+    """Spreads and limits; unchecked."""
 
     samples: int = 1000
     """Number of samples."""
@@ -63,10 +65,6 @@ class Tolerance:
     """Seed of the random numbers."""
     spread: tuple[tuple[str, float], ...] = ()
     """Field, and its relative standard deviation [1]."""
-    threshold_mismatch: float = THRESHOLD_MISMATCH
-    """A of the threshold [V m]."""
-    gain_mismatch: float = GAIN_MISMATCH
-    """A of the relative gain factor [m]."""
     limits: tuple[Limit, ...] = ()
     """What a good sample has to meet, besides being valid."""
 
@@ -76,7 +74,7 @@ class ToleranceResult:
     """Outcome of a tolerance analysis."""
 
     figures: dict[str, FloatArray]
-    """Figures of merit of each sample by key (`report.KEYS`), shape [samples]."""
+    """Figures of merit of each sample by key (`KEYS`), shape [samples]."""
     valid: Mask
     """Which samples are valid designs."""
     passed: dict[str, Mask]
@@ -116,7 +114,7 @@ def run_tolerance(design: PosfetDesign, tolerance: Tolerance) -> ToleranceResult
     design : PosfetDesign
         Nominal design, of numbers.
     tolerance : Tolerance
-        Spreads, mismatch and limits.
+        Spreads and limits.
 
     Returns
     -------
@@ -141,21 +139,21 @@ def run_tolerance(design: PosfetDesign, tolerance: Tolerance) -> ToleranceResult
         for name, relative in tolerance.spread
     }
 
-    def mismatch(part: str) -> tuple[Array, Array]:
-        """Return differences of threshold [V] and relative gain factor [1] of a pair, or of a mirror to M6."""
-        root = math.sqrt(getattr(design, f"{part}_width") * getattr(design, f"{part}_length"))
-        return tolerance.threshold_mismatch / root * normal(), tolerance.gain_mismatch / root * normal()
+    def differences(part: str) -> tuple[Array, Array]:
+        volts, gain = deviations(design, part)
+        return volts * normal(), gain * normal()
 
-    pair, load, tail, sink = (mismatch(part) for part in ("gate", "load", "tail", "sink"))
-    for name, (threshold, gain) in (("tail_width", tail), ("sink_width", sink)):
-        current = 1 + gain - 2 * threshold / _mirror_overdrive(design)
+    (volts, gain), load, tail, sink = (differences(part) for part in ("gate", "load", "tail", "sink"))
+    for name, (shift, stronger) in (("tail_width", tail), ("sink_width", sink)):
+        current = 1 + stronger - 2 * shift / _mirror_overdrive(design)
         changed[name] = changed.get(name, getattr(design, name)) * np.maximum(current, 0.1)
     samples = dataclasses.replace(design, **changed)
-    amplifier = samples.amplifier
-    ratio = amplifier.load_transconductance / amplifier.input_transconductance
-    offset = pair[0] / samples.coupling + ratio * load[0] + 0.5 * amplifier.overdrive * (pair[1] + load[1])
+    circuit = mismatched(samples.op_amp, (volts / samples.coupling, gain), load)
+    real = [circuit_figures(block) for block in circuit_blocks(circuit, (count,))]
     figures: dict[str, FloatArray] = {key: np.array(value) for key, value in report.values(samples).items()}
-    figures[OFFSET] = figures[OFFSET] + offset
+    figures[OFFSET] = np.concatenate([one.offset for one in real])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        figures[CMRR] = 20 * np.log10(np.concatenate([one.common_mode_rejection for one in real]))
     passed = {
         limit.key: np.asarray((figures[limit.key] >= limit.low) & (figures[limit.key] <= limit.high))
         for limit in tolerance.limits
