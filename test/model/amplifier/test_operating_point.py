@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 
 from posfet_model.amplifier.one_stage import CIRCUIT_C, one_stage_figures
+from posfet_model.amplifier.operating_point import OpAmpFigures
+from posfet_model.amplifier.slew_identification import one_stage_model, two_stage_model
 from posfet_model.amplifier.two_stage import AmplifierBias, AmplifierDesign, figures_of_merit, mismatch_offset
 from posfet_model.device.paper import AMPLIFIER_SIZES as SIZES
 from posfet_model.device.paper import STACK
@@ -73,9 +75,17 @@ def test_slew_rates_against_ngspice(circuit: str, formulas, slack: float) -> Non
     assert formulas().slew_rate / (0.15 / np.diff(instants)[0]) == pytest.approx(1, abs=slack)
 
 
-def test_a_one_stage_supply_too_low_is_rejected() -> None:
+def assert_unknown(figures: OpAmpFigures, reason: str) -> None:
+    numbers = dataclasses.asdict(dataclasses.replace(figures, limits=None))
+    assert numbers.pop("limits") is None and numbers.pop("reasons") == (reason,)
+    assert all(math.isnan(value) for value in numbers.values())
+    assert math.isnan(figures.open_loop_gain) and math.isnan(figures.gain_bandwidth)
+
+
+def test_a_one_stage_supply_too_low_gives_nan_and_the_reason() -> None:
     low = dataclasses.replace(CIRCUIT_C, supply=1.7)
-    assert_refused(one_stage_figures, {"bias": low}, "supply")
+    assert_unknown(one_stage_figures(low), "supply must keep every transistor saturated, got 1.7 V")
+    assert_refused(one_stage_model, {"bias": low}, "supply")
     assert_refused(one_stage_figures, {"bias": None}, "bias")
 
 
@@ -110,8 +120,8 @@ def test_without_modulation_the_formulas_are_the_textbook_ones() -> None:
 def test_follower_from_the_op_amp_figures() -> None:
     loop = FIGURES.closed_loop
     assert loop.gain == pytest.approx(FIGURES.open_loop_gain / (1 + FIGURES.open_loop_gain), abs=1e-15)
-    assert FIGURES.limits.v_low < -1 < 3 < FIGURES.limits.v_high
-    assert FIGURES.limits.frequency == FIGURES.second_pole > 3 * FIGURES.gain_bandwidth
+    assert FIGURES.known_limits().v_low < -1 < 3 < FIGURES.known_limits().v_high
+    assert FIGURES.known_limits().frequency == FIGURES.second_pole > 3 * FIGURES.gain_bandwidth
 
 
 @pytest.mark.parametrize("load", [11e3, 5e3, 1e9])
@@ -119,7 +129,7 @@ def test_follower_from_the_op_amp_figures() -> None:
 def test_at_the_highest_input_the_last_transistor_is_at_the_edge_of_saturation(load: float, current: float) -> None:
     """With the transistor equations: M7 carries the current of M8 and the load, at the edge of pinch-off."""
     bias = AmplifierBias(reference_current=current, load_resistance=load)
-    limits, oxide = figures_of_merit(bias).limits, STACK.oxide
+    limits, oxide = figures_of_merit(bias).known_limits(), STACK.oxide
     aspect = {size.name: size.width / size.length for size in SIZES}
     lam, volts = bias.modulation, limits.v_high
     edge = bias.supply - volts
@@ -154,8 +164,11 @@ def test_a_value_that_is_no_bias_is_rejected(value) -> None:
     assert_refused(figures_of_merit, {"bias": value}, "bias")
 
 
-def test_a_supply_too_low_is_rejected() -> None:
-    assert_refused(figures_of_merit, {"bias": AmplifierBias(supply=1.2)}, "supply")
+def test_a_supply_too_low_gives_nan_and_the_reason_so_that_a_sweep_goes_on() -> None:
+    swept = [figures_of_merit(AmplifierBias(supply=supply)) for supply in (1.2, 5.0)]
+    assert_unknown(swept[0], "supply must keep every transistor saturated, got 1.2 V")
+    assert swept[1] == FIGURES and FIGURES.reasons == ()
+    assert_refused(two_stage_model, {"bias": AmplifierBias(supply=1.2)}, "supply")
 
 
 def test_an_invalid_bias_is_rejected_by_name() -> None:
@@ -211,16 +224,20 @@ def test_a_poled_film_moves_the_input_range_by_the_shift_of_the_threshold(formul
         formulas(bias, AmplifierDesign(pair_threshold_shift=shift)) for shift in (0.0, -0.3, -4.0)
     )
     assert poled.open_loop_gain == pytest.approx(usual.open_loop_gain, rel=1e-5, abs=0)
-    assert poled.limits.v_low - usual.limits.v_low == pytest.approx(-0.3, abs=1e-5)
+    assert poled.known_limits().v_low - usual.known_limits().v_low == pytest.approx(-0.3, abs=1e-5)
     # The pair leaves saturation where its gate is a threshold above the drain, the gate of M3 below the supply.
     load = math.sqrt(usual.tail_current / (0.0283 * STACK.oxide * 160 / 12))
-    assert depleted.limits.v_high == pytest.approx(5.0 - 0.7 - load + 0.7 - 4.0, abs=1e-4)
+    assert depleted.known_limits().v_high == pytest.approx(5.0 - 0.7 - load + 0.7 - 4.0, abs=1e-4)
 
 
-def test_a_pair_that_cannot_saturate_is_rejected() -> None:
-    assert_refused(figures_of_merit, {"design": AmplifierDesign(pair_threshold_shift=-6.0)}, "supply")
+def test_a_pair_that_cannot_saturate_gives_nan_and_the_reason() -> None:
+    assert_unknown(
+        figures_of_merit(design=AmplifierDesign(pair_threshold_shift=-6.0)),
+        "supply must keep every transistor saturated, got 5 V",
+    )
     sizes = tuple(dataclasses.replace(size, width=1e-6) if size.name == "M7" else size for size in SIZES)
-    with pytest.raises(ValueError, match=r"^design must keep every transistor saturated at some input, got none: "):
-        figures_of_merit(AmplifierBias(supply=2.5), AmplifierDesign(sizes=sizes))
+    never = figures_of_merit(AmplifierBias(supply=2.5), AmplifierDesign(sizes=sizes))
+    assert_unknown(never, never.reasons[0])
+    assert never.reasons[0].startswith("design must keep every transistor saturated at some input, got none: ")
     for value in (*NOT_REAL_NUMBERS, 101.0):
         assert_refused(AmplifierDesign, {"pair_threshold_shift": value}, "pair_threshold_shift")

@@ -13,6 +13,7 @@ import shutil
 import numpy as np
 import pytest
 
+from posfet_model.amplifier.step_test import mean_slope
 from posfet_model.amplifier.two_stage import figures_of_merit
 from posfet_model.spice import ngspice
 from posfet_model.spice.circuits import CIRCUITS
@@ -21,7 +22,6 @@ from posfet_model.spice.measurement import (
     measure_loop,
     oscillates,
     overshoot,
-    slew_rate,
 )
 from posfet_model.spice.netlist import subcircuit
 from support.spice_data import recorded
@@ -67,9 +67,9 @@ def test_overshoot_and_slope_of_either_direction() -> None:
     assert overshoot(2 - 3 * ringing, -1.0) == pytest.approx(exact - 1, abs=1e-4)
     assert overshoot(1 - np.exp(-time), 1.0) == 0
     ramp = np.clip(time - 3, 0, 2)
-    assert slew_rate(time, ramp, 2.0) == pytest.approx(1, rel=1e-9)
-    assert slew_rate(time, -2 * ramp, -4.0) == pytest.approx(2, rel=1e-9)
-    assert math.isnan(slew_rate(time, ramp, 4.0))
+    assert mean_slope(time, ramp, 2.0) == pytest.approx(1, rel=1e-9)
+    assert mean_slope(time, -2 * ramp, -4.0) == pytest.approx(2, rel=1e-9)
+    assert math.isnan(mean_slope(time, ramp, 4.0))
 
 
 def test_what_oscillates() -> None:

@@ -196,7 +196,7 @@ def test_a_falling_edge_outside_the_model_is_flagged() -> None:
 @pytest.mark.parametrize(("circuit", "figures"), [("opamp_b", figures_of_merit()), ("opamp_c", one_stage_figures())])
 def test_the_follower_is_linear_within_its_limits_and_nonlinear_beyond(circuit: str, figures: OpAmpFigures) -> None:
     """Slow ramps from 0 to either rail: at most 0.1 % of the range of nonlinearity inside, increasing outside."""
-    limits = figures.limits
+    limits = figures.known_limits()
     runs = [
         ngspice.run_follower(ngspice.netlist(circuit), ngspice.piecewise_linear([0, 1e-3], [0, volts]), 1e-3, 1e-6)
         for volts in (-4.8, 4.8)

@@ -24,6 +24,7 @@ from posfet_model.amplifier.operating_point import (
     TABLE_II,
     AmplifierBias,
     AmplifierDesign,
+    NotSaturatedError,
     OpAmpFigures,
     OperatingPoint,
     bisect,
@@ -53,12 +54,13 @@ def one_stage_figures(bias: AmplifierBias = CIRCUIT_C, design: AmplifierDesign =
     Returns
     -------
     OpAmpFigures
-        Figures of merit at rest.
+        Figures of merit at rest; all NaN, with the reason in `reasons`, where the supply is too low for the transistors
+        to be saturated.
 
     Raises
     ------
     ValueError
-        The supply is too low for the transistors to be saturated.
+        An argument is of another type.
 
     Notes
     -----
@@ -67,12 +69,19 @@ def one_stage_figures(bias: AmplifierBias = CIRCUIT_C, design: AmplifierDesign =
     input by lambda.
     """
     bias, design = instance("bias", bias, AmplifierBias), instance("design", design, AmplifierDesign)
+    try:
+        return _figures(bias, design)
+    except NotSaturatedError as error:
+        return OpAmpFigures.unknown(error)
+
+
+def _figures(bias: AmplifierBias, design: AmplifierDesign) -> OpAmpFigures:
     point = operating_point(bias, design)
     lam, half = bias.modulation, point.tail / 2
     overdrive7 = math.sqrt(2 * point.output / (design.n_factor("M7") * (1 + lam * bias.supply)))
     first = bias.threshold + overdrive7  # [V], of the gate of M7 with the output at 0 V
     if first + point.load_overdrive > bias.supply:
-        raise ValueError(f"supply must keep every transistor saturated, got {bias.supply:g} V")
+        raise NotSaturatedError(f"supply must keep every transistor saturated, got {bias.supply:g} V")
     below, above = first + point.pair_threshold + point.pair_overdrive, bias.supply - first  # of M2 and M4
     out1 = lam * half / (1 + lam * below) + lam * half / (1 + lam * above)
     gm1, gm7 = point.tail / point.pair_overdrive, 2 * point.output / overdrive7

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, fields
+from typing import Final, TypeVar
 
 from posfet_model._lib.validation import instance, real_number
 from posfet_model.amplifier.closed_loop import ClosedLoop, FollowerLimits, close_loop
@@ -148,6 +148,13 @@ CIRCUIT_B: Final = AmplifierBias()
 """Bias of circuit B, two stages."""
 
 
+_Figures = TypeVar("_Figures", bound="OpAmpFigures")
+
+
+class NotSaturatedError(ValueError):
+    """A transistor cannot be saturated: there is no operating point of which the hand formulas could be."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class OpAmpFigures:
     """Figures of merit of either op-amp by hand formulas, at rest with input and output near 0 V."""
@@ -168,8 +175,34 @@ class OpAmpFigures:
     """Frequency of the second pole [Hz]."""
     slew_rate: float
     """Steepest rise of the output [V/s]."""
-    limits: FollowerLimits
-    """Input range in which all transistors stay saturated, slew rates, and the second pole as highest frequency."""
+    limits: FollowerLimits | None
+    """Input range in which all transistors stay saturated, slew rates, and the second pole as highest frequency; None
+    where a transistor cannot saturate."""
+    reasons: tuple[str, ...] = ()
+    """Why there are no figures: all are NaN where a transistor cannot saturate; empty otherwise."""
+
+    @classmethod
+    def unknown(cls: type[_Figures], error: NotSaturatedError) -> _Figures:
+        """Return figures that are all NaN, with the reason; unchecked."""
+        names = (item.name for item in fields(cls) if item.name not in ("limits", "reasons"))
+        return cls(**dict.fromkeys(names, math.nan), limits=None, reasons=(str(error),))
+
+    def known_limits(self) -> FollowerLimits:
+        """Return the limits.
+
+        Returns
+        -------
+        FollowerLimits
+            The limits.
+
+        Raises
+        ------
+        ValueError
+            A transistor cannot saturate.
+        """
+        if self.limits is None:
+            raise ValueError("; ".join(self.reasons))
+        return self.limits
 
     @property
     def open_loop_gain(self) -> float:
@@ -239,7 +272,7 @@ def operating_point(bias: AmplifierBias, design: AmplifierDesign) -> OperatingPo
 
     Raises
     ------
-    ValueError
+    NotSaturatedError
         The supply is too low for the transistors to be saturated.
     """
     lam, vth, supply = bias.modulation, bias.threshold, bias.supply
@@ -253,7 +286,7 @@ def operating_point(bias: AmplifierBias, design: AmplifierDesign) -> OperatingPo
         load_voltage = vth + load_overdrive
         pair_voltage = supply - load_voltage + pair_threshold + pair_overdrive
         if tail_voltage < bias_overdrive or load_voltage > supply or pair_voltage < pair_overdrive:
-            raise ValueError(f"supply must keep every transistor saturated, got {supply:g} V")
+            raise NotSaturatedError(f"supply must keep every transistor saturated, got {supply:g} V")
         tail = saturated(design.n_factor("M5"), bias_overdrive, tail_voltage, lam)
         pair_overdrive = math.sqrt(tail / (design.pair_factor() * (1 + lam * pair_voltage)))
         load_overdrive = math.sqrt(tail / (load * (1 + lam * load_voltage)))

@@ -110,9 +110,9 @@ def two_stage_model(bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = T
     Not valid for falls beyond `AmplifierFigures.falling_slew_rate`.
     """
     figures = figures_of_merit(bias, design)
+    limits = replace(figures.known_limits(), slew_rate=math.inf)
     zero = figures.gain_bandwidth * (1 / figures.zero - 1 / figures.second_pole)
     lead = Lead(linear=min(max(zero, 0.0), 1.0), square=min(figures.bend / figures.slew_overdrive, 0.5))
-    limits = replace(figures.limits, slew_rate=math.inf)
     open_loop = OpenLoop(figures.open_loop_gain, (figures.dominant_pole, figures.second_pole), figures.zero)
     usable = bool(open_loop.validity.valid)
     return SlewModel("two stages", figures.closed_loop, figures.slew_overdrive, lead, limits, usable)
@@ -143,7 +143,7 @@ def one_stage_model(bias: AmplifierBias = CIRCUIT_C, design: AmplifierDesign = T
     Compared with ngspice, steps of 1 V upwards at biases from 50 to 200 uA and Cc from 33 to 66 pF: at most 1.1 % rms.
     """
     figures = one_stage_figures(bias, design)
-    limits = replace(figures.limits, slew_rate=math.inf)
+    limits = replace(figures.known_limits(), slew_rate=math.inf)
     open_loop = OpenLoop(figures.open_loop_gain, (figures.dominant_pole, figures.second_pole))
     return SlewModel(
         "one stage and an output follower",

@@ -94,7 +94,7 @@ def step_test(follower: CircuitFollower, volts: float = 0.05, start: float = 0.0
     return StepTest(
         overshoot=max(float(rise.max()) - 1, 0.0),
         settling_time=float(time[min(outside[-1] + 1, _SAMPLES)]) if outside[-1] < _SAMPLES else np.inf,
-        slope=0.6 * abs(final - float(out[0])) / (_first(time, rise, 0.8) - _first(time, rise, 0.2)),
+        slope=mean_slope(time, out, final),
     )
 
 
@@ -161,13 +161,50 @@ def steepest_slope(time: Array, v_out: Array, final: float) -> float:
         Slope [V/s], positive for either direction; NaN where the step does not reach 80 %.
     """
     rise = (v_out - v_out[0]) / (final - v_out[0])
-    if not rise.max() >= _SHARES[-1]:
-        return np.nan
-    instants = np.array([_first(time, rise, share) for share in _SHARES])
+    instants = np.array([reached(time, rise, share) for share in _SHARES])
     return float(_BAND * abs(final - v_out[0]) / (instants[_PER_BAND:] - instants[:-_PER_BAND]).min())
 
 
-def _first(time: Array, rise: Array, share: float) -> float:
-    """Return when the output first reaches a share of the step, between samples by interpolation."""
-    k = int(np.argmax(rise >= share))
-    return float(np.interp(share, rise[k - 1 : k + 1], time[k - 1 : k + 1]))
+def reached(time: Array, rise: Array, share: float) -> float:
+    """Return when the output first reaches a share of a step, between samples by interpolation; unchecked.
+
+    Parameters
+    ----------
+    time : ndarray
+        Instants [s], increasing.
+    rise : ndarray
+        Output as a share of the step, 0 at first [1].
+    share : float
+        The share [1].
+
+    Returns
+    -------
+    float
+        Instant [s]; NaN where it does not.
+    """
+    beyond = np.flatnonzero(rise >= share)
+    if not beyond.size:
+        return float("nan")
+    ends = slice(beyond[0] - 1, beyond[0] + 1)
+    return float(np.interp(share, rise[ends], time[ends]))
+
+
+def mean_slope(time: Array, v_out: Array, final: float) -> float:
+    """Return the mean slope of a step from 20 to 80 % of it, where it first reaches them; unchecked.
+
+    Parameters
+    ----------
+    time : ndarray
+        Instants [s], increasing.
+    v_out : ndarray
+        Output of a large step [V], at rest first.
+    final : float
+        Final value [V].
+
+    Returns
+    -------
+    float
+        Slope [V/s], positive for either direction; NaN where the step does not reach 80 %.
+    """
+    rise = (v_out - v_out[0]) / (final - v_out[0])
+    return abs(0.6 * (final - float(v_out[0]))) / (reached(time, rise, 0.8) - reached(time, rise, 0.2))

@@ -27,6 +27,7 @@ from posfet_model.amplifier.operating_point import (
     TABLE_II,
     AmplifierBias,
     AmplifierDesign,
+    NotSaturatedError,
     OpAmpFigures,
     OperatingPoint,
     bisect,
@@ -82,12 +83,13 @@ def figures_of_merit(bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = 
     Returns
     -------
     AmplifierFigures
-        Figures of merit at rest.
+        Figures of merit at rest; all NaN, with the reason in `reasons`, where the supply is too low for the transistors
+        to be saturated, or they are not at any input.
 
     Raises
     ------
     ValueError
-        The supply is too low for the transistors to be saturated, or they are not at any input.
+        An argument is of another type.
 
     Notes
     -----
@@ -98,6 +100,13 @@ def figures_of_merit(bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = 
     current; ngspice slews at 4.85 V/us, this formula gives 4.49.
     """
     bias, design = instance("bias", bias, AmplifierBias), instance("design", design, AmplifierDesign)
+    try:
+        return _figures(bias, design)
+    except NotSaturatedError as error:
+        return AmplifierFigures.unknown(error)
+
+
+def _figures(bias: AmplifierBias, design: AmplifierDesign) -> AmplifierFigures:
     point = operating_point(bias, design)
     lam = bias.modulation
     gm1, gm3 = point.tail / point.pair_overdrive, point.tail / point.load_overdrive
@@ -111,7 +120,7 @@ def figures_of_merit(bias: AmplifierBias = CIRCUIT_B, design: AmplifierDesign = 
     slewing = _slewing(bias, design, point, second_gain)
     lowest, highest = lowest_input(bias, point), _highest_input(bias, design, point)
     if not lowest < highest:
-        raise ValueError(
+        raise NotSaturatedError(
             "design must keep every transistor saturated at some input, got none: "
             "it needs a wider M7, a larger load_resistance or a higher supply"
         )

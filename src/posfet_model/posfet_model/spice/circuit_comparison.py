@@ -22,9 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model.amplifier.open_loop import LEAST_PHASE_MARGIN, MOST_OVERSHOOT
+from posfet_model.amplifier.step_test import mean_slope
 from posfet_model.spice.circuit_models import WAYS, CircuitModel
 from posfet_model.spice.circuits import Circuit
-from posfet_model.spice.measurement import overshoot, slew_rate
+from posfet_model.spice.measurement import overshoot
 from posfet_model.spice.record_file import Record
 from posfet_model.spice.recorded_runs import time_scale
 from posfet_model.spice.stimuli import Stimulus, stimuli
@@ -235,7 +236,7 @@ def _loop_error(record: Record, way: str, model: CircuitModel, found: Mapping[st
     if all(stable) and SLEWING_STEP in found:
         run, own = record.runs[SLEWING_STEP], found[SLEWING_STEP]
         ends = [float(run.v_out[0]) + gains[0], float(own.v_out[0]) + gains[1]]
-        slopes = slew_rate(run.time, run.v_out, ends[0]), slew_rate(own.time, own.v_out, ends[1])
+        slopes = mean_slope(run.time, run.v_out, ends[0]), mean_slope(own.time, own.v_out, ends[1])
     usable = measured.phase_margin >= LEAST_PHASE_MARGIN and peaks[0] <= MOST_OVERSHOOT
     return LoopError(
         circuit=record.circuit,

@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""What ngspice shows of a circuit: operating point, loop gain, phase margin, overshoot and slew rate."""
+"""What ngspice shows of a circuit: operating point, loop gain, phase margin and overshoot."""
 
 from __future__ import annotations
 
@@ -144,34 +144,6 @@ def overshoot(v_out: NDArray[np.float64], final: float) -> float:
     """
     step = final - float(v_out[0])
     return max(0.0, float(np.max((v_out - v_out[0]) / step)) - 1)
-
-
-def slew_rate(time: NDArray[np.float64], v_out: NDArray[np.float64], final: float) -> float:
-    """Return the mean slope of a step between 20 and 80 % of it, where it first reaches them.
-
-    Parameters
-    ----------
-    time : ndarray
-        Instants [s], increasing.
-    v_out : ndarray
-        Output of a large step [V], at rest first.
-    final : float
-        Final value [V].
-
-    Returns
-    -------
-    float
-        Slope [V/s], positive for either direction; NaN where the step does not reach 80 %.
-    """
-    progress = (v_out - v_out[0]) / (final - v_out[0])
-    instants = []
-    for level in (0.2, 0.8):
-        reached = np.flatnonzero(progress >= level)
-        if not reached.size:
-            return math.nan
-        ends = slice(reached[0] - 1, reached[0] + 1)
-        instants.append(float(np.interp(level, progress[ends], time[ends])))
-    return abs(0.6 * (final - float(v_out[0]))) / (instants[1] - instants[0])
 
 
 def oscillates(v_out: NDArray[np.float64]) -> bool:

@@ -69,9 +69,9 @@ def run_open_loop_ac(circuit: str, lowest: float = 1.0, highest: float = 1e8, pe
     circuit : str
         Text of a netlist, as in `run_follower`.
     lowest, highest : float
-        Ends of the frequency range [Hz], from 1e-3 to 1e13, at least a decade apart.
+        As in `run_follower_ac`.
     per_decade : int, default 50
-        Frequencies per decade, in [1, 10000].
+        As in `run_follower_ac`.
 
     Returns
     -------
@@ -81,9 +81,9 @@ def run_open_loop_ac(circuit: str, lowest: float = 1.0, highest: float = 1e8, pe
     Raises
     ------
     ValueError
-        A frequency or `per_decade` is out of range.
+        A number is out of range.
     SpiceError
-        ngspice failed or the run is incomplete.
+        As of `run_follower_ac`.
     """
     loop = "lloop out feedback 1g\ncloop feedback 0 1\nxdut in feedback out opamp"
     return _run_ac(circuit, loop, lowest, highest, per_decade)
@@ -103,9 +103,9 @@ def run_loop_gain(
     circuit : str
         Text of a netlist, as in `run_follower`.
     lowest, highest : float
-        Ends of the frequency range [Hz], from 1e-3 to 1e13, at least a decade apart.
+        As in `run_follower_ac`.
     per_decade : int, default 50
-        Frequencies per decade, in [1, 10000].
+        As in `run_follower_ac`.
     v_in : float, default 0.0
         Input at rest [V], within +-1e3.
 
@@ -117,9 +117,9 @@ def run_loop_gain(
     Raises
     ------
     ValueError
-        A frequency, `per_decade` or `v_in` is out of range.
+        A number is out of range.
     SpiceError
-        ngspice failed or the run is incomplete.
+        As of `run_follower_ac`.
     """
     loop = "vloop out feedback dc 0 ac -1\nxdut in feedback out opamp"
     volts = f"{real_number('v_in', v_in, -1e3, 1e3):.12g}"
@@ -140,9 +140,9 @@ def run_double_injection(
     circuit : str
         Text of a netlist, as in `run_follower`.
     lowest, highest : float
-        Ends of the frequency range [Hz], from 1e-3 to 1e13, at least a decade apart.
+        As in `run_follower_ac`.
     per_decade : int, default 50
-        Frequencies per decade, in [1, 10000].
+        As in `run_follower_ac`.
     v_in : float, default 0.0
         Input at rest [V], within +-1e3.
 
@@ -154,9 +154,9 @@ def run_double_injection(
     Raises
     ------
     ValueError
-        A frequency, `per_decade` or `v_in` is out of range.
+        A number is out of range.
     SpiceError
-        ngspice failed or the run is incomplete.
+        As of `run_follower_ac`.
     """
     loops = (
         "vloop out feedback dc 0 ac -1\nxdut in feedback out opamp\n"
