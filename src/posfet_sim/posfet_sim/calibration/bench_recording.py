@@ -17,6 +17,7 @@ from __future__ import annotations
 import csv
 import io
 from array import array
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -32,9 +33,10 @@ from posfet_model._lib.types import Array
 from posfet_model.calibration.least_squares_fit import Recording
 from posfet_model.config import ConfigError, read_text
 from posfet_model.sensor.description import Sensor
-from posfet_model.sensor.scan import ScanStatus
+from posfet_model.sensor.scan import Scan, ScanStatus
 from posfet_model.sensor.signal_chain import InverseSignalChain, charge_per_newton
 from posfet_sim.contact.indenters import Sphere
+from posfet_sim.recording.recorded_scans import RecordedScans
 from posfet_sim.scene import Keyframes, Scene, SceneLoads, SceneObject
 from posfet_sim.scene.trajectories import Pose, Span
 
@@ -46,6 +48,9 @@ LIMITS: Final = {"time_s": (0.0, 1e11), "x_mm": (-1000.0, 1000.0), "y_mm": (-100
 
 MAX_REFERENCE: Final = 64_000_000
 """Largest size of the file of the rig [byte]: half an hour of readings at 1 kHz."""
+
+TAIL: Final = 4096
+"""Size of the end of a growing file that has its newest reading [byte]."""
 
 MAX_DELAY: Final = 0.5
 """Maximum delay between the two clocks [s]."""
@@ -100,12 +105,12 @@ class Scans:
 
 
 def read_scans(file: Path, sensor: Sensor) -> Scans:
-    """Return the scans in a recording of the bus.
+    """Return the scans in a recording.
 
     Parameters
     ----------
     file : Path
-        File of `posfet can record`.
+        File of `posfet can record`, or MCAP file with the topic `raw`.
     sensor : Sensor
         Sensor description.
 
@@ -119,26 +124,30 @@ def read_scans(file: Path, sensor: Sensor) -> Scans:
     ConfigError
         There is no scan or no temperature in it, or the board was reset. The message is one line.
     """
-    decoder = Decoder(sensor)
-    decoder.receiving = True
     stamps: list[int] = []
     counts, temperatures = [], []
-    for message in messages(file):
-        for decoded in decoder.decode([frame_of(message)], round(message.timestamp * 1e9), 0):
-            if not isinstance(decoded, ScanReady):
-                continue
-            scan = decoded.scan
-            if stamps and (scan.status & (ScanStatus.BOARD_RESET | ScanStatus.ADC_FAULT) or scan.stamp <= stamps[-1]):
-                raise ConfigError(f"{file}: the board was reset or its ADC failed after {len(stamps)} scans")
-            stamps.append(scan.stamp)
-            counts.append(scan.counts.copy())
-            temperatures.append(float(np.mean(scan.temperatures)))
+    for scan in RecordedScans(file, sensor).scans() if file.suffix == ".mcap" else _decoded(file, sensor):
+        if stamps and (scan.status & (ScanStatus.BOARD_RESET | ScanStatus.ADC_FAULT) or scan.stamp <= stamps[-1]):
+            raise ConfigError(f"{file}: the board was reset or its ADC failed after {len(stamps)} scans")
+        stamps.append(scan.stamp)
+        counts.append(scan.counts.copy())
+        temperatures.append(float(np.mean(scan.temperatures)))
     if not stamps:
         raise ConfigError(f"{file}: no scan in it: compare the sensor file with the board")
     if not np.isfinite(temperatures).any():
         raise ConfigError(f"{file}: no temperature in it: the status frames of the board are missing")
     time = np.array(stamps, np.float64) * 1e-9
     return Scans(time, np.array(counts), interpolated_temperature(time, np.array(temperatures)))
+
+
+def _decoded(file: Path, sensor: Sensor) -> Iterator[Scan]:
+    """Iterate over the scans in a recording of the bus."""
+    decoder = Decoder(sensor)
+    decoder.receiving = True
+    for message in messages(file):
+        for decoded in decoder.decode([frame_of(message)], round(message.timestamp * 1e9), 0):
+            if isinstance(decoded, ScanReady):
+                yield decoded.scan
 
 
 def interpolated_temperature(time: Array, temperature: Array) -> Array:
@@ -194,6 +203,17 @@ def read_reference(file: Path) -> Reference:
         raise ConfigError(f"{file}: reading {late[0] + 2}: time_s must be after that of the previous reading")
     x, y = values[:, 1:3].T * 1e-3
     return Reference(values[:, 0], np.stack([x, y, np.maximum(values[:, 3], 0.0)]))
+
+
+def last_force(file: Path) -> float | None:
+    """Return the newest force [N] in a file of the rig, which may still be growing; None if there is none."""
+    try:
+        with file.open("rb") as stream:
+            stream.seek(max(stream.seek(0, 2) - TAIL, 0))
+            whole = stream.read().decode("ascii", "replace").split("\n")[:-1]
+        return _reading(file, 0, whole[-1].split(","))[-1]
+    except (OSError, ConfigError, IndexError):
+        return None
 
 
 def _reading(file: Path, line: int, row: list[str]) -> list[float]:

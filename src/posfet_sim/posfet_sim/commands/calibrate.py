@@ -45,6 +45,26 @@ def _from_recording(sensor: Sensor, options: argparse.Namespace) -> Calibration:
     return fit(sensor, recording, timestamp())
 
 
+def _guide(sensor: Sensor, options: argparse.Namespace) -> None:
+    """Go through the steps on a real board; afterwards the options name the recording."""
+    from posfet_sim.commands import guided  # noqa: PLC0415  # needs python-can
+
+    if options.recording is not None:
+        raise ConfigError("--recording: --guided records by itself; leave it out")
+    if not options.interface:
+        raise ConfigError("--guided: needs the board: -i INTERFACE -c CHANNEL; posfet can list shows them")
+    options.recording = options.out.with_suffix(".mcap")
+    with guided.scans_of(sensor, options.interface, options.channel) as scans:
+        guide = guided.run(sensor, scans, options.recording, options.reference)
+    for step in guide.skipped:
+        print(f"{step.title}: left out" + (f": {step.optional}" if step.optional else ""))
+    if options.reference is None:
+        print(
+            f"{options.recording}: recorded. With the file of the rig: posfet calibrate {options.out} "
+            f"--recording {options.recording} --reference FILE --report {options.out.with_suffix('.html')}"
+        )
+
+
 def main(words: Sequence[str] | None = None) -> int:
     """Write a calibration file; return 0, or 1 with one line on stderr for bad input."""
     options = make_parser().parse_args(words)
@@ -53,6 +73,10 @@ def main(words: Sequence[str] | None = None) -> int:
         for path in (options.out, options.report):
             if path is not None:
                 check_writable(path)
+        if options.guided:
+            _guide(sensor, options)
+            if options.reference is None:
+                return 0
         if (options.recording is None) != (options.reference is None):
             raise ConfigError("--recording and --reference are only valid together")
         if options.recording is not None:
@@ -85,7 +109,10 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("out", metavar="FILE", type=Path, help="the YAML file to write")
     parser.add_argument(
-        "--recording", metavar="FILE", type=Path, help="recorded frames of the board (posfet can record)"
+        "--recording",
+        metavar="FILE",
+        type=Path,
+        help="recorded frames of the board (posfet can record), or its raw scans (posfet record)",
     )
     parser.add_argument("--reference", metavar="FILE", type=Path, help=f"readings of the rig, CSV: {','.join(COLUMNS)}")
     parser.add_argument(
@@ -101,6 +128,13 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--report", metavar="FILE", type=Path, help="also write a report: numbers, maps and residuals, one HTML file"
     )
+    parser.add_argument(
+        "--guided", action="store_true", help="go through the steps on the rig with live values, and record the board"
+    )
+    parser.add_argument(
+        "-i", "--interface", default="", help="with --guided: interface of python-can, such as socketcan"
+    )
+    parser.add_argument("-c", "--channel", default="", help="with --guided: its channel, such as can0")
     add_sensor(parser)
     add_serial(parser)
     add_error_model(parser)
