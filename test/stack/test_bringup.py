@@ -9,11 +9,13 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import pty
 import re
 import signal
 import subprocess
+import termios
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -92,27 +94,38 @@ def test_a_limited_run_ends_with_a_summary(composed: str) -> None:
 
 
 def test_live_display_in_a_terminal() -> None:
-    """In a terminal, a live display with force map and contacts replaces the lines."""
+    """A live display replaces the lines, no log line is written into it, and a key ends it."""
     master, slave = pty.openpty()
     environment = {**os.environ, "TERM": "xterm-256color", "COLUMNS": "120", "LINES": "40"}
-    command = ["posfet", "bringup"]
-    process = subprocess.Popen(command, stdout=slave, stderr=subprocess.PIPE, env=environment)
+    process = subprocess.Popen(
+        ["posfet", "bringup"],
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        env=environment,
+        start_new_session=True,
+        preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),  # noqa: PLW1509  # one system call
+    )
     os.close(slave)
-    expected = {"force on each taxel [mN]", "contacts", "held", "frames lost"}
+    expected = {"force on each taxel [mN]", "contacts", "held", "frames lost", "INFO: simulating scene", "q quit"}
     shown = b""
+    picture = 0
     try:
         while chunk := os.read(master, 65536):
             shown += chunk
             if expected and all(word in shown.decode(errors="replace") for word in expected):
-                process.send_signal(signal.SIGINT)
+                os.write(master, b"q")
                 expected.clear()
+                picture = len(shown)
     except OSError:  # Linux reports the end of a pseudo-terminal by this error
         pass
-    _, errors = process.communicate(timeout=TIMEOUT)
+    assert process.wait(timeout=TIMEOUT) == 0
     os.close(master)
-    assert process.returncode == 0, errors
     assert not expected, shown.decode(errors="replace")[-4000:]
-    assert b"posfet: " in shown
+    begin = shown.index(b"force on each taxel")
+    assert b"[INFO]" not in shown[begin:picture]
+    assert b"[INFO]" in shown[picture:]  # afterwards, all of them
+    assert b"posfet: " in shown[picture:]
 
 
 BAD_INPUT = {

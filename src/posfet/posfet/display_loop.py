@@ -29,7 +29,7 @@ def show(
     state: Callable[[], str],
     stop: Callable[[], bool] = lambda: False,
 ) -> int:
-    """Spin nodes and update the display until the time is over, Ctrl-C, or `stop()`, and return the exit code.
+    """Spin nodes and update the display until the time is over, Ctrl-C, a key, or `stop()`, and return the exit code.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def show(
 
     def over() -> bool:
         screen.update()
-        return time.monotonic() >= end or stop()
+        return time.monotonic() >= end or screen.quit or stop()
 
     spin(nodes, until=over)
     screen.update(math.inf)

@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Display snapshots: a live display in a terminal, one line per second elsewhere."""
+"""Display snapshots: a live display with keys in a terminal, one line per second elsewhere."""
 
 from __future__ import annotations
 
@@ -13,14 +13,20 @@ import math
 import sys
 import time
 from contextlib import ExitStack
-from typing import Any
+from typing import Final
 
+import numpy as np
 from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from posfet.live_display import render
-from posfet.snapshot import Record, SnapshotSource, line
+from posfet.colour_scale import nice_scale
+from posfet.force_history import LEAST_SCALE, ForceHistory
+from posfet.live_display import Shown, render
+from posfet.log_capture import LogCapture
+from posfet.snapshot import Record, Snapshot, SnapshotSource, line
+from posfet.terminal_keys import TerminalKeys
+from posfet.web.viewed import Client
 
 DISPLAY_PERIOD = 0.1
 """Period of the live display [s]."""
@@ -28,29 +34,51 @@ LINE_PERIOD = 1.0
 """Period of the lines [s]."""
 RATE_WINDOW = 10
 """Number of snapshots over which the displayed scan rate is averaged."""
-MIN_FULL_SCALE = 0.2
-"""Smallest full scale of the colours [N], so that noise stays dark."""
+ANSWER_SHOWN = 8.0
+"""Time for which the answer to a key is shown [s]."""
+KEYS: Final = "q quit  p pause  t tare"
 
 
 class Screen:
-    """Live display or lines; a context manager that restores the terminal."""
+    """Live display or lines; a context manager that restores the terminal.
+
+    Parameters
+    ----------
+    source : SnapshotSource
+        Source of the snapshots.
+    client : Client, optional
+        Description, diagnostics and services of the stack; None: they are not shown, and `t` does nothing.
+    link : str, optional
+        Link to the browser view.
+    console : Console, optional
+        Where to; default: standard output.
+    """
 
     def __init__(
-        self, source: SnapshotSource, client: Any = None, link: str = "", console: Console | None = None
+        self, source: SnapshotSource, client: Client | None = None, link: str = "", console: Console | None = None
     ) -> None:
-        self._source = source
+        self._source, self._client, self._link = source, client, link
         self._console = console or Console()
         self._live: Live | None = None
         self._stack = ExitStack()
+        self._keys, self._log = TerminalKeys(), LogCapture()
         self._next = 0.0
         self._next_line = LINE_PERIOD
         self._rates: list[float] = []
-        self._full_scale = MIN_FULL_SCALE
+        self._history = ForceHistory()
+        self._full_scale = LEAST_SCALE
+        self._newest = ((-1, -1), 0.0)  # sequence and number of the newest scan, and when it was seen [s]
+        self._answer = ("", 0.0)  # to a key, and until when it is shown [s]
+        self._frozen: Snapshot | None = None
+        self.quit = False
+        """Whether the user wants to quit."""
         self.record = Record()
 
     def __enter__(self) -> Screen:
         if self._console.is_terminal:
             waiting = Text("waiting for the first scan ...")
+            self._stack.enter_context(self._log)
+            self._stack.enter_context(self._keys)
             self._live = Live(waiting, console=self._console, screen=True, auto_refresh=False)
             self._stack.enter_context(self._live)
         return self
@@ -60,8 +88,8 @@ class Screen:
 
     def close(self) -> None:
         """Restore the terminal; may be called twice."""
-        self._stack.close()
         self._live = None
+        self._stack.close()
         sys.stdout.flush()
 
     def update(self, now: float | None = None) -> None:
@@ -70,20 +98,78 @@ class Screen:
         if now < self._next:
             return
         self._next = now + DISPLAY_PERIOD
+        for key in self._keys.pressed():
+            self._react(key)
+        self._log.update()
         snapshot = self._source.snapshot()
         if snapshot is None:
+            self._wait()
             return
         scan_rate = self.record.add(snapshot)
         self._rates = [*self._rates, scan_rate][-RATE_WINDOW:]
         known = [value for value in self._rates if not math.isnan(value)]
         mean_rate = sum(known) / len(known) if known else math.nan
         if self._live:
-            self._full_scale = max(self._full_scale, float(max(snapshot.force, default=0.0)))
-            self._live.update(render(snapshot, mean_rate, self._full_scale), refresh=True)
+            self._show(self._live, snapshot, mean_rate)
         elif self.record.first and self._line_is_due(snapshot.time - self.record.first.time):
             self._console.print(
                 line(snapshot, snapshot.time - self.record.first.time, mean_rate), soft_wrap=True, highlight=False
             )
+
+    def _react(self, key: str) -> None:
+        """Do what a key asks for."""
+        if key == "q":
+            self.quit = True
+        elif key in "p ":
+            self._frozen = None if self._frozen else self.record.last
+        elif key == "t" and self._client:
+            self._say("tare ...")
+            self._client.request("tare", False, lambda _, text: self._say(f"tare: {text}"))
+
+    def _say(self, text: str) -> None:
+        self._answer = text, time.monotonic() + ANSWER_SHOWN
+
+    def _message(self) -> str:
+        """Return the answer to a key, or the newest line of the log; '' if there is neither."""
+        text, until = self._answer
+        return text if time.monotonic() < until else self._log.newest
+
+    def _wait(self) -> None:
+        """Show that no scan has arrived yet."""
+        if self._live:
+            words = ["waiting for the first scan ...", self._message(), f"{KEYS}  {self._link}"]
+            self._live.update(Text("\n".join(words), no_wrap=True, overflow="ellipsis"), refresh=True)
+
+    def _show(self, live: Live, snapshot: Snapshot, scan_rate: float) -> None:
+        if (snapshot.sequence, snapshot.scans) != self._newest[0]:
+            self._newest = (snapshot.sequence, snapshot.scans), snapshot.time
+        self._history.add(snapshot.time, snapshot.total_force if snapshot.data_valid else math.nan)
+        shown = self._frozen or snapshot
+        self._full_scale = max(self._full_scale, nice_scale(float(np.nanmax(shown.force, initial=LEAST_SCALE))))
+        array = self._client.array if self._client else None
+        display = Shown(
+            snapshot=shown,
+            scan_rate=scan_rate,
+            full_scale=self._full_scale,
+            history=self._history,
+            pitch=array.pitch if array else None,
+            name=self._client.namespace if self._client else "",
+            age=snapshot.time - self._newest[1],
+            advice=self._advice(),
+            message=self._message(),
+            paused=self._frozen is not None,
+            keys=KEYS if self._keys.available else "Ctrl-C quits",
+            link=self._link,
+        )
+        width, height = self._console.size
+        live.update(render(display, width, height, not self._console.no_color), refresh=True)
+
+    def _advice(self) -> str:
+        """Return what the model says about its state; '' before its first report."""
+        if self._client is None:
+            return ""
+        said = (each.text for name, each in self._client.diagnoses.items() if name.endswith("reconstruction"))
+        return next(said, "")
 
     def _line_is_due(self, elapsed: float) -> bool:
         if elapsed < self._next_line:

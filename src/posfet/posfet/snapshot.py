@@ -16,6 +16,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet.number_text import fixed, signed
+
 
 @dataclass(frozen=True)
 class ContactView:
@@ -186,10 +188,10 @@ def line(snapshot: Snapshot, elapsed: float, scan_rate: float) -> str:
         Scan rate [Hz].
     """
     contacts = [
-        f"#{contact.id} {contact.state} {contact.force:.2f} N at ({contact.x * 1e3:+.2f}, {contact.y * 1e3:+.2f}) mm"
-        for contact in snapshot.contacts
+        f"#{each.id} {each.state} {fixed(each.force, 2)} N at ({signed(each.x * 1e3, 2)}, {signed(each.y * 1e3, 2)}) mm"
+        for each in snapshot.contacts
     ]
-    total = f"{snapshot.total_force:.2f} N" if snapshot.data_valid else "settling"
+    total = f"{fixed(snapshot.total_force, 2)} N" if snapshot.data_valid else "unknown"
     total += " (uncalibrated)" if snapshot.uncalibrated else ""
     return (
         f"{elapsed:6.1f} s  {scan_rate:6.0f} scans/s  total {total}  "
