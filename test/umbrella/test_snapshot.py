@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from posfet.screen import Screen
 from posfet.snapshot import ContactView, Record, Snapshot, TrueContact, line
+from posfet.terminal.screen import Screen
 
 TOUCH = ContactView(7, "held", 1e-3, -0.5e-3, 1.25, 0.004, 9e-6, 2.5)
 SNAPSHOT = Snapshot(

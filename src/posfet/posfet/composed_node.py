@@ -20,9 +20,9 @@ from rclpy.parameter import Parameter
 
 from posfet.display_loop import show
 from posfet.graph import NodeSpec
-from posfet.screen import Screen
 from posfet.snapshot import ContactView, Snapshot, TrueContact
 from posfet.stack_client import StackClient
+from posfet.terminal.screen import Screen
 from posfet.web.link import served_link
 from posfet.web.viewed import Viewed
 from posfet_driver.ros.scan_source_node import ScanSourceNode

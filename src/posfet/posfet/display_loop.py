@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 
 from rclpy.node import Node
 
-from posfet.screen import Screen
+from posfet.terminal.screen import Screen
 from posfet_model.ros.run_node import spin
 
 NO_SCAN = 1

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from posfet.display_loop import show
 from posfet.graph import NodeSpec
 from posfet.processes import Processes
-from posfet.screen import Screen
 from posfet.stack_client import StackClient
+from posfet.terminal.screen import Screen
 from posfet.view_node import ViewNode
 from posfet.web.link import served_link
 from posfet.web.viewed import Viewed

@@ -24,9 +24,9 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from posfet.array_view import ArrayView
 from posfet.display_loop import show
 from posfet.hand import read_hand
-from posfet.screen import Screen
 from posfet.snapshot import ContactView, Snapshot, TrueContact
 from posfet.stack_client import StackClient
+from posfet.terminal.screen import Screen
 from posfet.web.link import served_link
 from posfet.web.options import add_web_arguments, chosen_port
 from posfet.web.viewed import Viewed

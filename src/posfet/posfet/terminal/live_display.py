@@ -15,10 +15,10 @@ from dataclasses import dataclass, field
 from rich.console import Group
 from rich.text import Text
 
-from posfet.force_history import SPAN, ForceHistory
 from posfet.number_text import fixed, signed
 from posfet.snapshot import ContactView, Snapshot, position_error
-from posfet.terminal_map import KINDS, fitting, map_lines
+from posfet.terminal.force_history import SPAN, ForceHistory
+from posfet.terminal.force_map import KINDS, fitting, map_lines
 
 CONTACTS = 6
 """Contacts that are listed; of more, the number is shown."""

@@ -15,8 +15,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from posfet import log_capture
-from posfet.log_capture import LogCapture
+from posfet.terminal import log_capture
+from posfet.terminal.log_capture import LogCapture
 
 
 @contextmanager

@@ -21,11 +21,11 @@ from rich.live import Live
 from rich.text import Text
 
 from posfet.colour_scale import nice_scale
-from posfet.force_history import LEAST_SCALE, ForceHistory
-from posfet.live_display import Shown, render
-from posfet.log_capture import LogCapture
 from posfet.snapshot import Record, Snapshot, SnapshotSource, line
-from posfet.terminal_keys import TerminalKeys
+from posfet.terminal.force_history import LEAST_SCALE, ForceHistory
+from posfet.terminal.keys import TerminalKeys
+from posfet.terminal.live_display import Shown, render
+from posfet.terminal.log_capture import LogCapture
 from posfet.web.viewed import Client
 
 DISPLAY_PERIOD = 0.1

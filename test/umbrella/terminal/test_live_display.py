@@ -17,11 +17,11 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from posfet.force_history import SPAN, ForceHistory
-from posfet.live_display import Shown, render
-from posfet.screen import Screen
 from posfet.snapshot import Snapshot
-from posfet.terminal_map import HALVES, NUMBERS, SQUARES, fitting
+from posfet.terminal.force_history import SPAN, ForceHistory
+from posfet.terminal.force_map import HALVES, NUMBERS, SQUARES, fitting
+from posfet.terminal.live_display import Shown, render
+from posfet.terminal.screen import Screen
 from support.web_sensors import SNAPSHOT, TOUCH, FakeSensor
 
 PITCH = (1.5e-3, 1.5e-3)
