@@ -22,6 +22,7 @@ import random
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -488,14 +489,14 @@ def describe(name: str, found: Findings, seconds: float) -> str:
     return "\n".join([*lines, *(f"BAD: {kind}: {count}" for kind, count in found.failures.items()), *found.examples])
 
 
-def main() -> int:
+def main(words: Sequence[str] | None = None) -> int:
     """Run a campaign over all variants; return the exit code."""
     parser = argparse.ArgumentParser(prog="support.adversary", description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--scans", type=int, default=1_000_000, help="scans of all variants (default: 1e6)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="variants at a time (default: one per core)")
     parser.add_argument("--only", choices=list(variants()), help="one variant")
-    options = parser.parse_args()
+    options = parser.parse_args(words)
     names = [options.only] if options.only else list(variants())
     bad = 0
     with tempfile.TemporaryDirectory(prefix="posfet-firmware-") as folder, ProcessPoolExecutor(options.jobs) as pool:

@@ -9,11 +9,13 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
 
-from support.adversary import FAULTS, campaign, describe, variants
+from support import adversary
+from support.adversary import FAULTS, Findings, campaign, describe, main, variants
 from support.reference_board import COMPILER, make
 
 SCANS = {"FD 5x5 1 kHz": 110_000, "classic 5x5 1 kHz": 70_000, "FD 8x8 500 Hz": 70_000, "classic 5x5 250 Hz": 50_000}
@@ -43,3 +45,24 @@ def test_every_published_scan_is_what_the_board_has_sampled(plain_program: Path,
     assert found.faults.keys() == set(FAULTS)
     assert found.lost > 0
     assert found.stretches > 100
+
+
+@pytest.mark.parametrize("bad", [False, True])
+def test_a_campaign_prints_every_variant_and_fails_with_one_of_them(
+    bad: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if COMPILER is None:
+        pytest.skip("needs a C compiler and make")
+
+    def found(program: Path, name: str, scans: int, seed: int) -> Findings:
+        findings = Findings(published=scans)
+        if bad and name == "FD 8x8 500 Hz":
+            findings.fail("stamp", "a day late")
+        return findings
+
+    monkeypatch.setattr(adversary, "ProcessPoolExecutor", ThreadPoolExecutor)
+    monkeypatch.setattr(adversary, "campaign", found)
+    assert main(["--scans", "4000"]) == bad
+    output = capsys.readouterr().out
+    assert all(f"{name}: 1000 scans published" in output for name in variants())
+    assert ("BAD: stamp: 1\nstamp: a day late" in output) == bad

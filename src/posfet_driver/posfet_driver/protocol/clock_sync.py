@@ -99,18 +99,34 @@ class ClockSync:
         return max(min(self._recent, self._recent_before) - self.offset, 0.0) if self.known else math.nan
 
     @property
-    def lag(self) -> float:
-        """Time by which device times may be ahead of the board's clock [ns]: stamps may be late by it."""
-        return max(self.offset - self._lowest, 0.0)
-
-    @property
     def uncertainty(self) -> float:  # numpydoc ignore=RT01
         """Possible error of the offset [ns], by drift or a step of the board's clock; NaN before the first frame.
 
         For a window after `interrupt` without the `lead`: the first frame may just have been delayed.
         """
         settled = self._doubted or self.last - self._interrupted >= WINDOW
-        return self.drift + (self.lead if settled else 0.0) + self.lag
+        return self.drift + (self.lead if settled else 0.0) + max(self.offset - self._lowest, 0.0)
+
+    def error(self, late: float, early: float, delay: float) -> float:
+        """Return the largest error of a stamp by the newest frame [ns].
+
+        Parameters
+        ----------
+        late : float
+            Time by which it may be late, whatever the offset [ns].
+        early : float
+            Time by which it may be early, whatever the offset [ns].
+        delay : float
+            Time from the stamp to the arrival of its frame, by which it is early at most [ns].
+        """
+        offset, recent, before = self.offset, self._recent, self._recent_before
+        recent = min(recent, before)
+        if recent > offset:
+            early += recent - offset
+        early = min(early, delay)
+        if self._lowest < offset:
+            late += offset - self._lowest
+        return (late if late > early else early) + 2 * (self.last - self._undelayed) * MAX_DRIFT
 
     def delay(self, device_time: int, arrival: int) -> float:
         """Return how much later a frame arrived than an undelayed one [ns]; NaN before the first frame.

@@ -338,12 +338,11 @@ class Decoder:
 
     def _uncertainty(self, stamp: int) -> float:
         """Return the largest error [ns] of the newest scan's stamp [ns]; NaN while the board's clock does not run."""
-        scans, sync = self._scans, self._sync
+        scans = self._scans
         if scans.clock.stalled:
             return math.nan
-        late = self.transit_time * NANOSECONDS + sync.lag + self._ascending.excess + scans.late * 1000
-        early = sync.lead + scans.early(self.scan.sequence) * 1000
-        return sync.drift + max(late, min(early, self._arrival - stamp))  # acquired before it arrived
+        late = self.transit_time * NANOSECONDS + self._ascending.excess + scans.late * 1000
+        return self._sync.error(late, scans.early(self.scan.sequence) * 1000, self._arrival - stamp)
 
     def _note_boot(self, boot: int) -> None:
         """Note the number of the power-on that a message or a scan states, and count a reset."""
