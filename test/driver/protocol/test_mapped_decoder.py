@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -345,6 +346,11 @@ def test_a_frozen_clock_is_replaced_by_arrivals(listener_b: Listener) -> None:
     assert frozen.status & ScanStatus.TIME_ESTIMATED
     assert frozen.device_time == 0
     assert frozen.stamp == pytest.approx(49 * PERIOD, abs=PERIOD)
+    assert math.isnan(frozen.stamp_uncertainty)
+    assert all(
+        abs(scan.stamp - index * PERIOD) <= 1e9 * scan.stamp_uncertainty
+        for index, scan in enumerate(listener_b.scans[:11])
+    )
     assert listener_b.decoder.frozen_clock > 30
 
 
@@ -364,6 +370,7 @@ class TestNeitherCounterNorTime:
         assert listener.scans[0].status == ScanStatus.SEQUENCE_ESTIMATED | ScanStatus.TIME_ESTIMATED
         assert listener.decoder.origin["sequence"] == "estimated from arrivals"
         assert [scan.stamp for scan in listener.scans] == [index * PERIOD for index in range(100)]
+        assert all(math.isnan(scan.stamp_uncertainty) for scan in listener.scans)
 
     def test_an_incomplete_scan_counts(self, tmp_path: Path) -> None:
         listener = Listener(no_counter_no_time(tmp_path))
