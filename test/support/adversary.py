@@ -80,6 +80,8 @@ PERIODS: Final = (1000, 1000, 2000, 5000)
 SECOND: Final = 1_000_000_000
 NUMBERED_AGAIN: Final = SECOND // 5
 """Time after the last fault or lie within which a scan may have a false number [ns]."""
+HEADER: Final = 16
+"""Classic scans of which one has a header."""
 SENT_LATER: Final = SECOND
 """Time for which a board keeps a scan while the bus is blocked [ns]: a lie is made of what is sent."""
 COUNTER: Final = 16
@@ -276,7 +278,9 @@ class Judge:
     def _judge_stamp(self, scan: Scan, sent: Sampled, calm: bool) -> None:
         found, now = self.findings, self._link.clock.now
         tenth, delay = now // (SECOND // 10), (now - sent.time, now)
-        self._delays[tenth] = min(self._delays.get(tenth, delay), delay)
+        told = not scan.status & ScanStatus.TIME_ESTIMATED if self._fd else scan.sequence % HEADER == 0
+        if told or not sent.late or not self._delays:  # else it seems to be delayed since its tick
+            self._delays[tenth] = min(self._delays.get(tenth, delay), delay)
         while len(self._delays) > 1 and (oldest := next(iter(self._delays))) < tenth - 9:
             del self._delays[oldest]
         if not self._stamp <= scan.stamp <= now:
