@@ -35,7 +35,7 @@ from posfet_model.calibration.calibration_folder import CalibrationFolder
 from posfet_model.config import ConfigError
 from posfet_model.contacts.tracker import ContactState
 from posfet_model.reconstruction.reconstructor import TaxelStatus
-from posfet_model.ros import model_node, model_report
+from posfet_model.ros import model_diagnostics, model_report
 from posfet_model.ros.conversions import ScanReader
 from posfet_model.ros.model_node import ModelNode
 from posfet_model.sensor.description import SENSOR_FOLDER, load_sensor
@@ -572,7 +572,7 @@ def test_a_failing_service_answers_and_scans_go_on(
 def test_a_failing_report_is_logged_once_and_the_node_goes_on(
     bench: Bench, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(model_node, "REPORT_PERIOD", 0.01)
+    monkeypatch.setattr(model_diagnostics, "REPORT_PERIOD", 0.01)
     calls = []
 
     def fail(*_: Any) -> None:

@@ -15,7 +15,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.lifecycle import LifecycleState, TransitionCallbackReturn
 
 from posfet_model._lib.units import NANOSECONDS
@@ -26,12 +25,11 @@ from posfet_model.config import ConfigError
 from posfet_model.estimation.choice import Estimator
 from posfet_model.parameters import MODEL_NODE, default_frame
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor, Tare
-from posfet_model.reconstruction.scan_clock import ScanCounts
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.ros.conversions import ScanReader
-from posfet_model.ros.diagnostic_array import diagnostic_array, hardware_id
 from posfet_model.ros.lifecycle import SupervisedLifecycleNode
-from posfet_model.ros.model_outputs import OUTPUT_DEPTH, ModelOutputs
+from posfet_model.ros.model_diagnostics import ModelDiagnostics
+from posfet_model.ros.model_outputs import ModelOutputs
 from posfet_model.ros.model_report import ModelReport
 from posfet_model.ros.model_services import ModelServices
 from posfet_model.ros.model_settings import reconstruction_settings
@@ -45,8 +43,6 @@ from posfet_msgs.msg import TactileRaw
 
 RAW_DEPTH = 1000
 """Depth of the scan queue: one second at 1 kHz, for a process that is delayed."""
-REPORT_PERIOD = 1.0
-"""Period of the diagnostics [s]."""
 READER_GRACE_PERIOD = 1e-4
 """Pause before block maintenance [s], so that the subscribers of a message run first."""
 
@@ -86,13 +82,11 @@ class ModelNode(SupervisedLifecycleNode):
         self._result: Reconstruction | None = None
         self._reader = ScanReader(self.sensor.layout)
         self._outputs = ModelOutputs(self, self.parameters["contacts_as_bytes"], self.parameters["simulated"])
-        self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", OUTPUT_DEPTH)
         self._mount: Any = None
         self._raw: Any = None
         self._settings = ReconstructionSettings()
         self._use_settings(settings)
-        self._reported = ScanCounts()
-        self._report_timer = self.create_timer(REPORT_PERIOD, self._report, autostart=False)
+        self._diagnostics = ModelDiagnostics(self, self.sensor, self._observed)
         self._served = ModelServices(self, calibrations, lambda: self._reconstructor, self._use_calibration, self._tare)
         if self.parameters["direct"]:
             self.use_frame(default_frame(self.get_namespace()))
@@ -127,7 +121,7 @@ class ModelNode(SupervisedLifecycleNode):
     def _begin(self) -> None:
         path = self.parameters["calibration_file"]
         self._use_calibration(load_calibration(path, self.sensor) if path else None)
-        self._report_timer.reset()
+        self._diagnostics.start()
 
     def _pause(self) -> None:
         with self._lock:  # a scan that is being processed is the last one
@@ -138,7 +132,7 @@ class ModelNode(SupervisedLifecycleNode):
 
     def _end(self) -> None:
         self._pause()
-        self._report_timer.cancel()
+        self._diagnostics.stop()
         with self._lock:
             self._reconstructor = self._result = None
 
@@ -148,7 +142,7 @@ class ModelNode(SupervisedLifecycleNode):
         reconstructor = Reconstructor(self.sensor, calibration, estimator, self._settings)
         with self._lock:
             self._reconstructor, self._result = reconstructor, None
-            self._reported = ScanCounts()
+            self._diagnostics.forget()
         return reconstructor
 
     def _prepare(self, parameters: Mapping[str, Any]) -> Callable[[], object]:
@@ -237,19 +231,11 @@ class ModelNode(SupervisedLifecycleNode):
         with self._lock:
             return self._reconstructor.tare(force) if self._active and self._reconstructor else None
 
-    def _report(self) -> None:
+    def _observed(self) -> tuple[bool, ModelReport | None]:
+        """Return whether scans are processed, and the state of the reconstructor; None without one."""
         with self._lock:
-            active, model = self._active, self._reconstructor
-            if model is None:
-                return
-            report = ModelReport(model, self._result)
-        before, self._reported = self._reported, report.counts
-        verdict = report.verdict(before)
-        level, text = (verdict.level, verdict.text) if active else (0, "inactive: scans are ignored")
-        values = report.values(before, REPORT_PERIOD) | self.internal_errors.values()
-        name = f"{self.get_fully_qualified_name()}: reconstruction"
-        board = hardware_id(self.sensor, self.get_namespace())
-        self._diagnostics.publish(diagnostic_array(level, name, text, board, values, time.time_ns()))
+            model = self._reconstructor
+            return self._active, ModelReport(model, self._result) if model else None
 
 
 def make_node() -> ModelNode:

@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from geometry_msgs.msg import Wrench, WrenchStamped
@@ -104,10 +105,12 @@ class WrenchEstimateMessage:
         return message
 
 
+@lru_cache(maxsize=8)  # both messages of a sensor share it
 def _wrench_per_newton(layout: Layout) -> NDArray[np.float64]:
     """Return force (rows 0 to 2) and torque r x F (rows 3 to 5) for 1 N on each taxel."""
     normals = taxel_normals(layout)
     wrench: NDArray[np.float64] = np.hstack([-normals, -np.cross(taxel_points(layout), normals)]).T.copy()
+    wrench.setflags(write=False)
     return wrench
 
 

@@ -1,0 +1,71 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""Diagnostics of the model node."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from diagnostic_msgs.msg import DiagnosticArray
+
+from posfet_model.reconstruction.scan_clock import ScanCounts
+from posfet_model.ros.diagnostic_array import diagnostic_array, hardware_id
+from posfet_model.ros.model_outputs import OUTPUT_DEPTH
+from posfet_model.ros.model_report import ModelReport
+from posfet_model.ros.supervision import SupervisedNode
+from posfet_model.sensor.description import Sensor
+
+REPORT_PERIOD = 1.0
+"""Period of the diagnostics [s]."""
+
+
+class ModelDiagnostics:
+    """Publishes a status once per `REPORT_PERIOD`, between `start` and `stop`.
+
+    Parameters
+    ----------
+    node : SupervisedNode
+        Node that publishes.
+    sensor : Sensor
+        Sensor description.
+    observe : callable
+        Returns whether scans are processed, and a report on them; None while there is nothing to report.
+    """
+
+    def __init__(
+        self, node: SupervisedNode, sensor: Sensor, observe: Callable[[], tuple[bool, ModelReport | None]]
+    ) -> None:
+        self._node, self._observe = node, observe
+        self._hardware = hardware_id(sensor, node.get_namespace())
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", OUTPUT_DEPTH)
+        self._reported = ScanCounts()
+        self._timer = node.create_timer(REPORT_PERIOD, self._report, autostart=False)
+
+    def start(self) -> None:
+        """Publish from now on."""
+        self._timer.reset()
+
+    def stop(self) -> None:
+        """Publish no more."""
+        self._timer.cancel()
+
+    def forget(self) -> None:
+        """Count scans and events from 0, as a new reconstructor does."""
+        self._reported = ScanCounts()
+
+    def _report(self) -> None:
+        active, report = self._observe()
+        if report is None:
+            return
+        before, self._reported = self._reported, report.counts
+        verdict = report.verdict(before)
+        level, text = (verdict.level, verdict.text) if active else (0, "inactive: scans are ignored")
+        values = report.values(before, REPORT_PERIOD) | self._node.internal_errors.values()
+        name = f"{self._node.get_fully_qualified_name()}: reconstruction"
+        self._publisher.publish(diagnostic_array(level, name, text, self._hardware, values, time.time_ns()))
