@@ -69,3 +69,4 @@ def test_links_of_a_package_lead_to_what_its_release_holds(package: Path) -> Non
         assert link.exists(), f"{link}: leads nowhere"
         assert link.resolve().is_relative_to(ROOT)
     assert list((package / "test").rglob("*")), "no tests"
+    assert (package / "pytest.ini").is_file(), "pytest would take the settings of the repository"
