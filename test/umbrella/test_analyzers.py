@@ -9,15 +9,22 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import pytest
 import yaml
 
+from support.expectations import TIMEOUT
 from support.paths import ROOT
 
 CONFIGURATION = ROOT / "src" / "posfet" / "config" / "diagnostics.yaml"
 GROUP: dict[str, Any] = yaml.safe_load(CONFIGURATION.read_text(encoding="utf-8"))["/**"]["ros__parameters"]["tactile"]
+
+
+def analyzers_of(name: str) -> list[str]:
+    """Return the path of each analyzer that takes a status, by the rules of GenericAnalyzer."""
+    return [each["path"] for each in GROUP["analyzers"].values() if any(text in name for text in each["contains"])]
 
 
 @pytest.mark.parametrize(
@@ -32,8 +39,52 @@ GROUP: dict[str, Any] = yaml.safe_load(CONFIGURATION.read_text(encoding="utf-8")
     ],
 )
 def test_each_status_belongs_to_one_analyzer(name: str, path: str | None) -> None:
-    found = [each["path"] for each in GROUP["analyzers"].values() if any(text in name for text in each["contains"])]
-    assert found == ([path] if path else [])
+    assert analyzers_of(name) == ([path] if path else [])
+
+
+@pytest.mark.ros
+def test_the_statuses_of_all_nodes_have_the_form_of_diagnostic_updater_and_belong_to_one_analyzer_each(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    rclpy = pytest.importorskip("rclpy", reason="needs ROS 2")
+    pytest.importorskip("posfet_msgs", reason="needs the built workspace")
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: PLC0415
+    from rclpy.executors import SingleThreadedExecutor  # noqa: PLC0415
+
+    import posfet.bringup  # noqa: PLC0415
+
+    for node in ("posfet_model.ros.model_diagnostics", "posfet_driver.ros.scan_source_node"):
+        monkeypatch.setattr(f"{node}.REPORT_PERIOD", 0.05)
+    context, found = rclpy.Context(), {}
+
+    def keep(message: DiagnosticArray) -> None:
+        found.update({status.name: (status, message.header) for status in message.status})
+
+    rclpy.init(context=context)
+    executor = SingleThreadedExecutor(context=context)
+    listener = rclpy.create_node("listener", context=context)
+    listener.create_subscription(DiagnosticArray, "/diagnostics", keep, 100)
+    with posfet.bringup.nodes(context, namespace="hand/thumb", source="emulator", serial="S-1") as stack:
+        for node in (listener, *stack):
+            executor.add_node(node)
+        end = time.monotonic() + TIMEOUT
+        while len(found) < 3:
+            assert time.monotonic() < end, sorted(found)
+            executor.spin_once(timeout_sec=0.05)
+    executor.shutdown()
+    listener.destroy_node()
+    rclpy.shutdown(context=context)
+    assert {name: analyzers_of(name) for name in found} == {
+        "hand/thumb/driver_node: board": ["Boards"],
+        "hand/thumb/model_node: reconstruction": ["Models"],
+        "hand/thumb/sim_board_node: board": ["Boards"],
+    }
+    for status, header in found.values():
+        assert status.hardware_id == "S-1"
+        assert status.message
+        assert status.level in {DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR}
+        assert header.stamp.sec > 0
+        assert header.frame_id == ""
 
 
 def test_every_analyzer_has_a_type_of_the_aggregator_and_a_time_after_which_it_says_stale() -> None:
