@@ -16,6 +16,9 @@ for package in "${packages[@]}"; do
     tar --dereference --owner=0 --group=0 -czf "$folder/$package-$version.tar.gz" -C "$work/src" "$package"
     echo "$folder/$package-$version.tar.gz: written"
 done
+if grep -q '^WEBSITE = .*\.invalid"' tools/address.py; then
+    echo "posfet: the address of the project is a placeholder: set it in tools/address.py before a release" >&2
+fi
 [[ "${2:-}" == --check ]] || exit 0
 
 # shellcheck source=tools/venv_setup.bash

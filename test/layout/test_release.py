@@ -10,6 +10,8 @@
 from __future__ import annotations
 
 import re
+import runpy
+import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -59,6 +61,21 @@ def test_a_manifest_names_who_and_where(package: Path) -> None:
     assert {url.get("type") for url in root.findall("url")} == {"website", "repository", "bugtracker"}
     assert root.find("author") is not None
     assert root.findtext("license") == "Apache-2.0"
+
+
+def test_the_address_of_the_project_stands_in_one_place() -> None:
+    """To be set before a release: the constants of tools/address.py, which writes the manifests."""
+    address = runpy.run_path(str(ROOT / "tools/address.py"))
+    assert address["stale"]() == {}, "run python3 tools/address.py"
+    placeholder = ".invalid" in address["WEBSITE"]
+    assert ("repository-code" in (ROOT / "CITATION.cff").read_text(encoding="utf-8")) != placeholder
+    listed = subprocess.run(
+        ["git", "-C", str(ROOT), "grep", "-l", r"posfet\.invalid"], capture_output=True, text=True, check=False
+    )
+    if listed.returncode == 0:  # a clone, in which all files are known
+        owners = {"tools/address.py", "tools/release.sh"}
+        others = {path for path in listed.stdout.split() if Path(path).name not in {"package.xml", "setup.py"}}
+        assert others <= owners | {"test/layout/test_release.py"}
 
 
 @each_package
