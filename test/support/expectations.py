@@ -41,7 +41,7 @@ NOTHING = {"repeated", "late", "layout mismatch"}
 """Counters of the diagnostics that must exist and be 0. Scans lost between processes are not among them: a busy machine
 loses some, which the model counts."""
 LOST = "frames lost"
-CAUSES = ("lost scans", "torn scans", "malformed frames", "frames nobody read")
+CAUSES = ("lost scans", "incomplete scans", "malformed frames", "frames not read")
 """Counters by cause, one of which counts frames that a busy machine lost between adapter and driver."""
 PRESSED = 0.3
 """Minimum force of a true contact that is compared [N]."""
