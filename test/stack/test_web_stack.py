@@ -53,22 +53,37 @@ def frame_with_contacts(port: int, token: str) -> dict[str, Any]:
     raise AssertionError("the stream has ended")
 
 
+def act(port: int, token: str, action: str, argument: object) -> tuple[int, str]:
+    """Return status and text of the answer to an action."""
+    connection = HTTPConnection("127.0.0.1", port, timeout=TIMEOUT)
+    body = json.dumps({"sensor": "tactile", "action": action, "argument": argument})
+    connection.request("POST", "/action", body, {"X-Posfet-Token": token})
+    response = connection.getresponse()
+    return response.status, response.read().decode()
+
+
 @pytest.mark.parametrize("composed", ["true", "false"])
 def test_a_stack_is_served_with_its_services(composed: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.chdir(tmp_path)  # where recordings go
     with running("--web", "scene:=hold", f"composed:={composed}") as process:
         port, token = link_of(process)
         frame = frame_with_contacts(port, token)
         assert frame["total"] == pytest.approx(sum(each["force"] for each in frame["truth"]), abs=0.3)
         assert frame["stamp"] == pytest.approx(time.time() * 1e3, abs=TIMEOUT * 1e3)
-        action = {"sensor": "tactile", "action": "tare", "argument": False}
         end = time.monotonic() + TIMEOUT
-        while True:
-            connection = HTTPConnection("127.0.0.1", port, timeout=TIMEOUT)
-            connection.request("POST", "/action", json.dumps(action), {"X-Posfet-Token": token})
-            response = connection.getresponse()
-            if response.status != 404:  # the service is not discovered yet
-                break
+        while (answer := act(port, token, "tare", False))[0] == 404:  # the service is not discovered yet
             assert time.monotonic() < end
-        assert (response.status, response.read()[:18]) == (409, b"refused under load")
+        assert answer[0] == 409
+        assert answer[1].startswith("refused under load")
+        status, started = act(port, token, "record", True)
+        assert status == 200, started
+        path = Path(started.removeprefix("recording to "))
+        assert path.parent == tmp_path
+        while not (path.exists() and path.stat().st_size > 10_000):
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        status, summary = act(port, token, "record", False)
+        assert status == 200
+        assert re.search(r"\.mcap: [\d.]+ s, \d+ messages of [34] topics", summary), summary
         assert re.search(r"posfet: .* scans/s", finish(process))

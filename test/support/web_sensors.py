@@ -19,6 +19,7 @@ from posfet.array_view import ArrayView
 from posfet.diagnosis import Diagnosis
 from posfet.snapshot import ContactView, Snapshot, TrueContact
 from posfet.web.viewed import Viewed
+from posfet_model.config import ConfigError
 
 TOKEN = "t" * 43
 ARRAY = ArrayView("small", "S-1", True, 2, 3, (1.5e-3, 1.5e-3), math.inf, "x", 5.0, 0.02, 1000.0)
@@ -46,6 +47,23 @@ SNAPSHOT = Snapshot(
 """One contact; a saturated taxel with a force, a dead one, one without a standard deviation."""
 
 
+class FakeRecordings:
+    """Recordings that fail when the test says so."""
+
+    def __init__(self) -> None:
+        self.running = False
+
+    def start(self) -> str:
+        if self.running:
+            raise ConfigError("is being recorded already")
+        self.running = True
+        return "recording to thumb.mcap"
+
+    def stop(self) -> str:
+        self.running = False
+        return "thumb.mcap: 2.0 s, 40 messages"
+
+
 @dataclass
 class FakeSensor:
     """Client and source of snapshots."""
@@ -56,6 +74,7 @@ class FakeSensor:
     diagnoses: dict[str, Diagnosis] = field(default_factory=dict)
     served: tuple[str, ...] = ("tare", "scene/load")
     requests: list[tuple[str, str | bool]] = field(default_factory=list)
+    recordings: FakeRecordings | None = None
     taken: int = 0
     """Number of snapshots that were taken."""
 
@@ -74,4 +93,4 @@ class FakeSensor:
 
     @property
     def viewed(self) -> Viewed:
-        return Viewed(self, self)
+        return Viewed(self, self, self.recordings)

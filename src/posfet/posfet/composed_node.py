@@ -24,6 +24,7 @@ from posfet.snapshot import ContactView, Snapshot, TrueContact
 from posfet.stack_client import StackClient
 from posfet.terminal.screen import Screen
 from posfet.web.link import served_link
+from posfet.web.recording import Recording
 from posfet.web.viewed import Viewed
 from posfet_driver.ros.scan_source_node import ScanSourceNode
 from posfet_model.contacts.tracker import Contact, ContactState
@@ -184,7 +185,7 @@ def run(specs: Sequence[NodeSpec], seconds: float, web_port: int | None = None) 
         stack.callback(graph.destroy)
         client = StackClient(specs[0].namespace, specs[0].ros_words)
         stack.callback(client.destroy_node)
-        link = served_link(stack, [Viewed(client, graph)], web_port)
+        link = served_link(stack, [Viewed(client, graph, Recording(client.namespace))], web_port)
         with Screen(graph, client, link) as screen:
             graph.start()
             return show(screen, [*graph, client], seconds, graph.state, lambda: graph.finished)

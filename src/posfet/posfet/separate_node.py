@@ -18,6 +18,7 @@ from posfet.stack_client import StackClient
 from posfet.terminal.screen import Screen
 from posfet.view_node import ViewNode
 from posfet.web.link import served_link
+from posfet.web.recording import Recording
 from posfet.web.viewed import Viewed
 from posfet_model.ros.run_node import ros
 
@@ -42,7 +43,7 @@ def run(specs: Sequence[NodeSpec], seconds: float, web_port: int | None = None) 
         stack.callback(client.destroy_node)
         view = ViewNode(client, specs[0].ros_words)
         stack.callback(view.destroy_node)
-        link = served_link(stack, [Viewed(client, view)], web_port)
+        link = served_link(stack, [Viewed(client, view, Recording(client.namespace))], web_port)
         with Processes(specs) as processes, Screen(view, client, link) as screen:
             code = show(screen, [client], seconds, view.state, stop=processes.ended)
             return processes.exit_code() or code

@@ -29,6 +29,7 @@ from posfet.stack_client import StackClient
 from posfet.terminal.screen import Screen
 from posfet.web.link import served_link
 from posfet.web.options import add_web_arguments, chosen_port
+from posfet.web.recording import Recording
 from posfet.web.viewed import Viewed
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.command_line import checked_namespace, positive
@@ -198,7 +199,8 @@ def main(words: Sequence[str] | None = None) -> int:
                 view = ViewNode(client)
                 stack.callback(view.destroy_node)
                 views.append(view)
-            link = served_link(stack, [Viewed(view.client, view) for view in views], web_port)
+            viewed = [Viewed(view.client, view, Recording(view.client.namespace)) for view in views]
+            link = served_link(stack, viewed, web_port)
             with Screen(views[0], views[0].client, link) as screen:
                 return show(screen, [view.client for view in views], options.seconds, views[0].state)
         return 0

@@ -16,7 +16,7 @@ import pytest
 from posfet.web.link import served
 from posfet.web.options import add_web_arguments, chosen_port
 from posfet_model.config import ConfigError
-from support.web_sensors import FakeSensor
+from support.web_sensors import FakeRecordings, FakeSensor
 
 
 @pytest.fixture(autouse=True)
@@ -49,6 +49,15 @@ def test_without_the_last_port_another_one_is_used(private: Path) -> None:
         assert other != before
         with pytest.raises(ConfigError, match=f"--web-port: 127.0.0.1:{port} cannot be used: .*; use another"):
             link(port=port)
+
+
+def test_a_recording_ends_with_the_server(capsys: pytest.CaptureFixture[str]) -> None:
+    sensor = FakeSensor(recordings=FakeRecordings())
+    assert sensor.recordings is not None
+    with served([sensor.viewed]):
+        sensor.recordings.start()
+    assert not sensor.recordings.running
+    assert "thumb.mcap: 2.0 s, 40 messages" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", '{"port": 99999, "token": "x"}', '{"port": 80, "token": "short"}'])

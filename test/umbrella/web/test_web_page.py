@@ -19,7 +19,7 @@ import pytest
 from posfet.diagnosis import Diagnosis
 from posfet.web.server import WebServer
 from support.browser import CHROMIUM, Page, browser
-from support.web_sensors import ARRAY, SNAPSHOT, TOKEN, FakeSensor
+from support.web_sensors import ARRAY, SNAPSHOT, TOKEN, FakeRecordings, FakeSensor
 
 pytestmark = [
     pytest.mark.process,
@@ -101,7 +101,7 @@ def test_a_page_finds_the_stack_again_after_a_restart(page: Page) -> None:
 
 def test_keys_tare_and_pause_the_chosen_sensor(page: Page) -> None:
     bent = replace(ARRAY, bend_radius=5e-3)
-    thumb, palm = FakeSensor("hand/thumb"), FakeSensor("hand/palm", array=bent)
+    thumb, palm = FakeSensor("hand/thumb"), FakeSensor("hand/palm", array=bent, recordings=FakeRecordings())
     with WebServer([thumb.viewed, palm.viewed], TOKEN) as server:
         page.open(server.link, width=400)
         wait_text(page, "total", "1.250 N")
@@ -112,6 +112,12 @@ def test_keys_tare_and_pause_the_chosen_sensor(page: Page) -> None:
         page.press("t")
         wait_text(page, "answer", "tare done", card=1)
         assert (thumb.requests, palm.requests) == ([], [("tare", False)])
+        record = "document.querySelectorAll('[data-action=record]')[1].getAttribute('aria-pressed')"
+        page.press("r")
+        page.wait(f"{record} === 'true'")
+        page.press("r")
+        wait_text(page, "answer", "thumb.mcap: 2.0 s, 40 messages", card=1)
+        page.wait(f"{record} === 'false'")
         page.press(" ")
         page.wait("document.getElementById('connection').textContent === 'paused'")
         thumb.shown = replace(SNAPSHOT, total_force=0.5)

@@ -24,7 +24,7 @@ import pytest
 from posfet.diagnosis import Diagnosis
 from posfet.web import server as web_server
 from posfet.web.server import MOST_STREAMS, WebServer
-from support.web_sensors import SNAPSHOT, TOKEN, FakeSensor
+from support.web_sensors import SNAPSHOT, TOKEN, FakeRecordings, FakeSensor
 
 TIMEOUT = 60.0
 
@@ -222,6 +222,24 @@ def test_malformed_requests_are_refused(sensor: FakeSensor, server: WebServer, b
     assert ask(server, "/action", body, {"X-Posfet-Token": TOKEN}).status == status
     assert sensor.requests == []
     assert ask(server, "/other", TARE, {"X-Posfet-Token": TOKEN}).status == 404
+
+
+def test_a_recording_is_started_once_and_stopped(sensor: FakeSensor) -> None:
+    headers, request = {"X-Posfet-Token": TOKEN}, {"sensor": "tactile", "action": "record", "argument": True}
+    with WebServer([sensor.viewed], TOKEN) as server:  # without a recorder there is nothing to press
+        assert ask(server, "/action", request, headers).status == 404
+    sensor.recordings = FakeRecordings()
+    with WebServer([sensor.viewed], TOKEN) as server:
+        found = stream(server)
+        (before,) = first(found, "diagnostics")
+        assert (before["recording"], before["actions"]) == (False, ["tare", "scene/load", "record"])
+        response = ask(server, "/action", request, headers)
+        assert (response.status, response.read()) == (200, b"recording to thumb.mcap")
+        assert first(found, "diagnostics")[0]["recording"]
+        assert ask(server, "/action", request, headers).status == 409
+        response = ask(server, "/action", {**request, "argument": False}, headers)
+        assert (response.status, response.read()) == (200, b"thumb.mcap: 2.0 s, 40 messages")
+        assert ask(server, "/action", {**request, "argument": "yes"}, headers).status == 400
 
 
 def test_a_service_that_does_not_answer_is_reported(

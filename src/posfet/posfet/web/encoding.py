@@ -60,7 +60,8 @@ def encoded_diagnoses(sensors: Sequence[Viewed]) -> bytes:
     return _text(
         [
             {
-                "actions": each.client.actions(),
+                "actions": each.actions(),
+                "recording": each.recordings is not None and each.recordings.running,
                 "nodes": [
                     {"name": found.name, "level": found.level, "text": found.text, "remedies": found.remedies}
                     for found in each.client.diagnoses.values()

@@ -67,7 +67,19 @@ def served(sensors: Sequence[Viewed], scenes: Sequence[str] = (), port: int = 0)
         print(f"posfet: in a browser on this machine: {server.link}", flush=True)
         if sys.stdout.isatty():
             _open(server.link)
-        yield server.link
+        try:
+            yield server.link
+        finally:
+            _end_recordings(sensors)
+
+
+def _end_recordings(sensors: Sequence[Viewed]) -> None:
+    for each in sensors:
+        if each.recordings is not None and each.recordings.running:
+            try:
+                print(each.recordings.stop())
+            except ConfigError as error:
+                print(error, file=sys.stderr)
 
 
 def served_link(stack: ExitStack, sensors: Sequence[Viewed], port: int | None) -> str:

@@ -23,7 +23,8 @@ from urllib.parse import parse_qs, urlsplit
 from posfet.web.feed import Feed
 from posfet.web.requests import TOKEN_HEADER, Guard
 from posfet.web.sampler import Sampler
-from posfet.web.viewed import Viewed
+from posfet.web.viewed import Recordings, Viewed
+from posfet_model.config import ConfigError
 
 ADDRESS: Final = "127.0.0.1"
 MOST_STREAMS: Final = 8
@@ -162,13 +163,16 @@ class Handler(BaseHTTPRequestHandler):
         except (ValueError, KeyError, TypeError):
             self._answer(HTTPStatus.BAD_REQUEST, "malformed request")
             return
-        if action not in viewed.client.actions():
+        if action not in viewed.actions():
             self._answer(HTTPStatus.NOT_FOUND, "nobody serves this: is the stack still running?")
             return
-        if isinstance(argument, bool) != (action == "tare") or not isinstance(argument, (bool, str)):
+        if isinstance(argument, bool) != (action in {"tare", "record"}) or not isinstance(argument, (bool, str)):
             self._answer(HTTPStatus.BAD_REQUEST, "malformed request")
             return
-        self._call(viewed, action, argument)
+        if action == "record" and viewed.recordings is not None:
+            self._record(viewed.recordings, bool(argument))
+        else:
+            self._call(viewed, action, argument)
 
     def log_message(self, *_: object) -> None:
         """Log nothing: there is one line for each request, and a display on the terminal."""
@@ -187,6 +191,12 @@ class Handler(BaseHTTPRequestHandler):
             return
         success, message = answer[0]
         self._answer(HTTPStatus.OK if success else HTTPStatus.CONFLICT, message)
+
+    def _record(self, recordings: Recordings, wanted: bool) -> None:
+        try:
+            self._answer(HTTPStatus.OK, recordings.start() if wanted else recordings.stop())
+        except ConfigError as error:
+            self._answer(HTTPStatus.CONFLICT, str(error))
 
     def _stream(self) -> None:
         feed = self._web.feed

@@ -36,6 +36,23 @@ class Client(Protocol):
         ...
 
 
+class Recordings(Protocol):
+    """Recordings of one sensor, as `posfet.web.recording.Recording` makes them."""
+
+    @property
+    def running(self) -> bool:
+        """Whether a recording goes on."""
+        ...
+
+    def start(self) -> str:
+        """Begin to record, and return where; ConfigError, one line, if that is not possible."""
+        ...
+
+    def stop(self) -> str:
+        """End the recording, and return its summary; ConfigError, one line, if it failed or there is none."""
+        ...
+
+
 @dataclass(frozen=True)
 class Viewed:
     """One sensor in the browser."""
@@ -43,3 +60,9 @@ class Viewed:
     client: Client
     snapshots: SnapshotSource
     """Called in a thread of its own."""
+    recordings: Recordings | None = None
+    """None: the page does not offer to record."""
+
+    def actions(self) -> tuple[str, ...]:
+        """Return what the page can do: the services that somebody serves, and ``record``."""
+        return (*self.client.actions(), *(["record"] if self.recordings else []))

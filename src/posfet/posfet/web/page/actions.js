@@ -1,4 +1,4 @@
-// Buttons of one sensor: tare, scene, calibration. Only what somebody serves can be pressed.
+// Buttons of one sensor: tare, scene, calibration, record. Only what somebody serves can be pressed.
 
 import { call } from "./stream.js";
 
@@ -12,10 +12,11 @@ export class Actions {
     this.form.addEventListener("submit", (event) => event.preventDefault());
     this.form.addEventListener("click", (event) => {
       const action = event.target.closest("button")?.dataset.action;
-      if (action) this.run(action, action === "tare" ? false : this.file.value.trim());
+      if (action === "record") this.run(action, !this.recording);
+      else if (action) this.run(action, action === "tare" ? false : this.file.value.trim());
     });
     this.scene.addEventListener("change", () => this.run("scene/load", this.scene.value));
-    this.offer([]);
+    this.offer([], false);
   }
 
   scenes(names) {
@@ -24,7 +25,9 @@ export class Actions {
     this.scene.options[0].disabled = true;
   }
 
-  offer(actions) {
+  offer(actions, recording) {
+    this.recording = recording;
+    this.form.querySelector("[data-action=record]").setAttribute("aria-pressed", String(recording));
     for (const each of this.form.querySelectorAll("[data-action]")) {
       const there = actions.includes(each.dataset.action);
       if (each.tagName === "BUTTON") each.disabled = !there;
@@ -46,6 +49,7 @@ export class Actions {
   /** What a key does; returns whether it is one of these. */
   key(name) {
     if (name === "t") this.form.querySelector("[data-action=tare]").click();
+    else if (name === "r") this.form.querySelector("[data-action=record]").click();
     else if (name === "s") this.scene.focus();
     else if (name === "c") this.file.select();
     else return false;

@@ -52,8 +52,8 @@ export class SensorCard {
     this.chip.prepare(array);
   }
 
-  diagnoses({ nodes, actions }) {
-    this.actions.offer(actions);
+  diagnoses({ nodes, actions, recording }) {
+    this.actions.offer(actions, recording);
     this.fields.diagnoses.replaceChildren(
       ...nodes.map(({ name, level, text, remedies }) => {
         const [word, kind] = LEVELS[Math.min(level, 2)];
