@@ -92,7 +92,7 @@ soak: $(BUILT)
 bench: $(BUILT) benchmarks/.ready
 	@$(IN_ENVIRONMENT) PYTHONPATH="$$PWD/test:$$PYTHONPATH" exec python3 -m benchmarks $(if $(FULL),--full) $(if $(ONLY),--only $(ONLY)) $(ARGS)
 
-# Packages of the benchmarks only. With a sourced ROS 2: apt install python3-scipy python3-cantools python3-matplotlib
+# Packages of the benchmarks only. With a sourced ROS 2: apt install python3-scipy python3-matplotlib; pip install cantools
 benchmarks/.ready: benchmarks/requirements.txt | $(READY)
 ifndef ROS_DISTRO
 	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement $<

@@ -170,7 +170,7 @@ def test_without_cantools_the_message_names_it(tmp_path: Path, monkeypatch: pyte
         raise ImportError(name)
 
     monkeypatch.setattr(importlib, "import_module", refuse)
-    with pytest.raises(ConfigError, match=r"protocol\.dbc: needs the package cantools: apt install python3-cantools"):
+    with pytest.raises(ConfigError, match=r"protocol\.dbc: needs the package cantools: pip install cantools"):
         load_tables(sensor)
 
 

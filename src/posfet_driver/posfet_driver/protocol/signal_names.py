@@ -119,7 +119,7 @@ def _load(mapping: FrameMapping) -> Any:
     try:
         database = importlib.import_module("cantools.database")
     except ImportError as error:
-        raise mapping.error("dbc", "needs the package cantools: apt install python3-cantools, or pip") from error
+        raise mapping.error("dbc", "needs the package cantools: pip install cantools") from error
     try:
         content = read_bytes(path, MAX_FILE)
     except OSError as error:
