@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from posfet_model.amplifier.circuit_figures import NOT_SATURATED
+from posfet_model.amplifier.circuit_figures import NOT_SATURATED, circuit_figures
 from posfet_model.amplifier.one_stage import one_stage_figures
 from posfet_model.amplifier.step_test import step_test
 from posfet_model.amplifier.two_stage import figures_of_merit
@@ -273,7 +273,10 @@ def test_the_input_range_ends_where_the_follower_oscillates() -> None:
     assert least["least_phase_margin_deg"] == pytest.approx([82.0, 68.7, 32.2], abs=0.5)
     assert least["phase_margin_deg"] == pytest.approx(82.1, abs=0.1)
     assert BEYOND_INPUT in replace(pull, signal_force=2.2).reasons
-    assert pull.linear_follower().limits.v_low == low
+    limits = pull.linear_follower().limits
+    assert limits.v_low == pytest.approx(-0.70, abs=0.03) and limits.v_high == figures["highest_input_v"][0]
+    margins = circuit_figures(circuit, np.array([limits.v_low, limits.v_low - 0.05]))
+    assert margins.overshoot[0] <= 0.1 < margins.overshoot[1]
 
 
 def test_every_stated_input_range_is_stable() -> None:

@@ -17,10 +17,13 @@ import numpy as np
 from posfet_model._lib.types import FloatArray
 from posfet_model.amplifier.circuit import AmplifierCircuit
 from posfet_model.amplifier.circuit_figures import Margins
+from posfet_model.amplifier.open_loop import LEAST_PHASE_MARGIN, MOST_OVERSHOOT
 from posfet_model.design.amplifier_figures import BLOCK, AmplifierFigures, circuit_blocks
 
 SHARES: Final = (1 / 3, 2 / 3, 1.0)
 """Inputs that are examined besides 0 V, in that of the force."""
+
+_INPUTS: Final = 51
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,3 +62,27 @@ def _worst(circuit: AmplifierCircuit, reach: FloatArray) -> tuple[FloatArray, Fl
     with np.errstate(divide="ignore", invalid="ignore"):  # transistors in cut-off
         margins = Margins.at(circuit, circuit.operating_point(inputs), inputs)
     return np.fmin.reduce(margins.phase_margin), np.fmax.reduce(margins.overshoot)
+
+
+def quiet_range(circuit: AmplifierCircuit, low: float, high: float) -> tuple[float, float]:
+    """Return the part around 0 V of a range of inputs [V] in which a single circuit keeps its margins; unchecked.
+
+    Parameters
+    ----------
+    circuit : AmplifierCircuit
+        A single circuit with its margins at 0 V.
+    low, high : float
+        Ends of the range [V], on either side of 0.
+
+    Returns
+    -------
+    tuple of float
+        Ends, to a fiftieth of the range.
+    """
+    ends = []
+    for end in (low, high):
+        inputs = np.linspace(0.0, end, _INPUTS)
+        margins = Margins.at(circuit, circuit.operating_point(inputs), inputs)
+        bad = (margins.phase_margin < LEAST_PHASE_MARGIN) | (margins.overshoot > MOST_OVERSHOOT)
+        ends.append(float(inputs[np.argmax(bad) - 1]) if bad.any() else end)
+    return ends[0], ends[1]

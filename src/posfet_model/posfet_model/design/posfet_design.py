@@ -32,7 +32,7 @@ from posfet_model.amplifier.validity import Validity
 from posfet_model.design import ranges
 from posfet_model.design.amplifier_figures import AmplifierFigures, amplifier_figures
 from posfet_model.design.design_fields import PARTS, DesignFields
-from posfet_model.design.margins_in_use import MarginsInUse, margins_in_use
+from posfet_model.design.margins_in_use import MarginsInUse, margins_in_use, quiet_range
 from posfet_model.design.mismatch import hand_common_mode_rejection
 from posfet_model.design.noise_by_source import adc_step, noise_by_source
 from posfet_model.design.op_amp import named_circuit, op_amp_circuit
@@ -225,7 +225,7 @@ class PosfetDesign(DesignFields):
         """Return the follower of a single design for small signals, with gain, crossing and margin of the circuit.
 
         Two poles and a zero, exact in time for any step and far faster than `follower`; a steeper output than the slew
-        rates, and inputs out of range, are not valid.
+        rates, and inputs out of range or at which the circuit rings, are not valid.
 
         Returns
         -------
@@ -244,13 +244,16 @@ class PosfetDesign(DesignFields):
             ends = amplifier.lowest_saturated_input, amplifier.highest_saturated_input
         if not np.isfinite(ends).all():
             raise ValueError(f"the design has no linear follower: {'; '.join(amplifier.validity.reasons)}")
+        low, high = float(ends[0]), float(ends[1])
+        if amplifier.validity.valid:
+            low, high = quiet_range(self.op_amp, low, high)
         loop = circuit_figures(self.op_amp).open_loop
         return RingingFollower(
             open_loop=loop,
             offset=float(amplifier.offset / loop.closed_loop_gain),
             limits=FollowerLimits(
-                v_low=float(ends[0]),
-                v_high=float(ends[1]),
+                v_low=low,
+                v_high=high,
                 slew_rate=float(np.nan_to_num(amplifier.slew_rate, nan=math.inf)),
                 falling_slew_rate=float(np.nan_to_num(amplifier.falling_slew_rate, nan=math.inf)),
             ),
