@@ -13,11 +13,16 @@ import json
 
 import pytest
 
-from support.scan_cost import BASELINE, CASES, costs
+from support.scan_cost import BASELINE, CASES, costs, player
 
 ALLOWED_RATIO = 1.3
 TRIES = 4
 """Number of measurements, as other load may disturb a whole one."""
+
+
+def test_what_is_measured_is_the_work_of_a_scan() -> None:
+    take = player(touched=False)
+    assert [take(index) for index in range(50)] == [1] * 50
 
 
 @pytest.mark.slow

@@ -66,17 +66,19 @@ def fixed_work() -> float:
     return total
 
 
-def player(touched: bool) -> Callable[[int], None]:
-    """Return a function that processes the scan of an index; touched from scan `REST` on."""
+def player(touched: bool) -> Callable[[int], int]:
+    """Return a function that processes the scan of an index, touched from scan `REST` on, and returns their number."""
     decoder, model = Decoder(SENSOR), Reconstructor(SENSOR)
-    decoder.resync(0, count_gap=False)
+    decoder.start()
     decoder.scan.temperatures[:] = 25.0
     frames = frames_of(touched)
 
-    def take(index: int) -> None:
+    def take(index: int) -> int:
+        scans = 0
         for decoded in decoder.decode(frames[index], index * 1_000_000, 0):
             if isinstance(decoded, ScanReady):
-                model.process(decoded.scan)
+                scans += model.process(decoded.scan).accepted
+        return scans
 
     return take
 
