@@ -86,8 +86,12 @@ check: $(BUILT) $(CHECK_READY)
 	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy && \
 	numpydoc lint --config . $$(find src -type f -name '*.py' -not -name setup.py) && PYTHONPATH="$(PACKAGES):$$PYTHONPATH" lint-imports
 
+# Every part runs, whatever came of those before.
 soak: $(BUILT)
-	@$(IN_ENVIRONMENT) python3 -m pytest -m slow && cd test && python3 -m support.adversary --scans $(or $(SCANS),10000000) && exec python3 -m support.soak --for $(or $(FOR),1800) $(ARGS)
+	@$(IN_ENVIRONMENT) failed=(); python3 -m pytest -m slow || failed+=(tests); cd test; \
+	python3 -m support.adversary --scans $(or $(SCANS),10000000) || failed+=(adversary); \
+	python3 -m support.soak --for $(or $(FOR),1800) $(ARGS) || failed+=(soak); \
+	if (( $${#failed[@]} )); then echo "make soak: failed: $${failed[*]}" >&2; exit 1; fi
 
 bench: $(BUILT) benchmarks/.ready
 	@$(IN_ENVIRONMENT) PYTHONPATH="$$PWD/test:$$PYTHONPATH" exec python3 -m benchmarks $(if $(FULL),--full) $(if $(ONLY),--only $(ONLY)) $(ARGS)
