@@ -9,102 +9,57 @@
 
 from __future__ import annotations
 
-import threading
-import time
-from collections.abc import Iterator
-from contextlib import suppress
+import subprocess
 from types import SimpleNamespace
 
 import pytest
 
-rclpy = pytest.importorskip("rclpy", reason="needs ROS 2")
+pytest.importorskip("rclpy", reason="needs ROS 2")
 pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
-from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 
-import posfet.bringup
 from posfet import stack_commands
-from posfet.composed_node import Graph
-from posfet.middleware_check import exchange
-from posfet_model.ros import middleware
-from support.expectations import TIMEOUT
+from posfet_msgs.msg import TactileContacts
+from support.bringup_process import needs_installation, running
+from support.expectations import TIMEOUT, Listener
 
 pytestmark = pytest.mark.ros
 
 
-@pytest.fixture(scope="module")
-def stack() -> Iterator[Graph]:
-    """A stack whose services are served by a thread."""
-    context = Context()
-    with middleware.applied():
-        rclpy.init(context=context)
-    executor = SingleThreadedExecutor(context=context)
-
-    def serve() -> None:
-        with suppress(ExternalShutdownException):
-            executor.spin()
-
-    with posfet.bringup.nodes(context, namespace="robot/thumb", scene="idle", imperfections="none") as graph:
-        for node in graph:
-            executor.add_node(node)
-        thread = threading.Thread(target=serve)
-        thread.start()
-        yield graph
-        executor.shutdown()
-        context.try_shutdown()
-        thread.join(TIMEOUT)
+def posfet(*words: str) -> subprocess.CompletedProcess[str]:
+    """Run a command in a process of its own: the settings of its middleware are those of a process."""
+    return subprocess.run(["posfet", *words], capture_output=True, text=True, timeout=TIMEOUT, check=False)
 
 
-@pytest.fixture(autouse=True)
-def patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stack_commands, "DISCOVERY_TIMEOUT", TIMEOUT)
+@pytest.mark.process
+@needs_installation
+def test_a_running_stack_is_tared_shown_and_given_another_scene() -> None:
+    sensor = ["--namespace", "/robot/thumb"]
+    with running("scene:=hold", "imperfections:=none", "namespace:=robot/thumb") as stack, Listener() as listener:
+        contacts = listener.collect(TactileContacts, "/robot/thumb/contacts")
+        listener.wait(lambda: any(message.data_valid and message.contacts for message in contacts), "a contact")
+        refused = posfet("tare", *sensor)
+        assert refused.returncode == 1
+        assert refused.stderr.startswith("refused under load: ")
+        loaded = posfet("scene", "idle", *sensor)
+        assert (loaded.returncode, loaded.stdout) == (0, "scene 'idle' from its start\n")
+        tared = posfet("tare", "--force", *sensor)
+        assert (tared.returncode, tared.stdout.count("\n")) == (0, 1), tared.stderr
+        shown = posfet("diagnostics", *sensor, "--values")
+        assert "robot/thumb/model_node: reconstruction: " in shown.stdout, shown.stderr
+        assert "      scene: idle" in shown.stdout
+        doctor = posfet("doctor")
+        assert "message between two participants after " in doctor.stdout
+        assert stack.poll() is None
 
 
-def errors(capfd: pytest.CaptureFixture[str]) -> str:
-    """Return what was printed on stderr but the log of the stack, which may say that this machine is slow."""
-    return "".join(line for line in capfd.readouterr().err.splitlines(keepends=True) if not line.startswith("["))
-
-
-def test_a_stack_is_tared(stack: Graph, capfd: pytest.CaptureFixture[str]) -> None:
-    assert stack_commands.tare(["--namespace", "/robot/thumb", "--force"]) == 0
-    assert capfd.readouterr().out.count("\n") == 1
-
-
-def test_another_scene_is_loaded_and_an_unknown_one_refused(stack: Graph, capfd: pytest.CaptureFixture[str]) -> None:
-    assert stack_commands.scene(["hold", "--namespace", "robot/thumb"]) == 0
-    assert capfd.readouterr().out == "scene 'hold' from its start\n"
-    assert stack_commands.scene(["hodl", "--namespace", "robot/thumb"]) == 1
-    assert errors(capfd).startswith("hodl: no such scene; did you mean hold? give the path")
-    end = time.monotonic() + TIMEOUT
-    while not (snapshot := stack.snapshot()) or not snapshot.contacts:
-        assert time.monotonic() < end
-        time.sleep(0.01)
-    assert stack_commands.tare(["--namespace", "robot/thumb"]) == 1
-    assert errors(capfd).startswith("refused")
-
-
-def test_the_state_of_a_stack_is_shown(stack: Graph, capfd: pytest.CaptureFixture[str]) -> None:
-    assert "robot/thumb/model_node" in {node.get_fully_qualified_name().strip("/") for node in stack}
-    stack_commands.diagnostics(["--namespace", "robot/thumb", "--values"])
-    output = capfd.readouterr().out
-    assert "robot/thumb/model_node: reconstruction: " in output
-    assert "robot/thumb/sim_board_node: board: simulating scene" in output
-    assert "      scene: " in output
-
-
-def test_a_sensor_that_is_not_there_is_one_line(
-    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(stack_commands, "DISCOVERY_TIMEOUT", 0.2)
-    assert stack_commands.tare(["--namespace", "index"]) == 1
-    error = errors(capfd)
-    assert error.startswith("/index/tare: no such service; ")
-    assert error.count("\n") == 1
-    assert stack_commands.diagnostics(["--namespace", "index"]) == 1
-    expected = "no diagnostics of index within 0.2 s; start the stack with posfet bringup\n"
-    assert errors(capfd) == expected
+@pytest.mark.process
+@needs_installation
+def test_without_a_stack_a_command_says_how_to_start_one() -> None:
+    result = posfet("diagnostics", "--namespace", "nobody", "--wait", "0.2")
+    assert result.returncode == 1
+    assert result.stderr == "no diagnostics of nobody within 0.2 s; start the stack with posfet bringup\n"
 
 
 @pytest.mark.parametrize(
@@ -137,10 +92,3 @@ def test_the_worst_status_is_first() -> None:
     remedy = "      fault: supply low: check its supply"
     assert stack_commands.lines(statuses, values=False) == ["ERROR c: m", "WARN  b: m", remedy, "OK    a: m"]
     assert stack_commands.lines(statuses[:1], values=True) == ["OK    a: m", "      rate: 7"]
-
-
-def test_a_message_passes_between_two_participants(stack: Graph) -> None:
-    assert stack.nodes
-    seconds, sensors = exchange(TIMEOUT)
-    assert seconds is not None
-    assert sensors in ([], ["/robot/thumb"])

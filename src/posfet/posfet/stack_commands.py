@@ -70,8 +70,11 @@ def diagnostics(words: Sequence[str] | None = None) -> int:
     parser.add_argument(
         "--for", dest="seconds", type=positive, default=REPORT_WAIT, help="time to listen after the first report [s]"
     )
+    parser.add_argument(
+        "--wait", type=positive, default=DISCOVERY_TIMEOUT, help="longest time until the first report [s] (default: 10)"
+    )
     options = parser.parse_args(words)
-    return exit_code(lambda: _diagnose(options.namespace, options.seconds, options.values))
+    return exit_code(lambda: _diagnose(options))
 
 
 def _parser(name: str, description: str) -> argparse.ArgumentParser:
@@ -137,7 +140,8 @@ def _remedy(node: Node, last: str) -> str:
     return "is the stack running? Start it with posfet bringup; posfet doctor checks this machine"
 
 
-def _diagnose(namespace: str, seconds: float, values: bool) -> int:
+def _diagnose(options: argparse.Namespace) -> int:
+    namespace = options.namespace
     prefix = f"{checked_namespace(namespace)}/" if namespace else ""
     found: dict[str, DiagnosticStatus] = {}
 
@@ -148,13 +152,13 @@ def _diagnose(namespace: str, seconds: float, values: bool) -> int:
         node = Node("posfet_command", cli_args=[], use_global_arguments=False)
         stack.callback(node.destroy_node)
         node.create_subscription(DiagnosticArray, "/diagnostics", take, 100)
-        _wait(node, lambda: bool(found), DISCOVERY_TIMEOUT)
+        _wait(node, lambda: bool(found), options.wait)
         if found:
-            _wait(node, lambda: False, seconds)
+            _wait(node, lambda: False, options.seconds)
     if not found:
         where = f" of {namespace}" if namespace else ""
-        raise ConfigError(f"no diagnostics{where} within {DISCOVERY_TIMEOUT:g} s; start the stack with posfet bringup")
-    print("\n".join(lines(found.values(), values)))
+        raise ConfigError(f"no diagnostics{where} within {options.wait:g} s; start the stack with posfet bringup")
+    print("\n".join(lines(found.values(), options.values)))
     return REFUSED if any(_level(status) for status in found.values()) else 0
 
 
