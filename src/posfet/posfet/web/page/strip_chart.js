@@ -110,7 +110,7 @@ function grid(context, width, height, low, high, x, y, now, theme) {
   }
   context.textAlign = "center";
   context.textBaseline = "top";
-  for (let back = 0; back <= SPAN; back += 5) {
+  for (let back = 0; back <= SPAN; back += width < 280 ? 10 : 5) {
     const text = back ? `−${back} s` : "now";
     const half = context.measureText(text).width / 2;
     context.fillText(text, Math.min(Math.max(x(now - back), LEFT + half - 8), width - half - 1), height - BOTTOM + 6);
