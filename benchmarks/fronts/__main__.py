@@ -44,6 +44,8 @@ STAGES: Final = (
 )
 """Stages in the order of the document: what a reader chooses first comes first."""
 
+FAILED: Final = "failed:"
+
 NEEDS_NGSPICE: Final = ("followers",)
 
 
@@ -55,15 +57,25 @@ def measure_all(names: list[str], effort: Effort) -> tuple[list[Front | Exhibit]
         if name in NEEDS_NGSPICE and not ngspice.available():
             missing[name] = f"{ngspice.PROGRAM} is not on PATH. Install with: sudo apt-get install ngspice"
             continue
-        begin, measure = time.monotonic(), stage(name)
-        for front in measure(effort):
-            front.verify()
-            if isinstance(front, Front):
-                with style.style():
-                    page.check_figure(front, chart.draw(front))
-            fronts.append(front)
+        begin = time.monotonic()
+        try:
+            fronts += verified(name, effort)
+        except (FrontError, ngspice.SpiceError) as error:
+            missing[name] = f"{FAILED} {error}"
+            print(f"make fronts: {error}", file=sys.stderr)
         print(f"{name}: {time.monotonic() - begin:.0f} s", flush=True)
     return fronts, missing
+
+
+def verified(name: str, effort: Effort) -> list[Front | Exhibit]:
+    """Return the fronts of a stage; FrontError where one contradicts theory, its table or its figure."""
+    fronts = list(stage(name)(effort))
+    for front in fronts:
+        front.verify()
+        if isinstance(front, Front):
+            with style.style():
+                page.check_figure(front, chart.draw(front))
+    return fronts
 
 
 def stage(name: str) -> Callable[[Effort], Sequence[Front | Exhibit]]:
@@ -88,7 +100,7 @@ def publish(fronts: list[Front | Exhibit], missing: dict[str, str], folder: Path
 
 
 def main(words: list[str] | None = None) -> int:
-    """Return 1 where a front contradicts itself; nothing is written then."""
+    """Return 1 where a front contradicts itself; its stage is left out, and the document says why."""
     parser = argparse.ArgumentParser(prog="make fronts", description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="+", choices=STAGES, metavar="STAGE", help="needs --out")
     parser.add_argument("--short", action="store_true", help="few scenes and repetitions; needs --out")
@@ -99,14 +111,11 @@ def main(words: list[str] | None = None) -> int:
         parser.error("--only and --short would leave an incomplete document: name another folder with --out")
     effort = Effort(2 if options.short else options.repeats, options.short)
     begin = time.monotonic()
-    try:
-        fronts, missing = measure_all(options.only or list(STAGES), effort)
-        publish(fronts, missing, options.out or ROOT, "make fronts" + " ARGS=--short" * options.short)
-    except FrontError as error:
-        print(f"make fronts: {error}", file=sys.stderr)
-        return 1
-    print(f"{len(fronts)} fronts, {time.monotonic() - begin:.0f} s")
-    return 0
+    fronts, missing = measure_all(options.only or list(STAGES), effort)
+    publish(fronts, missing, options.out or ROOT, page.command(options.short, options.repeats))
+    failed = [name for name, why in missing.items() if why.startswith(FAILED)]
+    print(f"{len(fronts)} fronts, {time.monotonic() - begin:.0f} s; failed: {', '.join(failed) or 'none'}")
+    return 1 if failed else 0
 
 
 if __name__ == "__main__":

@@ -36,6 +36,9 @@ LOOKS = (
 
 HEIGHT = 4.4
 FONT = 7.5
+NEAR = 7
+"""Half the distance of points with the same parameter that share a label [points]."""
+
 GAP = 2.5
 """Distance between labels, and from points [points]."""
 
@@ -97,7 +100,7 @@ def _staircase(axes: Axes, front: Front, floor: float) -> None:
 
 
 def _label(figure: Figure, axes: Axes, front: Front, floor: float) -> None:
-    """Label the choices of the Pareto set, the shipped one, and the ends of each series, where nothing else stands.
+    """Label the choices of the Pareto set, the shipped one, and the ends of each swept series, where there is room.
 
     Series with the same parameters need their labels once.
     """
@@ -107,7 +110,7 @@ def _label(figure: Figure, axes: Axes, front: Front, floor: float) -> None:
         own = [choice for choice in front.choices if choice.series == name]
         parameters = tuple(choice.parameter for choice in own)
         if parameters not in seen:
-            wanted |= {choice.name: choice for choice in (own[0], own[-1])}
+            wanted |= {choice.name: choice for choice in ((own[0], own[-1]) if front.swept else own)}
         seen.add(parameters)
     canvas = FigureCanvasAgg(figure)
     canvas.draw()
@@ -117,9 +120,23 @@ def _label(figure: Figure, axes: Axes, front: Front, floor: float) -> None:
     marks = [_box(axes, front, each, floor, 4.5 * scale) for each in front.choices]
     if front.shipped_choice is not None:
         marks.append(_box(axes, front, front.shipped_choice, floor, 7.5 * scale))
+    for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
+        box = text.get_window_extent(renderer)
+        if not (
+            figure.bbox.x0 <= box.x0
+            and box.x1 <= figure.bbox.x1
+            and figure.bbox.y0 <= box.y0
+            and box.y1 <= figure.bbox.y1
+        ):
+            raise FrontError(f"{front.name}: no room for {text.get_text()!r}")
     placed: list[Bbox] = []
+    named: list[tuple[str, Bbox]] = []
     inside = axes.get_window_extent(renderer)
     for choice in filter(lambda choice: choice.parameter, wanted.values()):
+        near = _box(axes, front, choice, floor, NEAR * scale)
+        if any(choice.parameter == text and near.overlaps(other) for text, other in named):
+            continue  # one label for points of several series
+        named.append((choice.parameter, near))
         note = axes.annotate(
             choice.parameter, (front.ratio(choice), max(front.counted(choice), floor)), textcoords="offset points",
             xytext=(0, 0), fontsize=FONT, ha="center", va="center", zorder=6, color=style.BLACK,

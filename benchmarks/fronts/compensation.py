@@ -128,13 +128,9 @@ def _front(relaxing: bool, effort: Effort) -> Front:
     leaked = 100 * max(abs(_held(time)) for time in np.linspace(0.1, 2.0, 191))
     known = "one pole and relaxation" if relaxing else "one pole"
     checks = [
-        Check(
-            f"error of {known} at {finest}, a model that is that of the film [%]",
-            errors[f"{known}|{finest}"],
-            0.0,
-            1e-8,
-        ),
-    ]
+        Check(f"error of {known} at {finest}, but for the film's curvature between two scans [%]",
+              errors[f"{known}|{finest}"], 0.0, 1e-4 if relaxing else 1e-8),
+    ]  # fmt: skip
     if not relaxing:
         checks.append(Check("error without compensation over the charge that leaks of this press, in closed form [1]",
                             errors[f"none|{finest}"] / leaked, 0.99, 1.01))  # fmt: skip

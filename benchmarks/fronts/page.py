@@ -104,15 +104,25 @@ def section(front: Front | Exhibit) -> str:
     return "\n\n".join(parts)
 
 
-def document(fronts: Sequence[Front | Exhibit], machine: str, missing: Mapping[str, str], command: str) -> str:
+def document(fronts: Sequence[Front | Exhibit], machine: str, missing: Mapping[str, str], how: str) -> str:
     """Return docs/runtime_accuracy.md."""
-    parts = [HEAD, f"Made by `{command}`. {machine}"]
+    parts = [HEAD, f"Made by {how}. {machine}"]
     parts += ["## At a glance", glance(fronts)]
     parts += [section(front) for front in fronts]
     if missing:
         lines = [f"- {name}: {why}" for name, why in missing.items()]
         parts += ["## Not measured", "\n".join(lines)]
     return "\n\n".join(parts) + "\n"
+
+
+def command(short: bool, repeats: int) -> str:
+    """Return how the document was made, in the words of `document`."""
+    if not short:
+        return f"`make fronts`, {repeats} repetitions"
+    return (
+        "`make fronts ARGS=--short`: brief scenes on boards that are not calibrated, few repetitions and choices. The "
+        "numbers show that everything works; for numbers to rely on, run `make fronts`"
+    )
 
 
 def glance(fronts: Sequence[Front | Exhibit]) -> str:

@@ -39,6 +39,9 @@ STACK = "this stack"
 SEEDS = range(1, 9)
 """Boards; the first one whose calibration is not refused is used."""
 
+JUDGED = 3
+"""One of this many scans is judged, which takes longer than most methods."""
+
 CHUNK = 250
 """Scans that one method processes before the next one has its turn."""
 
@@ -66,7 +69,7 @@ class Stack:
             result = self._reconstructor.process(recording.scans[index])
             image = self._reconstructor.image()
             spent += time.process_time() - begin
-            if tally is None:
+            if tally is None or index % JUDGED:
                 continue
             live = [each for each in result.contacts if each.state is not ContactState.RELEASED]
             tally.add(
@@ -93,7 +96,7 @@ class Other:
             begin = time.process_time()
             peer.process(counts)
             spent += time.process_time() - begin
-            if tally is not None:
+            if tally is not None and index % JUDGED == 0:
                 tally.add(recording.truths[index], float(peer.force.sum()), [each[:2] for each in peer.contacts])
         return spent
 
@@ -142,8 +145,8 @@ def measure(effort: Effort) -> list[Front]:
     """Return a front for the ordinary and the realistic film, and one for random scenes on the realistic film."""
     if effort.short:
         brief = {"press_slide_lift": load_scene("press_slide_lift", SENSOR)}
-        recordings = [record(SENSOR, scene, 1.6, SEEDS[0], ORDINARY) for scene in brief.values()]
-        return [_front("ordinary", "press_slide_lift", recordings, Calibration.nominal(SENSOR), effort)]
+        recordings = [record(SENSOR, scene, 1.6, SEEDS[0], BOARDS["realistic"]) for scene in brief.values()]
+        return [_front("realistic", "press_slide_lift", recordings, Calibration.nominal(SENSOR), effort)]
     found = []
     for film, board in BOARDS.items():
         seed, calibration = calibrated(board)

@@ -29,8 +29,8 @@ MOVE = 0.9
 """Standard deviation of a move from scan to scan [mm]; at 1 kHz the tracker sees a thousandth of that: this is what a
 rate of some Hz, or lost scans, would ask of it."""
 
-GATE = 4.0
-"""Largest distance of a contact and its successor [mm]."""
+FAR = 1e6
+"""Cost of no successor [mm2]: every contact has one."""
 
 Costs = Sequence[Sequence[float]]
 Pairs = dict[int, int]
@@ -70,7 +70,7 @@ def exhaustive(costs: Costs) -> Pairs:
 
 def exact(costs: Costs) -> Pairs:
     """Return the assignment of least cost, as the tracker of this stack asks for it."""
-    return minimum_cost_assignment(costs, GATE**2)
+    return minimum_cost_assignment(costs, FAR)
 
 
 METHODS: dict[str, Callable[[Costs], Pairs]] = {

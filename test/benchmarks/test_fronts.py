@@ -186,14 +186,18 @@ def test_the_document_and_the_results_are_written(tmp_path: Path, monkeypatch: p
     assert (tmp_path / "benchmarks" / "results" / "fronts.json").exists()
 
 
-def test_a_front_that_contradicts_itself_writes_nothing(
+def test_a_front_that_contradicts_itself_fails_the_run_and_is_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     wrong = _front(FAST, GOOD, checks=(Check("a quantity", 3.0, 0.0, 2.0),))
-    monkeypatch.setattr(command, "stage", lambda name: lambda effort: [wrong])
-    assert command.main(["--only", "charge", "--out", str(tmp_path)]) == 1
+    fronts = {"charge": [wrong], "inverse": [_front(FAST, GOOD, name="right")]}
+    monkeypatch.setattr(command, "stage", lambda name: lambda effort: fronts[name])
+    assert command.main(["--only", "charge", "inverse", "--out", str(tmp_path)]) == 1
     assert "make fronts: name: a quantity: 3, required in 0 to 2" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
+    text = (tmp_path / "docs" / "runtime_accuracy.md").read_text(encoding="utf-8")
+    assert "- charge: failed: name: a quantity: 3" in text
+    assert "front_right.svg" in text
+    assert "front_name.svg" not in text
 
 
 def test_parts_alone_need_another_folder(capsys: pytest.CaptureFixture[str]) -> None:
