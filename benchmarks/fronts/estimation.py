@@ -49,7 +49,7 @@ WITHOUT_STATES: Mapping[str, Mapping[str, float]] = {
 }
 """Groups of states of the estimator of all errors, left out by their priors."""
 
-SCENES = {"hold_10s": 12.5, "press_slide_lift": 4.0}
+SCENES = {"hold_10s": 8.0, "press_slide_lift": 4.0}
 
 
 def _stack(estimator: Estimator, **settings: Any) -> Method:

@@ -48,7 +48,7 @@ CHUNK = 250
 SHIPPED_ESTIMATOR: Estimator = inspect.signature(Reconstructor).parameters["estimator"].default
 ORDINARY = replace(ErrorModel.default(), resets_per_hour=0.0)
 BOARDS = {"ordinary": ORDINARY, "realistic": ORDINARY.with_realism(MODERATE)}
-SCENES = {"press_slide_lift": 5.0, "two_fingers": 4.0, "hold_10s": 12.5}
+SCENES = {"press_slide_lift": 4.0, "two_fingers": 3.0, "hold_10s": 8.0}
 """Scenes of the first two fronts, with their duration [s]."""
 
 HELD_OUT = 3
