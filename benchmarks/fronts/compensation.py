@@ -152,7 +152,8 @@ def _front(relaxing: bool, effort: Effort) -> Front:
         f"{shown(more.median / own.median)} times the run time. What relaxes is not inverted scan by scan in the "
         "stack, but "
         "belongs to the states of the estimator of all errors, which knows its uncertainty.",
-        why_not="Relaxation is left to the estimator, for which its sizes are states and not constants.",
+        why_not="The step is that of the scans, which taps need, and relaxation is left to the estimator, for which "
+        "its sizes are states and not constants.",
     )
 
 

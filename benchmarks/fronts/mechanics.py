@@ -127,5 +127,6 @@ def _front(name: str, effort: Effort) -> Front:
         "force. The "
         f"half-space, which assumes no shape, is still {shown(best.error)} off on its finest grid at "
         f"{shown(best.median / chosen.median)} times the run time: choose it only for shapes without a closed form.",
-        why_not="Fewer points cost almost as much, as a call has a fixed cost.",
+        why_not="One call has a fixed cost in which the points of a single contact do not show; many contacts and wide "
+        "ones are why there are no more of them than the error of a force needs.",
     )
