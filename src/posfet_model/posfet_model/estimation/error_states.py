@@ -78,6 +78,8 @@ class ErrorPriors:
     """Random walk of that rate [K/s/sqrt(s)], and"""
     rate_change: float = 3.0
     """the same as a share of the rate [1/sqrt(s)]: what warms the chip fast soon warms it less."""
+    touch_rate: float = 0.01
+    """Rate that an object on the chip causes, per total force [K/s/N]."""
     fastest: float = 3.0
     """Greatest change of that rate between two readings [K/s]."""
     lag: float = 0.4

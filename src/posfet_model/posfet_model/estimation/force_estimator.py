@@ -144,6 +144,8 @@ class Block:
     """Share of that force that is new [1]."""
     own_noise: Array
     """Covariance of the process noise of each taxel, as for `ForceErrorFilter.predict` [N2], shape [taxels, 3, 3]."""
+    rate_noise: float
+    """Variance that the rate of the chip temperature gains as the total force changes [K2/s2]."""
     before: Belief
     """Belief before this block."""
 
@@ -517,6 +519,7 @@ class ForceEstimator:
             own_noise[:, 2, 2] += (p.warmth_beside * self._per_kelvin) ** 2 * np.abs(warm * warm - self._warmth)
             whole = float(np.maximum(tail, self._tail).sum())
             tail_moved = float(np.abs(tail - self._tail).sum()) / whole if whole else 0.0
+        total, before = float(held.sum()), float(self._touch_force.sum())
         self._touch_force, self._tail, self._warmth = held, tail, warm * warm
         block = Block(
             self._raw_sum / self._scans,
@@ -533,6 +536,7 @@ class ForceEstimator:
             tail,
             tail_moved,
             own_noise,
+            (p.touch_rate**2) * abs(total - before) * max(total, before),
             self.belief.copy(),
         )
         self._last_duration = self._elapsed
@@ -607,6 +611,7 @@ class ForceEstimator:
             own_noise[fresh, 2, 2] = (small * small)[fresh]
         after, matrix, noise = self._dynamics.transition(belief.shared, block.span)
         noise[Shared.TAIL, Shared.TAIL] = p.tail_spread**2 * block.tail_moved
+        noise[Shared.RATE, Shared.RATE] += block.rate_noise
         warmed = float(after[Shared.FILM] - belief.shared[Shared.FILM])
         own_noise[:, 0, 0] += (p.pyroelectric * self._per_kelvin * warmed) ** 2
         errors.predict(after, matrix, noise, *self._integrated(block.span), own_noise)
