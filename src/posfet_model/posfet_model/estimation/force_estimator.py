@@ -610,7 +610,7 @@ class ForceEstimator:
             small = self._tail_spread() * block.tail + p.tail_least * block.neighbour
             own_noise[fresh, 2, 2] = (small * small)[fresh]
         after, matrix, noise = self._dynamics.transition(belief.shared, block.span)
-        noise[Shared.TAIL, Shared.TAIL] = p.tail_spread**2 * block.tail_moved
+        noise[Shared.TAIL, Shared.TAIL] = self._tail_spread() ** 2 * block.tail_moved
         noise[Shared.RATE, Shared.RATE] += block.rate_noise
         warmed = float(after[Shared.FILM] - belief.shared[Shared.FILM])
         own_noise[:, 0, 0] += (p.pyroelectric * self._per_kelvin * warmed) ** 2
