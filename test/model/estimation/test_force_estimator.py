@@ -443,3 +443,17 @@ def test_a_chip_that_warms_from_the_start_has_no_offset_for_that(rate: float) ->
     deviation = np.sqrt(np.diag(belief.covariance))
     assert abs(belief.shared[Shared.SCALE]) < 2.0 * deviation[Shared.SCALE]
     assert abs(belief.shared[Shared.FILM] - 6.0 * rate) < 2.0 * deviation[Shared.FILM]
+
+
+def test_stored_blocks_are_processed_again_once_for_a_force_that_grows_slowly(monkeypatch: pytest.MonkeyPatch) -> None:
+    # 5 mN a second on one taxel, below the contact threshold: once suspected it stays so, and is no zero in between.
+    again, process_again = [], ForceEstimator._process_again
+
+    def counted(estimator: ForceEstimator, touched: NDArray[np.bool_]) -> None:
+        again.append(touched.copy())
+        process_again(estimator, touched)
+
+    monkeypatch.setattr(ForceEstimator, "_process_again", counted)
+    forces = history(Watch(), SENSOR, 4.0, force=press(0.015, 1.0, 60.0, rise=3.0))
+    assert len(again) <= 2
+    assert forces[-1][MIDDLE] == pytest.approx(0.015, abs=0.003)

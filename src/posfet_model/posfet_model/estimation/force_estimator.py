@@ -500,7 +500,7 @@ class ForceEstimator:
         if any_touched:
             felt = np.where(self.ignored, math.nan, np.abs(self._steady))
             neighbour = self._surroundings.greatest_neighbour(felt)
-            tail = self._surroundings.geometric_decline(felt, 0.1 * self._threshold)
+            tail = np.where(touched, 0.0, self._surroundings.geometric_decline(felt, 0.1 * self._threshold))
         p = self._priors
         held = np.where(touched, np.maximum(self._steady, 0.0), 0.0)
         warm = self._touch.warm
