@@ -32,7 +32,7 @@ from typing import Final
 from posfet_driver.board.board_client import Board
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
-from support.adversary_link import Link, LoggedBoard, Sampled
+from support.adversary_link import KEPT, Link, LoggedBoard, Sampled
 from support.clocks import SteppedClock
 from support.fake_board import with_fd, with_layout
 from support.reference_board import make
@@ -97,6 +97,8 @@ QUARTERS: Final = range(0, SAMPLES, SAMPLES // 4)
 GROWTH_LIMIT: Final = 2 << 20
 """Maximum growth of resident memory from the third quarter of a run to the last [byte], by their medians: the log of
 the board, of which `KEPT` scans are kept, and the frames that wait have filled by then."""
+FILLING: Final = 16 << 20
+"""The same of a run that is too short for that [byte]."""
 DRIFTED: Final = 5000
 """Time in which two clocks that the mapping follows can differ by one unit more: a delay that grows more slowly is not
 distinguished from their drift."""
@@ -358,7 +360,8 @@ class Adversary:
         self.judge.judge_counters()
         used.append(Usage.now())
         found.memory = [round(median(usage.memory for usage in used[part:][: SAMPLES // 4])) for part in QUARTERS]
-        if found.memory[-1] - found.memory[-2] > GROWTH_LIMIT or used[-1].descriptors > used[0].descriptors:
+        limit = GROWTH_LIMIT if scans >= 4 * KEPT else FILLING
+        if found.memory[-1] - found.memory[-2] > limit or used[-1].descriptors > used[0].descriptors:
             found.fail("growth", f"memory in the quarters of the run {found.memory}, {used[0]} -> {used[-1]}")
         self.board.close()
         code = self.hardware.close()
