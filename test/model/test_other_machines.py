@@ -46,7 +46,7 @@ def _report(environment: dict[str, str], *plugins: str) -> str:
     run = subprocess.run(
         [sys.executable, "-m", "pytest", *chosen, "-p", "no:cacheprovider", "--tb=short", "-k", CHOSEN, *TABLES],
         cwd=ROOT,
-        env={**os.environ, **environment, "PYTHONPATH": path},
+        env={**os.environ, **environment, "PYTHONPATH": path, "PYTEST_ADDOPTS": ""},  # colcon sets options
         capture_output=True,
         text=True,
         check=False,
