@@ -47,6 +47,8 @@ from posfet_model.amplifier.validity import Validity
 NO_OPERATING_POINT: Final = "no operating point between the supplies"
 NOT_SATURATED: Final = "a transistor is out of saturation at rest"
 
+_COARSE: Final = 4  # an overshoot is then a hundredth of itself too small at most
+
 
 def unloaded_response(circuit: AmplifierCircuit) -> TransferFunction:
     """Return the open-loop gain from the input to the output with the inverting input held; unchecked.
@@ -108,7 +110,7 @@ class Margins:
         found: Mask = np.asarray(np.isfinite(nodes).all(axis=-1))
         small = SmallSignals.at(circuit, np.where(found[..., None], nodes, circuit.start(v_in)), v_in)
         crossing, margin = unity_crossing(small.loop)
-        excess, _ = step_figures(small.closed)
+        excess, _ = step_figures(small.closed, _COARSE)
         ringing = np.where(small.closed.stable & np.isfinite(crossing), excess, np.nan)
         nothing = np.where(found, 1.0, np.nan)
         return cls(margin * nothing, ringing * nothing, small.closed.rates.real.min(axis=-1) * nothing)

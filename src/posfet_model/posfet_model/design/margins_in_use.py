@@ -20,7 +20,7 @@ from posfet_model.amplifier.circuit_figures import Margins
 from posfet_model.amplifier.open_loop import LEAST_PHASE_MARGIN, MOST_OVERSHOOT
 from posfet_model.design.amplifier_figures import BLOCK, AmplifierFigures, circuit_blocks
 
-SHARES: Final = (1 / 3, 2 / 3, 1.0)
+SHARES: Final = (0.5, 1.0)
 """Inputs that are examined besides 0 V, in that of the force."""
 
 _INPUTS: Final = 51
