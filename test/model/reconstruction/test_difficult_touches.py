@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import copy
+from typing import Any
 
 import numpy as np
 import pytest
@@ -42,11 +43,9 @@ CROSS = shape("01310 14641 36963 14641 01310")
 """The edges of a cross recess."""
 
 
-def held(
-    newton: float, rise: float, force: NDArray[np.float64], estimator: Estimator = Estimator.OBSERVER
-) -> list[tuple[Reconstruction, float]]:
+def held(newton: float, rise: float, force: NDArray[np.float64], **options: Any) -> list[tuple[Reconstruction, float]]:
     """Return the results with the total force, in the last second of two in which a force is held."""
-    reconstructor, last = Reconstructor(SENSOR, estimator=estimator), []
+    reconstructor, last = Reconstructor(SENSOR, **options), []
     for time, scan in scans(SENSOR, 3.0 + rise, force=press(newton, 1.0, 9.0, rise), shape=force):
         result = reconstructor.process(scan)
         if time >= 2.0 + rise:
@@ -67,7 +66,7 @@ def test_a_broad_touch_of_2_newton_is_one_contact_with_an_error_of_1_percent(
 
 def test_the_forces_beside_a_broad_touch_are_not_taken_for_bending() -> None:
     """Beside a pad they are other shares of the decline towards them than beside the contact as which it begins."""
-    last = held(2.0, 0.3, CROSS, Estimator.ERROR_STATE)
+    last = held(2.0, 0.3, CROSS, estimator=Estimator.ERROR_STATE)
     assert max(abs(total - 2.0) for _, total in last) < 0.04
 
 
