@@ -15,6 +15,8 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from benchmarks.fronts.front import Check, Choice, Effort, Front, FrontError
 from benchmarks.fronts.recordings import HEADINGS, Recording, Tally, random_scene, record
 from benchmarks.outcome import shown
@@ -28,6 +30,7 @@ from posfet_model.contacts.tracker import ContactState
 from posfet_model.estimation.choice import Estimator
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.reconstruction.settings import ReconstructionSettings
+from posfet_model.reconstruction.taxel_faults import TaxelStatus
 from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_sim.calibration.simulated_bench import calibrate
 from posfet_sim.device.error_model import MODERATE, ErrorModel
@@ -41,6 +44,8 @@ SEEDS = range(1, 9)
 
 JUDGED = 3
 """One of this many scans is judged, which takes longer than most methods."""
+
+FAULTY = (TaxelStatus.DEAD, TaxelStatus.STUCK, TaxelStatus.NOISY)
 
 CHUNK = 250
 """Scans that one method processes before the next one has its turn."""
@@ -78,6 +83,7 @@ class Stack:
                 [each.region.centre_of_pressure for each in live],
                 image.total_standard_deviation,
                 result.valid,
+                float(recording.truths[index].force @ np.isin(image.status, FAULTY)),
             )
         return spent
 
@@ -206,7 +212,8 @@ def _front(film: str, what: str, recordings: Sequence[Recording], calibration: C
     nearest = min((each for each in choices if each.series != STACK and each.more[0] == each.more[0]),
                   key=lambda each: each.more[0])  # fmt: skip
     reading = (
-        f"All figures are over {what}. The shipped configuration errs by {shown(own.error)} % of the total force, the "
+        f"All figures are over {what}. The shipped configuration errs by {shown(own.error)} % of the total force "
+        f"({shown(own.more[-1])} % of the force is on taxels that it declares faulty, which count as missing), the "
         f"best peer ({rival.name}) by {shown(rival.error)} %, {shown(rival.error / own.error)} times as much, in "
         f"{shown(rival.median / own.median)} of the run time; the centre of pressure is off by "
         f"{shown(own.more[0])} mm, that of the nearest peer ({nearest.name}) by {shown(nearest.more[0])} mm. The "

@@ -80,6 +80,7 @@ class Tally:
     force_error: float = 0.0
     force_true: float = 0.0
     distances: list[float] = field(default_factory=list)
+    excluded: float = 0.0
     covered: int = 0
     with_deviation: int = 0
     valid: int = 0
@@ -90,17 +91,25 @@ class Tally:
     false: int = 0
 
     def add(
-        self, truth: Truth, total: float, contacts: Sequence[Contact], deviation: float = math.nan, valid: bool = True
+        self,
+        truth: Truth,
+        total: float,
+        contacts: Sequence[Contact],
+        deviation: float = math.nan,
+        valid: bool = True,
+        excluded: float = 0.0,
     ) -> None:
         """Add one scan: total force [N], contacts' centres [m], reported standard deviation of the total [N].
 
-        A method without an answer (NaN) answers 0.
+        A method without an answer (NaN) answers 0. `excluded` is the true force on taxels that it declares faulty [N]:
+        it counts as missing, unlike in `posfet score`, as whoever holds the object has to bear it.
         """
         layout = self.sensor.layout
         true = float(truth.force.sum())
         if true > 0:
             self.touched += 1
             self.valid += valid
+            self.excluded += excluded
             error = abs((total if math.isfinite(total) else 0.0) - true)
             self.force_error += error
             self.force_true += true
@@ -141,7 +150,15 @@ class Tally:
             100 * self.false / self.reported if self.reported else math.nan,
             100 * self.covered / self.with_deviation if self.with_deviation else math.nan,
             100 * self.valid / self.touched,
+            100 * self.excluded / self.force_true,
         )
 
 
-HEADINGS = ("CoP error mm", "missed contacts %", "false contacts %", "two-sigma coverage %", "declared valid %")
+HEADINGS = (
+    "CoP error mm",
+    "missed contacts %",
+    "false contacts %",
+    "two-sigma coverage %",
+    "declared valid %",
+    "force on taxels declared faulty %",
+)
