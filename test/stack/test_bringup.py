@@ -158,7 +158,7 @@ def test_invalid_parameters_end_with_one_line(tmp_path: os.PathLike[str]) -> Non
     for text, expected in (
         ("frame_id: hand", "frame_id: use the argument frame_id:=<name>: all nodes have the same frame"),
         ("display_rate: fast", "display_rate: must be a number with a decimal point in [0.1, 10000] Hz, got 'fast'"),
-        ("frame: hand", "frame: unknown parameter, known are"),
+        ("frame: hand", "frame: unknown parameter, did you mean "),
         ("use_sim_time: 3", "use_sim_time"),
     ):
         with open(path, "w", encoding="utf-8") as file:
