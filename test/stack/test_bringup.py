@@ -131,7 +131,7 @@ def test_live_display_in_a_terminal() -> None:
 BAD_INPUT = {
     "unknown argument": (["sourse:=sim"], "sourse: unknown argument, did you mean source? known are source"),
     "not an argument": (["sim"], "sim: must be an argument name:=value"),
-    "not a choice": (["source:=usb"], "source: must be one of sim, can, emulator, got 'usb'"),
+    "not a choice": (["source:=usb"], "source: must be one of sim, can, emulator, replay, got 'usb'"),
     "not a bitrate": (["can_bitrate:=fast"], "can_bitrate: must be a whole number"),
     "no such sensor": (["sensor_file:=posfet_9x9"], "posfet_9x9: no such sensor"),
     "no such sensor file": (["sensor_file:=/nowhere/s.yaml"], "/nowhere/s.yaml: no such sensor file"),
