@@ -242,6 +242,7 @@ class ForceEstimator:
         self._drift_response = np.zeros((taxels, COUNT))
         self._drift_response[:, Shared.DRIFT] = 1.0
         self._touched, self._beside = np.zeros((2, taxels), np.bool_)
+        self._untouched, self._small, self._share = np.zeros(0, np.intp), np.zeros(0), 0.0
 
     @property
     def block_due(self) -> bool:
@@ -356,15 +357,21 @@ class ForceEstimator:
             self._jumped += (change * coefficients.ratio) ** 2 / 12.0
 
     def compensate_common_mode(self, touched: bool) -> None:
-        """Keep a uniform change out of the forces of a scan until the block ends, while nothing touches.
+        """Keep a uniform change out of the forces of a scan until the block ends.
 
-        No more of it than the film can warm in that time.
+        While nothing touches, no more of it than the film can warm in that time. During a touch, what the untouched
+        taxels show, as far as the rate of the film's temperature is uncertain.
 
         Parameters
         ----------
         touched : bool
             Whether anything touches.
         """
+        if len(self._untouched):
+            residual = (self.force[self._untouched] - self._small) / self._per_kelvin[self._untouched]
+            shift = self._per_kelvin * (self._share * float(np.median(residual)))
+            self._correction += shift
+            self.force -= shift
         if touched or self._uniform.pause > 0.0 or not self._uniform.observable or self._touched.any():
             return
         usable = self.force[~self.ignored] if self.ignored.any() else self.force
@@ -421,6 +428,7 @@ class ForceEstimator:
             self._unexplained.reset()
             self._touch.reset()
             self._touched[:] = self._beside[:] = False
+            self._untouched = self._untouched[:0]
         self._start_block()
         return change
 
@@ -634,11 +642,12 @@ class ForceEstimator:
             noise += np.where(beside, CORRELATED * LEAST_TAIL**2 + (p.tail_change * block.neighbour) ** 2, 0.0)
         residual, sensitivity, deviation = f.innovation(measured, response, noise)
         odd = np.abs(residual) > GATE * deviation
-        if any_true(odd & where):
+        listed = any_true(block.listed)
+        if listed or any_true(odd & where):
             own = f.own_deviation(deviation, sensitivity, noise)
-            kelvin = self._uniform.temperature(residual, judged, deviation, own, block.duration)
+            kelvin = self._uniform.temperature(residual, judged, deviation, own, block.duration, listed)
             if kelvin:
-                if kelvin * float(self._per_kelvin.mean()) > 0.0 and not block.listed.any():
+                if kelvin * float(self._per_kelvin.mean()) > 0.0 and not listed:
                     self._open_hypothesis(block)
                 direction = self._dynamics.maneuver(f.belief.shared, block.duration)
                 f.admit(direction, (kelvin / direction[Shared.FILM]) ** 2)
@@ -733,9 +742,8 @@ class ForceEstimator:
         leaking = self._offset() * self._per_second
         self._rate = leaking + self._per_kelvin * self._film_rate()
         self._correction = self._filter.predicted(block.response) + 0.5 * block.duration * self._rate
-        self._mean = self._mean - self.force
         np.subtract(self._raw, self._correction, out=self.force)
-        self._mean += self.force
+        self._mean = block.mean - self._filter.predicted(block.response)
         self._set_covariance(block)
         share = min(block.duration / ABSORBED_TIME, 1.0)
         self._usual += block.duration * leaking
@@ -748,7 +756,25 @@ class ForceEstimator:
             self._restart(failed)
         self._confirm_offsets(block.duration)
         self.valid = self._is_valid()
+        self._prepare_compensation(block)
         self._start_block()
+
+    def _prepare_compensation(self, block: Block) -> None:
+        """Choose the untouched taxels that show the film's temperature scan by scan during a touch.
+
+        Their small forces stay as they are until the next block. The share of a uniform change that is the film's is
+        the gain of the Kalman filter of a random walk, in its limits of much and of little noise.
+        """
+        untouched = ~(self._touched | self.ignored) & self.offset_known
+        if not (self._touched.any() and self._uniform.observable and untouched.sum() >= UniformChange.FEWEST):
+            self._untouched = self._untouched[:0]
+            return
+        self._untouched = untouched.nonzero()[0]
+        self._small = self._mean[self._untouched]
+        deviation = math.sqrt(float(self._noise_variance[self._untouched].mean()) / len(self._untouched))
+        walk = abs(float(self._per_kelvin.mean())) * math.sqrt(self.belief.covariance[Shared.RATE, Shared.RATE])
+        walk *= block.duration / block.scans
+        self._share = walk / (walk + deviation)
 
     def _film_rate(self) -> float:
         """Return the rate of the film's temperature [K/s]."""
@@ -793,13 +819,18 @@ class ForceEstimator:
         """Mark offsets as known once the array has been still."""
         if self.offset_known.all():
             return
-        shared = self.belief.shared
-        warming = abs(float(shared[Shared.RATE])) > 3.0 * math.sqrt(self.belief.covariance[Shared.RATE, Shared.RATE])
+        # What all taxels have in common may be the film's temperature: judged by `UniformChange`, and no motion.
+        warming = self._uniform.observable or self._warms()
         at_rest = self._rest.update(self._inverse.signal, self.ignored, duration, warming)
         if self._rest.moved:
             self._restart(~self.offset_known)
         elif at_rest and self._agreed >= SETTLE_TIME:
             self.offset_known |= (self.belief.own[:, 1, 1] <= (0.5 * self._threshold * self._tau) ** 2) & ~self.ignored
+
+    def _warms(self) -> bool:
+        """Return whether the temperature of the chip certainly changes."""
+        rate, variance = self.belief.shared[Shared.RATE], self.belief.covariance[Shared.RATE, Shared.RATE]
+        return abs(float(rate)) > 3.0 * math.sqrt(variance)
 
     def _start(self, charge: Array) -> None:
         """Start with a scan that has no predecessor."""
@@ -826,6 +857,7 @@ class ForceEstimator:
         self._unexplained.reset()
         self._started = True
         self._rest.start(signal)
+        self._untouched = self._untouched[:0]
         self._restart(~self.offset_known)
         self._start_block()
 

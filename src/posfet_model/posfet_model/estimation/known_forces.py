@@ -239,7 +239,9 @@ class UniformChange:
         """Whether the hypothesis is open for a rise of the forces."""
         return not math.isnan(self._open)
 
-    def temperature(self, residual: Array, where: Mask, deviation: Array, own: Array, duration: float) -> float:
+    def temperature(
+        self, residual: Array, where: Mask, deviation: Array, own: Array, duration: float, touched: bool = False
+    ) -> float:
         """Return the temperature change that explains the residuals of a block [K]; 0: there is none.
 
         Parameters
@@ -254,6 +256,9 @@ class UniformChange:
             Those of what the taxels do not share [N].
         duration : float
             Duration of the block [s].
+        touched : bool, optional
+            Whether an object touches other taxels: then none of these begins to be touched as one, and what they do
+            not share averages out.
         """
         if not self.observable or np.count_nonzero(where) < self.FEWEST:
             return 0.0
@@ -261,7 +266,11 @@ class UniformChange:
         change = residual[where]
         kelvin = float(np.median(change / response))
         force = kelvin * response
-        if abs(float(force.mean())) < self.NOTICEABLE * float(np.median(deviation[where])):
+        single, alone = float(np.median(deviation[where])), float(np.median(own[where]))
+        least = self.NOTICEABLE * single
+        if touched:
+            least = GATE * math.sqrt(max(single**2 - alone**2, 0.0) + alone**2 / len(change))
+        if abs(float(force.mean())) < least:
             return 0.0
         if float(force.mean()) < 0.0:
             return kelvin  # no object pulls at the whole array
