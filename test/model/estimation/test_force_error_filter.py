@@ -26,7 +26,7 @@ from posfet_model.sensor.signal_chain import charge_per_newton, force_noise_rms
 Array = NDArray[np.float64]
 SENSOR = load_sensor()
 EPSILON = float(np.finfo(float).eps)
-OWN = 3
+OWN = 4
 """Number of states of each taxel."""
 STABILITY_STEPS = 5000
 
@@ -463,7 +463,7 @@ def test_small_forces_are_forgotten_with_their_covariance() -> None:
     before, where = belief.copy(), np.array([True, False, True, False])
     belief.forget_small_forces(where)
     for i in range(4):
-        kept = [0, 1] if where[i] else [0, 1, 2]
+        kept = [0, 1, 3] if where[i] else [0, 1, 2, 3]
         expected_error, expected_own, expected_slope = np.zeros(OWN), np.zeros((OWN, OWN)), np.zeros((OWN, 3))
         expected_error[kept], expected_slope[kept] = before.error[i, kept], before.slope[i, kept]
         expected_own[np.ix_(kept, kept)] = before.own[i][np.ix_(kept, kept)]

@@ -327,22 +327,33 @@ objects:
 """
 
 
-@pytest.mark.parametrize(("board", "error"), [("ideal", 0.05), ("calibrated", 0.2)])
+@pytest.mark.parametrize(
+    ("board", "error", "estimator"),
+    [
+        ("ideal", 0.05, Estimator.OBSERVER),
+        ("ideal", 0.1, Estimator.ERROR_STATE),
+        ("calibrated", 0.2, Estimator.OBSERVER),
+        ("calibrated", 0.2, Estimator.ERROR_STATE),
+    ],
+)
 def test_a_warm_finger_stays_one_contact_with_correct_force_until_release(
-    board: str, error: float, tmp_path: Path
+    board: str, error: float, estimator: Estimator, tmp_path: Path
 ) -> None:
-    """The finger warms the film by 1.1 K, which gives each taxel the signal of 1.2 N."""
+    """The finger warms the film by 1.1 K, which gives each taxel the signal of 1.2 N.
+
+    The error-state filter reports what responses of uncalibrated taxels to it may differ by: not valid for long.
+    """
     path = tmp_path / "warm_finger.yaml"
     path.write_text(WARM_FINGER)
     imperfections = None if board == "ideal" else replace(ErrorModel.default(), resets_per_hour=0.0)
     calibration = None if imperfections is None else calibrate(SENSOR, 3, imperfections)
-    reconstructor, ids = Reconstructor(SENSOR, calibration), set()
+    reconstructor, ids = Reconstructor(SENSOR, calibration, estimator), set()
     for scan, truth in received_scans(SENSOR, load_scene(path, SENSOR), 10.0, 3, imperfections):
         result = reconstructor.process(scan)
         ids |= {contact.id for contact in result.contacts}
         if 2.0 < truth.time < 8.9:
-            assert result.valid
             [contact] = result.contacts
+            assert result.valid or not calibration and contact.region.force_variance > (0.19 * 1.45) ** 2
             assert contact.region.force == pytest.approx(1.45, abs=error)
             if calibration:  # the untouched taxels show the leakage of the pyroelectric charge
                 assert math.sqrt(contact.region.force_variance) < 0.25
@@ -385,7 +396,9 @@ def test_scans_lost_during_slide_and_release_do_not_corrupt_the_force(gap: range
             [contact] = result.contacts
             errors.append(abs(contact.region.force - float(truth.force.sum())))
     assert len(errors) > 50
-    assert max(errors) < 0.03
+    # Of a change within the gap, the charge that leaked before it is unknown: 0.4 N at its start or at its end.
+    leaked = 1e-3 * len(gap) / SENSOR.device.leak_time_constant * 0.4
+    assert max(errors) < 0.5 * leaked
 
 
 def test_the_contact_uncertainty_covers_the_force_error_of_wrong_leakage() -> None:

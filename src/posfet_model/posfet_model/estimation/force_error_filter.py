@@ -5,15 +5,15 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Kalman filter of the force errors: states that all taxels share, and three of each taxel; linear in the taxels.
+"""Kalman filter of the force errors: states that all taxels share, and four of each taxel; linear in the taxels.
 
-Given the shared states s, the errors of the taxels are independent: with t_i = (d_i, o_i, r_i), error of the
-force, offset of the signal and, beside a contact, small force of taxel i,
+Given the shared states s, the errors of the taxels are independent: with t_i = (d_i, o_i, r_i, p_i), error of the
+force, offset of the signal, small force beside a contact and relative error of the pyroelectric response of taxel i,
 
     t_i = m_i + G_i*(s - s^) + e_i,    cov(e_i) = V_i,    cov(s) = S.
 
 A known force of taxel i measures ``z_i = d_i + r_i + h_i.s + noise``. The update eliminates the taxels one by one: each
-adds ``g_i g_i'/v_i`` to the information on s, with ``g_i = h_i + a.G_i`` and ``v_i = a.V_i.a + R_i``, a = (1, 0, 1);
+adds ``g_i g_i'/v_i`` to the information on s, with ``g_i = h_i + a.G_i`` and ``v_i = a.V_i.a + R_i``, a = (1, 0, 1, 0);
 then each taxel is updated given s. That costs O(taxels) instead of O(taxels^3), and is exact but for what the process
 noise of s makes common to the taxels (docs/estimation.md).
 """
@@ -30,6 +30,10 @@ from posfet_model._lib.types import Array, Mask
 from posfet_model.estimation.error_states import Shared
 
 
+OWN: Final = 4
+"""Number of states of each taxel."""
+
+
 @dataclass
 class Belief:
     """State of the filter: means and covariance of the force errors."""
@@ -39,11 +43,12 @@ class Belief:
     covariance: Array
     """Their covariance S, shape [shared, shared]."""
     error: Array
-    """Errors of the forces d, offsets of the signals o, and small forces r beside a contact [N], shape [taxels, 3]."""
+    """Errors of the forces d, offsets of the signals o, small forces r beside a contact, all [N], and relative errors p
+    of the pyroelectric responses [1], shape [taxels, own]."""
     slope: Array
-    """Regression G of the taxels' errors on the shared states, shape [taxels, 3, shared]."""
+    """Regression G of the taxels' errors on the shared states, shape [taxels, own, shared]."""
     own: Array
-    """Covariance V of the taxels' errors given the shared states [N2], shape [taxels, 3, 3]."""
+    """Covariance V of the taxels' errors given the shared states [N2], shape [taxels, own, own]."""
 
     def copy(self) -> Belief:
         """Return an independent copy."""
@@ -64,6 +69,19 @@ class Belief:
         self.own[:, 0] += leaked[:, None] * self.own[:, 1]
         self.own[:, :, 0] += leaked[:, None] * self.own[:, :, 1]
 
+    def respond(self, expected: Array) -> None:
+        """Add to the force errors what the taxels' own responses make of a change of the film's temperature.
+
+        Parameters
+        ----------
+        expected : ndarray of float64, shape [taxels]
+            Change of the force error that is expected of each taxel without its own deviation p [N].
+        """
+        self.error[:, 0] += expected * self.error[:, 3]
+        self.slope[:, 0] += expected[:, None] * self.slope[:, 3]
+        self.own[:, 0] += expected[:, None] * self.own[:, 3]
+        self.own[:, :, 0] += expected[:, None] * self.own[:, :, 3]
+
     def forget_small_forces(self, where: Mask) -> None:
         """Set the small forces r of the masked taxels to zero, as they are not beside a contact."""
         where = where & (self.own[:, 2, 2] > 0.0)
@@ -79,7 +97,7 @@ class Belief:
         where : ndarray of bool, shape [taxels], or slice
             Taxels concerned.
         state : int
-            Index of the state: 0 for d, 1 for o, 2 for r.
+            Index of the state: 0 for d, 1 for o, 2 for r, 3 for p.
         """
         self.slope[where, state] = 0.0
         self.own[where, state] = 0.0
@@ -99,7 +117,9 @@ def start_belief(taxels: int, shared: Array, covariance: Array) -> Belief:
         Their covariance.
     """
     size = len(shared)
-    return Belief(shared, covariance, np.zeros((taxels, 3)), np.zeros((taxels, 3, size)), np.zeros((taxels, 3, 3)))
+    return Belief(
+        shared, covariance, np.zeros((taxels, OWN)), np.zeros((taxels, OWN, size)), np.zeros((taxels, OWN, OWN))
+    )
 
 
 NEGLIGIBLE: Final = 1e-14
@@ -117,8 +137,8 @@ def _roots(covariance: Array) -> tuple[Array, Array]:
     return deviation[:, None] * root, np.linalg.inv(root) * weight
 
 
-PAIRS: Final = ((0, 1), (0, 2), (1, 2))
-"""Pairs of different states of a taxel; only the first without small forces r, which are exactly known then."""
+PAIRS: Final = ((0, 1), (0, 3), (1, 3), (0, 2), (1, 2), (2, 3))
+"""Pairs of different states of a taxel; only the first three without small forces r, which are exactly known then."""
 
 
 class ForceErrorFilter:
@@ -159,7 +179,7 @@ class ForceErrorFilter:
             Share T/tau of an offset that the integration adds to the force in the block [1].
         driven : ndarray of float64, shape [taxels, shared]
             What the shared states add to the force errors in the block.
-        own_noise : ndarray of float64, shape [taxels, 3, 3]
+        own_noise : ndarray of float64, shape [taxels, own, own]
             Covariance of the process noise of each taxel [N2].
         """
         b = self.belief
@@ -202,8 +222,8 @@ class ForceErrorFilter:
         # What the noise takes from the regression stays as the taxel's own: each pair of its states.
         white, spread = white.reshape(slope.shape), spread.reshape(slope.shape)
         lost = np.einsum("tij,tij->ti", spread, slope) - np.einsum("tij,tij->ti", white, white)
-        b.own.reshape(-1, 9)[:, ::4] += lost
-        for i, j in PAIRS if any_true(b.own[:, 2, 2] > 0.0) else PAIRS[:1]:
+        b.own.reshape(len(b.own), -1)[:, :: b.own.shape[1] + 1] += lost
+        for i, j in PAIRS if any_true(b.own[:, 2, 2] > 0.0) else PAIRS[:3]:
             both = np.einsum("tj,tj->t", spread[:, i], slope[:, j]) - np.einsum("tj,tj->t", white[:, i], white[:, j])
             b.own[:, i, j] += both
             b.own[:, j, i] += both

@@ -35,7 +35,7 @@ from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.estimation.choice import MAX_RELATIVE_UNCERTAINTY
 from posfet_model.estimation.contact_surroundings import ContactSurroundings
 from posfet_model.estimation.error_states import COUNT, ErrorPriors, Shared, SharedDynamics
-from posfet_model.estimation.force_error_filter import Belief, ForceErrorFilter, start_belief
+from posfet_model.estimation.force_error_filter import OWN, Belief, ForceErrorFilter, start_belief
 from posfet_model.estimation.jump_noise import QUIET, JumpNoise
 from posfet_model.estimation.known_forces import (
     GATE,
@@ -73,9 +73,6 @@ LOST_FORCE_TIME: Final = 2.0
 SURPRISING: Final = 3.0
 """Deviations from which on a reading of the temperature sensors is unexpected [1]."""
 
-STALE: Final = 1.5
-"""Age of a correction, from the middle of a block to the end of the next one [block]."""
-
 LONGEST_INTERVAL: Final = 0.1
 """Longest time between two readings of the temperature sensors [s]: one that shows no change is none."""
 
@@ -104,6 +101,9 @@ LEAST_DEVIATION: Final = 1.0
 
 GREATEST_WARMTH: Final = 0.08
 """Warmth of touched taxels above which their forces are not valid [K]: force and warmth are hardly separable then."""
+
+NEGLIGIBLE: Final = 1e-12
+"""Variance of a pyroelectric response that is known exactly [1]: not 0, to divide by."""
 
 PLAY: Final = 4.0
 """Deviations of a block's mean by which a force must change to have moved [1]."""
@@ -143,7 +143,7 @@ class Block:
     tail_moved: float
     """Share of that force that is new [1]."""
     own_noise: Array
-    """Covariance of the process noise of each taxel, as for `ForceErrorFilter.predict` [N2], shape [taxels, 3, 3]."""
+    """Covariance of the process noise of each taxel, as for `ForceErrorFilter.predict`, shape [taxels, own, own]."""
     rate_noise: float
     """Variance that the rate of the chip temperature gains as the total force changes [K2/s2]."""
     before: Belief
@@ -197,6 +197,7 @@ class ForceEstimator:
         self._gain = np.hypot(calibration.gain_deviation, p.gain_least)
         self._gain_common = calibration.common_gain_deviation
         self._leak = calibration.leak_deviation
+        self._own_response = np.hypot(p.pyroelectric, self._leak)
         self._filter = ForceErrorFilter(start_belief(taxels, p.mean(), p.covariance()))
         self._touch = TouchResponse(sensor.layout, self._tau, self._per_kelvin, p)
         self._uniform = UniformChange(self._per_kelvin, p.pyroelectric)
@@ -236,7 +237,7 @@ class ForceEstimator:
         self._doubt = 0.0  # temperature that this hypothesis claims beyond what the sensors show [K]
         self._raw, self._change, self._correction, self._rate, self._work = np.zeros((5, taxels))
         self._sum, self._raw_sum, self._jumped, self._mean, self._last_mean, self._nothing = np.zeros((6, taxels))
-        self._usual, self._touch_force, self._tail, self._warmth, self._film_before = np.zeros((5, taxels))
+        self._usual, self._touch_force, self._tail, self._warmth = np.zeros((4, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
         self._factor = np.zeros((taxels, COUNT + 2))
         self._drift_response = np.zeros((taxels, COUNT))
@@ -513,7 +514,7 @@ class ForceEstimator:
         held = np.where(touched, np.maximum(self._steady, 0.0), 0.0)
         warm = self._touch.warm
         span = 0.5 * (self._last_duration + self._elapsed)
-        own_noise = np.zeros((len(mean), 3, 3))
+        own_noise = np.zeros((len(mean), OWN, OWN))
         own_noise[:, :2, :2] = p.offset_walk**2 * span
         grown = own_noise[:, 0, 0]
         grown += self._noise_variance * (self._square * self._per_second**2)
@@ -620,8 +621,7 @@ class ForceEstimator:
         after, matrix, noise = self._dynamics.transition(belief.shared, block.span)
         noise[Shared.TAIL, Shared.TAIL] = self._tail_spread() ** 2 * block.tail_moved
         noise[Shared.RATE, Shared.RATE] += block.rate_noise
-        warmed = float(after[Shared.FILM] - belief.shared[Shared.FILM])
-        own_noise[:, 0, 0] += (p.pyroelectric * self._per_kelvin * warmed) ** 2
+        belief.respond(self._per_kelvin * float(after[Shared.FILM] - belief.shared[Shared.FILM]))
         errors.predict(after, matrix, noise, *self._integrated(block.span), own_noise)
         return beside
 
@@ -740,7 +740,7 @@ class ForceEstimator:
         """Set the correction of the next scans, covariance and validity."""
         belief = self.belief
         leaking = self._offset() * self._per_second
-        self._rate = leaking + self._per_kelvin * self._film_rate()
+        self._rate = leaking + self._per_kelvin * (1.0 + belief.error[:, 3]) * self._film_rate()
         self._correction = self._filter.predicted(block.response) + 0.5 * block.duration * self._rate
         np.subtract(self._raw, self._correction, out=self.force)
         self._mean = block.mean - self._filter.predicted(block.response)
@@ -785,18 +785,15 @@ class ForceEstimator:
 
     def _set_covariance(self, block: Block) -> None:
         p, held, belief = self._priors, np.maximum(self.force * self._touched, 0.0), self.belief
-        film = float(belief.shared[Shared.FILM])
-        self._film_before = np.where(self._touched, self._film_before, film)
         own, self._factor[:, :COUNT] = self._filter.covariance_root(block.response)
-        # The covariance without the responses to the touch itself.
+        # The covariance without the responses to the touch itself, and without what the taxel's own response to a
+        # temperature contributes, which grows during a touch only.
         sensitivity = block.response * ~OF_TOUCH + belief.slope[:, 0]
-        self._untouched_variance = own + self._filter.shared_variance(sensitivity)
+        by_response = belief.own[:, 0, 3] ** 2 / np.maximum(belief.own[:, 3, 3], NEGLIGIBLE)
+        self._untouched_variance = own - by_response + self._filter.shared_variance(sensitivity)
         self._factor[:, COUNT] = self._gain_common * held
         self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt
         own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2 + self._warmth_variance(block)
-        # What the film's temperature has changed in touched taxels, and will change until the next correction.
-        ahead = STALE * block.duration * self._film_rate()
-        own += (p.pyroelectric * (np.abs(film - self._film_before) + abs(ahead)) * self._per_kelvin) ** 2
         self._own = own
 
     def _is_valid(self) -> bool:
@@ -840,7 +837,6 @@ class ForceEstimator:
         if not math.isnan(self._sensors):
             p = self._priors
             self._filter.restart_temperature(self._sensors, p.mean(), p.covariance())
-            self._film_before[:] = belief.shared[Shared.FILM]
         remaining = np.where(self.offset_known, signal - self._offset(), 0.0)
         known = ~self.ignored
         self._lower_bound.start(self.force * known, remaining * known)
@@ -871,9 +867,11 @@ class ForceEstimator:
         belief, noise = self.belief, self._noise_variance
         new, known = where & ~self.offset_known, where & self.offset_known
         belief.slope[where] = 0.0
+        belief.error[where, 3] = 0.0
         belief.error[where, 0] = (self._raw - self._touch.matrix() @ belief.shared)[where]
         belief.error[where, 2] = 0.0
         belief.own[where] = 0.0
+        belief.own[where, 3, 3] = (self._own_response * self._own_response)[where]
         # The offset has the noise of the signal that it is set to; so has the force.
         # A film that warms generates charge, which is no offset: that of the present rate, as far as it has lasted.
         charge = self._tau * self._per_kelvin * -np.expm1(-self._age / self._tau)
