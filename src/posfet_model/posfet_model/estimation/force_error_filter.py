@@ -29,7 +29,6 @@ from posfet_model._lib.reductions import any_true
 from posfet_model._lib.types import Array, Mask
 from posfet_model.estimation.error_states import Shared
 
-
 OWN: Final = 4
 """Number of states of each taxel."""
 

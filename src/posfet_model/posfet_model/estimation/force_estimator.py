@@ -784,7 +784,7 @@ class ForceEstimator:
         return float(shared[Shared.RATE])
 
     def _set_covariance(self, block: Block) -> None:
-        p, held, belief = self._priors, np.maximum(self.force * self._touched, 0.0), self.belief
+        held, belief = np.maximum(self.force * self._touched, 0.0), self.belief
         own, self._factor[:, :COUNT] = self._filter.covariance_root(block.response)
         # The covariance without the responses to the touch itself, and without what the taxel's own response to a
         # temperature contributes, which grows during a touch only.
