@@ -197,7 +197,6 @@ class ForceEstimator:
         self._gain = np.hypot(calibration.gain_deviation, p.gain_least)
         self._gain_common = calibration.common_gain_deviation
         self._leak = calibration.leak_deviation
-        self._own_response = np.hypot(p.pyroelectric, self._leak)
         self._filter = ForceErrorFilter(start_belief(taxels, p.mean(), p.covariance()))
         self._touch = TouchResponse(sensor.layout, self._tau, self._per_kelvin, p)
         self._uniform = UniformChange(self._per_kelvin, p.pyroelectric)
@@ -871,7 +870,7 @@ class ForceEstimator:
         belief.error[where, 0] = (self._raw - self._touch.matrix() @ belief.shared)[where]
         belief.error[where, 2] = 0.0
         belief.own[where] = 0.0
-        belief.own[where, 3, 3] = (self._own_response * self._own_response)[where]
+        belief.own[where, 3, 3] = self._priors.pyroelectric**2
         # The offset has the noise of the signal that it is set to; so has the force.
         # A film that warms generates charge, which is no offset: that of the present rate, as far as it has lasted.
         charge = self._tau * self._per_kelvin * -np.expm1(-self._age / self._tau)

@@ -167,6 +167,8 @@ class ReleaseDetector:
         """
         self._peak *= PEAK_DECAY
         np.maximum(self._peak, np.where(touched, mean, 0.0), out=self._peak)
+        for contact in contacts:
+            self._peak[contact] = self._peak[contact].max()  # one object: what is left at its edge was its, too
         self._means.append(mean)
         if not contacts:
             self._blocks[:] = 0
