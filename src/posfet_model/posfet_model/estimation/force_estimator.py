@@ -772,7 +772,7 @@ class ForceEstimator:
         self._small = self._mean[self._untouched]
         deviation = math.sqrt(float(self._noise_variance[self._untouched].mean()) / len(self._untouched))
         walk = abs(float(self._per_kelvin.mean())) * math.sqrt(self.belief.covariance[Shared.RATE, Shared.RATE])
-        walk *= block.duration / block.scans
+        walk *= block.duration / self._scans
         self._share = walk / (walk + deviation)
 
     def _film_rate(self) -> float:
