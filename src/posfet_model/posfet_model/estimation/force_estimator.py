@@ -765,7 +765,9 @@ class ForceEstimator:
         the gain of the Kalman filter of a random walk, in its limits of much and of little noise.
         """
         untouched = ~(self._touched | self.ignored) & self.offset_known
-        if not (self._touched.any() and self._uniform.observable and untouched.sum() >= UniformChange.FEWEST):
+        # Fewer than half of the taxels are all at the edge of what touches, and change with it.
+        enough = max(UniformChange.FEWEST, len(untouched) // 2)
+        if not (self._touched.any() and self._uniform.observable and untouched.sum() >= enough):
             self._untouched = self._untouched[:0]
             return
         self._untouched = untouched.nonzero()[0]
