@@ -153,6 +153,7 @@ static void measure(posfet_board *board, int16_t temperatures[2], uint16_t *supp
 static void queue_status(posfet_board *board) {
     posfet_status status = {
         .scanning = board->scanning,
+        .charge_reset = board->config.charge_reset,
         .boot = board->config.boot,
         .heartbeat = board->heartbeat++,
     };

@@ -37,6 +37,7 @@ typedef struct {
     uint32_t period_step_us;     // periods that the scan timer keeps exactly are the multiples of this
     uint16_t supply_low_mv;      // below it SupplyLow is set; 0: never
     int16_t overtemperature;     // above it Overtemperature is set [1/256 degC]; 32767: never
+    bool charge_reset;           // whether power-on resets the charge at the gates, as the switch of an amplifier does
     bool tests_while_scanning;   // whether the port's self test can run beside scans
 } posfet_config;
 

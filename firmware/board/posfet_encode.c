@@ -97,7 +97,7 @@ void posfet_encode_status(posfet_frame *frame, uint32_t base_id, const posfet_st
     put_u16(frame->data, (uint16_t)status->temperatures[0]);
     put_u16(frame->data + 2, (uint16_t)status->temperatures[1]);
     put_u16(frame->data + 4, status->supply_mv);
-    frame->data[6] = nibbles(status->flags, status->scanning ? 1 : 0);
+    frame->data[6] = nibbles(status->flags, (uint8_t)((status->scanning ? 1 : 0) | (status->charge_reset ? 2 : 0)));
     frame->data[7] = nibbles(status->boot, status->heartbeat);
 }
 

@@ -73,6 +73,7 @@ typedef struct {
     uint16_t supply_mv;      // or POSFET_SUPPLY_UNKNOWN
     uint8_t flags;
     bool scanning;
+    bool charge_reset; // of posfet_config
     uint8_t boot;
     uint8_t heartbeat;
 } posfet_status;

@@ -26,8 +26,9 @@ static bool encode(posfet_frame *frame, const char *message, const int64_t signa
         posfet_status status = {.temperatures = {(int16_t)signals[0], (int16_t)signals[1]},
                                 .supply_mv = (uint16_t)signals[2],
                                 .scanning = signals[7] != 0,
-                                .boot = (uint8_t)signals[8],
-                                .heartbeat = (uint8_t)signals[9]};
+                                .charge_reset = signals[8] != 0,
+                                .boot = (uint8_t)signals[9],
+                                .heartbeat = (uint8_t)signals[10]};
         for (unsigned flag = 0; flag < 4; flag++)
             status.flags |= (uint8_t)(signals[3 + flag] << flag);
         posfet_encode_status(frame, 0x100, &status);

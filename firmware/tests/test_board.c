@@ -309,6 +309,15 @@ static void flags_are_in_scans_and_status(void) {
     CHECK_EQUAL(next_status()->data[6], 0x10 | POSFET_OVERTEMPERATURE);
 }
 
+static void i6_status_says_whether_power_on_resets_the_charge(void) {
+    posfet_config config = bench_config();
+    power_on(&config, 0);
+    CHECK_EQUAL(next_status()->data[6], 0);
+    config.charge_reset = true;
+    power_on(&config, 0);
+    CHECK_EQUAL(next_status()->data[6], 0x20);
+}
+
 static void c1_other_frames_are_ignored(void) {
     const posfet_config config = bench_config();
     power_on(&config, 0);
@@ -670,6 +679,7 @@ int main(void) {
     RUN(i5_old_measurements_are_unknown);
     RUN(i5_an_old_measurement_stays_unknown_when_the_clock_wraps);
     RUN(flags_are_in_scans_and_status);
+    RUN(i6_status_says_whether_power_on_resets_the_charge);
     RUN(c1_other_frames_are_ignored);
     RUN(c3_c4_c5_refused_commands_have_no_effect);
     RUN(c8_self_test);
