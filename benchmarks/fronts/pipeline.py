@@ -213,7 +213,7 @@ def _front(film: str, what: str, recordings: Sequence[Recording], calibration: C
                   key=lambda each: each.more[0])  # fmt: skip
     reading = (
         f"All figures are over {what}. The shipped configuration errs by {shown(own.error)} % of the total force "
-        f"({shown(own.more[-1])} % of the force is on taxels that it declares faulty, which count as missing), the "
+        f"({shown(own.more[-1])} % of the force is on taxels that it declares faulty and estimates), the "
         f"best peer ({rival.name}) by {shown(rival.error)} %, {shown(rival.error / own.error)} times as much, in "
         f"{shown(rival.median / own.median)} of the run time; the centre of pressure is off by "
         f"{shown(own.more[0])} mm, that of the nearest peer ({nearest.name}) by {shown(nearest.more[0])} mm. The "

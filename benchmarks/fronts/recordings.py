@@ -101,8 +101,8 @@ class Tally:
     ) -> None:
         """Add one scan: total force [N], contacts' centres [m], reported standard deviation of the total [N].
 
-        A method without an answer (NaN) answers 0. `excluded` is the true force on taxels that it declares faulty [N]:
-        it counts as missing, unlike in `posfet score`, as whoever holds the object has to bear it.
+        A method without an answer (NaN) answers 0. `excluded` is the true force on taxels that it declares faulty
+        [N], which is part of the true total: whoever holds the object has to bear it.
         """
         layout = self.sensor.layout
         true = float(truth.force.sum())

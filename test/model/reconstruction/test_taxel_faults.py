@@ -181,9 +181,30 @@ def test_a_taxel_stuck_from_the_start_is_detected_and_does_not_delay_the_others(
     assert at < 200
     assert results[500].valid
     assert results[-1].valid
-    assert math.isnan(reconstructor.image().force[12])
+    image = reconstructor.image()
+    assert math.isnan(image.force[12])
     [contact] = results[-1].contacts
     assert abs(contact.region.force - 1.5) < 2 * math.sqrt(contact.region.force_variance)
+    assert abs(image.total - 1.5) < 2 * image.total_standard_deviation < 0.5
+    assert image.load.sum() == pytest.approx(image.total, rel=1e-6)
+
+
+def test_the_force_on_a_noisy_taxel_that_is_informative_counts_by_its_own_reading() -> None:
+    reconstructor, results, _ = run(noisy(12, 5.0), 1.5, press(1.5, 0.9, 9.0))
+    image = reconstructor.image()
+    assert image.status[12] == TaxelStatus.NOISY
+    assert math.isnan(image.force[12])
+    assert results[-1].valid
+    assert image.load[12] == pytest.approx(1.5 * FINGER[12], abs=0.05)
+    assert abs(image.total - 1.5) < 2 * image.total_standard_deviation < 0.2
+
+
+def test_without_a_touch_a_faulty_taxel_counts_nothing() -> None:
+    reconstructor, _, _ = run(noisy(12, 5.0), 1.0, lambda _: 0.0)
+    image = reconstructor.image()
+    assert image.status[12] == TaxelStatus.NOISY
+    assert (image.load[12], image.load_variance[12]) == (0.0, 0.0)
+    assert abs(image.total) < 4 * image.total_standard_deviation
 
 
 def test_a_briefly_overloaded_taxel_is_saturated_and_not_stuck() -> None:

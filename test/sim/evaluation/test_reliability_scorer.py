@@ -35,7 +35,8 @@ def reconstruction(valid: bool = True) -> Reconstruction:
 def image(force: Sequence[float], deviation: float = 0.01, total_deviation: float = 0.02) -> ForceImage:
     known = np.array(force, np.float32)
     spread = np.full(3, deviation, np.float32)
-    return ForceImage(known, spread, np.zeros(3, np.uint8), float(np.nansum(known)), total_deviation)
+    load = np.nan_to_num(known.astype(float))
+    return ForceImage(known, spread, np.zeros(3, np.uint8), load, np.zeros(3), float(load.sum()), total_deviation)
 
 
 def truth(time: float, force: Sequence[float], objects: Sequence[float] = ()) -> Truth:
@@ -81,12 +82,12 @@ def test_the_true_force_is_divided_among_the_objects() -> None:
     assert scorer.coverage["contact"] == 50.0
 
 
-def test_an_unknown_force_or_deviation_does_not_count() -> None:
+def test_an_unknown_force_or_deviation_does_not_count_and_the_total_misses_what_is_not_estimated() -> None:
     scorer = ReliabilityScorer(THRESHOLD)
     pressed = truth(1.0, (0.5, 0.5, 0.0), (1.0,))
     scorer.add(reconstruction(), image((math.nan, 0.5, 0.0)), pressed, [], 0)
-    assert scorer.coverage == {"taxel": 100.0, "contact": None, "total": 100.0}
-    assert scorer.misleading == 0.0, "the force of the unknown taxel is not part of the true one"
+    assert scorer.coverage == {"taxel": 100.0, "contact": None, "total": 0.0}
+    assert scorer.misleading == 100.0
     saturated = ReliabilityScorer(THRESHOLD)
     saturated.add(reconstruction(), image((0.1, 0.1, 0.0), math.nan, math.nan), pressed, [], 0)
     assert saturated.coverage == {"taxel": None, "contact": None, "total": None}

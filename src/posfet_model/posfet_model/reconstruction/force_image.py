@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,10 +72,28 @@ class ForceImage:
     """Standard uncertainty of each force [N]; NaN: unknown."""
     status: NDArray[np.uint8]
     """Values of TaxelStatus."""
+    load: NDArray[np.float64]
+    """Force of each taxel in sums such as `total` [N]: as `force`; of faulty taxels as contacts estimate it, from
+    the neighbours or an own reading that is still informative; 0: not known, or the taxel is faulty and nothing touches."""
+    load_variance: NDArray[np.float64]
+    """Variance of each load without what the errors have in common [N2]."""
     total: float
-    """Sum of the known forces [N]; NaN: all are unknown."""
+    """Sum of the loads [N]; NaN: all forces are unknown."""
     total_standard_deviation: float
     """Standard uncertainty of the sum [N]; NaN: unknown."""
+
+    @classmethod
+    def unknown(cls, taxels: int) -> ForceImage:
+        """Return an image in which nothing is known.
+
+        Parameters
+        ----------
+        taxels : int
+            Number of taxels.
+        """
+        nan = np.full(taxels, np.nan, np.float32)
+        zeros = np.zeros(taxels)
+        return cls(nan, nan.copy(), np.zeros(taxels, np.uint8), zeros, zeros.copy(), math.nan, math.nan)
 
     def snapshot(self) -> ForceImage:
         """Return an independent copy, which the next image does not overwrite."""
@@ -83,4 +102,6 @@ class ForceImage:
             force=self.force.copy(),
             standard_deviation=self.standard_deviation.copy(),
             status=self.status.copy(),
+            load=self.load.copy(),
+            load_variance=self.load_variance.copy(),
         )

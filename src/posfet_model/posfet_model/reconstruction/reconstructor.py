@@ -17,6 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model._lib.reductions import any_true
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.contacts.detection import ENTER_DEVIATIONS, ContactFinder, ForceEstimate
 from posfet_model.contacts.footprint import Footprint
@@ -164,13 +165,7 @@ class Reconstructor:
         self._implausible_in_a_row = 0
         self._blank = False  # whether the newest scan that was not refused as duplicate or late was unusable
         self._result = Reconstruction(False, False, 0, 0, False, (), {}, 0)
-        self._image = ForceImage(
-            np.full(taxels, np.nan, np.float32),
-            np.full(taxels, np.nan, np.float32),
-            np.zeros(taxels, np.uint8),
-            math.nan,
-            math.nan,
-        )
+        self._image = ForceImage.unknown(taxels)
 
     @property
     def counts(self) -> ScanCounts:
@@ -388,18 +383,39 @@ class Reconstructor:
         if faults.any_faulty or not observer.valid or self._blank:
             image.force[~known] = math.nan
             image.standard_deviation[~known] = math.nan
-        image.total, image.total_standard_deviation = math.nan, math.nan
-        count = int(np.count_nonzero(known))
-        if count:
-            image.total = float(observer.force.sum(where=known))
-            correlated = float(np.square(shared[known].sum(axis=0)).sum()) + count * count * common
-            variance = float(self._variance.sum(where=known)) + correlated
-            image.total_standard_deviation = math.sqrt(variance)
+        self._set_total(known)
         if self._result.saturated:
-            image.status[self._saturated & ~faults.faulty] = TaxelStatus.SATURATED
-            image.standard_deviation[self._saturated] = math.nan
-            image.total_standard_deviation = math.nan
+            bounded = self._saturated & ~faults.faulty
+            if any_true(bounded):
+                image.status[bounded] = TaxelStatus.SATURATED
+                image.standard_deviation[bounded] = math.nan
+                image.total_standard_deviation = math.nan
         return image
+
+    def _set_total(self, known: NDArray[np.bool_]) -> None:
+        """Set the loads and their sum: those of faulty taxels are estimated in contacts, as the contacts do it."""
+        image, observer = self._image, self._observer
+        image.total, image.total_standard_deviation = math.nan, math.nan
+        np.copyto(image.load, np.where(known, image.force, 0.0))
+        np.copyto(image.load_variance, np.where(known, self._variance, 0.0))
+        count = int(np.count_nonzero(known))
+        if not count:
+            return
+        image.total = float(observer.force.sum(where=known))
+        shared = observer.correlated_error[known].sum(axis=0)
+        variance = float(image.load_variance.sum()) + float(np.square(shared).sum())
+        variance += count * count * observer.common_variance
+        if self._result.contacts and self._faults.any_faulty:
+            faulty = self._faults.faulty.nonzero()[0]
+            estimated = self._interpolated[faulty]
+            load = np.where(estimated, self._filled[faulty], observer.force[faulty])
+            image.load[faulty] = np.nan_to_num(load)
+            image.load_variance[faulty] = np.where(
+                estimated, np.square(INTERPOLATION_UNCERTAINTY * load), self._variance[faulty]
+            )
+            image.total += float(image.load[faulty].sum())
+            variance += float(image.load_variance[faulty].sum())  # NaN: a taxel without a usable neighbour
+        image.total_standard_deviation = math.sqrt(variance)
 
     def covariance(self, weights: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the covariance of weighted sums of the forces of the last `image`, such as a wrench.
@@ -407,7 +423,7 @@ class Reconstructor:
         Parameters
         ----------
         weights : ndarray of float64, shape [sums, rows * cols]
-            Weights of the forces in each sum; those without a force are left out.
+            Weights of the loads in each sum.
 
         Returns
         -------
@@ -417,10 +433,10 @@ class Reconstructor:
         observer, image = self._observer, self._image
         if math.isnan(image.total_standard_deviation):
             return np.full((len(weights), len(weights)), math.nan)
-        weights = np.where(np.isnan(image.force), 0.0, weights)
-        common = math.sqrt(observer.common_variance) * weights.sum(axis=1)
-        shared = np.column_stack([weights @ observer.correlated_error, common])
-        covariance: NDArray[np.float64] = (weights * self._variance) @ weights.T + shared @ shared.T
+        known = np.where(np.isnan(image.force), 0.0, weights)
+        common = math.sqrt(observer.common_variance) * known.sum(axis=1)
+        shared = np.column_stack([known @ observer.correlated_error, common])
+        covariance: NDArray[np.float64] = (weights * image.load_variance) @ weights.T + shared @ shared.T
         return covariance
 
     def vibration(self) -> NDArray[np.float32]:
@@ -534,7 +550,9 @@ class Reconstructor:
             return
         self._unlisted = self._finder.bits(faults.faulty)
         informative = faults.informative(self._informative) & self._observer.offset_known
-        np.logical_and(faults.faulty, ~informative, out=self._interpolated)
+        estimated = faults.faulty & ~informative
+        self._filled[estimated & ~self._interpolated] = 0.0  # until the next scan
+        self._interpolated[:] = estimated
         self._any_interpolated = bool(self._interpolated.any())
 
     def _set_thresholds(self) -> None:

@@ -115,7 +115,7 @@ def _wrench_per_newton(layout: Layout) -> NDArray[np.float64]:
 
 
 def _set_wrench(wrench: Wrench, per_newton: NDArray[np.float64], image: ForceImage, known: bool) -> None:
-    """Set a wrench to the sum of the forces, or to NaN."""
-    whole = (per_newton @ np.nan_to_num(image.force)).tolist() if known else UNKNOWN_WRENCH
+    """Set a wrench to the sum of the loads, or to NaN."""
+    whole = (per_newton @ image.load).tolist() if known else UNKNOWN_WRENCH
     set_vector(wrench.force, whole[:3])
     set_vector(wrench.torque, whole[3:])

@@ -78,7 +78,7 @@ class ReliabilityScorer:
             return
         self._valid += 1
         known = np.isfinite(image.force)
-        true = float(truth.force[known].sum())
+        true = float(truth.force.sum())
         error = abs(image.total - true)
         self._misleading += error > max(WRONG_SHARE * true, WRONG_FORCE)
         if not loaded:

@@ -142,11 +142,12 @@ class Scorer:
         for kind in (0, 1) if touched else (0,):
             self._square[kind] += square
             self._taxels[kind] += count
-        true = float(truth.force[known].sum())
+        true = float(truth.force.sum())
+        total_error = image.total - true
         if touched and true > 0:
-            self._total_error.append(float(error.sum()))
+            self._total_error.append(total_error)
             self._total_true.append(true)
-        self._held.add(truth.time, truth.force, float(error.sum()), true)
+        self._held.add(truth.time, truth.force, total_error, true)
 
     def _add_contacts(
         self, live: Sequence[Contact], truth: Truth, pairs: Sequence[tuple[Contact, int]]
