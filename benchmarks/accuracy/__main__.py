@@ -336,7 +336,8 @@ a device with -10 % reads 0.9 of each force, an error of 10 % in addition to all
 
 FAULTY: Final = """\
 Faulty taxels are left out where the forces of taxels are compared, and count in the total force, to which their
-estimates belong. The latency counts from the first scan in which the true force of a taxel reaches the contact threshold (20 mN), whether that taxel is faulty or not."""
+estimates belong. The latency counts from the first scan in which the true force of a
+taxel reaches the contact threshold (20 mN), whether that taxel is faulty or not."""
 
 SECTIONS: Final = {
     "scenes": Section("Scenes", _scenes),

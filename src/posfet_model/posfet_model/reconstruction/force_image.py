@@ -74,7 +74,7 @@ class ForceImage:
     """Values of TaxelStatus."""
     load: NDArray[np.float64]
     """Force of each taxel in sums such as `total` [N]: as `force`; of faulty taxels as contacts estimate it, from
-    the neighbours or an own reading that is still informative; 0: not known, or the taxel is faulty and nothing touches."""
+    the neighbours or an own reading that is still informative; 0: not known, or a faulty taxel that nothing touches."""
     load_variance: NDArray[np.float64]
     """Variance of each load without what the errors have in common [N2]."""
     total: float
