@@ -151,7 +151,7 @@ def test_a_program_records_a_stack_and_the_recording_runs_through_the_model_agai
         assert f"{path}: " in recorder.stop()
     assert not recorder.running
     counts = Recording(path).overview().counts
-    assert counts["/tactile/info"] == 1
+    assert counts["/tactile/info"] >= 1  # again when its content changes
     assert counts["/tactile/raw"] > 50
     with pytest.raises(ConfigError, match="File exists"):
         recorder.start()

@@ -61,6 +61,12 @@ def test_a_load_stays_within_its_range_and_is_zero_at_rest(path: Path, time: flo
         assert load == 0
 
 
+def test_a_tap_ends_when_it_says_so() -> None:
+    [taps] = [path for path in PATHS if isinstance(path, Taps)]
+    for begin, end in taps.changes():
+        assert taps.at(begin)[-1] == taps.at(end)[-1] == 0.0
+
+
 @pytest.mark.parametrize("path", PATHS, ids=lambda path: type(path).__name__)
 def test_a_load_is_continuous(path: Path) -> None:
     loads = np.array([path.at(time)[-1] for time in np.arange(0, 1.5, 1e-5).tolist()])

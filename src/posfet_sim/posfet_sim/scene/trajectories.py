@@ -260,9 +260,10 @@ class Taps:
     def at(self, time: float) -> Pose:
         """Return the pose at a time [s] of the scene."""
         number = math.floor((time - self.start) / self.interval)
+        begin = self.start + number * self.interval
         fraction = 0.0
-        if 0 <= number < self.count:
-            u = 2 * (time - self.start - number * self.interval) / self.contact
+        if 0 <= number < self.count and begin < time < begin + self.contact:  # as in `changes`, to rounding
+            u = 2 * (time - begin) / self.contact
             fraction = minimum_jerk(max(min(u, 2 - u), 0.0))
         return (self.x, self.y, self.angle, self.load * fraction)
 
