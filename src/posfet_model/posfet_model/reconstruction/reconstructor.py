@@ -396,8 +396,10 @@ class Reconstructor:
         """Set the loads and their sum: those of faulty taxels are estimated in contacts, as the contacts do it."""
         image, observer = self._image, self._observer
         image.total, image.total_standard_deviation = math.nan, math.nan
-        np.copyto(image.load, np.where(known, image.force, 0.0))
-        np.copyto(image.load_variance, np.where(known, self._variance, 0.0))
+        image.load.fill(0.0)
+        image.load_variance.fill(0.0)
+        np.copyto(image.load, image.force, where=known)
+        np.copyto(image.load_variance, self._variance, where=known)
         count = int(np.count_nonzero(known))
         if not count:
             return
@@ -410,9 +412,7 @@ class Reconstructor:
             estimated = self._interpolated[faulty]
             load = np.where(estimated, self._filled[faulty], observer.force[faulty])
             image.load[faulty] = np.nan_to_num(load)
-            image.load_variance[faulty] = np.where(
-                estimated, np.square(INTERPOLATION_UNCERTAINTY * load), self._variance[faulty]
-            )
+            image.load_variance[faulty] = np.where(estimated, _interpolation_variance(load), self._variance[faulty])
             image.total += float(image.load[faulty].sum())
             variance += float(image.load_variance[faulty].sum())  # NaN: a taxel without a usable neighbour
         image.total_standard_deviation = math.sqrt(variance)
@@ -494,7 +494,7 @@ class Reconstructor:
         estimate = self._estimate or self._update_estimate()
         if self._any_interpolated:
             variance = estimate.variance.copy()
-            variance[self._interpolated] = (INTERPOLATION_UNCERTAINTY * self._filled[self._interpolated]) ** 2
+            variance[self._interpolated] = _interpolation_variance(self._filled[self._interpolated])
             estimate = replace(estimate, force=self._filled, variance=variance, interpolated=self._interpolated)
         if self._result.saturated:
             estimate = replace(estimate, saturated=self._saturated)
@@ -563,6 +563,11 @@ class Reconstructor:
             self._variance[self._interpolated] = 0.0  # their forces are interpolated
         usable = None if observer.valid and not self._faults.any_faulty else observer.offset_known | self._interpolated
         self._finder.update_thresholds(observer.force, self._variance, observer.common_variance, usable)
+
+
+def _interpolation_variance(force: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the variance [N2] of forces [N] that are interpolated from the neighbours."""
+    return np.square(INTERPOLATION_UNCERTAINTY * force)
 
 
 def _force_estimator(
