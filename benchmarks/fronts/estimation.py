@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from benchmarks.fronts.front import Choice, Effort, Front
+from benchmarks.fronts.front import Effort, Front
 from benchmarks.fronts.pipeline import (
     BOARDS,
     SENSOR,
@@ -22,7 +22,7 @@ from benchmarks.fronts.pipeline import (
     Other,
     Stack,
     calibrated,
-    run,
+    measured,
     theory,
     title,
 )
@@ -91,13 +91,7 @@ def measure(effort: Effort) -> list[Front]:
 def _front(
     film: str, scenes: Sequence[str], recordings: Sequence[Recording], calibration: Calibration, effort: Effort
 ) -> Front:
-    makers = methods()
-    runs = [run(makers, recordings, calibration, judged=k == 0) for k in range(min(effort.repeats, 2))]
-    choices = []
-    for series, parameter in makers:
-        tally = runs[0][series, parameter][0]
-        seconds = tuple(each[series, parameter][1] for each in runs)
-        choices.append(Choice(series, parameter, tally.force_percent, seconds, tally.figures))
+    choices = measured(methods(), recordings, calibration, min(effort.repeats, 2))
     block = f"block {ObserverSettings().block * 1e3:g} ms"
     shipped = (
         f"{title(SHIPPED_ESTIMATOR)}, {block}"

@@ -198,14 +198,21 @@ def run(
     return {key: (tallies[key], spent[key] / scans) for key in makers}
 
 
-def _front(film: str, what: str, recordings: Sequence[Recording], calibration: Calibration, effort: Effort) -> Front:
-    makers = methods()
-    runs = [run(makers, recordings, calibration, judged=k == 0) for k in range(min(effort.repeats, 3))]
+def measured(
+    makers: Mapping[tuple[str, str], Method], recordings: Sequence[Recording], calibration: Calibration, repeats: int
+) -> list[Choice]:
+    """Return each method with its errors of the first run and its processor time of every run."""
+    runs = [run(makers, recordings, calibration, judged=k == 0) for k in range(repeats)]
     choices = []
     for series, parameter in makers:
         tally = runs[0][series, parameter][0]
         seconds = tuple(each[series, parameter][1] for each in runs)
         choices.append(Choice(series, parameter, tally.force_percent, seconds, tally.figures))
+    return choices
+
+
+def _front(film: str, what: str, recordings: Sequence[Recording], calibration: Calibration, effort: Effort) -> Front:
+    choices = measured(methods(), recordings, calibration, min(effort.repeats, 3))
     shipped = f"{STACK}, {title(SHIPPED_ESTIMATOR)}"
     own = next(each for each in choices if each.name == shipped)
     rival = min((each for each in choices if each.series != STACK), key=lambda each: each.error)
