@@ -109,22 +109,7 @@ class RingingFollower(Follower):
         return np.asarray(np.abs(v_in - v_out / self.open_loop.closed_loop_gain) > LINEAR_INPUT)
 
     def advance(self, state: FollowerState, v_in: ArrayLike, step: ArrayLike) -> FollowerState:
-        """Return the state after one step, as of every follower; not valid where it may slew at a rate not given.
-
-        Parameters
-        ----------
-        state : FollowerState
-            State at the start of the step.
-        v_in : array_like
-            Input voltage at the end of the step [V], of the state's shape.
-        step : array_like
-            Length of the step [s], in [0, 1e9], a number or of the state's shape.
-
-        Returns
-        -------
-        FollowerState
-            State at the end of the step.
-        """
+        """Return the state after one step, as of every follower; not valid where it may slew at a rate not given."""
         after = super().advance(state, v_in, step)
         return replace(after, valid=after.valid & ~self._steep(after.v_in, self._out(after.v_in, after.lags)))
 
