@@ -44,7 +44,7 @@ GAP = 2.5
 
 
 def draw(front: Front) -> Figure:
-    """Return the figure of a front; FrontError where labels cannot be told apart."""
+    """Return the figure of a front; FrontError where labels cannot be separated."""
     figure, (axes,) = style.new_figure(HEIGHT)
     floor = _floor(front)
     series = list(dict.fromkeys(choice.series for choice in front.choices))

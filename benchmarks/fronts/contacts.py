@@ -88,7 +88,7 @@ def _pairs(count: int) -> list[Image]:
 
 
 class Finder:
-    """The finder of this stack, started anew for each image."""
+    """The finder of this stack, made for each image."""
 
     def __init__(self) -> None:
         self._variance = np.full(LAYOUT.taxels, force_noise_rms(SENSOR) ** 2)

@@ -110,7 +110,7 @@ class Front:
     reference: str
     """What the errors are against."""
     uncertainty: float
-    """Error of the reference; smaller errors are not told apart. 0: exact."""
+    """Error of the reference; smaller errors are not separated. 0: exact."""
     choices: tuple[Choice, ...]
     shipped: str
     """Name of the choice that the stack makes, read from its code; empty: the stage has several uses."""

@@ -36,7 +36,7 @@ contradicts the measurement; do not edit.
 in units of the shipped choice (the circled point), or of the fastest where a stage has no single shipped choice:
 medians of interleaved repetitions, so that other load disturbs all choices alike. The grey staircase is the Pareto set:
 no other choice is both faster and more accurate. Points of a series are joined only where one parameter changes on the
-same scene. Below the dotted line the reference itself is not known better, and errors are not told apart. A choice
+same scene. Below the dotted line the reference itself is not known better, and errors are not separated. A choice
 counts as faster where the quartiles of the repetitions do not overlap.
 
 **Raw data.** [fronts.json](../benchmarks/results/fronts.json) has every repetition, median, minimum and quartiles,
