@@ -37,6 +37,8 @@ REPEAT_PERIOD = 5.0
 """Time without a response after which a request is sent again [s]."""
 COMPARED = 1000
 """Scans with a contact that are compared with the ground truth."""
+NEWEST = 10_000
+"""Newest messages of a topic among which these are looked for: what a check costs does not grow while it waits."""
 NOTHING = {"repeated", "late", "layout mismatch"}
 """Counters of the diagnostics that must exist and be 0. Scans lost between processes are not among them: a busy machine
 loses some, which the model counts."""
@@ -147,7 +149,8 @@ def expect_contacts_of_the_scene(listener: Listener) -> None:
     truths: list[TactileTruth] = listener.collect(TactileTruth, "truth")
 
     def compared() -> list[Pair]:
-        return [(found, truth) for found, truth in _followed(contacts, truths) if found.data_valid and _pressed(truth)]
+        pairs = _followed(contacts[-NEWEST:], truths[-NEWEST:])
+        return [(found, truth) for found, truth in pairs if found.data_valid and _pressed(truth)]
 
     listener.wait(lambda: len(contacts) > COMPARED and len(compared()) > COMPARED, "a contact of the scene")
     first, last = truths[0], truths[-1]
