@@ -63,6 +63,14 @@ class Loads(Protocol):
         """Name of the loads, such as that of the scene."""
         ...
 
+    @property
+    def live(self) -> bool:
+        """Whether the loads depend on what is done until then, as those of a physics engine that a controller acts on.
+
+        The board then asks for no time before the scan of that time is read.
+        """
+        ...
+
     def forces(self, times: Sequence[float]) -> Sequence[Patch]:
         """Return the forces on the array at several times.
 

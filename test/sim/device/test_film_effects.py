@@ -71,6 +71,8 @@ def held(of: Film, times: Sequence[float], force: float = 1.0) -> np.ndarray:
 class OneTaxel:
     """A constant force [N] on one taxel from scan 1 to a time [s]: one at scan 0 would have acted before."""
 
+    live = False
+
     def __init__(self, row: int, col: int, force: float, end: float = math.inf) -> None:
         self.place, self.force, self.end = (row, col), force, end
         self.name = "one taxel"

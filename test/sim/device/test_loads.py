@@ -36,6 +36,7 @@ class Ramp:
     """Two overlapping patches whose force grows by 1 N/s for 0.2 s and then stays; the chip warms by 10 K/s."""
 
     name = "ramp"
+    live = False
     end = 0.2
 
     def forces(self, times: Sequence[float]) -> list[Patch]:
@@ -95,3 +96,24 @@ def test_scene_forces_replayed_as_custom_loads_give_the_same_scans() -> None:
         for board, scan in zip(boards, scans, strict=True):
             board.scan(index, scan)
         np.testing.assert_array_equal(scans[0].counts, scans[1].counts)
+
+
+def test_live_loads_are_asked_for_no_time_before_its_scan_is_read() -> None:
+    class Live(Ramp):
+        live = True
+        latest = 0.0
+
+        def forces(self, times: Sequence[float]) -> list[Patch]:
+            self.latest = max(self.latest, *times)
+            return super().forces(times)
+
+    loads = Live()
+    board, known = SimulatedBoard(SENSOR, loads, 0), SimulatedBoard(SENSOR, Ramp(), 0)
+    scan, other = Scan.empty(SENSOR.layout.id, TAXELS), Scan.empty(SENSOR.layout.id, TAXELS)
+    for index in range(150):
+        board.prepare(index)
+        assert loads.latest <= max(index - 1, 0) * 1e-3
+        board.scan(index, scan)
+        known.scan(index, other)
+        np.testing.assert_array_equal(scan.counts, other.counts)
+        assert loads.latest == pytest.approx(index * 1e-3)

@@ -91,7 +91,8 @@ class SimulatedBoard:
     Only what the loads require is computed. Taxels without charge are inactive and cost only their conversion. While
     the loads are constant, the charge is advanced in one step when it is next read, and after its decay (30 time
     constants) not at all. Consecutive scans are computed ahead in batches of up to 32 (64 of a small array under
-    constant loads): the first one of a batch takes the time, or `prepare` before it.
+    constant loads): the first one of a batch takes the time, or `prepare` before it. Loads that are `live` are never
+    asked for the time of a scan before that is read.
 
     A film with effects of its own (`ErrorModel.film`) never rests: every taxel is computed in every scan.
 
@@ -228,7 +229,7 @@ class SimulatedBoard:
         ValueError
             `index` is not above the last one.
         """
-        self.prepare(index)
+        self._prepare(index)
         batch = self._next
         self._now = batch, index
         row = index - batch.first
@@ -243,7 +244,7 @@ class SimulatedBoard:
         out.status = _HOT if batch.chip[row] > OVERTEMPERATURE else _OK
 
     def prepare(self, index: int) -> None:
-        """Compute scan `index` in advance. Ground truth and state stay those of the last scan.
+        """Compute scan `index` in advance unless the loads are live. Ground truth and state stay those of the last one.
 
         Parameters
         ----------
@@ -255,6 +256,10 @@ class SimulatedBoard:
         ValueError
             `index` is not above the last one.
         """
+        if not self.loads.live:
+            self._prepare(index)
+
+    def _prepare(self, index: int) -> None:
         if index <= self._now[1]:
             raise ValueError(f"index must be above {self._now[1]}, the last scan, got {index}")
         if index > self._next.last:
@@ -314,7 +319,8 @@ class SimulatedBoard:
         """Advance to scan `index` and, when scans are read consecutively, to more scans after it."""
         constant, block = index <= self._constant_end, self._readout.block
         limit = MAX_BATCH if self._charge.active.size or not constant else block
-        self._batch = min(2 * self._batch, limit) if index == self._next.last + 1 and not self._compute_all else 1
+        alone = self._compute_all or self.loads.live or index != self._next.last + 1
+        self._batch = 1 if alone else min(2 * self._batch, limit)
         self._approach(index)
         last = min(index + self._batch, (index // block + 1) * block) - 1
         return self._hold(index, min(last, self._constant_end)) if constant else self._advance(index, last)

@@ -11,9 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from posfet_driver.bus.frame import CLASSIC
-from posfet_driver.protocol.decoder import Decoder, ResponseReceived, ScanReady
-from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Request
+from posfet_driver.protocol.decoder import Decoder, ScanReady
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
@@ -22,6 +20,7 @@ from posfet_sim.device.ground_truth import Truth
 from posfet_sim.device.simulated_board import SimulatedBoard
 from posfet_sim.emulation.bus_board import BusBoard
 from posfet_sim.emulation.firmware import with_whole_period
+from posfet_sim.emulation.lockstep import start
 from posfet_sim.scene import Scene, SceneLoads
 
 
@@ -69,13 +68,5 @@ def received_scans(
                 yield decoded.scan, sent[-1][1]
         sent.clear()
         if not node.running:
-            _start(node, decoder, sensor, now)
+            start(node, decoder, sensor, now)
         now = node.next_due()
-
-
-def _start(node: BusBoard, decoder: Decoder, sensor: Sensor, now: int) -> None:
-    """Send the start command; the scans before and after a reset are not lost but interrupted."""
-    request = Request(Command.START, 0)
-    answers = node.receive((sensor.can.base_id + COMMAND_OFFSET, CLASSIC, request.pack()), now)
-    if any(isinstance(found, ResponseReceived) for found in decoder.decode(answers, now, 0)):
-        decoder.start()

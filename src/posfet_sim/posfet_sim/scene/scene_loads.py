@@ -44,6 +44,11 @@ class SceneLoads:
         """Name of the scene."""
         return self.scene.name
 
+    @property
+    def live(self) -> bool:
+        """False: a scene is known in advance."""
+        return False
+
     def forces(self, times: Sequence[float]) -> list[Patch]:
         """Return the forces on the array at these times [s]; empty without contact."""
         patches = []
