@@ -45,6 +45,9 @@ def test_versions_are_in_step(package: Path) -> None:
 def test_the_release_notes_and_the_citation_are_of_this_version() -> None:
     headings = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert VERSION in headings[0]
+    project = (ROOT / "python/pyproject.toml").read_text(encoding="utf-8")
+    assert re.findall(r'^version = "(.*)"$', project, re.MULTILINE) == [VERSION]
+    assert f"posfet-{VERSION}-py3" in (ROOT / "docs/python.md").read_text(encoding="utf-8")
     assert yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["version"] == VERSION
 
 

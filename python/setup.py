@@ -1,0 +1,60 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""What of ../src is in the wheel: everything that runs without ROS."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from setuptools import find_packages, setup
+from setuptools.command.build_py import build_py
+
+SOURCES = Path("../src")
+PACKAGES = ("posfet", "posfet_driver", "posfet_model", "posfet_sim")
+MESSAGES = "posfet_sim.recording.msg"
+ONLY = {
+    "posfet": {"__init__", "can", "cli", "doctor", "gym", "replay_command"},
+    "posfet_model.ros": {"__init__", "contacts_cdr", "exit_codes", "model_settings", "start"},
+}
+"""Packages of which only these modules run without ROS."""
+WITHOUT = {"posfet.terminal", "posfet.web", "posfet_driver.ros", "posfet_sim.ros"}
+"""Packages that need ROS, or are used only with it."""
+
+
+class WithoutRos(build_py):
+    """Leaves out the modules that need ROS."""
+
+    def find_package_modules(self, package: str, package_dir: str) -> list[tuple[str, str, str]]:
+        found = super().find_package_modules(package, package_dir)
+        return [entry for entry in found if package not in ONLY or entry[1] in ONLY[package]]
+
+
+def packages() -> dict[str, str]:
+    """Return the folder of each package."""
+    folders = {MESSAGES: str(SOURCES / "posfet_msgs/msg")}
+    for top in PACKAGES:
+        for name in [top, *(f"{top}.{part}" for part in find_packages(str(SOURCES / top / top)))]:
+            if name not in WITHOUT and not name.startswith(tuple(f"{each}." for each in WITHOUT)):
+                folders[name] = str(SOURCES / top / name.replace(".", "/"))
+    return folders
+
+
+setup(
+    cmdclass={"build_py": WithoutRos},
+    packages=sorted(packages()),
+    package_dir=packages(),
+    package_data={
+        "posfet": ["py.typed"],
+        "posfet_driver": ["py.typed", "protocol/*.dbc", "protocol/*.yaml"],
+        "posfet_model": ["py.typed", "design/designs/*.yaml", "sensor/sensors/*.yaml", "spice/netlists/*"],
+        "posfet_sim": ["py.typed", "scene/scenes/*.yaml"],
+        MESSAGES: ["*.msg"],
+    },
+    include_package_data=False,
+    zip_safe=False,
+)

@@ -1,0 +1,214 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""The Python package without ROS: what its wheel holds, and that it works in an environment that has nothing else."""
+
+from __future__ import annotations
+
+import ast
+import importlib.metadata
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+import venv
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import posfet_model
+from posfet.cli import COMMANDS, LEFT_OUT, NEED_ROS
+from support.paths import ROOT, SOURCES
+
+if not all(importlib.util.find_spec(name) for name in ("pip", "setuptools")):
+    pytest.skip("needs pip and setuptools", allow_module_level=True)
+packaging_requirements = pytest.importorskip("packaging.requirements")
+
+ROS = {
+    *("rclpy", "rcl_interfaces", "builtin_interfaces", "diagnostic_msgs", "geometry_msgs", "lifecycle_msgs", "launch"),
+    *("posfet_msgs", "rosgraph_msgs", "sensor_msgs", "std_msgs", "tf2_msgs", "tf2_ros", "visualization_msgs"),
+    *("ament_index_python", "launch_ros"),
+}
+OWN = {"posfet", "posfet_driver", "posfet_model", "posfet_sim"}
+GUARDED = LEFT_OUT | {"posfet.middleware_check"}
+"""Modules with ROS that are imported only where that is installed, or by a command that says that it needs ROS."""
+
+
+def build(folder: Path) -> Path:
+    """Return the wheel, built from a copy of python/ so that nothing is left in the repository."""
+    shutil.copytree(ROOT / "python", folder / "python", ignore=shutil.ignore_patterns("build", "*.egg-info"))
+    (folder / "src").symlink_to(SOURCES)
+    arguments = ["--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", str(folder), str(folder / "python")]
+    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return next(folder.glob("*.whl"))
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build(tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture(scope="module")
+def modules(wheel: Path) -> dict[str, ast.Module]:
+    """The syntax tree of each module of the wheel, by its name."""
+    with zipfile.ZipFile(wheel) as archive:
+        sources = {name: archive.read(name).decode() for name in archive.namelist() if name.endswith(".py")}
+    return {
+        name.removesuffix(".py").removesuffix("/__init__").replace("/", "."): ast.parse(text)
+        for name, text in sources.items()
+    }
+
+
+def imported(tree: ast.Module) -> Iterator[str]:
+    """Yield the names of all modules that a module imports; `from package import name` may name a module, too."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield node.module
+
+
+def test_the_wheel_holds_all_that_runs_without_ros(wheel: Path, modules: dict[str, ast.Module]) -> None:
+    with zipfile.ZipFile(wheel) as archive:
+        held = set(archive.namelist())
+    for package in OWN - {"posfet"}:
+        root = SOURCES / package
+        files = {path.relative_to(root).as_posix() for path in (root / package).rglob("*") if path.is_file()}
+        expected = {name for name in files if "__pycache__" not in name and "/ros/" not in name}
+        assert expected - held == set()
+    assert {path.name for path in (SOURCES / "posfet_msgs/msg").glob("*.msg")} == {
+        name.rpartition("/")[2] for name in held if name.startswith("posfet_sim/recording/msg/")
+    }
+    assert "posfet/py.typed" in held
+    assert not [name for name in held if "/test" in name or "web/" in name]
+    assert {COMMANDS[name][0].partition(":")[0] for name in COMMANDS.keys() - NEED_ROS} <= modules.keys()
+    assert modules.keys().isdisjoint(LEFT_OUT)
+
+
+def test_no_module_imports_ros(modules: dict[str, ast.Module]) -> None:
+    found = {(name, used) for name, tree in modules.items() for used in imported(tree) if used.split(".")[0] in ROS}
+    assert found == set()
+
+
+def test_every_import_of_its_own_is_in_the_wheel(modules: dict[str, ast.Module]) -> None:
+    found = {
+        (name, used)
+        for name, tree in modules.items()
+        for used in imported(tree)
+        if used.split(".")[0] in OWN and used not in modules and used not in GUARDED
+    }
+    assert found == set()
+
+
+def test_the_version_is_that_of_the_packages(wheel: Path) -> None:
+    assert wheel.name.startswith(f"posfet-{posfet_model.__version__}-py3-none-any")
+
+
+def needed(wheel: Path) -> set[str]:
+    """Return the names of the distributions that the wheel needs without its extras, and those that they need."""
+    with zipfile.ZipFile(wheel) as archive:
+        metadata = next(name for name in archive.namelist() if name.endswith(".dist-info/METADATA"))
+        lines = archive.read(metadata).decode().splitlines()
+    wanted = [line.removeprefix("Requires-Dist: ") for line in lines if line.startswith("Requires-Dist: ")]
+    names: set[str] = set()
+    while wanted:
+        requirement = packaging_requirements.Requirement(wanted.pop())
+        if requirement.marker and not requirement.marker.evaluate({"extra": ""}):
+            continue
+        if requirement.name.lower() not in names:
+            names.add(requirement.name.lower())
+            wanted += importlib.metadata.requires(requirement.name) or []
+    return names
+
+
+def run(command: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command without the variables by which packages of this repository would be found."""
+    kept = {name: value for name, value in os.environ.items() if name in {"HOME", "LANG", "PATH"}}
+    return subprocess.run(command, capture_output=True, text=True, cwd=folder, env=kept, check=False, timeout=120)
+
+
+@pytest.fixture(scope="module")
+def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The interpreter of a fresh environment with the wheel and, as links, what it needs."""
+    folder = tmp_path_factory.mktemp("environment")
+    venv.create(folder, symlinks=True, with_pip=False)
+    packages = next(folder.glob("lib/python*/site-packages"))
+    try:
+        for name in needed(wheel):
+            distribution = importlib.metadata.distribution(name)
+            for top in {path.parts[0] for path in distribution.files or []} - {"..", "__pycache__"}:
+                (packages / top).symlink_to(Path(str(distribution.locate_file(top))))
+    except importlib.metadata.PackageNotFoundError as error:
+        pytest.skip(f"{error.name} is installed without metadata")
+    interpreter = folder / "bin/python"
+    command = [
+        sys.executable,
+        "-m",
+        "pip",
+        "--python",
+        str(interpreter),
+        "install",
+        "--quiet",
+        "--no-deps",
+        "--no-index",
+    ]
+    done = run([*command, "--disable-pip-version-check", str(wheel)], folder)
+    assert done.returncode == 0, done.stderr
+    return interpreter
+
+
+FIRST_CONTACT = """
+import importlib.util, posfet
+assert importlib.util.find_spec("rclpy") is None
+assert posfet.__file__.startswith({prefix!r}), posfet.__file__
+for contacts in posfet.simulate("press_slide_lift", seed=1).contacts():
+    if contacts.valid and len(contacts):
+        print(contacts.sequence, *contacts)
+        break
+posfet.simulate("press").record("press.mcap", seconds=0.2)
+print(len(posfet.replay("press.mcap").arrays()))
+"""
+
+
+def test_the_first_contact_in_a_fresh_environment(python: Path, tmp_path: Path) -> None:
+    done = run([str(python), "-c", FIRST_CONTACT.format(prefix=str(python.parents[1]))], tmp_path)
+    assert done.returncode == 0, done.stderr
+    first, recorded = done.stdout.splitlines()
+    assert first.split(" ", 1)[1].startswith("<Contact #1 new 0.0")
+    assert recorded == "200"
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "output"),
+    [
+        (["--version"], 0, f"posfet {posfet_model.__version__}"),
+        (["view"], 1, "posfet view: needs ROS 2, and this is the Python package without it"),
+        (["replay", "x.mcap"], 1, "posfet replay: needs ROS 2, and this is the Python package without it"),
+        (["sim", "tap", "--for", "0.1", "--out", "tap.mcap"], 0, "tap.mcap: 100 scans"),
+        (["design", "paper"], 0, ""),
+        (["can", "--help"], 0, "usage: posfet can"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, list) else "",
+)
+def test_commands_run_or_say_that_they_need_ros(
+    python: Path, tmp_path: Path, words: list[str], code: int, output: str
+) -> None:
+    done = run([str(python.parent / "posfet"), *words], tmp_path)
+    said = done.stderr if code else done.stdout
+    assert done.returncode == code, done.stderr
+    assert said.startswith(output)
+    assert not code or len(said.splitlines()) == 1
+
+
+def test_the_help_names_the_commands_that_need_ros(python: Path, tmp_path: Path) -> None:
+    lines = run([str(python.parent / "posfet"), "--help"], tmp_path).stdout.splitlines()
+    assert f"Here is no ROS 2, which {', '.join(sorted(NEED_ROS))} need." in lines
