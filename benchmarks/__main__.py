@@ -107,7 +107,7 @@ def main() -> int:
     """Run what was asked for; return 1 when a benchmark failed; one whose tool is missing is skipped."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description="Measure the speed of the stack.")
     parser.add_argument("--only", nargs="+", choices=SUBJECTS, metavar="NAME", help=f"of {', '.join(SUBJECTS)}")
-    parser.add_argument("--full", action="store_true", help="every rate, size and step (about half an hour)")
+    parser.add_argument("--full", action="store_true", help="every rate, size and step")
     parser.add_argument("--worker", choices=SUBJECTS, help=argparse.SUPPRESS)
     parser.add_argument("--out", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()

@@ -13,14 +13,19 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Final
+
+from matplotlib.figure import Figure
 
 from benchmarks import machine
 from benchmarks.fronts import chart, page
 from benchmarks.fronts.exhibit import Exhibit
 from benchmarks.fronts.front import Effort, Front, FrontError
+from benchmarks.fronts.legibility import check_texts
+from benchmarks.fronts.palette import LIGHT, PALETTES, Palette
 from posfet_model.figures import style
 from posfet_model.spice import ngspice
 
@@ -40,6 +45,8 @@ STAGES: Final = (
     "mechanics",
     "hysteresis",
     "laziness",
+    "labelling",
+    "messages",
     "noise",
 )
 """Stages in the order of the document: what a reader chooses first comes first."""
@@ -72,10 +79,16 @@ def verified(name: str, effort: Effort) -> list[Front | Exhibit]:
     fronts = list(stage(name)(effort))
     for front in fronts:
         front.verify()
-        if isinstance(front, Front):
-            with style.style():
-                page.check_figure(front, chart.draw(front))
+        with style.style(LIGHT.settings):  # on a dark page everything is in the same place
+            figure = drawn(front, LIGHT)
+            check_texts(figure, front.name)
+            page.check_figure(front, figure)
     return fronts
+
+
+def drawn(front: Front | Exhibit, palette: Palette) -> Figure:
+    """Return the figure of a front or an exhibit."""
+    return front.draw(palette) if isinstance(front, Exhibit) else chart.draw(front, palette)
 
 
 def stage(name: str) -> Callable[[Effort], Sequence[Front | Exhibit]]:
@@ -89,10 +102,9 @@ def publish(fronts: list[Front | Exhibit], missing: dict[str, str], folder: Path
     figures = folder / "docs" / "figures"
     figures.mkdir(parents=True, exist_ok=True)
     for front in fronts:
-        if isinstance(front, Exhibit):
-            style.save(front.draw, figures / front.name)
-        else:
-            chart.save(front, figures)
+        for palette in PALETTES:
+            stem = figures / f"{page.figure_name(front)}{palette.suffix}"
+            style.save(partial(drawn, front, palette), stem, palette.settings)
     facts = machine.facts()
     page.write_results(fronts, facts, folder / "benchmarks" / "results")
     text = page.document(fronts, machine.text(), missing, command)

@@ -81,12 +81,16 @@ def measure(effort: Effort) -> list[Front]:
             tuple(choices),
             f"first-order hold, {shipped * 1e3:g} ms",
             tuple(checks),
-            f"At the scan rate the first-order hold errs by {shown(own)} %, the zero-order hold, which costs the "
-            "same, by "
-            f"{shown(other / own)} times as much: choose the hold by the input, which is a ramp between scans, and no "
-            "scheme that is only stable for short steps.",
-            why_not="The step is that of the scans. In float32 the rounding of each step adds up, which the series in "
-            "float32 shows at short steps; the board keeps float64, as the charge is a small part of its cost.",
+            f"At the scan rate the first-order hold errs by {shown(own)} %, the zero-order hold, which costs the same, "
+            f"by {shown(other / own)} times as much. Choose the hold by the input, which is a ramp between scans, "
+            "and no scheme that is only stable for short steps.",
+            why_not={
+                "first-order hold, float32": "In float32 the rounding of each step adds up, which its series shows at "
+                "short steps; the charge is a small part of a scan's cost, so that the board keeps float64.",
+                "": "A longer step costs less in a second; the step is that of the scans.",
+            },
+            question="the charge of a simulated film",
+            rival=f"zero-order hold, {shipped * 1e3:g} ms",
         )
     ]
 

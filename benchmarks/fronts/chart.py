@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import itertools
 import math
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,18 +20,8 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
 from benchmarks.fronts.front import Choice, Front, FrontError
+from benchmarks.fronts.palette import LIGHT, Palette
 from posfet_model.figures import style
-
-LOOKS = (
-    (style.BLUE, "o"),
-    (style.VERMILION, "s"),
-    (style.GREEN, "^"),
-    (style.PURPLE, "D"),
-    (style.BLACK, "x"),
-    ("#56b4e9", "v"),
-    ("#b58900", "P"),
-)
-"""Colour and marker of each series: readable by the marker alone."""
 
 HEIGHT = 4.4
 FONT = 7.5
@@ -43,12 +32,12 @@ GAP = 2.5
 """Distance between labels, and from points [points]."""
 
 
-def draw(front: Front) -> Figure:
+def draw(front: Front, palette: Palette = LIGHT) -> Figure:
     """Return the figure of a front; FrontError where labels cannot be separated."""
     figure, (axes,) = style.new_figure(HEIGHT)
     floor = _floor(front)
     series = list(dict.fromkeys(choice.series for choice in front.choices))
-    for name, (colour, marker) in zip(series, LOOKS, strict=False):
+    for name, (colour, marker) in zip(series, palette.looks, strict=False):
         own = [choice for choice in front.choices if choice.series == name]
         x, y = [front.ratio(each) for each in own], [max(front.counted(each), floor) for each in own]
         if front.swept and len(own) > 1:
@@ -56,15 +45,15 @@ def draw(front: Front) -> Figure:
         axes.plot(
             x, y, linestyle="", marker=marker, color=colour, markersize=6.5, label=name, gid=f"series {name}", zorder=4
         )
-    _staircase(axes, front, floor)
+    _staircase(axes, front, floor, palette)
     shipped = front.shipped_choice
     if shipped is not None:
         axes.plot(
             front.ratio(shipped), max(front.counted(shipped), floor), "o", markersize=14, markerfacecolor="none",
-            color=style.BLACK, markeredgewidth=1.4, zorder=3, label="shipped",
+            color=palette.ink, markeredgewidth=1.4, zorder=3, label="shipped",
         )  # fmt: skip
     if front.uncertainty > 0:
-        axes.axhline(front.uncertainty, color=style.GREY, linewidth=1, linestyle=style.DOTTED, label="reference")
+        axes.axhline(front.uncertainty, color=palette.grey, linewidth=1, linestyle=style.DOTTED, label="reference")
     axes.set(xscale="log", yscale="log", ylabel=front.error_label)
     axes.set_xlabel(f"run time [{'shipped' if shipped is not None else 'fastest'} = 1]")
     axes.set_title(front.title)
@@ -74,7 +63,7 @@ def draw(front: Front) -> Figure:
         *axes.get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=FONT, frameon=False,
         handlelength=2.2,
     )  # fmt: skip
-    _label(figure, axes, front, floor)
+    _label(figure, axes, front, floor, palette)
     return figure
 
 
@@ -93,13 +82,13 @@ def _decades(axes: Axes) -> None:
             put(middle / math.sqrt(12), middle * math.sqrt(12))
 
 
-def _staircase(axes: Axes, front: Front, floor: float) -> None:
+def _staircase(axes: Axes, front: Front, floor: float, palette: Palette) -> None:
     points = [(front.ratio(each), max(front.counted(each), floor)) for each in front.pareto]
     x, y = zip(*points, strict=True)
-    axes.step(x, y, where="post", color=style.GREY, linewidth=2.5, alpha=0.45, zorder=1, label="Pareto set")
+    axes.step(x, y, where="post", color=palette.grey, linewidth=2.5, alpha=0.45, zorder=1, label="Pareto set")
 
 
-def _label(figure: Figure, axes: Axes, front: Front, floor: float) -> None:
+def _label(figure: Figure, axes: Axes, front: Front, floor: float, palette: Palette) -> None:
     """Label the choices of the Pareto set, the shipped one, and the ends of each swept series, where there is room.
 
     Series with the same parameters need their labels once.
@@ -120,15 +109,6 @@ def _label(figure: Figure, axes: Axes, front: Front, floor: float) -> None:
     marks = [_box(axes, front, each, floor, 4.5 * scale) for each in front.choices]
     if front.shipped_choice is not None:
         marks.append(_box(axes, front, front.shipped_choice, floor, 7.5 * scale))
-    for text in (axes.xaxis.label, axes.yaxis.label, axes.title):
-        box = text.get_window_extent(renderer)
-        if not (
-            figure.bbox.x0 <= box.x0
-            and box.x1 <= figure.bbox.x1
-            and figure.bbox.y0 <= box.y0
-            and box.y1 <= figure.bbox.y1
-        ):
-            raise FrontError(f"{front.name}: no room for {text.get_text()!r}")
     placed: list[Bbox] = []
     named: list[tuple[str, Bbox]] = []
     inside = axes.get_window_extent(renderer)
@@ -139,8 +119,8 @@ def _label(figure: Figure, axes: Axes, front: Front, floor: float) -> None:
         named.append((choice.parameter, near))
         note = axes.annotate(
             choice.parameter, (front.ratio(choice), max(front.counted(choice), floor)), textcoords="offset points",
-            xytext=(0, 0), fontsize=FONT, ha="center", va="center", zorder=6, color=style.BLACK,
-            arrowprops={"arrowstyle": "-", "linewidth": 0.5, "color": style.GREY, "shrinkA": 0, "shrinkB": 3},
+            xytext=(0, 0), fontsize=FONT, ha="center", va="center", zorder=6, color=palette.ink,
+            arrowprops={"arrowstyle": "-", "linewidth": 0.5, "color": palette.grey, "shrinkA": 0, "shrinkB": 3},
         )  # fmt: skip
         placed.append(_place(note, placed, marks, inside, renderer, scale))
 
@@ -177,8 +157,3 @@ def plotted(figure: Figure) -> dict[str, list[tuple[float, float]]]:
             x, y = np.asarray(line.get_xdata(), float), np.asarray(line.get_ydata(), float)
             found[name.removeprefix("series ")] = list(zip(x.tolist(), y.tolist(), strict=True))
     return found
-
-
-def save(front: Front, folder: Path) -> list[Path]:
-    """Write the figure as SVG and PNG."""
-    return style.save(lambda: draw(front), folder / f"front_{front.name}")

@@ -207,8 +207,11 @@ def _front(name: str, what: str, images: Sequence[Image], effort: Effort) -> Fro
         shipped,
         checks,
         f"With {what} the shipped method errs by {shown(own.error)} mm, a centroid above the same threshold by "
-        f"{shown(plain.error)} mm, in {shown(plain.median / own.median)} of the run time.",
-        why_not="In the middle a centroid does as well: what is shipped pays off at edges and between contacts, and it "
+        f"{shown(plain.error)} mm, in {shown(plain.median / own.median)} of the run time. Choose the centroid only "
+        "where one contact never comes near an edge or another one.",
+        why_not="In the middle a centroid does as well: what is shipped pays at edges and between contacts, and it "
         "also gives variances and axes.",
+        question={"edge": "the place of a contact at an edge", "pairs": "the places of two contacts"}.get(name, ""),
+        rival=plain.name if name in ("edge", "pairs") else "",
         columns=("missed %", "false %"),
     )

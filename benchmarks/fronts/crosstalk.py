@@ -92,8 +92,10 @@ def _front(size: int, effort: Effort) -> Front:
         shipped,
         checks,
         f"The exact inverse costs {shown(own.median / second.median)} of the run time of two rounds over the "
-        "neighbours, "
-        f"which leave {shown(second.error)} of the largest signal: at {size} x {size} choose the "
+        f"neighbours, which leave {shown(second.error)} of the largest signal. At {size} x {size} choose the "
         f"{'dense matrix' if is_dense else 'sine transform'}.",
-        why_not="The others are the same arithmetic without the choice between them.",
+        why_not="It is the same arithmetic; the stack's call also chooses between the dense matrix and the sine "
+        "transform.",
+        question=f"crosstalk at {size} x {size}",
+        rival=second.name,
     )

@@ -14,8 +14,17 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from benchmarks.fronts.front import Check, FrontError
+from benchmarks.fronts.front import SENTENCES, Check, FrontError, sentences
+from benchmarks.fronts.palette import Palette
 from benchmarks.outcome import Cell, shown
+
+
+def picture(name: str, title: str, folder: str = "figures") -> str:
+    """Return a figure that follows the reader's light or dark page."""
+    return (
+        f'<picture><source media="(prefers-color-scheme: dark)" srcset="{folder}/{name}_dark.svg">'
+        f'<img alt="{title}" src="{folder}/{name}.svg"></picture>'
+    )
 
 
 @dataclass(frozen=True)
@@ -28,14 +37,30 @@ class Exhibit:
     reading: str
     columns: tuple[str, ...]
     rows: Sequence[Sequence[Cell]]
-    draw: Callable[[], Figure]
+    draw: Callable[[Palette], Figure]
     checks: tuple[Check, ...]
+    read_back: Callable[[Figure], Sequence[Sequence[Cell]]]
+    """Returns from a figure the cells of the table that it shows, row by row: the first ones of each row."""
+    answer: tuple[str, ...] = ()
+    """Line of the table at the top of the document; empty: none."""
 
     def verify(self) -> None:
         """Raise FrontError unless all checks pass."""
         wrong = [str(check) for check in self.checks if not check.passed]
+        if (found := sentences(self.reading)) != SENTENCES:
+            wrong.append(f"{found} sentences of reading, not {SENTENCES}")
         if wrong or not self.checks:
             raise FrontError(f"{self.name}: " + ("; ".join(wrong) or "no check"))
+
+    def check_figure(self, figure: Figure) -> None:
+        """Raise FrontError where a figure and the table contradict each other."""
+        found = self.read_back(figure)
+        if len(found) != len(self.rows):
+            raise FrontError(f"{self.name}: {len(found)} lines in the figure, {len(self.rows)} rows in the table")
+        for read, row in zip(found, self.rows, strict=True):
+            cells = [[shown(cell) for cell in part] for part in (read, row[: len(read)])]
+            if cells[0] != cells[1]:
+                raise FrontError(f"{self.name}: {cells[0]} in the figure, {cells[1]} in the table")
 
     @property
     def section(self) -> str:
@@ -45,7 +70,7 @@ class Exhibit:
         parts = [
             f"## {self.title}",
             self.reading,
-            f"![{self.title}](figures/{self.name}.svg)",
+            picture(self.name, self.title),
             "\n".join(lines),
             "Checked in this run: " + "; ".join(map(str, self.checks)) + ".",
         ]

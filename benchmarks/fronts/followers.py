@@ -196,8 +196,10 @@ def _single(name: str, models: dict[str, Follower], text: str, loop: ClosedLoop,
         shipped,
         checks,
         _reading(name, choices, shipped),
-        why_not="The board has one model for every input; this one is exact for any step and needs gain and bandwidth "
-        "alone.",
+        why_not="It is better on this input alone; the board has one model for every input, exact for any step, which "
+        "needs gain and bandwidth alone.",
+        question="the amplifier of one taxel" if name == "press" else "",
+        rival=f"ngspice, reltol {TOLERANCES[-1]:g}" if name == "press" else "",
     )
 
 
@@ -322,10 +324,11 @@ def _arrays(taxels: int, loop: ClosedLoop, text: str, effort: Effort) -> Front:
         shipped,
         checks,
         f"Of {taxels} followers one pole costs {shown(own.median / other.median)} of what ngspice costs at "
-        f"{other.parameter}, with {shown(own.error)} % of error: simulate arrays with the model, and a circuit of "
+        f"{other.parameter}, with {shown(own.error)} % of error. Simulate arrays with the model, and a circuit of "
         "which each transistor matters with ngspice.",
-        why_not="A lag that is left out is a delay that every taxel has in common; the board keeps it, as it does not "
-        "show in the cost of a scan.",
+        why_not="It leaves out the lag, which is small at this frequency and does not show in the cost of a scan.",
+        question=f"the amplifiers of {taxels} taxels" if taxels > MANY else "",
+        rival=other.name if taxels > MANY else "",
     )
 
 

@@ -10,7 +10,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +21,9 @@ from benchmarks.outcome import shown
 
 MOST_SERIES = 7
 """Largest number of series that a reader can tell apart."""
+
+SENTENCES = 2
+"""Sentences that a reader is given beside a figure."""
 
 ERROR_NOISE = 1.02
 """An error counts as larger than another from this ratio on."""
@@ -117,8 +121,13 @@ class Front:
     checks: tuple[Check, ...]
     reading: str
     """What to choose and why; numbers in it are made from the measurement."""
-    why_not: str = ""
-    """Why the shipped choice is not on the Pareto set, where it is not."""
+    why_not: str | Mapping[str, str] = ""
+    """Why the shipped choice is not on the Pareto set, where it is not; by name or series of what beats it, '' for any
+    other."""
+    question: str = ""
+    """What a reader wants to do, for the table at the top of the document; empty: not in it."""
+    rival: str = ""
+    """Name of the choice with which that table compares what is shipped."""
     swept: bool = True
     """Whether the points of a series are joined: they are one scene with one parameter that changes."""
     columns: tuple[str, ...] = ()
@@ -164,6 +173,10 @@ class Front:
             wrong.append("two choices have one name")
         if len({choice.series for choice in self.choices}) > MOST_SERIES:
             wrong.append(f"more than {MOST_SERIES} series")
+        if (found := sentences(self.reading)) != SENTENCES:
+            wrong.append(f"{found} sentences of reading, not {SENTENCES}")
+        if bool(self.question) != any(choice.name == self.rival for choice in self.choices):
+            wrong.append(f"question {self.question!r} and choice to compare with {self.rival!r}")
         if self.shipped and self.shipped_choice is None:
             wrong.append(f"the shipped choice {self.shipped!r} was not measured")
         for choice in self.choices:
@@ -183,12 +196,27 @@ class Front:
         better = [each for each in self.choices if self.beats(each, shipped)]
         if not better:
             return f"The shipped choice, {shipped.name}, is on the Pareto set."
-        least = min(better, key=lambda choice: (self.counted(choice), choice.median))
-        return (
-            f"The shipped choice, {shipped.name}, is not on the Pareto set: {least.name} has "
-            f"{shown(self.counted(least) / self.counted(shipped))} of its error in "
-            f"{shown(self.ratio(least))} of its run time. {self.why_not or 'No reason is known: a defect.'}"
-        )
+        better.sort(key=lambda choice: (self.counted(choice), choice.median))
+        by_reason: dict[str, Choice] = {}
+        for each in better:
+            by_reason.setdefault(self._reason(each), each)
+        reasons = [
+            f"{each.name} has {shown(self.counted(each) / self.counted(shipped))} of its error in "
+            f"{shown(self.ratio(each))} of its run time. {reason}"
+            for reason, each in by_reason.items()
+        ]
+        return f"The shipped choice, {shipped.name}, is not on the Pareto set: {' '.join(reasons)}"
+
+    def _reason(self, better: Choice) -> str:
+        """Return why a choice that beats the shipped one is not shipped."""
+        known = {"": self.why_not} if isinstance(self.why_not, str) else self.why_not
+        found = (known[key] for key in (better.name, better.series, "") if known.get(key))
+        return next(found, "No reason is known: a defect.")
+
+
+def sentences(text: str) -> int:
+    """Return the number of sentences of a text."""
+    return len(re.findall(r"[.!?](?=\s|$)", text))
 
 
 def order(steps: Sequence[float], errors: Sequence[float]) -> float:

@@ -95,10 +95,11 @@ def _branch(effort: Effort) -> Front:
         "closed form",
         checks,
         f"The closed form goes to any field in one step; the midpoint rule with {best.parameter} is "
-        f"{shown(best.error)} of "
-        f"saturation off and takes {shown(best.median / choices[0].median)} times as long: choose the closed form, and "
-        "store turning points, not samples.",
-        why_not="Its calls check their arguments; few coarse steps do not.",
+        f"{shown(best.error)} of saturation off and takes {shown(best.median / choices[0].median)} times as long. "
+        "Choose the closed form, and store turning points, not samples.",
+        why_not="A call of the closed form checks its arguments, which a few coarse steps here do not.",
+        question="the polarisation of a film",
+        rival=best.name,
     )
 
 
@@ -157,11 +158,8 @@ def _minor_loops(effort: Effort) -> Front:
         choices,
         "",
         (Check("order of convergence in the number of operators", fit, 1.6, 2.4),),
-        f"{fine.parameter} operators are {shown(fine.error)} of the loop off, in "
-        f"{shown(fine.median / last.median)} of the "
-        "run time of the turning points: choose operators for arrays, where all taxels advance at once, and "
-        "turning points "
-        "for the history of one film. The simulated board has a few operators of given widths: that is its "
-        "definition of "
-        "the film, not an approximation.",
+        f"{fine.parameter} operators are {shown(fine.error)} of the loop off, in {shown(fine.median / last.median)} of "
+        "the run time of the turning points: choose operators for arrays, where all taxels advance at once, and "
+        "turning points for the history of one film. The simulated board has a few operators of given widths: that "
+        "is its definition of the film, not an approximation.",
     )

@@ -98,9 +98,10 @@ def measure(effort: Effort) -> list[Front]:
             "table",
             checks,
             "A table of all counts is exact to rounding and works for any curve, with charge and saturation in one "
-            "look-up. Choose a closed form only where the memory of the table is missing; an iteration has no "
-            "use for a "
-            "curve that is known before the first scan.",
+            "look-up. Choose a closed form only where the memory of the table is missing, and no iteration for a curve "
+            "that is known before the first scan.",
             why_not="The table also gives the saturation, which the others leave out.",
+            question="the charge from a count",
+            rival="Newton, 2 steps",
         )
     ]

@@ -123,10 +123,11 @@ def _front(name: str, effort: Effort) -> Front:
         choices,
         chosen.name,
         checks,
-        f"{shipped} x {shipped} points are chosen from size and skin; they err by {shown(chosen.error)} of the "
-        "force. The "
-        f"half-space, which assumes no shape, is still {shown(best.error)} off on its finest grid at "
+        f"{shipped} x {shipped} points are chosen from size and skin; they err by {shown(chosen.error)} of the force. "
+        f"The half-space, which assumes no shape, is still {shown(best.error)} off on its finest grid at "
         f"{shown(best.median / chosen.median)} times the run time: choose it only for shapes without a closed form.",
-        why_not="One call has a fixed cost in which the points of a single contact do not show; many contacts and wide "
-        "ones are why there are no more of them than the error of a force needs.",
+        why_not="A single contact has a fixed cost in which its points do not show; wide contacts and many of them are "
+        "why there are no more points than the error of a force needs.",
+        question="the forces under a ball" if name == "sphere" else "",
+        rival=best.name if name == "sphere" else "",
     )

@@ -74,12 +74,13 @@ def measure(effort: Effort) -> list[Front]:
             choices,
             "octaves, this stack",
             checks,
-            f"The sum of octaves is within {shown(own.error)} dB of 1/f and takes "
-            f"{shown(own.median / fft.median)} of the "
-            "run time of shaping a whole record by FFT, which has to know the length of the record and cannot begin "
-            "anywhere else; first-order processes need every sample before.",
+            f"The sum of octaves is within {shown(own.error)} dB of 1/f and takes {shown(own.median / fft.median)} "
+            "of the run time of shaping a whole record by FFT. Choose the FFT for a record whose length is known, "
+            "and octaves where scans are drawn in any order; first-order processes need every sample before.",
             why_not="It alone gives any scan without those before it, and the same bytes for the same seed whatever "
             "was read in between.",
+            question="1/f noise",
+            rival=fft.name,
             swept=True,
         )
     ]

@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -21,27 +22,33 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.fronts.chart import plotted
-from benchmarks.fronts.exhibit import Exhibit
+from benchmarks.fronts.exhibit import Exhibit, picture
 from benchmarks.fronts.front import Choice, Front, FrontError
 from benchmarks.outcome import shown
 
 HEAD = """\
 # Run time against error
 
-What each method costs and how wrong it is, on the same input, for every stage of this stack and for the whole pipeline
-beside methods that are common elsewhere. Written by `make fronts`, which fails where a figure, a table or a sentence
-contradicts the measurement; do not edit.
+Which method to use for what, what it costs, and how wrong it is: this stack beside methods that are common elsewhere,
+on the same input. Written by `make fronts`, which fails where a figure, a table or a check contradicts the measurement;
+do not edit."""
 
+HOW_TO_READ = """\
 **Reading a figure.** Left is faster, down is more accurate, both axes are logarithmic. Run times are processor times
 in units of the shipped choice (the circled point), or of the fastest where a stage has no single shipped choice:
 medians of interleaved repetitions, so that other load disturbs all choices alike. The grey staircase is the Pareto set:
 no other choice is both faster and more accurate. Points of a series are joined only where one parameter changes on the
-same scene. Below the dotted line the reference itself is not known better, and errors are not separated. A choice
-counts as faster where the quartiles of the repetitions do not overlap.
+same scene. Below the dotted line the reference itself is not known better, and errors are not separated; an error of 0
+is drawn a decade below the smallest other one. A choice counts as faster where the quartiles of the repetitions do not
+overlap.
 
 **Raw data.** [fronts.json](../benchmarks/results/fronts.json) has every repetition, median, minimum and quartiles,
 [fronts.csv](../benchmarks/results/fronts.csv) one line for each repetition; times in both are absolute, for the machine
 stated below."""
+
+
+MOST = 1e6
+"""Largest ratio of errors that is stated as a number [1]: beyond, the smaller one is rounding."""
 
 
 def table(front: Front) -> str:
@@ -63,8 +70,16 @@ def _more(value: float) -> str:
     return "-" if math.isnan(value) else shown(value)
 
 
-def check_figure(front: Front, figure: Figure) -> None:
+def figure_name(front: Front | Exhibit) -> str:
+    """Return the name of the files of a figure on a light page, without suffix."""
+    return front.name if isinstance(front, Exhibit) else f"front_{front.name}"
+
+
+def check_figure(front: Front | Exhibit, figure: Figure) -> None:
     """Raise FrontError where a figure and the table of the same front contradict each other."""
+    if isinstance(front, Exhibit):
+        front.check_figure(figure)
+        return
     points = plotted(figure)
     listed: dict[str, list[tuple[float, str]]] = {}
     for line in table(front).splitlines()[2:]:
@@ -95,8 +110,9 @@ def section(front: Front | Exhibit) -> str:
     exact = "exact" if front.uncertainty == 0 else f"known to {shown(front.uncertainty)}"
     parts = [
         f"## {front.title}",
-        " ".join(filter(None, (front.reading, front.verdict))),
-        f"![{front.title}: run time against error](figures/front_{front.name}.svg)",
+        front.reading,
+        *filter(None, [front.verdict]),
+        picture(figure_name(front), f"{front.title}: run time against error"),
         f"Reference: {front.reference} ({exact}, in the unit of the error). Run time: {front.work}.",
         table(front),
         "Checked in this run: " + "; ".join(map(str, front.checks)) + ".",
@@ -106,13 +122,66 @@ def section(front: Front | Exhibit) -> str:
 
 def document(fronts: Sequence[Front | Exhibit], machine: str, missing: Mapping[str, str], how: str) -> str:
     """Return docs/runtime_accuracy.md."""
-    parts = [HEAD, f"Made by {how}. {machine}"]
-    parts += ["## At a glance", glance(fronts)]
+    parts = [HEAD, "## What to choose", summary(fronts), HOW_TO_READ, f"Made by {how}. {machine}"]
     parts += [section(front) for front in fronts]
+    parts += ["## All stages", glance(fronts)]
     if missing:
         lines = [f"- {name}: {why}" for name, why in missing.items()]
         parts += ["## Not measured", "\n".join(lines)]
     return "\n\n".join(parts) + "\n"
+
+
+def summary(fronts: Sequence[Front | Exhibit]) -> str:
+    """Return the table at the top: question, choice, its error, and what the alternative costs and errs."""
+    columns = ("for", "choose", "error", "instead of", "run time of the choice", "error of the alternative")
+    lines = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
+    for front in fronts:
+        cells = front.answer if isinstance(front, Exhibit) else _answer(front)
+        if cells:
+            link = re.sub(r"[^a-z0-9 -]", "", front.title.lower()).replace(" ", "-")
+            lines.append(f"| {' | '.join((f'[{cells[0]}](#{link})', *cells[1:]))} |")
+    note = (
+        "Run time: that of the choice in units of the alternative's. Error of the alternative: in units of the "
+        "choice's; above 1 the choice is ahead."
+    )
+    return "\n".join([*_lead(fronts), *lines, "", note])
+
+
+def _lead(fronts: Sequence[Front | Exhibit]) -> list[str]:
+    """Return the sentence above the table: how far the whole pipeline is ahead of the best peer, and at what cost."""
+    ahead, cost = [], []
+    for front in fronts:
+        if isinstance(front, Front) and front.name.startswith("pipeline_") and front.shipped_choice is not None:
+            own, rival = front.shipped_choice, next(each for each in front.choices if each.name == front.rival)
+            ahead.append(rival.error / own.error)
+            cost.append(own.median / rival.median)
+    if not ahead:
+        return []
+    return [
+        "Forces and contacts of the whole pipeline: the error of the best other method is "
+        f"{shown(min(ahead))} to {shown(max(ahead))} times that of this stack, which takes {shown(min(cost))} to "
+        f"{shown(max(cost))} times as long. Stage by stage:",
+        "",
+    ]
+
+
+def _answer(front: Front) -> tuple[str, ...]:
+    shipped = front.shipped_choice
+    if not front.question or shipped is None:
+        return ()
+    rival = next(choice for choice in front.choices if choice.name == front.rival)
+    own, other = front.counted(shipped), front.counted(rival)
+    over = f"{shown(other / own)} x" if own > 0 else "both exact" if other == 0 else f"{shown(other)}, choice exact"
+    if own > 0 and (other == 0 or other > MOST * own):
+        over = "none" if other == 0 else f"> {MOST:g} x"
+    return (
+        front.question,
+        shipped.name,
+        f"{_error(front, shipped)}: {front.error_label}",
+        rival.name,
+        f"{shown(shipped.median / rival.median)} x",
+        over,
+    )
 
 
 def command(short: bool, repeats: int) -> str:
@@ -137,7 +206,7 @@ def glance(fronts: Sequence[Front | Exhibit]) -> str:
             front.title,
             shipped.name if shipped else "several uses",
             f"{_error(front, shipped)} ({front.error_label})" if shipped else "-",
-            ("yes" if shipped in front.pareto else "no, see there") if shipped else "-",
+            ("yes" if shipped in front.pareto else "no, the section says why") if shipped else "-",
             _extreme(front, first),
             _extreme(front, last),
         )

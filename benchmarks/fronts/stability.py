@@ -12,9 +12,9 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from benchmarks.fronts.chart import LOOKS
 from benchmarks.fronts.exhibit import Exhibit
 from benchmarks.fronts.front import Check, Effort, order
+from benchmarks.fronts.palette import Palette
 from benchmarks.outcome import Cell, shown
 from posfet_model._lib.types import Array
 from posfet_model.amplifier.follower import OnePoleFollower
@@ -52,10 +52,7 @@ def measure(effort: Effort) -> list[Exhibit]:
     share = {name: found.largest / found.bound for name, found in runs.items()}
     rows: list[tuple[Cell, ...]] = []
     for name, error in errors.items():
-        beyond = RATIOS[error > 1e-3]
-        diverged = RATIOS[error > 1e6]
-        rows.append((name, float(error[np.abs(RATIOS - 0.1).argmin()]), float(beyond[0]) if len(beyond) else "never",
-                     float(diverged[0]) if len(diverged) else "never"))  # fmt: skip
+        rows.append((name, *_of_line(error), _first(error > 1e6)))
     fine = RATIOS < 0.1
     checks = [
         *(Check(f"order of {name}", _order(errors[name], fine), wanted - 0.15, wanted + 0.15)
@@ -72,16 +69,24 @@ def measure(effort: Effort) -> list[Exhibit]:
             "front_stability",
             "Stability",
             "The exponential scheme of this stack has no limit: explicit schemes diverge where their line leaves the "
-            "figure, implicit ones stay finite and wrong. At every corner of time constants from 1 us to 1e4 s "
-            "and steps "
-            f"from 1 ns to 1000 s the error is at most {shown(corner)} V for inputs of 1 V, and in {len(runs)} runs of "
-            f"{steps:.0e} steps at most {shown(max(share.values()))} of the bound that rounding allows ({worst}). "
-            "Choose "
-            "the step by the signal alone. `make stability` takes 1e8 steps, docs/stability.md has the map.",
+            "figure, implicit ones stay finite and wrong, and this one is within "
+            f"{shown(corner)} V of 1 V at every corner of time constants from 1 us to 1e4 s and steps from 1 ns to "
+            f"1000 s, and after {steps:.0e} steps within {shown(max(share.values()))} of the bound that rounding "
+            f"allows (largest of {len(runs)} runs: {worst}). Choose the step by the signal alone; `make stability` "
+            "takes 1e8 steps, docs/stability.md has the map.",
             ("scheme", "error at a tenth of the time constant V", "above 1 mV from step/tau", "diverges from step/tau"),
             rows,
-            lambda: _draw(errors),
+            lambda palette: _draw(errors, palette),
             tuple(checks),
+            _read_back,
+            (
+                "a time step of simulated film and amplifier",
+                "any, exact exponential",
+                f"{shown(max(float(errors['exact exponential'].max()), LEAST))} V of 1 V",
+                "Runge-Kutta 4",
+                "not measured",
+                f"diverges from {shown(_first(errors['Runge-Kutta 4'] > 1e6))} time constants on",
+            ),
         )
     ]
 
@@ -117,15 +122,36 @@ def _corner(tau: float, step: float) -> float:
     return float(np.abs(found - exact).max())
 
 
-def _draw(errors: dict[str, Array]) -> Figure:
+def _first(where: Array) -> float | str:
+    """Return the first step over time constant at which a mask is true."""
+    return float(RATIOS[where][0]) if where.any() else "never"
+
+
+def _of_line(error: Array) -> tuple[float, float | str]:
+    """Return the error at a tenth of the time constant [V], and from which ratio it is above 1 mV."""
+    return max(float(error[np.abs(RATIOS - 0.1).argmin()]), LEAST), _first(error > 1e-3)
+
+
+def _read_back(figure: Figure) -> list[tuple[Cell, ...]]:
+    """Return the first columns of the table from the lines of a figure; a line that left it diverged."""
+    lines = [line for axes in figure.axes for line in axes.get_lines() if str(line.get_gid()).startswith("series ")]
+    found = []
+    for line in lines:
+        error = np.nan_to_num(np.asarray(line.get_ydata(), float), nan=np.inf)
+        found.append((str(line.get_label()), *_of_line(error)))
+    return found
+
+
+def _draw(errors: dict[str, Array], palette: Palette) -> Figure:
     figure, (axes,) = style.new_figure(4.2)
-    for (name, error), (colour, marker) in zip(errors.items(), LOOKS, strict=True):
+    for (name, error), (colour, marker) in zip(errors.items(), palette.looks, strict=False):
         shown_part = np.where(error > MOST, np.nan, np.maximum(error, LEAST))
         axes.loglog(
-            RATIOS, shown_part, color=colour, marker=marker, markevery=8, markersize=5, label=name, linewidth=1.4
-        )
-    axes.axvspan(2.0, RATIOS[-1], color="#eeeeee", zorder=0)
-    style.label(axes, 60.0, 1e-8, "explicit schemes\ndiverge from here on", style.BLACK, ha="center")
+            RATIOS, shown_part, color=colour, marker=marker, markevery=8, markersize=5, label=name, linewidth=1.4,
+            gid=f"series {name}",
+        )  # fmt: skip
+    axes.axvspan(2.0, RATIOS[-1], color=palette.shade, zorder=0)
+    style.label(axes, 60.0, 1e-8, "explicit schemes\ndiverge from here on", palette.ink, ha="center", bbox=None)
     axes.set(xlabel="step over time constant [1]", ylabel="largest error in 200 steps [V]", ylim=(LEAST / 3, MOST))
     axes.set_title("A jump of 1 V, one pole")
     figure.legend(loc="outside lower center", ncols=4, fontsize=7.5, frameon=False, handlelength=2.6)

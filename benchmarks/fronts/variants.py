@@ -13,8 +13,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
+from benchmarks.fronts.estimators import SHIPPED, title
 from benchmarks.fronts.front import Check, Choice, Effort, Front
-from benchmarks.fronts.pipeline import SHIPPED_ESTIMATOR, Method, Other, Stack, peers, run, title
+from benchmarks.fronts.pipeline import A_PEER, OTHER_ESTIMATOR, STACK, Method, Other, Stack, peers, run
 from benchmarks.fronts.recordings import HEADINGS, record
 from benchmarks.outcome import shown
 from benchmarks.peers.taxel_kalman import TaxelKalman
@@ -45,7 +46,7 @@ def measure(effort: Effort) -> list[Front]:
     return [_rates(effort), *([] if effort.short else [_size(name, effort) for name in SIZES])]
 
 
-def _stack(sensor: Sensor, estimator: Estimator = SHIPPED_ESTIMATOR) -> Method:
+def _stack(sensor: Sensor, estimator: Estimator = SHIPPED) -> Method:
     return lambda known: Stack(Reconstructor(sensor, known, estimator))
 
 
@@ -98,24 +99,41 @@ def _rates(effort: Effort) -> Front:
         checks,
         f"At {slow.parameter} the stack costs {shown(slow.median / own.median)} of what it costs at 1000 Hz, with "
         f"{shown(slow.error / own.error)} times the error; 12-bit readings in classic frames err "
-        f"{shown(other.error / own.error)} times as much as 16-bit ones. Choose the rate by the fastest contact that "
-        "matters, and CAN FD for the resolution.",
-        why_not="A scene without taps and slips does not need the rate; taps of a millisecond do.",
+        f"{shown(other.error / own.error)} times as much as 16-bit ones{_why_invalid(other)}. Choose the rate by the "
+        "fastest contact that matters, and CAN FD for the resolution.",
+        why_not={
+            "Kalman filter per taxel": "This board has noise alone, which is all that this filter knows: see the whole "
+            "pipeline for boards with other errors.",
+            "": "This scene has no tap and no slip, which is what a high rate is for.",
+        },
+        question="a frame format",
+        rival=other.name,
         columns=HEADINGS,
+    )
+
+
+def _why_invalid(other: Choice) -> str:
+    """Return why 12-bit readings gave no valid force, where they did not."""
+    valid = other.more[HEADINGS.index("declared valid %")]
+    if valid > 0:
+        return ""
+    return (
+        " (no force is valid: on a board without offsets all taxels switch between the same two codes, which the "
+        f"{title(SHIPPED)} takes for a change of temperature and restarts its offsets)"
     )
 
 
 def _size(name: str, effort: Effort) -> Front:
     sensor = load_sensor(name)
     makers: dict[tuple[str, str], Method] = {
-        ("this stack", title(estimator)): _stack(sensor, estimator) for estimator in Estimator
+        (STACK, title(estimator)): _stack(sensor, estimator) for estimator in Estimator
     }
     for peer in peers():
         makers[peer.name, ""] = lambda known, peer=peer: Other(peer(sensor, known))
     choices, got, wanted = _measured(sensor, makers, SECONDS_LARGE, effort)
-    shipped = f"this stack, {title(SHIPPED_ESTIMATOR)}"
+    shipped = f"{STACK}, {title(SHIPPED)}"
     own = next(each for each in choices if each.name == shipped)
-    rival = min((each for each in choices if each.series != "this stack"), key=lambda each: each.error)
+    rival = min((each for each in choices if each.series != STACK), key=lambda each: each.error)
     shape = f"{sensor.layout.rows} x {sensor.layout.cols}"
     return Front(
         f"size_{sensor.layout.rows}x{sensor.layout.cols}",
@@ -131,8 +149,11 @@ def _size(name: str, effort: Effort) -> Front:
             Check("missed contacts of the shipped choice [%]", own.more[1], 0.0, 5.0),
         ),
         f"With {shape} taxels the stack errs by {shown(own.error)} % and the best peer ({rival.name}) by "
-        f"{shown(rival.error)} %, in {shown(rival.median / own.median)} of the run time.",
-        why_not="One scene does not decide this: see the whole pipeline above.",
+        f"{shown(rival.error)} %, in {shown(rival.median / own.median)} of the run time. Choose by the errors of the "
+        "whole pipeline above: this board has noise alone.",
+        why_not={f"{STACK}, {title(each)}": OTHER_ESTIMATOR for each in Estimator} | {"": A_PEER},
+        question=f"an array of {shape}",
+        rival=rival.name,
         swept=False,
         columns=HEADINGS,
     )

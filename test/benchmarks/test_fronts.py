@@ -18,38 +18,25 @@ import pytest
 
 pytest.importorskip("matplotlib", reason="fronts are drawn")
 
-from matplotlib.text import Text
 
 from benchmarks.fronts import __main__ as command
 from benchmarks.fronts import chart, page
+from benchmarks.fronts.estimators import SHIPPED, shipped_variant, variants
 from benchmarks.fronts.exhibit import Exhibit
-from benchmarks.fronts.front import Check, Choice, Effort, Front, FrontError, order
+from benchmarks.fronts.front import Check, Effort, Front, FrontError, order
 from benchmarks.fronts.interleaved import interleaved
-from benchmarks.fronts.pipeline import SHIPPED_ESTIMATOR, theory
+from benchmarks.fronts.pipeline import theory
 from posfet_model.estimation.choice import Estimator
-from posfet_model.figures import style
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_model.spice import ngspice
+from support.made_up_fronts import FAST, GOOD
+from support.made_up_fronts import choice as _choice
+from support.made_up_fronts import front as _front
 
 SHORT = Effort(2, True)
-QUICK = ("charge", "inverse", "crosstalk", "tracking", "mechanics", "hysteresis")
+QUICK = ("charge", "inverse", "crosstalk", "tracking", "mechanics", "hysteresis", "labelling", "messages")
 """Stages whose short version takes a fraction of a second; `theory` covers the pipeline."""
-
-
-def _choice(series: str, parameter: str, error: float, seconds: float, spread: float = 0.01) -> Choice:
-    return Choice(series, parameter, error, tuple(seconds * (1 + spread * k) for k in (-1, 0, 1)))
-
-
-def _front(*choices: Choice, **changes: object) -> Front:
-    front = Front(
-        "name", "Title", "a unit of work", "error [1]", "the truth", 0.0, choices, choices[0].name,
-        (Check("a quantity", 1.0, 0.0, 2.0),), "Read.",
-    )  # fmt: skip
-    return replace(front, **changes)  # type: ignore[arg-type]
-
-
-FAST, GOOD = _choice("fast", "1 us", 0.1, 1e-6), _choice("good", "2 us", 0.001, 1e-4)
 
 
 @pytest.mark.parametrize("value", [-0.1, 2.1, math.nan, math.inf])
@@ -68,6 +55,8 @@ def test_a_check_out_of_range_fails_the_front(value: float) -> None:
         (_front(*(_choice(f"series {k}", "", 1.0, 1e-6) for k in range(8))), "more than 7 series"),
         (_front(FAST, replace(GOOD, error=math.nan)), "error nan"),
         (_front(FAST, replace(GOOD, more=(1.0,))), "further figures"),
+        (_front(FAST, GOOD, reading="One sentence of 0.5 mm."), "1 sentences of reading"),
+        (_front(FAST, GOOD, question="a use"), "question 'a use'"),
     ],
 )
 def test_an_incomplete_front_is_refused(front: Front, why: str) -> None:
@@ -84,6 +73,14 @@ def test_the_pareto_set_is_what_no_other_choice_beats() -> None:
     assert _front(FAST, GOOD).verdict == "The shipped choice, fast, 1 us, is on the Pareto set."
 
 
+def test_each_choice_that_beats_the_shipped_one_has_its_own_reason() -> None:
+    bad = _choice("bad", "3 us", 0.2, 2e-3)
+    front = _front(bad, FAST, GOOD, why_not={"fast": "It is for others.", "good, 2 us": "It is new.", "": "Unused."})
+    assert "good, 2 us has 0.005 of its error in 0.05 of its run time. It is new." in front.verdict
+    assert "fast, 1 us has 0.5 of its error in 0.0005 of its run time. It is for others." in front.verdict
+    assert "Unused" not in front.verdict
+
+
 def test_run_times_within_noise_and_errors_within_the_reference_do_not_decide() -> None:
     noisy = _choice("noisy", "", 0.1, 1.1e-6, spread=0.5)
     assert set(_front(FAST, noisy).pareto) == {FAST, noisy}
@@ -91,45 +88,6 @@ def test_run_times_within_noise_and_errors_within_the_reference_do_not_decide() 
     slower = _choice("slower", "", 1e-9, 1e-3)
     assert slower in _front(FAST, better, slower).pareto
     assert slower not in _front(FAST, better, slower, uncertainty=1e-5).pareto
-
-
-def test_a_figure_that_contradicts_the_table_is_refused() -> None:
-    front = _front(FAST, GOOD, _choice("fast", "5 us", 0.05, 5e-6))
-    with style.style():
-        figure = chart.draw(front)
-        page.check_figure(front, figure)
-        for wrong in (replace(FAST, error=0.4), replace(FAST, series="other"), _choice("fast", "1 us", 0.1, 3e-6)):
-            changed = replace(front, choices=(*front.choices[1:], wrong), shipped=GOOD.name)
-            with pytest.raises(FrontError):
-                page.check_figure(changed, figure)
-
-
-def test_labels_do_not_overlap_each_other_or_points() -> None:
-    crowd = [_choice("a series", f"value {k}", 0.1 / (1 + 0.05 * k), 1e-6 * (1 + 0.05 * k), 0.0) for k in range(12)]
-    with style.style():
-        figure = chart.draw(_front(*crowd))
-        figure.canvas.draw()
-        boxes = [Text.get_window_extent(text) for text in figure.axes[0].texts]  # without its leader line
-    assert len(boxes) == 12
-    for index, box in enumerate(boxes):
-        assert not any(box.overlaps(other) for other in boxes[:index])
-
-
-def test_labels_without_a_place_fail_the_front() -> None:
-    crowd = [
-        _choice("a series", f"a long value {k}" * 3, 1.0 / (1 + 0.1 * k), 1e-6 * (1 + 0.1 * k), 0.0) for k in range(60)
-    ]
-    with style.style(), pytest.raises(FrontError, match="no place for the label"):
-        chart.draw(_front(*crowd))
-
-
-def test_equal_fronts_are_equal_files(tmp_path: Path) -> None:
-    for folder in ("one", "other"):
-        (tmp_path / folder).mkdir()
-        chart.save(_front(FAST, GOOD), tmp_path / folder)
-    for suffix in ("svg", "png"):
-        one, other = ((tmp_path / folder / f"front_name.{suffix}").read_bytes() for folder in ("one", "other"))
-        assert one == other
 
 
 def test_order_is_the_slope_of_the_logarithms() -> None:
@@ -144,9 +102,12 @@ def test_interleaved_calls_are_all_timed() -> None:
 
 
 def test_the_shipped_estimator_is_read_from_the_code() -> None:
-    assert SHIPPED_ESTIMATOR in Estimator
+    assert SHIPPED in Estimator
     own = Reconstructor(load_sensor())
-    assert type(own._observer) is type(Reconstructor(load_sensor(), estimator=SHIPPED_ESTIMATOR)._observer)
+    assert type(own._observer) is type(Reconstructor(load_sensor(), estimator=SHIPPED)._observer)
+    shipped = variants()[shipped_variant()]
+    assert shipped.estimator is SHIPPED
+    assert shipped.block is None
 
 
 def test_peers_and_stack_answer_what_theory_says_on_an_ideal_board() -> None:
@@ -155,11 +116,7 @@ def test_peers_and_stack_answer_what_theory_says_on_an_ideal_board() -> None:
 
 @pytest.mark.parametrize("name", QUICK)
 def test_the_short_version_of_a_stage_passes_its_checks(name: str) -> None:
-    for front in command.stage(name)(SHORT):
-        front.verify()
-        assert isinstance(front, Front)
-        with style.style():
-            page.check_figure(front, chart.draw(front))
+    for front in command.verified(name, SHORT):
         assert front.title in page.section(front)
 
 
@@ -174,12 +131,19 @@ def test_followers_are_held_to_the_circuit() -> None:
 
 
 def test_the_document_and_the_results_are_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    front = _front(FAST, GOOD)
-    figure = Exhibit("front_lines", "Lines", "Read.", ("a", "b"), [("x", 1)], lambda: chart.draw(front), front.checks)
+    front = _front(FAST, GOOD, question="a use", rival=GOOD.name)
+    figure = Exhibit(
+        "front_lines", "Lines", front.reading, ("a", "b"), [("x", 1)], lambda palette: chart.draw(front, palette),
+        front.checks, lambda figure: [("x",)], ("a line", "x", "1", "y", "2", "3"),
+    )  # fmt: skip
     monkeypatch.setattr(command, "measure_all", lambda names, effort: ([front, figure], {"followers": "no ngspice"}))
     assert command.main(["--short", "--out", str(tmp_path)]) == 0
     text = (tmp_path / "docs" / "runtime_accuracy.md").read_text(encoding="utf-8")
-    for part in ("| fast | 1 us | 1 | 0.1 |", "figures/front_name.svg", "- followers: no ngspice", "| x | 1 |"):
+    for part in (
+        "| fast | 1 us | 1 | 0.1 |", 'src="figures/front_name.svg"', 'srcset="figures/front_name_dark.svg"',
+        "- followers: no ngspice", "| x | 1 |", "| [a line](#lines) | x | 1 | y | 2 | 3 |",
+        "| [a use](#title) | fast, 1 us | 0.1: error [1] | good, 2 us | 0.01 x | 0.01 x |",
+    ):  # fmt: skip
         assert part in text
     rows = (tmp_path / "benchmarks" / "results" / "fronts.csv").read_text(encoding="utf-8").splitlines()
     assert len(rows) == 1 + 2 * 3

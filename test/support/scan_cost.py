@@ -5,22 +5,23 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Cost of a scan, from frames to contacts, in units of a fixed workload measured alternately.
+"""Work of one scan from CAN frames to contacts, counted: lines of Python that are executed, and calls into C.
+
+The same code has the same count on every machine, however busy it is. What a single array operation costs is not
+counted; `make bench` measures times.
 
 `cd test && python -m support.scan_cost --store` stores the result as the baseline (test/data/speed/scan_cost.json).
 """
 
 from __future__ import annotations
 
-import gc
 import json
-import math
 import sys
-import time
-from collections.abc import Callable
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any, Final
 
-ROOT = Path(__file__).resolve().parents[2]
 import numpy as np
 
 from posfet_driver.bus.frame import Frame
@@ -30,13 +31,12 @@ from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import ForwardSignalChain
+from support.paths import ROOT
 
-BASELINE = ROOT / "test" / "data" / "speed" / "scan_cost.json"
-SENSOR = load_sensor()
-REST, TOUCH, WARM = 800, 800, 200
-BATCH = 20
-"""Number of scans timed together: one block of the observer, so that every batch contains one block end."""
-CASES = {"idle": False, "touched": True}
+BASELINE: Final = ROOT / "test" / "data" / "speed" / "scan_cost.json"
+SENSOR: Final = load_sensor()
+REST, TOUCH, WARM = 800, 400, 200
+CASES: Final = {"idle": False, "touched": True}
 
 
 def frames_of(touched: bool) -> list[list[Frame]]:
@@ -52,18 +52,6 @@ def frames_of(touched: bool) -> list[list[Frame]]:
         scan.sequence, scan.device_time = index, index * 1000
         frames.append(codec.encode(scan, SENSOR.can.base_id))
     return frames
-
-
-def fixed_work() -> float:
-    """Run a fixed workload similar to a scan, small array operations and plain Python: the unit of cost."""
-    one, other, total = np.full(25, 0.5), np.zeros(25), 0.0
-    for number in range(20):
-        np.multiply(one, 1.01, out=other)
-        np.add(one, other, out=other)
-        total += float(other.sum())
-        pairs = [(index, index * total) for index in range(10)]
-        total += max(pairs)[1] * 1e-9 + math.sqrt(number)
-    return total
 
 
 def player(touched: bool) -> Callable[[int], int]:
@@ -83,34 +71,52 @@ def player(touched: bool) -> Callable[[int], int]:
     return take
 
 
+class Steps:
+    """Counts what a thread executes."""
+
+    def __init__(self) -> None:
+        self.number = 0
+        """Lines and calls into C."""
+
+    @contextmanager
+    def counting(self) -> Iterator[None]:
+        """Count, in place of a debugger or profiler."""
+        before = sys.gettrace(), sys.getprofile()
+        sys.setprofile(self._called)
+        sys.settrace(self._stepped)
+        try:
+            yield
+        finally:
+            sys.settrace(before[0])
+            sys.setprofile(before[1])
+
+    def _stepped(self, frame: FrameType, event: str, argument: Any) -> Any:
+        self.number += event == "line"
+        return self._stepped
+
+    def _called(self, frame: FrameType, event: str, argument: Any) -> None:
+        self.number += event == "c_call"
+
+
 def costs() -> dict[str, float]:
-    """Return the cost of a scan in units of `fixed_work`, both the minimum of many alternating runs."""
-    takes = {name: player(touched) for name, touched in CASES.items()}
-    for take in takes.values():
-        for index in range(REST + WARM):
+    """Return the number of steps of a scan, on average, in each case."""
+    return {name: cost(player(touched)) for name, touched in CASES.items()}
+
+
+def cost(take: Callable[[int], int]) -> float:
+    """Return the number of steps of a scan, on average over the last ones of a player."""
+    steps = Steps()
+    for index in range(REST + WARM):
+        take(index)
+    with steps.counting():
+        for index in range(REST + WARM, REST + TOUCH):
             take(index)
-    least = dict.fromkeys((*CASES, "unit"), math.inf)
-    gc.disable()
-    try:
-        for first in range(REST + WARM, REST + TOUCH, BATCH):
-            for name, take in takes.items():
-                begin = time.perf_counter_ns()
-                for index in range(first, first + BATCH):
-                    take(index)
-                least[name] = min(least[name], (time.perf_counter_ns() - begin) / BATCH)
-            for _ in range(BATCH):
-                begin = time.perf_counter_ns()
-                fixed_work()
-                least["unit"] = min(least["unit"], time.perf_counter_ns() - begin)
-    finally:
-        gc.enable()
-    return {name: least[name] / least["unit"] for name in CASES}
+    return steps.number / (TOUCH - WARM)
 
 
 if __name__ == "__main__":
-    found = [costs() for _ in range(5)]
-    middle = {name: round(sorted(each[name] for each in found)[2], 3) for name in CASES}
-    print(json.dumps(middle))
+    found = {name: round(steps) for name, steps in costs().items()}
+    print(json.dumps(found))
     if "--store" in sys.argv:
         BASELINE.parent.mkdir(parents=True, exist_ok=True)
-        BASELINE.write_text(json.dumps(middle) + "\n", encoding="ascii")
+        BASELINE.write_text(json.dumps(found) + "\n", encoding="ascii")

@@ -14,7 +14,7 @@ labelled "quantity [unit]"; the unit of a ratio is 1.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -70,11 +70,18 @@ _SETTINGS: Final[dict[Any, Any]] = {
 
 
 @contextmanager
-def style() -> Iterator[None]:
-    """Apply the settings of the figures within the block, whatever the user's own settings are."""
+def style(more: Mapping[str, str] | None = None) -> Iterator[None]:
+    """Apply the settings of the figures within the block, whatever the user's own settings are.
+
+    Parameters
+    ----------
+    more : mapping of str to str, optional
+        Further settings of matplotlib, such as the colours of a dark page.
+    """
     with mpl.rc_context():
         mpl.rcdefaults()
         mpl.rcParams.update(_SETTINGS)
+        mpl.rcParams.update(dict[Any, Any](more or {}))
         yield
 
 
@@ -190,7 +197,7 @@ def second_axis(axes: Axes, side: Literal["top", "right"], factor: float, text: 
     scale.spines[side].set_visible(True)
 
 
-def save(draw: Callable[[], Figure], stem: Path) -> list[Path]:
+def save(draw: Callable[[], Figure], stem: Path, more: Mapping[str, str] | None = None) -> list[Path]:
     """Draw a figure and write it as SVG and PNG, without date and version so that equal figures are equal files.
 
     Parameters
@@ -199,6 +206,8 @@ def save(draw: Callable[[], Figure], stem: Path) -> list[Path]:
         Function that draws the figure.
     stem : Path
         Path of the files without suffix.
+    more : mapping of str to str, optional
+        Further settings, as in `style`.
 
     Returns
     -------
@@ -206,7 +215,7 @@ def save(draw: Callable[[], Figure], stem: Path) -> list[Path]:
         Files written.
     """
     paths = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
-    with style():
+    with style(more):
         figure = draw()
         figure.savefig(paths[0], metadata={"Date": None, "Creator": None})
         figure.savefig(paths[1], dpi=200, metadata={"Software": None})

@@ -1,0 +1,106 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""The estimators that the fronts compare: the one place that knows their names and settings."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from typing import Any
+from unittest.mock import patch
+
+from posfet_model.estimation import force_estimator
+from posfet_model.estimation.choice import Estimator
+from posfet_model.estimation.error_states import ErrorPriors
+from posfet_model.estimation.settings import ObserverSettings
+from posfet_model.reconstruction.reconstructor import Reconstructor
+from posfet_model.reconstruction.settings import ReconstructionSettings
+
+SHIPPED: Estimator = inspect.signature(Reconstructor).parameters["estimator"].default
+"""What a reconstructor uses unless told otherwise."""
+
+BLOCKS = (0.01, 0.02, 0.05, 0.1)
+"""Blocks [s]. Shorter ones than 20 ms, one period of the mains, see its hum as forces; one of 5 ms never settles."""
+
+TINY = 1e-9
+"""Standard deviation of a state that is left out: nothing is learnt of it."""
+
+WITHOUT_STATES: Mapping[str, Mapping[str, Any]] = {
+    "no bending": {"bend": TINY, "bend_gradient": TINY},
+    "no warmth": {"warmth": TINY, "warmth_beside": TINY},
+    "no leakage error": {"leak": TINY, "leak_calibrated": TINY},
+    "no creep": {"creep": (TINY, TINY, TINY), "creep_least": TINY},
+    "film noise fixed": {"rate_change": TINY},
+}
+"""Groups of states of the estimator of all errors, left out by their priors."""
+
+
+def title(estimator: Estimator) -> str:
+    """Return an estimator's name as text."""
+    return estimator.value.replace("_", " ")
+
+
+@dataclass(frozen=True)
+class Variant:
+    """An estimator with its settings."""
+
+    estimator: Estimator = SHIPPED
+    settings: ReconstructionSettings = field(default_factory=ReconstructionSettings)
+    block: float | None = None
+    """Block of the estimator of all errors, which has no setting for it [s]; None: as shipped."""
+
+    @contextmanager
+    def in_use(self) -> Iterator[None]:
+        """Have the variant's block within the context."""
+        if self.block is None:
+            yield
+            return
+        with patch.object(force_estimator, "BLOCK", self.block):
+            yield
+
+
+def variants() -> dict[tuple[str, str], Variant]:
+    """Return every block and every group left out, by series and parameter."""
+    return _observers() | _error_states()
+
+
+def shipped_variant() -> tuple[str, str]:
+    """Return series and parameter of the variant that is shipped."""
+    block = ObserverSettings().block if SHIPPED is Estimator.OBSERVER else force_estimator.BLOCK
+    return title(SHIPPED), _block(block)
+
+
+def _observers() -> dict[tuple[str, str], Variant]:
+    estimator, default = Estimator.OBSERVER, ObserverSettings()
+
+    def changed(**changes: Any) -> Variant:
+        return Variant(estimator, ReconstructionSettings(observer=replace(default, **changes)))
+
+    found = {(title(estimator), _block(block)): changed(block=block) for block in BLOCKS}
+    less = f"{title(estimator)} with less"
+    found[less, "no common mode"] = changed(common_mode=False)
+    found[less, "no roll-back"] = changed(roll_back=False)
+    return found
+
+
+def _error_states() -> dict[tuple[str, str], Variant]:
+    estimator = Estimator.ERROR_STATE
+    found = {
+        (title(estimator), _block(block)): Variant(estimator, block=None if block == force_estimator.BLOCK else block)
+        for block in BLOCKS
+    }
+    for name, priors in WITHOUT_STATES.items():
+        settings = ReconstructionSettings(priors=replace(ErrorPriors(), **priors))
+        found[f"{title(estimator)} with less", name] = Variant(estimator, settings)
+    return found
+
+
+def _block(seconds: float) -> str:
+    return f"block {seconds * 1e3:g} ms"
