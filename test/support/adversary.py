@@ -22,7 +22,7 @@ import random
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -230,6 +230,8 @@ class Judge:
             for sampled in self._hardware.sampled.get(sequence, ())
             if sampled.power_on >= self._power_on and sampled.time <= now and self._equal(scan, sampled)
         ]
+        if scan.status & ScanStatus.BOARD_RESET:  # numbers and noise of a power-on may be those of the one before
+            same = [sampled for sampled in same if sampled.power_on > self._power_on] or same
         return min(same, key=lambda sampled: abs(sampled.time - scan.stamp), default=None)
 
     def _equal(self, scan: Scan, sampled: Sampled) -> bool:
@@ -243,13 +245,22 @@ class Judge:
 
     def _is_false_number(self, scan: Scan) -> bool:
         """Return whether a scan has the number that the board has lied about, and no other error."""
-        for _, _, jump in self._number_lies:
-            for wrong in (jump,) if self._fd else range(jump - COUNTER, jump + COUNTER + 1):
-                sent = self._find(scan, (scan.sequence - wrong) & 0xFFFFFFFF)
-                if sent and self._is_in_lie(sent.time):
-                    self.findings.false_numbers += 1
-                    return True
+        for number in self._true_numbers(scan):
+            sent = self._find(scan, number)
+            if sent and self._is_in_lie(sent.time):
+                self.findings.false_numbers += 1
+                return True
         return False
+
+    def _true_numbers(self, scan: Scan) -> Iterator[int]:
+        """Return the numbers that a scan may have had before the board has lied about them."""
+        if self._fd:
+            for stated in self._link.stated:
+                yield from stated.get(scan.sequence & 0xFFFFFFFF, ())
+            return
+        for _, _, jump in self._number_lies:
+            for wrong in range(jump - COUNTER, jump + COUNTER + 1):
+                yield (scan.sequence - wrong) & 0xFFFFFFFF
 
     def _find_error(self, scan: Scan) -> None:
         """Count a scan whose number is false without a lie about it."""

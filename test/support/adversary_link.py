@@ -161,6 +161,8 @@ class Link:
         """Frames that the socket keeps while nobody reads."""
         self.plugged = 0
         self.overflowed = 0
+        self.stated: deque[dict[int, list[int]]] = deque(maxlen=4)
+        """FD: of each of the newest lies about the sequence, the true numbers of the scans by the number stated."""
         self.clock = clock
         self.board = board
         self._fd = fd
@@ -195,6 +197,8 @@ class Link:
         """Let a fault begin."""
         self._frozen.clear()
         self.active[name] = self._noise.getrandbits(31)
+        if name in {"lie: sequence", "lie: frozen sequence"}:
+            self.stated.append({})
 
     def end(self) -> None:
         """Let all faults end; what an adapter held back arrives now."""
@@ -385,14 +389,17 @@ class Link:
         return number and (number % 1_000_000 if number & 1 else number % 300) + 1
 
     def _lie_fd(self, data: bytes) -> bytes:
-        sequence, time = struct.unpack_from("<II", data)
+        true, time = struct.unpack_from("<II", data)
+        sequence = true
         if "lie: frozen sequence" in self.active:
             (sequence,) = struct.unpack_from("<I", self._frozen.setdefault("sequence", data))
         if "lie: frozen time" in self.active:
             (time,) = struct.unpack_from("<I", self._frozen.setdefault("time", data), 4)
-        sequence += self.jump
+        sequence = (sequence + self.jump) & 0xFFFFFFFF
         time += self.active.get("lie: time", 0)
-        head = struct.pack("<II", sequence & 0xFFFFFFFF, time & 0xFFFFFFFF) + data[8:10]
+        if sequence != true:
+            self.stated[-1].setdefault(sequence, []).append(true)
+        head = struct.pack("<II", sequence, time & 0xFFFFFFFF) + data[8:10]
         return head + crc_hqx(head + data[12:], 0xFFFF).to_bytes(2, "little") + data[12:]
 
     def _lie_classic(self, offset: int, data: bytes) -> bytes:

@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from support import adversary
-from support.adversary import FAULTS, Findings, campaign, describe, main, variants
+from support.adversary import FAULTS, SECOND, Adversary, Findings, campaign, describe, main, variants
 from support.reference_board import COMPILER, make
 
 SCANS = {"FD 5x5 1 kHz": 110_000, "classic 5x5 1 kHz": 70_000, "FD 8x8 500 Hz": 70_000, "classic 5x5 250 Hz": 50_000}
@@ -45,6 +45,58 @@ def test_every_published_scan_is_what_the_board_has_sampled(plain_program: Path,
     assert found.faults.keys() == set(FAULTS)
     assert found.lost > 0
     assert found.stretches > 100
+
+
+def test_a_number_that_a_lie_has_frozen_is_that_of_the_lie_also_when_the_scan_that_had_it_was_lost(
+    plain_program: Path, tmp_path: Path
+) -> None:
+    bench = Adversary(plain_program, tmp_path, variants()["FD 5x5 1 kHz"], seed=3)
+    bench.board.open()
+    bench.read(SECOND, calm=True)
+    bench.link.begin("lie: frozen sequence")
+    bench.judge.lie_begins(bench.clock.now, 0)
+    for _ in range(60):
+        bench.link.begin("frames lost")  # the sequence is frozen again, at a number that may be lost
+        bench.read(SECOND // 30, calm=False)
+    found = bench.judge.findings
+    bench.board.close()
+    assert bench.hardware.close() == 0
+    assert not found.failures, found.examples
+    assert found.false_numbers > 0
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_reset_under_the_same_number_after_a_brown_out_lets_no_sequence_fall_and_no_stamp_leave_its_bound(
+    plain_program: Path, tmp_path: Path, seed: int
+) -> None:
+    """Each power-on repeats numbers and times of the one before, and some of the responses are lost."""
+    bench = Adversary(plain_program, tmp_path, variants()["classic 5x5 250 Hz"], seed)
+    bench.board.open()
+    bench.read(SECOND, calm=True)
+    for _ in range(25):
+        bench.fault(["brown-out", "frames lost", "reset, same number"])
+    found = bench.judge.findings
+    bench.board.close()
+    assert bench.hardware.close() == 0
+    assert not found.failures, found.examples
+
+
+def test_a_frozen_sequence_is_not_taken_for_one_that_begins_again(plain_program: Path, tmp_path: Path) -> None:
+    bench = Adversary(plain_program, tmp_path, variants()["classic 5x5 250 Hz"], seed=1)
+    bench.board.open()
+    bench.read(SECOND, calm=True)
+    for phase in range(16):
+        bench.link.begin("lie: frozen sequence")
+        bench.judge.lie_begins(bench.clock.now, 0)
+        bench.read(SECOND + phase * SECOND // 250, calm=False)
+        bench.link.end()
+        bench.judge.lies_end(bench.clock.now)
+        bench.read(SECOND, calm=False)
+    found = bench.judge.findings
+    bench.board.close()
+    assert bench.hardware.close() == 0
+    assert not found.failures, found.examples
+    assert bench.board.restarted > 0
 
 
 @pytest.mark.parametrize("bad", [False, True])

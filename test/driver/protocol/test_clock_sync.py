@@ -116,3 +116,36 @@ def test_after_an_interruption_only_the_frames_since_tell_whether_the_clock_was_
         stamps(clock, behind[step - 499 : step + 1], arrivals[4500 + step - 499 : 4501 + step])
         assert clock.lead == pytest.approx(70 * MILLISECOND, abs=MILLISECOND)
     assert clock.uncertainty > 69 * MILLISECOND
+
+
+def test_what_is_known_of_retracted_times_bounds_the_offset_for_one_second() -> None:
+    device, arrivals = delayed(8_000, 0.1 * MILLISECOND)
+    clock = ClockSync()
+    stamps(clock, device[:3500], arrivals[:3500])
+    before = clock.save()
+    stamps(clock, device[3500:3600] + 3_000, arrivals[3500:3600])
+    clock.restore(before)
+    stamps(clock, device[3600:4590], arrivals[3600:4590])
+    assert clock.uncertainty > 2 * MILLISECOND
+    stamps(clock, device[4590:4610], arrivals[4590:4610])
+    assert clock.uncertainty < 0.3 * MILLISECOND
+
+
+@pytest.mark.parametrize("drift", [-80e-6, 80e-6])
+def test_frames_that_waited_for_a_minute_have_drifted_by_no_more_than_when_they_were_sent(drift: float) -> None:
+    device, arrivals = delayed(70_000, 0.1 * MILLISECOND)
+    acquired = device * 1000 * (1 + drift)
+    arrivals = (arrivals * (1 + drift)).astype(np.int64)
+    stopped = (device >= 5_000_000) & (device < 65_000_000)
+    kept = ~stopped | (device < 6_000_000)
+    read = np.where(stopped, round(65_000 * MILLISECOND * (1 + drift)), arrivals)
+    clock = ClockSync()
+    errors, bounds, drifts = [], [], []
+    for time, arrival, true in zip(device[kept].tolist(), read[kept].tolist(), acquired[kept].tolist(), strict=True):
+        stamp = clock.to_monotonic(time, arrival)
+        errors.append(abs(stamp - true))
+        drifts.append(clock.drift)
+        bounds.append(clock.error(0.2 * MILLISECOND, 0.0, arrival - stamp))
+    assert max(drifts[5000:6000]) < 0.3 * MILLISECOND
+    assert (np.array(errors) <= np.array(bounds))[1000:].all()
+    assert max(errors[1000:]) < 0.3 * MILLISECOND

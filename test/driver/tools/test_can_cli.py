@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""`posfet can`: every action over the emulated adapter and a virtual bus, and its error messages."""
+"""`posfet can`, also as in own-board.md: every action over the emulated adapter and a virtual bus, and its errors."""
 
 from __future__ import annotations
 

@@ -17,13 +17,17 @@ import pytest
 from posfet import can as posfet_can
 from posfet_driver.bus.frame import Frame
 from posfet_driver.conformance.description import load_description
+from posfet_driver.conformance.records import JITTER
 from posfet_model.sensor.description import load_sensor
 from support.clocks import SteppedClock
+from support.lateness import Lateness
 from support.protocol_board import ProtocolBoard
 from support.stepped import SteppedBus
 from support.wrong_boards import HasNoHeartbeat, HasOneBootForEver
 
 RULES = [*load_description().rules, "offsets", "checksum", "identity", "states", "commands"]
+TIMED = {rule for rule in RULES if rule[0] == "T"} | {"S1", "I1", "I2", "C2"}
+"""Rules that state a time."""
 ARGUMENTS = ["conform", "-i", "virtual", "-c", "bench"]
 
 
@@ -100,6 +104,11 @@ def test_a_missing_board_gives_a_one_line_error(
 
 @pytest.mark.slow
 def test_the_emulated_board_conforms_in_real_time(capsys: pytest.CaptureFixture[str]) -> None:
-    assert posfet_can.main(["conform", "-i", "emulator", "--json"]) == 0, capsys.readouterr().out
+    """Rules about time cannot be judged while this process is not run for longer than the checks allow."""
+    with Lateness() as lateness:
+        posfet_can.main(["conform", "-i", "emulator", "--json"])
     findings = json.loads(capsys.readouterr().out)["findings"]
-    assert sum(finding["result"] == "pass" for finding in findings) == 27
+    failed = {finding["rule"]: finding["seen"] for finding in findings if finding["result"] == "fail"}
+    assert TIMED.issuperset(failed), failed
+    assert not failed or lateness.longest > JITTER, failed
+    assert sum(finding["result"] == "pass" for finding in findings) == 27 - len(failed)

@@ -89,6 +89,7 @@ class ClassicScans:
         self._carried = 0  # of them, older than the newest header
         self._accounted = 0  # scans since the newest header that were delivered or counted as lost
         self._incomplete = 0  # incomplete scans up to the newest header
+        self._delivered = -1  # sequence of the newest scan whose number was certain; -1 before the first
 
     @property
     def dated(self) -> bool:
@@ -166,25 +167,23 @@ class ClassicScans:
             self._statistics.malformed += 1
             return []
         numbering = self.numbering
-        if self._adrift or not self._confirms(header):
-            self._sync.restore(self._confirmed)
-        missing = numbering.missing(Number(header.boot, header.sequence, header.time), arrival)
+        missing = self._missing(header, arrival)
         if missing is None:
             self.doubtful |= header.boot == numbering.boot  # it is wrong, or what was counted since the last one
             return []
         if missing < 0:
             self._statistics.duplicate += 1
             return []
-        overtaken = self.sequence - numbering.sequence  # scans whose blocks arrived before the header
-        if not (self.doubtful or self._adrift or numbering.restarted) and 0 < overtaken <= LATE_BLOCKS:
+        if self._is_overtaken():
             self._statistics.late += 1
             return []
-        begun = overtaken == 0 and not (self._adrift or numbering.restarted)
+        begun = self.sequence == numbering.sequence and not (self._adrift or numbering.restarted)
         complete = begun and self._assembler.complete
         if not begun:
             self._assembler.abandon()
         if numbering.restarted:
             self._ticks.restart(self.numbering.announced)
+            self._delivered = -1
         self._ticks.add(numbering.sequence, self.clock.time, self.clock.stalled)
         numbering.period = self._ticks.nominal
         self._set_limits(numbering.period)
@@ -193,6 +192,8 @@ class ClassicScans:
         if self._held:  # their times tell nothing, but may have to be stamped by this one
             self._sync.to_monotonic(self.clock.time, arrival)
         released = self._end_group(missing, complete)
+        if released:
+            self._delivered = released[-1].scan.sequence
         self._confirmed = self._sync.save()
         self.sequence = self._header = numbering.sequence
         self.time = self.clock.time
@@ -256,7 +257,9 @@ class ClassicScans:
         elif leaps and block > 0:  # its first blocks are lost, or it was overtaken and is of the scan 16 earlier
             self._assembler.abandon()
         elif outcome is _COMPLETE:
-            self._accounted += not self.doubtful
+            if not self.doubtful:
+                self._accounted += 1
+                self._delivered = self.sequence
             return True
         return False
 
@@ -265,6 +268,22 @@ class ClassicScans:
         self.numbering.open()
         self.lose_number()
 
+    def _missing(self, header: ScanHeader, arrival: int) -> int | None:
+        """Return how many scans are missing before that of a header, as `ScanNumbering.missing` does."""
+        if self._adrift or not self._confirms(header):
+            self._sync.restore(self._confirmed)
+        number = Number(header.boot, header.sequence, header.time)
+        if self._has_fallen(header):
+            return self.numbering.begin_again(number, arrival)
+        return self.numbering.missing(number, arrival)
+
+    def _is_overtaken(self) -> bool:
+        """Return whether blocks of later scans arrived before the newest header."""
+        if self._adrift or self.numbering.restarted:
+            return False
+        newest = self._delivered if self.doubtful else self.sequence
+        return 0 < newest - self.numbering.sequence <= LATE_BLOCKS
+
     def _confirms(self, header: ScanHeader) -> bool:
         """Return whether a header states what was counted since the one before, and a time that is not earlier."""
         ahead = (header.sequence - self.sequence + LATE_BLOCKS) & SEQUENCE
@@ -272,6 +291,14 @@ class ClassicScans:
             return False
         counted = self._ticks.time(self.sequence + ahead - LATE_BLOCKS) - self.clock.time
         return counted - self.clock.ahead(header.time) <= TOLERANCE * self.numbering.announced
+
+    def _has_fallen(self, header: ScanHeader) -> bool:
+        """Return whether a header follows the newest one, but not scans that were sent and numbered before it."""
+        numbering = self.numbering
+        if header.boot != numbering.boot or self._delivered < 0:
+            return False
+        behind, ahead = (self._delivered - header.sequence) & SEQUENCE, self._delivered - numbering.sequence
+        return (-1 if self._adrift else LATE_BLOCKS) < behind < ahead
 
     def _end_group(self, missing: int, next_complete: bool) -> list[Held]:
         """Account for the scans since the newest header; return those that were held and have the right number.

@@ -21,16 +21,18 @@ WINDOW: Final = 1_000_000_000
 WINDOWS: Final = 10
 """Windows that are remembered: the offset rises when no frame of so many was undelayed. Assumed."""
 
+NEVER: Final = 1 << 63
+
 
 class Window(NamedTuple):
     """What a window tells of the offset."""
 
     end: int
-    """When it ended [ns]."""
+    """When its last frame was acquired [ns]."""
     offset: float
     """The offset then, by the frames of the window alone [ns]."""
     undelayed: int
-    """When the frame that determined it arrived [ns]."""
+    """When the frame that determined it was acquired [ns]."""
 
 
 class SyncState(NamedTuple):
@@ -38,6 +40,7 @@ class SyncState(NamedTuple):
 
     offset: float = 0.0
     last: int = 0
+    acquired: int = 0
     undelayed: int = 0
     known: bool = False
     windows: tuple[Window, ...] = ()
@@ -55,7 +58,9 @@ class ClockSync:
     Arrival time minus device time is the clock offset plus the transit time, and the transit time is never below that
     of an undelayed frame. The minimum of this difference is the estimated offset. It is raised by `MAX_DRIFT` per
     second, so that a slow board clock is followed; a fast one lowers the minimum by itself. The error is the minimum
-    transit time (0.2 ms of frame and adapter), plus 0.2 ms for each second without an undelayed frame.
+    transit time (0.2 ms of frame and adapter), plus 0.2 ms for each second without an undelayed frame. These are
+    seconds between acquisitions: frames that wait to be read for a minute have drifted by no more than when they were
+    sent.
 
     The minimum is that of the last ten seconds with frames. A clock that was set back makes all frames late: whether
     that or a delay is the cause cannot be observed. The stamps are early by the shortest delay at most (`lead`), and
@@ -69,9 +74,10 @@ class ClockSync:
         """Whether there was a frame."""
         self.last = 0
         """Arrival of the newest frame [ns]."""
-        self._undelayed = 0  # arrival of the frame that determined the offset
+        self._acquired = 0  # when the newest frame was acquired, as far as is known, and no earlier one later [ns]
+        self._undelayed = 0  # the same of the frame that determined the offset
         self._lowest = math.inf  # to which the offset may be too high, as device times may be ahead of the clock
-        self._widened = 0  # when that was last noted
+        self._settled = NEVER  # when the frames since that was last noted have told [ns]
         self._windows: tuple[Window, ...] = ()
         self._window_end = 0
         self._window_offset = math.inf  # by the frames of the present window alone
@@ -88,7 +94,7 @@ class ClockSync:
         The offset is raised by `MAX_DRIFT` while the board's clock may be fast by as much. The minimum transit time
         adds to it: no mapping of this kind can observe it.
         """
-        return 2 * (self.last - self._undelayed) * MAX_DRIFT if self.known else math.nan
+        return 2 * max(self._acquired - self._undelayed, 0) * MAX_DRIFT if self.known else math.nan
 
     @property
     def lead(self) -> float:  # numpydoc ignore=RT01
@@ -126,7 +132,8 @@ class ClockSync:
         early = min(early, delay)
         if self._lowest < offset:
             late += offset - self._lowest
-        return (late if late > early else early) + 2 * (self.last - self._undelayed) * MAX_DRIFT
+        drifting = self._acquired - self._undelayed
+        return (late if late > early else early) + (2 * drifting * MAX_DRIFT if drifting > 0 else 0.0)
 
     def delay(self, device_time: int, arrival: int) -> float:
         """Return how much later a frame arrived than an undelayed one [ns]; NaN before the first frame.
@@ -145,7 +152,7 @@ class ClockSync:
     def reset(self) -> None:
         """Discard the offset: the board's clock has restarted."""
         self._set(SyncState())
-        self._lowest = math.inf
+        self._lowest, self._settled = math.inf, NEVER
 
     def interrupt(self, device_time: int, arrival: int) -> None:
         """Note that the board's clock may have been set unnoticed: the frames before no longer tell the `lead`.
@@ -176,7 +183,7 @@ class ClockSync:
         if self.known:
             self.widen(ahead, arrival)
             self._doubted, self._window_end = True, arrival + WINDOW
-            self._window_offset, self._window_undelayed = float(arrival - device_time * 1000), arrival
+            self._window_offset, self._window_undelayed = float(arrival - device_time * 1000), self._acquired
             self.interrupt(device_time, arrival)
 
     def widen(self, ahead: float, arrival: int) -> None:
@@ -191,13 +198,15 @@ class ClockSync:
         """
         if ahead > 0.0:
             drift = 2 * max(arrival - self._undelayed, 0) * MAX_DRIFT
-            self._lowest, self._widened = min(self._lowest, self.offset) - ahead * 1000 - drift, arrival
+            self._lowest = min(self._lowest, self.offset) - ahead * 1000 - drift
+            self._settled = arrival + WINDOW
 
     def save(self) -> SyncState:
         """Return what is known, for `restore`."""
         return SyncState(
             self.offset,
             self.last,
+            self._acquired,
             self._undelayed,
             self.known,
             self._windows,
@@ -213,7 +222,7 @@ class ClockSync:
         """Forget the frames since `save`, unless nothing was known then: their device times may have been wrong."""
         if not state.known:
             return
-        self._lowest, self._widened = min(self._lowest, self.offset), self.last
+        self._lowest, self._settled = min(self._lowest, self.offset), self.last + WINDOW
         self._set(state)
 
     def to_monotonic(self, device_time: int, arrival: int) -> int:
@@ -233,40 +242,46 @@ class ClockSync:
         """
         difference = float(arrival - device_time * 1000)
         if self.known:
-            rise = (arrival - self.last) * MAX_DRIFT if arrival > self.last else 0.0
+            acquired = device_time * 1000 + int(self.offset)
+            acquired = arrival if acquired > arrival else acquired
+            if acquired > self._acquired:
+                rise, self._acquired = (acquired - self._acquired) * MAX_DRIFT, acquired
+            else:
+                rise = 0.0
             offset, recent = self.offset + rise, self._window_offset + rise
             if difference <= recent:
-                recent, self._window_undelayed = difference, arrival
+                recent, self._window_undelayed = difference, self._acquired
                 if difference <= offset:
-                    offset, self._undelayed = difference, arrival
+                    offset, self._undelayed = difference, self._acquired
             self.offset, self._window_offset = offset, recent
             since = self._recent + rise
             self._recent = difference if difference < since else since
             self._recent_before += rise
         else:
             self.offset = self._window_offset = self._recent = difference
-            self._undelayed = self._window_undelayed = arrival
+            self._acquired = self._undelayed = self._window_undelayed = arrival
             self.known, self._window_end = True, arrival + WINDOW
         self.last = arrival
         if arrival >= self._window_end:
             self._end_window(arrival)
+        if arrival >= self._settled:
+            self._lowest, self._settled = math.inf, NEVER
         return device_time * 1000 + round(self.offset)
 
     def _end_window(self, arrival: int) -> None:
         """Find the offset anew, from the windows that are remembered."""
-        window = Window(arrival, self._window_offset, self._window_undelayed)
+        window = Window(self._acquired, self._window_offset, self._window_undelayed)
         self._windows = (window,) if self._doubted else (*self._windows[1 - WINDOWS :], window)
         self._doubted = False
-        if arrival - self._widened >= WINDOW:
-            self._lowest = math.inf
         self.offset, self._undelayed = min(
-            (offset + (arrival - end) * MAX_DRIFT, undelayed) for end, offset, undelayed in self._windows
+            (offset + (self._acquired - end) * MAX_DRIFT, undelayed) for end, offset, undelayed in self._windows
         )
         self._window_offset, self._window_end = math.inf, arrival + WINDOW
         self._recent, self._recent_before = math.inf, self._recent
 
     def _set(self, state: SyncState) -> None:
-        self.offset, self.last, self._undelayed = state.offset, state.last, state.undelayed
+        self.offset, self.last = state.offset, state.last
+        self._acquired, self._undelayed = state.acquired, state.undelayed
         self.known, self._doubted, self._windows = state.known, state.doubted, state.windows
         self._window_offset, self._window_undelayed = state.window_offset, state.window_undelayed
         self._window_end, self._recent, self._recent_before = state.window_end, state.recent, state.recent_before

@@ -222,6 +222,10 @@ class Decoder:
         self.receiving = True
         self._scans.start()
 
+    def doubt_sequence(self) -> None:
+        """Accept any sequence next: the board is silent or does not scan, and may have been reset."""
+        self._scans.numbering.open()
+
     def forget_gap(self) -> None:
         """Count no scan as lost before the next one: the board was stopped on request."""
         self._scans.numbering.forget_gap()

@@ -105,7 +105,7 @@ class ScanNumbering:
         return True
 
     def open(self) -> None:
-        """Accept any sequence next: the board was started."""
+        """Accept any sequence next: the board was started, or may have been reset."""
         self._open = True
 
     def forget_gap(self) -> None:
@@ -142,10 +142,30 @@ class ScanNumbering:
             return None
         return self._jump(number, arrival)
 
+    def begin_again(self, number: Number, arrival: int) -> int:
+        """Take the number of a scan with which the sequence has begun again, as scans show that were sent before it.
+
+        Parameters
+        ----------
+        number : Number
+            What the board states.
+        arrival : int
+            Monotonic time of its arrival [ns].
+
+        Returns
+        -------
+        int
+            Number of missing scans: 0, as nobody knows.
+        """
+        return self._restart(number, arrival)
+
     def _is_late(self, number: Number) -> bool:
-        """Return whether a scan was sent before one that was used, in this boot or the one before."""
+        """Return whether a scan was sent before one that was used, in this boot or the one before.
+
+        What a board sends after it was started is not late: the sequence has begun again.
+        """
         if number.boot == self.boot:
-            return (self.sequence - number.low) & SEQUENCE < LATE
+            return not self._open and (self.sequence - number.low) & SEQUENCE < LATE
         boot, last = self._previous
         return number.boot == boot and (number.low - last + LATE) & SEQUENCE < 2 * LATE
 

@@ -1,0 +1,130 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""Supervises a board: it is started, and restarted after a reset, a stop or silence; commands of users are sent."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from posfet_driver.board.board_connection import BoardConnection
+from posfet_driver.board.board_starter import BoardStarter
+from posfet_driver.board.command_queue import CommandQueue
+from posfet_driver.board.command_sender import CommandSender
+from posfet_driver.board.connection_state import ConnectionState
+from posfet_driver.board.faults import FaultKind
+from posfet_driver.board.power_watch import PowerWatch
+from posfet_driver.board.suitability import unsuitable
+from posfet_driver.clock import Clock
+from posfet_driver.protocol.decoder import Decoder, IdentityReceived, ResponseReceived, StatusReceived
+from posfet_driver.protocol.messages import Command, Identity, Response, Result, Status
+from posfet_model.sensor.description import Sensor
+
+_STARTING: Final = {ConnectionState.START, ConnectionState.SCANS}
+_READY: Final = {ConnectionState.SCANS, ConnectionState.STOPPED, ConnectionState.REFUSED}
+"""States in which the board accepts a command of the user."""
+
+
+class BoardSupervisor:
+    """Decides what a board is told, by what it sends and by what fails to arrive. Used by the thread that reads.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The array and its frames.
+    connection : BoardConnection
+        Connection to the board, whose state it leads.
+    decoder : Decoder
+        Decodes the frames of the board.
+    clock : Clock
+        Source of time.
+    """
+
+    def __init__(self, sensor: Sensor, connection: BoardConnection, decoder: Decoder, clock: Clock) -> None:
+        self.restarted = 0
+        """Number of times a silent board was restarted."""
+        self.power = PowerWatch()
+        """Resets, and their causes."""
+        self.commands = CommandQueue()
+        """Commands of users, from any thread."""
+        self._sensor, self._connection, self._decoder, self._clock = sensor, connection, decoder, clock
+        self._sender = CommandSender(connection, decoder, sensor.can.base_id)
+        self._starter = BoardStarter(sensor, connection, decoder, self._sender, clock)
+        self._scan_period = decoder.scan_period  # in force [us]
+
+    def start(self) -> None:
+        """Identify the board and start it: the bus is open."""
+        self._starter.identify()
+
+    def stop(self) -> None:
+        """Stop the board before the bus is closed."""
+        if self._connection.state in _STARTING:
+            self._sender.send(Command.STOP)
+            self._decoder.forget_gap()
+
+    def handle(self, received: StatusReceived | IdentityReceived | ResponseReceived) -> None:
+        """Act on a message of the board."""
+        connection = self._connection
+        if self._decoder.scan_period != self._scan_period:  # also when another host has set it
+            self._scan_period = self._decoder.scan_period
+            connection.deadline = max(connection.deadline, connection.arrival + connection.scan_timeout)
+        if isinstance(received, ResponseReceived):
+            self._handle_response(received.response)
+        elif isinstance(received, StatusReceived):
+            self._handle_status(received.status)
+        else:
+            self._handle_identity(received.identity)
+
+    def handle_timeout(self) -> None:
+        """Act on the deadline of the current state."""
+        connection = self._connection
+        if connection.state == ConnectionState.BUS:
+            if connection.reopen():
+                self._starter.identify()
+            return
+        if connection.state == ConnectionState.SCANS:
+            self.restarted += 1
+            self._decoder.doubt_sequence()
+            connection.flowing = False
+            connection.reason = "the board sends no complete scans: restarting it"
+            connection.fault = FaultKind.NO_SCANS
+            connection.ask_adapter()
+        self._starter.handle_timeout()
+
+    def process_commands(self, now: int) -> None:
+        """Send the next command when the board is ready for it, and fail those that have expired."""
+        self.commands.expire(now, self._connection.reason)
+        if not self._connection.bus.is_open:
+            self.commands.fail(self._connection.reason)
+        elif self._connection.state in _READY and (pending := self.commands.next()):
+            pending.tag = self._sender.send(pending.command, pending.argument)
+
+    def _handle_status(self, status: Status) -> None:
+        reset = self.power.was_reset(status, self._clock.monotonic())
+        if self._connection.state == ConnectionState.SCANS and (reset or not status.scanning):
+            self._connection.reason = f"the board {'was reset' if reset else 'does not scan'}: restarting it"
+            self.restarted += not reset
+            self._connection.flowing = False
+            self._decoder.doubt_sequence()
+            self._starter.identify()
+
+    def _handle_identity(self, identity: Identity) -> None:
+        if self._connection.state == ConnectionState.SCANS and unsuitable(self._sensor, identity.board):
+            self._starter.identify()
+
+    def _handle_response(self, response: Response) -> None:
+        """Act on the response to one of the newest commands, however late it is: the board has done as it says."""
+        if not self._sender.is_own(response):
+            return
+        asked = self.commands.complete(response) is not None
+        stopped = response.command == Command.STOP and response.result == Result.OK
+        if stopped and self._connection.state != ConnectionState.CLOSED:
+            self._connection.flowing, self._connection.fault = False, None
+            self._decoder.forget_gap()
+            self._connection.enter(ConnectionState.STOPPED, "stopped on request", 0.0)
+        else:
+            self._starter.handle_response(response, asked)
