@@ -16,7 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posfet_model._lib.reductions import any_true, upper_median
+from posfet_model._lib.reductions import any_true, median, upper_median
 
 NUMBERS = st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=40)
 
@@ -29,6 +29,11 @@ def test_the_upper_median_is_that_of_the_standard_library(values: list[float]) -
 @given(NUMBERS.filter(lambda values: len(values) % 2))
 def test_of_an_odd_number_of_values_it_is_the_median_of_numpy(values: list[float]) -> None:
     assert upper_median(np.array(values)) == np.median(values)
+
+
+@given(NUMBERS)
+def test_the_median_is_that_of_the_standard_library(values: list[float]) -> None:
+    assert median(np.array(values)) == pytest.approx(statistics.median(values), rel=1e-15)
 
 
 def test_the_upper_median_of_nothing_is_zero_and_the_argument_is_not_sorted() -> None:

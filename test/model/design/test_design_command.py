@@ -53,7 +53,16 @@ def test_json_has_the_promised_keys_and_null_for_what_is_unknown(run: Any) -> No
     document = json.loads(run("two_stage", "--json")[1])
     promised = ("gain_db", "gbw_hz", "phase_margin_deg", "overshoot_pct", "slew_v_per_s")
     figures = {figure.key for figure in report.REPORT}
-    assert set(document) == {"valid", "stable", "reasons", "stages", "slew_rate_known", "film_geometry", *figures}
+    assert set(document) == {
+        "valid",
+        "stable",
+        "reasons",
+        "stages",
+        "slew_rate_known",
+        "poles_known",
+        "film_geometry",
+        *figures,
+    }
     assert figures == {"overshoot_pct", "slew_v_per_s", "falling_slew_v_per_s", *report.KEYS}
     assert all(isinstance(document[key], float) for key in promised)
     assert document["stable"] is document["valid"] is True

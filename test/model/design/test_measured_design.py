@@ -7,18 +7,25 @@
 
 """Designs adjusted to the figures that ngspice measured on another circuit: the follower is that circuit's."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from posfet_model import design_command
+from posfet_model.amplifier.circuit import AmplifierCircuit
+from posfet_model.amplifier.circuit_figures import circuit_figures
 from posfet_model.amplifier.input_findings import SLEW_RATE_NOT_GIVEN
+from posfet_model.amplifier.operating_point import CIRCUIT_B
 from posfet_model.amplifier.step_test import slew_rates
+from posfet_model.amplifier.transient_follower import CircuitFollower
+from posfet_model.amplifier.undetermined import POLES_NOT_GIVEN
 from posfet_model.config import ConfigError
 from posfet_model.design import report
 from posfet_model.design.design_file import FOLDER, load_design
 from posfet_model.design.posfet_design import PosfetDesign
+from posfet_model.device.taxel_fields import FilmGeometry
 from posfet_model.spice.circuits import CIRCUITS
 from posfet_model.spice.recorded_runs import time_scale
 from posfet_model.spice.stimuli import stimuli
@@ -114,17 +121,46 @@ def test_more_figures_make_up_for_a_bias_that_is_not_known(
 
 
 @pytest.mark.parametrize("real", ["two_stage_half_cc", "one_stage_60db_1pf"])
-def test_with_three_figures_alone_small_steps_are_right_and_slewing_ones_not_valid(
+def test_with_three_figures_alone_slow_inputs_are_valid_and_no_steps(
     real: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     text = f"stages: {CIRCUITS[real].stages}\nfilm_geometry: as in paper\n" + measured_text(real)
+    assert simulated(text, real, "press", tmp_path) <= 0.1
+    assert POLES_NOT_GIVEN not in capsys.readouterr().out
     assert simulated(text, real, "down_50_mv", tmp_path) <= 0.5
-    assert SLEW_RATE_NOT_GIVEN not in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert POLES_NOT_GIVEN in shown and SLEW_RATE_NOT_GIVEN not in shown
     simulated(text, real, "up_1000_mv", tmp_path)
     assert SLEW_RATE_NOT_GIVEN in capsys.readouterr().out
     design = load_design(str(tmp_path / "design.yaml")).design
     document = report.as_json(design)
     assert document["slew_v_per_s"] is document["slew_hand_v_per_s"] is document["falling_slew_v_per_s"] is None
+    assert document["poles_known"] is document["slew_rate_known"] is False
+    with pytest.raises(ValueError, match="second pole and zero"):
+        design.linear_follower()
+
+
+def test_with_figures_alone_what_is_valid_is_right_of_another_op_amp_with_the_same_figures() -> None:
+    real = AmplifierCircuit.from_design(
+        replace(CIRCUIT_B, zero_resistor=1200.0, compensation=1e-10, load_capacitance=1e-12)
+    )
+    seen = circuit_figures(real)
+    three = float(seen.gain), float(seen.gain_bandwidth), float(seen.phase_margin)
+    alone = PosfetDesign(film_geometry=FilmGeometry.AS_IN_PAPER, slew_rate_known=False, poles_known=False)
+    follower = alone.with_measured(*three).follower()
+    period = 1 / three[1]
+    time = np.r_[0.0, np.linspace(0.5, 14.0, 400)] * period
+    rise = np.clip(time / period - 0.5, 0.0, 0.015) / 0.015
+    slow = np.linspace(0.0, 3e3, 301) * period
+    for instants, volts in ((time, 0.05 * rise), (slow, 0.3 * np.sin(2 * np.pi * slow / (1e3 * period)))):
+        wanted = CircuitFollower(circuit=real).run(instants, volts).v_out
+        found = follower.run(instants, volts)
+        error = 100 * np.abs(found.v_out - found.v_out[0] - wanted + wanted[0]) / np.ptp(wanted)
+        assert found.valid.mean() > 0.5 and error[found.valid].max() <= 0.15
+    step = follower.run(time, 0.05 * rise)
+    wanted = CircuitFollower(circuit=real).run(time, 0.05 * rise).v_out
+    assert np.abs(step.v_out - step.v_out[0] - wanted + wanted[0]).max() > 0.05 * 0.02  # and the rest is not
+    assert step.reasons == [POLES_NOT_GIVEN]
 
 
 @pytest.mark.parametrize(
@@ -135,9 +171,11 @@ def test_sizes_and_bias_in_the_file_are_those_of_the_measured_op_amp(text: str, 
     path.write_text(text + "measured: {gain_db: 52, gbw_hz: 5 MHz, phase_margin_deg: 70}\n", encoding="utf-8")
     design = load_design(str(path)).design
     assert design.slew_rate_known is known
+    assert design.poles_known is known
     time = np.linspace(0, 1e-6, 51)
     step = design.follower().run(time, np.where(time > 1e-7, 1.0, 0.0))
     assert (SLEW_RATE_NOT_GIVEN in step.reasons) is not known
+    assert (POLES_NOT_GIVEN in step.reasons) is not known
 
 
 def test_a_slew_rate_may_have_its_usual_unit(tmp_path: Path) -> None:

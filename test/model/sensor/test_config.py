@@ -131,6 +131,12 @@ def test_a_requested_key_is_listed_as_known_though_it_is_missing() -> None:
         part.end()
 
 
+def test_a_long_key_is_truncated() -> None:
+    with pytest.raises(ConfigError, match=r"^file\.yaml: part\.ppp") as caught:
+        section(**{"p" * 1000: 1}).end()
+    assert len(str(caught.value)) < 300
+
+
 def test_a_long_value_is_truncated() -> None:
     with pytest.raises(ConfigError) as caught:
         section(x=list(range(1000))).flag("x")

@@ -297,7 +297,9 @@ class AmplifierCircuit:
         n = matrix.shape[-2]
         return matrix[..., :n] + self._linear[0], matrix[..., n]
 
-    def operating_point(self, v_in: Array | float = 0.0, guess: Array | None = None) -> Array:
+    def operating_point(
+        self, v_in: Array | float = 0.0, guess: Array | None = None, last_change: float = _LAST_CHANGE
+    ) -> Array:
         """Return the voltages of the unknown nodes at rest, by Newton's method with limited changes; unchecked.
 
         Parameters
@@ -306,6 +308,8 @@ class AmplifierCircuit:
             Input voltage [V]; broadcasts with the circuits.
         guess : ndarray, optional
             Voltages to start from [V], shape [..., n]; where they are NaN, and without them, those of `start`.
+        last_change : float, optional
+            Largest change in the last iteration, of the supply; the error is of its square.
 
         Returns
         -------
@@ -323,9 +327,9 @@ class AmplifierCircuit:
             change = np.linalg.solve(self._conductance(parts)[0], self._sum(nodes, parts.current)[..., None])[..., 0]
             largest = np.max(np.abs(change), axis=-1, keepdims=True)
             nodes = np.clip(nodes - change * np.minimum(1, _MOST_CHANGE / np.maximum(largest, 1e-300)), -limit, limit)
-            if np.all(largest <= _LAST_CHANGE * limit):
+            if np.all(largest <= last_change * limit):
                 break
-        return np.where(largest <= _LAST_CHANGE * limit, nodes, np.nan)
+        return np.where(largest <= last_change * limit, nodes, np.nan)
 
     def start(self, v_in: Array) -> Array:
         """Return a guess of the operating point, for `operating_point` to start from; unchecked.

@@ -120,6 +120,8 @@ class Margins:
 class CircuitFigures:
     """Figures of merit of op-amp circuits as followers, all of the circuits' shape; NaN where there is no value."""
 
+    nodes: Array
+    """Voltages of the unknown nodes at rest [V], shape [..., n]."""
     loop_gain: LoopGain
     """Loop gain, with the load of the inverting input."""
     open_loop_poles: Array
@@ -220,6 +222,7 @@ def circuit_figures(circuit: AmplifierCircuit, v_in: float | Array = 0.0) -> Cir
     nothing = np.where(found, 1.0, np.nan)
     overshoot = np.where(stable & np.isfinite(crossing), overshoot, np.nan)
     return CircuitFigures(
+        nodes=nodes,
         loop_gain=small.loop,
         open_loop_poles=np.sort(poles, axis=-1) * nothing[..., None],
         closed_loop_response=closed,

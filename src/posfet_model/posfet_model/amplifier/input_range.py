@@ -25,8 +25,9 @@ from posfet_model.amplifier.circuit import AmplifierCircuit
 from posfet_model.amplifier.circuit_topology import UNKNOWNS
 from posfet_model.amplifier.operating_point import MIN_OUTPUT_CURRENT
 
-_SATURATION_HALVINGS: Final = 15
+_SATURATION_HALVINGS: Final = 13
 _STABILITY_HALVINGS: Final = 8
+_LAST_CHANGE: Final = 1e-4  # of an operating point, of the supply
 _GRID: Final = np.arange(1, 5) / 4
 """Shares of the saturated range at which stability is tested, from 0 V outwards."""
 
@@ -77,7 +78,7 @@ def input_range(circuit: AmplifierCircuit, nodes: Array) -> InputRange:
 def _stable_end(circuit: AmplifierCircuit, nodes: Array, end: Array) -> Array:
     """Return the input nearest to `end` [V] up to which the follower is stable, from its nodes at 0 V."""
     grid = _GRID[:, None] * end
-    at_grid = circuit.operating_point(grid, _moved(circuit, nodes, grid))
+    at_grid = circuit.operating_point(grid, _moved(circuit, nodes, grid), _LAST_CHANGE)
     stable = circuit.stable(at_grid, grid)
     wrong: Mask = np.asarray(~stable.all(axis=0))
     if not wrong.any():
@@ -104,7 +105,7 @@ def _bisect(
     """Return the last input within [V]; the nodes there are the start of the next operating point."""
     for _ in range(halvings):
         middle = 0.5 * (inside + outside)
-        found = circuit.operating_point(middle, _moved(circuit, nodes, middle - inside))
+        found = circuit.operating_point(middle, _moved(circuit, nodes, middle - inside), _LAST_CHANGE)
         good = within(circuit, found, middle)
         inside, outside = np.where(good, middle, inside), np.where(good, outside, middle)
         nodes = np.where(good[..., None], found, nodes)

@@ -13,17 +13,21 @@ With ``C*x' + G*x = -(c*u' + g*u)`` they are made of the eigenvectors of ``C^-1*
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model._lib.roots import false_position
 from posfet_model._lib.types import Array, Mask
 from posfet_model.amplifier.transient import Matrices
 
-_FREQUENCIES: Final = np.geomspace(1e-2, 1e12, 281)
-_HALVINGS: Final = 30
+_FREQUENCIES: Final = np.geomspace(1e-2, 1e12, 71)
+_STEPS: Final = 12
+"""Evaluations that place a crossing between two of the frequencies, to rounding where the gain falls evenly."""
+
 _STEP_TIMES: Final = np.r_[0.0, np.geomspace(1e-5, 12.0, 700)]
 """Times at which a step is evaluated, in units of the slowest pole's time constant."""
 
@@ -53,17 +57,9 @@ class TransferFunction:
     def bandwidth(self) -> Array:
         """First frequency at which the gain has fallen by 3 dB from that at frequency 0 [Hz]; NaN where it never is."""
         wanted = math.sqrt(0.5) * np.abs(self.gain)
-        coarse = _FREQUENCIES[::5]
-        grid = coarse.reshape(-1, *(1,) * wanted.ndim)
-        above = np.abs(self.at(np.broadcast_to(grid, (grid.size, *wanted.shape)))) > wanted
-        last = np.argmin(above, axis=0) - 1  # before the first below
-        at = np.maximum(last, 0)
-        low, high = coarse[at], coarse[np.minimum(at + 1, coarse.size - 1)]
-        for _ in range(_HALVINGS):
-            middle = np.sqrt(low * high)
-            loud = np.abs(self.at(middle)) > wanted
-            low, high = np.where(loud, middle, low), np.where(loud, high, middle)
-        return np.where(last >= 0, low, np.nan)
+        grid = _FREQUENCIES.reshape(-1, *(1,) * wanted.ndim)
+        last = _last_above(np.abs(self.at(np.broadcast_to(grid, (grid.size, *wanted.shape)))), wanted)
+        return np.where(last >= 0, _falls_through(self.at, wanted, last), np.nan)
 
     def at(self, frequency: Array) -> NDArray[np.complex128]:
         """Return H(j*2*pi*f) at frequencies [Hz] that broadcast with the circuits' shape; unchecked."""
@@ -72,10 +68,15 @@ class TransferFunction:
 
     def step(self, time: Array) -> Array:
         """Return the response [V/V] to a unit step at times [s] that broadcast with the circuits' shape; unchecked."""
-        exponent = -self.rates * np.asarray(time)[..., None]
-        np.minimum(exponent.real, 600.0, out=exponent.real)  # of an unstable circuit
-        parts = self.residues / self.rates
-        return np.asarray((self.direct + parts.sum(axis=-1)).real - (parts * np.exp(exponent)).sum(axis=-1).real)
+        parts, elapsed = self.residues / self.rates, np.asarray(time)[..., None]
+        modes = np.exp(np.minimum(-self.rates.real * elapsed, 600.0))  # 600: of an unstable circuit
+        weight = np.where(self.rates.imag == 0, parts.real, 0.0)
+        rings = self.rates.imag > 0  # and its conjugate
+        if rings.any():
+            phase, amplitude = (self.rates.imag * elapsed)[..., rings], 2 * parts[rings]
+            modes[..., rings] *= amplitude.real * np.cos(phase) + amplitude.imag * np.sin(phase)
+            weight[rings] = 1.0
+        return np.asarray((self.direct + parts.sum(axis=-1)).real - np.einsum("...k,...k->...", modes, weight))
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,20 +211,34 @@ def unity_crossing(response: LoopGain) -> tuple[Array, Array]:
     shape = response.remainder.direct.shape
     grid = _FREQUENCIES.reshape(-1, *(1,) * len(shape))
     values = response.at(np.broadcast_to(grid, (len(grid), *shape)))
-    loud = np.abs(values) > 1
-    last = np.argmin(loud, axis=0) - 1  # before the first quiet one
-    crossed = (last >= 0) & loud[0]
-    at = np.maximum(last, 0)
-    low, high = _FREQUENCIES[at], _FREQUENCIES[np.minimum(at + 1, len(_FREQUENCIES) - 1)]
-    for _ in range(_HALVINGS):
-        middle = np.sqrt(low * high)
-        above = np.abs(response.at(middle)) > 1
-        low, high = np.where(above, middle, low), np.where(above, high, middle)
+    last = _last_above(np.abs(values), 1.0)
+    crossed, at = last >= 0, np.maximum(last, 0)
+    low = _falls_through(response.at, np.ones(shape), last)
     phase = np.unwrap(np.angle(values), axis=0)
     before = np.take_along_axis(phase, at[None], 0)[0] - phase[0] + np.angle(values[0])
     phase_at = np.angle(response.at(low))
     phase_at = before + (phase_at - before + math.pi) % (2 * math.pi) - math.pi
     return np.where(crossed, low, np.nan), np.where(crossed, 180 + np.rad2deg(phase_at), np.nan)
+
+
+def _last_above(magnitude: Array, level: Array | float) -> NDArray[np.intp]:
+    """Return the index of the last frequency before a gain [f, ...] first falls to a level, -1 if it starts below.
+
+    The gain is at rest at the first frequency, and far below the level at the last.
+    """
+    return np.asarray(np.argmin(magnitude > level, axis=0) - 1)
+
+
+def _falls_through(transfer: Callable[[Array], NDArray[np.complex128]], level: Array, last: NDArray[np.intp]) -> Array:
+    """Return the frequency [Hz] behind that of the index `last` at which the gain falls through a level."""
+    at = np.maximum(last, 0)
+    low, high = np.log(_FREQUENCIES)[at], np.log(_FREQUENCIES)[np.minimum(at + 1, _FREQUENCIES.size - 1)]
+
+    def excess(log_frequency: Array) -> Array:
+        return np.asarray(np.log(np.abs(transfer(np.exp(log_frequency))) / level))
+
+    with np.errstate(divide="ignore", invalid="ignore"):  # of a gain of 0
+        return np.exp(false_position(excess, low, high, excess(low), _STEPS))
 
 
 def step_figures(response: TransferFunction, thinning: int = 1) -> tuple[Array, Array]:

@@ -36,12 +36,13 @@ from posfet_model.amplifier.follower_base import (
     FrequencyResponse,
     check_shape,
 )
-from posfet_model.amplifier.input_findings import LOW_MARGIN_HERE, RINGS_HERE, input_findings
+from posfet_model.amplifier.input_findings import LOW_MARGIN_HERE, POINTS, RINGS_HERE, input_findings
 from posfet_model.amplifier.open_loop import LOW_MARGIN, RINGS, UNSTABLE, OpenLoop
 from posfet_model.amplifier.operating_point import CIRCUIT_B, TABLE_II, AmplifierBias, AmplifierDesign
 from posfet_model.amplifier.pair_loop import PairLoop
 from posfet_model.amplifier.parallel_in_time import LEAST_INTERVALS, advance_stretches
 from posfet_model.amplifier.transient import TOLERANCE, System, SystemState, advance, advance_through
+from posfet_model.amplifier.undetermined import POLES_NOT_GIVEN, undetermined
 from posfet_model.amplifier.validity import Validity
 
 LOST: Final = "no output: the circuit does not settle, or did not before"
@@ -94,10 +95,17 @@ class TransientFollower(Follower):
 
     tolerance: float = TOLERANCE
     """Error bound of a sub-step [V], in [1e-9, 0.1]."""
+    poles_known: bool = True
+    """Whether second pole and zero are those of the op-amp; if not, results are not valid where they matter."""
+    full_scale: float | None = None
+    """Span of the whole input [V], in [0, 2e6], to which that refers; None: of the inputs that are given at once."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         real_number("tolerance", self.tolerance, 1e-9, 0.1)
+        instance("poles_known", self.poles_known, bool)
+        if self.full_scale is not None:
+            real_number("full_scale", self.full_scale, 0, 2e6)
 
     @property
     @abstractmethod
@@ -112,6 +120,11 @@ class TransientFollower(Follower):
     @abstractmethod
     def validity(self) -> Validity:
         """Whether the follower is usable at all, and why not."""
+
+    @property
+    @abstractmethod
+    def _crossing(self) -> float | Array:
+        """Unity crossing [Hz]."""
 
     def start(self, v_in: ArrayLike) -> TransientState:
         """Return the state at rest at an input voltage.
@@ -195,14 +208,14 @@ class TransientFollower(Follower):
     ) -> FollowerSeries:
         before = instance("state", state, TransientState)
         nodes, last = self._integrate(SystemState(before.v_in, before.nodes, before.step), held, step)
-        output = self._judged(held, valid, nodes)
+        output = self._judged(held, valid, nodes, step[1:])
         return FollowerSeries(output, self._state(held[-1], np.asarray(valid[-1]), last.nodes, last.step))
 
     def _run(self, held: Array, valid: Mask, step: Array) -> FollowerOutput:
         check_shape(self.system.shape, held[0])
         rest = self.system.operating_point(held[0])
         nodes, _ = self._integrate(SystemState(held[0], rest, math.inf), held[1:], step)
-        return self._judged(held, valid, np.concatenate([rest[None], nodes]))
+        return self._judged(held, valid, np.concatenate([rest[None], nodes]), step)
 
     def _integrate(self, now: SystemState, held: Array, step: Array) -> tuple[Array, SystemState]:
         nodes, following = self._following(now, held, step)
@@ -256,13 +269,23 @@ class TransientFollower(Follower):
         del nodes, held
         return {}
 
-    def _judged(self, held: Array, valid: Mask, nodes: Array) -> FollowerOutput:
+    def _judged(self, held: Array, valid: Mask, nodes: Array, step: Array | None = None) -> FollowerOutput:
         out = self.system.output(nodes)
         findings = {**self.validity.findings, **self._findings(nodes, held), LOST: ~np.isfinite(out)}
+        if not self.poles_known:
+            span = np.ptp(held) if self.full_scale is None and held.size else self.full_scale or 0.0
+            findings[POLES_NOT_GIVEN] = undetermined(out - self._at_rest(held), span, step, self._crossing)
         shown = {reason: np.broadcast_to(mask, held.shape) for reason, mask in findings.items() if np.any(mask)}
         for mask in shown.values():
             valid = valid & ~mask
         return FollowerOutput(v_out=out, valid=np.asarray(valid & np.isfinite(out)), findings=shown)
+
+    def _at_rest(self, held: Array) -> Array:
+        """Return the output at rest at each input [V], of many by interpolation."""
+        if self.system.shape or held.size <= POINTS:
+            return self.system.output(self.system.operating_point(held))
+        inputs = np.linspace(held.min(), held.max(), POINTS)
+        return np.interp(held, inputs, self.system.output(self.system.operating_point(inputs)))
 
     def _state(self, held: Array, valid: Mask, nodes: Array, step: float) -> TransientState:
         judged = self._judged(held, valid, nodes)
@@ -334,6 +357,10 @@ class CircuitFollower(TransientFollower):
         """Whether the follower is usable at all, and why not."""
         return self.figures.validity
 
+    @property
+    def _crossing(self) -> Array:
+        return self.figures.gain_bandwidth
+
     def _following(self, now: SystemState, held: Array, step: Array) -> tuple[Array, Mask]:
         nodes, following = super()._following(now, held, step)
         crossing = np.max(np.nan_to_num(self.figures.gain_bandwidth), initial=0.0)
@@ -385,6 +412,10 @@ class SlewingFollower(TransientFollower):
     def validity(self) -> Validity:
         """Whether the follower is usable at all, and why not."""
         return self.open_loop.validity
+
+    @property
+    def _crossing(self) -> Array:
+        return self.open_loop.gain_bandwidth
 
     @property
     def static_gain(self) -> float:

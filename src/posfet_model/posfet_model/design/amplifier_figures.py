@@ -26,7 +26,7 @@ from posfet_model.amplifier.circuit_figures import CircuitFigures, circuit_figur
 from posfet_model.amplifier.input_range import input_range
 from posfet_model.amplifier.validity import Validity
 
-BLOCK: Final = 250
+BLOCK: Final = 500
 """Circuits that are computed at once, which bounds the memory."""
 
 _OF_EACH_TRANSISTOR: Final = ("beta", "gate_area", "threshold")
@@ -156,7 +156,7 @@ def _block(circuit: AmplifierCircuit) -> AmplifierFigures:
 
 
 def _block_figures(circuit: AmplifierCircuit, figures: CircuitFigures) -> AmplifierFigures:
-    nodes = circuit.operating_point(0.0)
+    nodes = figures.nodes
     rest = np.zeros(nodes.shape[:-1])
     found = np.asarray(np.isfinite(nodes).all(axis=-1))
     gate, _, point = circuit.transistors(nodes, rest)

@@ -37,7 +37,10 @@ class DesignFields(Taxel):
     stages: int = 2
     """2: Miller op-amp, two stages; 1: one stage and an n-channel output follower."""
     slew_rate_known: bool = True
-    """Whether sizes and bias are those of the op-amp; if not, it slews otherwise, and its slew rates are unknown."""
+    """Whether the slew rates are those of the op-amp; if not, it slews otherwise, and they are unknown."""
+    poles_known: bool = True
+    """Whether second pole and zero are those of the op-amp, as with its sizes and bias; if not, fast inputs are not
+    valid."""
     reference_current: Values = quantity(readout.REFERENCE_CURRENT, 1e-9, 0.1)
     """Current into M6 [A]."""
     supply: Values = quantity(readout.SUPPLY, 0.5, 100)
@@ -103,6 +106,7 @@ class DesignFields(Taxel):
         super().__post_init__()
         whole_number("stages", self.stages, 1, 2)
         instance("slew_rate_known", self.slew_rate_known, bool)
+        instance("poles_known", self.poles_known, bool)
         for low, high in (("adc_low", "adc_high"), ("low_frequency", "high_frequency")):
             if np.any(np.less_equal(getattr(self, high), getattr(self, low))):
                 raise ValueError(f"{high} must be above {low}, got {_first(self, high)} and {_first(self, low)}")

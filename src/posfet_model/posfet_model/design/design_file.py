@@ -36,7 +36,7 @@ _FIELDS: Final = plausible_fields(PosfetDesign)
 
 _MEASURED: Final = {"gain_db": Plausible("dB", 0.1, 180), "gbw_hz": Plausible("Hz", 1, 1e12)}
 
-_DECIDES_SLEWING: Final = frozenset(
+_SIZES_AND_BIAS: Final = frozenset(
     ["reference_current", *(f"{part}_{size}" for part in PARTS for size in ("width", "length"))]
 )
 """Keys any of which says that sizes and bias are those of the measured op-amp."""
@@ -107,8 +107,8 @@ def load_design(name: str) -> DesignFile:
     if "poling_voltages" in section:
         chosen["poling_voltages"] = _poling(section, section.value("poling_voltages", "a list of voltages"))
     measured = _measured(section.section("measured")) if "measured" in section else None
-    if measured is not None and "slew_rate" not in measured and _DECIDES_SLEWING.isdisjoint(chosen):
-        chosen["slew_rate_known"] = False
+    if measured is not None and _SIZES_AND_BIAS.isdisjoint(chosen):
+        chosen |= {"poles_known": False, "slew_rate_known": "slew_rate" in measured}
     sweep = _sweep(section) if "sweep" in section else None
     tolerance = None
     if "tolerance" in section:

@@ -8,7 +8,7 @@
 """The whole sensor element as one object: film, transistor, poling, bias, amplifier, load, ADC and band.
 
 Every number may be an array: arrays broadcast, so that one object is a single design, a sweep, or a tolerance analysis.
-What follows from the numbers is in `AmplifierFigures`, `NoiseBudget` and the properties here; `report` lists it all.
+What follows from the numbers is in `DesignFigures`, `AmplifierFigures` and `NoiseBudget`; `report` lists it all.
 """
 
 from __future__ import annotations
@@ -16,34 +16,25 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from posfet_model._lib.types import FloatArray
 from posfet_model.amplifier.calibration import calibrate_circuit
-from posfet_model.amplifier.circuit import AmplifierCircuit
 from posfet_model.amplifier.circuit_figures import circuit_figures
 from posfet_model.amplifier.closed_loop import FollowerLimits
 from posfet_model.amplifier.ringing_follower import RingingFollower
 from posfet_model.amplifier.transient_follower import CircuitFollower
-from posfet_model.amplifier.validity import Validity
-from posfet_model.design import ranges
-from posfet_model.design.amplifier_figures import AmplifierFigures, amplifier_figures
-from posfet_model.design.design_fields import PARTS, DesignFields
-from posfet_model.design.margins_in_use import MarginsInUse, margins_in_use, quiet_range
-from posfet_model.design.mismatch import hand_common_mode_rejection
-from posfet_model.design.noise_by_source import adc_step, noise_by_source
-from posfet_model.design.op_amp import named_circuit, op_amp_circuit
-from posfet_model.device.noise import NoiseBudget
+from posfet_model.design.design_figures import DesignFigures
+from posfet_model.design.margins_in_use import quiet_range
+from posfet_model.design.op_amp import named_circuit
 from posfet_model.device.taxel_fields import plausible_fields
 from posfet_model.spice import netlist
 from posfet_model.spice.circuits import Circuit
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PosfetDesign(DesignFields):
+class PosfetDesign(DesignFigures):
     """A sensor element from the film to the ADC, or many: any number may be an array.
 
     The defaults are the paper's device with the bias of circuit B (docs/device.md); M1 and M2 have the size of the
@@ -63,100 +54,6 @@ class PosfetDesign(DesignFields):
     >>> print((thicker.smallest_force * 1e6).round())
     [167.  88.]
     """
-
-    @cached_property
-    def amplifier(self) -> AmplifierFigures:
-        """Figures of merit of the op-amp and its follower; NaN where it has no operating point."""
-        figures = amplifier_figures(self.op_amp)
-        if self.slew_rate_known:
-            return figures
-        unknown = np.full(self.op_amp.shape, math.nan)[()]
-        return dataclasses.replace(figures, slew_rate=unknown, falling_slew_rate=unknown)
-
-    @cached_property
-    def op_amp(self) -> AmplifierCircuit:
-        """The op-amp as a circuit, of arrays where the design has them."""
-        return op_amp_circuit(self)
-
-    @cached_property
-    def margins_in_use(self) -> MarginsInUse:
-        """The worst phase margin and overshoot at inputs from 0 V to that of `signal_force`, in the saturated range."""
-        amplifier, wanted = self.amplifier, self.volts_per_newton() * self.signal_force
-        within = np.fmax(np.fmin(wanted, amplifier.highest_saturated_input), amplifier.lowest_saturated_input)
-        return margins_in_use(self.op_amp, amplifier, within)
-
-    @cached_property
-    def noise(self) -> NoiseBudget:
-        """Noise by source in the band [V rms], as a voltage of the top electrode."""
-        return noise_by_source(self, self.amplifier)
-
-    @property
-    def lsb(self) -> FloatArray:
-        """Step of the ADC [V]."""
-        return adc_step(self)
-
-    @property
-    def signal_to_noise(self) -> FloatArray:
-        """Ratio of the signal of `signal_force` to the noise in the band [dB]."""
-        return self.noise.signal_to_noise(self.signal_force)
-
-    @property
-    def smallest_force(self) -> FloatArray:
-        """Smallest detectable force [N]; inf where a force gives no signal."""
-        return self.noise.minimum_force(1.0) * self.detection_sigmas
-
-    @property
-    def output_volts_per_newton(self) -> FloatArray:
-        """Sensitivity at the follower's output [V/N]."""
-        return self.volts_per_newton() * self.amplifier.follower_gain
-
-    @property
-    def amperes_per_newton(self) -> FloatArray:
-        """Change of the drain current of M1 per force at the bias of the pair [A/N]: gm1 times V/N, of either plane."""
-        return self.amplifier.input_transconductance * self.volts_per_newton()
-
-    @property
-    def common_mode_rejection(self) -> FloatArray:
-        """CMRR by a hand formula, with mismatch of one standard deviation of each pair [V/V] (`mismatch`)."""
-        return hand_common_mode_rejection(self, self.amplifier)
-
-    @property
-    def low_corner(self) -> FloatArray:
-        """Frequency below which the signal leaks away, 1/(2*pi*R*(Cf + Cg)) [Hz]."""
-        return 1 / (2 * math.pi * self.leak_time_constant)
-
-    @property
-    def largest_force(self) -> FloatArray:
-        """Largest compressive force within the ranges of amplifier and ADC [N]; inf where a force gives no signal."""
-        return ranges.largest_force(self, self.amplifier)
-
-    @property
-    def power(self) -> FloatArray:
-        """Power from both supplies at rest [W]."""
-        watts: FloatArray = 2 * np.asarray(self.supply) * self.amplifier.supply_current
-        return watts
-
-    @property
-    def area(self) -> FloatArray:
-        """Area of the film and of the gates of M2 to M8, without wiring and capacitors [m2]."""
-        gates = (np.multiply(getattr(self, f"{part}_width"), getattr(self, f"{part}_length")) for part in PARTS[1:])
-        total: FloatArray = sum(gates, np.asarray(self.film_area))
-        return total
-
-    @cached_property
-    def validity(self) -> Validity:
-        """Where the design is usable, and why not: ringing, transistors out of saturation, ranges, slew rate."""
-        return ranges.validity(self, self.amplifier, self.margins_in_use)
-
-    @property
-    def valid(self) -> Any:
-        """Whether the design is usable; a mask for arrays."""
-        return np.broadcast_to(self.validity.valid, self.shape)[()]
-
-    @property
-    def reasons(self) -> list[str]:
-        """Why the design, or any of the arrays, is not valid; empty if it is."""
-        return self.validity.reasons
 
     def at(self, *index: int) -> PosfetDesign:
         """Return one design of the arrays.
@@ -205,8 +102,13 @@ class PosfetDesign(DesignFields):
         if self.shape:
             raise ValueError(f"the design must be a single one, got arrays of shape {self.shape}; use design.at(...)")
 
-    def follower(self) -> CircuitFollower:
+    def follower(self, full_scale: float | None = None) -> CircuitFollower:
         """Return the follower of a single design: the circuit, integrated over time for any input.
+
+        Parameters
+        ----------
+        full_scale : float, optional
+            Span of the whole input [V], where it is given in parts; needed only with `poles_known` False.
 
         Returns
         -------
@@ -216,10 +118,15 @@ class PosfetDesign(DesignFields):
         Raises
         ------
         ValueError
-            The design has arrays (use `at`).
+            The design has arrays (use `at`), or the span is not real or out of range.
         """
         self._require_single()
-        return CircuitFollower(circuit=self.op_amp, slew_rate_known=self.slew_rate_known)
+        return CircuitFollower(
+            circuit=self.op_amp,
+            slew_rate_known=self.slew_rate_known,
+            poles_known=self.poles_known,
+            full_scale=full_scale,
+        )
 
     def linear_follower(self) -> RingingFollower:
         """Return the follower of a single design for small signals, with gain, crossing and margin of the circuit.
@@ -235,9 +142,15 @@ class PosfetDesign(DesignFields):
         Raises
         ------
         ValueError
-            The design has arrays (use `at`), or no operating point, or is out of its range at 0 V.
+            The design has arrays (use `at`), or no operating point, is out of its range at 0 V, or its second pole
+            and zero are not known.
         """
         self._require_single()
+        if not self.poles_known:
+            raise ValueError(
+                "the design has no linear follower: gain, unity crossing and phase margin alone do not tell second "
+                "pole and zero; give sizes and bias"
+            )
         amplifier = self.amplifier
         ends = amplifier.lowest_input, amplifier.highest_input
         if not amplifier.stable:
@@ -274,8 +187,8 @@ class PosfetDesign(DesignFields):
         With two stages `load_resistance` is adjusted to the gain, with one stage `channel_length_modulation`;
         `compensation` and `load_capacitance` to unity crossing and phase margin, `zero_resistor` to the bandwidth,
         `reference_current` and `sink_width` to the slew rates (`calibrate_circuit`). With sizes, bias and load of the
-        op-amp three figures suffice. Where these are not known, say so with `slew_rate_known=False`: then inputs that
-        may slew are not valid.
+        op-amp three figures suffice. Where these are not known, say so with `poles_known=False`, and with
+        `slew_rate_known=False` without slew rates: then inputs that are fast or may slew are not valid.
 
         Parameters
         ----------

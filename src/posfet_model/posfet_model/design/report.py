@@ -227,6 +227,7 @@ def as_json(design: PosfetDesign) -> dict[str, Any]:
         "reasons": design.reasons,
         "stages": design.stages,
         "slew_rate_known": design.slew_rate_known,
+        "poles_known": design.poles_known,
         "film_geometry": design.film_geometry.value,
         **{key: value if math.isfinite(value) else None for key, value in numbers.items()},
     }

@@ -113,11 +113,29 @@ def volts_per_count(sensor: Sensor) -> float:
     return adc.lsb(SCALE_BITS, sensor.adc.low, sensor.adc.high)
 
 
+def volts_per_code(sensor: Sensor) -> float:
+    """Return the step between two codes as they are sent.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Description of the sensor.
+
+    Returns
+    -------
+    float
+        Step [V].
+    """
+    bits = sensor.adc.bits if sensor.can.fd else min(sensor.adc.bits, COARSEST_BITS)
+    return adc.lsb(bits, sensor.adc.low, sensor.adc.high)
+
+
 def force_noise_rms(sensor: Sensor) -> float:
     """Return the standard deviation of one reading of a taxel: input noise and quantisation noise lsb^2/12.
 
     Quantisation noise is assumed independent from scan to scan. It is not where a step is much larger than the noise,
-    but then the quantisation error at rest is the same before and after a touch, and cancels.
+    but then the quantisation error at rest is the same before and after a touch, and cancels, or the signal switches
+    between two codes, with up to three times this variance: the reconstruction measures that.
 
     Parameters
     ----------
@@ -129,9 +147,7 @@ def force_noise_rms(sensor: Sensor) -> float:
     float
         Standard deviation of the force [N].
     """
-    bits = sensor.adc.bits if sensor.can.fd else min(sensor.adc.bits, COARSEST_BITS)
-    step = adc.lsb(bits, sensor.adc.low, sensor.adc.high)
-    return math.sqrt(sensor.adc.noise**2 + step**2 / 12) / sensor.volts_per_newton
+    return math.sqrt(sensor.adc.noise**2 + volts_per_code(sensor) ** 2 / 12) / sensor.volts_per_newton
 
 
 class ForwardSignalChain:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TypeAlias
 
 import numpy as np
@@ -132,3 +133,23 @@ def taxel_normals(layout: Layout) -> NDArray[np.float64]:
     """Return the outward unit normals of the taxels, shape [rows * cols, 3]."""
     surface = Surface.of(layout)
     return np.array([surface.normal(x, y) for x, y in layout.positions.tolist()])
+
+
+@lru_cache(maxsize=8)
+def wrench_per_newton(layout: Layout) -> NDArray[np.float64]:
+    """Return force and torque about the origin of the frame of the array for a push of 1 N on each taxel.
+
+    Parameters
+    ----------
+    layout : Layout
+        Layout of the array.
+
+    Returns
+    -------
+    ndarray of float64, shape [6, rows * cols]
+        Force F (rows 0 to 2) [1] and torque ``r x F`` (rows 3 to 5) [m]; read-only.
+    """
+    normals = taxel_normals(layout)
+    wrench: NDArray[np.float64] = np.hstack([-normals, -np.cross(taxel_points(layout), normals)]).T.copy()
+    wrench.setflags(write=False)
+    return wrench

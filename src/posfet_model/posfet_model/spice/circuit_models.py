@@ -78,7 +78,11 @@ def from_figures(circuit: Circuit, record: Record) -> CircuitModel:
     loop, gain = record.exact_loop, record.follower_gain / (1 - record.follower_gain)
     open_loop = OpenLoop.from_phase_margin(gain, loop.unity_crossing, max(loop.phase_margin, LEAST_MARGIN))
     rise = record.slew_rates[0]
-    follower = SlewingFollower(open_loop=open_loop, slew_rate=rise if math.isfinite(rise) else _unlimited(open_loop))
+    follower = SlewingFollower(
+        open_loop=open_loop,
+        slew_rate=rise if math.isfinite(rise) else _unlimited(open_loop),
+        poles_known=False,
+    )
     return CircuitModel(
         follower=follower,
         gain=float(open_loop.gain),
@@ -95,8 +99,8 @@ def _unlimited(open_loop: OpenLoop) -> float:
     return 1e3 * float(open_loop.gain_pole_product)
 
 
-def _of_circuit(circuit: AmplifierCircuit) -> CircuitModel:
-    follower = CircuitFollower(circuit=circuit)
+def _of_circuit(circuit: AmplifierCircuit, *, poles_known: bool = True) -> CircuitModel:
+    follower = CircuitFollower(circuit=circuit, poles_known=poles_known)
     figures = follower.figures
     return CircuitModel(
         follower=follower,
@@ -201,11 +205,10 @@ def from_measured_figures(circuit: Circuit, record: Record) -> CircuitModel:
     for slews in ((rise, fall), (rise, None), (None, None)):
         up, down = slews if seen.stable else (None, None)
         try:
-            return _of_circuit(
-                calibrate_circuit(start, *loop, bandwidth=bandwidth, slew_rate=up, falling_slew_rate=down)
-            )
+            found = calibrate_circuit(start, *loop, bandwidth=bandwidth, slew_rate=up, falling_slew_rate=down)
         except ValueError:
             continue
+        return _of_circuit(found, poles_known=False)
     return from_figures(circuit, record)
 
 
