@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from posfet_model.estimation.choice import Estimator
 from posfet_model.estimation.leakage_identification import LeakageIdentifier
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import Sensor, load_sensor
@@ -26,42 +27,49 @@ SHAPE = np.exp(-0.5 * np.sum((SENSOR.layout.positions / 1.2e-3) ** 2, axis=1))
 SHAPE /= SHAPE.sum()
 
 
-def totals(device: Sensor, duration: float, force: object, seed: int = 0) -> np.ndarray:
-    reconstructor, found = Reconstructor(SENSOR), []
-    for _, scan in scans(device, duration, force=force, shape=SHAPE, seed=seed):  # type: ignore[arg-type]
+EACH = pytest.mark.parametrize("estimator", list(Estimator))
+
+
+def totals(device: Sensor, duration: float, force: object, estimator: Estimator) -> np.ndarray:
+    reconstructor, found = Reconstructor(SENSOR, estimator=estimator), []
+    for _, scan in scans(device, duration, force=force, shape=SHAPE):  # type: ignore[arg-type]
         reconstructor.process(scan)
         found.append(reconstructor.image().total)
     return np.array(found)
 
 
+@EACH
 @pytest.mark.parametrize("percent", [-20.0, -8.0, 8.0, 20.0])
-def test_a_leakage_error_is_identified_while_a_force_is_held(percent: float) -> None:
+def test_a_leakage_error_is_identified_while_a_force_is_held(percent: float, estimator: Estimator) -> None:
     device = perturbed(SENSOR, {"leak": percent})
-    found = totals(device, 4.0, press(2.0, 0.3, 60.0))
+    found = totals(device, 4.0, press(2.0, 0.3, 60.0), estimator)
     # Without identification the relative error of the force would equal that of the leakage.
     assert found[2000:] == pytest.approx(2.0, abs=0.06)
 
 
-def test_identified_leakage_is_used_for_the_next_touch() -> None:
+@EACH
+def test_identified_leakage_is_used_for_the_next_touch(estimator: Estimator) -> None:
     device = perturbed(SENSOR, {"leak": 20.0})
-    found = totals(device, 4.0, lambda time: press(1.0, 0.3, 1.5)(time) + press(2.0, 3.0, 60.0)(time))
+    found = totals(device, 4.0, lambda time: press(1.0, 0.3, 1.5)(time) + press(2.0, 3.0, 60.0)(time), estimator)
     assert found[3200] == pytest.approx(2.0, abs=0.03)
     assert found[-1] == pytest.approx(2.0, abs=0.03)
 
 
+@EACH
 @pytest.mark.parametrize("hertz", [0.3, 1.0, 2.0])
-def test_a_varying_force_is_not_mistaken_for_leakage(hertz: float) -> None:
+def test_a_varying_force_is_not_mistaken_for_leakage(hertz: float, estimator: Estimator) -> None:
     def force(time: float) -> float:
         return press(2.0, 0.3, 60.0)(time) * (1.0 - 0.3 * math.sin(2 * math.pi * hertz * max(time - 0.5, 0.0)))
 
-    found = totals(SENSOR, 4.0, force)
+    found = totals(SENSOR, 4.0, force, estimator)
     true = np.array([force(index * 1e-3) for index in range(4000)])
     assert np.abs(found - true)[400:].max() < 0.06
 
 
-def test_the_reported_uncertainty_covers_a_leakage_error_not_identified_yet() -> None:
+@EACH
+def test_the_reported_uncertainty_covers_a_leakage_error_not_identified_yet(estimator: Estimator) -> None:
     device = replace(perturbed(SENSOR, {"leak": 15.0}))
-    reconstructor, outside = Reconstructor(SENSOR), 0
+    reconstructor, outside = Reconstructor(SENSOR, estimator=estimator), 0
     for time, scan in scans(device, 3.0, force=press(2.0, 0.3, 60.0), shape=SHAPE):
         reconstructor.process(scan)
         image = reconstructor.image()

@@ -153,6 +153,24 @@ def test_bending_acts_on_every_taxel_in_proportion_to_the_total_force() -> None:
     np.testing.assert_allclose(along, np.tile(np.linspace(-1.0, 1.0, 3)[:, None], (1, 4)), rtol=1e-12, atol=1e-15)
 
 
+def test_a_chip_bends_around_the_place_that_is_pressed() -> None:
+    """As of a plate: what a force at one taxel does to another, the same force there does to the first."""
+
+    def moment(taxel: int) -> np.ndarray:
+        each = response()
+        each.advance(np.eye(TAXELS)[taxel], BLOCK)
+        column: np.ndarray = each.matrix()[:, Shared.BEND_MOMENT]
+        return column
+
+    between = np.array([moment(taxel) for taxel in range(TAXELS)])
+    np.testing.assert_allclose(between, between.T, rtol=0, atol=1e-15)
+    assert between[0, 0] == pytest.approx(2.0)  # a corner, at -1 in x and y
+    assert between[0, TAXELS - 1] == pytest.approx(-2.0)
+    each = response()
+    each.advance(np.ones(TAXELS), BLOCK)
+    np.testing.assert_allclose(each.matrix()[:, Shared.BEND_MOMENT], 0.0, rtol=0, atol=1e-12)
+
+
 @pytest.mark.parametrize(("rows", "cols"), [(1, 1), (1, 6), (2, 1)])
 def test_an_array_of_one_row_does_not_bend_across_it(rows: int, cols: int) -> None:
     layout = replace(LAYOUT, rows=rows, cols=cols)
@@ -199,7 +217,7 @@ def test_a_taxel_responds_to_its_own_force_only_but_for_bending() -> None:
     force = np.zeros(TAXELS)
     force[4] = 1.0
     matrix = advance(response(), [force] * 30).matrix()
-    matrix[:, [Shared.FILM, Shared.BEND, Shared.BEND_X, Shared.BEND_Y]] = 0.0
+    matrix[:, [Shared.FILM, Shared.BEND, Shared.BEND_X, Shared.BEND_Y, Shared.BEND_MOMENT]] = 0.0
     assert np.flatnonzero(matrix.any(axis=1)).tolist() == [4]
     # The small force of a taxel beside a contact is not a response to its own.
     assert not matrix[:, Shared.TAIL].any()

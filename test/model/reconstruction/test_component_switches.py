@@ -40,6 +40,22 @@ def played(
     return model
 
 
+def with_and_without_fault_detection(noise: float) -> list[Reconstructor]:
+    """Return both models after a second of rest in which taxel 7 has another noise [counts] than the others."""
+    models = [Reconstructor(SENSOR, settings=ReconstructionSettings(fault_detection=on)) for on in (True, False)]
+    rng, scan = np.random.default_rng(1), Scan.empty(SENSOR.layout.id, SENSOR.layout.taxels)
+    for number in range(1000):
+        scan.sequence, scan.stamp = number, 10**9 + number * 10**6
+        scan.device_time = number * 1000
+        scan.temperatures[:] = 25.0
+        deviations = 5.0 * rng.standard_normal(scan.counts.size)
+        deviations[7] *= noise / 5.0
+        scan.counts[:] = np.round(32768 + deviations)
+        for model in models:
+            model.process(scan)
+    return models
+
+
 def test_without_hum_removal_no_hum_is_found() -> None:
     board = replace(ErrorModel.none(), hum_amplitude=5e-3)
     assert abs(played(None, board).hum_frequency - 50.0) < 0.5
@@ -47,17 +63,15 @@ def test_without_hum_removal_no_hum_is_found() -> None:
 
 
 def test_without_fault_detection_a_stuck_taxel_counts_as_working() -> None:
-    models = [Reconstructor(SENSOR, settings=ReconstructionSettings(fault_detection=on)) for on in (True, False)]
-    rng, scan = np.random.default_rng(1), Scan.empty(SENSOR.layout.id, SENSOR.layout.taxels)
-    for number in range(1000):
-        scan.sequence, scan.stamp = number, 10**9 + number * 10**6
-        scan.device_time = number * 1000
-        scan.temperatures[:] = 25.0
-        scan.counts[:] = np.round(32768 + 5.0 * rng.standard_normal(scan.counts.size))
-        scan.counts[7] = 32768
-        for model in models:
-            model.process(scan)
+    models = with_and_without_fault_detection(noise=0.0)
     assert [model.faulty for model in models] == [1, 0]
+
+
+def test_without_fault_detection_the_noise_of_a_loud_taxel_is_still_measured() -> None:
+    with_it, without = with_and_without_fault_detection(noise=40.0)
+    assert (with_it.faulty, without.faulty) == (1, 0)
+    assert without.counts.bursts == with_it.counts.bursts < 40  # in the first period, before it is measured
+    assert without.unsettled == 0
 
 
 def test_without_roll_back_the_baseline_keeps_what_it_absorbed_of_a_touch() -> None:

@@ -10,6 +10,8 @@
 from __future__ import annotations
 
 import copy
+import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +21,11 @@ from numpy.typing import NDArray
 from posfet_model.estimation.choice import Estimator
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
 from posfet_model.sensor.description import load_sensor
+from posfet_sim.contact.indenters import Sphere
+from posfet_sim.device.error_model import ErrorModel
+from posfet_sim.device.film_effects import FilmEffects
+from posfet_sim.emulation.offline import received_scans
+from posfet_sim.scene import Keyframes, Scene, SceneObject
 from reference.dense_pressure import sphere_forces
 from support.scan_player import press, scans
 
@@ -83,3 +90,26 @@ def test_a_force_whose_release_is_lost_with_300_ms_of_scans_is_gone_within_three
     assert not result.valid or abs(total) < 0.03
     assert reconstructor.tare(force=not result.valid).done
     assert abs(reconstructor.image().total) < 0.03
+
+
+ACROSS = Keyframes(
+    (0.5, 0.6, 1.0, 1.8, 2.0, 2.1),
+    tuple(
+        (x * 1e-3, 0.5 * x * 1e-3, 0.0, force)
+        for x, force in ((-2, 0), (-2, 1.5), (-2, 1.5), (2, 1.5), (2, 1.5), (2, 0))
+    ),
+)
+"""A fingertip that presses near one corner, slides across the array, and leaves."""
+
+
+def test_a_chip_that_bends_around_the_place_that_is_pressed_is_followed() -> None:
+    """Charge of 8 mN/N on every taxel, which changes as the finger moves: 0.3 N if it were not known."""
+    board = replace(ErrorModel.none(), film=replace(FilmEffects.ideal(), bending=8e-3, bending_gradient=0.5))
+    finger = SceneObject("fingertip", Sphere(4e-3, 2e6), ACROSS)
+    scene = Scene("across", "a fingertip slides", math.inf, (finger,), Keyframes((0.0,), ((25.0,),)))
+    reconstructor, errors = Reconstructor(SENSOR, estimator=Estimator.ERROR_STATE), []
+    for scan, truth in received_scans(SENSOR, scene, 2.0, 1, board):
+        reconstructor.process(scan)
+        if truth.time > 1.0 and scan.sequence % 10 == 0:
+            errors.append(abs(reconstructor.image().total - float(truth.force.sum())))
+    assert max(errors) < 0.015

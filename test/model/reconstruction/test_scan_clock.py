@@ -228,3 +228,32 @@ def test_a_restart_is_not_forgotten_when_its_first_scan_cannot_be_used() -> None
     assert accept(clock, scan(1, stamp=START + 21_000_000))
     assert (clock.interrupted, clock.suspect) == (True, True)
     assert counted(clock) == {"adc_fault": 1, "resets": 1}
+
+
+def test_a_late_scan_of_before_a_restart_does_not_stand_for_its_first_scan() -> None:
+    clock = clock_after(10)
+    status = ScanStatus.BOARD_RESET | ScanStatus.CHARGE_RESET | ScanStatus.ADC_FAULT
+    assert not accept(clock, scan(0, stamp=START + 20_000_000, status=status))
+    assert not accept(clock, scan(5))
+    assert not accept(clock, scan(11))
+    assert accept(clock, scan(1, stamp=START + 21_000_000))
+    assert (clock.interrupted, clock.suspect) == (True, True)
+    assert counted(clock) == {"adc_fault": 1, "late": 2, "resets": 1}
+
+
+def test_scans_that_stay_before_a_restart_are_eventually_accepted() -> None:
+    clock = clock_after(10)
+    assert not accept(clock, scan(0, stamp=START + 20_000_000, status=ScanStatus.BOARD_RESET | ScanStatus.ADC_FAULT))
+    accepted = [accept(clock, scan(index, stamp=START - 1)) for index in range(1, 20)]
+    assert accepted.index(True) == 10
+    assert all(accepted[10:])
+
+
+def test_the_first_scan_of_a_restart_that_arrives_twice_is_one_restart() -> None:
+    clock = clock_after(10)
+    first = scan(0, stamp=START + 20_000_000, status=ScanStatus.BOARD_RESET | ScanStatus.CHARGE_RESET)
+    assert accept(clock, first)
+    assert not accept(clock, first)
+    assert accept(clock, scan(1, stamp=START + 21_000_000))
+    assert not clock.interrupted
+    assert counted(clock) == {"repeated": 1, "resets": 1}

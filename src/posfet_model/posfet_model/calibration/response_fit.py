@@ -64,7 +64,7 @@ class Segment:
     """Sources [N]: force, distance from the play operator, and further ones, shape [scans, 2 or more]; those after the
     first `leaking` ones are signals, which have leaked already."""
     common_sources: Array
-    """Sources per gain and common parameter: L_k[F] [N], then q*L_w[touched] [N/K], shape [scans, common]."""
+    """Sources per gain and common parameter: ``L_k[F]`` [N], then ``q*L_w[touched]`` [N/K], shape [scans, common]."""
     fitted: Mask
     """Blocks that are fitted; the others belong to the hold-out set, shape [blocks]."""
     leaking: int | None = None

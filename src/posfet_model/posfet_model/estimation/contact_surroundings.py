@@ -56,7 +56,7 @@ class ContactSurroundings:
         force : ndarray of float64, shape [taxels]
             Forces, >= 0 [N]; NaN where unknown.
         """
-        padded = np.nan_to_num(np.append(force, 0.0))
+        padded = np.append(np.where(np.isnan(force), 0.0, force), 0.0)
         at_edge, at_corner = padded[self._at_edge].max(axis=-1), padded[self._at_corner].max(axis=-1)
         greatest: Array = np.maximum(at_edge, DIAGONAL * at_corner)
         return greatest
@@ -76,7 +76,8 @@ class ContactSurroundings:
         """
         greatest = max(float(np.nanmax(force, initial=0.0)), least)
         padded = np.append(force, np.nan)
-        first, second = np.nan_to_num(padded[self._at_edge]), np.nan_to_num(padded[self._behind], nan=greatest)
+        first, second = (np.where(np.isnan(padded), other, padded) for other in (0.0, greatest))
+        first, second = first[self._at_edge], second[self._behind]
         denominator = np.maximum(first, second)
         decline: Array = (first * first / np.where(denominator > 0.0, denominator, 1.0)).max(axis=-1)
         return decline

@@ -44,15 +44,17 @@ class Shared(IntEnum):
     """Its gradient: difference between the middle of the array and its edge in x [1]."""
     BEND_Y = 8
     """The same in y [1]."""
-    LEAK = 9
+    BEND_MOMENT = 9
+    """The same as a force away from the middle causes it: a chip bends around the place that is pressed [1]."""
+    LEAK = 10
     """Relative error of the leak rates that all taxels have in common [1]."""
-    WARMTH = 10
+    WARMTH = 11
     """Temperature of the film of a touched taxel above the others [K]."""
-    TAIL = 11
+    TAIL = 12
     """Force that the cover lets an untouched taxel feel, relative to that of a geometric decline [1]."""
-    DRIFT = 12
+    DRIFT = 13
     """What the offsets of all taxels have in common, as a rate of the force errors [N/s]."""
-    CREEP = 13
+    CREEP = 14
     """First of the slow responses of the film to a force, relative to the force [1]; `CREEPS` of them."""
 
 
@@ -184,7 +186,7 @@ class ErrorPriors:
         deviations[Shared.LAG] = self.lag_spread
         deviations[Shared.SCALE] = self.scale
         deviations[Shared.BEND] = self.bend
-        deviations[[Shared.BEND_X, Shared.BEND_Y]] = self.bend_gradient
+        deviations[[Shared.BEND_X, Shared.BEND_Y, Shared.BEND_MOMENT]] = self.bend_gradient
         deviations[Shared.LEAK] = self.leak
         deviations[Shared.WARMTH] = self.warmth
         deviations[Shared.TAIL] = self.tail_spread

@@ -299,9 +299,18 @@ class ForceErrorFilter:
         b.covariance = self._rooted = self._root @ self._root.T
         change = b.covariance @ (weighted.T @ residual)
         b.shared = b.shared + change
-        gain = own * weight[:, None]
-        left = residual - sensitivity @ change
-        b.error += b.slope @ change + gain * left[:, None]
+        b.error += b.slope @ change
+        self._update_own(weight, own, residual - sensitivity @ change, sensitivity)
+
+    def update_alone(self, where: Mask, residual: Array, sensitivity: Array, noise: Array) -> None:
+        """Update the masked taxels by residuals that tell nothing of the shared states; arguments as for `update`."""
+        own = self.belief.own[:, :, 0] + self.belief.own[:, :, 2]
+        self._update_own(where / (own[:, 0] + own[:, 2] + noise), own, residual, sensitivity)
+
+    def _update_own(self, weight: Array, own: Array, residual: Array, sensitivity: Array) -> None:
+        """Update the taxels' errors given the shared states, by their covariances with the residuals [N2]."""
+        b, gain = self.belief, own * weight[:, None]
+        b.error += gain * residual[:, None]
         b.slope -= gain[:, :, None] * sensitivity[:, None, :]
         b.own -= gain[:, :, None] * own[:, None, :]
 
@@ -332,12 +341,28 @@ class ForceErrorFilter:
         variance : float
             Variance of its noise [K2].
         """
+        sensitivity = np.zeros(len(self.belief.shared))
+        sensitivity[Shared.SENSOR] = 1.0 + self.belief.shared[Shared.SCALE]
+        sensitivity[Shared.SCALE] = self.belief.shared[Shared.SENSOR]
+        innovation = self.temperature_innovation(reading, variance)[0]
+        self.measure_shared(innovation, sensitivity, variance)
+
+    def measure_shared(self, innovation: float, sensitivity: Array, variance: float) -> None:
+        """Update by a measurement of the shared states alone.
+
+        Parameters
+        ----------
+        innovation : float
+            Measured less expected value.
+        sensitivity : ndarray of float64, shape [shared]
+            Sensitivity of the measurement to the shared states.
+        variance : float
+            Variance of its noise.
+        """
         b = self.belief
-        innovation, column, total = self.temperature_innovation(reading, variance)
-        gain = column / total
-        kept = np.eye(len(gain))
-        kept[:, Shared.SENSOR] -= gain * (1.0 + b.shared[Shared.SCALE])
-        kept[:, Shared.SCALE] -= gain * b.shared[Shared.SENSOR]
+        column = b.covariance @ sensitivity
+        gain = column / (float(sensitivity @ column) + variance)
+        kept = np.eye(len(gain)) - np.outer(gain, sensitivity)
         change = gain * innovation
         b.shared = b.shared + change
         b.error += b.slope @ change

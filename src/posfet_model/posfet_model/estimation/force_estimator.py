@@ -29,7 +29,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model._lib.reductions import any_true, upper_median
+from posfet_model._lib.reductions import any_true, median, upper_median
 from posfet_model._lib.types import Array, Mask
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.estimation.choice import MAX_RELATIVE_UNCERTAINTY
@@ -49,6 +49,7 @@ from posfet_model.estimation.known_forces import (
 from posfet_model.estimation.leakage_inverse import LeakageInverse
 from posfet_model.estimation.rest_detector import RestDetector
 from posfet_model.estimation.settings import LONG_STEP, OFFSET_SPREAD, REJECTED, RESTART_DEVIATION, RUNAWAY
+from posfet_model.estimation.steady_force import HOP, steady_force
 from posfet_model.estimation.thermometers import Thermometers
 from posfet_model.estimation.touch_response import TouchResponse
 from posfet_model.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
@@ -72,6 +73,9 @@ LOST_FORCE_TIME: Final = 2.0
 
 SURPRISING: Final = 3.0
 """Deviations from which on a reading of the temperature sensors is unexpected [1]."""
+
+LARGEST_LAG_STEP: Final = 0.5
+"""Greatest change of the logarithm of the sensors' lag by one reading [1]: the lag is nearly linear in it, then."""
 
 LONGEST_INTERVAL: Final = 0.1
 """Longest time between two readings of the temperature sensors [s]: one that shows no change is none."""
@@ -122,6 +126,8 @@ class Block:
     """Variance of its noise [N2]."""
     duration: float
     """Its duration [s]."""
+    charge: Array
+    """Mean of the charge, as a force, up to a constant [N]."""
     span: float
     """Time from the middle of the block before to its own [s]."""
     reading: float
@@ -229,6 +235,7 @@ class ForceEstimator:
         self._sensors, self._unread, self._last_duration = math.nan, 0.0, BLOCK
         self._blocks: deque[Block] = deque(maxlen=LAG)
         self._recent_force: deque[float] = deque(maxlen=STILL_BLOCKS + RELEASED_BLOCKS)
+        self._unobserved, self._leaked = 0, np.zeros(taxels)
         self._unheated: ForceErrorFilter | None = None  # the belief while the hypothesis is open, without it
         self._expected_film = self._expected_rate = 0.0  # without any change of the rate [K], [K/s]
         self._age = 0.0
@@ -369,7 +376,7 @@ class ForceEstimator:
         """
         if len(self._untouched):
             residual = (self.force[self._untouched] - self._small) / self._per_kelvin[self._untouched]
-            shift = self._per_kelvin * (self._share * float(np.median(residual)))
+            shift = self._per_kelvin * (self._share * median(residual))
             self._correction += shift
             self.force -= shift
         if touched or self._uniform.pause > 0.0 or not self._uniform.observable or self._touched.any():
@@ -461,6 +468,7 @@ class ForceEstimator:
             self._process_again(touched)
         else:
             self._step(block)
+        self._observe_steady_force()
         variance = self._own + self._shared_variance() if contacts else self._own  # of no contact: not used
         released = self._release.update(
             contacts, self._mean, self._touched, variance, math.sqrt(float(block.noise.max()))
@@ -486,10 +494,47 @@ class ForceEstimator:
         change -= self._per_kelvin * upper_median((change / self._per_kelvin)[usable])
         self._jumps.observe(usable, change, after.noise, after.span)
 
+    def _observe_steady_force(self) -> None:
+        """Update the shared states by a force that has been steady in all stored blocks."""
+        self._unobserved += 1
+        if len(self._blocks) < LAG or self._unobserved < HOP or not any_true(self._blocks[-1].listed):
+            return
+        self._unobserved = 0
+        blocks = tuple(self._blocks)
+        held = np.logical_and.reduce([block.listed for block in blocks]) & ~self.ignored & ~self._lower_bound.mask
+        if not any_true(held):
+            return
+        belief = self.belief
+        kelvin = abs(float(self._per_kelvin[held].sum()))
+        film = [float(block.before.shared[Shared.FILM]) for block in blocks]
+        rate = math.sqrt(belief.covariance[Shared.RATE, Shared.RATE])
+        time = np.cumsum([block.span for block in blocks])
+        response = np.array([block.response[held] for block in blocks])
+        charge = np.array([block.charge[held] for block in blocks])
+        response[:, :, Shared.LEAK] = -charge  # as it is, whatever its time constant
+        force = np.array([block.mean[held] for block in blocks]) - self.belief.error[held, 0] - response @ belief.shared
+        response[:, :, Shared.FILM] = 0.0  # the only one of these states that is not constant
+        found = steady_force(
+            time,
+            force,
+            charge,
+            response.sum(axis=1),
+            kelvin * (max(film) - min(film) + rate * float(time[-1] - time[0])),
+            float(blocks[-1].noise[held].sum()),
+        )
+        if found is None:
+            return
+        expected = float(found.sensitivity @ belief.covariance @ found.sensitivity) + found.variance
+        if found.innovation**2 < SURPRISING**2 * expected:
+            self._filter.measure_shared(found.innovation, found.sensitivity, found.variance)
+
     def _measure(self, touched: Mask, listed: Mask) -> tuple[Block, Mask]:
         """Return the block that is due, and the taxels beside a touched one."""
         mean = self._sum / self._scans
         self._mean = mean
+        leaked = self._raw - self._inverse.signal
+        charge = (leaked - self._leaked) * (self._tau / self._elapsed)  # what leaks in a block is its mean charge
+        self._leaked = leaked
         self._unread += self._elapsed
         repeated = math.isnan(self._reading) and self._unread >= REPEATED and self.film.known
         if repeated:
@@ -502,7 +547,7 @@ class ForceEstimator:
         force = self._nothing
         if any_true(listed):
             force = np.where(self._surroundings.dilated(listed), np.maximum(self._steady, 0.0), 0.0)
-        self._touch.advance(force, self._elapsed)
+        self._touch.advance(force, self._elapsed, float(self.belief.shared[Shared.LEAK]))
         response = self._touch.matrix()
         neighbour = tail = self._nothing
         if any_touched:
@@ -533,6 +578,7 @@ class ForceEstimator:
             self._raw_sum / self._scans,
             self._noise_variance / self._scans,
             self._elapsed,
+            charge,
             span,
             self._reading,
             self._priors.reading**2 * (SAME_ERROR / REPEATED if repeated else 1.0),
@@ -605,6 +651,9 @@ class ForceEstimator:
             surprising = innovation * innovation > SURPRISING * SURPRISING * total
         if surprising:
             variance += (innovation / SURPRISING) ** 2
+        # The sensors' lag is exponential in its state: a step beyond the range of linearisation is made in parts.
+        _, column, total = f.temperature_innovation(block.reading, variance)
+        variance += max(abs(innovation * float(column[Shared.LAG])) / LARGEST_LAG_STEP - total, 0.0)
         f.measure_temperature(block.reading, variance)
 
     def _predict(self, errors: ForceErrorFilter, block: Block) -> Mask:
@@ -655,6 +704,10 @@ class ForceEstimator:
                 own = f.own_deviation(deviation, sensitivity, noise)
                 odd = np.abs(residual - kelvin * self._per_kelvin) > GATE * own
         f.update(where & ~odd, residual, sensitivity, noise)
+        faulty = self.ignored & self.offset_known & ~block.touched
+        if any_true(faulty):
+            # A noisy taxel still counts in a contact, and so must be zero before it.
+            f.update_alone(faulty, f.innovation(measured, response, noise)[0], sensitivity, noise)
         if block is self._blocks[-1]:
             self._judge(block, judged & odd, judged, residual)
 
@@ -833,6 +886,7 @@ class ForceEstimator:
     def _start(self, charge: Array) -> None:
         """Start with a scan that has no predecessor."""
         self._inverse.start(charge)
+        self._leaked = self._raw - self._inverse.signal
         self._last_duration = BLOCK
         signal, belief = self._inverse.signal, self.belief
         if not math.isnan(self._sensors):

@@ -75,7 +75,7 @@ class JumpNoise:
         self._squares += np.where(where, duration / np.clip(self._time, LEAST_MEMORY, MEMORY), 0.0) * rate
 
     def variance(self, duration: float) -> Array | float:
-        """Return the variance by which each force error grows in a time [s], shape [taxels] [N2]; 0.0: none."""
+        """Return the variance [N2] by which each force error grows in a time [s], shape [taxels]; 0.0: none."""
         if not self._any:
             return 0.0
         variance: Array = self._squares * (1.0 + (0.5 * DWELL / self._tau) ** 2) * duration

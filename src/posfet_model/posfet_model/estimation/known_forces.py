@@ -21,6 +21,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from posfet_model._lib.reductions import median
 from posfet_model._lib.types import Array, Mask
 
 GATE: Final = 5.0
@@ -266,9 +267,9 @@ class UniformChange:
             return 0.0
         response = self._per_kelvin[where]
         change = residual[where]
-        kelvin = float(np.median(change / response))
+        kelvin = median(change / response)
         force = kelvin * response
-        single, alone = float(np.median(deviation[where])), float(np.median(own[where]))
+        single, alone = median(deviation[where]), median(own[where])
         least = self.NOTICEABLE * single
         if touched:
             least = GATE * math.sqrt(max(single**2 - alone**2, 0.0) + alone**2 / len(change))
@@ -277,7 +278,7 @@ class UniformChange:
         if float(force.mean()) < 0.0:
             return kelvin  # no object pulls at the whole array
         misfit = np.abs(change - force) > self.NOTICEABLE * (self._spread * np.abs(force) + own[where])
-        fits = np.mean(misfit) <= self.MISFITS and abs(kelvin) <= self.FASTEST * duration
+        fits = np.count_nonzero(misfit) <= self.MISFITS * len(change) and abs(kelvin) <= self.FASTEST * duration
         return kelvin if fits and self.pause <= 0.0 else 0.0
 
     def begin(self) -> None:

@@ -24,6 +24,9 @@ from posfet_model.sensor.description import Layout
 WARMTH_FORCE: Final = 0.05
 """Force of a taxel at which the object has 1 - 1/e of the thermal contact that it can have [N], assumed."""
 
+LEAST_LEAK: Final = 0.5
+"""Least time constant of a leak that is simulated, relative to that of the description [1]."""
+
 
 class TouchResponse:
     """Responses of the force errors to the shared states.
@@ -74,14 +77,24 @@ class TouchResponse:
         leaked: Array = self._force - self._charge
         return leaked
 
-    def advance(self, force: Array, duration: float) -> None:
-        """Advance by a block of `duration` [s] with a mean touched force [N], shape [taxels], 0 where untouched."""
+    def advance(self, force: Array, duration: float, leak: float = 0.0) -> None:
+        """Advance by a block.
+
+        Parameters
+        ----------
+        force : ndarray of float64, shape [taxels]
+            Mean touched force [N]; 0 where untouched.
+        duration : float
+            Duration of the block [s].
+        leak : float, optional
+            Relative error of the leak rates as far as it is known [1]: the charge leaks with ``tau*(1 + leak)``.
+        """
         self.responding |= bool(force.any())
         if not self.responding:
             return
         share = -np.expm1(-duration / self._creep_times)[:, None]
         self._followed += share * (force - self._followed)
-        ratio = duration / self._tau
+        ratio = duration / (self._tau * max(1.0 + leak, LEAST_LEAK))
         left = np.exp(-ratio)
         self._charge = self._charge * left + (force - self._force) * (1.0 - left) / ratio
         self._force = force
@@ -99,6 +112,8 @@ class TouchResponse:
             response[:, Shared.BEND] = total
             response[:, Shared.BEND_X] = total * self._x
             response[:, Shared.BEND_Y] = total * self._y
+            moment_x, moment_y = float(self._force @ self._x), float(self._force @ self._y)
+            response[:, Shared.BEND_MOMENT] = moment_x * self._x + moment_y * self._y
             response[:, Shared.LEAK] = self.leaked
             response[:, Shared.WARMTH] = self._per_kelvin * self.warm
             response[:, Shared.CREEP :] = self._followed.T

@@ -529,7 +529,9 @@ class Reconstructor:
         near = self._finder.dilated(self._finder.touched, self._contact_margin)
         variance = observer.variance(self._variance)
         mean, charge = observer.block_mean, observer.residual_charge
-        if self._detects_faults and faults.close_block(
+        if not self._detects_faults:
+            faults.measure_noise(observer.block_time, self._saturated, near)
+        elif faults.close_block(
             observer.block_time, mean, variance, charge, self._saturated, near, observer.offset_known
         ):
             observer.ignore(faults.faulty)

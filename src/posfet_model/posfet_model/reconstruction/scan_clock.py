@@ -98,6 +98,7 @@ class ScanClock:
         self._periods = self._period / JUMP_FACTOR, self._period * JUMP_FACTOR
         self._late_in_a_row = 0
         self._restart = 0  # flags of restarts since the last admitted scan, also of scans that were refused
+        self._restarted = 0  # stamp of the newest scan with such a flag [ns]
         self._sequence = -1
         self._device_time = 0
         self._stamp = 0
@@ -116,7 +117,8 @@ class ScanClock:
 
     def fits(self, scan: Scan) -> bool:
         """Return whether a scan has the layout of this sensor; count it otherwise."""
-        self._restart |= scan.status & _RESTART
+        if scan.status & _RESTART:
+            self._note_restart(scan)
         if scan.layout_id == self._layout_id and scan.counts.shape == self._shape:
             return True
         self.counts.layout_mismatch += 1
@@ -125,14 +127,20 @@ class ScanClock:
     def is_new(self, scan: Scan) -> bool:
         """Return whether a scan that fits is neither duplicate nor late; count it otherwise."""
         ahead = scan.sequence - self._sequence
-        if ahead > 0 or self._sequence < 0 or self._restart:
+        if self._sequence < 0:
             return True
-        if ahead == 0:
+        if self._restart:
+            is_later = scan.stamp >= self._restarted
+        elif ahead == 0:
             self.counts.repeated += 1
             return False
+        else:
+            is_later = ahead > 0 or scan.stamp > self._stamp  # the sequence has restarted
+        if is_later:
+            return True
         self._late_in_a_row += 1
-        if scan.stamp > self._stamp or self._late_in_a_row > MOST_LATE:
-            return True  # the sequence has restarted
+        if self._late_in_a_row > MOST_LATE:
+            return True
         self.counts.late += 1
         return False
 
@@ -160,6 +168,12 @@ class ScanClock:
         self._estimated = bool(scan.status & _TIME_ESTIMATED)
         self._late_in_a_row = self._restart = 0
         self.counts.accepted += 1
+
+    def _note_restart(self, scan: Scan) -> None:
+        """Note that the board has restarted before a scan, unless that is the last admitted one once more."""
+        if scan.sequence != self._sequence or scan.stamp != self._stamp:
+            self._restart |= scan.status & _RESTART
+            self._restarted = scan.stamp
 
     def _reset(self, scan: Scan) -> None:
         """Bridge a restart of the board by the stamps, which continue."""

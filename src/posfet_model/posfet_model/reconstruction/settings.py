@@ -33,4 +33,5 @@ class ReconstructionSettings:
     hum_removal: bool = True
     """Whether mains hum is estimated and subtracted."""
     fault_detection: bool = True
-    """Whether taxels are tested for faults; without, those that the calibration found stay excluded."""
+    """Whether taxels are tested for faults; without, those that the calibration found stay excluded, and the noise of
+    all others is still measured."""

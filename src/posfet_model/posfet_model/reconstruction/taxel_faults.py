@@ -32,9 +32,9 @@ from numpy.typing import NDArray
 
 from posfet_model._lib.reductions import any_true, upper_median
 from posfet_model.reconstruction.telegraph_noise import TelegraphDetector
-from posfet_model.sensor.description import COARSEST_BITS, Sensor
+from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.neighbour_estimate import NeighbourInterpolation
-from posfet_model.sensor.signal_chain import force_noise_rms, volts_per_count
+from posfet_model.sensor.signal_chain import force_noise_rms, volts_per_code, volts_per_count
 from posfet_model.sensor.skin_response import LEAST_SPREAD, SkinResponse
 
 MOST_SCANS: Final = 64
@@ -51,6 +51,11 @@ CERTAINTY: Final = 1e-12
 
 LONGEST_RUN: Final = 100_000
 """Number of scans beyond which constant counts are not informative: noise far below one code may never change them."""
+
+
+COARSE_LOUD: Final = 1.5
+"""Noise variance over the described one from which it is measured, with coarse codes [1]: a signal between two codes
+switches between them, which is three times the variance of quantisation that is described, in all taxels at once."""
 
 
 class TaxelStatus(IntEnum):
@@ -152,6 +157,7 @@ class TaxelFaultDetector:
         self.usual_change = np.zeros(taxels)
         """Median difference of two consecutive changes of each taxel [N], shape [rows * cols]."""
         self._noise = force_noise_rms(sensor) ** 2 / self._newton2_per_count2
+        self._measured_from = COARSE_LOUD if coarse(sensor) else self._settings.quiet**2
         self._run_limit = longest_run(sensor)
         spread = sensor.device.contact_spread / max(layout.pitch_x, layout.pitch_y)
         self._spread_by_skin = spread >= LEAST_SPREAD
@@ -170,7 +176,7 @@ class TaxelFaultDetector:
     @property
     def noise_variance(self) -> NDArray[np.float64]:
         """Variance of a reading of each taxel [N2], shape [rows * cols]: measured if loud, else as described."""
-        loud = self._level > self._settings.quiet**2 * self._noise
+        loud = self._level > self._measured_from * self._noise
         variance: NDArray[np.float64] = np.where(loud, self._level, self._noise) * self._newton2_per_count2
         return variance
 
@@ -252,7 +258,7 @@ class TaxelFaultDetector:
         self._test_levels(duration)
         stuck, changed = self._test_runs(duration, charge, saturated)
         stuck |= self._alone_for >= self._settings.confirm
-        if self._elapsed >= PERIOD or self._filled == len(self._counts):
+        if self._period_over:
             self._test_noise(saturated)
             self._test_response(force, offset_known)
             self._test_alone(force, variance, offset_known)
@@ -276,6 +282,30 @@ class TaxelFaultDetector:
             self.faulty[:] = faulty
             self.any_faulty = any_true(faulty)
         return different
+
+    def measure_noise(self, duration: float, saturated: NDArray[np.bool_], touched: NDArray[np.bool_]) -> None:
+        """End a block without a test: measure the noise of all taxels, and leave their status as it is.
+
+        Parameters
+        ----------
+        duration : float
+            Duration of the block [s].
+        saturated : ndarray of bool, shape [rows * cols]
+            Taxels at the end of their range.
+        touched : ndarray of bool, shape [rows * cols]
+            Taxels in or near a contact.
+        """
+        self._elapsed += duration
+        self._touched |= touched
+        if self._period_over:
+            self._test_noise(saturated)
+            self._start_period()
+        self._last = max(self._filled - 1, 0)
+
+    @property
+    def _period_over(self) -> bool:
+        """Whether the tests for noise and response are due."""
+        return self._elapsed >= PERIOD or self._filled == len(self._counts)
 
     def _start_period(self) -> None:
         """Start the next period of the tests for noise and response."""
@@ -399,6 +429,23 @@ class TaxelFaultDetector:
         self._contradicted = noisy & contradicted
 
 
+def coarse(sensor: Sensor) -> bool:
+    """Return whether the quantisation noise of the codes is larger than that of the input.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        Description of the sensor.
+
+    Returns
+    -------
+    bool
+        Whether it is.
+    """
+    step = volts_per_code(sensor)
+    return step * step / 12 > sensor.adc.noise**2
+
+
 def longest_run(sensor: Sensor) -> float:
     """Return the greatest number of scans in which the counts of a working taxel may stay constant.
 
@@ -414,8 +461,7 @@ def longest_run(sensor: Sensor) -> float:
     float
         Number of scans [1], >= 2; inf: no limit.
     """
-    bits = sensor.adc.bits if sensor.can.fd else min(sensor.adc.bits, COARSEST_BITS)
-    half = 0.5 * (sensor.adc.high - sensor.adc.low) / ((1 << bits) - 1)
+    half = 0.5 * volts_per_code(sensor)
     if sensor.adc.noise == 0.0:
         return math.inf
     leaves = math.erfc(half / (math.sqrt(2.0) * sensor.adc.noise))
