@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from importlib.abc import MetaPathFinder
 from importlib.util import find_spec
@@ -23,8 +23,10 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from posfet_model.sensor.description import Sensor, load_sensor
+from support import interrupts
 from support.clocks import POLL
 from support.expected_time import expected, keep
+from support.participants import participants_kept
 from support.worker_scope import scope
 
 OPTIONAL = ("cantools", "matplotlib", "posfet_driver", "posfet_sim", "posfet")
@@ -73,6 +75,7 @@ def pytest_configure(config: pytest.Config) -> None:
         config.addinivalue_line("markers", marker)
     for warning in WARNINGS:
         config.addinivalue_line("filterwarnings", warning)
+    interrupts.restore()
     os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
     try:
         import domain_coordinator  # noqa: PLC0415  # only where there is ROS
@@ -127,6 +130,13 @@ def waits_are_short(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def _shortly(read_frames: Callable[[Any, float], list[Any]]) -> Callable[[Any, float], list[Any]]:
     return lambda bus, timeout: read_frames(bus, min(timeout, POLL))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def nodes_are_destroyed() -> Iterator[None]:
+    """No module leaves a participant of the middleware behind: many in one process slow each other down and lock up."""
+    yield
+    assert not participants_kept(), "a node of this module was not destroyed, or its context not shut down"
 
 
 @pytest.fixture(scope="session")

@@ -23,7 +23,7 @@ import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import Image, PointCloud2
 
 from posfet_model.ros.run_node import NodeExecutor
@@ -37,8 +37,6 @@ REPEAT_PERIOD = 5.0
 """Time without a response after which a request is sent again [s]."""
 COMPARED = 1000
 """Scans with a contact that are compared with the ground truth."""
-NEWEST = 10_000
-"""Newest messages of a topic among which these are looked for: what a check costs does not grow while it waits."""
 NOTHING = {"repeated", "late", "layout mismatch"}
 """Counters of the diagnostics that must exist and be 0. Scans lost between processes are not among them: a busy machine
 loses some, which the model counts."""
@@ -125,6 +123,11 @@ class Listener:
             topics.update(self._node.get_publisher_names_and_types_by_node(name, namespace))
         return topics
 
+    def is_reliable(self, topic: str) -> bool:
+        """Return whether a topic has publishers, all of which deliver to a reliable subscriber."""
+        offered = [each.qos_profile.reliability for each in self._node.get_publishers_info_by_topic(topic)]
+        return bool(offered) and all(each is ReliabilityPolicy.RELIABLE for each in offered)
+
     def node_names(self) -> set[str]:
         """Return the full names of the discovered nodes, except this one."""
         pairs = self._node.get_node_names_and_namespaces()
@@ -148,19 +151,13 @@ def expect_contacts_of_the_scene(listener: Listener) -> None:
     contacts: list[TactileContacts] = listener.collect(TactileContacts, "contacts")
     truths: list[TactileTruth] = listener.collect(TactileTruth, "truth")
 
-    def compared() -> list[Pair]:
-        pairs = _followed(contacts[-NEWEST:], truths[-NEWEST:])
-        return [(found, truth) for found, truth in pairs if found.data_valid and _pressed(truth)]
-
-    listener.wait(lambda: len(contacts) > COMPARED and len(compared()) > COMPARED, "a contact of the scene")
+    comparison = Comparison(contacts, truths)
+    listener.wait(lambda: comparison.update() > COMPARED, "a contact of the scene without lost scans")
     first, last = truths[0], truths[-1]
     rate = (last.sequence - first.sequence) / (_seconds(last) - _seconds(first))
     assert rate == pytest.approx(1000.0, rel=1e-4), f"{rate:.1f} scans/s"
-    sequences = [found.sequence for found in contacts]
-    assert sequences == sorted(set(sequences)), "a scan was reported twice or late"
-
     distances, force_errors = [], []
-    for found, truth in compared():
+    for found, truth in comparison.pairs:
         touching = [contact for contact in found.contacts if contact.state != TactileContact.STATE_RELEASED]
         assert touching, f"scan {found.sequence}: the scene presses, but no contact was found"
         true = truth.contact_centres[0]
@@ -173,23 +170,48 @@ def expect_contacts_of_the_scene(listener: Listener) -> None:
     )  # 1.5 N in the scene
 
 
-def _followed(contacts: list[TactileContacts], truths: list[TactileTruth]) -> list[Pair]:
-    """Pair contacts with the ground truth of their scans, for touches without lost scans up to there.
+class Comparison:
+    """Contacts beside the ground truth of their scans, for touches without lost scans up to there.
 
     The change of force in a scan that a busy machine lost between two processes is unknown: the model then reports a
-    larger uncertainty, and the charge that leaked meanwhile is missing until the release.
+    larger uncertainty, and the charge that leaked meanwhile is missing until the release. Each message is looked at
+    once, so that a look costs the same however long the stack has been running.
     """
-    by_sequence = {truth.sequence: truth for truth in truths}
-    pairs, whole, before = [], False, None
-    for found in contacts:
-        truth = by_sequence.get(found.sequence)
-        whole = whole and found.sequence == before + 1
-        before = found.sequence
-        if truth is not None:
-            whole = whole or not truth.contact_forces
-            if whole:
-                pairs.append((found, truth))
-    return pairs
+
+    def __init__(self, contacts: list[TactileContacts], truths: list[TactileTruth]) -> None:
+        self._contacts, self._truths = contacts, truths
+        self._contacts_seen = self._truths_seen = 0
+        self._by_sequence: dict[int, TactileTruth] = {}
+        self._whole, self._before = False, None
+        self.pairs: list[Pair] = []
+        """Valid contacts of a scan with one true contact of more than `PRESSED`."""
+        self.lost = 0
+        """Scans missing among the contacts."""
+
+    def update(self) -> int:
+        """Take in what has arrived since the last call; return the number of pairs."""
+        while self._truths_seen < len(self._truths):
+            truth = self._truths[self._truths_seen]
+            self._by_sequence[truth.sequence] = truth
+            self._truths_seen += 1
+        newest = self._truths[-1].sequence if self._truths else -1
+        while self._contacts_seen < len(self._contacts) and self._contacts[self._contacts_seen].sequence <= newest:
+            self._compare(self._contacts[self._contacts_seen])
+            self._contacts_seen += 1
+        return len(self.pairs)
+
+    def _compare(self, found: TactileContacts) -> None:
+        if self._before is not None:
+            assert found.sequence > self._before, "a scan was reported twice or late"
+            self.lost += found.sequence - self._before - 1
+            self._whole = self._whole and found.sequence == self._before + 1
+        self._before = found.sequence
+        truth = self._by_sequence.pop(found.sequence, None)
+        if truth is None:
+            return
+        self._whole = self._whole or not truth.contact_forces
+        if self._whole and found.data_valid and _pressed(truth):
+            self.pairs.append((found, truth))
 
 
 def expect_images(listener: Listener) -> None:

@@ -70,7 +70,7 @@ def subscribe(topic: str, results: Connection) -> None:
     """Subscribe to contacts, send how long the first message took, and go on until killed."""
     rclpy = importlib.import_module("rclpy")
     message_type = importlib.import_module("posfet_msgs.msg").TactileContacts
-    rclpy.init()
+    rclpy.init(args=[])  # those of this process are for the bring-up
     node = rclpy.create_node(f"late_{os.getpid()}")
     received: list[float] = []
 

@@ -16,6 +16,7 @@ LIVE: Final = ("model/ros/", "driver/ros/", "sim/ros/", "stack/", "driver/board/
 They take longest and start first.
 """
 TOGETHER: Final = (
+    "layout/test_wheel.py",
     "sim/calibration/test_calibration.py",
     "sim/calibration/test_bench_recording.py",
     "sim/calibration/test_real_film.py",

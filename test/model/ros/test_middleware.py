@@ -13,6 +13,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -51,6 +52,7 @@ with ros([]) as stack:
     end = time.monotonic() + {DEADLINE}
     while not publisher.get_subscription_count() and time.monotonic() < end:
         time.sleep(0.05)
+    sys.stdin.readline()
     before, begin = wakes(), time.monotonic()
     for index in range({MESSAGES}):
         publisher.publish(TactileContacts(sequence=index))
@@ -69,14 +71,24 @@ def test_a_message_to_a_reliable_subscriber_wakes_no_second_thread() -> None:
     context, received = Context(), []
     rclpy.init(context=context)
     reader = Node("reader", context=context)
-    reader.create_subscription(TactileContacts, "contacts", lambda message: received.append(message.sequence), 1000)
+    subscription = reader.create_subscription(
+        TactileContacts, "contacts", lambda message: received.append(message.sequence), 1000
+    )
     executor = SingleThreadedExecutor(context=context)
     pipe = subprocess.PIPE
     with subprocess.Popen([sys.executable, "-c", WRITER], stdin=pipe, stdout=pipe, stderr=pipe, text=True) as writer:
         try:
             end = time.monotonic() + DEADLINE
-            while len(received) < MESSAGES and time.monotonic() < end and writer.poll() is None:
-                rclpy.spin_once(reader, executor=executor, timeout_sec=0.05)
+
+            def spin_until(done: Callable[[], bool]) -> None:
+                while not done() and time.monotonic() < end and writer.poll() is None:
+                    rclpy.spin_once(reader, executor=executor, timeout_sec=0.05)
+
+            # Only once the reader knows the writer, too, is the connection reliable.
+            spin_until(lambda: subscription.get_publisher_count() > 0)
+            writer.stdin.write("\n")
+            writer.stdin.flush()
+            spin_until(lambda: len(received) >= MESSAGES)
             out, error = writer.communicate("\n", timeout=DEADLINE)
         finally:
             writer.kill()

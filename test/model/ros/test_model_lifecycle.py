@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 from typing import Any
 
@@ -30,6 +31,7 @@ from posfet_model.sensor.scan import Scan
 from posfet_model.sensor.signal_chain import ForwardSignalChain
 from posfet_msgs.msg import TactileRaw
 from posfet_msgs.srv import CalibrationFile, Tare
+from support.participants import participants, participants_kept
 
 pytestmark = pytest.mark.ros
 
@@ -216,3 +218,18 @@ def test_the_frame_is_that_of_the_scans(bench: Bench) -> None:
 
 def test_a_board_without_a_serial_number_is_told_apart_by_its_namespace() -> None:
     assert hardware_id(SENSOR, "/hand/thumb") == "posfet_5x5 (hand/thumb)"
+
+
+def test_a_destroyed_node_releases_its_participant_at_once() -> None:
+    collected = participants_kept()
+    gc.disable()
+    try:
+        context = Context()
+        rclpy.init(context=context)
+        node = ModelNode(context=context)
+        assert participants() == collected + 1
+        node.destroy_node()
+        assert participants() == collected
+        rclpy.shutdown(context=context)
+    finally:
+        gc.enable()

@@ -37,15 +37,16 @@ ACTIONS = ("scene", "source", "model", "both", "reopen", "cleanup")
 class Stack:
     """Simulated board and model in one process, whose scans the test reads in simulated time, without a thread."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, imperfections: str) -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, imperfections: str, can_fd: str) -> None:
         monkeypatch.setattr(SimBoardNode, "_run", lambda *_: None)
         self.context = Context()
         rclpy.init(context=self.context)
         self.clock = SteppedClock(10**9, EPOCH)
+        frames = Parameter("can_fd", value=can_fd)  # classic ones have counts of 12 bits
         values = {"scene": "idle", "imperfections": imperfections}
-        overrides = [Parameter(name, value=value) for name, value in values.items()]
+        overrides = [frames, *(Parameter(name, value=value) for name, value in values.items())]
         self.board = SimBoardNode(clock=self.clock, context=self.context, parameter_overrides=overrides)
-        self.model = ModelNode(context=self.context, parameter_overrides=[Parameter("direct", value=True)])
+        self.model = ModelNode(context=self.context, parameter_overrides=[frames, Parameter("direct", value=True)])
         self.board.sink = self.model.process
         self.untouched = 0.0  # time since the last true touch [s]
         self.seen = 0  # scans with a true touch that was reported
@@ -104,14 +105,15 @@ class Stack:
             self.clock.now += round(pause * 1e9)
 
 
+@pytest.mark.parametrize("can_fd", ["true", "false"], ids=["FD", "classic"])
 @pytest.mark.parametrize("imperfections", ["default", "none"])
 @pytest.mark.parametrize("loops", [10, pytest.param(200, marks=pytest.mark.slow)])
 def test_no_phantom_contact_follows_an_interruption(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, loops: int, imperfections: str
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, loops: int, imperfections: str, can_fd: str
 ) -> None:
     touch = tmp_path / "touch.yaml"
     touch.write_text(TOUCH, encoding="utf-8")
-    stack, noise = Stack(monkeypatch, imperfections), random.Random(loops)
+    stack, noise = Stack(monkeypatch, imperfections, can_fd), random.Random(loops)
     try:
         stack.run(1.0)
         for loop in range(loops):

@@ -55,6 +55,11 @@ class SupervisedLifecycleNode(SupervisedNode, LifecycleNode):  # type: ignore[mi
         self.refusal = ""
         """Why the last configure failed, in one line; '' before the first failure."""
 
+    def destroy_node(self) -> None:
+        """Release the node and its participant; rclpy leaves its state machine, which holds both, to the collector."""
+        super().destroy_node()
+        self._state_machine.destroy_when_not_in_use()
+
     def start(self) -> None:
         """Configure and activate, unless the parameter autostart is false.
 

@@ -10,7 +10,6 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 from geometry_msgs.msg import Wrench, WrenchStamped
@@ -20,7 +19,7 @@ from posfet_model.reconstruction.force_image import ForceImage
 from posfet_model.reconstruction.reconstructor import InvalidReason, Reconstruction, Reconstructor
 from posfet_model.ros.conversions import set_stamp, set_vector
 from posfet_model.sensor.description import Layout
-from posfet_model.sensor.surface import taxel_normals, taxel_points
+from posfet_model.sensor.surface import wrench_per_newton
 from posfet_msgs.msg import TactileWrench
 
 UNKNOWN_WRENCH = [math.nan] * 6
@@ -47,7 +46,7 @@ class WrenchMessage:
     def __init__(self, layout: Layout, frame_id: str) -> None:
         self._message = WrenchStamped()
         self._message.header.frame_id = frame_id
-        self._per_newton = _wrench_per_newton(layout)
+        self._per_newton = wrench_per_newton(layout)
 
     def fill(self, result: Reconstruction, image: ForceImage) -> WrenchStamped:
         """Return the message; the next call overwrites it. All NaN if the result is not valid: it has no other flag.
@@ -79,7 +78,7 @@ class WrenchEstimateMessage:
     def __init__(self, layout: Layout, frame_id: str) -> None:
         self._message = TactileWrench(layout_id=layout.id)
         self._message.header.frame_id = frame_id
-        self._per_newton = _wrench_per_newton(layout)
+        self._per_newton = wrench_per_newton(layout)
 
     def fill(self, result: Reconstruction, image: ForceImage, reconstructor: Reconstructor) -> TactileWrench:
         """Return the message; the next call overwrites it.
@@ -103,15 +102,6 @@ class WrenchEstimateMessage:
         covariance = reconstructor.covariance(self._per_newton) if message.data_valid else UNKNOWN_COVARIANCE
         message.covariance[:] = np.nan_to_num(covariance).ravel()
         return message
-
-
-@lru_cache(maxsize=8)  # both messages of a sensor share it
-def _wrench_per_newton(layout: Layout) -> NDArray[np.float64]:
-    """Return force (rows 0 to 2) and torque r x F (rows 3 to 5) for 1 N on each taxel."""
-    normals = taxel_normals(layout)
-    wrench: NDArray[np.float64] = np.hstack([-normals, -np.cross(taxel_points(layout), normals)]).T.copy()
-    wrench.setflags(write=False)
-    return wrench
 
 
 def _set_wrench(wrench: Wrench, per_newton: NDArray[np.float64], image: ForceImage, known: bool) -> None:
