@@ -1,25 +1,28 @@
 # Set-up, build, and shortcuts to the commands of the packages. Uses a sourced ROS 2 if there is one, .venv otherwise.
 #
 #   make bringup            run the stack with the simulated board     WEB=1  FOR=5  SOURCE=sim|emulator|can  SCENE=name|file  ARGS=...
-#   make test               run all tests but the slow ones (against the wall clock)     ARGS="-k name" goes to pytest
+#   make test               run all tests but the slow ones (in real time, or long)      ARGS="-k name" goes to pytest
 #   make test-cortex-m      run the reference firmware's image on an emulated Cortex-M3, driver and model on it; part of test-vm
 #   make test-vm            run the driver on SocketCAN in a virtual machine with Debian's kernel     ARGS="-k netem"
 #   make check              run ruff, mypy, numpydoc and import-linter
-#   make soak               run the tests against the wall clock, the adversary, then the driver under faults for half an hour     FOR=60  SCANS=100000
+#   make soak               run the slow tests, the adversary, then the driver under faults for half an hour     FOR=60  SCANS=100000
 #   make bench              measure speed; writes benchmarks/RESULTS.md    FULL=1  ONLY=latency (prints only)
 #   make fronts             measure run time against error of every stage and of the pipeline beside peers; writes docs/runtime_accuracy.md
 #   make stability          run every follower model for 1e8 steps, half an hour     STEPS=1e6
 #   make accuracy           measure the accuracy of forces and contacts; writes docs/accuracy.md    FULL=1  ONLY=effects (that section)
 #   make figures            draw the figures of docs/
 #   make screenshots        take the pictures of the browser view in docs/ with Chromium
+#   make wheel              build the Python package without ROS into dist/
 #   make parameters         write the tables of docs/parameters.md
+#   make reference          write docs/messages.md, services.md and commands.md
+#   make docs               build the documentation site in build/docs; fails for a link without a target
 #   make protocol           write the tables of docs/protocol.md and the golden frames of the tests
 #   make clean              remove what was built; make distclean removes .venv and .vm as well
 
 SHELL := /bin/bash
 .SHELLFLAGS := -e -o pipefail -c
 .DEFAULT_GOAL := bringup
-.PHONY: bringup test test-cortex-m test-vm check soak bench fronts accuracy stability figures screenshots parameters setup build clean distclean
+.PHONY: bringup test test-cortex-m test-vm check soak bench fronts accuracy stability figures screenshots parameters wheel protocol reference docs setup build clean distclean
 
 VARIABLES := ARGS FOR FULL ONLY SCANS SCENE SOURCE STEPS WEB
 given := $(foreach variable,$(.VARIABLES),$(if $(filter command,$(origin $(variable))),$(variable)))
@@ -119,14 +122,35 @@ figures: $(BUILT)
 screenshots: $(BUILT)
 	@$(IN_ENVIRONMENT) cd test && exec python3 -m support.screenshots $(ARGS)
 
+# Without what an earlier build left: files that were removed since then would be in the wheel.
+wheel: | $(READY)
+	@rm -rf python/build python/posfet.egg-info
+	@$(if $(ROS_DISTRO),python3,.venv/bin/python) -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir dist ./python
+	@rm -rf python/build python/posfet.egg-info; ls -1 dist/posfet-*.whl
+
 parameters: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet.parameters_document $(ARGS)
+
+reference: $(BUILT)
+	@$(IN_ENVIRONMENT) exec python3 -m posfet.reference_documents $(ARGS)
+
+# With a sourced ROS 2: pip install --requirement tools/docs_requirements.txt, into an environment of your own
+.venv/.docs_ready: tools/docs_requirements.txt | $(READY)
+	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --requirement $<
+	@touch $@
+
+ifndef ROS_DISTRO
+docs: .venv/.docs_ready
+endif
+docs: $(BUILT)
+	@$(IN_ENVIRONMENT) NO_MKDOCS_2_WARNING=1 python3 -m mkdocs build --strict $(ARGS)
+	@echo "docs: build/docs/index.html"
 
 protocol: $(BUILT)
 	@$(IN_ENVIRONMENT) exec python3 -m posfet.protocol_document $(ARGS)
 
 clean:
-	rm -rf build install log
+	rm -rf build install log dist
 
 distclean: clean
 	rm -rf .venv .vm

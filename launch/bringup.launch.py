@@ -28,6 +28,7 @@ from posfet.arguments import ARGUMENTS, LAUNCH_ARGUMENTS, check, choices, descri
 from posfet.bringup import default_params_file
 from posfet.graph import NodeSpec, graph
 from posfet.ros_arguments import RosArguments
+from posfet.web.options import web_words
 from posfet_model.config import ConfigError
 from posfet_model.ros.exit_codes import PROCESS_FAILED
 from posfet_model.ros.start import PARENT
@@ -66,17 +67,21 @@ def on_exit(required: bool, respawn: str) -> Callable[..., list[LaunchDescriptio
 def start_nodes(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """Return the processes; bad input ends the launch only if they are required."""
     values = {argument.name: LaunchConfiguration(argument.name).perform(context) for argument in ARGUMENTS}
-    required, respawn = (LaunchConfiguration(argument.name).perform(context) for argument in LAUNCH_ARGUMENTS)
+    required, respawn, web = (LaunchConfiguration(argument.name).perform(context) for argument in LAUNCH_ARGUMENTS)
     try:
-        return processes(context, check(values), on_exit(required == "true", respawn))
+        return processes(context, check(values), web_words(web), on_exit(required == "true", respawn))
     except ConfigError as error:
         if required == "true":
             raise
         return [LogInfo(msg=f"posfet: {error}; the rest goes on (required:=false)")]
 
 
-def processes(context: LaunchContext, arguments: dict[str, str], ended: Callable[..., Any]) -> list[Node]:
+def processes(
+    context: LaunchContext, arguments: dict[str, str], web: list[str], ended: Callable[..., Any]
+) -> list[Node]:
     """Return one process with all nodes, which computes the graph itself, or one for each with composed:=false."""
+    if web and arguments["composed"] != "true":
+        raise ConfigError("web: needs composed:=true; `posfet view --web NAMESPACE` shows a stack of any kind")
     common: dict[str, Any] = {
         "output": "screen",
         "on_exit": ended,
@@ -84,7 +89,7 @@ def processes(context: LaunchContext, arguments: dict[str, str], ended: Callable
         "additional_env": {PARENT: str(os.getpid())},
     }
     if arguments["composed"] == "true":
-        words = [f"{name}:={value}" for name, value in arguments.items()]
+        words = [*(f"{name}:={value}" for name, value in arguments.items()), *web]
         return [Node(package="posfet", executable="bringup", arguments=words, **common)]
     around = RosArguments(context.launch_configurations.get("ros_namespace", "").strip("/"))
     return [

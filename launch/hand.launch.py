@@ -18,7 +18,7 @@ from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDesc
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
 
-from posfet.arguments import LAUNCH_ARGUMENTS, choices, description
+from posfet.arguments import ENDS, choices, description
 from posfet.hand import read_hand
 
 SENSOR = Path(__file__).with_name("bringup.launch.py")
@@ -26,7 +26,7 @@ SENSOR = Path(__file__).with_name("bringup.launch.py")
 
 def start_sensors(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     """Return a bring-up for each sensor; a hand file that cannot be used ends the launch."""
-    common = {argument.name: LaunchConfiguration(argument.name).perform(context) for argument in LAUNCH_ARGUMENTS}
+    common = {argument.name: LaunchConfiguration(argument.name).perform(context) for argument in ENDS}
     return [
         GroupAction(  # arguments of one sensor are not those of the next
             [
@@ -51,7 +51,7 @@ def generate_launch_description() -> LaunchDescription:
                 description=description(argument),
                 choices=choices(argument) or None,
             )
-            for argument in LAUNCH_ARGUMENTS
+            for argument in ENDS
         ),
     ]
     return LaunchDescription([*declared, OpaqueFunction(function=start_sensors)])

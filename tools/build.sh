@@ -6,7 +6,14 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 [[ -n "${ROS_DISTRO:-}" ]] || source .venv/local_setup.bash
 # Without a limit of their own, make's processes wait while others load the machine.
 [[ "${MAKEFLAGS:-}" == *-j* ]] || export MAKEFLAGS="-j$(nproc)"
+packages=(src/*/package.xml)
+# The generators of the messages parse each interface file once.
+export PYTHONPATH="$PWD/tools/parse_once${PYTHONPATH:+:$PYTHONPATH}" POSFET_PARSED="$PWD/build/parsed"
+# .venv has no C++ client library.
+only_python=$([[ -n "${ROS_DISTRO:-}" ]] && echo OFF || echo ON)
 # Compile the installed modules now, whatever the caller has set, instead of at each start.
-env -u PYTHONDONTWRITEBYTECODE colcon build --event-handlers console_start_end+ console_cohesion- status- \
-    --cmake-args "-DPython3_EXECUTABLE=$(command -v python3)" -DBUILD_TESTING=OFF --no-warn-unused-cli
+env -u PYTHONDONTWRITEBYTECODE colcon build \
+    --event-handlers console_direct+ console_start_end+ console_stderr- console_cohesion- status- summary- \
+    --cmake-args "-DPython3_EXECUTABLE=$(command -v python3)" -DBUILD_TESTING=OFF "-DPOSFET_MSGS_ONLY_PYTHON=$only_python" --no-warn-unused-cli |
+    python3 tools/progress.py colcon "${#packages[@]}"
 touch install/.built

@@ -4,6 +4,8 @@
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
+readonly PACKAGES=175 # about as many are in tools/requirements.txt, with those that they need
+
 fail() {
     printf 'posfet: %s\n' "$@" >&2
     exit 1
@@ -57,17 +59,20 @@ setup_venv() {
     "$python" -c 'import ensurepip, venv' 2>/dev/null ||
         fail "$python cannot make virtual environments. Install with: sudo apt-get install python3-venv"
 
-    echo "posfet: [1/3] virtual environment .venv with $("$python" --version)"
+    local started=$SECONDS
+    echo "posfet: first start: sets up .venv (about 250 MB to download), builds five packages, then runs; some minutes, once"
+    echo "posfet: set-up [1/3] virtual environment .venv with $("$python" --version)"
     rm -rf .venv
     "$python" -m venv .venv
-    echo "posfet: [2/3] packages of tools/requirements.txt (about 250 MB, once)"
+    echo "posfet: set-up [2/3] packages of tools/requirements.txt"
     # Without this the start-up hook of the wheels would start every pip process twice.
     export _ROS_WHEELS_BOOTSTRAP_COMPLETE=1
     .venv/bin/python -m pip install --disable-pip-version-check --progress-bar off --requirement tools/requirements.txt |
-        awk '/^Collecting/ { printf "      %s\n", $2; fflush() } /^Installing/ { print "      installing"; fflush() }'
-    echo "posfet: [3/3] paths of the ROS 2 wheels"
+        "$python" tools/progress.py pip "$PACKAGES"
+    echo "posfet: set-up [3/3] paths of the ROS 2 wheels"
     .venv/bin/python tools/relocate.py
     cp tools/venv_setup.bash .venv/local_setup.bash
+    echo "posfet: set up in $((SECONDS - started)) s"
     touch .venv/.ready
 }
 

@@ -51,9 +51,9 @@ def test_the_stack_reports_the_contacts_of_the_scene(arguments: Sequence[str]) -
     with running("imperfections:=none", *arguments) as process, Listener() as listener:
         expect_stack(listener)
         output = finish(process)
-    # A board in the same process has no link that could lose scans.
-    lost = r"0 frames lost, 0 scans missing" if arguments == ["source:=sim"] else r"\d+ frames lost, \d+ scans missing"
-    assert re.search(rf"posfet: .* {lost}", output), output
+    # A board in the same process has no link that loses frames; a late machine leaves out scans.
+    lost = "0" if arguments == ["source:=sim"] else r"\d+"
+    assert re.search(rf"posfet: .* {lost} frames lost, \d+ scans missing", output), output
 
 
 def run_until_touched(*arguments: str) -> str:

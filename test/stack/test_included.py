@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import subprocess
 import sys
@@ -18,6 +19,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
+from urllib.request import urlopen
 
 import pytest
 
@@ -130,6 +132,22 @@ def test_a_killed_stack_is_started_again_with_all_that_the_launch_gave_it() -> N
         listener.wait(lambda: list(ours(process.pid).values()) == list(first.values()), "the same process again")
         contacts.clear()
         listener.wait(lambda: bool(contacts), "contacts of the process that was started again")
+
+
+def test_an_included_stack_is_shown_in_a_browser(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # port and token of no other test
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
+    with robot("web:=true") as process:
+        found = None
+        while found is None:
+            line = process.stdout.readline() or pytest.fail("the launch has ended")
+            found = re.search(r"in a browser on this machine: (http://127\.0\.0\.1:\d+/\S*)", line)
+        with urlopen(found[1], timeout=TIMEOUT) as answer:
+            assert b"<title>" in answer.read()
+    token = re.split(r"[=#?]", found[1])[-1]
+    logs = [path for path in (tmp_path / "log").rglob("*") if path.is_file()]
+    assert logs
+    assert not [path for path in logs if token in path.read_text(encoding="utf-8", errors="replace")]
 
 
 @pytest.mark.parametrize("composed", ["true", "false"])

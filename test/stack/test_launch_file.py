@@ -23,6 +23,7 @@ from launch.actions import ExecuteProcess, IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource, load_python_launch_file_as_module
 
 from posfet.arguments import ARGUMENTS, LAUNCH_ARGUMENTS, choices
+from posfet_model.config import ConfigError
 from posfet_model.ros.exit_codes import INTERRUPTED, PROCESS_FAILED
 from support.bringup_process import needs_installation
 from support.paths import LAUNCH
@@ -57,6 +58,14 @@ def test_invalid_input_gives_exit_code_1(composed: str) -> None:
     assert launched(composed=composed, scene="nowhere") == 1
     assert launched(composed=composed, can_bitrate="fast") == 1
     assert launched(composed=composed, source="usb") == 1
+    assert launched(composed=composed, web="on") == 1
+
+
+def test_the_browser_view_needs_one_process() -> None:
+    assert launched(composed="false", web="true") == 1
+    module = load_python_launch_file_as_module(LAUNCH_FILE)
+    with pytest.raises(ConfigError, match=r"^web: needs composed:=true"):
+        module.processes(None, {"composed": "false"}, ["--web"], None)
 
 
 def ended_with(monkeypatch: pytest.MonkeyPatch, folder: Path, codes: list[int]) -> tuple[int, int]:

@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Recording of a live graph, and the node that replays recordings."""
+"""Recording of a live graph, also from a program as in recording.md, and the node that replays recordings."""
 
 from __future__ import annotations
 

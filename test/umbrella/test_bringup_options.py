@@ -16,6 +16,8 @@ import pytest
 pytest.importorskip("ament_index_python", reason="needs ROS 2")
 
 from posfet import bringup
+from posfet.web.options import web_words
+from posfet_model.config import ConfigError
 
 
 @pytest.mark.parametrize(
@@ -44,3 +46,14 @@ def test_an_unknown_option_is_refused(capsys: pytest.CaptureFixture[str]) -> Non
     with pytest.raises(SystemExit, match="2"):
         bringup.main(["source:=can", "--fort", "5", "namespace:=x"])
     assert "unrecognized arguments: --fort" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("web", "words"), [("true", ["--web"]), ("false", []), ("8080", ["--web-port", "8080"])])
+def test_the_launch_argument_of_the_browser_view_becomes_an_option(web: str, words: list[str]) -> None:
+    assert web_words(web) == words
+
+
+@pytest.mark.parametrize("web", ["", "on", "True", "0", "65536", "-1", "80.5", "٨٠", "9" * 5000])
+def test_another_text_is_no_port(web: str) -> None:
+    with pytest.raises(ConfigError, match=r"^web: must be true, false or a port in \[1, 65535\], got .{0,120}$"):
+        web_words(web)

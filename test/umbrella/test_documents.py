@@ -20,11 +20,12 @@ from posfet.arguments import parse
 from posfet.cli import COMMANDS
 from posfet_driver.tools.can_cli import make_parser
 from posfet_sim.commands import calibrate, score, simulate
+from support.document_blocks import documents
 from support.paths import ROOT
 
 REPOSITORY = ROOT
 README = (REPOSITORY / "README.md").read_text(encoding="utf-8")
-DOCUMENTS = sorted([*REPOSITORY.glob("*.md"), *REPOSITORY.glob("docs/*.md"), *REPOSITORY.glob("benchmarks/*.md")])
+DOCUMENTS = documents()
 
 
 def commands(program: str) -> list[list[str]]:
@@ -71,18 +72,11 @@ def test_named_subcommands_exist() -> None:
     assert {"can", "sim", "score", "calibrate"} <= named <= set(COMMANDS)
 
 
-def test_make_targets_exist() -> None:
-    makefile = (REPOSITORY / "Makefile").read_text(encoding="utf-8")
-    targets = set(re.findall(r"^([a-z]+):", makefile, re.MULTILINE))
-    for path in (REPOSITORY / "README.md", REPOSITORY / "CONTRIBUTING.md"):
-        named = set(re.findall(r"(?:^|`)make ([a-z]+)", path.read_text(encoding="utf-8"), re.MULTILINE))
-        assert named
-        assert named <= targets
-
-
-def test_the_library_example_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    _, program = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
-    exec(compile(program, "README.md", "exec"), {})
+def test_the_library_examples_run(capsys: pytest.CaptureFixture[str]) -> None:
+    _, stream, model = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    exec(compile(stream, "README.md", "exec"), {})
+    assert re.fullmatch(r"<Contact #1 new 0\.0\d+ N at .*>\n", capsys.readouterr().out)
+    exec(compile(model, "README.md", "exec"), {})
     assert capsys.readouterr().out == "False 0 (25,)\n"
 
 

@@ -98,7 +98,7 @@ ARGUMENTS: Final = (
     Parameter("log_level", "info", "Lowest severity of the log messages shown", choices=LOG_LEVELS),
 )
 
-LAUNCH_ARGUMENTS: Final = (
+ENDS: Final = (
     Parameter(
         "required",
         True,
@@ -113,6 +113,14 @@ LAUNCH_ARGUMENTS: Final = (
         choices=("on_internal_error", "always", "never"),
     ),
 )
+"""Arguments of the launch files that say what follows the end of a process."""
+WEB: Final = Parameter(
+    "web",
+    "false",
+    "Show it in a browser on this machine: true (at the port of the last time, or any), false, or a port; needs "
+    "composed:=true",
+)
+LAUNCH_ARGUMENTS: Final = (*ENDS, WEB)
 """Arguments that only the launch file has."""
 
 

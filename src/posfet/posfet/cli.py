@@ -12,6 +12,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Final
 
 import posfet_model
@@ -39,7 +40,7 @@ COMMANDS: Final = {
     "doctor": ("posfet.doctor", "check this machine: versions, adapters, permissions, ROS, and say what to do"),
     "export": ("posfet_sim.commands.export", "write a recording as arrays or tables: NumPy, HDF5, Parquet"),
     "record": ("posfet.record", "record topics of a running stack to an MCAP file"),
-    "replay": ("posfet.replay", "run the scans of a recording through the model again, live or into a file"),
+    "replay": ("posfet.replay_command", "run the scans of a recording through the model again, live or into a file"),
     "scene": ("posfet.stack_commands:scene", "load a scene into the running simulated board, or list the scenes"),
     "score": ("posfet_sim.commands.score", "score the reconstruction against the ground truth of a simulated scene"),
     "tare": ("posfet.stack_commands:tare", "set the forces of a running stack to zero"),
@@ -52,8 +53,14 @@ COMMANDS: Final = {
 the exit code, and the purpose."""
 NODES: Final = {"bringup", "diagnostics", "doctor", "record", "replay", "scene", "tare", "view"}
 """Subcommands with signal handling of their own."""
+NEED_ROS: Final = {"bringup", "diagnostics", "displays", "record", "scene", "tare", "view"}
+"""Subcommands that need ROS; `replay` needs it, too, but with --out."""
+LEFT_OUT: Final = frozenset(COMMANDS[name][0].partition(":")[0] for name in NEED_ROS)
+"""Modules that the Python package without ROS leaves out."""
 OWN: Final = {"posfet", "posfet_model", "posfet_driver", "posfet_sim"}
 """Packages that are here if this one is."""
+WITHOUT_ROS: Final = "needs ROS 2, and this is the Python package without it: build the workspace, see its README"
+"""Message of a subcommand whose module is left out."""
 INTERRUPTED: Final = 130
 """Exit code after Ctrl-C or SIGTERM, by the convention of shells."""
 
@@ -62,7 +69,8 @@ def usage() -> str:
     """Return the help text."""
     rows = [f"  {name:13}{purpose}" for name, (_, purpose) in COMMANDS.items()]
     last = "posfet COMMAND --help prints its options; posfet --version the version."
-    return "\n".join(["usage: posfet COMMAND [...]", "", *rows, "", last])
+    need = [] if find_spec("rclpy") else [f"Here is no ROS 2, which {', '.join(sorted(NEED_ROS))} need."]
+    return "\n".join(["usage: posfet COMMAND [...]", "", *rows, "", *need, last])
 
 
 def main(words: Sequence[str] | None = None) -> int:
@@ -85,13 +93,20 @@ def main(words: Sequence[str] | None = None) -> int:
             interrupt_on_signal()
         return ignoring_broken_pipe(lambda: int(run(words[1:])))
     except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] in OWN:
-            raise
-        print(
-            f"posfet {words[0]}: needs the package {error.name}: source tools/environment.sh, or install/setup.bash of "
-            "your workspace; posfet doctor says what else is missing",
-            file=sys.stderr,
-        )
+        print(f"posfet {words[0]}: {_remedy(words[0], error)}", file=sys.stderr)
         return 1
     except KeyboardInterrupt:
         return INTERRUPTED
+
+
+def _remedy(command: str, error: ModuleNotFoundError) -> str:
+    """Return what to do about a missing package in one line; raise the error if it is one of this repository."""
+    missing = error.name or ""
+    if missing in LEFT_OUT:
+        return WITHOUT_ROS + "; with --out FILE it needs none" * (command == "replay")
+    if missing.partition(".")[0] in OWN:
+        raise error
+    return (
+        f"needs the package {missing}: source tools/environment.sh, or install/setup.bash of your workspace; posfet "
+        "doctor says what else is missing"
+    )

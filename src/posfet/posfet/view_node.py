@@ -15,6 +15,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -24,6 +25,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from posfet.array_view import ArrayView
 from posfet.display_loop import show
 from posfet.hand import read_hand
+from posfet.rerun_view import add_rerun_arguments, rerun_view
 from posfet.snapshot import ContactView, Snapshot, TrueContact
 from posfet.stack_client import StackClient
 from posfet.terminal.screen import Screen
@@ -179,6 +181,7 @@ def main(words: Sequence[str] | None = None) -> int:
     sensors.add_argument("--hand", metavar="FILE", help="YAML file of hand.launch.py, for its sensors")
     parser.add_argument("--for", dest="seconds", type=positive, default=math.inf, help="stop after this many seconds")
     add_web_arguments(parser)
+    add_rerun_arguments(parser)
     options = parser.parse_args(words)
 
     def run() -> int:
@@ -189,8 +192,9 @@ def main(words: Sequence[str] | None = None) -> int:
             else list(dict.fromkeys(checked_namespace(name) for name in given))
         )
         web_port = chosen_port(options)
-        if len(namespaces) > 1 and web_port is None:
-            raise ConfigError(f"{len(namespaces)} sensors: add --web, since a terminal shows one")
+        rerun = options.rerun or options.rerun_file is not None
+        if len(namespaces) > 1 and web_port is None and not rerun:
+            raise ConfigError(f"{len(namespaces)} sensors: add --web or --rerun, since a terminal shows one")
         with ros([]) as stack:
             views = []
             for namespace in namespaces:
@@ -201,6 +205,8 @@ def main(words: Sequence[str] | None = None) -> int:
                 views.append(view)
             viewed = [Viewed(view.client, view, Recording(view.client.namespace)) for view in views]
             link = served_link(stack, viewed, web_port)
+            logged = [(view.client.namespace, view, partial(getattr, view.client, "array")) for view in views]
+            stack.enter_context(rerun_view(logged, options.rerun, options.rerun_file))
             with Screen(views[0], views[0].client, link) as screen:
                 return show(screen, [view.client for view in views], options.seconds, views[0].state)
         return 0

@@ -10,6 +10,12 @@
 from __future__ import annotations
 
 import argparse
+from typing import Final
+
+from posfet_model._lib.shown import shown
+from posfet_model.config import ConfigError
+
+HIGHEST_PORT: Final = 65535
 
 
 def add_web_arguments(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +39,26 @@ def chosen_port(options: argparse.Namespace) -> int | None:
     return 0 if options.web else None
 
 
+def web_words(web: str) -> list[str]:
+    """Return the options for a value of the launch argument `web`; raise ConfigError, one line, for any other text.
+
+    Parameters
+    ----------
+    web : str
+        ``true``, ``false`` or a port.
+    """
+    if web in ("true", "false"):
+        return ["--web"] if web == "true" else []
+    if not _is_port(web):
+        raise ConfigError(f"web: must be true, false or a port in [1, {HIGHEST_PORT}], got {shown(web)}")
+    return ["--web-port", web]
+
+
 def _port(text: str) -> int:
-    if not (text.isdecimal() and 0 < int(text) < 65536):
-        raise argparse.ArgumentTypeError(f"must be in [1, 65535], got '{text}'")
+    if not _is_port(text):
+        raise argparse.ArgumentTypeError(f"must be in [1, {HIGHEST_PORT}], got '{text}'")
     return int(text)
+
+
+def _is_port(text: str) -> bool:
+    return text.isascii() and text.isdecimal() and len(text) < 6 and 0 < int(text) <= HIGHEST_PORT

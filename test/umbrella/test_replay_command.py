@@ -16,7 +16,7 @@ import pytest
 
 pytest.importorskip("mcap", reason="recordings need the package mcap")
 
-from posfet.replay import BAD_INPUT, main
+from posfet.replay_command import BAD_INPUT, main
 from posfet_model.calibration.calibration_file import save_calibration
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.reconstruction.reconstructor import Reconstructor
