@@ -14,6 +14,7 @@ import math
 import os
 import re
 import sys
+import time
 from collections.abc import Callable
 from typing import Final
 
@@ -21,6 +22,9 @@ from posfet_model.config import ConfigError
 
 _NAMESPACE: Final = re.compile(r"(?!.*__)[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 """Valid ROS namespaces."""
+
+_BAR: Final = 30  # characters
+_REDRAW: Final = 0.1  # s
 
 
 def ignoring_broken_pipe(run: Callable[[], int]) -> int:
@@ -62,3 +66,30 @@ def checked_namespace(given: str) -> str:
     if not _NAMESPACE.fullmatch(namespace):
         raise ConfigError(f"namespace: must be names of a-z, A-Z, 0-9 and single _ joined by '/', got '{given}'")
     return namespace
+
+
+def progress_bar(total: int, what: str) -> Callable[[int], None]:
+    """Return a callback that draws a progress bar on standard error, on a terminal only; unchecked.
+
+    Parameters
+    ----------
+    total : int
+        Number at which it is done.
+    what : str
+        What is counted.
+    """
+    if not sys.stderr.isatty():
+        return lambda done: None
+    drawn = 0.0
+
+    def draw(done: int) -> None:
+        nonlocal drawn
+        if done < total and time.monotonic() - drawn < _REDRAW:
+            return
+        drawn = time.monotonic()
+        bar = "#" * (_BAR * done // total)
+        end = "\r\033[K" if done == total else ""
+        sys.stderr.write(f"\r[{bar:{_BAR}}] {done}/{total} {what}{end}")
+        sys.stderr.flush()
+
+    return draw

@@ -38,6 +38,9 @@ MAX_TEXT: Final = 1000
 MAX_KNOWN: Final = 14
 """Most keys that an error lists."""
 
+MAX_KEY: Final = 200
+"""Largest length of a key in an error, with those of the sections that it is in."""
+
 _REQUIRED: Final = object()
 
 
@@ -81,7 +84,7 @@ class Section:
             What is wrong.
         """
         path = ".".join(part for part in (self.key, name) if part)
-        return ConfigError(": ".join(part for part in (one_line(self.source), one_line(path), reason) if part))
+        return ConfigError(": ".join(part for part in (one_line(self.source), one_line(path, MAX_KEY), reason) if part))
 
     def __contains__(self, name: str) -> bool:
         self._known[name] = None

@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Definitions of the ROS messages that are written to files, as installed or in the source tree."""
+"""Definitions of ROS messages that are written to files: installed, in the Python package, or in the source tree."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ from posfet_model.config import ConfigError
 from posfet_sim.recording.ros2msg import PRIMITIVES, RULE, Field, fields
 
 OWN_PACKAGE: Final = "posfet_msgs"
-"""Package whose definitions are also found in the source tree."""
-_SOURCE_TREE: Final = Path(__file__).parents[3] / OWN_PACKAGE / "msg"
+"""Package whose definitions are also found without ROS."""
+_WITHOUT_ROS: Final = (Path(__file__).parent / "msg", Path(__file__).parents[3] / OWN_PACKAGE / "msg")
+"""In the Python package without ROS, and in the source tree."""
 
 STANDARD: Final = {
     "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
@@ -42,7 +43,7 @@ def definition(name: str) -> str:
     ----------
     name : str
         Type of the message, package/Name. It is read from the installed package (AMENT_PREFIX_PATH), else from the
-        source tree.
+        Python package or the source tree.
 
     Raises
     ------
@@ -53,7 +54,7 @@ def definition(name: str) -> str:
         return STANDARD[name]
     package, _, message = name.partition("/")
     prefixes = [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
-    folders = [prefix / "share" / package / "msg" for prefix in prefixes] + [_SOURCE_TREE] * (package == OWN_PACKAGE)
+    folders = [prefix / "share" / package / "msg" for prefix in prefixes] + [*_WITHOUT_ROS] * (package == OWN_PACKAGE)
     for folder in folders:
         path = folder / f"{message}.msg"
         if path.is_file():

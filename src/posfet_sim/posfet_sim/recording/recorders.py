@@ -14,11 +14,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import TEMPERATURE_SENSORS, Scan
 from posfet_sim.device.ground_truth import Truth, truth_columns, truth_row
+from posfet_sim.loads import ObjectsState
 from posfet_sim.recording.cdr import serialise
 from posfet_sim.recording.mcap_file import MessageFile
 from posfet_sim.recording.message_definitions import schema_text
@@ -29,6 +33,35 @@ RAW: Final = "posfet_msgs/TactileRaw"
 """Type of the scans."""
 TRUTH: Final = "posfet_msgs/TactileTruth"
 """Type of the ground truth."""
+
+
+class TrueState(Protocol):
+    """What is recorded of a ground truth, as in `Truth`."""
+
+    @property
+    def force(self) -> NDArray[np.float64]:
+        """Force on each taxel [N], shape [rows * cols]."""
+        ...
+
+    @property
+    def taxel_status(self) -> NDArray[np.uint8]:
+        """Fault of each taxel, shape [rows * cols]."""
+        ...
+
+    @property
+    def chip_temperature(self) -> float:
+        """Temperature of the chip [degC]."""
+        ...
+
+    @property
+    def film_temperature(self) -> float:
+        """Temperature of the film [degC]."""
+        ...
+
+    @property
+    def objects(self) -> ObjectsState:
+        """Poses and contacts of the objects."""
+        ...
 
 
 class Recorder(Protocol):
@@ -156,12 +189,12 @@ def raw_values(scan: Scan, rows: int, cols: int) -> dict[str, Any]:
     }
 
 
-def truth_values(truth: Truth, scan: Scan, rows: int, cols: int) -> dict[str, Any]:
+def truth_values(truth: TrueState, scan: Scan, rows: int, cols: int) -> dict[str, Any]:
     """Return the fields of TactileTruth for a scan and its ground truth.
 
     Parameters
     ----------
-    truth : Truth
+    truth : TrueState
         Ground truth of the scan.
     scan : Scan
         The scan.
