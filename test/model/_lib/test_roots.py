@@ -23,7 +23,7 @@ def test_false_position_finds_each_root_between_its_ends_in_either_direction() -
     def function(at: np.ndarray) -> np.ndarray:
         return sign * np.array([1.0, 5.0, 0.2]) * (wanted**3 - at**3)
 
-    found = false_position(function, inside, outside, function(inside), 20)
+    found = false_position(function, inside, outside, 20)
     np.testing.assert_allclose(found, wanted, atol=1e-9)
 
 
@@ -35,5 +35,15 @@ def test_a_kink_or_values_that_are_missing_do_not_keep_a_bracket_wide() -> None:
         return np.where(at < 0.7, 1.0, np.nan)
 
     for function in (kinked, broken):
-        found = false_position(function, np.zeros(1), np.ones(1), function(np.zeros(1)), 40)
+        found = false_position(function, np.zeros(1), np.ones(1), 40)
         assert found[0] == pytest.approx(0.7, abs=1e-3)
+
+
+def test_roots_at_or_next_to_an_end_are_found() -> None:
+    wanted = np.array([0.0, 1e-9, 1e-3, 0.999, 1.0 - 1e-9, 1.0])
+
+    def function(at: np.ndarray) -> np.ndarray:
+        return wanted - at + 0.3 * (wanted**2 - at**2)
+
+    found = false_position(function, np.zeros(6), np.ones(6), 11)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-15)

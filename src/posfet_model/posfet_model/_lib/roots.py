@@ -16,9 +16,7 @@ import numpy as np
 from posfet_model._lib.types import Array, FloatArray
 
 
-def false_position(
-    function: Callable[[Array], Array], inside: Array, outside: Array, at_inside: Array, steps: int
-) -> Array:
+def false_position(function: Callable[[Array], Array], inside: Array, outside: Array, steps: int) -> Array:
     """Return where functions cease to be positive, each in a bracket of its own, by false position; unchecked.
 
     The Illinois rule halves the value of an end that stays twice (M. Dowell, P. Jarratt, BIT 11 (1971) 168,
@@ -30,18 +28,16 @@ def false_position(
     function : callable
         The functions at one position each, shape [n].
     inside, outside : ndarray
-        Ends of the brackets, in either order, shape [n].
-    at_inside : ndarray
-        Values at `inside`, positive, shape [n].
+        Ends of the brackets, in either order, shape [n]; the functions are positive at `inside`.
     steps : int
-        Evaluations.
+        Evaluations between the ends.
 
     Returns
     -------
     ndarray
         Positions, interpolated in the last brackets, shape [n].
     """
-    at_outside: FloatArray = np.full_like(at_inside, np.nan)
+    at_inside, at_outside = function(inside), function(outside)
     last: FloatArray = np.zeros_like(at_inside)  # 1 where the inner end was the last to move, -1 for the outer
     widths = [np.full(at_inside.shape, np.inf)] * 3
     weight: tuple[FloatArray, FloatArray] = (np.ones_like(at_inside), np.ones_like(at_inside))

@@ -25,7 +25,7 @@ from posfet_model._lib.types import Array, Mask
 from posfet_model.amplifier.transient import Matrices
 
 _FREQUENCIES: Final = np.geomspace(1e-2, 1e12, 71)
-_STEPS: Final = 12
+_STEPS: Final = 11
 """Evaluations that place a crossing between two of the frequencies, to rounding where the gain falls evenly."""
 
 _STEP_TIMES: Final = np.r_[0.0, np.geomspace(1e-5, 12.0, 700)]
@@ -238,7 +238,7 @@ def _falls_through(transfer: Callable[[Array], NDArray[np.complex128]], level: A
         return np.asarray(np.log(np.abs(transfer(np.exp(log_frequency))) / level))
 
     with np.errstate(divide="ignore", invalid="ignore"):  # of a gain of 0
-        return np.exp(false_position(excess, low, high, excess(low), _STEPS))
+        return np.exp(false_position(excess, low, high, _STEPS))
 
 
 def step_figures(response: TransferFunction, thinning: int = 1) -> tuple[Array, Array]:
