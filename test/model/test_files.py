@@ -102,6 +102,14 @@ def test_symbolic_links_are_replaced_and_never_followed(tmp_path: Path, monkeypa
     assert (tmp_path / "cal.yaml").read_text() == "new"
 
 
+def test_a_device_is_not_replaced(tmp_path: Path) -> None:
+    link = tmp_path / "out.csv"
+    link.symlink_to(os.devnull)
+    with pytest.raises(OSError, match="not a regular file"):
+        write_text(link, "new")
+    assert list(tmp_path.iterdir()) == [link] and link.is_symlink()
+
+
 @pytest.mark.parametrize("failing", ["fsync", "replace"])
 def test_nothing_is_left_when_writing_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, failing: str) -> None:
     path = tmp_path / "cal.yaml"

@@ -80,7 +80,7 @@ def write_text(path: str | Path, text: str) -> None:
     """Write a file in UTF-8 that is complete or not there, also after a full disk or a power failure.
 
     It is written under a random name beside the final one and then renamed. A symbolic link at `path` is replaced, not
-    followed.
+    followed. A device, or a link to one, is neither replaced nor written.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def write_text(path: str | Path, text: str) -> None:
     Raises
     ------
     OSError
-        The file cannot be written; nothing is left behind, and an existing file is unchanged.
+        The file cannot be written, or is a device; nothing is left behind, and an existing file is unchanged.
     """
     path = Path(path)
     content = text.encode("utf-8")
@@ -101,6 +101,7 @@ def write_text(path: str | Path, text: str) -> None:
     except ValueError as error:
         raise OSError(errno.EINVAL, "not a file name") from error
     try:
+        _check_no_device(path.name, folder)
         part = _PART.format(secrets.token_hex(8))
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
         descriptor = os.open(part, flags, 0o666, dir_fd=folder)
@@ -116,6 +117,15 @@ def write_text(path: str | Path, text: str) -> None:
         os.fsync(folder)
     finally:
         os.close(folder)
+
+
+def _check_no_device(name: str, folder: int) -> None:
+    try:
+        mode = os.stat(name, dir_fd=folder).st_mode
+    except OSError:  # nothing there, or a link to nothing
+        return
+    if stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
+        raise OSError(errno.EINVAL, "not a regular file")
 
 
 def _check_regular(status: os.stat_result, limit: int) -> None:
