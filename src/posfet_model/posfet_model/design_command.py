@@ -34,6 +34,9 @@ from posfet_model.device.taxel_fields import plausible_fields
 BAD_INPUT: Final = 1
 """Exit code for bad input."""
 
+LONG_OSCILLATION: Final = 2000.0
+"""Periods of the unity crossing for which an unstable follower is simulated without a remark: some seconds."""
+
 
 def main(words: Sequence[str] | None = None) -> int:
     """Print the report and write what is asked for; return 0, or 1 with one line on stderr for bad input."""
@@ -56,21 +59,20 @@ def _run(options: argparse.Namespace) -> None:
     loaded = load_design(options.file)
     if options.netlist is not None:
         write_text(options.netlist, f"{loaded.design.netlist(_circuit_name(loaded.name))}\n")
-    document = report.as_json(loaded.design)
-    text = report.as_text(loaded.design)
+    parts: dict[str, tuple[Any, str]] = {}
     if loaded.adjusted:
-        document["adjusted"] = loaded.adjusted
-        text += f"\n{_adjusted_text(loaded.adjusted)}"
+        parts["adjusted"] = loaded.adjusted, _adjusted_text(loaded.adjusted)
     if options.simulate is not None:
-        document["simulation"], remark = _simulate(loaded.design, options)
-        text += f"\n{remark}"
+        parts["simulation"] = _simulate(loaded.design, options)
     if options.sweep is not None:
-        document["sweep"], table = _sweep(loaded, options)
-        text += f"\n\n{table}"
+        parts["sweep"] = _sweep(loaded, options)
     if options.tolerance is not None:
-        document["tolerance"], table = _tolerance(loaded, options)
-        text += f"\n\n{table}"
-    print(json.dumps(document, indent=2, allow_nan=False) if options.json else text)
+        parts["tolerance"] = _tolerance(loaded, options)
+    if options.json:
+        document = report.as_json(loaded.design) | {key: part for key, (part, _) in parts.items()}
+        print(json.dumps(document, indent=2, allow_nan=False))
+    else:
+        print("\n".join([report.as_text(loaded.design), *(text for _, text in parts.values())]))
 
 
 def _adjusted_text(adjusted: dict[str, float]) -> str:
@@ -85,6 +87,13 @@ def _simulate(design: PosfetDesign, options: argparse.Namespace) -> tuple[dict[s
     if options.dt is not None:
         signal, wanted = signal.with_even_times(options.dt)
     follower = design.linear_follower() if options.linear else design.follower(float(np.ptp(signal.v_in)))
+    periods = float(design.amplifier.gain_bandwidth) * float(np.ptp(signal.time))
+    if not (options.linear or design.amplifier.stable) and periods > LONG_OSCILLATION:
+        print(
+            f"posfet design: unstable: some {periods:.0e} periods of oscillation are integrated, which may take long; "
+            "--linear does not",
+            file=sys.stderr,
+        )
     run = simulate(follower, signal, progress_bar(signal.time.size, "samples"))
     write_text(options.out, signal_csv(signal, run.v_out, wanted))
     valid, total = int(np.count_nonzero(run.valid[wanted])), int(np.count_nonzero(wanted))
@@ -112,7 +121,7 @@ def _sweep(loaded: DesignFile, options: argparse.Namespace) -> tuple[dict[str, A
         except OSError as error:
             raise ConfigError(f"{options.plot}: cannot be written: {error.strerror}") from error
     summary = sweep_report.as_json(result)
-    return summary, sweep_report.as_text(summary, options.sweep)
+    return summary, f"\n{sweep_report.as_text(summary, options.sweep)}"
 
 
 def _tolerance(loaded: DesignFile, options: argparse.Namespace) -> tuple[dict[str, Any], str]:
@@ -121,7 +130,7 @@ def _tolerance(loaded: DesignFile, options: argparse.Namespace) -> tuple[dict[st
     except ValueError as error:
         raise ConfigError(f"{options.file}: tolerance: of a random sample, {error}; give a smaller spread") from None
     write_text(options.tolerance, result.csv())
-    return tolerance_report.as_json(result), tolerance_report.as_text(result)
+    return tolerance_report.as_json(result), f"\n{tolerance_report.as_text(result)}"
 
 
 def _plots() -> Any:

@@ -92,6 +92,26 @@ def test_the_report_says_what_was_adjusted_to_measured_figures(run: Any, tmp_pat
     assert {key: document[key] for key in wanted} == pytest.approx(wanted, rel=1e-5)
 
 
+def test_figures_in_round_numbers_are_reached(run: Any, tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    for text in (
+        "{gain_db: 42.3, gbw_hz: 1.0 MHz, phase_margin_deg: 54}",
+        "{gain_db: 40, gbw_hz: 1e6, phase_margin_deg: 50}",
+    ):
+        path.write_text(f"stages: 2\nmeasured: {text}\n", encoding="utf-8")
+        assert json.loads(run(path, "--json")[1])["gbw_hz"] == pytest.approx(1e6, rel=1e-6)
+
+
+def test_a_long_oscillation_is_announced(run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    source, out = tmp_path / "in.csv", tmp_path / "out.csv"
+    source.write_text(STEP, encoding="utf-8")
+    words = ("two_stage_thin_film_unstable", "--simulate", source, "--out", out)
+    assert run(*words)[2] == ""
+    monkeypatch.setattr(design_command, "LONG_OSCILLATION", 1.0)
+    assert run(*words)[2].startswith("posfet design: unstable: some 1e+01 periods of oscillation")
+    assert run(*words, "--linear")[2] == ""
+
+
 def test_every_shipped_design_has_a_report(run: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Overshoot and slew rates are integrated for single designs, which other tests do: here their place is taken."""
     monkeypatch.setattr(report, "step_test", lambda follower: StepTest(0.0, 0.0, 0.0))
