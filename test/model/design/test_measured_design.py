@@ -200,6 +200,16 @@ def test_slew_rates_of_a_file_are_refused_by_their_keys(tmp_path: Path) -> None:
         load_design(str(path))
 
 
+def test_figures_alone_that_the_papers_op_amp_cannot_have_are_refused_with_what_to_do(tmp_path: Path) -> None:
+    path = tmp_path / "design.yaml"
+    text = "stages: 1\nmeasured: {gain_db: 47.5, gbw_hz: 4.94 MHz, phase_margin_deg: 76.2}\n"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"by load and compensation .* sizes and bias .* another film_geometry$"):
+        load_design(str(path))
+    path.write_text(f"{text}film_geometry: as in paper\n", encoding="utf-8")
+    assert load_design(str(path)).design.amplifier.phase_margin == pytest.approx(76.2, abs=1e-3)
+
+
 def test_what_is_refused() -> None:
     good = {"gain": 400.0, "gain_bandwidth": 5e6, "phase_margin": 60.0}
     design = PosfetDesign()

@@ -48,6 +48,11 @@ _ALSO_MEASURED: Final = {
 }
 """Argument of `PosfetDesign.with_measured` and range of what may be given besides, by key."""
 
+_ONLY_THE_PAPERS: Final = (
+    "; without sizes and bias only the paper's op-amp is tried: give these, or another film_geometry"
+)
+"""What to do where figures alone are refused."""
+
 _KEYS: Final = {"gain": "gain_db", "gain_bandwidth": "gbw_hz", "phase_margin": "phase_margin_deg"} | {
     name: key for key, (name, _) in _ALSO_MEASURED.items()
 }
@@ -127,7 +132,8 @@ def load_design(name: str) -> DesignFile:
         try:
             changed = design.with_measured(**measured)
         except MeasuredFigureError as error:
-            raise section.error("measured", error.named(error.template, _KEYS)) from None
+            remedy = "" if design.poles_known else _ONLY_THE_PAPERS
+            raise section.error("measured", f"{error.named(error.template, _KEYS)}{remedy}") from None
         except ValueError as error:
             raise section.error("measured", str(error)) from None
         fields = ((key, float(getattr(changed, key))) for key in _FIELDS)
