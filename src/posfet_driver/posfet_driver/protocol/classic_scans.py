@@ -49,6 +49,8 @@ class Held(NamedTuple):
     """Its time on the board's clock, unwrapped [us], which the scan itself does not state while that is frozen."""
     timed: bool
     """Whether its time is certain: else the next header tells it."""
+    stalled: bool
+    """Whether the board's clock stood still: its time is counted on, and nobody knows how wrong it is."""
 
 
 class ClassicScans:
@@ -135,7 +137,7 @@ class ClassicScans:
         scan : Scan
             The scan, which stays as it is.
         """
-        self._held.append(Held(scan, self.time, self._ticks.certain))
+        self._held.append(Held(scan, self.time, self._ticks.certain, self.clock.stalled))
         if len(self._held) > MOST_HELD:
             self.lose_number()
 
@@ -337,7 +339,7 @@ class ClassicScans:
         if held.timed and time >= held.device_time:
             return held
         scan.device_time = time if scan.device_time else 0
-        return Held(scan, time, True)
+        return held._replace(device_time=time, timed=True)
 
     def _set_limits(self, period: float) -> None:
         if period != self._period:

@@ -265,7 +265,7 @@ class Decoder:
             if identifier == block and not kind & _NO_BLOCK:
                 if self.receiving and feed(kind, data, arrival):
                     self._complete()
-                    self._publish(self._fd_scans.time)
+                    self._publish(self._fd_scans.time, self._fd_scans.clock.stalled)
                     yield ready
             elif message := self._other(frame):
                 yield message
@@ -290,7 +290,7 @@ class Decoder:
                 if scans.doubtful:
                     scans.hold(self.scan.snapshot())
                 else:
-                    self._publish(scans.time)
+                    self._publish(scans.time, scans.clock.stalled)
                     yield ready
         if scans.overflowed:
             scans.overflowed, scans.doubtful = False, True
@@ -330,21 +330,22 @@ class Decoder:
         scan.counts[:] = earlier.counts
         scan.frames_lost = self.frames_lost
         scan.stamp = device_time * 1000 + round(self._sync.offset)
-        self._publish(device_time)
+        self._publish(device_time, held.stalled or self._scans.clock.stalled)
 
-    def _publish(self, device_time: int) -> None:
-        """Stamp the newest scan, which was acquired at `device_time` [us], in the order of publication."""
+    def _publish(self, device_time: int, stalled: bool) -> None:
+        """Stamp the newest scan, in the order of publication.
+
+        It was acquired at `device_time` [us], which is counted on if the board's clock has `stalled`.
+        """
         scan = self.scan
         stamp = self._ascending.stamp(scan.stamp, device_time, self._arrival)
         scan.stamp = stamp + self._wall_offset.value
-        scan.stamp_uncertainty = self._uncertainty(stamp) / NANOSECONDS
+        scan.stamp_uncertainty = math.nan if stalled else self._uncertainty(stamp) / NANOSECONDS
         self.scans += 1
 
     def _uncertainty(self, stamp: int) -> float:
-        """Return the largest error [ns] of the newest scan's stamp [ns]; NaN while the board's clock does not run."""
+        """Return the largest error [ns] of the newest scan's stamp [ns], while the board's clock runs."""
         scans = self._scans
-        if scans.clock.stalled:
-            return math.nan
         late = self.transit_time * NANOSECONDS + self._ascending.excess + scans.late * 1000
         return self._sync.error(late, scans.early(self.scan.sequence) * 1000, self._arrival - stamp)
 
