@@ -97,6 +97,7 @@ def test_a_frozen_sequence_is_not_taken_for_one_that_begins_again(plain_program:
     assert bench.hardware.close() == 0
     assert not found.failures, found.examples
     assert bench.board.restarted > 0
+    assert bench.board.decoder.resets == 0
 
 
 @pytest.mark.parametrize("bad", [False, True])
