@@ -17,7 +17,8 @@ import pytest
 
 from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.protocol.ascending_stamps import AscendingStamps
-from posfet_driver.protocol.decoder import Decoder, ScanReady
+from posfet_driver.protocol.decoded import ScanReady
+from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Command, Request, Response, Result
 from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.sensor.description import load_sensor
