@@ -245,6 +245,21 @@ def test_wrong_version_of_the_protocol_and_layout_are_rejected_and_reported(fd: 
     assert bench.run(3) > RATE
 
 
+@BOTH
+def test_the_right_board_is_used_half_a_second_after_it_took_the_place_of_a_wrong_one(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.run(1)
+    for length in np.arange(1.0, 2.0, 0.07):
+        bench.injector.firmware.layout_id = 9
+        bench.injector.firmware.running = False
+        bench.run(length)
+        assert FaultKind.WRONG_LAYOUT in bench.faults
+        bench.injector.firmware.layout_id = SENSORS[fd].layout.id
+        back = bench.clock.now
+        while bench.board.read(0.01) is None:
+            assert bench.clock.now - back < BACK, bench.board.report()
+
+
 def test_a_reset_at_low_supply_voltage_is_reported_as_brown_out() -> None:
     counters = {}
     for injected in (InjectedFault.RESET, InjectedFault.BROWN_OUT):
