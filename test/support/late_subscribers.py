@@ -159,7 +159,8 @@ def summary(measured: Sequence[Wait]) -> str:
     return (
         f"{len(times)} subscribers: first message after {statistics.median(times):.3f} s (median), "
         f"{times[int(0.9 * len(times))]:.3f} s (90 %), {times[-1]:.3f} s (all)\n"
-        f"above {TARGET} s: {len(late)}; {own} only for lack of a processor of the subscriber, {either} of it or the stack\n"
+        f"above {TARGET} s: {len(late)}; "
+        f"{own} only since the subscriber lacked a processor, {either} since it or the stack did\n"
         f"slowest: {' '.join(f'{each:.2f}' for each in times[-12:])}"
     )
 
