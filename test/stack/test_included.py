@@ -174,7 +174,8 @@ def actions(code: int, *, required: bool = True, respawn: str = "on_internal_err
         (PROCESS_FAILED, {"required": False}, [ExecuteProcess]),
         (PROCESS_FAILED, {"required": False, "respawn": "never"}, [LogInfo]),
         (0, {}, [Shutdown]),
-        (-9, {}, [Shutdown]),
+        (-signal.SIGTERM, {}, [Shutdown]),
+        (-signal.SIGKILL, {"required": False}, [LogInfo]),
         (0, {"required": False}, [LogInfo]),
         (1, {"required": False}, [LogInfo]),
         (1, {"respawn": "always"}, [TimerAction]),
@@ -187,7 +188,9 @@ def test_what_follows_the_end_of_a_process(code: int, options: dict[str, Any], k
     assert [type(action) for action in actions(code, **options)] == kinds
 
 
-@pytest.mark.parametrize(("code", "respawn"), [(1, "on_internal_error"), (PROCESS_FAILED, "never")])
+@pytest.mark.parametrize(
+    ("code", "respawn"), [(1, "on_internal_error"), (PROCESS_FAILED, "never"), (-signal.SIGKILL, "never")]
+)
 def test_a_required_process_that_failed_for_good_fails_the_launch(code: int, respawn: str) -> None:
-    with pytest.raises(RuntimeError, match=f"bringup-1 failed with exit code {code}"):
+    with pytest.raises(RuntimeError, match=f"bringup-1 failed with exit code {code:d}"):
         actions(code, respawn=respawn)
