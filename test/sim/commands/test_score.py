@@ -132,6 +132,14 @@ def test_every_stick_slip_event_of_a_cylinder_is_one_slip() -> None:
     assert score.slip_onset_delay_ms["mean"] is not None and 0.0 <= score.slip_onset_delay_ms["mean"] < 6.0
 
 
+def test_forces_beside_noisy_taxels_in_a_contact_are_not_taken_for_bending(calibrated: Calibration) -> None:
+    """Two taxels in the middle of this board are noisy: their neighbours feel a part of what these are pressed with."""
+    score = run(Run(SENSOR, load_scene("texture", SENSOR), 1.6, 1, ErrorModel.default(), calibrated))
+    assert score.total_force_error_pct is not None and score.total_force_error_pct < 3.0
+    assert score.coverage_pct["total"] > 90.0
+    assert score.misleading_pct == 0.0
+
+
 @pytest.mark.parametrize("name", ["press", "two_fingers_slide", "grasp_lift_slip", "vibration"])
 def test_score_with_the_full_error_model_and_5_percent_gain_error(name: str, calibrated: Calibration) -> None:
     """Two taxels in the middle of this board are noisy."""
