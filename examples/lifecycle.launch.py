@@ -10,6 +10,8 @@
 `ros2 launch posfet lifecycle.launch.py`; a robot's own conditions may stand where this file waits for a state.
 """
 
+import os
+
 from launch import LaunchDescription
 from launch.actions import EmitEvent, RegisterEventHandler
 from launch.events import matches_action
@@ -17,6 +19,8 @@ from launch_ros.actions import LifecycleNode
 from launch_ros.event_handlers import OnStateTransition
 from launch_ros.events.lifecycle import ChangeState
 from lifecycle_msgs.msg import Transition
+
+from posfet_model.ros.start import PARENT
 
 NAMESPACE = "tactile"
 
@@ -30,6 +34,7 @@ def lifecycle_node(package: str, executable: str, **parameters: object) -> Lifec
         namespace=NAMESPACE,
         parameters=[{"autostart": False, **parameters}],
         output="screen",
+        additional_env={PARENT: str(os.getpid())},  # ends with `ros2 launch`, even if that is killed
     )
 
 

@@ -13,6 +13,7 @@ Other launch files may include it, under PushRosNamespace, SetRemap and SetParam
 import atexit
 import os
 import shutil
+import signal
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -36,6 +37,9 @@ from posfet_model.ros.start import PARENT
 RESPAWN_DELAY = 1.0
 """Time before a process is started again that did not end on an internal error [s]."""
 
+ENDED_WELL = (0, -signal.SIGINT, -signal.SIGTERM)
+"""Exit codes of a process that was asked to end; a crash, and the kernel when memory is short, use other signals."""
+
 
 def again(event: ProcessExited, ended: Callable[..., Any]) -> Action:
     """Return the same process once more: namespace, parameters and remaps of an enclosing group are in its command."""
@@ -57,7 +61,7 @@ def on_exit(required: bool, respawn: str) -> Callable[..., list[LaunchDescriptio
             return [TimerAction(period=RESPAWN_DELAY, actions=[again(event, ended)])]
         if not required:
             return [LogInfo(msg=f"{event.process_name} has ended; the rest goes on (required:=false)")]
-        if event.returncode > 0:  # `ros2 launch` then returns 1
+        if event.returncode not in ENDED_WELL:  # `ros2 launch` then returns 1
             raise RuntimeError(f"{event.process_name} failed with exit code {event.returncode}")
         return [Shutdown(reason=f"{event.process_name} has ended")]
 

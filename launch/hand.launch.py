@@ -10,24 +10,40 @@
 The file lists the sensors, each with launch arguments of bringup.launch.py, which runs for each of them.
 """
 
+import os
+from dataclasses import replace
 from pathlib import Path
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchContext, LaunchDescription, LaunchDescriptionEntity
-from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, GroupAction, IncludeLaunchDescription, LogInfo, OpaqueFunction
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
 
-from posfet.arguments import ENDS, choices, description
+from posfet.arguments import ENDS, WEB, choices, description
 from posfet.hand import read_hand
+from posfet.web.options import web_words
+from posfet_model.config import ConfigError
+from posfet_model.ros.start import PARENT
 
 SENSOR = Path(__file__).with_name("bringup.launch.py")
+PAGE = replace(WEB, description="Show all sensors on one page in a browser on this machine: true, false, or a port")
 
 
 def start_sensors(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Return a bring-up for each sensor; a hand file that cannot be used ends the launch."""
+    """Return a bring-up for each sensor; bad input ends the launch only if they are required."""
     common = {argument.name: LaunchConfiguration(argument.name).perform(context) for argument in ENDS}
-    return [
+    hand = LaunchConfiguration("hand").perform(context)
+    try:
+        page = web_words(LaunchConfiguration(WEB.name).perform(context))
+        sensors = read_hand(hand)
+    except ConfigError as error:
+        if common["required"] == "true":
+            raise
+        return [LogInfo(msg=f"posfet: {error}; the rest goes on (required:=false)")]
+    common[WEB.name] = "false"  # one page for all
+    included = [
         GroupAction(  # arguments of one sensor are not those of the next
             [
                 IncludeLaunchDescription(
@@ -35,8 +51,20 @@ def start_sensors(context: LaunchContext) -> list[LaunchDescriptionEntity]:
                 )
             ]
         )
-        for arguments in read_hand(LaunchConfiguration("hand").perform(context))
+        for arguments in sensors
     ]
+    return [*included, *([view(hand, page)] if page else [])]
+
+
+def view(hand: str, page: list[str]) -> Node:
+    """Return the process that shows all sensors; they go on when it ends."""
+    return Node(
+        package="posfet",
+        executable="view",
+        arguments=["--hand", hand, *page],
+        output="screen",
+        additional_env={PARENT: str(os.getpid())},  # as for the sensors
+    )
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -51,7 +79,7 @@ def generate_launch_description() -> LaunchDescription:
                 description=description(argument),
                 choices=choices(argument) or None,
             )
-            for argument in ENDS
+            for argument in (*ENDS, PAGE)
         ),
     ]
     return LaunchDescription([*declared, OpaqueFunction(function=start_sensors)])

@@ -19,6 +19,9 @@ NOT_CHECKED = ("D100", "D105", "D107", "D401")
 """Rules besides those that numpydoc leaves out: docstrings of setup.py and of special methods; the mood, which ruff
 checks and here would count for properties, too."""
 
+UNREACHABLE = "Failed to locate the main schema resource"
+"""What xmllint says where it cannot read the schema of package.xml, which is a web address."""
+
 
 @pytest.fixture
 def folders(request: pytest.FixtureRequest) -> list[Path]:
@@ -57,4 +60,8 @@ def test_xmllint(folders: list[Path], capsys: pytest.CaptureFixture[str]) -> Non
     main = pytest.importorskip("ament_xmllint.main", reason="needs ament_xmllint").main
     if which("xmllint") is None:
         pytest.skip("needs xmllint (apt install libxml2-utils)")
-    assert main(argv=[*map(str, folders)]) == 0, capsys.readouterr().out
+    code = main(argv=[*map(str, folders)])
+    report = capsys.readouterr().err
+    if UNREACHABLE in report:
+        pytest.skip(f"{UNREACHABLE}: no network, and no catalog in XML_CATALOG_FILES that has it")
+    assert code == 0, report

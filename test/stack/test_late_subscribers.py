@@ -38,7 +38,7 @@ def test_subscribers_get_data_after_others_were_killed() -> None:
     """How long they wait depends on the machine; `python -m support.late_subscribers` measures it."""
     with clean_shared_memory():
         with running(["posfet", "bringup", "imperfections:=none"]) as bringup:
-            measured = waits(6)
+            measured = waits(6, bringup.pid)
             assert bringup.poll() is None
         assert all(math.isfinite(wait.seconds) for wait in measured), summary(measured)
 
@@ -50,10 +50,10 @@ def test_the_first_message_arrives_as_soon_after_200_subscriptions_as_after_the_
     with ExitStack() as stack:
         stack.enter_context(clean_shared_memory())
         bringup = stack.enter_context(running(["posfet", "bringup"]))
-        waits(1)  # until the stack is up
+        waits(1, bringup.pid)  # until the stack is up
         for _ in range(2):
             stack.enter_context(running([sys.executable, "-c", "while True: pass"], "kill"))
-        measured = waits(200)
+        measured = waits(200, bringup.pid)
         assert bringup.poll() is None
     usual = statistics.median(wait.seconds for wait in measured[:FEW])
     assert all(wait.seconds <= max(TARGET, TIMES_LONGER * usual) for wait in measured), summary(measured)

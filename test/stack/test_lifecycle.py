@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import signal
 from importlib.util import find_spec
 
 import pytest
@@ -25,7 +26,7 @@ from rcl_interfaces.srv import SetParametersAtomically
 from posfet_msgs.msg import TactileContacts, TactileInfo
 from support.bringup_process import needs_installation, running
 from support.expectations import Listener
-from support.launched import launching
+from support.launched import launched, launching, wait_until_ended
 from support.paths import EXAMPLES
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
@@ -87,9 +88,26 @@ def test_a_stack_waits_for_transitions_and_is_tuned_while_it_runs(composed: str)
         listener.wait(lambda: bool(contacts), "contacts after deactivate and activate")
 
 
-@pytest.mark.skipif(find_spec("launch_ros") is None, reason="needs launch_ros; the test above makes the transitions")
+needs_launch_ros = pytest.mark.skipif(
+    find_spec("launch_ros") is None, reason="needs launch_ros; the test above makes the transitions"
+)
+
+
+@needs_launch_ros
 def test_the_example_of_a_launch_file_brings_the_nodes_up_step_by_step() -> None:
     with launching(EXAMPLES / "lifecycle.launch.py"), Listener() as listener:
         contacts = listener.collect(TactileContacts, "contacts")
         listener.wait(lambda: any(message.contacts for message in contacts), "a contact")
         assert {state(listener, node) for node in ("model_node", "sim_board_node")} == {"active"}
+
+
+@needs_launch_ros
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_no_node_of_the_example_outlives_its_launch(number: signal.Signals) -> None:
+    with launched(EXAMPLES / "lifecycle.launch.py") as launch, Listener() as listener:
+        contacts = listener.collect(TactileContacts, "contacts")
+        listener.wait(lambda: bool(contacts), "contacts")
+        nodes = launch.nodes()
+        assert len(nodes) == 2
+        launch.process.send_signal(number)
+        wait_until_ended(nodes)

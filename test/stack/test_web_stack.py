@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import re
-import subprocess
 import time
 from http.client import HTTPConnection
 from pathlib import Path
@@ -24,33 +23,15 @@ pytest.importorskip("posfet_msgs", reason="needs the built workspace")
 
 from support.bringup_process import finish, needs_installation, running
 from support.expectations import TIMEOUT
+from support.page_stream import first_frame, link_in
 
 pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
 
 
-def link_of(process: subprocess.Popen[str]) -> tuple[int, str]:
-    """Return port and token of the link that a process prints first."""
-    assert process.stdout is not None
-    found = re.search(r"http://127\.0\.0\.1:(\d+)/\?token=(\S+)", process.stdout.readline())
-    assert found
-    return int(found[1]), found[2]
-
-
-def frame_with_contacts(port: int, token: str) -> dict[str, Any]:
-    """Return the first frame of a stream with valid forces, a contact and its ground truth."""
-    connection = HTTPConnection("127.0.0.1", port, timeout=TIMEOUT)
-    connection.request("GET", f"/stream?token={token}")
-    response = connection.getresponse()
-    assert response.status == 200
-    kind = ""
-    while line := response.readline().decode():
-        name, _, value = line.partition(": ")
-        kind = value.strip() if name == "event" else kind
-        if name == "data" and kind == "frame":
-            (frame,) = json.loads(value)
-            if frame and frame["valid"] and frame["contacts"] and frame["truth"]:
-                return frame
-    raise AssertionError("the stream has ended")
+def has_contacts(frame: list[dict[str, Any] | None]) -> bool:
+    """Return whether the one sensor has valid forces, a contact and its ground truth."""
+    (each,) = frame
+    return each is not None and all(each[name] for name in ("valid", "contacts", "truth"))
 
 
 def act(port: int, token: str, action: str, argument: object) -> tuple[int, str]:
@@ -67,8 +48,8 @@ def test_a_stack_is_served_with_its_services(composed: str, tmp_path: Path, monk
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.chdir(tmp_path)  # where recordings go
     with running("--web", "scene:=hold", f"composed:={composed}") as process:
-        port, token = link_of(process)
-        frame = frame_with_contacts(port, token)
+        port, token = link_in(process.stdout.readline())
+        (frame,) = first_frame(port, token, has_contacts)
         assert frame["total"] == pytest.approx(sum(each["force"] for each in frame["truth"]), abs=0.3)
         assert frame["stamp"] == pytest.approx(time.time() * 1e3, abs=TIMEOUT * 1e3)
         end = time.monotonic() + TIMEOUT

@@ -29,7 +29,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from multiprocessing.connection import Connection
 from multiprocessing.context import ForkServerContext
 from pathlib import Path
@@ -55,18 +55,30 @@ class Wait(NamedTuple):
     """Time between subscription and first message [s]; inf: none within PATIENCE."""
     processor: float
     """Part of it in which one of its threads could have run, but had no processor [s]."""
+    stack: float
+    """The same of the stack's process, which answers it [s]."""
+
+    @property
+    def with_a_processor(self) -> float:
+        """Time without what either lacked a processor for [s]; its parts may be more than the whole."""
+        return self.seconds - self.processor - self.stack
 
 
-def queued() -> float:
-    """Return the longest time that a thread of this process has waited for a processor [s]; 0 where that is unknown."""
-    try:
-        tasks = [(task / "schedstat").read_text().split() for task in Path("/proc/self/task").iterdir()]
-    except OSError:
-        return 0.0
-    return max(int(words[1]) for words in tasks) * 1e-9
+def queued(process: int) -> dict[str, float]:
+    """Return how long each thread of a process has waited for a processor so far [s]; empty where that is unknown."""
+    found = {}
+    for task in Path(f"/proc/{process}/task").glob("*"):
+        with suppress(OSError):  # it has just ended
+            found[task.name] = int((task / "schedstat").read_text(encoding="utf-8").split()[1]) * 1e-9
+    return found
 
 
-def subscribe(topic: str, results: Connection) -> None:
+def longest(before: dict[str, float], now: dict[str, float]) -> float:
+    """Return how much longer the thread with the longest wait has waited by now [s]."""
+    return max((seconds - before.get(name, 0.0) for name, seconds in now.items()), default=0.0)
+
+
+def subscribe(topic: str, stack: int, results: Connection) -> None:
     """Subscribe to contacts, send how long the first message took, and go on until killed."""
     rclpy = importlib.import_module("rclpy")
     message_type = importlib.import_module("posfet_msgs.msg").TactileContacts
@@ -77,18 +89,20 @@ def subscribe(topic: str, results: Connection) -> None:
     def first(_: object) -> None:
         if not received:
             received.append(time.monotonic() - begin)
-            results.send(Wait(received[0], queued() - before))
+            lacked = (longest(then, queued(process)) for process, then in before.items())
+            results.send(Wait(received[0], *lacked))
 
-    before, begin = queued(), time.monotonic()
+    before = {process: queued(process) for process in (os.getpid(), stack)}
+    begin = time.monotonic()
     node.create_subscription(message_type, topic, first, 10)
     rclpy.spin(node)
 
 
 @contextmanager
-def subscriber(context: ForkServerContext, topic: str) -> Iterator[Connection]:
+def subscriber(context: ForkServerContext, topic: str, stack: int) -> Iterator[Connection]:
     """Run a subscriber during the block, and kill it at its end."""
     receiver, sender = context.Pipe(duplex=False)
-    process = context.Process(target=subscribe, args=(topic, sender), daemon=True)
+    process = context.Process(target=subscribe, args=(topic, stack, sender), daemon=True)
     process.start()
     sender.close()
     try:
@@ -98,17 +112,19 @@ def subscriber(context: ForkServerContext, topic: str) -> Iterator[Connection]:
         process.join()
 
 
-def waits(kills: int, seed: int = 0, topic: str = "/tactile/contacts", together: int = TOGETHER) -> list[Wait]:
-    """Return how long each of `kills` subscribers waited for its first message, and kill them in groups."""
+def waits(
+    kills: int, stack: int, seed: int = 0, topic: str = "/tactile/contacts", together: int = TOGETHER
+) -> list[Wait]:
+    """Return how long each of `kills` subscribers waited for a message of the process `stack`; kill them in groups."""
     noise, measured = random.Random(seed), []
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["rclpy", "posfet_msgs.msg", __name__])
     while len(measured) < kills:
         with ExitStack() as group:
             number = min(together, kills - len(measured))
-            receivers = [group.enter_context(subscriber(context, topic)) for _ in range(number)]
+            receivers = [group.enter_context(subscriber(context, topic, stack)) for _ in range(number)]
             for receiver in receivers:
-                measured.append(receiver.recv() if receiver.poll(PATIENCE) else Wait(math.inf, 0.0))
+                measured.append(receiver.recv() if receiver.poll(PATIENCE) else Wait(math.inf, 0.0, 0.0))
             time.sleep(noise.random() * LONGEST_LIFE)
     return measured
 
@@ -138,11 +154,13 @@ def summary(measured: Sequence[Wait]) -> str:
     """Return the distribution in a few lines."""
     times = sorted(wait.seconds for wait in measured)
     late = [wait for wait in measured if wait.seconds > TARGET]
-    starved = sum(wait.seconds - wait.processor <= TARGET for wait in late)
+    own = sum(wait.seconds - wait.processor <= TARGET for wait in late)
+    either = sum(wait.with_a_processor <= TARGET for wait in late)
     return (
         f"{len(times)} subscribers: first message after {statistics.median(times):.3f} s (median), "
         f"{times[int(0.9 * len(times))]:.3f} s (90 %), {times[-1]:.3f} s (all)\n"
-        f"above {TARGET} s: {len(late)}, of which {starved} only for lack of a processor\n"
+        f"above {TARGET} s: {len(late)}; "
+        f"{own} only since the subscriber lacked a processor, {either} since it or the stack did\n"
         f"slowest: {' '.join(f'{each:.2f}' for each in times[-12:])}"
     )
 
@@ -163,12 +181,13 @@ def main(words: Sequence[str] | None = None) -> None:
             os.environ[PROFILES] = options.stack_profile
         bringup = stack.enter_context(running(["posfet", "bringup", *options.arguments]))
         os.environ.pop(PROFILES, None)
-        waits(1)  # until the stack is up
+        waits(1, bringup.pid)  # until the stack is up
         for _ in range(options.busy):
             stack.enter_context(running([sys.executable, "-c", "while True: pass"], "kill"))
         measured: list[Wait] = []
         while len(measured) < options.kills:
-            measured += waits(min(20, options.kills - len(measured)), len(measured), together=options.together)
+            number = min(20, options.kills - len(measured))
+            measured += waits(number, bringup.pid, len(measured), together=options.together)
             print(summary(measured), flush=True)
         assert bringup.poll() is None, "the stack has ended"
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 import threading
 import time
 from collections import deque
@@ -26,6 +27,7 @@ from posfet.array_view import ArrayView
 from posfet.display_loop import show
 from posfet.hand import read_hand
 from posfet.rerun_view import add_rerun_arguments, rerun_view
+from posfet.ros_arguments import split
 from posfet.snapshot import ContactView, Snapshot, TrueContact
 from posfet.stack_client import StackClient
 from posfet.terminal.screen import Screen
@@ -34,7 +36,7 @@ from posfet.web.options import add_web_arguments, chosen_port
 from posfet.web.recording import Recording
 from posfet.web.viewed import Viewed
 from posfet_model._lib.units import NANOSECONDS
-from posfet_model.command_line import checked_namespace, positive
+from posfet_model.command_line import positive
 from posfet_model.config import ConfigError
 from posfet_model.contacts.tracker import ContactState
 from posfet_model.ros.exit_codes import exit_code
@@ -173,8 +175,24 @@ def _true_contacts(truth: TactileTruth | None) -> tuple[TrueContact, ...]:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run `posfet view` and return the exit code."""
-    parser = argparse.ArgumentParser(prog="posfet view", description="Show the live force map of a running stack.")
+    """Run `posfet view` and return the exit code.
+
+    Parameters
+    ----------
+    words : sequence of str, optional
+        Command line without the program; that of the process by default.
+
+    Returns
+    -------
+    int
+        0 after a clean end; 1, with one line on stderr, for bad input, or if no scan arrived in the time given.
+    """
+    words = sys.argv[1:] if words is None else words
+    parser = argparse.ArgumentParser(
+        prog="posfet view",
+        description="Show the live force map of a running stack.",
+        epilog="ROS arguments follow --ros-args: those that the stack was started with, such as -r __ns:=/robot.",
+    )
     sensors = parser.add_mutually_exclusive_group()
     sensors.add_argument("namespaces", nargs="*", default=[], metavar="NAMESPACE", help="sensors (default: tactile)")
     sensors.add_argument("--namespace", help="namespace of the sensor")
@@ -182,25 +200,24 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--for", dest="seconds", type=positive, default=math.inf, help="stop after this many seconds")
     add_web_arguments(parser)
     add_rerun_arguments(parser)
-    options = parser.parse_args(words)
 
     def run() -> int:
+        rest, ros_arguments = split(words)
+        options = parser.parse_args(rest)
         given = options.namespaces or [options.namespace or "tactile"]
-        namespaces = (
-            [sensor["namespace"] for sensor in read_hand(options.hand)]
-            if options.hand
-            else list(dict.fromkeys(checked_namespace(name) for name in given))
-        )
+        if options.hand:
+            given = [sensor["namespace"] for sensor in read_hand(options.hand)]
+        namespaces = list(dict.fromkeys(ros_arguments.within(name) for name in given))
         web_port = chosen_port(options)
         rerun = options.rerun or options.rerun_file is not None
         if len(namespaces) > 1 and web_port is None and not rerun:
             raise ConfigError(f"{len(namespaces)} sensors: add --web or --rerun, since a terminal shows one")
-        with ros([]) as stack:
+        with ros(ros_arguments.words) as stack:
             views = []
             for namespace in namespaces:
-                client = StackClient(namespace)
+                client = StackClient(namespace, ros_arguments.words)
                 stack.callback(client.destroy_node)
-                view = ViewNode(client)
+                view = ViewNode(client, ros_arguments.words)
                 stack.callback(view.destroy_node)
                 views.append(view)
             viewed = [Viewed(view.client, view, Recording(view.client.namespace)) for view in views]
