@@ -97,7 +97,7 @@ def test_the_processor_time_of_a_session_is_that_of_its_processes() -> None:
         process.stdout.readline()
         spent = NEWCOMER.processor_seconds(process.pid)
         process.communicate(b"\n")
-    assert 0.3 <= spent < 3.0
+    assert 0.25 <= spent < 3.0, "0.3 s, counted in ticks of 10 ms"
 
 
 def test_the_home_and_the_environment_are_empty(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
