@@ -64,7 +64,7 @@ def test_a_row_is_the_score_of_its_single_run(tmp_path: Path, capsys: pytest.Cap
     single = json.loads(capsys.readouterr().out)
     assert main(["press", "--seeds", "3", *QUICK, "--out", str(tmp_path / "a.json")]) == 0
     [row] = json.loads((tmp_path / "a.json").read_text(encoding="utf-8"))
-    assert {row.pop("scene"), row.pop("sensor"), row.pop("seed")} == {"press", "posfet_5x5", 3}
+    assert [row.pop(name) for name in ("scene", "sensor", "seed", "problem")] == ["press", "posfet_5x5", 3, ""]
     single.pop(TIMED), row.pop(TIMED)
     assert row == single
 
@@ -84,6 +84,27 @@ def test_a_board_is_calibrated_once_for_all_its_scenes(
     score._calibration.cache_clear()
     assert calibrated == [1, 2]
     assert len(rows(capsys.readouterr().out)) == 6
+
+
+def test_a_board_that_cannot_be_calibrated_is_a_row_that_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def bad(sensor: Sensor, seed: int, model: ErrorModel) -> Calibration:
+        if seed != 1:
+            raise ValueError(f"board {seed} is noisy")
+        return Calibration.nominal(sensor)
+
+    monkeypatch.setattr(score, "calibrate", bad)
+    score._calibration.cache_clear()
+    assert main(["press", "--seeds", "1-2", "--for", "0.05"]) == 1
+    captured = capsys.readouterr()
+    first, second = csv.DictReader(captured.out.splitlines())
+    assert (first["problem"], second["problem"]) == ("", "calibration of the simulated board: board 2 is noisy")
+    assert first[TIMED] != second[TIMED] == ""
+    assert captured.err.splitlines() == ["1 of 2 runs have no score, see column problem"]
+    assert main(["press", "--seeds", "2-3", "--for", "0.05"]) == 1
+    assert capsys.readouterr().err.splitlines() == ["calibration of the simulated board: board 2 is noisy"]
+    score._calibration.cache_clear()
 
 
 def test_results_keep_the_order_of_the_items_and_report_progress() -> None:
@@ -123,7 +144,7 @@ def test_a_missing_package_is_one_line(
 def test_bad_input_is_one_line_before_any_run(
     words: list[str], said: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(score, "score_of", lambda case: pytest.fail("ran"))
+    monkeypatch.setattr(score, "attempt", lambda case: pytest.fail("ran"))
     assert main(words) == 1
     [line] = capsys.readouterr().err.splitlines()
     assert said in line

@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -46,6 +46,8 @@ BAD_INPUT: Final = 1
 """Exit code for bad input."""
 UNCALIBRATED: Final = "none"
 """Value of --calibration for nominal parameters."""
+PROBLEM: Final = "problem"
+"""Column that says why a run has no score."""
 STATIC_DURATION: Final = 10.0
 """Default duration of a scene that never changes [s]."""
 MAX_SEEDS: Final = 100_000
@@ -216,8 +218,16 @@ def main(words: Sequence[str] | None = None) -> int:
     return 0
 
 
+def attempt(case: Case) -> Score | str:
+    """Return the score of a case, or why it has none, in one line: one board among many must not end all runs."""
+    try:
+        return score_of(case)
+    except ConfigError as error:
+        return str(error)
+
+
 def _table(cases: Sequence[Case], options: argparse.Namespace) -> None:
-    """Score all cases; print the table as CSV, or write it."""
+    """Score all cases; print the table as CSV, or write it. ConfigError, one line, if a case has no score."""
     out = options.out
     if out is not None and out.suffix not in FORMATS:
         raise ConfigError(f"{out}: must end in {', '.join(FORMATS)}")
@@ -225,16 +235,41 @@ def _table(cases: Sequence[Case], options: argparse.Namespace) -> None:
         prepared(case)  # bad input is reported before the work begins
     begin = time.monotonic()
     with progress(f"{len(cases)} runs", len(cases)) as at:
-        scores = results(score_of, cases, options.jobs, options.dask, at)
-    rows = [
-        {"scene": case.scene, "sensor": case.sensor, "seed": case.seed, **asdict(score)}
-        for case, score in zip(cases, scores, strict=True)
-    ]
+        scores = results(attempt, cases, options.jobs, options.dask, at)
+    rows = table_rows(cases, scores)
     if out is None:
         print(as_csv(rows), end="")
-        return
-    write_table(out, rows)
-    print(f"{out}: {len(rows)} runs in {time.monotonic() - begin:.1f} s")
+    else:
+        write_table(out, rows)
+        print(f"{out}: {len(rows)} runs in {time.monotonic() - begin:.1f} s")
+    if failed := [row for row in rows if row[PROBLEM]]:
+        raise ConfigError(f"{len(failed)} of {len(rows)} runs have no score, see column {PROBLEM}")
+
+
+def table_rows(cases: Sequence[Case], scores: Sequence[Score | str]) -> list[dict[str, Any]]:
+    """Return a row for each case, with the same names in all.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+        What was run.
+    scores : sequence of Score or str
+        Its score, or why there is none.
+
+    Raises
+    ------
+    ConfigError
+        No case has a score; the first reason.
+    """
+    known = next((asdict(score) for score in scores if isinstance(score, Score)), None)
+    if known is None:
+        raise ConfigError(str(scores[0]))
+    blank = {name: dict.fromkeys(value) if isinstance(value, dict) else None for name, value in known.items()}
+    rows = []
+    for case, score in zip(cases, scores, strict=True):
+        problem, values = (score, blank) if isinstance(score, str) else ("", asdict(score))
+        rows.append({"scene": case.scene, "sensor": case.sensor, "seed": case.seed, PROBLEM: problem, **values})
+    return rows
 
 
 @lru_cache(maxsize=1)
