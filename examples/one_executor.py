@@ -7,9 +7,13 @@
 
 """The stack and a controller in one process, on one executor: prints each second how strongly the sensor is touched."""
 
+import signal
+import threading
+
 import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 import posfet.bringup
 from posfet_msgs.msg import TactileContacts
@@ -36,20 +40,17 @@ class Controller(Node):
 
 def main() -> None:
     """Run both until Ctrl-C."""
-    rclpy.init()
+    stopped = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopped.set())  # in place of rclpy's handlers, which interrupt what is running
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     executor = SingleThreadedExecutor()
     with posfet.bringup.nodes(namespace="hand/tactile", source="sim", scene="hold") as stack:
         for node in (Controller(), *stack):
             executor.add_node(node)
-        try:
-            while not stack.failure:
-                executor.spin_once(timeout_sec=0.1)
-        except (KeyboardInterrupt, ExternalShutdownException):
-            pass
-        except RuntimeError:  # raised by a message that was being taken when Ctrl-C ended the context
-            if rclpy.ok():
-                raise
-    rclpy.try_shutdown()
+        while not (stopped.is_set() or stack.failure):
+            executor.spin_once(timeout_sec=0.1)
+    rclpy.shutdown()
 
 
 if __name__ == "__main__":

@@ -315,7 +315,7 @@ What a film and a readout board do that ideal ones do not (docs/simulation.md#re
 the hard size and, with FULL=1 only, at the moderate one; all at once in the next section. The board is the default one
 besides, without resets and without an additional gain error, calibrated on its own stand with its effects (the
 recording of `posfet calibrate`). Both estimators process the same scans:
-`Estimator.OBSERVER`, the default, and `Estimator.ERROR_STATE`. Every {EVERY}th scan is scored.
+`Estimator.ERROR_STATE`, the default, and `Estimator.OBSERVER`. Every {EVERY}th scan is scored.
 
 Force errors, coverage and "misleading" are about valid scans only: read them together with the share of scans that is
 valid, which includes the start. "Mean error" is the mean absolute error of the total force over the mean true one

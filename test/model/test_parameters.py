@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from posfet_model.estimation.choice import Estimator
+from posfet_model.estimation.choice import DEFAULT_ESTIMATOR, Estimator
 from posfet_model.parameters import ESTIMATOR, MAX_RELATIVE, MODEL_NODE, Parameter
 
 WHOLE = Parameter("bitrate", 0, "Bitrate", unit="bit/s", low=0, high=1_000_000)
@@ -98,7 +98,7 @@ def test_every_default_survives_a_round_trip_through_text() -> None:
 
 def test_every_estimator_can_be_chosen() -> None:
     assert [Estimator(name) for name in ESTIMATOR.choices] == list(Estimator)
-    assert Estimator(ESTIMATOR.default) is Estimator.OBSERVER
+    assert Estimator(ESTIMATOR.default) is DEFAULT_ESTIMATOR
 
 
 @pytest.mark.parametrize("value", [0.0, -0.2, 100.0, math.nan, math.inf])

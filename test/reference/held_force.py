@@ -5,9 +5,9 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""A force held by many taxels at once: the force observer against an optimal estimator that knows the true noise.
+"""A force held by many taxels at once: an estimator against the optimal one, which knows the true noise.
 
-The taxels have the white and 1/f noise of the simulated board (sums of octaves, not the observer's Markov processes)
+The taxels have the white and 1/f noise of the simulated board (sums of octaves, not the Markov processes of a filter)
 and individual offsets. They are at rest, then all pressed with the same force. The temperature is constant or drifts
 (temperature_drift.py).
 """
@@ -24,6 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model.calibration.taxel_calibration import Calibration, Residuals
+from posfet_model.estimation.choice import DEFAULT_ESTIMATOR, Estimator
+from posfet_model.estimation.error_states import CREEPS, ErrorPriors
+from posfet_model.estimation.force_estimator import ForceEstimator
 from posfet_model.estimation.force_observer import ForceObserver
 from posfet_model.estimation.settings import ObserverSettings
 from posfet_model.sensor.description import Sensor, load_sensor
@@ -55,6 +58,28 @@ KNOWN_LEAKAGE: Final = ObserverSettings(
     leakage_individual_deviation_calibrated=1e-6,
 )
 """Exact gains and leakage, as for the optimal estimator."""
+
+EXACT: Final = 1e-6
+"""Relative deviation of what is known exactly [1]."""
+
+KNOWN_FILM: Final = ErrorPriors(
+    lag=EXACT,
+    lag_least=EXACT,
+    lag_spread=EXACT,
+    scale=EXACT,
+    leak_calibrated=EXACT,
+    bend=EXACT,
+    bend_gradient=EXACT,
+    warmth=EXACT,
+    warmth_least=EXACT,
+    warmth_beside=EXACT,
+    creep=(EXACT,) * CREEPS,
+    gain_least=EXACT,
+    motion=0.0,
+    touch_rate=0.0,
+)
+"""No hysteresis, creep, warmth of touched taxels and bending, and temperature sensors without lag, as for the optimal
+estimator."""
 
 
 class OptimalFilter:
@@ -113,11 +138,11 @@ class Held:
     force: float
     """True force [N]."""
     error: float
-    """Root mean square error of the observer, in means over 0.1 s [N]."""
+    """Root mean square error of the estimator, in means over 0.1 s [N]."""
     optimal: float
     """Error of the optimal estimator, in the same means [N]; NaN if some taxels are left untouched."""
     deviation: float
-    """Standard uncertainty that the observer reports [N]."""
+    """Standard uncertainty that the estimator reports [N]."""
     inside: float
     """Coverage of the two-sigma interval: share of the taxels whose true force lies in it [1]."""
 
@@ -134,6 +159,7 @@ def hold(
     lag: float | None = None,
     leakage_estimated: bool = False,
     untouched: int = 0,
+    estimator: Estimator = DEFAULT_ESTIMATOR,
 ) -> Iterator[Held]:
     """Yield the errors of a held force, at `times` after its onset.
 
@@ -158,42 +184,43 @@ def hold(
     lag : float, optional
         True thermal lag of the film [s], if it differs from the one that both estimators assume.
     leakage_estimated : bool
-        Whether the leakage time constants that the observer assumes have the error of a calibration; the optimal
+        Whether the leakage time constants that the estimator assumes have the error of a calibration; the optimal
         estimator always knows the true ones.
     untouched : int
         Number of taxels left untouched. The errors exclude them, and the optimal estimator does not use them.
+    estimator : Estimator
+        Estimator that is compared with the optimal one. It knows gains and film, and not the noise.
     """
     sensor = sensor or load_sensor()
     sensor = replace(sensor, layout=replace(sensor.layout, rows=side, cols=side))
     taxels, start = sensor.layout.taxels, round(rest * RATE)
-    settings = ESTIMATED_LEAKAGE if leakage_estimated else KNOWN_LEAKAGE
     random = np.random.default_rng([seed, 3])
-    wrong = settings.leakage_common_deviation_calibrated * random.standard_normal()
-    wrong = wrong + settings.leakage_individual_deviation_calibrated * random.standard_normal(taxels)
+    wrong = ESTIMATED_LEAKAGE.leakage_common_deviation_calibrated * random.standard_normal()
+    wrong = wrong + ESTIMATED_LEAKAGE.leakage_individual_deviation_calibrated * random.standard_normal(taxels)
     leakage = sensor.device.leak_time_constant * np.exp(wrong * leakage_estimated)
     optimal = _OptimalEstimator(sensor, flicker, drift, leakage)
-    observer, touched = ForceObserver(sensor, settings, _calibration(sensor)), np.zeros(taxels, np.bool_)
+    estimated, touched = _estimated(estimator, sensor, leakage_estimated), np.zeros(taxels, np.bool_)
     recent: list[NDArray[np.float64]] = []
     best: list[NDArray[np.float64]] = []
     pressed = np.arange(taxels) >= untouched
     signals = _signals(sensor, seed, start, force * pressed, flicker, drift, lag, leakage)
     for index, (rise, signal, readings) in enumerate(signals):
-        _observe(observer, signal * charge_per_newton(sensor), readings, touched, sensor.contact.threshold)
+        _observe(estimated, signal * charge_per_newton(sensor), readings, touched, sensor.contact.threshold)
         best = [*best[-4:], *optimal.update(signal, readings, index >= start)]
-        recent = [*recent[-99:], observer.force.copy()]
+        recent = [*recent[-99:], estimated.force.copy()]
         held = (index + 1 - start) / RATE
         if held in times:
             true = force * rise
             error, least = np.mean(recent, axis=0)[pressed] - true, np.mean(best, axis=0) - true
-            shared = np.square(observer.correlated_error).sum(axis=1) + observer.common_variance
-            deviation = np.sqrt(observer.force_variance(np.empty(taxels)) + shared)[pressed]
+            shared = np.square(estimated.correlated_error).sum(axis=1) + estimated.common_variance
+            deviation = np.sqrt(estimated.force_variance(np.empty(taxels)) + shared)[pressed]
             yield Held(
                 time=held,
                 force=true,
                 error=float(np.sqrt(np.mean(error**2))),
                 optimal=float(np.sqrt(np.mean(least**2))) if not untouched else math.nan,
                 deviation=float(np.mean(deviation)),
-                inside=float(np.mean(np.abs(observer.force[pressed] - true) <= 2 * deviation)),
+                inside=float(np.mean(np.abs(estimated.force[pressed] - true) <= 2 * deviation)),
             )
             if held >= max(times):
                 return
@@ -228,25 +255,38 @@ class _OptimalEstimator:
         self._mean[:] = 0.0
 
 
-def _calibration(sensor: Sensor) -> Calibration:
-    """Return a recorded calibration without error."""
-    return replace(Calibration.nominal(sensor), residuals=Residuals(0.0, 0.0, 1))
+def _estimated(estimator: Estimator, sensor: Sensor, leakage_estimated: bool) -> ForceObserver | ForceEstimator:
+    """Return an estimator with a recorded calibration without error, and exact gains."""
+    nominal, residuals = Calibration.nominal(sensor), Residuals(0.0, 0.0, 1)
+    settings = ESTIMATED_LEAKAGE if leakage_estimated else KNOWN_LEAKAGE
+    if estimator is Estimator.OBSERVER:
+        return ForceObserver(sensor, settings, replace(nominal, residuals=residuals))
+    exact, own = np.full(sensor.layout.taxels, EXACT), settings.leakage_individual_deviation_calibrated
+    calibration = replace(
+        nominal,
+        residuals=residuals,
+        gain_deviation=exact,
+        common_gain_deviation=EXACT,
+        leak_deviation=np.full(sensor.layout.taxels, own),
+    )
+    priors = replace(KNOWN_FILM, leak_calibrated=settings.leakage_common_deviation_calibrated)
+    return ForceEstimator(sensor, priors, calibration)
 
 
 def _observe(
-    observer: ForceObserver,
+    estimated: ForceObserver | ForceEstimator,
     charge: NDArray[np.float64],
     readings: NDArray[np.float32],
     touched: NDArray[np.bool_],
     threshold: float,
 ) -> None:
     """Process a scan; taxels above the contact threshold count as touched."""
-    observer.advance(charge, readings, 1.0 / RATE)
-    observer.compensate_common_mode(bool(touched.any()))
-    touched |= observer.force > threshold
-    if observer.block_due:
-        observer.close_block(touched, touched)
-        touched[:] = observer.force > threshold
+    estimated.advance(charge, readings, 1.0 / RATE)
+    estimated.compensate_common_mode(bool(touched.any()))
+    touched |= estimated.force > threshold
+    if estimated.block_due:
+        estimated.close_block(touched, touched, [touched.nonzero()[0]] if touched.any() else [])
+        touched[:] = estimated.force > threshold
 
 
 def _signals(

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Final, TypeAlias
 
 from posfet_model._lib.validation import interval
-from posfet_model.estimation.choice import MAX_RELATIVE_UNCERTAINTY, Estimator
+from posfet_model.estimation.choice import DEFAULT_ESTIMATOR, MAX_RELATIVE_UNCERTAINTY, Estimator
 from posfet_model.sensor.description import DEFAULT_SENSOR, FRAME_CHOICES
 
 Scalar: TypeAlias = "bool | int | float | str"
@@ -228,9 +228,9 @@ CALIBRATION_FOLDER: Final = Parameter(
 )
 ESTIMATOR: Final = Parameter(
     "estimator",
-    Estimator.OBSERVER.value,
-    "Estimator of the forces: observer (one filter for each cause of an error), error_state (one filter of all errors, "
-    "docs/estimation.md; new)",
+    DEFAULT_ESTIMATOR.value,
+    "Estimator of the forces: error_state (one filter of all errors, docs/estimation.md), observer (the first one: one "
+    "filter for each cause of an error)",
     choices=tuple(each.value for each in Estimator),
     fixed="the state of one estimator is not that of another",
 )

@@ -167,7 +167,7 @@ def test_a_press_is_published_as_one_contact_with_all_its_messages(bench: Bench)
     assert math.dist((contact.centre_of_pressure.x, contact.centre_of_pressure.y), (X, Y)) < 0.1e-3
     assert contact.force.z == pytest.approx(-FORCE, abs=0.03)
     assert contact.normal.z == 1.0
-    assert 1e-3 < contact.force_covariance[8] ** 0.5 < 0.05 * FORCE, "noise, and a gain uncertainty of 5 % each"
+    assert 1e-3 < contact.force_covariance[8] ** 0.5 < 0.1 * FORCE, "gains, and what an uncalibrated film may do"
     assert not any(contact.force_covariance[:8]), "of the normal force alone, like the force"
     assert contact.age.nanosec == 50_000_000
     assert list(contact.taxels) == sorted(contact.taxels)
@@ -225,7 +225,7 @@ def test_on_a_bent_chip_all_positions_lie_on_its_surface(bench: Bench, tmp_path:
         rtol=1e-6,
         atol=0,
     )
-    assert 1e-3 < contact.normal_force_deviation < 0.05 * FORCE, "noise, and a gain uncertainty of 5 % each"
+    assert 1e-3 < contact.normal_force_deviation < 0.1 * FORCE, "gains, and what an uncalibrated film may do"
     points = np.frombuffer(clouds[350].data, np.float32).reshape(-1, 4)
     np.testing.assert_allclose(np.hypot(points[:, 0], points[:, 2] + radius), radius, rtol=0, atol=1e-8)
     np.testing.assert_allclose(
@@ -491,15 +491,15 @@ def test_calibrations_are_saved_loaded_and_rejected_in_one_line(bench: Bench, tm
 
 
 def test_the_estimator_is_that_of_the_parameter_also_with_a_loaded_calibration(bench: Bench, tmp_path: Any) -> None:
-    model = bench.model(estimator="error_state", max_relative_uncertainty=1e-3, calibration_folder=str(tmp_path))
+    model = bench.model(max_relative_uncertainty=1e-3, calibration_folder=str(tmp_path))
     for _ in range(2):
-        # No force is as certain as that; the default estimator has no such limit.
+        # No force is as certain as that; the estimator observer has no such limit.
         process(model, recorded_scans()[: PRESS_UNTIL - 10])
         assert model.latest().total == pytest.approx(FORCE, abs=0.1)
         assert not model.latest().valid
         assert call(bench, CalibrationFile, "calibration/save", path="cal.yaml").success
         assert call(bench, CalibrationFile, "calibration/load", path="cal.yaml").success
-    certain = bench.model(max_relative_uncertainty=1e-3)
+    certain = bench.model(estimator="observer", max_relative_uncertainty=1e-3)
     process(certain, recorded_scans()[: PRESS_UNTIL - 10])
     assert certain.latest().valid
 

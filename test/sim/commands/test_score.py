@@ -119,15 +119,25 @@ def test_an_ideal_board_scores_well() -> None:
 
 
 def test_the_drift_of_a_held_force_is_scored() -> None:
+    """The noise before the touch decides about one board; the mean of three tells more."""
     scene = load_scene("hold", SENSOR)
-    score = run(Run(SENSOR, scene, 7.0))
-    assert score.held_force_drift_pct is not None and 0.0 < score.held_force_drift_pct < 0.5
+    drifts = [run(Run(SENSOR, scene, 7.0, seed)).held_force_drift_pct for seed in (1, 2, 3)]
+    assert all(drift is not None and drift > 0.0 for drift in drifts)
+    assert np.mean(drifts) < 0.5
 
 
 def test_every_stick_slip_event_of_a_cylinder_is_one_slip() -> None:
     score = run(Run(SENSOR, load_scene("grasp_lift_slip", SENSOR), 3.0))
     assert score.slip_recall == 1.0
     assert score.slip_onset_delay_ms["mean"] is not None and 0.0 <= score.slip_onset_delay_ms["mean"] < 6.0
+
+
+def test_forces_beside_noisy_taxels_in_a_contact_are_not_taken_for_bending(calibrated: Calibration) -> None:
+    """Two taxels in the middle of this board are noisy: their neighbours feel a part of what these are pressed with."""
+    score = run(Run(SENSOR, load_scene("texture", SENSOR), 1.6, 1, ErrorModel.default(), calibrated))
+    assert score.total_force_error_pct is not None and score.total_force_error_pct < 3.0
+    assert score.coverage_pct["total"] > 90.0
+    assert score.misleading_pct == 0.0
 
 
 @pytest.mark.parametrize("name", ["press", "two_fingers_slide", "grasp_lift_slip", "vibration"])
@@ -253,7 +263,7 @@ def test_the_estimator_of_the_command_line_is_scored(capsys: pytest.CaptureFixtu
         assert main(["press_slide_lift", *words]) == 0
         score = json.loads(capsys.readouterr().out)
         found.append(score["force_rmse_pct"])
-    assert found[0] == found[1] != found[2]
+    assert found[0] == found[2] != found[1]
     with pytest.raises(SystemExit):
         main(["press_slide_lift", "--estimator", "kalman"])
 

@@ -20,7 +20,7 @@ from posfet_model._lib.validation import real_number
 from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
-from posfet_model.estimation.choice import Estimator
+from posfet_model.estimation.choice import DEFAULT_ESTIMATOR, Estimator
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.sensor.description import DEFAULT_SENSOR, Sensor, load_sensor, with_serial
@@ -45,7 +45,7 @@ def simulate(
     seed: int = 0,
     imperfections: FileName | ErrorModel = DEFAULT,
     calibration: FileName | Calibration | None = None,
-    estimator: str | Estimator = Estimator.OBSERVER,
+    estimator: str | Estimator = DEFAULT_ESTIMATOR,
     settings: ReconstructionSettings | None = None,
 ) -> Session:
     """Simulate a board on which a scene plays, faster than real time; the same seed gives the same scans.
@@ -64,8 +64,8 @@ def simulate(
         Sensor error model: none, default, moderate, hard, YAML file, or error model.
     calibration : str, Path or Calibration, optional
         Calibration or its file; default: nominal parameters.
-    estimator : str or Estimator, default "observer"
-        How forces are estimated: observer or error_state.
+    estimator : str or Estimator, default "error_state"
+        How forces are estimated: error_state or observer.
     settings : ReconstructionSettings, optional
         Settings of the model; default: those of the sensor.
 
@@ -109,7 +109,7 @@ def open_board(
     options: Mapping[str, object] | None = None,
     timeout: float = TIMEOUT,
     calibration: FileName | Calibration | None = None,
-    estimator: str | Estimator = Estimator.OBSERVER,
+    estimator: str | Estimator = DEFAULT_ESTIMATOR,
     settings: ReconstructionSettings | None = None,
     seed: int = 0,
     imperfections: FileName | ErrorModel = DEFAULT,
@@ -136,8 +136,8 @@ def open_board(
         Longest time without a scan [s].
     calibration : str, Path or Calibration, optional
         Calibration or its file; default: nominal parameters.
-    estimator : str or Estimator, default "observer"
-        How forces are estimated: observer or error_state.
+    estimator : str or Estimator, default "error_state"
+        How forces are estimated: error_state or observer.
     settings : ReconstructionSettings, optional
         Settings of the model; default: those of the sensor.
     seed : int, default 0
@@ -182,7 +182,7 @@ def replay(
     serial: str = "",
     topic: str = "",
     calibration: FileName | Calibration | None = None,
-    estimator: str | Estimator = Estimator.OBSERVER,
+    estimator: str | Estimator = DEFAULT_ESTIMATOR,
     settings: ReconstructionSettings | None = None,
 ) -> Session:
     """Run the raw scans of a recording through the model again, as fast as possible; needs the package mcap.
@@ -199,8 +199,8 @@ def replay(
         Topic of the scans, such as /hand/thumb/raw; '': the only one.
     calibration : str, Path or Calibration, optional
         Calibration or its file; default: nominal parameters.
-    estimator : str or Estimator, default "observer"
-        How forces are estimated: observer or error_state.
+    estimator : str or Estimator, default "error_state"
+        How forces are estimated: error_state or observer.
     settings : ReconstructionSettings, optional
         Settings of the model; default: those of the sensor.
 

@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Which estimator of the forces a reconstruction uses, and the limit that decides about valid forces."""
+"""The estimators of the forces, the default one, and the limit that decides about valid forces."""
 
 from __future__ import annotations
 
@@ -21,6 +21,10 @@ class Estimator(Enum):
     """Ways to estimate forces."""
 
     OBSERVER = "observer"
-    """One filter for each cause of an error (`ForceObserver`)."""
+    """One filter for each cause of an error (`ForceObserver`): cheaper, for films that neither relax, warm nor bend."""
     ERROR_STATE = "error_state"
-    """One filter of all errors, for films that relax, warm and bend as well (`ForceEstimator`); new."""
+    """One filter of all errors, for films that relax, warm and bend as well (`ForceEstimator`)."""
+
+
+DEFAULT_ESTIMATOR: Final = Estimator.ERROR_STATE
+"""The estimator where none is chosen."""

@@ -54,9 +54,9 @@ class ContactSurroundings:
         Parameters
         ----------
         force : ndarray of float64, shape [taxels]
-            Forces, >= 0 [N]; NaN where unknown.
+            Forces, >= 0 [N]; NaN where unknown: the greatest force of the array stands in for it.
         """
-        padded = np.append(np.where(np.isnan(force), 0.0, force), 0.0)
+        padded = np.append(np.where(np.isnan(force), np.nanmax(force, initial=0.0), force), 0.0)
         at_edge, at_corner = padded[self._at_edge].max(axis=-1), padded[self._at_corner].max(axis=-1)
         greatest: Array = np.maximum(at_edge, DIAGONAL * at_corner)
         return greatest
@@ -64,8 +64,9 @@ class ContactSurroundings:
     def geometric_decline(self, force: Array, least: float) -> Array:
         """Return the force of each taxel if forces declined geometrically towards it [N], shape [taxels].
 
-        Of the lines along the axes of the array that end at the taxel, the one with the greatest force counts. Where
-        the second taxel of a line is unknown or outside the array, the greatest force of the array stands in for it.
+        Of the lines along the axes of the array that end at the taxel, the one with the greatest force counts. The
+        greatest force of the array stands in for one that is unknown, and for the second of a line where that is
+        outside the array.
 
         Parameters
         ----------
@@ -75,9 +76,10 @@ class ContactSurroundings:
             Least force that stands in for an unknown one [N].
         """
         greatest = max(float(np.nanmax(force, initial=0.0)), least)
-        padded = np.append(force, np.nan)
-        first, second = (np.where(np.isnan(padded), other, padded) for other in (0.0, greatest))
-        first, second = first[self._at_edge], second[self._behind]
+        known = np.where(np.isnan(force), greatest, force)
+        first, second = (
+            np.append(known, outside)[at] for outside, at in ((0.0, self._at_edge), (greatest, self._behind))
+        )
         denominator = np.maximum(first, second)
         decline: Array = (first * first / np.where(denominator > 0.0, denominator, 1.0)).max(axis=-1)
         return decline

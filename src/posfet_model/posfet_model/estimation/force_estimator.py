@@ -551,7 +551,8 @@ class ForceEstimator:
         response = self._touch.matrix()
         neighbour = tail = self._nothing
         if any_touched:
-            felt = np.where(self.ignored, math.nan, np.abs(self._steady))
+            # What a faulty taxel in or beside a contact feels is unknown, and so is what its neighbours share of it.
+            felt = np.where(self.ignored, np.where(near, math.nan, 0.0), np.abs(self._steady))
             neighbour = self._surroundings.greatest_neighbour(felt)
             tail = np.where(touched, 0.0, self._surroundings.geometric_decline(felt, 0.1 * self._threshold))
         p = self._priors

@@ -23,7 +23,7 @@ from posfet_model.contacts.detection import ENTER_DEVIATIONS, ContactFinder, For
 from posfet_model.contacts.footprint import Footprint
 from posfet_model.contacts.slip import DynamicChannel, Motion
 from posfet_model.contacts.tracker import Contact, ContactState, ContactTracker
-from posfet_model.estimation.choice import Estimator
+from posfet_model.estimation.choice import DEFAULT_ESTIMATOR, Estimator
 from posfet_model.estimation.force_estimator import ForceEstimator
 from posfet_model.estimation.force_observer import ForceObserver
 from posfet_model.reconstruction.bursts import BurstDetector
@@ -121,7 +121,7 @@ class Reconstructor:
         self,
         sensor: Sensor,
         calibration: Calibration | None = None,
-        estimator: Estimator = Estimator.OBSERVER,
+        estimator: Estimator = DEFAULT_ESTIMATOR,
         settings: ReconstructionSettings | None = None,
     ) -> None:
         taxels = sensor.layout.taxels

@@ -28,7 +28,7 @@ import numpy as np
 from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.config import ConfigError
-from posfet_model.estimation.choice import Estimator
+from posfet_model.estimation.choice import DEFAULT_ESTIMATOR, Estimator
 from posfet_model.parameters import ESTIMATOR, SENSOR_FILE
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import Sensor, load_sensor
@@ -83,7 +83,7 @@ class Run:
     """Calibration of the reconstruction; None: nominal parameters."""
     device: Sensor | None = None
     """True properties of the board; None: as in `sensor`."""
-    estimator: Estimator = Estimator.OBSERVER
+    estimator: Estimator = DEFAULT_ESTIMATOR
     """How forces are estimated."""
 
 
