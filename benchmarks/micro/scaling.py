@@ -17,7 +17,8 @@ import numpy as np
 
 from benchmarks.outcome import Chart, Outcome, Point, Table
 from benchmarks.timing import scan_microseconds
-from posfet_driver.protocol.decoder import Decoder, ScanReady
+from posfet_driver.protocol.decoded import ScanReady
+from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import Sensor, load_sensor

@@ -11,6 +11,7 @@ virtual time. Each published scan is judged by what the board has sampled. A sho
 In the folder test:
 
 python -m support.adversary --scans 1000000 --seed 0
+python -m support.adversary --only "FD 5x5 1 kHz" --fault "lie: frozen time" --fault "foreign commands"
 """
 
 from __future__ import annotations
@@ -338,7 +339,9 @@ class Judge:
 class Adversary:
     """A driver, a board and a link between them."""
 
-    def __init__(self, program: Path, folder: Path, sensor: Sensor, seed: int) -> None:
+    def __init__(self, program: Path, folder: Path, sensor: Sensor, seed: int, faults: Sequence[str] = FAULTS) -> None:
+        self.faults = faults
+        """Those that `run` chooses from."""
         self.noise = random.Random(seed)
         self.clock = SteppedClock()
         layout = f"{sensor.layout.rows}x{sensor.layout.cols}"
@@ -363,7 +366,7 @@ class Adversary:
         while found.published < scans:
             chosen = []
             for _ in range(self.noise.choice((1, 1, 2, 3))):
-                bag = bag or self.noise.sample(FAULTS, len(FAULTS))  # each once before any is repeated
+                bag = bag or self.noise.sample(self.faults, len(self.faults))  # each once before any is repeated
                 chosen.append(bag.pop())
             self.fault(chosen)
             if found.published > len(used) * scans // SAMPLES:
@@ -477,16 +480,16 @@ def variants() -> dict[str, Sensor]:
     }
 
 
-def campaign(program: Path, name: str, scans: int, seed: int) -> Findings:
+def campaign(program: Path, name: str, scans: int, seed: int, faults: Sequence[str] = FAULTS) -> Findings:
     """Run one variant."""
     with tempfile.TemporaryDirectory(prefix="posfet-adversary-") as folder:
-        return Adversary(program, Path(folder), variants()[name], seed).run(scans)
+        return Adversary(program, Path(folder), variants()[name], seed, faults).run(scans)
 
 
-def _timed(program: Path, name: str, scans: int, seed: int) -> tuple[str, Findings, float]:
+def _timed(program: Path, name: str, scans: int, seed: int, faults: Sequence[str]) -> tuple[str, Findings, float]:
     """Run one variant; return its name, what was found, and the processor time of this process and the board's [s]."""
     begin = os.times()
-    found = campaign(program, name, scans, seed)
+    found = campaign(program, name, scans, seed, faults)
     return name, found, sum(os.times()[:4]) - sum(begin[:4])
 
 
@@ -514,13 +517,15 @@ def main(words: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="variants at a time (default: one per core)")
     parser.add_argument("--only", choices=list(variants()), help="one variant")
+    parser.add_argument("--fault", choices=FAULTS, action="append", dest="faults", metavar="NAME", help="only these")
     options = parser.parse_args(words)
     names = [options.only] if options.only else list(variants())
+    scans, faults = options.scans // len(names), options.faults or FAULTS
     bad = 0
     with tempfile.TemporaryDirectory(prefix="posfet-firmware-") as folder, ProcessPoolExecutor(options.jobs) as pool:
         program = Path(folder) / "posfet_board"
         make(Path(folder), str(program))
-        runs = [pool.submit(_timed, program, name, options.scans // len(names), options.seed) for name in names]
+        runs = [pool.submit(_timed, program, name, scans, options.seed, faults) for name in names]
         for run in as_completed(runs):
             name, found, seconds = run.result()
             print(describe(name, found, seconds), flush=True)

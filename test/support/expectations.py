@@ -18,7 +18,6 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any
 
-import numpy as np
 import pytest
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -45,7 +44,9 @@ CAUSES = ("lost scans", "incomplete scans", "malformed frames", "frames not read
 """Counters by cause, one of which counts frames that a busy machine lost between adapter and driver."""
 PRESSED = 0.3
 """Minimum force of a true contact that is compared [N]."""
-Pair = tuple[TactileContacts, TactileTruth]
+REACH = 3e-3
+"""Distance from the middle of the array at which an error of the force may lie [m]."""
+Pair = tuple[TactileContacts, TactileTruth, bool]
 
 
 class Listener:
@@ -146,47 +147,47 @@ def expect_info(listener: Listener) -> None:
 def expect_contacts_of_the_scene(listener: Listener) -> None:
     """Expect contacts at the scan rate of the board clock, with position and force of the scene.
 
-    The rate of arrival depends on the load of the machine, so it is not checked.
+    The rate of arrival depends on the load of the machine, so it is not checked. Once scans were lost, what changed in
+    them is unknown: position and force are then right within what the reported deviation allows in addition.
     """
     contacts: list[TactileContacts] = listener.collect(TactileContacts, "contacts")
     truths: list[TactileTruth] = listener.collect(TactileTruth, "truth")
 
     comparison = Comparison(contacts, truths)
-    listener.wait(lambda: comparison.update() > COMPARED, "a contact of the scene without lost scans")
+    listener.wait(lambda: comparison.update() > COMPARED, "valid contacts of the scene")
     first, last = truths[0], truths[-1]
     rate = (last.sequence - first.sequence) / (_seconds(last) - _seconds(first))
     assert rate == pytest.approx(1000.0, rel=1e-4), f"{rate:.1f} scans/s"
-    distances, force_errors = [], []
-    for found, truth in comparison.pairs:
+    for found, truth, whole in comparison.pairs:
         touching = [contact for contact in found.contacts if contact.state != TactileContact.STATE_RELEASED]
-        assert touching, f"scan {found.sequence}: the scene presses, but no contact was found"
-        true = truth.contact_centres[0]
+        assert touching or not whole, f"scan {found.sequence}: the scene presses, but no contact was found"
+        if not touching:
+            continue
+        true, pressed = truth.contact_centres[0], truth.contact_forces[0]
         nearest = min(touching, key=lambda contact: _distance(contact.centre_of_pressure, true))
-        distances.append(_distance(nearest.centre_of_pressure, true))
-        force_errors.append(-nearest.force.z - truth.contact_forces[0])
-    assert max(distances) < 0.3e-3, f"centre of pressure off by up to {max(distances) * 1e3:.3f} mm"
-    assert max(np.abs(force_errors)) < 0.1, (
-        f"force off by up to {max(np.abs(force_errors)):.3f} N"
-    )  # 1.5 N in the scene
+        unknown = 0.0 if whole else 3.0 * nearest.normal_force_deviation
+        error, distance = abs(-nearest.force.z - pressed), _distance(nearest.centre_of_pressure, true)
+        said = f"scan {found.sequence}, {pressed:.3f} N, {unknown:.3f} N unknown"
+        assert error < 0.1 + unknown, f"force off by {error:.3f} N ({said})"  # 1.5 N in the scene
+        assert distance < 0.3e-3 + REACH * unknown / pressed, f"centre off by {distance * 1e3:.3f} mm ({said})"
 
 
 class Comparison:
-    """Contacts beside the ground truth of their scans, for touches without lost scans up to there.
+    """Contacts beside the ground truth of their scans, and whether no scan was lost up to there.
 
     The change of force in a scan that a busy machine lost between two processes is unknown: the model then reports a
-    larger uncertainty, and the charge that leaked meanwhile is missing until the release. Each message is looked at
-    once, so that a look costs the same however long the stack has been running.
+    larger uncertainty. Each message is looked at once, so that a look costs the same however long the stack has been
+    running.
     """
 
     def __init__(self, contacts: list[TactileContacts], truths: list[TactileTruth]) -> None:
         self._contacts, self._truths = contacts, truths
         self._contacts_seen = self._truths_seen = 0
         self._by_sequence: dict[int, TactileTruth] = {}
-        self._whole, self._before = False, None
+        self._whole, self._before = True, None
+        self._begun = False
         self.pairs: list[Pair] = []
-        """Valid contacts of a scan with one true contact of more than `PRESSED`."""
-        self.lost = 0
-        """Scans missing among the contacts."""
+        """Valid contacts of a scan with one true contact of more than `PRESSED`, from the first rest on."""
 
     def update(self) -> int:
         """Take in what has arrived since the last call; return the number of pairs."""
@@ -203,15 +204,15 @@ class Comparison:
     def _compare(self, found: TactileContacts) -> None:
         if self._before is not None:
             assert found.sequence > self._before, "a scan was reported twice or late"
-            self.lost += found.sequence - self._before - 1
             self._whole = self._whole and found.sequence == self._before + 1
         self._before = found.sequence
         truth = self._by_sequence.pop(found.sequence, None)
         if truth is None:
             return
-        self._whole = self._whole or not truth.contact_forces
-        if self._whole and found.data_valid and _pressed(truth):
-            self.pairs.append((found, truth))
+        if not self._begun:  # scans that were lost in a touch before the first rest leave nothing behind
+            self._begun = self._whole = not truth.contact_forces
+        if self._begun and found.data_valid and _pressed(truth):
+            self.pairs.append((found, truth, self._whole))
 
 
 def expect_images(listener: Listener) -> None:

@@ -25,7 +25,8 @@ from typing import Any, Final
 import numpy as np
 
 from posfet_driver.bus.frame import Frame
-from posfet_driver.protocol.decoder import Decoder, ScanReady
+from posfet_driver.protocol.decoded import ScanReady
+from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.reconstruction.reconstructor import Reconstructor
 from posfet_model.sensor.description import load_sensor

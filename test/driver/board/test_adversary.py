@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -97,6 +98,7 @@ def test_a_frozen_sequence_is_not_taken_for_one_that_begins_again(plain_program:
     assert bench.hardware.close() == 0
     assert not found.failures, found.examples
     assert bench.board.restarted > 0
+    assert bench.board.decoder.resets == 0
 
 
 @pytest.mark.parametrize("bad", [False, True])
@@ -106,7 +108,8 @@ def test_a_campaign_prints_every_variant_and_fails_with_one_of_them(
     if COMPILER is None:
         pytest.skip("needs a C compiler and make")
 
-    def found(program: Path, name: str, scans: int, seed: int) -> Findings:
+    def found(program: Path, name: str, scans: int, seed: int, faults: Sequence[str]) -> Findings:
+        assert list(faults) == list(FAULTS[:2])
         findings = Findings(published=scans)
         if bad and name == "FD 8x8 500 Hz":
             findings.fail("stamp", "a day late")
@@ -114,7 +117,7 @@ def test_a_campaign_prints_every_variant_and_fails_with_one_of_them(
 
     monkeypatch.setattr(adversary, "ProcessPoolExecutor", ThreadPoolExecutor)
     monkeypatch.setattr(adversary, "campaign", found)
-    assert main(["--scans", "4000"]) == bad
+    assert main(["--scans", "4000", "--fault", FAULTS[0], "--fault", FAULTS[1]]) == bad
     output = capsys.readouterr().out
     assert all(f"{name}: 1000 scans published" in output for name in variants())
     assert ("BAD: stamp: 1\nstamp: a day late" in output) == bad

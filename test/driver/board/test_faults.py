@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from posfet_driver.board.board_client import Board
@@ -166,8 +167,9 @@ def test_each_fault_is_reported_and_recovered_from(injected: InjectedFault, fd: 
     ids=lambda injected: injected.name,
 )
 def test_data_flows_within_half_a_second_after_the_bus_returns(injected: InjectedFault, fd: bool) -> None:
-    for length in (0.4, 1.7, 12.0):
-        bench = Bench(fd)
+    """At whatever phase of the repeated commands, and of the back-off, that is."""
+    bench = Bench(fd)
+    for length in (*np.arange(0.2, 1.6, 0.07), 12.0):
         bench.run(1)
         bench.injector.fault = injected
         bench.run(length)
@@ -241,6 +243,21 @@ def test_wrong_version_of_the_protocol_and_layout_are_rejected_and_reported(fd: 
     assert FaultKind.WRONG_LAYOUT in bench.faults
     bench.injector.firmware.layout_id = SENSORS[fd].layout.id
     assert bench.run(3) > RATE
+
+
+@BOTH
+def test_the_right_board_is_used_half_a_second_after_it_took_the_place_of_a_wrong_one(fd: bool) -> None:
+    bench = Bench(fd)
+    bench.run(1)
+    for length in np.arange(1.0, 2.0, 0.07):
+        bench.injector.firmware.layout_id = 9
+        bench.injector.firmware.running = False
+        bench.run(length)
+        assert FaultKind.WRONG_LAYOUT in bench.faults
+        bench.injector.firmware.layout_id = SENSORS[fd].layout.id
+        back = bench.clock.now
+        while bench.board.read(0.01) is None:
+            assert bench.clock.now - back < BACK, bench.board.report()
 
 
 def test_a_reset_at_low_supply_voltage_is_reported_as_brown_out() -> None:

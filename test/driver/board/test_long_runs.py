@@ -9,6 +9,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from posfet_driver.bus.frame import ERROR
@@ -17,7 +19,7 @@ from posfet_sim.emulation.firmware import BoardFirmware
 from support.fake_board import FakeBoard
 from support.fault_injector import FaultInjector, InjectedFault
 from support.long_runs import COUNTED, NEW_SEQUENCE, fuzz, scans_under_faults
-from support.soak import FAULTS, main
+from support.soak import FAULTS, RENAMED, TARGET_RECOVERY, UNPLUGGED, WRONG_BITRATE, Soak, main
 
 BOTH = pytest.mark.parametrize("fd", [True, False], ids=["fd", "classic"])
 
@@ -53,6 +55,22 @@ def test_no_fault_of_the_soak_test_needs_frames_that_its_adapter_cannot_carry(fa
     injector.fault = fault
     frames = [frame for tick in range(20) for frame in injector.due(tick * 100_000_000)]
     assert not any(kind & ERROR for _, kind, _ in frames)
+
+
+@BOTH
+def test_data_flows_within_half_a_second_after_a_fault_of_the_adapter_however_busy_the_machine_is(
+    fd: bool, tmp_path: Path
+) -> None:
+    """The time stands still while board, adapter or driver wait for a processor.
+
+    The back-off alone would open the bus again 0.6 s after the fault.
+    """
+    with Soak(tmp_path, fd, seed=1, paced=True) as soak:
+        for fault in (UNPLUGGED, RENAMED, WRONG_BITRATE):
+            soak.one_fault(fault, length=0.9)
+    assert not soak.verdict.failures()
+    assert len(soak.verdict.recoveries) == 3
+    assert max(soak.verdict.recoveries) <= TARGET_RECOVERY
 
 
 @pytest.mark.slow

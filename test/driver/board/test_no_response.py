@@ -14,7 +14,7 @@ import pytest
 from posfet_driver.board.faults import FaultKind
 from posfet_driver.board.no_response import REOPEN_FIRST, REOPEN_LAST, NoResponseMonitor
 from posfet_driver.bus.error_frame import ErrorCounts
-from posfet_driver.protocol.decoder import Traffic
+from posfet_driver.protocol.decoded import Traffic
 
 SECOND = 1_000_000_000
 

@@ -17,7 +17,8 @@ import pytest
 
 from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.protocol.ascending_stamps import AscendingStamps
-from posfet_driver.protocol.decoder import Decoder, ScanReady
+from posfet_driver.protocol.decoded import ScanReady
+from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Command, Request, Response, Result
 from posfet_driver.protocol.scan_codec import make_codec
 from posfet_model.sensor.description import load_sensor
@@ -376,6 +377,35 @@ def test_a_clock_that_stands_still_leaves_a_stamp_without_a_bound(fd: bool) -> N
     assert 195 <= unknown[-1] < 208
     assert unknown == list(range(unknown[0], unknown[-1] + 1))
     assert not heard.unbounded
+
+
+def test_a_classic_scan_that_waits_until_the_clock_runs_again_has_no_bound() -> None:
+    """The clock stands still at 5 ms instead of 1 ms: it is counted on too slowly, and all scans seem to be late."""
+    heard = Listener(fd=False)
+    heard.one_by_one(Tick(sequence, sequence) for sequence in range(112))
+    heard.one_by_one(Tick(sequence, 112 + 5 * (sequence - 112), stated=96) for sequence in range(112, 128))
+    heard.one_by_one(Tick(sequence, 192 + sequence - 128, stated=96) for sequence in range(128, 160))
+    waiting = heard.scans[-1].sequence + 1
+    heard.one_by_one(Tick(sequence, 192 + sequence - 128) for sequence in range(160, 300))
+    counted = [scan for scan in heard.scans if waiting <= scan.sequence < 160]
+    assert [scan.sequence for scan in counted] == list(range(144, 160))
+    assert max(scan.error for scan in counted) < -60
+    assert all(math.isnan(scan.bound) for scan in counted)
+    assert not heard.unbounded
+
+
+@BOTH
+def test_what_was_not_sent_at_an_earlier_period_is_lost_though_the_clock_stands_still(fd: bool) -> None:
+    """Another host has stopped the board at 1 ms; it is set to 5 ms and started again, and its clock runs."""
+    heard = Listener(fd)
+    heard.one_by_one(Tick(sequence, sequence, stated=min(sequence, 50)) for sequence in range(100))
+    heard.decoder.doubt_sequence()
+    heard.decoder.set_period(5000)
+    heard.decoder.start()
+    heard.one_by_one(Tick(400 + number, 400 + 5 * number, header=number % 16 == 0) for number in range(100))
+    assert heard.scans[-1].sequence >= 480
+    assert not any(scan.status & ScanStatus.BOARD_RESET for scan in heard.scans)
+    assert heard.accounted >= 480
 
 
 @BOTH

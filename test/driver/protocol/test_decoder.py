@@ -22,7 +22,8 @@ from hypothesis import strategies as st
 
 from posfet_driver.bus.error_frame import ErrorCounts
 from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, FD, RATE_SWITCH, REMOTE, Frame
-from posfet_driver.protocol.decoder import Decoder, IdentityReceived, ScanReady, StatusReceived
+from posfet_driver.protocol.decoded import IdentityReceived, ScanReady, StatusReceived
+from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import (
     COMMAND_OFFSET,
     IDENTITY_OFFSET,

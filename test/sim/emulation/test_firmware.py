@@ -12,7 +12,8 @@ from __future__ import annotations
 import pytest
 
 from posfet_driver.bus.frame import CLASSIC, Frame
-from posfet_driver.protocol.decoder import Decoder, ScanReady, StatusReceived
+from posfet_driver.protocol.decoded import ScanReady, StatusReceived
+from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Request
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan, ScanStatus

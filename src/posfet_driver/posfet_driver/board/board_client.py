@@ -22,7 +22,8 @@ from posfet_driver.board.transit_time import scan_transit_time
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.reconnecting_bus import PRESENCE_PERIOD
 from posfet_driver.clock import Clock, SystemClock
-from posfet_driver.protocol.decoder import Decoder, ScanReady
+from posfet_driver.protocol.decoded import ScanReady
+from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import Command, Response
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor

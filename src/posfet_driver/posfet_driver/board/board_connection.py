@@ -24,7 +24,8 @@ from posfet_driver.bus.frame import Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.reconnecting_bus import ReconnectingBus
 from posfet_driver.clock import Clock
-from posfet_driver.protocol.decoder import Decoded, Decoder
+from posfet_driver.protocol.decoded import Decoded
+from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.mapped_decoder import MappedDecoder
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.config import ConfigError

@@ -26,8 +26,8 @@ RESPONSE_TIMEOUT: Final = 0.2
 """Time within which a board has to respond [s]; then the command is repeated."""
 REPETITIONS: Final = 12
 """Number of times that SET_RATE or START is repeated before the board is identified again."""
-REFUSED_PERIOD: Final = 1.0
-"""Period at which an unsuitable board is identified again [s]."""
+REFUSED_PERIOD: Final = 0.3
+"""Period at which an unsuitable board is identified again [s]: another one may have been connected."""
 
 _COMMANDS: Final = {
     ConnectionState.IDENTITY: Command.IDENTIFY,

@@ -20,7 +20,8 @@ from posfet_driver.board.faults import FaultKind
 from posfet_driver.board.power_watch import PowerWatch
 from posfet_driver.board.suitability import unsuitable
 from posfet_driver.clock import Clock
-from posfet_driver.protocol.decoder import Decoder, IdentityReceived, ResponseReceived, StatusReceived
+from posfet_driver.protocol.decoded import IdentityReceived, ResponseReceived, StatusReceived
+from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import Command, Identity, Response, Result, Status
 from posfet_model.sensor.description import Sensor
 

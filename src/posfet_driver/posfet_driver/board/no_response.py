@@ -13,7 +13,7 @@ from typing import Final
 
 from posfet_driver.board.faults import FaultKind
 from posfet_driver.bus.error_frame import ErrorCounts
-from posfet_driver.protocol.decoder import Traffic
+from posfet_driver.protocol.decoded import Traffic
 from posfet_model._lib.units import NANOSECONDS
 
 REOPEN_FIRST: Final = 1.0

@@ -15,13 +15,14 @@ changed.
 
 from __future__ import annotations
 
-from typing import Final, NamedTuple
+from typing import Final
 
 from posfet_driver.bus.frame import CLASSIC
 from posfet_driver.protocol.clock_sync import ClockSync
 from posfet_driver.protocol.device_clock import DeviceClock
 from posfet_driver.protocol.scan_assembler import Assembler, BlockOutcome
 from posfet_driver.protocol.scan_codec import CLASSIC_COUNTER, CLASSIC_LENGTH, HEADER_SCANS, SEQUENCE, ScanHeader
+from posfet_driver.protocol.scan_group import Held, ScanGroup
 from posfet_driver.protocol.scan_numbering import TOLERANCE, Number, ScanNumbering
 from posfet_driver.protocol.tick_line import AGREEMENT, TickLine
 from posfet_model.sensor.scan import Scan
@@ -33,22 +34,9 @@ CERTAIN: Final = HEADER_SCANS - LATE_BLOCKS - 1
 DISPUTE: Final = 2_000_000_000
 """Time after another host has set the scan period in which an announced period may be an earlier one [ns]: as long as
 responses may be late; assumed."""
-MOST_HELD: Final = 2 * HEADER_SCANS
-"""Scans that are held at most: by then two headers were lost, or the board sends none."""
 
 _COMPLETE: Final = BlockOutcome.COMPLETE
 _CONFLICT: Final = BlockOutcome.CONFLICT
-
-
-class Held(NamedTuple):
-    """A complete scan whose number or time is not confirmed yet."""
-
-    scan: Scan
-    """The scan; its stamp is of no use yet."""
-    device_time: int
-    """Its time on the board's clock, unwrapped [us], which the scan itself does not state while that is frozen."""
-    timed: bool
-    """Whether its time is certain: else the next header tells it."""
 
 
 class ClassicScans:
@@ -85,10 +73,7 @@ class ClassicScans:
         self._confirmed = sync.save()  # at the newest header
         self._fresh = False  # no block since the newest header
         self._adrift = True  # no number until the next header
-        self._held: list[Held] = []
-        self._carried = 0  # of them, older than the newest header
-        self._accounted = 0  # scans since the newest header that were delivered or counted as lost
-        self._incomplete = 0  # incomplete scans up to the newest header
+        self._group = ScanGroup(self._ticks, assembler)
         self._delivered = -1  # sequence of the newest scan whose number was certain; -1 before the first
 
     @property
@@ -117,8 +102,7 @@ class ClassicScans:
             self._adrift = True  # the first scan at the new period has a header
             self._set_limits(period)
             self._ticks.restart(period)
-            self._drop_carried()
-            self._held = [held for held in self._held if held.timed]
+            self._group.drop_untimed()
             if self._sync.last - self._disputed < DISPUTE:
                 self._ticks.question()
 
@@ -135,15 +119,13 @@ class ClassicScans:
         scan : Scan
             The scan, which stays as it is.
         """
-        self._held.append(Held(scan, self.time, self._ticks.certain))
-        if len(self._held) > MOST_HELD:
+        if not self._group.hold(scan, self.time, self.clock.stalled):
             self.lose_number()
 
     def lose_number(self) -> None:
         """Use no block until the next header; what is held is dropped, and counted then."""
         self._adrift = True
-        self._drop_carried()
-        self._held = []
+        self._group.drop()
 
     def feed_header(self, kind: int, data: bytes, arrival: int) -> list[Held]:
         """Process a header.
@@ -189,7 +171,7 @@ class ClassicScans:
         self._set_limits(numbering.period)
         if self._ticks.lowered:
             self._sync.doubt(self.clock.time, arrival)  # the times of the scans since were ahead of the clock
-        if self._held:  # their times tell nothing, but may have to be stamped by this one
+        if self._group.waits:  # their times tell nothing, but may have to be stamped by this one
             self._sync.to_monotonic(self.clock.time, arrival)
         released = self._end_group(missing, complete)
         if released:
@@ -197,7 +179,6 @@ class ClassicScans:
         self._confirmed = self._sync.save()
         self.sequence = self._header = numbering.sequence
         self.time = self.clock.time
-        self._accounted = int(complete)
         if not begun:
             self._assembler.begin()
         self.doubtful, self._adrift = self.overflowed or not self._ticks.certain, False
@@ -249,7 +230,7 @@ class ClassicScans:
             self.doubtful = True
         if ahead:
             self._assembler.begin()
-            self._count_lost(ahead - 1)
+            self._group.count_lost(ahead - 1)
             self.sequence += ahead
         outcome = self._assembler.add(block, 0, data)
         if outcome is _CONFLICT:
@@ -258,7 +239,7 @@ class ClassicScans:
             self._assembler.abandon()
         elif outcome is _COMPLETE:
             if not self.doubtful:
-                self._accounted += 1
+                self._group.accounted += 1
                 self._delivered = self.sequence
             return True
         return False
@@ -301,49 +282,14 @@ class ClassicScans:
         return (-1 if self._adrift else LATE_BLOCKS) < behind < ahead
 
     def _end_group(self, missing: int, next_complete: bool) -> list[Held]:
-        """Account for the scans since the newest header; return those that were held and have the right number.
-
-        Those whose time the next header may tell are held on.
-        """
-        held, self._held, carried, self._carried = self._held, [], self._carried, 0
-        incomplete, self._incomplete = self._incomplete, self._statistics.incomplete_scans
+        """Account for the scans since the newest header; return those that were held and have the right number."""
         if self._header < 0 or self.numbering.restarted:
-            self._assembler.count_lost(len(held))
+            self._group.restart()
             return []
         right = 0 <= self.numbering.sequence - self.sequence < HEADER_SCANS  # else a block has overtaken its header
-        released = [self._timed(one) for one in held if right and (one.timed or self._ticks.certain)]
-        if right and not self._ticks.certain:
-            self._held = [one for one in held if not one.timed and self._ticks.spans(one.scan.sequence)]
-            self._carried = len(self._held)
-        settled = len(released) + self._carried - carried
-        accounted = self._accounted + self._incomplete - incomplete + settled - next_complete
-        self._assembler.count_lost(max(missing + 1 - accounted, 0))
-        return released
-
-    def _drop_carried(self) -> None:
-        """Drop the scans that are older than the newest header."""
-        self._assembler.count_lost(self._carried)
-        self._held, self._carried = self._held[self._carried :], 0
-
-    def _timed(self, held: Held) -> Held:
-        """Return a scan that was held with its time by the ticks up to the newest header.
-
-        That may show that the headers before were sampled late, and so the times that were counted from them too high.
-        """
-        scan = held.scan
-        if scan.sequence == self._header or (held.timed and not self._ticks.continued):
-            return held
-        time = self._ticks.time(scan.sequence)
-        if held.timed and time >= held.device_time:
-            return held
-        scan.device_time = time if scan.device_time else 0
-        return Held(scan, time, True)
+        return self._group.end(self._header, missing, right, next_complete)
 
     def _set_limits(self, period: float) -> None:
         if period != self._period:
             self._period = period
             self._earliest, self._latest = -TOLERANCE * period * 1000, CERTAIN * period * 1000
-
-    def _count_lost(self, scans: int) -> None:
-        self._assembler.count_lost(scans)
-        self._accounted += scans

@@ -12,13 +12,20 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Final, TypeAlias
+from typing import Final
 
 from posfet_driver.bus.frame import CLASSIC, ERROR, EXTENDED, Frame
 from posfet_driver.protocol.ascending_stamps import AscendingStamps
-from posfet_driver.protocol.classic_scans import ClassicScans, Held
+from posfet_driver.protocol.classic_scans import ClassicScans
 from posfet_driver.protocol.clock_sync import ClockSync, WallOffset
+from posfet_driver.protocol.decoded import (
+    Decoded,
+    IdentityReceived,
+    ResponseReceived,
+    ScanReady,
+    StatusReceived,
+    Traffic,
+)
 from posfet_driver.protocol.fd_scans import FdScans
 from posfet_driver.protocol.messages import (
     CLASSIC_BLOCK_OFFSET,
@@ -34,8 +41,10 @@ from posfet_driver.protocol.messages import (
     is_message,
     parse_message,
 )
+from posfet_driver.protocol.power_ons import PowerOns
 from posfet_driver.protocol.scan_assembler import Assembler, ScanStatistics
 from posfet_driver.protocol.scan_codec import make_codec
+from posfet_driver.protocol.scan_group import Held
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan, ScanStatus
@@ -43,59 +52,8 @@ from posfet_model.sensor.scan import Scan, ScanStatus
 COMMANDS_KEPT: Final = 16
 """Number of the newest own commands that are remembered: a link may delay their responses by some repetitions."""
 _TIME_ESTIMATED: Final = int(ScanStatus.TIME_ESTIMATED)  # a flag is ten times as slow as a number
-_BOARD_RESET: Final = int(ScanStatus.BOARD_RESET)
-_CHARGE_RESET: Final = int(ScanStatus.CHARGE_RESET)
 _NO_BLOCK: Final = EXTENDED | ERROR
 _SET_RATE: Final = bytes([Command.SET_RATE])
-
-
-@dataclass(frozen=True, slots=True)
-class ScanReady:
-    """A scan is complete. The decoder overwrites it with the next one: copy what is to be kept."""
-
-    scan: Scan
-
-
-@dataclass(frozen=True, slots=True)
-class StatusReceived:
-    """The board sent its status."""
-
-    status: Status
-
-
-@dataclass(frozen=True, slots=True)
-class ResponseReceived:
-    """The board responded to a command."""
-
-    response: Response
-
-
-@dataclass(frozen=True, slots=True)
-class IdentityReceived:
-    """The board stated what it is."""
-
-    identity: Identity
-
-
-Decoded: TypeAlias = ScanReady | StatusReceived | IdentityReceived | ResponseReceived
-
-
-@dataclass(slots=True)
-class Traffic:
-    """Frames that carry no scan of the board, by cause; counters never fall."""
-
-    frames: int = 0
-    """All frames on the bus, error frames included."""
-    commands: int = 0
-    """Commands to the board from other hosts on the bus, or from this one before it closed the bus."""
-    unrelated: int = 0
-    """Frames of other nodes on the bus."""
-    malformed: int = 0
-    """Messages of the wrong length or type, or with an impossible value."""
-    status_lost: int = 0
-    """Status frames that did not arrive, by their heartbeat."""
-    status_repeated: int = 0
-    """Status frames that repeat the one before."""
 
 
 class Decoder:
@@ -143,22 +101,16 @@ class Decoder:
         """The newest status."""
         self.identity: Identity | None = None
         """The newest identity; None: unknown."""
-        self.boot: int | None = None
-        """Number of the board's power-on, modulo 16; None: unknown."""
-        self.resets = 0
-        """Number of times that the board was reset."""
         self.transit_time = 0.0
         """Longest time that the frames of a scan occupy the bus [s]."""
         self._base = sensor.can.base_id
         self._fd = sensor.can.fd
         self._sync = ClockSync()
         self._ascending = AscendingStamps()
-        self._scan_boot: int | None = None
-        self._previous_boot: int | None = None
+        self._power_ons = PowerOns()
         self._arrival = 0
         self._wall_offset = WallOffset()
         self._status_data = b""
-        self._charge_reset = False  # the first status says so, of a board that an earlier driver may have received
         self._own_commands: deque[bytes] = deque(maxlen=COMMANDS_KEPT)
         self._first_block = FD_BLOCK_OFFSET if self._fd else CLASSIC_BLOCK_OFFSET
         self._last_block = codec.offset(codec.blocks - 1)
@@ -172,6 +124,11 @@ class Decoder:
     def blocks(self) -> int:
         """Number of scan frames of a scan, without its header."""
         return self.assembler.codec.blocks
+
+    @property
+    def resets(self) -> int:
+        """Number of times that the board was reset."""
+        return self._power_ons.resets
 
     @property
     def sequence(self) -> int:
@@ -265,7 +222,7 @@ class Decoder:
             if identifier == block and not kind & _NO_BLOCK:
                 if self.receiving and feed(kind, data, arrival):
                     self._complete()
-                    self._publish(self._fd_scans.time)
+                    self._publish(self._fd_scans.time, self._fd_scans.clock.stalled)
                     yield ready
             elif message := self._other(frame):
                 yield message
@@ -290,7 +247,7 @@ class Decoder:
                 if scans.doubtful:
                     scans.hold(self.scan.snapshot())
                 else:
-                    self._publish(scans.time)
+                    self._publish(scans.time, scans.clock.stalled)
                     yield ready
         if scans.overflowed:
             scans.overflowed, scans.doubtful = False, True
@@ -307,21 +264,9 @@ class Decoder:
             scan.status |= _TIME_ESTIMATED
         if dated:
             scan.stamp = self._sync.to_monotonic(time, self._arrival)
-        if scans.numbering.restarted:
-            scans.numbering.restarted = False
-            scan.status |= _BOARD_RESET | (0 if self._keeps_charge() else _CHARGE_RESET)
-            self.resets += scans.numbering.boot == self._scan_boot  # else the new number tells
-        if self._charge_reset:
-            self._charge_reset = False
-            scan.status |= _CHARGE_RESET
-        if scans.numbering.boot != self._scan_boot:
-            self._scan_boot = scans.numbering.boot
-            self._note_boot(scans.numbering.boot)
-
-    def _keeps_charge(self) -> bool:
-        """Return whether the board, since its newest power-on, has said that charges continue those from before."""
-        status = self.status
-        return bool(self._status_data) and status.boot == self._scans.numbering.boot and not status.charge_reset
+        numbering = scans.numbering
+        scan.status |= self._power_ons.flags(numbering.boot, numbering.restarted)
+        numbering.restarted = False
 
     def _recall(self, held: Held) -> None:
         """Make a scan that was held the newest one."""
@@ -330,34 +275,24 @@ class Decoder:
         scan.counts[:] = earlier.counts
         scan.frames_lost = self.frames_lost
         scan.stamp = device_time * 1000 + round(self._sync.offset)
-        self._publish(device_time)
+        self._publish(device_time, held.stalled or self._scans.clock.stalled)
 
-    def _publish(self, device_time: int) -> None:
-        """Stamp the newest scan, which was acquired at `device_time` [us], in the order of publication."""
+    def _publish(self, device_time: int, stalled: bool) -> None:
+        """Stamp the newest scan, in the order of publication.
+
+        It was acquired at `device_time` [us], which is counted on if the board's clock has `stalled`.
+        """
         scan = self.scan
         stamp = self._ascending.stamp(scan.stamp, device_time, self._arrival)
         scan.stamp = stamp + self._wall_offset.value
-        scan.stamp_uncertainty = self._uncertainty(stamp) / NANOSECONDS
+        scan.stamp_uncertainty = math.nan if stalled else self._uncertainty(stamp) / NANOSECONDS
         self.scans += 1
 
     def _uncertainty(self, stamp: int) -> float:
-        """Return the largest error [ns] of the newest scan's stamp [ns]; NaN while the board's clock does not run."""
+        """Return the largest error [ns] of the newest scan's stamp [ns], while the board's clock runs."""
         scans = self._scans
-        if scans.clock.stalled:
-            return math.nan
         late = self.transit_time * NANOSECONDS + self._ascending.excess + scans.late * 1000
         return self._sync.error(late, scans.early(self.scan.sequence) * 1000, self._arrival - stamp)
-
-    def _note_boot(self, boot: int) -> None:
-        """Note the number of the power-on that a message or a scan states, and count a reset."""
-        if boot == self.boot:
-            return
-        self._previous_boot = self.boot
-        if self.boot is not None:
-            self.resets += 1
-            if boot != self._scans.numbering.boot:
-                self._classic_scans.lose_number()
-        self.boot = boot
 
     def _other(self, frame: Frame) -> Decoded | None:
         """Return what a frame that belongs to no scan contains, or count it."""
@@ -387,10 +322,16 @@ class Decoder:
                 return IdentityReceived(message)
         return None
 
+    def _end_numbering(self, boot: int) -> None:
+        """Stop the numbering of classic scans, unless a scan of this power-on has begun it again."""
+        if boot != self._scans.numbering.boot:
+            self._classic_scans.lose_number()
+
     def _apply_response(self, response: Response) -> Decoded | None:
-        if response.boot == self._previous_boot:
-            return None  # late: the board was reset since
-        self._note_boot(response.boot)
+        if self._power_ons.is_over(response.boot):
+            return None
+        if self._power_ons.note(response.boot):
+            self._end_numbering(response.boot)
         if response.command == Command.SET_RATE and response.result == Result.OK:
             if 1 <= response.value <= LONGEST_PERIOD:
                 self.set_period(response.value)
@@ -405,9 +346,9 @@ class Decoder:
             return None
         if self._status_data and status.boot == self.status.boot:
             traffic.status_lost += (status.heartbeat - self.status.heartbeat - 1) & 0xF
-        self._charge_reset |= not self._status_data and status.charge_reset
         self._status_data = data
         self.status = status
-        self._note_boot(status.boot)
+        if self._power_ons.note_status(status):
+            self._end_numbering(status.boot)
         self.scan.temperatures[:] = status.temperatures
         return StatusReceived(status)

@@ -15,7 +15,8 @@ from typing import Final
 
 from posfet_driver.bus.frame import ERROR, EXTENDED, Frame
 from posfet_driver.protocol.clock_sync import WallOffset
-from posfet_driver.protocol.decoder import Decoded, Decoder, ScanReady, Traffic
+from posfet_driver.protocol.decoded import Decoded, ScanReady, Traffic
+from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.frame_tables import NO_BLOCK, MappedMessage, Part, load_tables
 from posfet_driver.protocol.mapped_assembler import MappedAssembler
 from posfet_driver.protocol.mapped_numbering import MappedNumbering

@@ -174,7 +174,8 @@ class ScanNumbering:
         same_boot, ahead = number.boot == self.boot, (number.low - self.sequence) & SEQUENCE
         # The newest scan may have waited to be read for as long as the host stood still.
         elapsed = max(self._clock.ahead(number.reading), (arrival - self._arrival) / 1000, self._clock.age(arrival))
-        if same_boot and ahead * self.period <= FASTEST * elapsed + SLACK * self.period:
+        shortest = min((self.period, *self._earlier))
+        if same_boot and ahead * shortest <= FASTEST * elapsed + SLACK * self.period:
             return self._advance(ahead, number.reading, self._expected(ahead, number.reading), False, arrival)
         if same_boot and not self._cautious and not self._open:
             self._statistics.implausible += 1

@@ -26,7 +26,7 @@ from posfet_driver.bus.frame import CLASSIC, Frame
 from posfet_driver.bus.frame_bus import FrameBus
 from posfet_driver.bus.open_bus import open_bus
 from posfet_driver.clock import Clock
-from posfet_driver.protocol.decoder import ScanReady
+from posfet_driver.protocol.decoded import ScanReady
 from posfet_driver.protocol.mapped_decoder import make_decoder
 from posfet_driver.protocol.messages import IDENTITY_OFFSET, PROTOCOL_VERSION, STATUS_OFFSET, Identity, Status
 from posfet_driver.tools.bus_options import EMULATOR, bus_of

@@ -27,7 +27,8 @@ from numpy.typing import NDArray
 
 from posfet_driver.bus.message_conversion import frame_of
 from posfet_driver.bus.recording import messages
-from posfet_driver.protocol.decoder import Decoder, ScanReady
+from posfet_driver.protocol.decoded import ScanReady
+from posfet_driver.protocol.decoder import Decoder
 from posfet_model._lib.shown import shown
 from posfet_model._lib.types import Array
 from posfet_model.calibration.least_squares_fit import Recording

@@ -10,7 +10,8 @@
 from __future__ import annotations
 
 from posfet_driver.bus.frame import CLASSIC
-from posfet_driver.protocol.decoder import Decoder, ResponseReceived, ScanReady
+from posfet_driver.protocol.decoded import ResponseReceived, ScanReady
+from posfet_driver.protocol.decoder import Decoder
 from posfet_driver.protocol.messages import COMMAND_OFFSET, Command, Request
 from posfet_model.sensor.description import Sensor
 from posfet_model.sensor.scan import Scan
