@@ -205,8 +205,8 @@ def run(task: Task, duration: float, seed: int = 0, feedback: bool = True) -> in
             settings = [word for key, value in thresholds.items() for word in ("-p", f"model_node:{key}:={value}")]
             nodes = stack.enter_context(
                 posfet.bringup.nodes(
-                    ros_arguments=settings, namespace=f"{name}/tactile", source="can", estimator="observer", can_interface="slcan",
-                    can_channel=str(folder / name),
+                    ros_arguments=settings, namespace=f"{name}/tactile", source="can", can_interface="slcan",
+                    estimator="observer", can_channel=str(folder / name),
                 )
             )  # fmt: skip
             for node in nodes:
