@@ -5,16 +5,21 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""What of ../src is in the wheel: everything that runs without ROS."""
+"""What of ../src is in the wheel and in the source distribution: everything that runs without ROS."""
 
 from __future__ import annotations
 
+import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 from setuptools import find_packages, setup
 from setuptools.command.build_py import build_py
+from setuptools.command.sdist import sdist
 
-SOURCES = Path("../src")
+OUTSIDE = "../"
+SOURCES = next(folder for folder in (Path(OUTSIDE, "src"), Path("src")) if folder.is_dir())
+"""Folder of the packages: in the repository, or in an unpacked source distribution."""
 PACKAGES = ("posfet", "posfet_driver", "posfet_model", "posfet_sim")
 MESSAGES = "posfet_sim.recording.msg"
 ONLY = {
@@ -34,6 +39,18 @@ class WithoutRos(build_py):
         return [entry for entry in found if package not in ONLY or entry[1] in ONLY[package]]
 
 
+class WithPackages(sdist):
+    """Takes the packages in, as src/ beside setup.py."""
+
+    def make_release_tree(self, base_dir: str, files: Sequence[str]) -> None:
+        super().make_release_tree(base_dir, [name for name in files if not name.startswith(OUTSIDE)])
+        for name in files:
+            if name.startswith(OUTSIDE):
+                target = Path(base_dir, name.removeprefix(OUTSIDE))
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(name, target)
+
+
 def packages() -> dict[str, str]:
     """Return the folder of each package."""
     folders = {MESSAGES: str(SOURCES / "posfet_msgs/msg")}
@@ -45,7 +62,7 @@ def packages() -> dict[str, str]:
 
 
 setup(
-    cmdclass={"build_py": WithoutRos},
+    cmdclass={"build_py": WithoutRos, "sdist": WithPackages},
     packages=sorted(packages()),
     package_dir=packages(),
     package_data={

@@ -95,18 +95,27 @@ def draw(task: Task, out: Path, rate: float, seed: int = 0, duration: float = 1.
 def _picture(runs: list[tuple[Trial, list[Frame]]], index: int) -> Image.Image:
     figure = Figure(figsize=SIZE, dpi=DOTS)
     grid = figure.add_gridspec(
-        3, 6, height_ratios=(2.6, 1.0, 1.5), left=0.07, right=0.99, bottom=0.1, top=0.93, hspace=0.4
+        3,
+        7,
+        width_ratios=(1, 1, 1, 0.35, 1, 1, 1),
+        height_ratios=(2.9, 0.9, 1.4),
+        left=0.065,
+        right=0.99,
+        bottom=0.09,
+        top=0.95,
+        hspace=0.35,
     )
     for column, (trial, frames) in enumerate(runs):
         frame = frames[min(index, len(frames) - 1)]
         over = index >= len(frames) and trial.dropped
-        columns = slice(3 * column, 3 * column + 3)
+        begin = 4 * column  # one column of the grid is the gap between the runs
+        columns = slice(begin, begin + 3)
         _scene(figure.add_subplot(grid[0, columns]), trial, frame, over)
         for side, image in enumerate(frame.images):
-            axes = figure.add_subplot(grid[1, 3 * column + 2 * side])
+            axes = figure.add_subplot(grid[1, begin + 2 * side])
             axes.imshow(image, origin="lower", cmap="viridis", vmin=0.0, vmax=MOST_FORCE)
             axes.set(xticks=[], yticks=[], xlabel=("left", "right")[side])
-        label = figure.add_subplot(grid[1, 3 * column + 1])
+        label = figure.add_subplot(grid[1, begin + 1])
         label.axis("off")
         label.text(
             0.5,
@@ -124,7 +133,7 @@ def _picture(runs: list[tuple[Trial, list[Frame]]], index: int) -> Image.Image:
 
 def _scene(axes: Axes, trial: Trial, frame: Frame, dropped: bool) -> None:
     """Draw gripper, object and weight from the front [mm]."""
-    axes.set(xlim=(-40, 40), ylim=(-12, 36), aspect="equal", xticks=[], yticks=[])
+    axes.set(xlim=(-40, 40), ylim=(-12, 42), aspect="equal", xticks=[], yticks=[])
     axes.set_title("with slip feedback" if trial.feedback else "without slip feedback", fontsize=8)
     axes.add_patch(Rectangle((-3, -12), 6, 12, color="0.75"))
     hand, half, face = frame.hand * 1e3, frame.gap * 500, FACE * 1e3
@@ -137,10 +146,9 @@ def _scene(axes: Axes, trial: Trial, frame: Frame, dropped: bool) -> None:
     for patch in _object(trial.task.object, middle):
         axes.add_patch(patch)
     if frame.pull > 0 and not dropped:
-        size = 3 + 8 * frame.pull
-        axes.plot([9, 9], [middle - 12, middle - 3], color="0.3", lw=0.8)
-        axes.add_patch(Rectangle((9 - size / 2, middle - 12 - size), size, size, color="tab:brown"))
-        axes.plot([0, 9], [middle - 2, middle - 3], color="0.3", lw=0.8)
+        size, bottom = 3 + 8 * frame.pull, middle - HALF_HEIGHTS[trial.task.object] * 1e3
+        axes.plot([0, 0], [bottom - 4, bottom], color="0.3", lw=0.8)
+        axes.add_patch(Rectangle((-size / 2, bottom - 4 - size), size, size, color="tab:brown"))
 
 
 def _object(kind: str, middle: float) -> list[Circle | Rectangle]:

@@ -16,6 +16,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tarfile
 import venv
 import zipfile
 from collections.abc import Iterator
@@ -41,20 +42,27 @@ GUARDED = LEFT_OUT | {"posfet.middleware_check"}
 """Modules with ROS that are imported only where that is installed, or by a command that says that it needs ROS."""
 
 
-def build(folder: Path) -> Path:
-    """Return the wheel, built from a copy of python/ so that nothing is left in the repository."""
-    shutil.copytree(ROOT / "python", folder / "python", ignore=shutil.ignore_patterns("build", "*.egg-info"))
-    (folder / "src").symlink_to(SOURCES)
-    arguments = ["--no-deps", "--no-build-isolation", "--no-index", "--wheel-dir", str(folder), str(folder / "python")]
-    command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+def built(kind: str, source: Path, folder: Path) -> Path:
+    """Return the wheel or the sdist that setuptools builds from a folder, as pip and build do."""
+    program = f"import sys; from setuptools import build_meta; build_meta.build_{kind}(sys.argv[1])"
+    command = [sys.executable, "-c", program, str(folder)]
+    done = subprocess.run(command, cwd=source, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    return next(folder.glob("*.whl"))
+    return next(folder.glob("*.whl" if kind == "wheel" else "*.tar.gz"))
 
 
 @pytest.fixture(scope="module")
-def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return build(tmp_path_factory.mktemp("wheel"))
+def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of python/, so that nothing is left in the repository."""
+    folder = tmp_path_factory.mktemp("repository")
+    shutil.copytree(ROOT / "python", folder / "python", ignore=shutil.ignore_patterns("build", "*.egg-info"))
+    (folder / "src").symlink_to(SOURCES)
+    return folder / "python"
+
+
+@pytest.fixture(scope="module")
+def wheel(source: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return built("wheel", source, tmp_path_factory.mktemp("wheel"))
 
 
 @pytest.fixture(scope="module")
@@ -92,6 +100,19 @@ def test_the_wheel_holds_all_that_runs_without_ros(wheel: Path, modules: dict[st
     assert not [name for name in held if "/test" in name or "web/" in name]
     assert {COMMANDS[name][0].partition(":")[0] for name in COMMANDS.keys() - NEED_ROS} <= modules.keys()
     assert modules.keys().isdisjoint(LEFT_OUT)
+
+
+def contents(wheel: Path) -> dict[str, int]:
+    """Return the checksum of each file of a wheel."""
+    with zipfile.ZipFile(wheel) as archive:
+        return {each.filename: each.CRC for each in archive.infolist()}
+
+
+def test_the_source_distribution_builds_the_same_wheel(source: Path, wheel: Path, tmp_path: Path) -> None:
+    with tarfile.open(built("sdist", source, tmp_path)) as archive:
+        archive.extractall(tmp_path / "unpacked", filter="data")
+    [unpacked] = (tmp_path / "unpacked").iterdir()
+    assert contents(built("wheel", unpacked, tmp_path)) == contents(wheel)
 
 
 def test_no_module_imports_ros(modules: dict[str, ast.Module]) -> None:
@@ -158,6 +179,7 @@ def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         str(interpreter),
         "install",
         "--quiet",
+        "--no-compile",
         "--no-deps",
         "--no-index",
     ]

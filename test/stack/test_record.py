@@ -77,7 +77,7 @@ def test_chosen_topics_are_recorded_with_their_schemas(
     recorder = RecorderNode(file, ["hand/thumb"], ["info", "raw", "absent"], context=context)
     for node in (talker, recorder):
         executor.add_node(node)
-    spin_until(executor, lambda: len(recorder.recorded) == 2 and raw.get_subscription_count() == 1)
+    spin_until(executor, lambda: len(recorder.subscribed) == 2 and raw.get_subscription_count() == 1)
     raw.publish(TactileRaw(sequence=7, counts=[1, 2, 3]))
     other.publish(TactileRaw(sequence=8))
     spin_until(executor, lambda: file.messages == 2)

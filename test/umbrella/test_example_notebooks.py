@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""The notebooks of examples/ that use the library print what is stored in them."""
+"""The notebooks of examples/ that use the library print what is stored in them, and draw as many figures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import warnings
 
 import pytest
 
-from support.notebooks import code_cells, run_cells, stored_text
+from support.notebooks import code_cells, run_cells, stored
 from support.paths import EXAMPLES
 
 pytest.importorskip("mcap")
@@ -29,11 +29,13 @@ def words(text: str) -> list[object]:
 @pytest.mark.parametrize("name", ["first_contact", "calibration", "device_design", "replay"])
 def test_the_notebook_prints_what_is_stored_in_it(name: str) -> None:
     path = EXAMPLES / f"{name}.ipynb"
-    stored = [stored_text(cell) for cell in code_cells(path)]
-    assert len(stored) >= 4
+    kept = [stored(cell) for cell in code_cells(path)]
+    assert len(kept) >= 4
+    assert any(cell.pictures for cell in kept)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        printed = run_cells(path)
-    for found, kept in zip(printed, stored, strict=True):
-        assert kept
-        assert words(found) == words(kept)
+        found = run_cells(path)
+    for now, before in zip(found, kept, strict=True):
+        assert before.text or before.pictures
+        assert words(now.text) == words(before.text)
+        assert len(now.pictures) == len(before.pictures)

@@ -24,6 +24,7 @@ PAGES = {
     "benchmarks/RESULTS.md": "performance.md",
 }
 """Pages of the site, by the document of the repository that they are made from."""
+STYLE = Path(__file__).with_name("style.css")
 PACKAGES = ("posfet_model", "posfet_driver", "posfet_sim", "posfet")
 LEFT_OUT = {"figures"}
 """Subpackages that users of the library do not import."""
@@ -131,6 +132,7 @@ def on_files(files: Any, config: Any) -> Any:
     """Add the pages from other folders, the Python reference, and the files that pages link to (called by MkDocs)."""
     from mkdocs.structure.files import File  # noqa: PLC0415  # the rest is used without MkDocs, by tests
 
+    files.append(File.generated(config, STYLE.name, abs_src_path=str(STYLE)))
     for page, text in reference():
         files.append(File.generated(config, page, content=text))
     linked: set[str] = set()

@@ -22,6 +22,7 @@ from posfet_model.ros.start import interrupt_on_signal
 
 COMMANDS: Final = {
     "bringup": ("posfet.bringup", "start the stack: real or simulated board, driver, model"),
+    "bandwidth": ("posfet.bandwidth", "count messages and bytes of each topic of running stacks"),
     "sim": ("posfet_sim.commands.simulate", "simulate a scene faster than real time and write it to a file"),
     "can": (
         "posfet.can",
@@ -51,9 +52,9 @@ COMMANDS: Final = {
 }
 """Subcommands: the module whose `main`, or another function after a colon, takes the remaining arguments and returns
 the exit code, and the purpose."""
-NODES: Final = {"bringup", "diagnostics", "doctor", "record", "replay", "scene", "tare", "view"}
+NODES: Final = {"bandwidth", "bringup", "diagnostics", "doctor", "record", "replay", "scene", "tare", "view"}
 """Subcommands with signal handling of their own."""
-NEED_ROS: Final = {"bringup", "diagnostics", "displays", "record", "scene", "tare", "view"}
+NEED_ROS: Final = {"bandwidth", "bringup", "diagnostics", "displays", "record", "scene", "tare", "view"}
 """Subcommands that need ROS; `replay` needs it, too, but with --out."""
 LEFT_OUT: Final = frozenset(COMMANDS[name][0].partition(":")[0] for name in NEED_ROS)
 """Modules that the Python package without ROS leaves out."""

@@ -39,9 +39,10 @@ PYTHON: Final = (3, 10), (3, 13)
 PACKAGES: Final = {
     "numpy": "", "PyYAML": "", "rich": "", "python-can": "the driver and posfet can",
     "mcap": "recordings", "h5py": "posfet export FILE.h5", "pyarrow": "posfet export FILE.parquet",
+    "joblib": "posfet score --jobs",
 }  # fmt: skip
 """Packages of Python by their names for pip: what needs them; '' for everything."""
-OPTIONAL: Final = ("h5py", "pyarrow")
+OPTIONAL: Final = ("h5py", "pyarrow", "joblib")
 ROS_PACKAGES: Final = ("rclpy", "posfet_msgs")
 LARGEST_DOMAIN: Final = 101
 """Largest ROS_DOMAIN_ID whose ports are below those that Linux gives to other programs."""

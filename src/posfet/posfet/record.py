@@ -11,20 +11,18 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
-from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import QoSProfile
 
+from posfet.raw_topics import COMMON, RawTopics
 from posfet_model.command_line import checked_namespace, positive
 from posfet_model.config import ConfigError
 from posfet_model.ros.exit_codes import exit_code
@@ -33,12 +31,6 @@ from posfet_sim.recording.mcap_file import DiskFull, MessageFile
 from posfet_sim.recording.message_definitions import schema_text
 from posfet_sim.recording.ros2msg import short_name
 
-COMMON: Final = ("/diagnostics", "/tf", "/tf_static")
-"""Topics of all sensors that are recorded with all topics of a sensor."""
-DEPTH: Final = 1000
-"""Depth of the queue of a topic: one second at 1 kHz."""
-DISCOVERY_PERIOD: Final = 0.25
-"""Period at which new topics are looked for [s]."""
 FLUSH_PERIOD: Final = 1.0
 """Period at which messages are written [s]: what the end of the process by force, or of the power, can take."""
 SHOW_PERIOD: Final = 0.25
@@ -49,10 +41,8 @@ NOTHING: Final = 1
 """Exit code of a recording without messages."""
 
 
-class RecorderNode(Node):  # type: ignore[misc]  # rclpy has no types
+class RecorderNode(RawTopics):
     """Writes the messages of topics to a file as they arrive, without reading them.
-
-    Topics that appear later are recorded from then on.
 
     Parameters
     ----------
@@ -69,50 +59,16 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy has no types
     def __init__(
         self, file: MessageFile, namespaces: Sequence[str], topics: Sequence[str] = (), **node_arguments: Any
     ) -> None:
-        super().__init__(f"posfet_record_{os.getpid()}", cli_args=[], use_global_arguments=False, **node_arguments)
         self.file = file
         self.failure = ""
         """Why the recording ended, in one line; '' while it goes on."""
-        self._prefixes = tuple(f"/{namespace}/" for namespace in namespaces)
-        self._wanted = {
-            name if name.startswith("/") else f"{prefix}{name}" for name in topics for prefix in self._prefixes
-        }
-        self._known: set[str] = set()
-        self.recorded: list[str] = []
-        """Names of the topics that are recorded."""
-        self._discover()
-        self.create_timer(DISCOVERY_PERIOD, self._discover)
+        super().__init__("posfet_record", namespaces, topics, **node_arguments)
         self.create_timer(FLUSH_PERIOD, self._flush)
 
-    @property
-    def missing(self) -> list[str]:
-        """Chosen topics that nobody publishes."""
-        return sorted(self._wanted - set(self.recorded))
-
-    def _discover(self) -> None:
-        for name, kinds in self.get_topic_names_and_types():
-            wanted = name in self._wanted if self._wanted else name.startswith(self._prefixes) or name in COMMON
-            if wanted and name not in self._known and self.get_publishers_info_by_topic(name):
-                self._known.add(name)
-                try:
-                    self._subscribe(name, kinds[0])
-                except (ConfigError, ImportError, AttributeError) as error:
-                    self.get_logger().warning(f"{name}: not recorded: {' '.join(str(error).split())}")
-
-    def _subscribe(self, name: str, kind: str) -> None:
-        package, _, message = kind.replace("/msg/", "/").partition("/")
+    def opened(self, name: str, kind: str, offered: Sequence[QoSProfile]) -> Callable[[bytes], None]:
+        """Add a topic to the file; return what writes its messages."""
         schema = schema_text(short_name(kind))
-        offered = [publisher.qos_profile for publisher in self.get_publishers_info_by_topic(name)]
-        qos = QoSProfile(
-            depth=DEPTH,
-            reliability=_common(offered, "reliability", ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT),
-            durability=_common(offered, "durability", DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE),
-        )
-        topic = self.file.add_topic(name, short_name(kind), schema, _offered_text(offered))
-        self.create_subscription(
-            getattr(import_module(f"{package}.msg"), message), name, partial(self._write, topic), qos, raw=True
-        )
-        self.recorded.append(name)
+        return partial(self._write, self.file.add_topic(name, short_name(kind), schema, _offered_text(offered)))
 
     def _write(self, topic: int, data: bytes) -> None:
         self._end_when_full(lambda: self.file.add(topic, time.time_ns(), data))
@@ -127,11 +83,6 @@ class RecorderNode(Node):  # type: ignore[misc]  # rclpy has no types
             write()
         except DiskFull as error:
             self.failure = str(error)
-
-
-def _common(offered: Sequence[Any], policy: str, best: Any, other: Any) -> Any:
-    """Return the best policy if all publishers offer it, so that the subscription fits all of them."""
-    return best if all(getattr(profile, policy) == best for profile in offered) else other
 
 
 def _offered_text(offered: Sequence[Any]) -> str:
@@ -248,13 +199,13 @@ def _record(path: Path, options: argparse.Namespace) -> int:
                 raise ConfigError(node.failure)
     finally:
         file.close()
-    if not file.messages or set(node.recorded) <= set(COMMON) - set(options.topics):
+    if not file.messages or set(node.subscribed) <= set(COMMON) - set(options.topics):
         path.unlink()
         wanted = ", ".join(node.missing) or ", ".join(f"/{name}/..." for name in namespaces)
         raise ConfigError(f"no message on {wanted}: start the stack with posfet bringup, or give its --namespace")
     for name in node.missing:
         print(f"{name}: nobody published it", file=sys.stderr)
-    topics = f"{len(node.recorded)} topic{'s' * (len(node.recorded) != 1)}"
+    topics = f"{len(node.subscribed)} topic{'s' * (len(node.subscribed) != 1)}"
     print(f"{path}: {spent:.1f} s, {file.messages} messages of {topics}, {file.size / 1e6:.1f} MB")
     return 0
 
@@ -287,7 +238,7 @@ class _Display:
             file, node = self._node.file, self._node
             self._status.update(
                 f"{escape(str(self._path))}: {now - self._begin:.0f} s, {file.messages} messages of "
-                f"{len(node.recorded)} topics, {file.size / 1e6:.1f} MB; Ctrl-C ends it"
+                f"{len(node.subscribed)} topics, {file.size / 1e6:.1f} MB; Ctrl-C ends it"
             )
 
 

@@ -1,0 +1,119 @@
+# Copyright 2026 posfet maintainers
+# Licensed under the Apache License, Version 2.0 (the "License"); you may not use this file except in compliance with
+# the License. You may obtain a copy of the License at http://www.apache.org/licenses/LICENSE-2.0 Unless required by
+# applicable law or agreed to in writing, software distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
+# governing permissions and limitations under the License.
+
+"""Topics of running stacks as serialized messages, for what records or counts them without reading them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from importlib import import_module
+from typing import Any, Final
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from posfet_model.config import ConfigError
+
+COMMON: Final = ("/diagnostics", "/tf", "/tf_static")
+"""Topics of all sensors that belong to all topics of a sensor."""
+DEPTH: Final = 1000
+"""Depth of the queue of a topic: one second at 1 kHz."""
+DISCOVERY_PERIOD: Final = 0.25
+"""Period at which new topics are looked for [s]."""
+
+
+class RawTopics(Node):  # type: ignore[misc]  # rclpy has no types
+    """Subscribes to topics of sensors, whatever their types; what is done with their messages, a subclass says.
+
+    Topics that appear later are subscribed to from then on.
+
+    Parameters
+    ----------
+    name : str
+        Name of the node, to which the process is added.
+    namespaces : sequence of str
+        Namespaces of the sensors, without slashes around them.
+    topics : sequence of str
+        Topics within each namespace, or full names with a slash at the front; none: all, and those of `COMMON`.
+    best_effort : bool, optional
+        Whether lost messages are not sent again; default: as the publishers offer.
+    **node_arguments : object
+        Arguments of the node, as for `rclpy.node.Node`.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        namespaces: Sequence[str],
+        topics: Sequence[str] = (),
+        best_effort: bool = False,
+        **node_arguments: Any,
+    ) -> None:
+        super().__init__(f"{name}_{os.getpid()}", cli_args=[], use_global_arguments=False, **node_arguments)
+        self._prefixes = tuple(f"/{namespace}/" for namespace in namespaces)
+        self._wanted = {
+            topic if topic.startswith("/") else f"{prefix}{topic}" for topic in topics for prefix in self._prefixes
+        }
+        self._best_effort = best_effort
+        self._known: set[str] = set()
+        self.subscribed: list[str] = []
+        """Names of the topics that are subscribed to."""
+        self._discover()
+        self.create_timer(DISCOVERY_PERIOD, self._discover)
+
+    @property
+    def missing(self) -> list[str]:
+        """Chosen topics that nobody publishes."""
+        return sorted(self._wanted - set(self.subscribed))
+
+    def opened(self, name: str, kind: str, offered: Sequence[QoSProfile]) -> Callable[[bytes], None]:
+        """Return what takes the messages of a topic that has been found; a subclass defines it.
+
+        Parameters
+        ----------
+        name : str
+            Full name of the topic.
+        kind : str
+            Its type, such as posfet_msgs/msg/TactileRaw.
+        offered : sequence of QoSProfile
+            What its publishers offer.
+
+        Returns
+        -------
+        callable
+            Takes each serialized message.
+        """
+        raise NotImplementedError
+
+    def _discover(self) -> None:
+        for name, kinds in self.get_topic_names_and_types():
+            wanted = name in self._wanted if self._wanted else name.startswith(self._prefixes) or name in COMMON
+            if wanted and name not in self._known and self.get_publishers_info_by_topic(name):
+                self._known.add(name)
+                try:
+                    self._subscribe(name, kinds[0])
+                except (ConfigError, ImportError, AttributeError) as error:
+                    self.get_logger().warning(f"{name}: left out: {' '.join(str(error).split())}")
+
+    def _subscribe(self, name: str, kind: str) -> None:
+        package, _, message = kind.replace("/msg/", "/").partition("/")
+        offered = [publisher.qos_profile for publisher in self.get_publishers_info_by_topic(name)]
+        reliability = _common(offered, "reliability", ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT)
+        qos = QoSProfile(
+            depth=DEPTH,
+            reliability=ReliabilityPolicy.BEST_EFFORT if self._best_effort else reliability,
+            durability=_common(offered, "durability", DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE),
+        )
+        message_type = getattr(import_module(f"{package}.msg"), message)
+        self.create_subscription(message_type, name, self.opened(name, kind, offered), qos, raw=True)
+        self.subscribed.append(name)
+
+
+def _common(offered: Sequence[Any], policy: str, best: Any, other: Any) -> Any:
+    """Return the best policy if all publishers offer it, so that the subscription fits all of them."""
+    return best if all(getattr(profile, policy) == best for profile in offered) else other
