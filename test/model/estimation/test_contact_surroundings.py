@@ -44,10 +44,10 @@ def test_a_neighbour_at_a_corner_counts_less() -> None:
     assert SQUARE.greatest_neighbour(force).tolist() == [0.0, 1.0, 0.0, 1.0, DIAGONAL, 0.0, 0.0, 0.0, 0.0]
 
 
-def test_an_unknown_neighbour_may_feel_the_greatest_force() -> None:
-    force = np.array([math.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5])
-    assert SQUARE.greatest_neighbour(force).tolist() == [0.0, 0.5, 0.0, 0.5, DIAGONAL * 0.5, 0.5, 0.0, 0.5, 0.0]
-    assert line(0.2, math.nan, 0.0, 0.0, 0.0, 0.5)[2] == 0.5
+def test_an_unknown_force_is_the_greatest_that_it_can_be_beside_the_others() -> None:
+    assert LINE.completed(np.array([8.0, 4.0, math.nan, 0.0, 0.0, 0.0]), 0.0).tolist() == [8.0, 4.0, 2.0, 0.0, 0.0, 0.0]
+    assert LINE.completed(np.array([0.0, 1.0, 4.0, math.nan, 8.0, 4.0]), 0.0)[3] == 8.0
+    assert LINE.completed(np.array([1.0, 0.0, 0.0, 0.0, math.nan, 0.0]), 0.0)[4] == 0.0
 
 
 def test_a_geometric_decline_continues() -> None:
@@ -71,7 +71,7 @@ def test_the_greatest_force_stands_in_for_one_that_is_unknown(unknown: int) -> N
 
 def test_without_forces_there_is_no_decline() -> None:
     assert line(*[0.0] * 6) == [0.0] * 6
-    assert line(*[math.nan] * 6) == [0.0] * 6
+    assert LINE.geometric_decline(np.full(6, math.nan), 1e-3).tolist() == [0.0] * 6
 
 
 @pytest.mark.parametrize("radius", [4e-3, 5e-3, 8e-3])

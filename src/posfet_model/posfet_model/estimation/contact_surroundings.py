@@ -48,15 +48,28 @@ class ContactSurroundings:
         """Return a mask of taxels with their neighbours, shape [taxels]."""
         return dilate(mask, self._neighbours)
 
+    def completed(self, force: Array, least: float) -> Array:
+        """Return the forces with the greatest that each unknown one can be beside the others [N], shape [taxels].
+
+        Parameters
+        ----------
+        force : ndarray of float64, shape [taxels]
+            Forces, >= 0 [N]; NaN where unknown.
+        least : float
+            As for `geometric_decline`.
+        """
+        unknown = np.isnan(force)
+        return np.where(unknown, self.geometric_decline(force, least), force) if unknown.any() else force
+
     def greatest_neighbour(self, force: Array) -> Array:
         """Return the greatest force of each taxel's neighbours; those at a corner count less.
 
         Parameters
         ----------
         force : ndarray of float64, shape [taxels]
-            Forces, >= 0 [N]; NaN where unknown: the greatest force of the array stands in for it.
+            Forces, >= 0 [N].
         """
-        padded = np.append(np.where(np.isnan(force), np.nanmax(force, initial=0.0), force), 0.0)
+        padded = np.append(force, 0.0)
         at_edge, at_corner = padded[self._at_edge].max(axis=-1), padded[self._at_corner].max(axis=-1)
         greatest: Array = np.maximum(at_edge, DIAGONAL * at_corner)
         return greatest
@@ -64,9 +77,8 @@ class ContactSurroundings:
     def geometric_decline(self, force: Array, least: float) -> Array:
         """Return the force of each taxel if forces declined geometrically towards it [N], shape [taxels].
 
-        Of the lines along the axes of the array that end at the taxel, the one with the greatest force counts. The
-        greatest force of the array stands in for one that is unknown, and for the second of a line where that is
-        outside the array.
+        Of the lines along the axes of the array that end at the taxel, the one with the greatest force counts. Where
+        the second taxel of a line is unknown or outside the array, the greatest force of the array stands in for it.
 
         Parameters
         ----------
@@ -76,10 +88,9 @@ class ContactSurroundings:
             Least force that stands in for an unknown one [N].
         """
         greatest = max(float(np.nanmax(force, initial=0.0)), least)
-        known = np.where(np.isnan(force), greatest, force)
-        first, second = (
-            np.append(known, outside)[at] for outside, at in ((0.0, self._at_edge), (greatest, self._behind))
-        )
+        padded = np.append(force, np.nan)
+        first, second = (np.where(np.isnan(padded), other, padded) for other in (0.0, greatest))
+        first, second = first[self._at_edge], second[self._behind]
         denominator = np.maximum(first, second)
         decline: Array = (first * first / np.where(denominator > 0.0, denominator, 1.0)).max(axis=-1)
         return decline

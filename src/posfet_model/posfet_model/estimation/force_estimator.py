@@ -245,7 +245,8 @@ class ForceEstimator:
         self._sum, self._raw_sum, self._jumped, self._mean, self._last_mean, self._nothing = np.zeros((6, taxels))
         self._usual, self._touch_force, self._tail, self._warmth = np.zeros((4, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
-        self._factor = np.zeros((taxels, COUNT + 2))
+        self._factor = np.zeros((taxels, COUNT + 3))
+        self._lost = np.zeros(taxels)  # deviation of what leaked in lost scans, common to all taxels [N]
         self._drift_response = np.zeros((taxels, COUNT))
         self._drift_response[:, Shared.DRIFT] = 1.0
         self._touched, self._beside = np.zeros((2, taxels), np.bool_)
@@ -360,8 +361,12 @@ class ForceEstimator:
         self._age += step
         self._square += step * step
         if step > self._long_step:
-            # The charge of a jump within the step leaked by a share of h/tau that is unknown, uniformly distributed.
-            self._jumped += (change * coefficients.ratio) ** 2 / 12.0
+            # The charge of a jump within the step leaked by a share of h/tau that is unknown, uniformly distributed,
+            # and the same for all taxels that jumped at once.
+            lost = np.abs(change) * coefficients.ratio / math.sqrt(12.0)
+            self._jumped += lost * lost
+            self._lost = self._factor[:, COUNT + 2] = np.hypot(self._lost, lost)
+            self.valid = self.valid and float(lost.sum()) < LEAST_DEVIATION * self._threshold
 
     def compensate_common_mode(self, touched: bool) -> None:
         """Keep a uniform change out of the forces of a scan until the block ends.
@@ -551,10 +556,10 @@ class ForceEstimator:
         response = self._touch.matrix()
         neighbour = tail = self._nothing
         if any_touched:
-            # What a faulty taxel in or beside a contact feels is unknown, and so is what its neighbours share of it.
-            felt = np.where(self.ignored, np.where(near, math.nan, 0.0), np.abs(self._steady))
+            least = 0.1 * self._threshold
+            felt = self._surroundings.completed(np.where(self.ignored, math.nan, np.abs(self._steady)), least)
             neighbour = self._surroundings.greatest_neighbour(felt)
-            tail = np.where(touched, 0.0, self._surroundings.geometric_decline(felt, 0.1 * self._threshold))
+            tail = np.where(touched, 0.0, self._surroundings.geometric_decline(felt, least))
         p = self._priors
         held = np.where(touched, np.maximum(self._steady, 0.0), 0.0)
         warm = self._touch.warm
@@ -848,6 +853,8 @@ class ForceEstimator:
         self._untouched_variance = own - by_response + self._filter.shared_variance(sensitivity)
         self._factor[:, COUNT] = self._gain_common * held
         self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt
+        self._lost = self._factor[:, COUNT + 2] = np.where(self._touched, self._lost, 0.0)
+        own -= np.minimum(own, self._lost**2)  # in the covariance as each taxel's own
         own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2 + self._warmth_variance(block)
         self._own = own
 
