@@ -38,7 +38,7 @@ from support.network_namespaces import (
     why_not,
 )
 
-pytestmark = [pytest.mark.ros, pytest.mark.process, needs_installation]
+pytestmark = [pytest.mark.ros, pytest.mark.process, pytest.mark.slow, needs_installation]
 
 
 @pytest.fixture(scope="module", autouse=True)

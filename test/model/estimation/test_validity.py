@@ -119,7 +119,8 @@ def test_marks_last_while_one_marked_taxel_is_pressed() -> None:
 def test_marks_end_after_the_release_time_without_a_force_on_marked_taxels() -> None:
     monitor = started([1.0, 1.0, 0.0], [0.0, 0.0, 0.0])
     quiet = np.array([0.05, -0.05, 5.0])  # the third is pressed, but not marked
-    for force in (quiet, quiet, np.array([1.0, 0.0, 0.0]), quiet, quiet):  # a press starts the time again
+    pressed = np.array([1.0, 0.0, 0.0])
+    for force in (quiet, pressed, pressed, pressed, quiet):  # a press does not start the time again, and does not count
         monitor.update(force, BLOCK)
         assert monitor.mask.tolist() == [True, True, False]
     monitor.update(quiet, BLOCK)

@@ -58,7 +58,7 @@ def run(taxel: int, rest: int, convert: Code) -> tuple[list[Reconstruction], lis
 
 
 @pytest.mark.parametrize("value", [0, 1])
-@pytest.mark.parametrize(("taxel", "rest"), product((UNDER, AWAY), (0, 64, 200)))
+@pytest.mark.parametrize(("taxel", "rest"), [*product((UNDER, AWAY), (0, 64, 200))])
 def test_a_stuck_bit_7_is_found_where_codes_cross_it_and_causes_no_contact(taxel: int, rest: int, value: int) -> None:
     results, statuses = run(taxel, rest, stuck_bit(7, value))
     assert not any(result.contacts for result in results[:1000])

@@ -407,6 +407,19 @@ def test_scans_lost_during_slide_and_release_do_not_corrupt_the_force(gap: range
     assert max(errors) < 0.5 * leaked
 
 
+@pytest.mark.parametrize("gap", [range(2000, 3500), range(2400, 3300)])
+def test_forces_are_valid_again_after_an_interruption_though_touches_go_on(gap: range) -> None:
+    """Presses of the scene begin every 4 s, with rests of 1.2 s."""
+    reconstructor, force = Reconstructor(SENSOR), 0.0
+    for scan, truth in received_scans(SENSOR, load_scene("press_slide_lift", SENSOR), 9.0, 1):
+        if scan.sequence not in gap:
+            result, force = reconstructor.process(scan), float(truth.force.sum())
+    image = reconstructor.image()
+    assert force > 1.0
+    assert result.valid
+    assert abs(image.total - force) < 2.0 * image.total_standard_deviation
+
+
 @pytest.mark.parametrize("gap", [range(200, 500), range(350, 620), range(700, 1000), range(1900, 2250)])
 def test_forces_after_a_long_gap_are_within_the_reported_deviation_or_not_valid(gap: range) -> None:
     """The press of the scene begins within one of these gaps, which is no interruption yet."""

@@ -76,9 +76,10 @@ class LowerBoundMonitor:
 
     The remaining charge was caused by a force, so at least that force is applied. A negative charge means that the
     force was released. Where neither remains, a force that leaked away cannot be distinguished from no force; after
-    `release_time` it counts as no force.
+    `release_time` it counts as no force. Touches in between do not begin that time anew: where things touch again and
+    again, forces would never be valid.
 
-    State variables: the mask of marked taxels, and the time without a measurable force [s].
+    State variables: the mask of marked taxels, and the time without a measurable force since the interruption [s].
 
     Parameters
     ----------
@@ -87,7 +88,7 @@ class LowerBoundMonitor:
     threshold : float
         Least measurable force [N].
     release_time : float
-        Time without a measurable force after which no force is applied [s].
+        Time without a measurable force, in all, after which no force is applied [s].
     """
 
     def __init__(self, taxels: int, threshold: float, release_time: float) -> None:
@@ -123,7 +124,7 @@ class LowerBoundMonitor:
         if not any_true(self.mask):
             return
         self.mask &= force > -self._threshold
-        pressing = bool((force[self.mask] > self._threshold).any())
-        self._quiet = 0.0 if pressing else self._quiet + elapsed
+        if not (force[self.mask] > self._threshold).any():
+            self._quiet += elapsed
         if self._quiet >= self._release_time:
             self.mask[:] = False
