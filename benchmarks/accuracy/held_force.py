@@ -73,8 +73,8 @@ _INDIVIDUAL: Final = ESTIMATED_LEAKAGE.leakage_individual_deviation_calibrated
 TEXT: Final = f"""\
 The estimator `observer`, whose few causes of an error are those of this film: it neither relaxes, bends nor is warmed
 by a touch. The default estimator, `error_state`, allows for these. With such a film it errs by 1.2 to 2.9 times the
-optimum at a constant temperature, within the reported deviation; while the temperature of a wholly touched array
-wanders by 1 to 2 mK/sqrt(s) it errs by up to 9 times the optimum, and two deviations cover half of it
+optimum at a constant temperature, within the reported deviation; during a random walk of the temperature of 1 to 2
+mK/sqrt(s), with all taxels touched, it errs by up to 9 times the optimum, and two deviations cover half of it
 (test/model/estimation/test_held_force.py).
 
 2 N held by 256 taxels at once, after 2 s at rest, with white noise alone and with additional 1/f noise. The optimal

@@ -93,7 +93,7 @@ class Counter(RawTopics):
         count.bytes += len(data)
 
     def restart(self) -> None:
-        """Begin to count anew."""
+        """Restart the count."""
         self.counts = {name: Count() for name in self.counts}
 
 

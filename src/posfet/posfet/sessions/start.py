@@ -94,8 +94,7 @@ def simulate(
     loaded = scene if isinstance(scene, Scene) else load_scene(scene, described)
     length = loaded.duration or STATIC_DURATION if duration is None else duration
     length = length if length == float("inf") else real_number("duration", length, 0.0, exclusive=True)
-    error_model = imperfections if isinstance(imperfections, ErrorModel) else load_error_model(Path(imperfections))
-    board = SimulatedBoard(described, SceneLoads(loaded, described), seed, error_model)
+    board = SimulatedBoard(described, SceneLoads(loaded, described), seed, _error_model(imperfections))
     return _session(SimulatedFeed(board, length, seed), calibration, estimator, settings)
 
 
@@ -166,8 +165,7 @@ def open_board(
     calibrated = _calibration(calibration, described)
     interface, _, channel = address.partition(":")
     if interface == EMULATOR:
-        error_model = imperfections if isinstance(imperfections, ErrorModel) else load_error_model(Path(imperfections))
-        feed = emulated_feed(described, channel, seed, error_model, seconds)
+        feed = emulated_feed(described, channel, seed, _error_model(imperfections), seconds)
     else:
         feed = BoardFeed(described, bus_of(address, described, bitrate, data_bitrate, options or {}), seconds)
     session = _session(feed, calibrated, estimator, settings)
@@ -260,6 +258,10 @@ def _session(
 
 def _sensor(sensor: FileName | Sensor) -> Sensor:
     return sensor if isinstance(sensor, Sensor) else load_sensor(Path(sensor))
+
+
+def _error_model(imperfections: FileName | ErrorModel) -> ErrorModel:
+    return imperfections if isinstance(imperfections, ErrorModel) else load_error_model(Path(imperfections))
 
 
 def _calibration(calibration: FileName | Calibration | None, sensor: Sensor) -> Calibration | None:

@@ -76,8 +76,8 @@ class LowerBoundMonitor:
 
     The remaining charge was caused by a force, so at least that force is applied. A negative charge means that the
     force was released. Where neither remains, a force that leaked away cannot be distinguished from no force; after
-    `release_time` it counts as no force. Touches in between do not begin that time anew: where things touch again and
-    again, forces would never be valid.
+    `release_time` it counts as no force. Touches in between do not restart that time: where touches repeat, forces
+    would never be valid.
 
     State variables: the mask of marked taxels, and the time without a measurable force since the interruption [s].
 
