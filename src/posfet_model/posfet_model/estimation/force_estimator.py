@@ -246,7 +246,7 @@ class ForceEstimator:
         self._usual, self._touch_force, self._tail, self._warmth = np.zeros((4, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
         self._factor = np.zeros((taxels, COUNT + 3))
-        self._lost = np.zeros(taxels)  # deviation of what leaked in lost scans, common to all taxels [N]
+        self._lost = self._factor[:, COUNT + 2]  # deviation of what leaked in lost scans, common to all taxels [N]
         self._drift_response = np.zeros((taxels, COUNT))
         self._drift_response[:, Shared.DRIFT] = 1.0
         self._touched, self._beside = np.zeros((2, taxels), np.bool_)
@@ -365,7 +365,7 @@ class ForceEstimator:
             # and the same for all taxels that jumped at once.
             lost = np.abs(change) * coefficients.ratio / math.sqrt(12.0)
             self._jumped += lost * lost
-            self._lost = self._factor[:, COUNT + 2] = np.hypot(self._lost, lost)
+            np.hypot(self._lost, lost, out=self._lost)
             self.valid = self.valid and float(lost.sum()) < LEAST_DEVIATION * self._threshold
 
     def compensate_common_mode(self, touched: bool) -> None:
@@ -853,7 +853,7 @@ class ForceEstimator:
         self._untouched_variance = own - by_response + self._filter.shared_variance(sensitivity)
         self._factor[:, COUNT] = self._gain_common * held
         self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt
-        self._lost = self._factor[:, COUNT + 2] = np.where(self._touched, self._lost, 0.0)
+        self._lost[~self._touched] = 0.0
         own -= np.minimum(own, self._lost**2)  # in the covariance as each taxel's own
         own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2 + self._warmth_variance(block)
         self._own = own
