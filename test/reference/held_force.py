@@ -274,9 +274,7 @@ def _estimated(
         common_gain_deviation=EXACT,
         leak_deviation=np.full(sensor.layout.taxels, own),
     )
-    priors = replace(
-        KNOWN_FILM, leak_calibrated=settings.leakage_common_deviation_calibrated, touch_rate=touch_rate
-    )
+    priors = replace(KNOWN_FILM, leak_calibrated=settings.leakage_common_deviation_calibrated, touch_rate=touch_rate)
     return ForceEstimator(sensor, priors, calibration)
 
 
