@@ -47,7 +47,7 @@ class MappedAssembler:
         self.incomplete = 0
         """Scans begun in vain since the last complete one."""
         self.passed = 0
-        """Scans by which the sequence has advanced since the last complete one, at least: incomplete ones tell it, too."""
+        """Scans by which the sequence has advanced since the last complete one, at least: incomplete ones tell."""
         self._wire, self._slots = tables.wire, tables.slots
         self._all = (1 << tables.blocks) - 1
         self._received = self._all  # bits of the blocks of the current scan

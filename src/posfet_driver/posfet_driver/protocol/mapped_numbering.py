@@ -174,7 +174,7 @@ class MappedNumbering:
         return ahead, ticks
 
     def _turns(self, ahead: int) -> int:
-        """Return the scans in the whole turns of the counter that incomplete scans show, if they fit the time passed."""
+        """Return the scans in the whole turns of the counter that incomplete scans show, if they fit the time."""
         turns = -(-(self._assembler.passed - ahead) // self._wrap) * self._wrap
         fits = (ahead + turns - self._wrap / 2) * self._period <= self._line.room()
         return turns if turns > 0 and fits else 0
