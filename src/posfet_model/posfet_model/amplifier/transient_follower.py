@@ -42,7 +42,13 @@ from posfet_model.amplifier.operating_point import CIRCUIT_B, TABLE_II, Amplifie
 from posfet_model.amplifier.pair_loop import PairLoop
 from posfet_model.amplifier.parallel_in_time import LEAST_INTERVALS, advance_stretches
 from posfet_model.amplifier.transient import TOLERANCE, System, SystemState, advance, advance_through
-from posfet_model.amplifier.undetermined import POLES_NOT_GIVEN, undetermined
+from posfet_model.amplifier.undetermined import (
+    INPUTS_NOT_GIVEN,
+    NEAR_REST,
+    POLES_NOT_GIVEN,
+    check_known_inputs,
+    undetermined,
+)
 from posfet_model.amplifier.validity import Validity
 
 LOST: Final = "no output: the circuit does not settle, or did not before"
@@ -99,6 +105,9 @@ class TransientFollower(Follower):
     """Whether second pole and zero are those of the op-amp; if not, results are not valid where they matter."""
     full_scale: float | None = None
     """Span of the whole input [V], in [0, 2e6], to which that refers; None: of the inputs that are given at once."""
+    known_inputs: tuple[float, float] = NEAR_REST
+    """Inputs [V], from one in [-1e6, 0] to one in [0, 1e6], at which the op-amp is known to be stable and in its range;
+    where its poles are not known, results at others are not valid."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -106,6 +115,7 @@ class TransientFollower(Follower):
         instance("poles_known", self.poles_known, bool)
         if self.full_scale is not None:
             real_number("full_scale", self.full_scale, 0, 2e6)
+        check_known_inputs(self.known_inputs)
 
     @property
     @abstractmethod
@@ -275,6 +285,7 @@ class TransientFollower(Follower):
         if not self.poles_known:
             span = np.ptp(held) if self.full_scale is None and held.size else self.full_scale or 0.0
             findings[POLES_NOT_GIVEN] = undetermined(out - self._at_rest(held), span, step, self._crossing)
+            findings[INPUTS_NOT_GIVEN] = (held < self.known_inputs[0]) | (held > self.known_inputs[1])
         shown = {reason: np.broadcast_to(mask, held.shape) for reason, mask in findings.items() if np.any(mask)}
         for mask in shown.values():
             valid = valid & ~mask
