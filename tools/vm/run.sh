@@ -15,6 +15,7 @@ trap 'rm -rf "$work"' EXIT
 mkdir -p "$work/ram"/{bin,modules,host,overlay,root,proc,sys,dev}
 cp "$(command -v busybox)" "$work/ram/bin/busybox"
 cp tools/vm/init "$work/ram/init"
+echo "$PWD" >"$work/ram/checkout"
 cat >"$work/ram/command" <<COMMAND
 set -e
 export PATH=/usr/local/bin:/usr/bin:/bin:/usr/sbin:/sbin HOME=/tmp TERM=dumb LANG=C.UTF-8 PYTHONDONTWRITEBYTECODE=

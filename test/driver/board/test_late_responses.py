@@ -22,7 +22,7 @@ from posfet_driver.protocol.messages import COMMAND_OFFSET, RESPONSE_OFFSET, Com
 from posfet_model.sensor.description import load_sensor
 from posfet_sim.emulation.firmware import BoardFirmware
 from support.clocks import SteppedClock
-from support.fake_board import FakeBoard, assert_marked, with_fd
+from support.fake_board import FakeBoard, assert_marked, with_fd, with_layout
 from support.stepped import SteppedBus
 
 SENSOR = load_sensor()
@@ -153,8 +153,8 @@ def test_a_command_that_was_given_up_is_never_sent() -> None:
 
 
 @BOTH
-@pytest.mark.parametrize("value", [0, 0xFFFF_FFFF])
-def test_an_impossible_rate_in_a_response_is_refused_in_one_line(fd: bool, value: int) -> None:
+@pytest.mark.parametrize("value", [0, 1, 999, 10_000_000, 0xFFFF_FFFF])
+def test_another_rate_in_a_response_than_was_set_is_refused_in_one_line(fd: bool, value: int) -> None:
     bench = Bench(fd)
     bench.link.change = {Command.SET_RATE: value}
     bench.run(3.0)
@@ -164,6 +164,38 @@ def test_an_impossible_rate_in_a_response_is_refused_in_one_line(fd: bool, value
     bench.link.change = {}
     bench.run(3.0)
     assert bench.run(1.0) == 1000
+
+
+@BOTH
+@pytest.mark.parametrize("value", [1, 999, 10_000_000])
+def test_a_rate_that_only_a_response_states_is_never_set(fd: bool, value: int) -> None:
+    """Else a board that could not keep it would refuse each start from then on."""
+    bench = Bench(fd)
+    bench.run(1.0)
+    bench.link.change = {Command.SET_RATE: value}
+    bench.board.request(Command.SET_RATE, 1000)
+    bench.link.change = {}
+    bench.link.commands.clear()
+    bench.link.board.running = False
+    bench.run(2.0)
+    assert {request.argument for request in bench.link.commands if request.command == Command.SET_RATE} == {1000}
+    assert bench.run(1.0) == 1000
+
+
+def test_a_rate_that_a_user_has_set_is_given_up_when_the_next_board_refuses_it() -> None:
+    bench = Bench()
+    bench.run(1.0)
+    bench.board.request(Command.SET_RATE, 2000)
+    slower = with_layout(SENSOR, 5, 5, scan_rate=1e6 / 3000)
+    bench.link.board = BoardFirmware(slower, FakeBoard(slower), bench.clock.now)
+    for _ in range(100):
+        bench.board.read(0.01)
+    report = bench.board.report()
+    assert report.state == "the board answers a scan period of 1000 us with: bad argument"
+    bench.link.board = BoardFirmware(SENSOR, FakeBoard(SENSOR), bench.clock.now)
+    for _ in range(100):
+        bench.board.read(0.01)
+    assert bench.board.report().state == "receiving scans"
 
 
 @BOTH

@@ -272,6 +272,24 @@ def test_a_long_pause_is_longer_than_the_counter_tells(listener_a: Listener) -> 
     assert listener_a.decoder.statistics.lost_scans == 1000
 
 
+@pytest.mark.parametrize("gap", [100, 248, 254, 255, 256, 400, 511, 512, 700])
+def test_incomplete_scans_tell_how_often_the_counter_has_turned(listener_a: Listener, gap: int) -> None:
+    for index in range(50 + gap + 50):
+        whole = not 50 <= index < 50 + gap
+        listener_a.read(frames_a(index)[: None if whole else 4], index * PERIOD)
+    assert listener_a.sequences == [*range(50), *range(50 + gap, 50 + gap + 50)]
+    statistics = listener_a.decoder.statistics
+    assert (statistics.incomplete_scans, statistics.lost_scans, statistics.late) == (gap, 0, 0)
+
+
+def test_frames_that_overtake_others_are_no_turn_of_the_counter(listener_a: Listener) -> None:
+    for index in range(400):
+        overtaken = frames_a(index - 20)[:1] if index % 40 == 39 else []
+        listener_a.read([*overtaken, *frames_a(index)], index * PERIOD)
+    assert listener_a.sequences == list(range(400))
+    assert listener_a.decoder.statistics.lost_scans == 0
+
+
 def test_frames_that_were_delayed_are_no_loss(listener: Listener, style: Style) -> None:
     """A host that stands still for 0.2 s finds all frames in its queue."""
     for index in range(100):

@@ -18,7 +18,7 @@ from posfet_driver.board.faults import FaultKind
 from posfet_driver.board.suitability import unsuitable
 from posfet_driver.clock import Clock
 from posfet_driver.protocol.decoder import Decoder
-from posfet_driver.protocol.messages import LONGEST_PERIOD, Command, Identification, Response, Result
+from posfet_driver.protocol.messages import Command, Identification, Response, Result
 from posfet_model._lib.units import NANOSECONDS
 from posfet_model.sensor.description import Sensor
 
@@ -114,11 +114,16 @@ class BoardStarter:
         self._sender.send(command, self._period if command == Command.SET_RATE else 0)
 
     def _rate_answered(self, response: Response, asked: bool) -> None:
-        """Act on the response to SET_RATE; the decoder has the new period from it."""
-        if response.result == Result.OK and 1 <= response.value <= LONGEST_PERIOD:
-            self._period = response.value
+        """Act on the response to SET_RATE; the decoder has the new period from it.
+
+        A response that states another period than was set confirms nothing: who knows which one is in force.
+        """
+        period = self._sender.argument(response)
+        if response.result == Result.OK and response.value == period:
+            self._period = period
         elif not asked and self._connection.state == ConnectionState.RATE:
-            reason = f"the board answers a scan period of {self._period} us with: {response.reason}"
+            self._period = round(1e6 / self._sensor.can.scan_rate)  # not for ever one that a user has set
+            reason = f"the board answers a scan period of {period} us with: {response.reason}"
             self._refuse(FaultKind.RATE_REFUSED, reason)
         if self._connection.state == ConnectionState.RATE:
             self._request(ConnectionState.START)

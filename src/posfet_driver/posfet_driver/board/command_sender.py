@@ -33,7 +33,7 @@ class CommandSender:
         self._decoder = decoder
         self._identifier = base_id + COMMAND_OFFSET
         self._tag = 0
-        self._sent: dict[int, Command] = {}  # in the order of sending
+        self._sent: dict[int, tuple[Command, int]] = {}  # command and argument by tag, in the order of sending
 
     def send(self, command: Command, argument: int = 0) -> int:
         """Send a command, or nothing when the bus is not open.
@@ -51,7 +51,7 @@ class CommandSender:
             Its tag.
         """
         self._tag = (self._tag + 1) & 0xFF
-        self._sent[self._tag] = command
+        self._sent[self._tag] = command, argument
         if len(self._sent) > COMMANDS_KEPT:
             del self._sent[next(iter(self._sent))]
         data = Request(command, self._tag, argument).pack()
@@ -61,4 +61,8 @@ class CommandSender:
 
     def is_own(self, response: Response) -> bool:
         """Return whether `response` belongs to one of the newest commands."""
-        return self._sent.get(response.tag) == response.command
+        return response.tag in self._sent and self._sent[response.tag][0] == response.command
+
+    def argument(self, response: Response) -> int:
+        """Return the argument of the own command that `response` belongs to."""
+        return self._sent[response.tag][1]

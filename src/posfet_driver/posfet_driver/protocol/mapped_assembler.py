@@ -46,6 +46,8 @@ class MappedAssembler:
         """Sequence and time of the current scan as sent."""
         self.incomplete = 0
         """Scans begun in vain since the last complete one."""
+        self.passed = 0
+        """Scans by which the sequence has advanced since the last complete one, at least: incomplete ones tell."""
         self._wire, self._slots = tables.wire, tables.slots
         self._all = (1 << tables.blocks) - 1
         self._received = self._all  # bits of the blocks of the current scan
@@ -83,11 +85,13 @@ class MappedAssembler:
         time = part.time(data) if part.time else UNKNOWN
         if self._sequenced:
             if sequence != self.sequence:
-                if self.sequence >= 0 and (sequence - self.sequence) & self._mask > self._newest:
+                ahead = (sequence - self.sequence) & self._mask if self.sequence >= 0 else 0
+                if ahead > self._newest:
                     self.statistics.late += 1
                     return False
                 self._begin()
                 self.sequence = sequence
+                self.passed += ahead
             elif (self._received & bit or self._abandoned or self._received > bit) and not self._joins(
                 bit, block, data
             ):

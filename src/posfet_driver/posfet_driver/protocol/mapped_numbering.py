@@ -117,7 +117,7 @@ class MappedNumbering:
                 self._watch_clock(ticks)
         if self._counted:
             ahead = (counter - self._counter) % self._wrap
-            if ahead != 1 or ticks * self._tick > 2 * period:
+            if ahead != 1 or assembler.passed > 1 or ticks * self._tick > 2 * period:
                 ahead, ticks = self._unwrapped(ahead, ticks)
             if ahead <= 0:
                 return False
@@ -158,18 +158,26 @@ class MappedNumbering:
         A scan with the counter of the newest one, or of one shortly before, is counted and not ahead.
         """
         expected, span = 0.0, ticks * self._tick
+        ahead += self._turns(ahead)
+        told = 0 < ahead == self._assembler.passed  # by the scans in between, of which frames are missing
         if self._counter_span >= self._clock_span:
-            if ahead < self._late_from and self._timed:
+            if (told or ahead < self._late_from) and self._timed:
                 ticks += max(round((ahead * self._period - span) / self._clock_span), 0) * self._time_wrap
         elif span < self._clock_span / 2:  # else the time has gone back
             expected = span / self._period
             ahead += max(round((expected - ahead) / self._wrap), 0) * self._wrap
         if ahead == 0:
             self._statistics.frozen_counter += 1
-        elif ahead >= self._late_from and ahead - expected > self._wrap / 2:
+        elif not told and ahead >= self._late_from and ahead - expected > self._wrap / 2:
             self._statistics.late += 1
             ahead = 0
         return ahead, ticks
+
+    def _turns(self, ahead: int) -> int:
+        """Return the scans in the whole turns of the counter that incomplete scans show, if they fit the time."""
+        turns = -(-(self._assembler.passed - ahead) // self._wrap) * self._wrap
+        fits = (ahead + turns - self._wrap / 2) * self._period <= self._line.room()
+        return turns if turns > 0 and fits else 0
 
     def _watch_clock(self, ticks: int) -> None:
         """Note whether the clock stands still for longer than its steps explain."""
@@ -199,7 +207,7 @@ class MappedNumbering:
 
     def _take(self, sequence: int, ticks: int) -> None:
         assembler = self._assembler
-        assembler.incomplete = 0
+        assembler.incomplete = assembler.passed = 0
         self.sequence, self._ticks = sequence, ticks
         self._counter, self._wire_time = assembler.sequence, assembler.time
         self.device_time = round(ticks * self._tick / 1e3)
