@@ -39,10 +39,10 @@ using TrackId = std::uint32_t;
 
 /// A contact that merged into another.
 struct Merged {
-  TrackId id;
-  double age;          ///< Its age at the merge, less that of the contact that it merged into [s].
-  Point offset;        ///< Its centre of pressure at the merge, from that of the contact that it merged into.
-  TrackId split_from;  ///< Id of the contact that it split off from.
+  TrackId id = 0;
+  double age = 0.0;        ///< Its age at the merge, less that of the contact that it merged into [s].
+  Point offset;            ///< Its centre of pressure at the merge, from that of the contact that it merged into.
+  TrackId split_from = 0;  ///< Id of the contact that it split off from.
 };
 
 /// One contact at the time of a scan.

@@ -19,9 +19,9 @@ std::vector<Taxels> connected_components(const Grid& grid, const Mask& mask);
 
 /// A region in contact with the ring of taxels around it, without taxels that belong to two rings.
 struct Footprint {
-  Taxels region;   ///< Taxels in contact.
-  Taxels members;  ///< Region and ring: the taxels that count toward force and moments.
-  bool at_edge;    ///< Whether a member lies in the outermost rows or columns.
+  Taxels region;         ///< Taxels in contact.
+  Taxels members;        ///< Region and ring: the taxels that count toward force and moments.
+  bool at_edge = false;  ///< Whether a member lies in the outermost rows or columns.
 };
 
 /// Footprints of the connected components of a mask, in their order.

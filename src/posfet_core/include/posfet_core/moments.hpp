@@ -41,9 +41,9 @@ struct Axes {
 
 /// Moments of a distribution of forces.
 struct Moments {
-  double force;  ///< Sum of the forces [N].
-  Point centre;  ///< Centre of pressure [m], extrapolated beyond the edge.
-  Axes axes;     ///< Of the forces on the array.
+  double force = 0.0;  ///< Sum of the forces [N].
+  Point centre;        ///< Centre of pressure [m], extrapolated beyond the edge.
+  Axes axes;           ///< Of the forces on the array.
 };
 
 /// Principal axes of the variances xx and yy and the covariance xy [m2].

@@ -49,7 +49,7 @@ public:
 private:
   /// One contact of the mixture.
   struct Component {
-    double force;  ///< [N].
+    double force = 0.0;  ///< [N].
     Point at;
   };
 
