@@ -33,7 +33,7 @@ meant := $(shell python3 -c 'import difflib, sys; print(*difflib.get_close_match
 $(error unknown variable $(unknown)$(if $(meant), (did you mean $(meant)?)); known are $(VARIABLES))
 endif
 
-CORE := src/posfet_core
+core := src/posfet_core
 PACKAGES := src/posfet_model:src/posfet_driver:src/posfet_sim:src/posfet
 IN_ENVIRONMENT := source tools/environment.sh;
 SOURCES := $(shell find src launch -type f -not -name '*.pyc' -not -path '*.egg-info*')
@@ -90,16 +90,16 @@ test-vm: $(BUILT) test-cortex-m
 check: $(BUILT) $(CHECK_READY)
 	@$(IN_ENVIRONMENT) ruff check . && ruff format --check . && mypy && \
 	numpydoc lint --config . $$(find src -type f -name '*.py' -not -name setup.py) && PYTHONPATH="$(PACKAGES):$$PYTHONPATH" lint-imports && \
-	clang-format --dry-run --Werror $(CORE)/src/* $(CORE)/include/posfet_core/* && \
-	clang-tidy --quiet $(CORE)/src/*.cpp -- -std=c++17 -I$(CORE)/include $$(python3 -c 'import sysconfig; print("-isystem", sysconfig.get_path("include"))') \
+	clang-format --dry-run --Werror $(core)/src/* $(core)/include/posfet_core/* && \
+	clang-tidy --quiet $(core)/src/*.cpp -- -std=c++17 -I$(core)/include $$(python3 -c 'import sysconfig; print("-isystem", sysconfig.get_path("include"))') \
 		$$(python3 -c 'import pybind11; print("-isystem", pybind11.get_include())' 2>/dev/null)
 
 # The interpreter is not built for it: the library of the sanitizer is loaded first, and its own leaks are no concern.
 sanitize: $(BUILT)
-	@$(IN_ENVIRONMENT) cmake -S $(CORE) -B build/sanitize -DPython3_EXECUTABLE="$$(command -v python3)" -DPOSFET_CORE_SANITIZE=ON -DBUILD_TESTING=OFF \
+	@$(IN_ENVIRONMENT) cmake -S $(core) -B build/sanitize -DPython3_EXECUTABLE="$$(command -v python3)" -DPOSFET_CORE_SANITIZE=ON -DBUILD_TESTING=OFF \
 		-DCMAKE_INSTALL_PREFIX="$$PWD/build/sanitize/install" --no-warn-unused-cli >/dev/null; \
 	cmake --build build/sanitize --parallel 2 --target scan_path -- --no-print-directory >/dev/null; \
-	mkdir -p build/sanitize/path; rm -rf build/sanitize/path/posfet_core; cp -r $(CORE)/posfet_core build/sanitize/path/; cp build/sanitize/scan_path.* build/sanitize/path/posfet_core/; \
+	mkdir -p build/sanitize/path; rm -rf build/sanitize/path/posfet_core; cp -r $(core)/posfet_core build/sanitize/path/; cp build/sanitize/scan_path.* build/sanitize/path/posfet_core/; \
 	LD_PRELOAD="$$(gcc -print-file-name=libasan.so) $$(gcc -print-file-name=libubsan.so)" ASAN_OPTIONS=detect_leaks=0 PYTHONPATH="$$PWD/build/sanitize/path:$$PYTHONPATH" \
 	python3 -m pytest -n0 test/core test/model/contacts/test_compiled_contacts.py test/model/contacts/test_detection.py test/model/contacts/test_tracker.py $(ARGS)
 
