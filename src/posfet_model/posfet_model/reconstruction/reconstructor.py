@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from posfet_model._lib.reductions import any_true
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.contacts.detection import ENTER_DEVIATIONS, ContactFinder, ForceEstimate
-from posfet_model.contacts.footprint import Footprint
 from posfet_model.contacts.slip import DynamicChannel, Motion
 from posfet_model.contacts.tracker import Contact, ContactState, ContactTracker
 from posfet_model.estimation.choice import DEFAULT_ESTIMATOR, Estimator
@@ -87,7 +86,7 @@ class Reconstruction:
 
     def snapshot(self) -> Reconstruction:
         """Return an independent copy, which the next scan does not overwrite."""
-        return replace(self, motions={number: replace(motion) for number, motion in self.motions.items()})
+        return replace(self, motions=dict(self.motions))
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,6 +158,7 @@ class Reconstructor:
         self._estimate: ForceEstimate | None = None
         self._interpolated = np.zeros(taxels, np.bool_)
         self._informative = sensor.contact.threshold / ENTER_DEVIATIONS
+        self._unlisted: NDArray[np.bool_] | None = None
         self._choose_interpolated()
         self._set_thresholds()
         self._saturated_now = 0
@@ -262,8 +262,8 @@ class Reconstructor:
         else:
             self._dynamic.pause()
         if regions or not self._tracker.idle:
-            result.contacts = self._follow(regions, clock.step)
-            result.motions = self._dynamic.update(result.contacts, observer.force, clock.step)
+            result.contacts = self._follow(clock.step)
+            result.motions = self._dynamic.update(self._tracker, observer.force, clock.step)
         elif result.contacts:
             result.contacts = ()
         result.stamp = scan.stamp
@@ -489,28 +489,32 @@ class Reconstructor:
         self._clock.counts.bursts += found
         return found
 
-    def _follow(self, regions: list[Footprint], step: float) -> tuple[Contact, ...]:
+    def _follow(self, step: float) -> tuple[Contact, ...]:
         """Measure the regions in contact and update the contacts."""
-        estimate = self._estimate or self._update_estimate()
+        if self._any_interpolated or self._result.saturated:
+            estimate = self._make_estimate()  # of this scan alone
+        else:
+            estimate = self._estimate = self._estimate or self._make_estimate()
+        return self._tracker.follow(self._finder, estimate, step)
+
+    def _make_estimate(self) -> ForceEstimate:
+        """Return the forces with their uncertainty at the end of the last block."""
+        observer, interpolated = self._observer, None
+        force, variance = observer.force, observer.force_variance(np.empty_like(self._variance))
         if self._any_interpolated:
-            variance = estimate.variance.copy()
-            variance[self._interpolated] = _interpolation_variance(self._filled[self._interpolated])
-            estimate = replace(estimate, force=self._filled, variance=variance, interpolated=self._interpolated)
-        if self._result.saturated:
-            estimate = replace(estimate, saturated=self._saturated)
-        return self._tracker.update(self._finder.measure(regions, estimate, self._tracker.regions), step)
-
-    def _update_estimate(self) -> ForceEstimate:
-        """Return the forces with their uncertainty at the end of the last block, cached until the next one."""
-        observer = self._observer
-        variance = observer.force_variance(np.empty_like(self._variance))
-        common, correlated = observer.common_variance, observer.correlated_error
-        self._estimate = ForceEstimate(
-            observer.force, variance, common, unlisted=self._unlisted, correlated_error=correlated
+            force, interpolated = self._filled, self._interpolated
+            variance[interpolated] = _interpolation_variance(force[interpolated])
+        return ForceEstimate(
+            force,
+            variance,
+            observer.common_variance,
+            self._saturated if self._result.saturated else None,
+            self._unlisted,
+            interpolated,
+            observer.correlated_error,
         )
-        return self._estimate
 
-    def _find_with_faulty(self) -> list[Footprint]:
+    def _find_with_faulty(self) -> int:
         """Find the regions in contact, with the forces of faulty taxels interpolated from their neighbours."""
         force, faults = self._filled, self._faults
         force[:] = self._observer.force
@@ -547,10 +551,10 @@ class Reconstructor:
     def _choose_interpolated(self) -> None:
         """Choose the faulty taxels that are interpolated: not noisy ones that are still informative."""
         faults = self._faults
-        self._any_interpolated, self._unlisted = False, 0
+        self._any_interpolated, self._unlisted = False, None
         if not faults.any_faulty:
             return
-        self._unlisted = self._finder.bits(faults.faulty)
+        self._unlisted = faults.faulty.copy()
         informative = faults.informative(self._informative) & self._observer.offset_known
         estimated = faults.faulty & ~informative
         self._filled[estimated & ~self._interpolated] = 0.0  # until the next scan
