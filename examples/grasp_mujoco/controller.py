@@ -29,7 +29,7 @@ class Touch:
     slipping: bool = False
     """Whether one of them is reported as slipping."""
     valid: bool = False
-    """Whether the forces are valid."""
+    """Whether the forces are valid: the grip closes only then."""
 
 
 class Phase(Enum):
@@ -86,7 +86,7 @@ class CreepWatch:
     A held object does not move against the fingertips, so that a small displacement tells: that of the mean centre of
     pressure over the newest `NEW` scans from that over the scans before. Both fingertips count together, as the object
     moves past both, each with the inverse of the variance of its centre. That depends on board, object and force, and
-    is estimated from scan to scan.
+    is estimated from scan to scan. It does not need valid forces: what makes them uncertain changes slowly.
     """
 
     NEW = 4
@@ -112,7 +112,7 @@ class CreepWatch:
 
     def update(self, touches: tuple[Touch, Touch]) -> bool:
         """Add a scan and return whether the object creeps."""
-        if not all(touch.valid and touch.force > 0.0 for touch in touches):
+        if not all(touch.force > 0.0 for touch in touches):
             self._centres.clear()
             return False
         (left_x, left_y), right = touches[0].centre, touches[1].centre

@@ -15,7 +15,6 @@ import numpy as np
 from examples.grasp_mujoco.controller import Touch
 from examples.grasp_mujoco.gripper import EFFECTIVE_MODULI, Gripper
 from posfet_model.contacts.tracker import ContactState
-from posfet_model.estimation.choice import Estimator
 from posfet_model.reconstruction.reconstructor import Reconstruction, Reconstructor
 from posfet_model.reconstruction.settings import ReconstructionSettings
 from posfet_model.sensor.description import ContactThresholds, Sensor
@@ -66,10 +65,7 @@ class Fingertip:
         """Loads on the board, whose clock is not quite that of the physics: it asks for what it needs."""
         self.board = LockstepBoard(sensor, self.loads, seed, error_model)
         """The board on its emulated bus."""
-        # The observer feels the object creep earlier than the error-state filter: 10 ms after slip in place of 28.
-        self._model = Reconstructor(
-            sensor, estimator=Estimator.OBSERVER, settings=ReconstructionSettings(contact=THRESHOLDS)
-        )
+        self._model = Reconstructor(sensor, settings=ReconstructionSettings(contact=THRESHOLDS))
         self.touch = Touch()
         """Contacts in the newest scan."""
 

@@ -33,6 +33,7 @@ from posfet_model.sensor.description import Sensor, load_sensor
 from posfet_model.sensor.signal_chain import charge_per_newton
 from posfet_sim.device.flicker_noise import FlickerNoise
 from reference.temperature_drift import (
+    RESOLUTION,
     STEP,
     TIME_CONSTANTS,
     WARM_UP_SCANS,
@@ -67,6 +68,7 @@ KNOWN_FILM: Final = ErrorPriors(
     lag_least=EXACT,
     lag_spread=EXACT,
     scale=EXACT,
+    reading=RESOLUTION / math.sqrt(24.0),
     leak_calibrated=EXACT,
     bend=EXACT,
     bend_gradient=EXACT,
@@ -76,10 +78,9 @@ KNOWN_FILM: Final = ErrorPriors(
     creep=(EXACT,) * CREEPS,
     gain_least=EXACT,
     motion=0.0,
-    touch_rate=0.0,
 )
-"""No hysteresis, creep, warmth of touched taxels and bending, and temperature sensors without lag, as for the optimal
-estimator."""
+"""No hysteresis, creep, warmth of touched taxels and bending, and two temperature sensors that are only rounded, without
+lag, as for the optimal estimator."""
 
 
 class OptimalFilter:
@@ -199,7 +200,9 @@ def hold(
     wrong = wrong + ESTIMATED_LEAKAGE.leakage_individual_deviation_calibrated * random.standard_normal(taxels)
     leakage = sensor.device.leak_time_constant * np.exp(wrong * leakage_estimated)
     optimal = _OptimalEstimator(sensor, flicker, drift, leakage)
-    estimated, touched = _estimated(estimator, sensor, leakage_estimated), np.zeros(taxels, np.bool_)
+    # Both estimators know that the ramp begins with the touch.
+    touch_rate = drift.ramp / (force * (taxels - untouched)) if drift else 0.0
+    estimated, touched = _estimated(estimator, sensor, leakage_estimated, touch_rate), np.zeros(taxels, np.bool_)
     recent: list[NDArray[np.float64]] = []
     best: list[NDArray[np.float64]] = []
     pressed = np.arange(taxels) >= untouched
@@ -255,7 +258,9 @@ class _OptimalEstimator:
         self._mean[:] = 0.0
 
 
-def _estimated(estimator: Estimator, sensor: Sensor, leakage_estimated: bool) -> ForceObserver | ForceEstimator:
+def _estimated(
+    estimator: Estimator, sensor: Sensor, leakage_estimated: bool, touch_rate: float
+) -> ForceObserver | ForceEstimator:
     """Return an estimator with a recorded calibration without error, and exact gains."""
     nominal, residuals = Calibration.nominal(sensor), Residuals(0.0, 0.0, 1)
     settings = ESTIMATED_LEAKAGE if leakage_estimated else KNOWN_LEAKAGE
@@ -269,7 +274,9 @@ def _estimated(estimator: Estimator, sensor: Sensor, leakage_estimated: bool) ->
         common_gain_deviation=EXACT,
         leak_deviation=np.full(sensor.layout.taxels, own),
     )
-    priors = replace(KNOWN_FILM, leak_calibrated=settings.leakage_common_deviation_calibrated)
+    priors = replace(
+        KNOWN_FILM, leak_calibrated=settings.leakage_common_deviation_calibrated, touch_rate=touch_rate
+    )
     return ForceEstimator(sensor, priors, calibration)
 
 

@@ -72,8 +72,10 @@ NEGLIGIBLE: Final = 1e-6
 class ErrorPriors:
     """Standard deviations of the force errors; all assumed."""
 
-    film_walk: float = 0.4e-3
-    """Random walk of the film temperature [K/sqrt(s)]."""
+    film_walk: float = 2e-3
+    """Random walk of the film temperature until it is observed [K/sqrt(s)], and"""
+    film_walk_least: float = 0.4e-3
+    """the least one [K/sqrt(s)]."""
     rate: float = 0.05
     """Rate of the chip temperature at the start [K/s]."""
     rate_walk: float = 2e-3
@@ -138,7 +140,7 @@ class ErrorPriors:
     """Pyroelectric response of one taxel, uncalibrated [1]."""
     pyroelectric_calibrated: float = 0.02
     """The same with calibration [1]."""
-    drift: float = 2e-4
+    drift: float = 2e-3
     """Common drift of the forces at the start, due to the offsets [N/s]."""
     offset_walk: float = 1e-5
     """Random walk of the offset of a signal [N/sqrt(s)]."""
@@ -229,14 +231,17 @@ class SharedDynamics:
         self._film_lag = film_lag
         self._rate_change = priors.rate_change
         rates = np.diag(priors.covariance()).copy() / self.FORGET
-        rates[Shared.CHIP] = rates[Shared.FILM] = priors.film_walk**2
         rates[Shared.RATE] = priors.rate_walk**2
         rates[[Shared.SENSOR, Shared.DRIFT]] = 0.0
         rates[Shared.TAIL] = 0.0
         self._noise = np.diag(rates)
         self._duration, self._matrix = math.nan, np.eye(COUNT)
+        self.set_film_walk(priors.film_walk**2)
+
+    def set_film_walk(self, intensity: float) -> None:
+        """Set the variance by which the temperature of chip and film grows in each second [K2/s]."""
         both = [Shared.CHIP, Shared.FILM]
-        self._noise[np.ix_(both, both)] = priors.film_walk**2
+        self._noise[np.ix_(both, both)] = intensity
 
     def transition(self, state: Array, duration: float) -> tuple[Array, Array, Array]:
         """Return the next state, the transition matrix and the covariance of the process noise of a block.

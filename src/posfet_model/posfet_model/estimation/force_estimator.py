@@ -50,6 +50,7 @@ from posfet_model.estimation.leakage_inverse import LeakageInverse
 from posfet_model.estimation.rest_detector import RestDetector
 from posfet_model.estimation.settings import LONG_STEP, OFFSET_SPREAD, REJECTED, RESTART_DEVIATION, RUNAWAY
 from posfet_model.estimation.steady_force import HOP, steady_force
+from posfet_model.estimation.temperature_walk import TemperatureWalk
 from posfet_model.estimation.thermometers import Thermometers
 from posfet_model.estimation.touch_response import TouchResponse
 from posfet_model.estimation.validity import LowerBoundMonitor, NegativeForceMonitor
@@ -209,6 +210,7 @@ class ForceEstimator:
         self._unexplained = UnexplainedResiduals(taxels, self._threshold)
         self._release = ReleaseDetector(taxels)
         self._jumps = JumpNoise(self._tau)
+        self._walk = TemperatureWalk(p.film_walk, p.film_walk_least, self._film_lag)
         self._rest = RestDetector(taxels, noise, OFFSET_SPREAD * self._threshold, SETTLE_TIME, float(self._tau.max()))
         self._negative = NegativeForceMonitor(taxels, NEGATIVE_TIME)
         self._lower_bound = LowerBoundMonitor(taxels, self._threshold, LOST_FORCE_TIME)
@@ -464,7 +466,7 @@ class ForceEstimator:
             touched |= self._surroundings.dilated(self._lower_bound.mask) & self.offset_known
         block, beside = self._measure(touched, listed)
         begun = touched & ~self._touched & ~self._beside
-        self._observe_jumps(any_true(listed))
+        self._observe_rest(any_true(listed))
         self._blocks.append(block)
         if self._unheated is not None:
             self._predict(self._unheated, block)
@@ -485,10 +487,11 @@ class ForceEstimator:
         self._touched, self._beside = touched, beside
         self._finish(block)
 
-    def _observe_jumps(self, listed: bool) -> None:
-        """Observe the oldest blocks, unless a touch may have begun in them, or has just ended."""
+    def _observe_rest(self, listed: bool) -> None:
+        """Observe the noise of the oldest blocks, unless a touch may have begun in them, or has just ended."""
         self._rested = 0.0 if listed else self._rested + self._elapsed
         if len(self._blocks) < LAG or self._rested < LAG * BLOCK + QUIET:
+            self._walk.pause()
             return
         usable = ~self.ignored
         if np.count_nonzero(usable) < UniformChange.FEWEST or not self._uniform.observable:
@@ -496,8 +499,12 @@ class ForceEstimator:
         before, after = self._blocks[0], self._blocks[1]
         change = after.mean - before.mean - self._offset() * (after.span / self._tau)
         # What all have in common is the film's temperature.
-        change -= self._per_kelvin * upper_median((change / self._per_kelvin)[usable])
+        kelvin = upper_median((change / self._per_kelvin)[usable])
+        change -= self._per_kelvin * kelvin
         self._jumps.observe(usable, change, after.noise, after.span)
+        single = float((after.noise / (self._per_kelvin * self._per_kelvin))[usable].mean())
+        self._walk.observe(kelvin, 0.5 * math.pi * single / np.count_nonzero(usable), after.span)  # that of a median
+        self._dynamics.set_film_walk(self._walk.intensity)
 
     def _observe_steady_force(self) -> None:
         """Update the shared states by a force that has been steady in all stored blocks."""
