@@ -74,7 +74,7 @@ class Watch:
         self._touched |= estimator.force > self._limit
         if estimator.block_due:
             touched = self._touched & estimator.offset_known
-            estimator.close_block(touched, touched, [np.flatnonzero(touched)] if touched.any() else [])
+            estimator.close_block(touched, [np.flatnonzero(touched)] if touched.any() else [])
             self._limit = np.maximum(THRESHOLD, 2.5 * np.sqrt(estimator.variance(np.empty(TAXELS))))
             self._touched = estimator.force > self._limit
         self.valid.append(estimator.valid)
