@@ -75,8 +75,8 @@ error: the estimator allows for offsets that walk, whose absence cannot be known
 
 Where the leakage is "estimated", its time constants differ from the calibration by {COMMON_LEAKAGE * 100:g} % on all
 taxels in common and by {OWN_LEAKAGE * 100:g} % on each taxel (standard deviations). The estimator knows only these
-standard deviations and estimates the time constants online; the optimal estimator knows the time constants. The remaining error
-is that of the estimate from the held force itself.
+standard deviations and estimates the time constants online; the optimal estimator knows the time constants. The
+remaining error is that of the estimate from the held force itself.
 
 In a ramp the chip warms or cools by {Drift.ramp * 60:g} K a minute from the touch on; "random walk" gives the intensity
 of an additional random walk of the chip temperature at all times, in mK/sqrt(s). The film lags behind the chip, two
