@@ -71,8 +71,8 @@ KNOWN_FILM: Final = ErrorPriors(
     gain_least=EXACT,
     motion=0.0,
 )
-"""No hysteresis, creep, warmth of touched taxels and bending, and two temperature sensors that are only rounded,
-without lag, as for the optimal estimator."""
+"""No hysteresis, creep, bending or warmth of touched taxels, and two temperature sensors, only rounded and without lag:
+as for the optimal estimator."""
 
 
 class OptimalFilter:

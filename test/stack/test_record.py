@@ -9,6 +9,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,7 +26,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 
-from posfet.record import Recorder, RecorderNode
+from posfet.record import Recorder, RecorderNode, main
 from posfet_model.config import ConfigError
 from posfet_msgs.msg import TactileInfo, TactileRaw
 from posfet_sim.recording.mcap_file import DiskFull, MessageFile
@@ -106,6 +107,42 @@ def test_a_full_disk_ends_a_recording_with_its_reason(
     recorder._write(1, b"")
     assert recorder.failure == "x.mcap: no space"
     file.close()
+
+
+def test_the_duration_of_a_recording_counts_from_its_first_message(
+    tmp_path: Path, context: Context, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A busy machine may take longer than that to find the topics."""
+    path = tmp_path / "x.mcap"
+    talker = rclpy.create_node("talker", context=context)
+    ended = threading.Event()
+
+    def publish() -> None:
+        time.sleep(1.0)
+        raw = talker.create_publisher(TactileRaw, "/late/raw", 10)
+        while not ended.wait(0.02):
+            raw.publish(TactileRaw())
+
+    publishing = threading.Thread(target=publish)
+    publishing.start()
+    try:
+        assert main([str(path), "--namespace", "late", "--topics", "raw", "--for", "0.5"]) == 0
+    finally:
+        ended.set()
+        publishing.join()
+        talker.destroy_node()
+    assert capfd.readouterr().out.startswith(f"{path}: 0.")
+    assert Recording(path).overview().counts["/late/raw"] > 1
+
+
+def test_a_recording_without_a_message_ends_with_a_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("posfet.record.FIRST_MESSAGE", 0.5)
+    path = tmp_path / "x.mcap"
+    assert main([str(path), "--namespace", "nobody", "--for", "0.2"]) == 1
+    assert capfd.readouterr().err.startswith("no message on /nobody/...: start the stack with posfet bringup")
+    assert not path.exists()
 
 
 def test_a_recording_is_replayed_with_its_time(context: Context, executor: SingleThreadedExecutor) -> None:

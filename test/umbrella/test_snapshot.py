@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from posfet.snapshot import ContactView, Record, Snapshot, TrueContact, line
+from posfet.snapshot import ContactView, Record, ScanCount, Snapshot, TrueContact, line
 from posfet.terminal.screen import Screen
 
 TOUCH = ContactView(7, "held", 1e-3, -0.5e-3, 1.25, 0.004, 9e-6, 2.5)
@@ -100,3 +100,24 @@ def test_without_a_terminal_one_line_per_second_is_printed() -> None:
     lines = console.file.getvalue().splitlines()
     assert [text.split()[0] for text in lines] == ["1.0", "2.0", "3.0"]
     assert all("1000 scans/s" in text for text in lines)
+
+
+def test_the_count_of_scans_never_falls_though_losses_are_reported_late() -> None:
+    count = ScanCount()
+    assert [count.update(sequence, 0) for sequence in (0, 999, 2999)] == [1, 1000, 3000]
+    assert count.update(3199, 1800) == 3000  # of those 1800 were lost
+    assert count.update(5199, 1800) == 3400
+
+
+def test_a_display_that_begins_later_counts_from_then_on() -> None:
+    """What the stack lost before is no loss of the display's scans."""
+    count = ScanCount()
+    assert [count.update(100_000, 31_528), count.update(100_999, 31_528)] == [1, 1000]
+
+
+def test_a_board_or_a_model_that_restarts_is_counted_on() -> None:
+    count = ScanCount()
+    count.update(0, 0)
+    assert count.update(1099, 100) == 1000
+    assert [count.update(0, 100), count.update(499, 100)] == [1001, 1500]
+    assert [count.update(500, 0), count.update(999, 0), count.update(999, 0)] == [1501, 2000, 2000]

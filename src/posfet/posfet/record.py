@@ -37,8 +37,9 @@ SHOW_PERIOD: Final = 0.25
 """Period at which the progress is shown [s]."""
 STOP_TIMEOUT: Final = 20.0
 """Time for a recording process to end [s]."""
-NOTHING: Final = 1
-"""Exit code of a recording without messages."""
+FIRST_MESSAGE: Final = 10.0
+"""Time to wait for the first message [s], and longer where the recording is to last longer: a busy machine takes some
+seconds to find the topics."""
 
 
 class RecorderNode(RawTopics):
@@ -62,13 +63,21 @@ class RecorderNode(RawTopics):
         self.file = file
         self.failure = ""
         """Why the recording ended, in one line; '' while it goes on."""
+        self.begin: float | None = None
+        """Monotonic time of the first message of a sensor or of a topic that was asked for [s]; None before it."""
         super().__init__("posfet_record", namespaces, topics, **node_arguments)
         self.create_timer(FLUSH_PERIOD, self._flush)
 
     def opened(self, name: str, kind: str, offered: Sequence[QoSProfile]) -> Callable[[bytes], None]:
         """Add a topic to the file; return what writes its messages."""
         schema = schema_text(short_name(kind))
-        return partial(self._write, self.file.add_topic(name, short_name(kind), schema, _offered_text(offered)))
+        topic = self.file.add_topic(name, short_name(kind), schema, _offered_text(offered))
+        return partial(self._write if name in COMMON and not self._wanted else self._write_and_begin, topic)
+
+    def _write_and_begin(self, topic: int, data: bytes) -> None:
+        if self.begin is None:
+            self.begin = time.monotonic()
+        self._write(topic, data)
 
     def _write(self, topic: int, data: bytes) -> None:
         self._end_when_full(lambda: self.file.add(topic, time.time_ns(), data))
@@ -185,16 +194,17 @@ def _record(path: Path, options: argparse.Namespace) -> int:
             node = RecorderNode(file, namespaces, options.topics)
             stack.callback(node.destroy_node)
             begin = time.monotonic()
-            end = begin + options.seconds
-            with _Display(path, begin, node) as display:
+            patience = begin + max(options.seconds, FIRST_MESSAGE)
+            with _Display(path, node) as display:
 
                 def over() -> bool:
                     now = time.monotonic()
                     display.update(now)
+                    end = patience if node.begin is None else node.begin + options.seconds
                     return now >= end or bool(node.failure) or file.size >= options.max_size * 1e6
 
                 spin([node], until=over)
-            spent = time.monotonic() - begin
+            spent = time.monotonic() - (node.begin or begin)
             if node.failure:
                 raise ConfigError(node.failure)
     finally:
@@ -213,8 +223,8 @@ def _record(path: Path, options: argparse.Namespace) -> int:
 class _Display:
     """One line with the progress, on a terminal only."""
 
-    def __init__(self, path: Path, begin: float, node: RecorderNode) -> None:
-        self._path, self._begin, self._node = path, begin, node
+    def __init__(self, path: Path, node: RecorderNode) -> None:
+        self._path, self._node = path, node
         self._status: Any = None
         self._next = 0.0
 
@@ -236,8 +246,9 @@ class _Display:
 
             self._next = now + SHOW_PERIOD
             file, node = self._node.file, self._node
+            spent = now - (node.begin or now)
             self._status.update(
-                f"{escape(str(self._path))}: {now - self._begin:.0f} s, {file.messages} messages of "
+                f"{escape(str(self._path))}: {spent:.0f} s, {file.messages} messages of "
                 f"{len(node.subscribed)} topics, {file.size / 1e6:.1f} MB; Ctrl-C ends it"
             )
 
@@ -263,7 +274,9 @@ def make_parser() -> argparse.ArgumentParser:
         help="topics of each sensor, such as raw info, or full names (default: all, /diagnostics and /tf; raw and info "
         "are enough to replay)",
     )
-    parser.add_argument("--for", dest="seconds", type=positive, default=math.inf, help="stop after this many seconds")
+    parser.add_argument(
+        "--for", dest="seconds", type=positive, default=math.inf, help="stop so many seconds after the first message"
+    )
     parser.add_argument("--max-size", type=positive, default=math.inf, metavar="MB", help="stop at this size [MB]")
     return parser
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from posfet_model.calibration.calibration_file import load_calibration
-from posfet_model.command_line import checked_namespace, positive
+from posfet_model.command_line import BAD_INPUT, checked_namespace, positive
 from posfet_model.config import ConfigError
 from posfet_model.parameters import (
     CALIBRATION_FILE,
@@ -42,8 +42,6 @@ from posfet_sim.recording.mcap_reader import Message
 from posfet_sim.recording.message_definitions import schema_text
 from posfet_sim.recording.recorded_scans import INFO, RecordedScans
 
-BAD_INPUT: Final = 1
-"""Exit code for bad input."""
 CONTACTS: Final = "posfet_msgs/TactileContacts"
 IMAGE: Final = "posfet_msgs/TactileImage"
 TRUTH: Final = "posfet_msgs/TactileTruth"

@@ -105,6 +105,33 @@ class SnapshotSource(Protocol):
         ...
 
 
+class ScanCount:
+    """Scans from the first snapshot on, by the sequence and a count of lost scans that lags behind it; never falls."""
+
+    def __init__(self) -> None:
+        self.total = 0
+        """The count."""
+        self._before = 0  # at the newest restart of the board or of the count of lost scans
+        self._first = (0, 0)  # sequence and lost scans then
+        self._newest = (-1, 0)
+
+    def update(self, sequence: int, lost: int) -> int:
+        """Return the count with a scan.
+
+        Parameters
+        ----------
+        sequence : int
+            Sequence of the scan; smaller than before when the board has restarted.
+        lost : int
+            Scans lost, as reported last; those before the first call do not count.
+        """
+        if self._newest[0] < 0 or sequence < self._newest[0] or lost < self._newest[1]:
+            self._before, self._first = self.total, (sequence - (sequence != self._newest[0]), lost)
+        self._newest = sequence, lost
+        self.total = max(self.total, self._before + sequence - self._first[0] - (lost - self._first[1]))
+        return self.total
+
+
 MIN_COMPARED_FORCE = 0.1
 """Smallest true force of a contact whose position is compared [N]; excludes onset and release."""
 

@@ -28,7 +28,7 @@ from posfet.display_loop import show
 from posfet.hand import read_hand
 from posfet.rerun_view import add_rerun_arguments, rerun_view
 from posfet.ros_arguments import split
-from posfet.snapshot import ContactView, Snapshot, TrueContact
+from posfet.snapshot import ContactView, ScanCount, Snapshot, TrueContact
 from posfet.stack_client import StackClient
 from posfet.terminal.screen import Screen
 from posfet.web.link import served_link
@@ -74,8 +74,7 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
         self._lock = threading.Lock()
         self._newest: dict[str, deque[Any]] = {}
         self._topics = {}
-        self._first_sequence = 0
-        self._last_sequence = -1
+        self._count = ScanCount()
         profile = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
         for topic, kind in (("image", TactileImage), ("contacts", TactileContacts), ("truth", TactileTruth)):
             self._newest[topic] = deque(maxlen=DEPTH)
@@ -111,14 +110,11 @@ class ViewNode(Node):  # type: ignore[misc]  # rclpy has no types
             return None
         sequence = max(common)
         image, contacts, client = images[sequence], found[sequence], self.client
-        if sequence < self._last_sequence or self._last_sequence < 0:
-            self._first_sequence = sequence
-        self._last_sequence = sequence
         array = client.array
         live = (contact for contact in contacts.contacts if contact.state != ContactState.RELEASED)
         return Snapshot(
             time=time.monotonic(),
-            scans=sequence - self._first_sequence + 1 - client.scans_lost,
+            scans=self._count.update(sequence, client.scans_lost),
             frames_lost=client.frames_lost,
             scans_lost=client.scans_lost,
             rows=image.rows,

@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""Checks of command-line arguments, and a command whose output pipe may be closed."""
+"""Checks of command-line arguments, the exit code for bad ones, and a command whose output pipe may be closed."""
 
 from __future__ import annotations
 
@@ -19,6 +19,9 @@ from collections.abc import Callable
 from typing import Final
 
 from posfet_model.config import ConfigError
+
+BAD_INPUT: Final = 1
+"""Exit code of a command for input that cannot be used."""
 
 _NAMESPACE: Final = re.compile(r"(?!.*__)[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*")
 """Valid ROS namespaces."""

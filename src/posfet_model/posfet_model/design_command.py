@@ -19,7 +19,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from posfet_model.command_line import ignoring_broken_pipe, progress_bar
+from posfet_model.command_line import BAD_INPUT, ignoring_broken_pipe, progress_bar
 from posfet_model.config import ConfigError, write_text
 from posfet_model.design import report, sweep_report, tolerance_report
 from posfet_model.design.design_file import DesignFile, load_design, shipped
@@ -30,9 +30,6 @@ from posfet_model.design.simulation import simulate
 from posfet_model.design.sweep import joblib_is_there, run_sweep
 from posfet_model.design.tolerance import Tolerance, run_tolerance
 from posfet_model.device.taxel_fields import plausible_fields
-
-BAD_INPUT: Final = 1
-"""Exit code for bad input."""
 
 LONG_OSCILLATION: Final = 2000.0
 """Periods of the unity crossing for which an unstable follower is simulated without a remark: some seconds."""

@@ -23,11 +23,6 @@ from reference.temperature_drift import Drift
 observed = partial(hold, estimator=Estimator.OBSERVER)
 filtered = partial(hold, estimator=Estimator.ERROR_STATE)
 
-ONSET = (
-    "a ramp that begins with the touch of the whole array is known with the next readings of the chip's sensors only"
-)
-WALK = "the random walk of the temperature is assumed, not estimated"
-
 
 @pytest.mark.parametrize("flicker", [0.0, 10e-6])
 def test_the_error_state_filter_covers_a_held_force_with_an_error_of_a_quarter_percent(flicker: float) -> None:
@@ -41,13 +36,19 @@ def test_the_error_state_filter_covers_a_held_force_with_an_error_of_a_quarter_p
     [
         (5.0, Drift(ramp=1 / 60, random_walk=0.0)),
         (20.0, Drift(ramp=1 / 60, random_walk=0.0)),
-        pytest.param(1.0, Drift(ramp=1 / 60, random_walk=0.0), marks=pytest.mark.xfail(strict=True, reason=ONSET)),
-        pytest.param(20.0, Drift(random_walk=2e-3), marks=pytest.mark.xfail(strict=True, reason=WALK)),
+        (1.0, Drift(ramp=1 / 60, random_walk=0.0)),
     ],
 )
 def test_the_error_state_filter_covers_a_held_force_while_the_chip_warms(time: float, drift: Drift) -> None:
     found = [held for seed in range(6) for held in filtered(seed, (time,), drift=drift, side=8)]
     assert _ratio(found) <= 1.3
+    assert _coverage(found) >= 0.94
+
+
+def test_the_error_state_filter_covers_a_held_force_during_a_random_walk_of_the_temperature() -> None:
+    """The walk is observed in the 2 s before the touch, and what was taken for a drift until then was too certain."""
+    found = [held for seed in range(8) for held in filtered(seed, (1.0, 5.0), drift=Drift(random_walk=2e-3), side=8)]
+    assert _ratio(found) <= 2.0
     assert _coverage(found) >= 0.94
 
 

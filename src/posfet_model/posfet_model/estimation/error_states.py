@@ -72,10 +72,8 @@ NEGLIGIBLE: Final = 1e-6
 class ErrorPriors:
     """Standard deviations of the force errors; all assumed."""
 
-    film_walk: float = 2e-3
-    """Random walk of the film temperature until it is observed [K/sqrt(s)], and"""
-    film_walk_least: float = 0.4e-3
-    """the least one [K/sqrt(s)]."""
+    film_walk: float = 0.4e-3
+    """Random walk of the film temperature, at least [K/sqrt(s)]."""
     rate: float = 0.05
     """Rate of the chip temperature at the start [K/s]."""
     rate_walk: float = 2e-3
@@ -140,7 +138,7 @@ class ErrorPriors:
     """Pyroelectric response of one taxel, uncalibrated [1]."""
     pyroelectric_calibrated: float = 0.02
     """The same with calibration [1]."""
-    drift: float = 2e-3
+    drift: float = 2e-4
     """Common drift of the forces at the start, due to the offsets [N/s]."""
     offset_walk: float = 1e-5
     """Random walk of the offset of a signal [N/sqrt(s)]."""

@@ -107,6 +107,9 @@ OF_TOUCH: Final = np.isin(np.arange(COUNT), (Shared.LEAK, Shared.WARMTH, *range(
 """Mask of the responses of a taxel to its own force. Those of a taxel beside a contact are part of its small force, and
 tell nothing of the shared states."""
 
+DRIFTING: Final = np.eye(COUNT)[Shared.DRIFT]
+"""Change of the shared states with the common drift."""
+
 LEAST_DEVIATION: Final = 1.0
 """Deviation of the total force that is always accepted [contact threshold]."""
 
@@ -216,7 +219,7 @@ class ForceEstimator:
         self._unexplained = UnexplainedResiduals(taxels, self._threshold)
         self._release = ReleaseDetector(taxels)
         self._jumps = JumpNoise(self._tau)
-        self._walk = TemperatureWalk(p.film_walk, p.film_walk_least, self._film_lag)
+        self._walk = TemperatureWalk(p.film_walk, self._film_lag)
         self._rest = RestDetector(taxels, noise, OFFSET_SPREAD * self._threshold, SETTLE_TIME, float(self._tau.max()))
         self._negative = NegativeForceMonitor(taxels, NEGATIVE_TIME)
         self._lower_bound = LowerBoundMonitor(taxels, self._threshold, LOST_FORCE_TIME)
@@ -502,7 +505,12 @@ class ForceEstimator:
         change -= self._per_kelvin * kelvin
         self._jumps.observe(usable, change, after.noise, after.span)
         single = float((after.noise / (self._per_kelvin * self._per_kelvin))[usable].mean())
-        self._walk.observe(kelvin, 0.5 * math.pi * single / np.count_nonzero(usable), after.span)  # that of a median
+        noise = 0.5 * math.pi * single / np.count_nonzero(usable)  # that of a median
+        before = self._walk.intensity
+        self._walk.observe(kelvin, noise, after.span)
+        if (grown := self._walk.intensity - before) > 0.0:
+            # A walk that was not expected was taken for a drift of the offsets as far as it can look like one.
+            self._filter.admit(DRIFTING, float(self._per_kelvin.mean()) ** 2 * grown / self._age)
         self._dynamics.set_film_walk(self._walk.intensity)
 
     def _observe_steady_force(self) -> None:

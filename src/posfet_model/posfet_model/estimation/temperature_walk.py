@@ -32,17 +32,15 @@ class TemperatureWalk:
 
     Parameters
     ----------
-    expected : float
-        Random walk until it is observed [K/sqrt(s)].
     least : float
-        Least random walk [K/sqrt(s)].
+        Least random walk, and that until it is observed [K/sqrt(s)].
     film_lag : float
         Time constant of the film's lag behind the chip [s], >= 0.
     """
 
-    def __init__(self, expected: float, least: float, film_lag: float) -> None:
+    def __init__(self, least: float, film_lag: float) -> None:
         self._least, self._lag = least * least, film_lag
-        self.intensity = expected * expected
+        self.intensity = self._least
         """Variance by which the temperature grows in each second [K2/s]."""
         self._count = 1
         self.pause()

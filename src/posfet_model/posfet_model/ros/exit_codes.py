@@ -13,9 +13,9 @@ import sys
 from collections.abc import Callable
 from typing import Final
 
+from posfet_model.command_line import BAD_INPUT
 from posfet_model.config import ConfigError
 
-BAD_INPUT: Final = 1
 PROCESS_FAILED: Final = 3
 """Exit code of a process that ended on internal errors: whoever started it should start it again."""
 INTERRUPTED: Final = 130

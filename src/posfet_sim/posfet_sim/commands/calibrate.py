@@ -18,12 +18,11 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
 
 from posfet_model.calibration.calibration_file import check_writable, save_calibration
 from posfet_model.calibration.least_squares_fit import fit
 from posfet_model.calibration.taxel_calibration import Calibration
-from posfet_model.command_line import positive
+from posfet_model.command_line import BAD_INPUT, positive
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import Sensor, load_sensor, with_serial
 from posfet_sim.calibration.bench_recording import COLUMNS, combine, read_reference, read_scans
@@ -32,9 +31,6 @@ from posfet_sim.calibration.simulated_bench import calibrate, timestamp
 from posfet_sim.commands.options import add_error_model, add_seed, add_sensor, add_serial
 from posfet_sim.contact.indenters import Sphere
 from posfet_sim.device.error_model import load_error_model
-
-BAD_INPUT: Final = 1
-"""Exit code for bad input."""
 
 
 def _from_recording(sensor: Sensor, options: argparse.Namespace) -> Calibration:

@@ -13,14 +13,11 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
 
+from posfet_model.command_line import BAD_INPUT
 from posfet_model.config import ConfigError
 from posfet_sim.commands.progress import progress
 from posfet_sim.recording.export import FORMATS, Export
-
-BAD_INPUT: Final = 1
-"""Exit code for bad input."""
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -27,6 +27,7 @@ import numpy as np
 
 from posfet_model.calibration.calibration_file import load_calibration
 from posfet_model.calibration.taxel_calibration import Calibration
+from posfet_model.command_line import BAD_INPUT
 from posfet_model.config import ConfigError
 from posfet_model.parameters import SENSOR_FILE
 from posfet_model.reconstruction.reconstructor import Reconstructor
@@ -41,8 +42,6 @@ from posfet_sim.evaluation.scorer import Score, Scorer
 from posfet_sim.parameters import SCENE
 from posfet_sim.scene import Scene, load_scene
 
-BAD_INPUT: Final = 1
-"""Exit code for bad input."""
 UNCALIBRATED: Final = "none"
 """Value of --calibration for nominal parameters."""
 PROBLEM: Final = "problem"

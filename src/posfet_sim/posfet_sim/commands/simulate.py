@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from posfet_model.command_line import checked_namespace
+from posfet_model.command_line import BAD_INPUT, checked_namespace
 from posfet_model.config import ConfigError
 from posfet_model.sensor.description import load_sensor
 from posfet_model.sensor.scan import Scan
@@ -32,8 +32,6 @@ from posfet_sim.scene import DEFAULT_SCENE, SceneLoads, load_scene
 
 STATIC_DURATION: Final = 10.0
 """Default duration of a scene that never changes [s]."""
-BAD_INPUT: Final = 1
-"""Exit code for bad input."""
 INTERRUPTED: Final = 130
 """Exit code when interrupted."""
 
