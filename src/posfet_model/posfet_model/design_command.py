@@ -95,9 +95,9 @@ def _simulate(design: PosfetDesign, options: argparse.Namespace) -> tuple[dict[s
     write_text(options.out, signal_csv(signal, run.v_out, wanted))
     valid, total = int(np.count_nonzero(run.valid[wanted])), int(np.count_nonzero(wanted))
     lines = [f"{options.out}: {total} samples, the model is valid for {valid} of them"]
-    found = run.findings(signal.time, wanted)
-    lines += [f"  not valid for {one.samples}, first at {one.first_time:.9g} s: {one.reason}" for one in found]
-    reasons = [{"reason": one.reason, "samples": one.samples, "first_time_s": one.first_time} for one in found]
+    found = [(one, signal.written(one.first_time)) for one in run.findings(signal.time, wanted)]
+    lines += [f"  not valid for {one.samples}, first at {first} s: {one.reason}" for one, first in found]
+    reasons = [{"reason": one.reason, "samples": one.samples, "first_time_s": float(first)} for one, first in found]
     return {"samples": total, "valid_samples": valid, "reasons": reasons}, "\n".join(lines)
 
 

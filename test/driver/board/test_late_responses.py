@@ -173,7 +173,8 @@ def test_a_rate_that_only_a_response_states_is_never_set(fd: bool, value: int) -
     bench = Bench(fd)
     bench.run(1.0)
     bench.link.change = {Command.SET_RATE: value}
-    bench.board.request(Command.SET_RATE, 1000)
+    with pytest.raises(CommandError, match=rf"SET_RATE: refused by the board: ok \(value {value}\)"):
+        bench.board.request(Command.SET_RATE, 1000)
     bench.link.change = {}
     bench.link.commands.clear()
     bench.link.board.running = False

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from posfet_model.amplifier import transient as transient_module
 from posfet_model.amplifier import transient_follower
 from posfet_model.amplifier.circuit import AmplifierCircuit
 from posfet_model.amplifier.follower import OnePoleFollower, SquareLawFollower
@@ -31,7 +32,7 @@ from posfet_model.amplifier.one_stage import CIRCUIT_C
 from posfet_model.amplifier.open_loop import RINGS, UNSTABLE, OpenLoop
 from posfet_model.amplifier.operating_point import CIRCUIT_B
 from posfet_model.amplifier.parallel_in_time import advance_stretches
-from posfet_model.amplifier.transient import TOLERANCE, SystemState, advance_through
+from posfet_model.amplifier.transient import TOLERANCE, SystemState, advance, advance_through
 from posfet_model.amplifier.transient_follower import CircuitFollower, SlewingFollower, TransientFollower, _straight
 from posfet_model.spice import ngspice
 from posfet_model.spice.circuits import CIRCUITS
@@ -126,6 +127,42 @@ def test_an_unstable_circuit_oscillates_between_its_rails_and_is_never_valid(nam
     assert np.abs(found).max() < 5 and np.ptp(found[-30:]) > 0.1
     result = follower.run([0.0, 1e-6], [0.0, 0.0])
     assert not result.valid.any() and UNSTABLE in result.reasons
+
+
+def swing_and_frequency(time: np.ndarray, out: np.ndarray) -> tuple[float, float]:
+    """Return peak to peak [V], and mean frequency of the rising crossings of the middle [Hz]."""
+    middle = 0.5 * (out.max() + out.min())
+    rising = np.flatnonzero((out[:-1] < middle) & (out[1:] >= middle))
+    at = time[rising] + (middle - out[rising]) / np.diff(out)[rising] * np.diff(time)[rising]
+    return float(np.ptp(out)), float(1 / np.diff(at).mean())
+
+
+@pytest.mark.parametrize("name", ["two_stage_thin_film_unstable", "two_stage_no_rz_unstable"])
+def test_a_period_of_an_oscillation_takes_few_sub_steps_and_is_right(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    follower = of_circuit(name)
+    period = 1 / float(follower.figures.gain_bandwidth)
+    time = np.linspace(0, 25 * period, 801)[1:]
+    start = SystemState(np.zeros(()), follower.circuit.operating_point(0.0), np.inf)
+    jumped = advance(follower.circuit, start, np.asarray(0.05), 0.0, TOLERANCE)
+    wanted = follower.circuit.output(advance_through(follower.circuit, jumped, jumped.v_in, time, TOLERANCE)[1])
+    steps, one = [], transient_module._step
+    monkeypatch.setattr(transient_module, "_step", lambda *of: steps.append(1) or one(*of))
+    found = follower.run(np.r_[0.0, 0.0, time], np.r_[0.0, np.full(801, 0.05)]).v_out[2:]
+    assert len(steps) <= 40 * 25
+    late = time > 10 * period
+    swings, frequencies = zip(*(swing_and_frequency(time[late], out[late]) for out in (found, wanted)), strict=True)
+    assert swings[0] == pytest.approx(swings[1], abs=5e-3) and swings[1] > 0.5
+    assert frequencies[0] == pytest.approx(frequencies[1], rel=2e-3)
+
+
+def test_what_is_lost_stays_so_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    follower = FOLLOWERS["opamp_b"]
+    monkeypatch.setattr(transient_module, "_step", lambda *of: pytest.fail("integrated"))
+    lost = SystemState(np.zeros(()), np.full(5, np.nan), 1e-9)
+    state, nodes = advance_through(follower.circuit, lost, np.asarray(1.0), np.array([1e-7, 2e-7]), TOLERANCE)
+    assert np.isnan(nodes).all() and np.isnan(state.nodes).all() and state.v_in == 1.0
 
 
 def test_an_input_at_which_the_output_stage_carries_too_little_is_named_where_it_oscillates() -> None:

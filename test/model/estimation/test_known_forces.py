@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from posfet_model.estimation.known_forces import (
     NEGATIVE_TIME,
+    PERSISTENT_BLOCKS,
     RELEASED_BLOCKS,
     RELEASED_SHARE,
     SMALL,
@@ -323,3 +324,14 @@ def test_the_least_loaded_taxels_do_not_feel_a_touch_of_the_others() -> None:
     force = np.full(TAXELS, 0.01)
     force[: TAXELS - 1 - int(UniformChange.LEAST_LOADED * TAXELS)] = 5.0
     assert uniform().least_loaded(force) == 0.01
+
+
+def test_residuals_that_are_positive_in_many_blocks_are_unexplained_and_white_ones_are_not() -> None:
+    found, random = UnexplainedResiduals(1000, 0.02), np.random.default_rng(1)
+    every = np.ones(1000, np.bool_)
+    alarms = sum(int(found.persistent(every, random.standard_normal(1000)).sum()) for _ in range(300))
+    assert alarms <= 3, "five deviations: once in 3.5 million"
+    for _ in range(2 * PERSISTENT_BLOCKS):
+        raised = found.persistent(every, random.standard_normal(1000) + 1.5)
+    assert raised.mean() > 0.95
+    assert not found.persistent(~every, np.full(1000, 9.0)).any(), "begins anew where it does not count"

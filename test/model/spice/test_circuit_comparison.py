@@ -222,6 +222,19 @@ def test_no_run_of_an_unstable_circuit_is_valid() -> None:
             assert compare(CIRCUITS[name], record, way).wrongly_valid == ()
 
 
+@pytest.mark.parametrize("way", ["given", "measured"])
+def test_figures_at_0_v_are_not_valid_at_inputs_where_no_range_of_stability_was_seen(way: str) -> None:
+    """81 degrees at 0 V, and unstable at the lowest input of two sines."""
+    name = "two_stage_wide_output_50ua_30pf"
+    record = recorded(name)
+    assert {"sine_1000_hz", "sine_10000_hz"} == set(record.unstable)
+    kept = {run: record.runs[run] for run in ("press", "up_1000_mv")}
+    found = compare(CIRCUITS[name], replace(record, runs=kept), way)
+    assert found.wrongly_valid == ()
+    by_name = {run.stimulus: run for run in found.runs}
+    assert by_name["press"].valid and by_name["press"].met
+
+
 def test_transistors_extracted_from_an_operating_point_are_those_of_the_sizes() -> None:
     circuit = CIRCUITS["two_stage_thin_film_unstable"]
     found = extracted(circuit, recorded(circuit.name).bias_point)

@@ -140,6 +140,13 @@ def test_forces_beside_noisy_taxels_in_a_contact_are_not_taken_for_bending(calib
     assert score.misleading_pct == 0.0
 
 
+def test_a_slow_press_on_noisy_taxels_is_felt(calibrated: Calibration) -> None:
+    """0.2 N within 10 s onto the two: each block raises them, and their neighbours, by less than noise."""
+    score = run(Run(SENSOR, load_scene("slow_press", SENSOR), 9.0, 1, ErrorModel.default(), calibrated))
+    assert score.total_force_error_pct is not None and score.total_force_error_pct < 20.0
+    assert score.misleading_pct == 0.0
+
+
 LIFTS = "a slip is reported as one of two fingers lifts"
 
 

@@ -119,7 +119,7 @@ class BoardStarter:
         A response that states another period than was set confirms nothing: who knows which one is in force.
         """
         period = self._sender.argument(response)
-        if response.result == Result.OK and response.value == period:
+        if response.confirms(period):
             self._period = period
         elif not asked and self._connection.state == ConnectionState.RATE:
             self._period = round(1e6 / self._sensor.can.scan_rate)  # not for ever one that a user has set

@@ -13,7 +13,7 @@ from collections import deque
 from concurrent.futures import Future
 from dataclasses import dataclass, field
 
-from posfet_driver.protocol.messages import Command, Response, Result
+from posfet_driver.protocol.messages import Command, Response
 from posfet_model._lib.units import NANOSECONDS
 
 
@@ -83,7 +83,7 @@ class CommandQueue:
         if pending is None or response.tag != pending.tag or response.command != pending.command:
             return None
         self._current = None
-        if response.result == Result.OK:
+        if response.confirms(pending.argument):
             pending.response.set_result(response)
         else:
             _fail(pending, f"refused by the board: {response.reason}")

@@ -126,6 +126,10 @@ class Response:
         command, tag, result, boot, value = _RESPONSE.unpack(data)
         return cls(command, tag, result, value, boot & BOOT_COUNTER)
 
+    def confirms(self, argument: int) -> bool:
+        """Return whether the board has executed the command with this argument: SET_RATE is answered with it."""
+        return self.result == Result.OK and (self.command != Command.SET_RATE or self.value == argument)
+
     @property
     def reason(self) -> str:
         """Result in words, with the value that explains it where there is one."""

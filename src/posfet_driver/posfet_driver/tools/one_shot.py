@@ -26,7 +26,6 @@ from posfet_driver.protocol.messages import (
     Identification,
     Request,
     Response,
-    Result,
 )
 from posfet_driver.tools.bus_options import EMULATOR
 from posfet_model.sensor.description import Sensor
@@ -58,7 +57,7 @@ def request(
     Returns
     -------
     Response
-        The response, with the result OK.
+        The response, which confirms the command.
 
     Raises
     ------
@@ -84,7 +83,7 @@ def request(
                 matching = response
             elif others is not None:
                 others.append(frame)
-    if matching.result != Result.OK:
+    if not matching.confirms(argument):
         raise CommandError(f"{command.name}: refused by the board: {matching.reason}")
     return matching
 

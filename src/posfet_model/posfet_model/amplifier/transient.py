@@ -106,7 +106,9 @@ class SystemState:
     """Length of step that the error bound allowed last [s]."""
 
 
-def advance(system: System, state: SystemState, v_in: Array, duration: float, tolerance: float) -> SystemState:
+def advance(
+    system: System, state: SystemState, v_in: Array, duration: float, tolerance: float, share: float = 0.0
+) -> SystemState:
     """Return the state after an interval in which the input changed linearly; a duration of 0 is a jump. Unchecked.
 
     Parameters
@@ -121,6 +123,8 @@ def advance(system: System, state: SystemState, v_in: Array, duration: float, to
         Length of the interval [s].
     tolerance : float
         Largest difference of the two orders in a step [V].
+    share : float, default 0.0
+        The same in addition, as a share of the largest change of a node in the step [1].
 
     Returns
     -------
@@ -129,11 +133,11 @@ def advance(system: System, state: SystemState, v_in: Array, duration: float, to
     """
     if duration == 0:
         return SystemState(v_in, _jump(system, state, v_in), state.step)
-    return advance_through(system, state, v_in, np.array([duration]), tolerance)[0]
+    return advance_through(system, state, v_in, np.array([duration]), tolerance, share)[0]
 
 
 def advance_through(
-    system: System, state: SystemState, v_in: Array, times: Array, tolerance: float
+    system: System, state: SystemState, v_in: Array, times: Array, tolerance: float, share: float = 0.0
 ) -> tuple[SystemState, Array]:
     """Return the state after an interval in which the input changed linearly, and the nodes within it. Unchecked.
 
@@ -149,13 +153,15 @@ def advance_through(
         Instants within the interval [s] from its start, shape [t], increasing from above 0; the last one is its end.
     tolerance : float
         Largest difference of the two orders in a step [V].
+    share : float, default 0.0
+        The same in addition, as a share of the largest change of a node in the step [1].
 
     Returns
     -------
     tuple
         State at the end, and voltages of the nodes at the instants [V], shape [t, ..., n].
     """
-    return _through(system, state, v_in, times[-1], times / times[-1], tolerance)
+    return _through(system, state, v_in, times[-1], times / times[-1], tolerance, share)
 
 
 def advance_together(
@@ -191,7 +197,13 @@ def advance_together(
 
 
 def _through(
-    system: System, state: SystemState, v_in: Array, duration: Array, shares: Array, tolerance: float
+    system: System,
+    state: SystemState,
+    v_in: Array,
+    duration: Array,
+    shares: Array,
+    tolerance: float,
+    relative: float = 0.0,
 ) -> tuple[SystemState, Array]:
     """Return the state after an interval of the durations [s], and the nodes at shares of it, the last of which is 1.
 
@@ -201,12 +213,15 @@ def _through(
     slope = (v_in - state.v_in) / np.where(duration > 0, duration, 1.0)
     nodes, done, step = state.nodes, 0.0, state.step / longest
     found = np.full((shares.size, *nodes.shape), np.nan)
+    if not np.isfinite(nodes).all():
+        return SystemState(v_in, found[-1], state.step), found
     for _ in range(MOST_STEPS):
         left = 1.0 - done
         share = left if step >= left * (1 - 1e-9) else min(step, 0.5 * left) if step > 0.5 * left else step
         start = state.v_in + slope * (done * duration)
         moved, error, changes = _step(system, nodes, start, slope, share * duration)
-        ratio = error / tolerance
+        allowed = tolerance + relative * float(np.max(np.abs(moved - nodes))) if relative else tolerance
+        ratio = error / allowed
         factor = float(np.clip(0.9 / max(ratio, 1e-9) ** (1 / 3), *_GROWTH)) if np.isfinite(ratio) else _GROWTH[0]
         if ratio <= 1:
             inside = slice(*np.searchsorted(shares, [done, done + share], side="right"))

@@ -42,7 +42,13 @@ from posfet_model.amplifier.operating_point import CIRCUIT_B, TABLE_II, Amplifie
 from posfet_model.amplifier.pair_loop import PairLoop
 from posfet_model.amplifier.parallel_in_time import LEAST_INTERVALS, advance_stretches
 from posfet_model.amplifier.transient import TOLERANCE, System, SystemState, advance, advance_through
-from posfet_model.amplifier.undetermined import POLES_NOT_GIVEN, undetermined
+from posfet_model.amplifier.undetermined import (
+    INPUTS_NOT_GIVEN,
+    NEAR_REST,
+    POLES_NOT_GIVEN,
+    check_known_inputs,
+    undetermined,
+)
 from posfet_model.amplifier.validity import Validity
 
 LOST: Final = "no output: the circuit does not settle, or did not before"
@@ -55,6 +61,10 @@ SHORTEST_HOLD: Final = 3.0
 
 ROWS_PER_INTERVAL: Final = 10
 """Samples that are integrated in stretches of time in the duration of one interval in sequence."""
+
+OSCILLATION: Final = 0.01
+"""Error bound of a sub-step of an unstable follower in addition, as a share of the change of its nodes: no result is
+valid, and frequency and swing of the oscillation are right to 0.1 % and some mV with an eighth of the sub-steps."""
 
 LONG_RUN: Final = 0.1
 """Error bound of a step that passes samples [tolerance]: ends at each sample would have made steps shorter."""
@@ -99,6 +109,9 @@ class TransientFollower(Follower):
     """Whether second pole and zero are those of the op-amp; if not, results are not valid where they matter."""
     full_scale: float | None = None
     """Span of the whole input [V], in [0, 2e6], to which that refers; None: of the inputs that are given at once."""
+    known_inputs: tuple[float, float] = NEAR_REST
+    """Inputs [V], from one in [-1e6, 0] to one in [0, 1e6], at which the op-amp is known to be stable and in its range;
+    where its poles are not known, results at others are not valid."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -106,6 +119,7 @@ class TransientFollower(Follower):
         instance("poles_known", self.poles_known, bool)
         if self.full_scale is not None:
             real_number("full_scale", self.full_scale, 0, 2e6)
+        check_known_inputs(self.known_inputs)
 
     @property
     @abstractmethod
@@ -176,7 +190,12 @@ class TransientFollower(Follower):
         if held.shape != before.v_in.shape:
             raise ValueError(f"v_in must have the state's shape {before.v_in.shape}, got {held.shape}")
         after = advance(
-            self.system, SystemState(before.v_in, before.nodes, before.step), held, duration, self.tolerance
+            self.system,
+            SystemState(before.v_in, before.nodes, before.step),
+            held,
+            duration,
+            self.tolerance,
+            self._share,
         )
         return self._state(held, valid, after.nodes, after.step)
 
@@ -241,7 +260,7 @@ class TransientFollower(Follower):
             else:
                 times = np.cumsum(step[begin:end])
                 bound = self.tolerance * (LONG_RUN if times.size > 1 else 1.0)
-                now, nodes[begin:end] = advance_through(self.system, now, held[end - 1], times, bound)
+                now, nodes[begin:end] = advance_through(self.system, now, held[end - 1], times, bound, self._share)
             begin = end
         return nodes, now
 
@@ -249,6 +268,11 @@ class TransientFollower(Follower):
     def _steady(self) -> bool:
         """Whether a follower of no shape forgets where it came from."""
         return bool(np.all(self.validity.findings.get(UNSTABLE, False) == np.False_))
+
+    @property
+    def _share(self) -> float:
+        """Error bound relative to the change in a sub-step [1]."""
+        return OSCILLATION if np.all(self.validity.findings.get(UNSTABLE, False)) else 0.0
 
     def _curved(self, start: Array, held: Array, step: Array) -> bool:
         """Return whether the input [V] has corners at so many samples that stretches of time are worth it."""
@@ -275,6 +299,7 @@ class TransientFollower(Follower):
         if not self.poles_known:
             span = np.ptp(held) if self.full_scale is None and held.size else self.full_scale or 0.0
             findings[POLES_NOT_GIVEN] = undetermined(out - self._at_rest(held), span, step, self._crossing)
+            findings[INPUTS_NOT_GIVEN] = (held < self.known_inputs[0]) | (held > self.known_inputs[1])
         shown = {reason: np.broadcast_to(mask, held.shape) for reason, mask in findings.items() if np.any(mask)}
         for mask in shown.values():
             valid = valid & ~mask

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from posfet_model._lib.validation import instance, whole_number
+from posfet_model.amplifier.undetermined import NEAR_REST, check_known_inputs
 from posfet_model.design import readout
 from posfet_model.device import paper
 from posfet_model.device.taxel import Taxel
@@ -40,7 +41,10 @@ class DesignFields(Taxel):
     """Whether the slew rates are those of the op-amp; if not, it slews otherwise, and they are unknown."""
     poles_known: bool = True
     """Whether second pole and zero are those of the op-amp, as with its sizes and bias; if not, fast inputs are not
-    valid."""
+    valid, nor those outside of `known_inputs`."""
+    known_inputs: tuple[float, float] = NEAR_REST
+    """Inputs [V], from one in [-1e6, 0] to one in [0, 1e6], at which the op-amp is known to be stable and in its range;
+    not used where its poles are known."""
     reference_current: Values = quantity(readout.REFERENCE_CURRENT, 1e-9, 0.1)
     """Current into M6 [A]."""
     supply: Values = quantity(readout.SUPPLY, 0.5, 100)
@@ -107,6 +111,7 @@ class DesignFields(Taxel):
         whole_number("stages", self.stages, 1, 2)
         instance("slew_rate_known", self.slew_rate_known, bool)
         instance("poles_known", self.poles_known, bool)
+        check_known_inputs(self.known_inputs)
         for low, high in (("adc_low", "adc_high"), ("low_frequency", "high_frequency")):
             if np.any(np.less_equal(getattr(self, high), getattr(self, low))):
                 raise ValueError(f"{high} must be above {low}, got {_first(self, high)} and {_first(self, low)}")

@@ -18,6 +18,7 @@ from typing import Any, Final
 
 from posfet_model._lib.shown import shown
 from posfet_model.amplifier.calibration import MeasuredFigureError
+from posfet_model.amplifier.undetermined import NEAR_REST
 from posfet_model.config import ConfigError, Section, find_file, known_instead, read_yaml
 from posfet_model.design.design_fields import PARTS
 from posfet_model.design.posfet_design import PosfetDesign
@@ -47,6 +48,12 @@ _ALSO_MEASURED: Final = {
     "falling_slew_v_per_s": ("falling_slew_rate", Plausible("V/s", 1, 1e15)),
 }
 """Argument of `PosfetDesign.with_measured` and range of what may be given besides, by key."""
+
+_KNOWN_INPUTS: Final = {
+    "lowest_input_v": Plausible("V", 0, 1e3, signed=True),
+    "highest_input_v": Plausible("V", 0, 1e3, signed=True),
+}
+"""Ends of the inputs at which a measured op-amp was stable."""
 
 _ONLY_THE_PAPERS: Final = (
     "; without sizes and bias only the paper's op-amp is tried: give these, or another film_geometry"
@@ -111,9 +118,10 @@ def load_design(name: str) -> DesignFile:
         chosen["film_geometry"] = FilmGeometry(section.text("film_geometry", choices))
     if "poling_voltages" in section:
         chosen["poling_voltages"] = _poling(section, section.value("poling_voltages", "a list of voltages"))
-    measured = _measured(section.section("measured")) if "measured" in section else None
-    if measured is not None and _SIZES_AND_BIAS.isdisjoint(chosen):
-        chosen |= {"poles_known": False, "slew_rate_known": "slew_rate" in measured}
+    measured = None
+    if "measured" in section:
+        measured, known = _measured(section.section("measured"), alone=_SIZES_AND_BIAS.isdisjoint(chosen))
+        chosen |= known
     sweep = _sweep(section) if "sweep" in section else None
     tolerance = None
     if "tolerance" in section:
@@ -189,8 +197,9 @@ def fields_table() -> list[tuple[str, str, str, str, str]]:
     return rows
 
 
-def _measured(section: Section) -> dict[str, float]:
-    """Return the arguments of `PosfetDesign.with_measured`."""
+def _measured(section: Section, *, alone: bool) -> tuple[dict[str, float], dict[str, Any]]:
+    """Return the arguments of `PosfetDesign.with_measured`, and what the design has to know of figures alone."""
+    inputs = _known_inputs(section, alone=alone)
     decibels, hertz = (
         read_number(section, key, plausible, section.value(key, f"a number in {plausible.unit}"))
         for key, plausible in _MEASURED.items()
@@ -205,7 +214,22 @@ def _measured(section: Section) -> dict[str, float]:
         if value is not None:
             found[name] = read_number(section, key, plausible, value)
     section.end()
-    return found
+    known = {"poles_known": False, "slew_rate_known": "slew_rate" in found, "known_inputs": inputs}
+    return found, known if alone else {}
+
+
+def _known_inputs(section: Section, *, alone: bool) -> tuple[float, float]:
+    """Return the inputs at which a measured op-amp was stable; refused with sizes and bias, from which they follow."""
+    ends = []
+    for (key, plausible), default in zip(_KNOWN_INPUTS.items(), NEAR_REST, strict=True):
+        value = section.value(key, f"a number in {plausible.unit}", default=None)
+        if value is not None and not alone:
+            raise section.error(key, "must be left out with sizes and bias, from which the range of inputs follows")
+        ends.append(default if value is None else read_number(section, key, plausible, value))
+    if not ends[0] <= 0 <= ends[1]:
+        wrong = next(iter(_KNOWN_INPUTS)) if ends[0] > 0 else list(_KNOWN_INPUTS)[1]
+        raise section.error(wrong, "must not exclude 0 V, at which gain, unity crossing and margin are measured")
+    return ends[0], ends[1]
 
 
 def _example(plausible: Plausible) -> str:

@@ -126,6 +126,7 @@ class PosfetDesign(DesignFigures):
             slew_rate_known=self.slew_rate_known,
             poles_known=self.poles_known,
             full_scale=full_scale,
+            known_inputs=self.known_inputs,
         )
 
     def linear_follower(self) -> RingingFollower:
@@ -188,7 +189,8 @@ class PosfetDesign(DesignFigures):
         `compensation` and `load_capacitance` to unity crossing and phase margin, `zero_resistor` to the bandwidth,
         `reference_current` and `sink_width` to the slew rates (`calibrate_circuit`). With sizes, bias and load of the
         op-amp three figures suffice. Where these are not known, say so with `poles_known=False`, and with
-        `slew_rate_known=False` without slew rates: then inputs that are fast or may slew are not valid.
+        `slew_rate_known=False` without slew rates: then inputs that are fast or may slew are not valid, nor those
+        outside of `known_inputs`.
 
         Parameters
         ----------

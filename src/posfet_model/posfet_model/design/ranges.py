@@ -30,12 +30,17 @@ LOW_MARGIN_IN_USE: Final = (
 RINGS_IN_USE: Final = (
     f"the force to be measured drives the input to where a step overshoots by more than {100 * MOST_OVERSHOOT:g} %"
 )
+BEYOND_KNOWN: Final = (
+    "the force to be measured drives the input to where figures at 0 V do not tell whether the follower is stable"
+)
 BEYOND_ADC: Final = "the force to be measured drives the ADC out of its range"
 TOO_STEEP: Final = "the force to be measured, at the upper end of the band, is steeper than the slew rate"
 
 
 def largest_force(design: DesignFields, amplifier: AmplifierFigures) -> FloatArray:
     """Return the largest compressive force within the ranges of amplifier and ADC, the former stable [N]; unchecked.
+
+    Of an op-amp of which only figures are known it is one within the inputs at which it is known to be stable.
 
     Parameters
     ----------
@@ -44,7 +49,8 @@ def largest_force(design: DesignFields, amplifier: AmplifierFigures) -> FloatArr
     amplifier : AmplifierFigures
         Figures of its op-amp.
     """
-    return np.minimum(_reach(design, amplifier, "stable"), _reach(design, amplifier, "adc"))[()]
+    least = np.minimum(_reach(design, amplifier, "stable"), _reach(design, amplifier, "adc"))
+    return (least if design.poles_known else np.minimum(least, _reach(design, amplifier, "known")))[()]
 
 
 def validity(design: DesignFields, amplifier: AmplifierFigures, margins: MarginsInUse) -> Validity:
@@ -70,6 +76,8 @@ def validity(design: DesignFields, amplifier: AmplifierFigures, margins: Margins
                 OSCILLATES: np.greater(design.signal_force, stable) & (stable < saturated),
                 LOW_MARGIN_IN_USE: (margins.phase_margin < LEAST_PHASE_MARGIN) & ~at_rest[LOW_MARGIN],
                 RINGS_IN_USE: (margins.overshoot > MOST_OVERSHOOT) & ~at_rest[RINGS] & amplifier.stable,
+                BEYOND_KNOWN: np.greater(design.signal_force, _reach(design, amplifier, "known"))
+                & (not design.poles_known),
                 BEYOND_ADC: np.greater(design.signal_force, _reach(design, amplifier, "adc")),
                 TOO_STEEP: 2 * math.pi * design.high_frequency * volts
                 > np.minimum(amplifier.slew_rate, amplifier.falling_slew_rate),
@@ -85,6 +93,7 @@ def _reach(design: DesignFields, amplifier: AmplifierFigures, of: str) -> FloatA
         low, high = {
             "stable": (amplifier.lowest_input, amplifier.highest_input),
             "saturated": (amplifier.lowest_saturated_input, amplifier.highest_saturated_input),
+            "known": (np.float64(design.known_inputs[0]), np.float64(design.known_inputs[1])),
             "adc": (design.adc_low / gain, design.adc_high / gain),
         }[of]
         force = np.where(per_newton > 0, high, low) / per_newton

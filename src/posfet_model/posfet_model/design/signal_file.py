@@ -10,7 +10,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Final
 
@@ -31,6 +32,9 @@ MAX_SAMPLES: Final = 10_000_000
 VOLTAGE_LIMIT: Final = 1e6
 """Largest accepted magnitude of a voltage [V]."""
 
+SMALLEST_EXPONENT: Final = 20
+"""Decimal exponent from which on a time is written as a power of ten."""
+
 TIME_LIMIT: Final = 1e12
 """Largest accepted magnitude of a time [s]; Unix time is accepted."""
 
@@ -40,9 +44,19 @@ class Signal:
     """Input voltage over time, linear between samples."""
 
     time: Array
-    """Times [s], shape [t], t >= 1, never decreasing; two equal times are a jump."""
+    """Times since `start` [s], shape [t], t >= 1, from 0, never decreasing; two equal times are a jump."""
     v_in: Array
     """Input [V], shape [t]."""
+    start: Decimal = Decimal(0)
+    """First time as it is written [s]: the difference of two Unix times in float64 would be 0.24 us off."""
+
+    def written(self, time: float) -> str:
+        """Return a time since `start` [s] as a time of the file."""
+        if not self.start:
+            return f"{time:.15g}"
+        at = self.start + Decimal(f"{time:.15g}")
+        text = f"{at:f}" if at.adjusted() > -SMALLEST_EXPONENT else f"{at:g}"
+        return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
 
     def with_even_times(self, step: float) -> tuple[Signal, Mask]:
         """Return the signal with even times in addition to its own, so that no jump or corner is lost.
@@ -72,11 +86,13 @@ class Signal:
         time = np.concatenate([self.time, even])
         order = np.argsort(time, kind="stable")  # own samples first where times are equal
         v_in = np.concatenate([self.v_in, v_even])
-        return Signal(time[order], v_in[order]), order >= self.time.size
+        return replace(self, time=time[order], v_in=v_in[order]), order >= self.time.size
 
 
 def read_signal(path: Path) -> Signal:
     """Return the signal in a CSV file with the header ``t,vin``; empty lines and lines that start with # are skipped.
+
+    Times may start anywhere, at Unix time for instance: the first one is subtracted as it is written, before rounding.
 
     Parameters
     ----------
@@ -102,12 +118,35 @@ def read_signal(path: Path) -> Signal:
     if len(rows) < 2:
         raise ConfigError(f"{where}:{rows[0][0]}: must have at least one row below the header")
     table = np.array([_row(where, *row) for row in rows[1:]])
-    backwards = np.flatnonzero(np.diff(table[:, 0]) < 0)
+    start = Decimal(0)
+    if table[0, 0] != 0:
+        start, table[:, 0] = _since_first(where, rows[1:])
+    signal = Signal(table[:, 0], table[:, 1], start)
+    backwards = np.flatnonzero(np.diff(signal.time) < 0)
     if backwards.size:
         first = int(backwards[0])
-        before, after = table[first : first + 2, 0]
-        raise ConfigError(f"{where}:{rows[first + 2][0]}: t must not decrease, got {after:.12g} after {before:.12g}")
-    return Signal(table[:, 0], table[:, 1])
+        before, after = (_cell(rows[first + k][1]) for k in (1, 2))
+        raise ConfigError(f"{where}:{rows[first + 2][0]}: t must not decrease, got {after:.40} after {before:.40}")
+    return signal
+
+
+def _cell(text: str) -> str:
+    """Return the time of a row as it is written."""
+    return text.partition(",")[0].strip()
+
+
+def _since_first(where: str, rows: list[tuple[int, str]]) -> tuple[Decimal, list[float]]:
+    """Return the first time, and the times less that [s]."""
+    since: list[float] = []
+    first: Decimal | None = None
+    for line, text in rows:
+        try:
+            time = Decimal(_cell(text))
+        except InvalidOperation:  # exponents of twenty digits
+            raise ConfigError(f"{where}:{line}: t must be a number, got {shown(_cell(text))}") from None
+        first = time if first is None else first
+        since.append(float(time - first))
+    return first or Decimal(0), since
 
 
 def _row(where: str, line: int, text: str) -> tuple[float, float]:
@@ -146,5 +185,5 @@ def signal_csv(signal: Signal, v_out: Array, rows: Mask) -> str:
         The text.
     """
     columns = (column[rows].tolist() for column in (signal.time, signal.v_in, v_out))
-    lines = (f"{t:.15g},{vin:.12g},{vout:.12g}" for t, vin, vout in zip(*columns, strict=True))
+    lines = (f"{signal.written(t)},{vin:.12g},{vout:.12g}" for t, vin, vout in zip(*columns, strict=True))
     return "\n".join([f"{HEADER},vout", *lines, ""])

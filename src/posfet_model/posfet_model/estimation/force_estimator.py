@@ -642,7 +642,8 @@ class ForceEstimator:
             block.touched = block.touched | touched
             self._step(block)
         # What a slow press lost to the zeros before.
-        lost = np.where(touched, np.maximum(self.belief.error[:, 0] - self._usual, 0.0), 0.0)
+        pressed = self._surroundings.dilated(touched)
+        lost = np.where(pressed, np.maximum(self.belief.error[:, 0] - self._usual, 0.0), 0.0)
         self.belief.own[:, 0, 0] += lost * lost
 
     def _step(self, block: Block) -> None:
@@ -724,12 +725,16 @@ class ForceEstimator:
                 own = f.own_deviation(deviation, sensitivity, noise)
                 odd = np.abs(residual - kelvin * self._per_kelvin) > GATE * own
         f.update(where & ~odd, residual, sensitivity, noise)
-        faulty = self.ignored & self.offset_known & ~block.touched
+        faulty = self.ignored & self.offset_known & ~block.listed
         if any_true(faulty):
             # A noisy taxel still counts in a contact, and so must be zero before it.
-            f.update_alone(faulty, f.innovation(measured, response, noise)[0], sensitivity, noise)
+            f.update_alone(
+                faulty & ~block.touched & ~odd, f.innovation(measured, response, noise)[0], sensitivity, noise
+            )
         if block is self._blocks[-1]:
-            self._judge(block, judged & odd, judged, residual)
+            watched = judged | faulty
+            odd |= self._unexplained.persistent(watched & ~block.touched, residual / deviation)
+            self._judge(block, watched & odd, judged, residual)
 
     def _open_hypothesis(self, block: Block) -> None:
         """Open the hypothesis that a block shows a warmer film, and go on without it, too."""

@@ -27,6 +27,12 @@ from posfet_model._lib.types import Array, Mask
 GATE: Final = 5.0
 """Deviations from which on a residual is no error that the filter expects [1]."""
 
+PERSISTENT_BLOCKS: Final = 16
+"""Blocks over which residuals are averaged [1]: what errors leave of them in the filter is white."""
+
+PERSISTENT: Final = GATE / (2 * PERSISTENT_BLOCKS - 1) ** 0.5
+"""Mean from which on they are no error that the filter expects [1]: as many deviations of that mean."""
+
 STEADY_DEVIATIONS: Final = 8.0
 """A taxel is steady while its mean stays within this many standard deviations of its noise [1]."""
 
@@ -79,7 +85,23 @@ class UnexplainedResiduals:
         """Time for which each taxel has been below zero [s]."""
         self._steady = np.zeros(taxels)
         self._level = np.zeros(taxels)
+        self._mean = np.zeros(taxels)
         self._small = SMALL * threshold
+
+    def persistent(self, where: Mask, residual: Array) -> Mask:
+        """Process a block; return the mask of the taxels whose residuals have been positive in too many blocks.
+
+        A slow press raises each of them by less than the noise.
+
+        Parameters
+        ----------
+        where : ndarray of bool, shape [taxels]
+            Taxels whose residuals count.
+        residual : ndarray of float64, shape [taxels]
+            Residuals in units of their expected deviations [1].
+        """
+        self._mean = np.where(where, self._mean + (residual - self._mean) / PERSISTENT_BLOCKS, 0.0)
+        return self._mean > PERSISTENT
 
     def update(self, odd: Mask, residual: Array, mean: Array, noise: Array, duration: float) -> Mask | None:
         """Process a block; return the mask of the taxels whose residual is an error of the baseline, None without one.

@@ -23,9 +23,12 @@ from posfet_model.amplifier.one_stage import CIRCUIT_C
 from posfet_model.amplifier.open_loop import OpenLoop
 from posfet_model.amplifier.operating_point import CIRCUIT_B
 from posfet_model.amplifier.transient_follower import CircuitFollower, SlewingFollower
+from posfet_model.amplifier.undetermined import NEAR_REST
 from posfet_model.spice.circuits import Circuit
 from posfet_model.spice.measurement import BiasPoint
 from posfet_model.spice.record_file import Record
+from posfet_model.spice.recorded_runs import time_scale
+from posfet_model.spice.stimuli import stimuli
 
 LEAST_MARGIN: Final = -85.0
 """Least phase margin of an op-amp of given figures [degrees]."""
@@ -65,7 +68,8 @@ def from_operating_point(circuit: Circuit, record: Record) -> CircuitModel:
 def from_figures(circuit: Circuit, record: Record) -> CircuitModel:
     """Return the model from figures as ngspice shows them; unchecked.
 
-    Gain of the follower at low frequency, unity crossing and phase margin of the loop, and the steepest rise.
+    Gain of the follower at low frequency, unity crossing and phase margin of the loop, the steepest rise, and the range
+    of inputs at which it was stable.
 
     Parameters
     ----------
@@ -74,7 +78,6 @@ def from_figures(circuit: Circuit, record: Record) -> CircuitModel:
     record : Record
         What ngspice says about it.
     """
-    del circuit
     loop, gain = record.exact_loop, record.follower_gain / (1 - record.follower_gain)
     open_loop = OpenLoop.from_phase_margin(gain, loop.unity_crossing, max(loop.phase_margin, LEAST_MARGIN))
     rise = record.slew_rates[0]
@@ -82,6 +85,7 @@ def from_figures(circuit: Circuit, record: Record) -> CircuitModel:
         open_loop=open_loop,
         slew_rate=rise if math.isfinite(rise) else _unlimited(open_loop),
         poles_known=False,
+        known_inputs=_stable_inputs(circuit, record),
     )
     return CircuitModel(
         follower=follower,
@@ -99,8 +103,17 @@ def _unlimited(open_loop: OpenLoop) -> float:
     return 1e3 * float(open_loop.gain_pole_product)
 
 
-def _of_circuit(circuit: AmplifierCircuit, *, poles_known: bool = True) -> CircuitModel:
-    follower = CircuitFollower(circuit=circuit, poles_known=poles_known)
+def _stable_inputs(circuit: Circuit, record: Record) -> tuple[float, float]:
+    """Return the lowest and the highest input [V] at which ngspice showed the circuit to be stable."""
+    inputs = stimuli(circuit, time_scale(record.loop))
+    ran = [inputs[name].volts for name in record.runs]
+    return min((float(one.min()) for one in ran), default=0.0), max((float(one.max()) for one in ran), default=0.0)
+
+
+def _of_circuit(
+    circuit: AmplifierCircuit, *, poles_known: bool = True, known_inputs: tuple[float, float] = NEAR_REST
+) -> CircuitModel:
+    follower = CircuitFollower(circuit=circuit, poles_known=poles_known, known_inputs=known_inputs)
     figures = follower.figures
     return CircuitModel(
         follower=follower,
@@ -187,9 +200,10 @@ def from_calibration(circuit: Circuit, record: Record) -> CircuitModel:
 def from_measured_figures(circuit: Circuit, record: Record) -> CircuitModel:
     """Return the op-amp of the paper, adjusted to figures as ngspice shows them, and to nothing of the circuit itself.
 
-    Gain, unity crossing and phase margin of the op-amp, bandwidth of the follower and slew rates, as of a design file
-    that has nothing but ``stages`` and ``measured``. Where no such op-amp has them, the slew rates are left out, and
-    where that does not help either, it is the model `from_figures`. Unchecked.
+    Gain, unity crossing and phase margin of the op-amp, bandwidth of the follower, slew rates, and the range of inputs
+    at which it was stable, as of a design file that has nothing but ``stages`` and ``measured``. Where no such op-amp
+    has them, the slew rates are left out, and where that does not help either, it is the model `from_figures`.
+    Unchecked.
 
     Parameters
     ----------
@@ -208,7 +222,7 @@ def from_measured_figures(circuit: Circuit, record: Record) -> CircuitModel:
             found = calibrate_circuit(start, *loop, bandwidth=bandwidth, slew_rate=up, falling_slew_rate=down)
         except ValueError:
             continue
-        return _of_circuit(found, poles_known=False)
+        return _of_circuit(found, poles_known=False, known_inputs=_stable_inputs(circuit, record))
     return from_figures(circuit, record)
 
 
