@@ -506,9 +506,9 @@ class ForceEstimator:
         self._jumps.observe(usable, change, after.noise, after.span)
         single = float((after.noise / (self._per_kelvin * self._per_kelvin))[usable].mean())
         noise = 0.5 * math.pi * single / np.count_nonzero(usable)  # that of a median
-        before = self._walk.intensity
+        expected = self._walk.intensity
         self._walk.observe(kelvin, noise, after.span)
-        if (grown := self._walk.intensity - before) > 0.0:
+        if (grown := self._walk.intensity - expected) > 0.0:
             # A walk that was not expected was taken for a drift of the offsets as far as it can look like one.
             self._filter.admit(DRIFTING, float(self._per_kelvin.mean()) ** 2 * grown / self._age)
         self._dynamics.set_film_walk(self._walk.intensity)
