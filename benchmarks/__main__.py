@@ -44,6 +44,7 @@ SUBJECTS = {
     "sim_vs_ngspice": ("simulation.follower_against_ngspice", 120.0),
     "board": ("simulation.board", 40.0),
     "labelling": ("micro.labelling", 20.0),
+    "contacts": ("micro.compiled_contacts", 20.0),
     "reconstruction": ("micro.reconstruction", 60.0),
     "scaling": ("micro.scaling", 60.0),
     "skipped": ("micro.skipped_computation", 40.0),

@@ -13,14 +13,14 @@ import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
-from setuptools import find_packages, setup
+from setuptools import Extension, find_packages, setup
 from setuptools.command.build_py import build_py
 from setuptools.command.sdist import sdist
 
 OUTSIDE = "../"
 SOURCES = next(folder for folder in (Path(OUTSIDE, "src"), Path("src")) if folder.is_dir())
 """Folder of the packages: in the repository, or in an unpacked source distribution."""
-PACKAGES = ("posfet", "posfet_driver", "posfet_model", "posfet_sim")
+PACKAGES = ("posfet", "posfet_core", "posfet_driver", "posfet_model", "posfet_sim")
 MESSAGES = "posfet_sim.recording.msg"
 ONLY = {
     "posfet": {"__init__", "can", "cli", "doctor", "gym", "replay_command"},
@@ -29,6 +29,10 @@ ONLY = {
 """Packages of which only these modules run without ROS."""
 WITHOUT = {"posfet.terminal", "posfet.web", "posfet_driver.ros", "posfet_sim.ros"}
 """Packages that need ROS, or are used only with it."""
+
+
+CORE = SOURCES / "posfet_core"
+"""Folder of the compiled path."""
 
 
 class WithoutRos(build_py):
@@ -44,11 +48,34 @@ class WithPackages(sdist):
 
     def make_release_tree(self, base_dir: str, files: Sequence[str]) -> None:
         super().make_release_tree(base_dir, [name for name in files if not name.startswith(OUTSIDE)])
-        for name in files:
+        for name in (*files, *headers()):
             if name.startswith(OUTSIDE):
                 target = Path(base_dir, name.removeprefix(OUTSIDE))
                 target.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(name, target)
+
+
+def headers() -> list[str]:
+    """Return the headers of the compiled path, which sdist does not take from an extension outside of its folder."""
+    return sorted(str(path) for path in CORE.rglob("*.hpp"))
+
+
+def scan_path() -> Extension:
+    """Return the compiled path; its options are those of posfet_core/CMakeLists.txt, without debug information."""
+    try:
+        import pybind11  # noqa: PLC0415  # from PyPI or python3-pybind11
+
+        found = [pybind11.get_include()]
+    except ImportError:
+        found = []  # pybind11-dev: where the compiler looks
+    return Extension(
+        "posfet_core.scan_path",
+        sources=sorted(str(path) for path in (CORE / "src").glob("*.cpp")),
+        depends=headers(),
+        include_dirs=[str(CORE / "include"), *found],
+        extra_compile_args=["-std=c++17", "-O2", "-g0", "-ffp-contract=off", "-fvisibility=hidden"],
+        language="c++",
+    )
 
 
 def packages() -> dict[str, str]:
@@ -63,10 +90,12 @@ def packages() -> dict[str, str]:
 
 setup(
     cmdclass={"build_py": WithoutRos, "sdist": WithPackages},
+    ext_modules=[scan_path()],
     packages=sorted(packages()),
     package_dir=packages(),
     package_data={
         "posfet": ["py.typed"],
+        "posfet_core": ["py.typed", "*.pyi"],
         "posfet_driver": ["py.typed", "protocol/*.dbc", "protocol/*.yaml"],
         "posfet_model": ["py.typed", "design/designs/*.yaml", "sensor/sensors/*.yaml", "spice/netlists/*"],
         "posfet_sim": ["py.typed", "scene/scenes/*.yaml"],

@@ -7,7 +7,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 mkdir -p "$1"
 folder=$(cd "$1" && pwd)
 version=$(sed -n 's:.*<version>\(.*\)</version>.*:\1:p' src/posfet/package.xml)
-packages=(posfet_msgs posfet_model posfet_driver posfet_sim posfet) # each may depend on those before it
+packages=(posfet_msgs posfet_core posfet_model posfet_driver posfet_sim posfet) # each may depend on those before it
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

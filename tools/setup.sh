@@ -45,6 +45,8 @@ find_python() {
 
 setup_sourced_ros() {
     require_tools colcon python3-colcon-common-extensions cmake cmake g++ g++
+    g++ -x c++ -fsyntax-only -include pybind11/options.h /dev/null 2>/dev/null ||
+        fail "missing: headers of pybind11. Install with: sudo apt-get install pybind11-dev"
     require_python_modules rclpy "ros-$ROS_DISTRO-rclpy" can python3-can numpy python3-numpy yaml python3-yaml \
         rich python3-rich pytest python3-pytest
     echo "posfet: using the sourced ROS 2 $ROS_DISTRO"
@@ -58,9 +60,11 @@ setup_venv() {
     python=$(find_python)
     "$python" -c 'import ensurepip, venv' 2>/dev/null ||
         fail "$python cannot make virtual environments. Install with: sudo apt-get install python3-venv"
+    "$python" -c 'import os, sysconfig, sys; sys.exit(not os.path.exists(sysconfig.get_path("include") + "/Python.h"))' ||
+        fail "$python has no headers to compile modules for it. Install with: sudo apt-get install python3-dev"
 
     local started=$SECONDS
-    echo "posfet: first start: sets up .venv (about 250 MB to download), builds five packages, then runs; some minutes, once"
+    echo "posfet: first start: sets up .venv (about 250 MB to download), builds six packages, then runs; some minutes, once"
     echo "posfet: set-up [1/3] virtual environment .venv with $("$python" --version)"
     rm -rf .venv
     "$python" -m venv .venv

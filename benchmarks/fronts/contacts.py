@@ -98,9 +98,8 @@ class Finder:
     def __call__(self, force: Array) -> list[Centre]:
         """Return the centres of pressure."""
         self._finder.find(self._none)
-        regions = self._finder.find(force)
-        estimate = ForceEstimate(force, self._variance)
-        return [region.centre_of_pressure for region in self._finder.measure(regions, estimate)]
+        self._finder.find(force)
+        return [region.centre_of_pressure for region in self._finder.measure(ForceEstimate(force, self._variance))]
 
 
 def _centroid(force: Array, threshold: float, ring: bool = False) -> list[Centre]:

@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.fronts.front import Check, Choice, Effort, Front
 from benchmarks.fronts.interleaved import interleaved
 from benchmarks.outcome import shown
-from posfet_model.contacts.assignment import minimum_cost_assignment
+from posfet_core.scan_path import minimum_cost_assignment
 
 CONTACTS = (2, 4, 6)
 SCANS = 400
@@ -70,7 +70,7 @@ def exhaustive(costs: Costs) -> Pairs:
 
 def exact(costs: Costs) -> Pairs:
     """Return the assignment of least cost, as the tracker of this stack asks for it."""
-    return minimum_cost_assignment(costs, FAR)
+    return dict(minimum_cost_assignment(costs, FAR))
 
 
 METHODS: dict[str, Callable[[Costs], Pairs]] = {

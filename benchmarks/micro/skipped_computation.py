@@ -35,15 +35,7 @@ def labelled(scene: str) -> tuple[int, int, float, float]:
         SimulatedBoard(SENSOR, SceneLoads(load_scene(scene, SENSOR), SENSOR), 0),
         Reconstructor(SENSOR),
     )
-    bitmap = reconstructor._finder._bitmap
-    label, count = bitmap.components, 0
-
-    def counting(bits: int) -> list[int]:
-        nonlocal count
-        count += 1
-        return label(bits)
-
-    bitmap.components = counting
+    count, regions = 0, list[list[int]]()
     scan = Scan.empty(SENSOR.layout.id, SENSOR.layout.taxels)
     times: dict[bool, list[int]] = {False: [], True: []}
     for index in range(SCANS):
@@ -51,6 +43,8 @@ def labelled(scene: str) -> tuple[int, int, float, float]:
         begin = time.perf_counter_ns()
         result = reconstructor.process(scan)
         times[bool(result.contacts)].append(time.perf_counter_ns() - begin)
+        before, regions = regions, [region.tolist() for region in reconstructor._finder.regions]
+        count += regions != before
     idle, touched = (float(np.median(part)) * 1e-3 if part else float("nan") for part in times.values())
     return count, len(times[False]), idle, touched
 

@@ -47,7 +47,7 @@ def test_the_release_notes_and_the_citation_are_of_this_version() -> None:
     assert VERSION in headings[0]
     project = (ROOT / "python/pyproject.toml").read_text(encoding="utf-8")
     assert re.findall(r'^version = "(.*)"$', project, re.MULTILINE) == [VERSION]
-    assert f"posfet-{VERSION}-py3" in (ROOT / "docs/python.md").read_text(encoding="utf-8")
+    assert f"posfet-{VERSION}-cp3" in (ROOT / "docs/python.md").read_text(encoding="utf-8")
     assert yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["version"] == VERSION
 
 

@@ -16,6 +16,7 @@ import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tarfile
 import venv
 import zipfile
@@ -28,8 +29,8 @@ import posfet_model
 from posfet.cli import COMMANDS, LEFT_OUT, NEED_ROS
 from support.paths import ROOT, SOURCES
 
-if not all(importlib.util.find_spec(name) for name in ("pip", "setuptools")):
-    pytest.skip("needs pip and setuptools", allow_module_level=True)
+if not all(importlib.util.find_spec(name) for name in ("pip", "pybind11", "setuptools")):
+    pytest.skip("needs pip, pybind11 and setuptools", allow_module_level=True)
 packaging_requirements = pytest.importorskip("packaging.requirements")
 
 ROS = {
@@ -37,7 +38,7 @@ ROS = {
     *("posfet_msgs", "rosgraph_msgs", "sensor_msgs", "std_msgs", "tf2_msgs", "tf2_ros", "visualization_msgs"),
     *("ament_index_python", "launch_ros"),
 }
-OWN = {"posfet", "posfet_driver", "posfet_model", "posfet_sim"}
+OWN = {"posfet", "posfet_core", "posfet_driver", "posfet_model", "posfet_sim"}
 GUARDED = LEFT_OUT | {"posfet.middleware_check"}
 """Modules with ROS that are imported only where that is installed, or by a command that says that it needs ROS."""
 
@@ -97,6 +98,7 @@ def test_the_wheel_holds_all_that_runs_without_ros(wheel: Path, modules: dict[st
         name.rpartition("/")[2] for name in held if name.startswith("posfet_sim/recording/msg/")
     }
     assert "posfet/py.typed" in held
+    assert f"posfet_core/scan_path{sysconfig.get_config_var('EXT_SUFFIX')}" in held
     assert not [name for name in held if "/test" in name or "web/" in name]
     assert {COMMANDS[name][0].partition(":")[0] for name in COMMANDS.keys() - NEED_ROS} <= modules.keys()
     assert modules.keys().isdisjoint(LEFT_OUT)
@@ -131,7 +133,8 @@ def test_every_import_of_its_own_is_in_the_wheel(modules: dict[str, ast.Module])
 
 
 def test_the_version_is_that_of_the_packages(wheel: Path) -> None:
-    assert wheel.name.startswith(f"posfet-{posfet_model.__version__}-py3-none-any")
+    python = f"cp{sys.version_info.major}{sys.version_info.minor}"
+    assert wheel.name.startswith(f"posfet-{posfet_model.__version__}-{python}-{python}-linux_")
 
 
 def needed(wheel: Path) -> set[str]:

@@ -25,7 +25,7 @@ PAGES = {
 }
 """Pages of the site, by the document of the repository that they are made from."""
 STYLE = Path(__file__).with_name("style.css")
-PACKAGES = ("posfet_model", "posfet_driver", "posfet_sim", "posfet")
+PACKAGES = ("posfet_core", "posfet_model", "posfet_driver", "posfet_sim", "posfet")
 LEFT_OUT = {"figures"}
 """Subpackages that users of the library do not import."""
 LINK = re.compile(r'(?:(?<=\]\()|(?<= src=")|(?<= srcset="))(?![a-z]+:|#)([^)"\s#]+)(#[^)"\s]*)?(?=[)"])')

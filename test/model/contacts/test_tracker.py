@@ -17,11 +17,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from posfet_model.contacts.assignment import minimum_cost_assignment
-from posfet_model.contacts.connected_components import BitMap
+from posfet_core.scan_path import minimum_cost_assignment
 from posfet_model.contacts.detection import Region
 from posfet_model.contacts.tracker import LAST_ID, Contact, ContactState, ContactTracker
 from posfet_model.sensor.description import load_sensor
+from reference.contacts.connected_components import BitMap
 
 SENSOR = load_sensor()
 STEP = 1e-3
@@ -29,7 +29,7 @@ STEP = 1e-3
 
 def region(x: float, y: float = 0.0, force: float = 1.0) -> Region:
     return Region(
-        bits=1,
+        touched=np.array([0]),
         taxels=np.array([0]),
         centre_of_pressure=(x, y),
         geometric_centre=(x, y),
@@ -129,7 +129,7 @@ def test_simultaneous_release_and_onset_leave_neighbouring_contacts_unchanged() 
 def test_the_assignment_has_the_lowest_total_cost(rows: int, columns: int, data: st.DataObject) -> None:
     cost = st.floats(0.0, 2.0)
     costs = data.draw(st.lists(st.lists(cost, min_size=columns, max_size=columns), min_size=rows, max_size=rows))
-    pairs = minimum_cost_assignment(costs, 1.0)
+    pairs = dict(minimum_cost_assignment(costs, 1.0))
     assert len(set(pairs.values())) == len(pairs)
     found = sum(costs[row][column] for row, column in pairs.items()) + rows - len(pairs)
     padded = [[*row, *([1.0] * rows)] for row in costs]
@@ -193,7 +193,9 @@ def test_every_id_is_reported_once_per_scan_and_released_once(story: list[set[tu
         mask = np.zeros(25, np.bool_)
         mask[[5 * row + col for row, col in scan]] = True
         regions = [
-            region(*where(bitmap.taxels(bits)), force=float(len(bitmap.taxels(bits))))._replace(bits=bits)
+            region(*where(bitmap.taxels(bits)), force=float(len(bitmap.taxels(bits))))._replace(
+                touched=bitmap.taxels(bits)
+            )
             for bits in bitmap.components(bitmap.pack(mask))
         ]
         contacts = tracker.update(regions, STEP)
@@ -230,12 +232,17 @@ def test_noise_of_a_weak_contact_is_not_motion() -> None:
     assert states == {ContactState.NEW, ContactState.HELD}
 
 
-def test_ids_wrap_around_after_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ids_wrap_around_after_the_last() -> None:
     assert LAST_ID == 2**32 - 1
-    monkeypatch.setattr("posfet_model.contacts.tracker.LAST_ID", 3)  # the real one takes too many contacts
-    tracker, ids = ContactTracker(SENSOR), []
+    tracker, ids = ContactTracker(SENSOR, first_id=LAST_ID - 2), []
     for _ in range(4):
         [contact] = tracker.update([region(0.0)], STEP)
         ids.append(contact.id)
         tracker.update([], STEP)
-    assert ids == [1, 2, 3, 1]
+    assert ids == [LAST_ID - 2, LAST_ID - 1, LAST_ID, 1]
+
+
+@pytest.mark.parametrize("step", [0.0, -1e-3, math.nan, math.inf])
+def test_a_step_that_is_not_positive_is_refused(step: float) -> None:
+    with pytest.raises(ValueError, match="step must be positive"):
+        ContactTracker(SENSOR).update([], step)

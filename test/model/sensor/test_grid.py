@@ -18,8 +18,8 @@ from posfet_model.sensor.grid import (
     dilate,
     neighbour_lists,
     neighbour_table,
-    opposite_corners,
 )
+from reference.contacts.corners import opposite_corners
 
 SHAPES = ((1, 1), (1, 6), (6, 1), (2, 2), (3, 5), (8, 7))
 

@@ -100,7 +100,7 @@ def test_contacts_on_a_bent_chip_have_the_true_normals(tmp_path: Path, axis: str
 
 
 def test_unknown_values_stay_unknown_and_transforms_stay_valid() -> None:
-    region = Region(1, np.arange(1), (0.0, 1e-3), (0.0, 0.0), 2.0, 0.01, 1e-6, 1.0, (1e-3, 0.0), (0.0, 1e-3))
+    region = Region(np.arange(1), np.arange(1), (0.0, 1e-3), (0.0, 0.0), 2.0, 0.01, 1e-6, 1.0, (1e-3, 0.0), (0.0, 1e-3))
     contact = Contact(1, ContactState.HELD, region, (0.0, 0.0), 1.0)
     uncertain = contact._replace(region=region._replace(force_variance=math.nan))
     for surface in (Surface(math.inf, True), Surface(5e-3, True)):

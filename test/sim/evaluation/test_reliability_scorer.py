@@ -56,9 +56,8 @@ def truth(time: float, force: Sequence[float], objects: Sequence[float] = ()) ->
 
 
 def contact(force: float, deviation: float) -> Contact:
-    region = Region(
-        1, np.zeros(1, np.intp), (0.0, 0.0), (0.0, 0.0), force, deviation**2, 1e-6, 1.0, (0.0,) * 2, (0.0,) * 2
-    )
+    taxels, origin = np.zeros(1, np.intp), (0.0, 0.0)
+    region = Region(taxels, taxels, origin, origin, force, deviation**2, 1e-6, 1.0, origin, origin)
     return Contact(1, ContactState.HELD, region, (0.0, 0.0), 1.0)
 
 

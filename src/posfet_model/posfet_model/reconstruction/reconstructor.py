@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from posfet_model._lib.reductions import any_true
 from posfet_model.calibration.taxel_calibration import Calibration
 from posfet_model.contacts.detection import ENTER_DEVIATIONS, ContactFinder, ForceEstimate
-from posfet_model.contacts.footprint import Footprint
 from posfet_model.contacts.slip import DynamicChannel, Motion
 from posfet_model.contacts.tracker import Contact, ContactState, ContactTracker
 from posfet_model.estimation.force_estimator import ForceEstimator
@@ -85,7 +84,7 @@ class Reconstruction:
 
     def snapshot(self) -> Reconstruction:
         """Return an independent copy, which the next scan does not overwrite."""
-        return replace(self, motions={number: replace(motion) for number, motion in self.motions.items()})
+        return replace(self, motions=dict(self.motions))
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,6 +153,7 @@ class Reconstructor:
         self._estimate: ForceEstimate | None = None
         self._interpolated = np.zeros(taxels, np.bool_)
         self._informative = sensor.contact.threshold / ENTER_DEVIATIONS
+        self._unlisted: NDArray[np.bool_] | None = None
         self._choose_interpolated()
         self._set_thresholds()
         self._saturated_now = 0
@@ -257,8 +257,8 @@ class Reconstructor:
         else:
             self._dynamic.pause()
         if regions or not self._tracker.idle:
-            result.contacts = self._follow(regions, clock.step)
-            result.motions = self._dynamic.update(result.contacts, estimator.force, clock.step)
+            result.contacts = self._follow(clock.step)
+            result.motions = self._dynamic.update(self._tracker, estimator.force, clock.step)
         elif result.contacts:
             result.contacts = ()
         result.stamp = scan.stamp
@@ -479,27 +479,31 @@ class Reconstructor:
         self._clock.counts.bursts += found
         return found
 
-    def _follow(self, regions: list[Footprint], step: float) -> tuple[Contact, ...]:
+    def _follow(self, step: float) -> tuple[Contact, ...]:
         """Measure the regions in contact and update the contacts."""
-        estimate = self._estimate or self._update_estimate()
+        if self._any_interpolated or self._result.saturated:
+            estimate = self._make_estimate()  # of this scan alone
+        else:
+            estimate = self._estimate = self._estimate or self._make_estimate()
+        return self._tracker.follow(self._finder, estimate, step)
+
+    def _make_estimate(self) -> ForceEstimate:
+        """Return the forces with their uncertainty at the end of the last block."""
+        estimator, interpolated = self._estimator, None
+        force, variance = estimator.force, estimator.force_variance(np.empty_like(self._variance))
         if self._any_interpolated:
-            variance = estimate.variance.copy()
-            variance[self._interpolated] = _interpolation_variance(self._filled[self._interpolated])
-            estimate = replace(estimate, force=self._filled, variance=variance, interpolated=self._interpolated)
-        if self._result.saturated:
-            estimate = replace(estimate, saturated=self._saturated)
-        return self._tracker.update(self._finder.measure(regions, estimate, self._tracker.regions), step)
-
-    def _update_estimate(self) -> ForceEstimate:
-        """Return the forces with their uncertainty at the end of the last block, cached until the next one."""
-        estimator = self._estimator
-        variance = estimator.force_variance(np.empty_like(self._variance))
-        self._estimate = ForceEstimate(
-            estimator.force, variance, unlisted=self._unlisted, correlated_error=estimator.correlated_error
+            force, interpolated = self._filled, self._interpolated
+            variance[interpolated] = _interpolation_variance(force[interpolated])
+        return ForceEstimate(
+            force,
+            variance,
+            saturated=self._saturated if self._result.saturated else None,
+            unlisted=self._unlisted,
+            interpolated=interpolated,
+            correlated_error=estimator.correlated_error,
         )
-        return self._estimate
 
-    def _find_with_faulty(self) -> list[Footprint]:
+    def _find_with_faulty(self) -> int:
         """Find the regions in contact, with the forces of faulty taxels interpolated from their neighbours."""
         force, faults = self._filled, self._faults
         force[:] = self._estimator.force
@@ -536,10 +540,10 @@ class Reconstructor:
     def _choose_interpolated(self) -> None:
         """Choose the faulty taxels that are interpolated: not noisy ones that are still informative."""
         faults = self._faults
-        self._any_interpolated, self._unlisted = False, 0
+        self._any_interpolated, self._unlisted = False, None
         if not faults.any_faulty:
             return
-        self._unlisted = self._finder.bits(faults.faulty)
+        self._unlisted = faults.faulty.copy()
         informative = faults.informative(self._informative) & self._estimator.offset_known
         estimated = faults.faulty & ~informative
         self._filled[estimated & ~self._interpolated] = 0.0  # until the next scan

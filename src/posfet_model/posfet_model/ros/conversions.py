@@ -210,7 +210,9 @@ def contacts_writer(sensor: Sensor, frame_id: str) -> ContactsMessage | Contacts
         ContactsBytes if its bytes for examples with one, two and three taxels, which cover every alignment, are those
         of the middleware, otherwise ContactsMessage.
     """
-    region = Region(1, np.arange(1), (1e-3, 2e-3), (3e-3, 4e-3), 0.5, 0.25, 5e-6, 6.0, (7e-3, 8e-3), (9e-3, 1e-2))
+    region = Region(
+        np.arange(1), np.arange(1), (1e-3, 2e-3), (3e-3, 4e-3), 0.5, 0.25, 5e-6, 6.0, (7e-3, 8e-3), (9e-3, 1e-2)
+    )
     first = Contact(LARGEST_INT32, ContactState.MOVING, region, (0.1, -0.2), 12.75)
     past = tuple(Merged(number, 0.0, (0.0, 0.0), 0) for number in (5, 6, 7))
     second = first._replace(id=2, region=region._replace(taxels=np.arange(2)), merged=past, split_from=8)

@@ -89,33 +89,6 @@ def neighbour_lists(layout: Layout, offsets: Sequence[Offset]) -> list[list[int]
     ]
 
 
-def opposite_corners(layout: Layout) -> dict[tuple[int, int], tuple[int, int]]:
-    """Return for every ordered pair of diagonal neighbours the two taxels that complete their 2 x 2 square.
-
-    Parameters
-    ----------
-    layout : Layout
-        The array.
-
-    Returns
-    -------
-    dict of tuple of int to tuple of int
-        The two other taxels of the square, by the pair.
-
-    Examples
-    --------
-    >>> opposite_corners(Layout(1, 2, 2, 1e-3, 1e-3, 1e-6))[0, 3]
-    (1, 2)
-    """
-    table = neighbour_table(layout, ((0, 1), (1, 0), (1, 1)))
-    complement: dict[tuple[int, int], tuple[int, int]] = {}
-    for taxel, (right, below, diagonal) in enumerate(table.tolist()):
-        if diagonal < layout.taxels:
-            complement[taxel, diagonal] = complement[diagonal, taxel] = (right, below)
-            complement[right, below] = complement[below, right] = (taxel, diagonal)
-    return complement
-
-
 def dilate(mask: Mask, table: NDArray[np.intp]) -> Mask:
     """Return the taxels of a mask and their neighbours (morphological dilation).
 

@@ -9,18 +9,14 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model.contacts.connected_components import BitMap
-from posfet_model.contacts.moments import MomentFinder
 from posfet_model.sensor.description import Layout
-
-CACHE_SIZE: Final = 128
-"""Number of cached results of each kind."""
+from reference.contacts.connected_components import BitMap
+from reference.contacts.moments import MomentFinder
 
 FEW: Final = 64
 """Greatest number of taxels of a region whose profiles are part of its basis."""
@@ -54,7 +50,7 @@ class Footprint(NamedTuple):
 
 
 class Footprints:
-    """Cached footprints and outlines on one array; their arrays are read-only.
+    """Footprints and outlines on one array.
 
     Parameters
     ----------
@@ -75,27 +71,15 @@ class Footprints:
         rows, cols = taxels // layout.cols, taxels % layout.cols
         outermost = (rows == 0) | (rows == layout.rows - 1) | (cols == 0) | (cols == layout.cols - 1)
         self._edge = bitmap.pack(outermost)
-        cached = lru_cache(CACHE_SIZE)
-        self._footprint = cached(self._footprint_of)
-        self.outline = cached(self._outline_of)
+
+    def outline(self, bits: int) -> Outline:
         """Return the outline of taxels given as bits, not 0."""
-        self.regions = cached(self._regions_of)
-        """Return the footprints of the connected components of a mask, shape [rows * cols], given as its bytes."""
-        self.dilated = cached(self._dilated)
-        """Return a mask, given as its bytes, dilated by a number of taxels."""
-        self.parts = cached(self._parts_of)
-        """Return the taxels that each contact of a region lists, as bits, 0 for none.
-
-        Arguments: members of the region and its listed taxels, as bits; number of contacts; for each member the number
-        of the contact that owns it, as bytes of np.intp.
-        """
-
-    def _outline_of(self, bits: int) -> Outline:
         taxels = self._bitmap.taxels(bits)
         x, y = self._positions[taxels].mean(axis=0).tolist()
         return Outline(bits, taxels, (x, y), len(taxels) * self._cell)
 
-    def _regions_of(self, mask: bytes) -> list[Footprint]:
+    def regions(self, mask: bytes) -> list[Footprint]:
+        """Return the footprints of the connected components of a mask, shape [rows * cols], given as its bytes."""
         bits = self._bitmap.pack(np.frombuffer(mask, np.bool_))
         regions = self._bitmap.components(bits)
         rings = [self._bitmap.dilate(region) for region in regions]
@@ -105,21 +89,25 @@ class Footprints:
             once |= ring
         return [self._footprint(region, ring & ~twice | region) for region, ring in zip(regions, rings, strict=True)]
 
-    def _footprint_of(self, region: int, wide: int) -> Footprint:
+    def _footprint(self, region: int, wide: int) -> Footprint:
         members = self._bitmap.taxels(wide)
         at_edge, few = bool(wide & self._edge), len(members) <= FEW
         basis = self._moments.basis(members, profiles=at_edge and few)
         return Footprint(self.outline(region), wide, members, basis, at_edge and not few)
 
-    def _dilated(self, mask: bytes, distance: int) -> NDArray[np.bool_]:
+    def dilated(self, mask: bytes, distance: int) -> NDArray[np.bool_]:
+        """Return a mask, given as its bytes, dilated by a number of taxels."""
         flags = np.frombuffer(mask, np.bool_)
         bits = self._bitmap.pack(flags)
         for _ in range(distance):
             bits = self._bitmap.dilate(bits)
-        dilated = self._bitmap.mask(bits, np.empty(len(flags), np.bool_))
-        dilated.flags.writeable = False
-        return dilated
+        return self._bitmap.mask(bits, np.empty(len(flags), np.bool_))
 
-    def _parts_of(self, wide: int, listed: int, count: int, owners: bytes) -> list[int]:
+    def parts(self, wide: int, listed: int, count: int, owners: bytes) -> list[int]:
+        """Return the taxels that each contact of a region lists, as bits, 0 for none.
+
+        Arguments: members of the region and its listed taxels, as bits; number of contacts; for each member the number
+        of the contact that owns it, as bytes of np.intp.
+        """
         members, owner = self._bitmap.taxels(wide), np.frombuffer(owners, np.intp)
         return [self._bitmap.bits(members[owner == number]) & listed for number in range(count)]

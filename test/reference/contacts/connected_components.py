@@ -5,7 +5,7 @@
 # WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied. See the License for the specific language
 # governing permissions and limitations under the License.
 
-"""8-connected components of a small array, with masks as bits of a Python integer.
+"""Reference: 8-connected components of a small array, with masks as bits of a Python integer.
 
 Row r, column c of the array is bit ``r*(cols + 1) + c``: the empty column at the end of each row keeps a shift from
 carrying one row into the next. Dilation by the eight neighbours is then four shifts of an integer, which for arrays of

@@ -29,10 +29,12 @@ from typing import Final, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from posfet_model.contacts.footprint import Footprint
 from posfet_model.sensor.description import Layout
-from posfet_model.sensor.grid import ALL_NEIGHBOURS, EDGE_NEIGHBOURS, neighbour_lists, neighbour_table, opposite_corners
+from posfet_model.sensor.grid import ALL_NEIGHBOURS, EDGE_NEIGHBOURS, neighbour_lists, neighbour_table
 from posfet_model.sensor.neighbour_estimate import NeighbourInterpolation
+from reference.contacts.corners import opposite_corners
+from reference.contacts.footprint import Footprint
+from reference.contacts.in_order import sum_in_order
 
 SADDLE_RATIO: Final = 0.6
 """Greatest ratio of a saddle to the lower of its two peaks [1]: with the remaining gain errors, cylinders and pads have
@@ -195,7 +197,8 @@ class Separator:
         parts = np.bincount(nearest, weight, len(positions)) + 1e-9
         centres = [(part, *position) for part, position in zip(parts.tolist(), positions, strict=True)]
         for _ in range(iterations):
-            sums = self._shares(plane, centres).dot(moments).tolist()
+            shares = self._shares(plane, centres)
+            sums = sum_in_order(shares[:, :, None] * moments, axis=1).tolist()
             centres = [(mass, x / mass, y / mass) for mass, x, y in sums if mass >= self._threshold]
             if len(centres) < 2:
                 return None
@@ -220,12 +223,13 @@ class Separator:
             (math.log(force) - 0.5 * (x * x / wide_x + y * y / wide_y), x / wide_x, y / wide_y)
             for force, x, y in centres
         ]
-        found: NDArray[np.float64] = np.array(lines).dot(plane.T)
-        return found
+        return np.array(
+            [constant + slope_x * plane[:, 1] + slope_y * plane[:, 2] for constant, slope_x, slope_y in lines]
+        )
 
     def _shares(self, plane: NDArray[np.float64], centres: list[Centre]) -> NDArray[np.float64]:
         share = self._log_density(plane, centres)
-        share -= np.maximum.reduce(share)
-        np.exp(share, out=share)
+        share = share - np.maximum.reduce(share)
+        share = np.vectorize(math.exp, otypes=[float])(share)
         share /= np.add.reduce(share)
         return share

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from posfet_model.sensor.description import Layout
+from reference.contacts.in_order import sum_in_order
 
 TRUNCATED_SHARE: Final = 0.02
 """A profile is truncated where its value at the edge is at least this share of its maximum [1]."""
@@ -157,7 +158,7 @@ class MomentFinder:
         """
         first, pitch, square = self._first[axis], self._pitch[axis], self._square[axis]
         last, least, fall = len(values) - 1, TRUNCATED_SHARE * max(values), math.exp(-curvature)
-        mean, variance, total = (mean - first) / pitch, variance / square, sum(values)
+        mean, variance, total = (mean - first) / pitch, variance / square, float(sum_in_order(np.array(values)))
         moment, second = mean * total, (variance + mean * mean) * total
         for edge, inner, direction in ((0, 1, -1), (last, last - 1, 1)):
             value, before = values[edge], values[inner]
