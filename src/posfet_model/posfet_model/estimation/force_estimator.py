@@ -123,7 +123,8 @@ PLAY: Final = 4.0
 """Deviations of a block's mean by which a force must change to have moved [1]."""
 
 ABSORBED_TIME: Final = 1.0
-"""Time constant of the baseline that a slow press is compared with [s]."""
+"""Time constant of the baseline that a slow press is compared with [s]; less for as long after a touch, as what its end
+tells of the errors is no slow press."""
 
 
 @dataclass
@@ -256,11 +257,12 @@ class ForceEstimator:
         self._sum, self._raw_sum, self._jumped, self._mean, self._last_mean, self._nothing = np.zeros((6, taxels))
         self._usual, self._touch_force, self._tail, self._warmth = np.zeros((4, taxels))
         self._own, self._untouched_variance, self._steady = np.zeros((3, taxels))
+        self._untouched_time, self._absorbed = np.zeros((2, taxels))
         self._factor = np.zeros((taxels, COUNT + 3))
         self._lost = self._factor[:, COUNT + 2]  # deviation of what leaked in lost scans, common to all taxels [N]
         self._drift_response = np.zeros((taxels, COUNT))
         self._drift_response[:, Shared.DRIFT] = 1.0
-        self._touched, self._beside = np.zeros((2, taxels), np.bool_)
+        self._listed, self._touched, self._beside = np.zeros((3, taxels), np.bool_)
         self._untouched, self._small, self._share = np.zeros(0, np.intp), np.zeros(0), 0.0
 
     @property
@@ -477,12 +479,16 @@ class ForceEstimator:
             self._process_again(touched)
         else:
             self._step(block)
+        if any_true(listed) and any_true(begun := listed & ~self._listed):
+            self._suspect_absorbed(begun)
+        self._listed = listed
         self._observe_steady_force()
         variance = self._own + self._shared_variance() if contacts else self._own  # of no contact: not used
         released = self._release.update(
             contacts, self._mean, self._touched, variance, math.sqrt(float(block.noise.max()))
         )
         if released is not None:
+            self.belief.own[:, 0, 0] += np.where(released, self._absorbed * self._absorbed, 0.0)
             self._set_zero(released, block)
         if any_true(self._lower_bound.mask):
             self._end_unknown_touch(block)
@@ -503,7 +509,8 @@ class ForceEstimator:
         # What all have in common is the film's temperature.
         kelvin = upper_median((change / self._per_kelvin)[usable])
         change -= self._per_kelvin * kelvin
-        self._jumps.observe(usable, change, after.noise, after.span)
+        # Where a touch that is not listed may have begun, steps are its own until it is known to be none.
+        self._jumps.observe(usable & ~self._unexplained.rising, change, after.noise, after.span)
         single = float((after.noise / (self._per_kelvin * self._per_kelvin))[usable].mean())
         noise = 0.5 * math.pi * single / np.count_nonzero(usable)  # that of a median
         expected = self._walk.intensity
@@ -641,10 +648,15 @@ class ForceEstimator:
             block.before = self.belief.copy()
             block.touched = block.touched | touched
             self._step(block)
-        # What a slow press lost to the zeros before.
-        pressed = self._surroundings.dilated(touched)
-        lost = np.where(pressed, np.maximum(self.belief.error[:, 0] - self._usual, 0.0), 0.0)
-        self.belief.own[:, 0, 0] += lost * lost
+
+    def _suspect_absorbed(self, begun: Mask) -> None:
+        """Set what a slow press may have lost to the zeros before, where a contact begins.
+
+        It counts in the deviation only: the filter would explain the rest of the press by it.
+        """
+        pressed = self._surroundings.dilated(begun) & ~self._listed
+        lost = np.maximum(self.belief.error[:, 0] - self._usual, 0.0)
+        self._absorbed = np.where(pressed, lost, self._absorbed)
 
     def _step(self, block: Block) -> None:
         """Propagate the belief over a block, and update it by the temperature and by the forces that are known."""
@@ -822,8 +834,9 @@ class ForceEstimator:
         np.subtract(self._raw, self._correction, out=self.force)
         self._mean = block.mean - self._filter.predicted(block.response)
         self._set_covariance(block)
-        share = min(block.duration / ABSORBED_TIME, 1.0)
         self._usual += block.duration * leaking
+        self._untouched_time = np.where(self._touched, 0.0, self._untouched_time + block.duration)
+        share = block.duration / np.clip(self._untouched_time, block.duration, ABSORBED_TIME)
         self._usual += np.where(self._touched, 0.0, share * (belief.error[:, 0] - self._usual))
         self._agreed += block.duration
         self._recovering = max(0.0, self._recovering - block.duration)
@@ -873,8 +886,11 @@ class ForceEstimator:
         self._factor[:, COUNT] = self._gain_common * held
         self._factor[:, COUNT + 1] = self._per_kelvin * self._doubt
         self._lost[~self._touched] = 0.0
+        if not any_true(self._listed):
+            self._absorbed[:] = 0.0
         own -= np.minimum(own, self._lost**2)  # in the covariance as each taxel's own
         own += (self._gain * held) ** 2 + (self._leak * self._touch.leaked) ** 2 + self._warmth_variance(block)
+        own += self._absorbed * self._absorbed
         self._own = own
 
     def _is_valid(self) -> bool:
