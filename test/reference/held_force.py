@@ -147,9 +147,7 @@ def hold(
     rest: float = 2.0,
     flicker: float = 10e-6,
     side: int = 16,
-    sensor: Sensor | None = None,
     drift: Drift | None = None,
-    lag: float | None = None,
     leakage_estimated: bool = False,
     untouched: int = 0,
 ) -> Iterator[Held]:
@@ -171,19 +169,15 @@ def hold(
         1/f noise at 1 Hz [V/sqrt(Hz)].
     side : int
         Number of rows and of columns of the array.
-    sensor : Sensor, optional
-        Sensor; the default one without it.
     drift : Drift, optional
         Drift of the temperature; constant temperature without it.
-    lag : float, optional
-        True thermal lag of the film [s], if it differs from the one that both estimators assume.
     leakage_estimated : bool
         Whether the leakage time constants that the estimator assumes have the error of a calibration; the optimal
         estimator always knows the true ones.
     untouched : int
         Number of taxels left untouched. The errors exclude them, and the optimal estimator does not use them.
     """
-    sensor = sensor or load_sensor()
+    sensor = load_sensor()
     sensor = replace(sensor, layout=replace(sensor.layout, rows=side, cols=side))
     taxels, start = sensor.layout.taxels, round(rest * RATE)
     random = np.random.default_rng([seed, 3])
@@ -196,7 +190,7 @@ def hold(
     recent: list[NDArray[np.float64]] = []
     best: list[NDArray[np.float64]] = []
     pressed = np.arange(taxels) >= untouched
-    signals = _signals(sensor, seed, start, force * pressed, flicker, drift, lag, leakage)
+    signals = _signals(sensor, seed, start, force * pressed, flicker, drift, leakage)
     for index, (rise, signal, readings) in enumerate(signals):
         _observe(estimated, signal * charge_per_newton(sensor), readings, touched, sensor.contact.threshold)
         best = [*best[-4:], *optimal.update(signal, readings, index >= start)]
@@ -284,7 +278,6 @@ def _signals(
     force: NDArray[np.float64],
     flicker: float,
     drift: Drift | None,
-    lag: float | None,
     leakage: NDArray[np.float64],
 ) -> Iterator[tuple[float, NDArray[np.float64], NDArray[np.float32]]]:
     """Yield, for each scan, the applied share of the `force` [N], the signals [N] and temperatures [degC], without end.
@@ -296,7 +289,7 @@ def _signals(
     source = FlickerNoise(seed, taxels, 64)
     offset = random.normal(0.0, 5e-3 / per_newton, taxels)
     steady = repeat((0.0, np.full(2, 25.0, np.float32)))
-    temperatures = drift.scans(seed, start, lag or sensor.device.thermal_time_constant) if drift else steady
+    temperatures = drift.scans(seed, start, sensor.device.thermal_time_constant) if drift else steady
     spread = drift.spread if drift else 0.0
     per_kelvin = newton_per_kelvin(sensor) * (1.0 + spread * np.random.default_rng([seed, 2]).standard_normal(taxels))
     ratio = 1.0 / RATE / leakage
