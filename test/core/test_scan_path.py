@@ -14,6 +14,8 @@ import pickle
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from posfet_core.contact import Contact, ContactState, Motion
 from posfet_core.scan_path import LAST_ID, ContactFinder, ContactTracker, DynamicChannel, ForceEstimate, Layout
@@ -93,3 +95,50 @@ def test_a_first_id_outside_of_the_range_is_refused() -> None:
     for first_id in (-1, LAST_ID + 1):
         with pytest.raises(TypeError):
             tracker(first_id)
+
+
+SPECIAL = [0.0, -0.0, 0.02, 0.2, 0.2, 1.0, -1.0, math.nan, math.inf, -math.inf, 1e308, -1e308, 5e-324]
+
+
+class Anything:
+    """Numbers and flags of any kind."""
+
+    def __init__(self, seed: int, special: float) -> None:
+        self._random, self._special = np.random.default_rng(seed), special
+
+    def values(self, *shape: int) -> np.ndarray:
+        """Return numbers of which a share is special."""
+        usual = self._random.normal(0.05, 0.1, shape)
+        return np.where(self._random.random(shape) < self._special, self._random.choice(SPECIAL, shape), usual)
+
+    def value(self) -> float:
+        return float(self.values(1)[0])
+
+    def flags(self) -> np.ndarray | None:
+        return self._random.random(20) < self._random.random() if self._random.random() < 0.5 else None
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.05, 0.3, 1.0]))
+@settings(max_examples=300)
+def test_any_numbers_give_contacts_of_taxels_that_exist_each_with_an_id_of_its_own(seed: int, special: float) -> None:
+    """`make sanitize` runs it, too: no number leads to undefined behaviour."""
+    anything, layout = Anything(seed, special), Layout(5, 4, 1.5e-3, 1.5e-3, 1e-6)
+    finder, following = ContactFinder(layout, 0.5e-3, 0.02, 0.01), tracker()
+    channel = DynamicChannel(layout, 3e-4)
+    for scan in range(12):
+        if scan % 3 == 0:
+            finder.update_thresholds(anything.values(20), anything.values(20), anything.value(), anything.flags())
+        force = anything.values(20)
+        flags = [anything.flags() for _ in range(3)]
+        finder.find(force)
+        estimate = ForceEstimate(force, anything.values(20), anything.value(), *flags, anything.values(20, 2))
+        contacts = following.follow(finder, estimate, 1e-3)
+        channel.advance(anything.values(20), 1e-3)
+        motions = channel.update(following, force, 1e-3)
+        ids = [contact.id for contact in contacts]
+        assert len(set(ids)) == len(ids)
+        assert motions.keys() == {contact.id for contact in contacts if contact.state is not ContactState.RELEASED}
+        for contact in contacts:
+            taxels = contact.region.taxels.tolist()
+            assert taxels == sorted(set(taxels))
+            assert set(taxels) <= set(range(20))

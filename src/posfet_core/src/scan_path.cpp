@@ -18,6 +18,7 @@
 #include "posfet_core/assignment.hpp"
 #include "posfet_core/detection.hpp"
 #include "posfet_core/force_estimate.hpp"
+#include "posfet_core/jumps.hpp"
 #include "posfet_core/slip.hpp"
 #include "posfet_core/tracker.hpp"
 #include "python_arrays.hpp"
@@ -220,6 +221,37 @@ void bind_slip(const py::module_& module) {
   module.attr("SLIP_END_SPEED") = kSlipEndSpeed;
 }
 
+void bind_jumps(const py::module_& module) {
+  using Tested = py::array_t<bool, py::array::c_style | py::array::forcecast>;
+  py::class_<JumpDetector>(module, "JumpDetector", "Finds jumps of single taxels from scan to scan.")
+      .def(py::init<Taxel, double>(), py::arg("taxels"), py::arg("least"))
+      .def(
+          "set_limits",
+          [](JumpDetector& detector, const Values& limits) {
+            detector.set_limits(values_of(limits, detector.taxels(), "limits"));
+          },
+          py::arg("limits"), "Set the limit of each taxel's jump [C/m2].")
+      .def(
+          "examine",
+          [](JumpDetector& detector, const Values& charge, bool adjacent, const Tested& faulty) {
+            require_taxels(faulty, detector.taxels(), "faulty");
+            return detector.examine(values_of(charge, detector.taxels(), "charge"), adjacent, faulty.data());
+          },
+          py::arg("charge"), py::arg("adjacent"), py::arg("faulty"),
+          "Return whether some taxel jumped that did not in the scan before; the scan is accepted otherwise.")
+      .def("accept", &JumpDetector::accept, "Keep the charges that were examined.")
+      .def("refuse", &JumpDetector::refuse, "Forget the charges that were examined, but not their jump.")
+      .def_property_readonly(
+          "jump", [](const py::object& self) { return view_of(self.cast<const JumpDetector&>().jump(), self); },
+          "Jump of each taxel [C/m2]; read-only.")
+      .def_property_readonly(
+          "jumped", [](const JumpDetector& detector) { return array_of(detector.jumped()); }, "Taxels that jumped.")
+      .def_property_readonly(
+          "fresh", [](const JumpDetector& detector) { return array_of(detector.fresh()); },
+          "Those among them that did not in the scan before.");
+  module.attr("MOST_IN_A_ROW") = kMostInARow;
+}
+
 }  // namespace
 
 }  // namespace posfet
@@ -229,5 +261,6 @@ PYBIND11_MODULE(scan_path, module) {
   posfet::bind_detection(module);
   posfet::bind_tracking(module);
   posfet::bind_slip(module);
+  posfet::bind_jumps(module);
   module.attr("ENTER_DEVIATIONS") = posfet::kEnterDeviations;
 }

@@ -35,6 +35,7 @@ def test_steps_of_a_taxel_are_its_noise_and_no_other_ones() -> None:
     for _ in range(60):
         rest(each, random.exponential(1.0))
         each.observe(ALL, step, NOISE, BLOCK)
+        step = -step
     variance = np.asarray(each.variance(2.0))
     # Sixty steps, of which the last MEMORY seconds count: a standard error of a fifth.
     assert variance[1] == pytest.approx(2.0 * 1e-6 * LEAK[1], rel=0.6)
@@ -66,15 +67,21 @@ def test_noise_is_no_step() -> None:
     assert each.variance(1.0) == 0.0
 
 
+def test_a_rise_may_be_a_touch() -> None:
+    each = rest(JumpNoise(TAU), 5.0)
+    each.observe(ALL, np.full(3, 1e-3), NOISE, BLOCK)
+    assert each.variance(1.0) == 0.0
+
+
 def test_taxels_that_do_not_count_keep_what_was_observed() -> None:
     each, some = rest(JumpNoise(TAU), 5.0), np.array([False, True, True])
-    each.observe(some, np.full(3, 1e-3), NOISE, BLOCK)
+    each.observe(some, np.full(3, -1e-3), NOISE, BLOCK)
     assert (np.asarray(each.variance(1.0)) > 0.0).tolist() == some.tolist()
 
 
 def test_a_taxel_that_no_longer_steps_is_trusted_again() -> None:
     each = rest(JumpNoise(TAU), 5.0)
-    each.observe(ALL, np.full(3, 1e-3), NOISE, BLOCK)
+    each.observe(ALL, np.full(3, -1e-3), NOISE, BLOCK)
     before = np.asarray(each.variance(1.0)).copy()
     after = np.asarray(rest(each, 3.0 * MEMORY).variance(1.0))
     assert (after < 0.1 * before).all()

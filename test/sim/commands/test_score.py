@@ -147,6 +147,13 @@ def test_a_slow_press_on_noisy_taxels_is_felt(calibrated: Calibration) -> None:
     assert score.misleading_pct == 0.0
 
 
+def test_a_light_touch_after_an_overload_is_felt() -> None:
+    """0.1 N a second after 20 N, on the same taxel."""
+    score = run(Run(SENSOR, load_scene("overload", SENSOR), 6.5))
+    assert score.misleading_pct < 3.0
+    assert score.coverage_pct["total"] > 90.0
+
+
 LIFTS = "a slip is reported as one of two fingers lifts"
 
 

@@ -509,13 +509,12 @@ class ForceEstimator:
         # What all have in common is the film's temperature.
         kelvin = upper_median((change / self._per_kelvin)[usable])
         change -= self._per_kelvin * kelvin
-        # Where a touch that is not listed may have begun, steps are its own until it is known to be none.
-        self._jumps.observe(usable & ~self._unexplained.rising, change, after.noise, after.span)
+        self._jumps.observe(usable, change, after.noise, after.span)
         single = float((after.noise / (self._per_kelvin * self._per_kelvin))[usable].mean())
         noise = 0.5 * math.pi * single / np.count_nonzero(usable)  # that of a median
-        expected = self._walk.intensity
+        known = self._walk.intensity
         self._walk.observe(kelvin, noise, after.span)
-        if (grown := self._walk.intensity - expected) > 0.0:
+        if (grown := self._walk.intensity - known) > 0.0:
             # A walk that was not expected was taken for a drift of the offsets as far as it can look like one.
             self._filter.admit(DRIFTING, float(self._per_kelvin.mean()) ** 2 * grown / self._age)
         self._dynamics.set_film_walk(self._walk.intensity)

@@ -67,11 +67,13 @@ class JumpNoise:
         """
         self._time += np.where(where, duration, 0.0)
         square = change * change
-        step = where & (square > 2.0 * STEP * STEP * noise)
+        # A rise may be a touch that is too weak to be listed. Levels are left as often as they are taken: falls count
+        # twice.
+        step = where & (change < 0.0) & (square > 2.0 * STEP * STEP * noise)
         if not (self._any or step.any()):
             return
         self._any = True
-        rate = np.where(step, square / duration, 0.0) - self._squares
+        rate = np.where(step, 2.0 * square / duration, 0.0) - self._squares
         self._squares += np.where(where, duration / np.clip(self._time, LEAST_MEMORY, MEMORY), 0.0) * rate
 
     def variance(self, duration: float) -> Array | float:

@@ -21,6 +21,8 @@ Indistinguishable, and refused when they last for one scan: a sharp tip on the o
 whose force the skin spreads off the array; a plate that hits the whole array evenly. Indistinguishable, and are
 accepted: a burst on a patch of taxels with the profile of a touch; any burst on a skin thinner than `LEAST_SPREAD`, or
 on an array without neighbours.
+
+What happens in every scan is compiled: `posfet_core`, jumps.hpp.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ from typing import Final
 
 import numpy as np
 
+from posfet_core import scan_path
 from posfet_model._lib.reductions import any_true
 from posfet_model._lib.types import Array, Mask
 from posfet_model.sensor.description import Sensor
@@ -49,11 +52,8 @@ CERTAINTY: Final = 1.0
 """Standard deviations by which the neighbours of a jump must miss their part [1]: low, since a touch that is refused in
 error is seen in the next scan."""
 
-MOST_IN_A_ROW: Final = 3
+MOST_IN_A_ROW: Final = scan_path.MOST_IN_A_ROW
 """Number of consecutive scans that are refused at most."""
-
-PERSISTING: Final = 0.5
-"""Share of a jump that is left in the next scan unless it was a burst [1]."""
 
 FEWEST_TAXELS: Final = 9
 """Number of taxels from which a jump of all of them is no touch: a fingertip covers fewer."""
@@ -64,9 +64,6 @@ EVENLY: Final = 0.3
 
 class BurstDetector:
     """Finds the scans with a burst, scan by scan.
-
-    State variables: charges in the last scan without a burst, and their change in it; the jump that was refused last;
-    the taxels that jumped in the last scan; the number of consecutive refused scans; the sequence of the last scan.
 
     Parameters
     ----------
@@ -79,16 +76,13 @@ class BurstDetector:
         noise = math.sqrt(6.0) * force_noise_rms(sensor)  # of a second difference
         self._variance = np.full(taxels, (noise * self._scale) ** 2)
         self._least = max(LEAST_JUMP * sensor.contact.threshold, NOISE_FREE * noise) * self._scale
-        self._limit = np.full(taxels, self._least)
+        self._jumps = scan_path.JumpDetector(taxels, self._least)
         self._skin = SkinResponse(sensor)
-        self._last, self._change, self._before, self._jump, self._size, self._refused = np.zeros((6, taxels))
-        self._moved = np.zeros(taxels, np.bool_)
-        self._in_a_row = 0
         self._sequence = -2
 
     def set_usual_change(self, change: Array) -> None:
         """Set the median difference of two changes of each taxel [N], shape [rows * cols]; initially none."""
-        np.maximum(self._least, USUAL_CHANGES * self._scale * change, out=self._limit)
+        self._jumps.set_limits(np.maximum(self._least, USUAL_CHANGES * self._scale * change))
 
     def is_burst(self, charge: Array, sequence: int, faulty: Mask) -> bool:
         """Return whether a scan has a burst, and keep its charges if not.
@@ -103,39 +97,22 @@ class BurstDetector:
             Taxels that are not tested.
         """
         adjacent, self._sequence = sequence == self._sequence + 1, sequence
-        change = np.subtract(charge, self._last, out=self._change)
-        jump = np.subtract(change, self._before, out=self._jump)
-        jumped = np.abs(jump, out=self._size) > self._limit
-        if not adjacent:
-            jumped[:] = False
-            change[:] = 0.0
-        elif any_true(jumped):
-            jumped &= ~faulty
-            fresh = jumped & ~self._moved
-            if any_true(fresh) and not self._persists() and self._is_no_touch(fresh, ~faulty):
-                self._refused[:] = np.where(jumped, jump, 0.0)
-                self._in_a_row += 1
-                return True
-        self._moved = jumped
-        self._in_a_row = 0
-        self._last[:] = charge
-        self._before[:] = change
-        return False
-
-    def _persists(self) -> bool:
-        """Return whether the jump that was refused in the last scan is still there, or too many were refused."""
-        if not self._in_a_row:
+        jumps = self._jumps
+        if not jumps.examine(charge, adjacent, faulty):
             return False
-        left = self._jump * self._refused >= PERSISTING * self._refused * self._refused
-        return self._in_a_row >= MOST_IN_A_ROW or bool(left.all())
+        found = self._is_no_touch(jumps.jump, jumps.fresh, ~faulty)
+        if found:
+            jumps.refuse()
+        else:
+            jumps.accept()
+        return found
 
-    def _is_no_touch(self, jumped: Mask, sound: Mask) -> bool:
-        """Return whether no touch can have caused the jump."""
-        contradicted, _ = self._skin.contradicts(self._jump, self._variance, sound, CERTAINTY, one_sided=True)
-        if any_true(contradicted & jumped):
+    def _is_no_touch(self, jump: Array, fresh: Mask, sound: Mask) -> bool:
+        """Return whether no touch can have caused the jump of the `fresh` taxels."""
+        contradicted, _ = self._skin.contradicts(jump, self._variance, sound, CERTAINTY, one_sided=True)
+        if any_true(contradicted & fresh):
             return True
-        if np.count_nonzero(sound) < FEWEST_TAXELS or any_true(sound & ~jumped):
+        if np.count_nonzero(sound) < FEWEST_TAXELS or any_true(sound & ~fresh):
             return False
-        jump = self._jump[sound]
-        least, greatest = float(jump.min()), float(jump.max())
+        least, greatest = float(jump[sound].min()), float(jump[sound].max())
         return min(least / greatest, greatest / least) >= EVENLY
